@@ -65,17 +65,22 @@ impl Polyline {
             return Err(PolylineError::NotFinite(bad));
         }
         let mut kept: Vec<Point2> = Vec::with_capacity(points.len());
+        let mut s_m: Vec<f64> = Vec::with_capacity(points.len());
         for &p in points {
-            if kept.last().is_none_or(|last| last.distance(p) > 1e-6) {
+            let after_m = match (kept.last(), s_m.last()) {
+                (Some(last), Some(last_m)) => {
+                    let gap_m = last.distance(p);
+                    (gap_m > 1e-6).then_some(last_m + gap_m)
+                }
+                _ => Some(0.0),
+            };
+            if let Some(after_m) = after_m {
                 kept.push(p);
+                s_m.push(after_m);
             }
         }
         if kept.len() < 2 {
             return Err(PolylineError::TooShort);
-        }
-        let mut s_m = vec![0.0];
-        for pair in kept.windows(2) {
-            s_m.push(s_m[s_m.len() - 1] + pair[0].distance(pair[1]));
         }
         let heading_rad = headings(&kept, &s_m);
         let curvature_1pm = curvatures(&heading_rad, &s_m);
@@ -93,11 +98,13 @@ impl Polyline {
         let ys: Vec<f64> = coarse.points.iter().map(|p| p.y_m).collect();
         let (mx, my) = (spline_moments(&coarse.s_m, &xs), spline_moments(&coarse.s_m, &ys));
         let n = (coarse.length() / step_m).ceil().max(1.0) as usize;
+        let mut i = 0;
         let dense: Vec<Point2> = (0..=n)
             .map(|k| {
                 let s = coarse.length() * k as f64 / n as f64;
-                let i = coarse.segment(s);
-                Point2::new(spline(&coarse.s_m, &xs, &mx, i, s), spline(&coarse.s_m, &ys, &my, i, s))
+                i = coarse.segment_from(i, s);
+                let between = Between::new(&coarse.s_m, i, s);
+                Point2::new(between.value(&xs, &mx), between.value(&ys, &my))
             })
             .collect();
         Self::new(&dense)
@@ -115,7 +122,20 @@ impl Polyline {
 
     /// Position, heading and curvature at arc length `s_m`.
     pub fn at(&self, s_m: f64) -> PolylinePoint {
-        let i = self.segment(s_m);
+        self.at_in(self.segment(s_m), s_m)
+    }
+
+    /// As [`at`](Self::at), for many arc lengths that do not decrease: each is looked for from the one before it on.
+    pub fn at_each(&self, s_m: impl IntoIterator<Item = f64>) -> impl Iterator<Item = PolylinePoint> {
+        let mut i = 0;
+        s_m.into_iter().map(move |s_m| {
+            i = self.segment_from(i, s_m);
+            self.at_in(i, s_m)
+        })
+    }
+
+    /// At `s_m`, which segment `i` holds.
+    fn at_in(&self, i: usize, s_m: f64) -> PolylinePoint {
         let (a, b) = (self.points[i], self.points[i + 1]);
         let length = self.s_m[i + 1] - self.s_m[i];
         let t = (s_m - self.s_m[i]) / length;
@@ -176,6 +196,17 @@ impl Polyline {
         let after = self.s_m.partition_point(|&s| s <= s_m);
         after.saturating_sub(1).min(self.points.len() - 2)
     }
+
+    /// As [`segment`](Self::segment), where it is segment `i` or one a little further on.
+    fn segment_from(&self, mut i: usize, s_m: f64) -> usize {
+        if s_m < self.s_m[i] {
+            return self.segment(s_m);
+        }
+        while i + 2 < self.points.len() && self.s_m[i + 1] <= s_m {
+            i += 1;
+        }
+        i
+    }
 }
 
 /// Heading at each point: of the one segment at the ends, between the two segments elsewhere
@@ -224,11 +255,28 @@ fn spline_moments(s: &[f64], y: &[f64]) -> Vec<f64> {
     m
 }
 
-/// Value at `x` of the cubic spline with moments `m`, within segment `i`.
-fn spline(s: &[f64], y: &[f64], m: &[f64], i: usize, x: f64) -> f64 {
-    let h = s[i + 1] - s[i];
-    let (a, b) = ((s[i + 1] - x) / h, (x - s[i]) / h);
-    a * y[i] + b * y[i + 1] + ((a * a * a - a) * m[i] + (b * b * b - b) * m[i + 1]) * h * h / 6.0
+/// A place within segment `i` of cubic splines that share their knots.
+struct Between {
+    i: usize,
+    /// Length of the segment.
+    h: f64,
+    /// Weights of the values at the segment's ends, and of the moments there.
+    values: [f64; 2],
+    moments: [f64; 2],
+}
+
+impl Between {
+    fn new(s: &[f64], i: usize, x: f64) -> Self {
+        let h = s[i + 1] - s[i];
+        let (a, b) = ((s[i + 1] - x) / h, (x - s[i]) / h);
+        Self { i, h, values: [a, b], moments: [a * a * a - a, b * b * b - b] }
+    }
+
+    /// Value of the spline through `y` with moments `m`.
+    fn value(&self, y: &[f64], m: &[f64]) -> f64 {
+        let (i, h, [a, b], [p, q]) = (self.i, self.h, self.values, self.moments);
+        a * y[i] + b * y[i + 1] + (p * m[i] + q * m[i + 1]) * h * h / 6.0
+    }
 }
 
 #[cfg(test)]
@@ -289,6 +337,14 @@ mod tests {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(10.0, 0.0)]).unwrap();
         assert_eq!(line.project(Point2::new(-5.0, 2.0)), FrenetPoint { s_m: -5.0, d_m: 2.0 });
         assert_eq!(line.at(14.0).pose, Pose2::new(14.0, 0.0, 0.0));
+    }
+
+    #[test]
+    fn looked_for_from_the_one_before_is_the_same_place() {
+        let line = Polyline::new(&arc(0.05)).unwrap();
+        let places = [-3.0, -1.0, 0.0, 0.4, 5.0, 5.0, 12.3, 29.0, 31.0, 400.0, 7.0];
+        let each: Vec<PolylinePoint> = line.at_each(places).collect();
+        assert_eq!(each, places.map(|s_m| line.at(s_m)));
     }
 
     #[test]

@@ -103,6 +103,7 @@ impl Border {
     }
 
     /// Its distance from the line at arc length `s_m`, metres.
+    #[inline]
     pub fn at(&self, s_m: f64) -> f64 {
         match &self.0 {
             Form::Constant(distance_m) => *distance_m,
@@ -257,11 +258,13 @@ impl Borders {
     }
 
     /// From the line to the left border at arc length `s_m`, metres.
+    #[inline]
     pub fn left_m(&self, s_m: f64) -> f64 {
         self.left.at(s_m)
     }
 
     /// From the line to the right border at arc length `s_m`, metres (positive).
+    #[inline]
     pub fn right_m(&self, s_m: f64) -> f64 {
         self.right.at(s_m)
     }
@@ -272,6 +275,7 @@ impl Borders {
     }
 
     /// How far a place is from the nearer border, measured across the line, metres; negative outside.
+    #[inline]
     pub fn room_m(&self, place: FrenetPoint) -> f64 {
         (self.left_m(place.s_m) - place.d_m).min(place.d_m + self.right_m(place.s_m))
     }
@@ -300,6 +304,19 @@ impl Borders {
             }
         }
         margin_m
+    }
+
+    /// Whether [`margin_m`](Self::margin_m) is at least `needed_m`: the first corner that is nearer to a border says no.
+    pub fn keeps(
+        &self,
+        corners: [Point2; 4],
+        needed_m: f64,
+        project: impl Fn(Point2) -> FrenetPoint,
+    ) -> bool {
+        if !(self.left.stations().is_empty() && self.right.stations().is_empty()) {
+            return self.margin_m(corners, project) >= needed_m;
+        }
+        corners.into_iter().all(|corner| f64::INFINITY.min(self.room_m(project(corner))) >= needed_m)
     }
 }
 
@@ -410,6 +427,12 @@ mod tests {
             let smallest = sampled
                 .map(|(i, t)| borders.room_m(line.project(corners[i] + (corners[(i + 1) % 4] - corners[i]) * t)))
                 .fold(f64::INFINITY, f64::min);
+            for needed in [margin - 0.1, margin, margin + 0.1] {
+                prop_assert_eq!(borders.keeps(corners, needed, |p| line.project(p)), margin >= needed);
+                let plain = Borders::constant(3.0, 2.0);
+                let plain_m = plain.margin_m(corners, |p| line.project(p));
+                prop_assert_eq!(plain.keeps(corners, needed, |p| line.project(p)), plain_m >= needed);
+            }
             // Borders here change by up to 2.5 m a metre, samples are 1 cm apart.
             prop_assert!(margin <= smallest + 1e-9 && margin >= smallest - 0.05, "{margin} {smallest}");
         }

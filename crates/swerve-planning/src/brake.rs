@@ -4,7 +4,7 @@ use swerve_core::Span;
 use swerve_geom::{Ego, Point2, Pose2};
 use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
 
-use crate::path::points::{PathPoint, along, with_curvature};
+use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::path::route::PATH_STEP_M;
 use crate::request::Request;
 use crate::start::moved_steadily;
@@ -58,10 +58,11 @@ pub fn brake_along(request: &Request<'_>, path: &[PathPoint], status: PlanStatus
     let stop_s = v0 / brake;
     let steps = (stop_s / BRAKE_STEP_S).ceil().max(1.0) as usize;
     let mut points = Vec::with_capacity(steps + 1);
+    let path = Measured::new(path);
     for k in 0..=steps {
         let t = k as f64 * BRAKE_STEP_S;
         let moving = t.min(stop_s);
-        let p = along(path, v0 * moving - 0.5 * brake * moving * moving);
+        let p = path.at(v0 * moving - 0.5 * brake * moving * moving);
         points.push(PlanPoint {
             at: request.start.stamp + Span::from_secs(t),
             pose: p.pose,

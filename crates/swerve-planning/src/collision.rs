@@ -73,6 +73,8 @@ struct Mover {
     bounds: [f64; 4],
     /// Fastest motion between two places, m/s.
     speed_mps: f64,
+    /// How many places there are in a second, on average.
+    places_per_s: f64,
 }
 
 /// Everything that must not be touched.
@@ -187,6 +189,9 @@ impl Obstacles {
             self.places.push(solid);
         }
         mover.end = self.places.len();
+        if let [from, .., to] = self.at[first..] {
+            mover.places_per_s = (mover.end - first - 1) as f64 / (to - from).as_secs();
+        }
         if mover.end > first {
             self.movers.push(mover);
         }
@@ -267,9 +272,20 @@ impl Obstacles {
     /// Where `mover` is at `at`: linear between its places, held before the first and after the last.
     fn place_at(&self, mover: &Mover, at: Time) -> Solid {
         let times = &self.at[mover.first..mover.end];
-        let after = times.partition_point(|&t| t <= at);
-        if after == 0 || after == times.len() {
-            return self.places[mover.first + after.saturating_sub(1)];
+        let (Some(&from), Some(&to)) = (times.first(), times.last()) else { return Solid::default() };
+        if at < from {
+            return self.places[mover.first];
+        }
+        if at >= to {
+            return self.places[mover.end - 1];
+        }
+        // Instants are as a rule evenly apart.
+        let mut after = (((at - from).as_secs() * mover.places_per_s) as usize).min(times.len() - 1);
+        while times[after] > at {
+            after -= 1;
+        }
+        while times[after] <= at {
+            after += 1;
         }
         let (i, j) = (mover.first + after - 1, mover.first + after);
         let u = (at - self.at[i]).as_secs() / (self.at[j] - self.at[i]).as_secs();
@@ -305,7 +321,7 @@ fn nearer(footprint: &Solid, solid: &Solid, radii_m: f64, nearest_m: f64) -> f64
     if dx * dx + dy * dy >= reach_m * reach_m {
         return nearest_m;
     }
-    nearest_m.min(footprint.distance_m(solid))
+    footprint.distance_below(solid, nearest_m)
 }
 
 #[cfg(test)]

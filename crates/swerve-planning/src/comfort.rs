@@ -16,7 +16,7 @@ use swerve_vehicle::Limits;
 use crate::collision::CollisionMode;
 use crate::fot::line::Line;
 use crate::fot::{self, Fot};
-use crate::path::points::{PathPoint, along, with_curvature};
+use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::request::{Budget, Counted, Planner, Request};
 
 /// Limits of comfort; the vehicle's are kept too.
@@ -144,23 +144,30 @@ const SWERVE_SHARE: f64 = 1.1;
 fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
     let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
     let path = with_curvature(&gentle.way_on(request));
-    [STOP_GAP_M.max(params.clearance_m), params.clearance_m].into_iter().find_map(|clearance_m| {
-        (1..=BRAKE_STEPS).find_map(|k| {
-            let brake_mps2 = brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS);
-            let plan = braking(request, &path, brake_mps2);
-            let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
-            let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
-            let gentle_enough = plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2);
-            let free = gentle_enough
-                && gentle.obstacles().path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
-            free.then_some(plan)
-        })
-    })
+    let path = Measured::new(&path);
+    let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+    let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
+        gentle.obstacles().path_free(|pose| request.shape.footprint(pose), poses, clearance_m)
+    };
+    let mut too_near = Vec::new();
+    for k in 1..=BRAKE_STEPS {
+        let brake_mps2 = brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS);
+        let plan = braking(request, &path, brake_mps2);
+        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
+            continue;
+        }
+        let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        if free(&poses, STOP_GAP_M.max(params.clearance_m)) {
+            return Some(plan);
+        }
+        too_near.push((plan, poses));
+    }
+    too_near.into_iter().find(|(_, poses)| free(poses, params.clearance_m)).map(|(plan, _)| plan)
 }
 
 /// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];
 /// standing after that.
-fn braking(request: &Request<'_>, path: &[PathPoint], brake_mps2: f64) -> Plan {
+fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan {
     let start = &request.start;
     let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
     let mut accel_mps2 = start.accel_mps2.clamp(-brake_mps2, request.limits.accel_max_mps2);
@@ -168,7 +175,7 @@ fn braking(request: &Request<'_>, path: &[PathPoint], brake_mps2: f64) -> Plan {
     let mut at = start.stamp;
     let mut standing = 0;
     while standing < STAND_STEPS {
-        let PathPoint { pose, curvature_1pm } = along(path, s_m);
+        let PathPoint { pose, curvature_1pm } = path.at(s_m);
         points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
         // So hard that it can die away until the ego stands, and never so gently that it creeps.
         let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);

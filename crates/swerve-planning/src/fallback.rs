@@ -7,7 +7,7 @@ use swerve_vehicle::Limits;
 
 use crate::brake::{brake, brake_along, way_ahead};
 use crate::collision::Obstacles;
-use crate::path::points::{PathPoint, along, with_curvature};
+use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::path::route::PATH_STEP_M;
 use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};
 use crate::request::Request;
@@ -87,8 +87,9 @@ pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) 
         obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
     };
     let path = with_curvature(&way_ahead(request));
+    let path = Measured::new(&path);
     let covered = |s_m: f64| {
-        let footprint = request.shape.footprint(along(&path, s_m).pose);
+        let footprint = request.shape.footprint(path.at(s_m).pose);
         !obstacles.free(&footprint, Time::MAX, clearance_m)
     };
     let v = request.start.speed_mps.max(0.0);
@@ -135,9 +136,9 @@ const YIELD_GAP_M: f64 = 1.0;
 const YIELD_AHEAD_S: f64 = 1.0;
 
 /// Along `path` at no more than the present speed, at rest after `way_m`.
-fn stop_after(request: &Request<'_>, path: &[PathPoint], way_m: f64, limits: &Limits) -> Plan {
+fn stop_after(request: &Request<'_>, path: &Measured<'_>, way_m: f64, limits: &Limits) -> Plan {
     let steps = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
-    let path: Vec<PathPoint> = (0..=steps).map(|k| along(path, way_m * k as f64 / steps as f64)).collect();
+    let path: Vec<PathPoint> = (0..=steps).map(|k| path.at(way_m * k as f64 / steps as f64)).collect();
     let target_mps = request.target_speed_mps.min(request.start.speed_mps.max(CREEP_MPS));
     let points = timed_points(&path, &request.start, target_mps, SpeedProfile::LimitedToStop, limits);
     Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }

@@ -223,7 +223,9 @@ pub fn anytime(
         Outcome::Nothing => None,
         Outcome::Stopped => return None,
     };
-    match search.run(task, lattice, Some(budget), spent) {
+    // One of the few is among all.
+    let known_cost = first.map_or(f64::INFINITY, |candidate| candidate.cost);
+    match search.run_below(task, lattice, known_cost, budget, spent) {
         Outcome::Found(candidate) => return Some(candidate),
         Outcome::Stopped => return first,
         Outcome::Nothing => {}

@@ -1,5 +1,7 @@
 //! The drivable ground beside the route, in a form for many queries.
 
+use core::cell::Cell;
+
 use swerve_geom::{FrenetPoint, Point2};
 use swerve_map::Borders;
 use swerve_map::Route;
@@ -9,6 +11,9 @@ use crate::collision::Solid;
 /// Points of the line closer than this to the chord that skips them are dropped, metres: a straight road
 /// becomes one segment.
 const CHORD_M: f64 = 1e-6;
+
+/// More than rounding makes of a distance between places on a map, metres.
+const ROUNDING_M: f64 = 1e-6;
 
 /// One straight piece of the line.
 #[derive(Clone, Copy, Debug)]
@@ -70,42 +75,106 @@ impl Road {
 
     /// The nearest place of the line; before and beyond its ends it goes on straight.
     pub fn project(&self, point: Point2) -> FrenetPoint {
+        self.project_from(self.nearest_chunk(point), point).1
+    }
+
+    /// The same, with the chunk that holds it: looked for from a chunk that may be the one.
+    fn project_from(&self, likely: usize, point: Point2) -> (usize, FrenetPoint) {
         let mut best = (f64::INFINITY, FrenetPoint::default());
-        let (Some(first), Some(last)) = (self.chunks.first(), self.chunks.last()) else { return best.1 };
-        // The end pieces reach on without end, so their chunks are always looked at.
-        self.look(first, point, &mut best);
-        if self.chunks.len() > 1 {
-            self.look(last, point, &mut best);
-            for c in &self.chunks[1..self.chunks.len() - 1] {
-                let reach_m = best.0.sqrt() + c.radius_m;
-                let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
-                if dx * dx + dy * dy <= reach_m * reach_m {
-                    self.look(c, point, &mut best);
-                }
+        if let [only] = self.pieces.as_slice() {
+            only.look(point, [f64::NEG_INFINITY, f64::INFINITY], &mut best);
+            return (0, best.1);
+        }
+        let (Some(chunk), end) = (self.chunks.get(likely), self.chunks.len()) else { return (0, best.1) };
+        self.look(chunk, point, &mut best);
+        let (mut best_m, mut at) = (best.0.sqrt(), likely);
+        for (k, c) in self.chunks.iter().enumerate() {
+            let reach_m = best_m + c.radius_m + ROUNDING_M;
+            let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
+            let near = dx * dx + dy * dy <= reach_m * reach_m;
+            // The end pieces reach on without end.
+            let beyond = k == 0 && self.pieces[0].along_m(point) < 0.0
+                || k + 1 == end && self.pieces[self.pieces.len() - 1].is_passed(point);
+            if k == likely || !(near || beyond) {
+                continue;
+            }
+            let mut here = (f64::INFINITY, FrenetPoint::default());
+            self.look(c, point, &mut here);
+            // Of places equally near, as at a corner, those at the ends count first, then the first.
+            let order = |k: usize| if k > 0 && k + 1 == end { 1 } else { 2 * k };
+            if here.0 < best.0 || (here.0 == best.0 && order(k) < order(at)) {
+                (best, best_m, at) = (here, here.0.sqrt(), k);
             }
         }
-        best.1
+        (at, best.1)
+    }
+
+    /// The chunk whose middle is nearest.
+    fn nearest_chunk(&self, point: Point2) -> usize {
+        let mut nearest = (f64::INFINITY, 0);
+        for (k, c) in self.chunks.iter().enumerate() {
+            let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
+            let squared = dx * dx + dy * dy;
+            if squared < nearest.0 {
+                nearest = (squared, k);
+            }
+        }
+        nearest.1
     }
 
     fn look(&self, chunk: &Chunk, point: Point2, best: &mut (f64, FrenetPoint)) {
         let end = self.pieces.len() - 1;
         for (i, p) in self.pieces[chunk.first..chunk.end].iter().enumerate() {
-            let (dx, dy) = (point.x_m - p.x_m, point.y_m - p.y_m);
-            let (raw, across) = (p.cos * dx + p.sin * dy, p.cos * dy - p.sin * dx);
             let low = if chunk.first + i == 0 { f64::NEG_INFINITY } else { 0.0 };
             let high = if chunk.first + i == end { f64::INFINITY } else { p.length_m };
-            let along = raw.clamp(low, high);
-            let squared = across * across + (raw - along) * (raw - along);
-            if squared < best.0 {
-                let d_m = if raw == along { across } else { squared.sqrt().copysign(across) };
-                *best = (squared, FrenetPoint { s_m: p.s_m + along, d_m });
-            }
+            p.look(point, [low, high], best);
+        }
+    }
+
+    /// Projects points that are near to each other, the first near to the middle of `footprint`.
+    fn projector(&self, footprint: &Solid) -> impl Fn(Point2) -> FrenetPoint {
+        let middle = Point2::new(footprint.x_m, footprint.y_m);
+        let likely = Cell::new(if self.chunks.len() > 1 { self.nearest_chunk(middle) } else { 0 });
+        move |point| {
+            let (chunk, place) = self.project_from(likely.get(), point);
+            likely.set(chunk);
+            place
         }
     }
 
     /// How far the worst place of `footprint` is inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
-        self.borders.margin_m(footprint.corners(), |corner| self.project(corner))
+        self.borders.margin_m(footprint.corners(), self.projector(footprint))
+    }
+
+    /// Whether [`margin_m`](Self::margin_m) is at least `needed_m`.
+    pub fn keeps(&self, footprint: &Solid, needed_m: f64) -> bool {
+        self.borders.keeps(footprint.corners(), needed_m, self.projector(footprint))
+    }
+}
+
+impl Piece {
+    /// How far along its direction `point` is from its beginning, metres.
+    fn along_m(&self, point: Point2) -> f64 {
+        self.cos * (point.x_m - self.x_m) + self.sin * (point.y_m - self.y_m)
+    }
+
+    /// Whether `point` is further along its direction than its end.
+    fn is_passed(&self, point: Point2) -> bool {
+        self.along_m(point) > self.length_m
+    }
+
+    /// Takes its place nearest to `point` for the best if it is nearer, by squared distance; it reaches from `low` to `high`.
+    #[inline]
+    fn look(&self, point: Point2, [low, high]: [f64; 2], best: &mut (f64, FrenetPoint)) {
+        let (dx, dy) = (point.x_m - self.x_m, point.y_m - self.y_m);
+        let (raw, across) = (self.cos * dx + self.sin * dy, self.cos * dy - self.sin * dx);
+        let along = raw.clamp(low, high);
+        let squared = across * across + (raw - along) * (raw - along);
+        if squared < best.0 {
+            let d_m = if raw == along { across } else { squared.sqrt().copysign(across) };
+            *best = (squared, FrenetPoint { s_m: self.s_m + along, d_m });
+        }
     }
 }
 

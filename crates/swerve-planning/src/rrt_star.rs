@@ -2,7 +2,7 @@
 //!
 //! Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011, algorithm 6.
 
-mod grid;
+pub mod grid;
 mod planner;
 mod space;
 pub mod tree;

@@ -176,14 +176,20 @@ impl<'a> Samples<'a> {
     }
 
     fn place(&self, k: usize) -> Place {
-        self.candidate.motion.at(self.task.line, self.at_s(k), self.task.checks.heading)
+        self.candidate.motion.pose_at(self.task.line, self.at_s(k), self.task.checks.heading)
     }
 
     /// The car at sample `k`, heading along the straight line to the next; the last heads as the line that leads to it.
     fn car(&self, k: usize) -> (Solid, f64) {
-        let (here, ahead_m) = (self.place(k), self.task.checks.shape.center_ahead_m());
+        let here = self.place(k);
         let (from, to) =
             if k < self.last { (here, self.place(k + 1)) } else { (self.place(k.max(1) - 1), here) };
+        self.car_along(&here, &from, &to)
+    }
+
+    /// The car at `here`, heading along the straight line from one place to another, and its length.
+    fn car_along(&self, here: &Place, from: &Place, to: &Place) -> (Solid, f64) {
+        let ahead_m = self.task.checks.shape.center_ahead_m();
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
         let way_m = math::hypot(dx, dy);
         let (cos, sin) = if way_m > 0.0 { (dx / way_m, dy / way_m) } else { (here.cos, here.sin) };
@@ -207,8 +213,12 @@ impl<'a> Samples<'a> {
     /// left where they were not.
     fn free(&self, boxes: &Boxes, hint: &mut usize) -> bool {
         let mut before: Option<Solid> = None;
+        let (mut last, mut here) = (self.place(0), self.place(0));
         for k in 0..=self.last {
-            let (car, way_m) = self.car(k);
+            let next = if k < self.last { self.place(k + 1) } else { here };
+            let from = if k < self.last { here } else { last };
+            let (car, way_m) = self.car_along(&here, &from, &next);
+            (last, here) = (here, next);
             if let Some(was) = before.filter(|_| k < self.last) {
                 let turned =
                     math::atan2(was.cos * car.sin - was.sin * car.cos, was.cos * car.cos + was.sin * car.sin);

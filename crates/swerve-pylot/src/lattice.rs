@@ -123,30 +123,42 @@ impl Lattice {
             .map(|(u, v)| Point2::new(point.x_m + u * cos - v * sin, point.y_m + u * sin + v * cos))
     }
 
-    /// Whether a piece is free at its start, at points a metre apart from there, and at its end.
-    fn free(&self, boxes: &Boxes, aim: &Aim, from: &Node, piece: Piece) -> bool {
+    /// Whether the car is free with the planned point at `point` after `travelled_m`.
+    fn place_free(
+        &self,
+        boxes: &Boxes,
+        aim: &Aim,
+        (point, direction): (Point2, [f64; 2]),
+        travelled_m: f64,
+    ) -> bool {
         let b = &aim.bounds;
-        let place_free = |point: Point2, direction: [f64; 2], s_m: f64| {
-            let corners = self.corners(point, direction);
-            let inside = |c: &Point2| b[0] <= c.x_m && c.x_m <= b[2] && b[1] <= c.y_m && c.y_m <= b[3];
-            let at_s = (from.travelled_m + s_m) / self.speed_mps.max(0.1);
-            corners.iter().all(inside) && boxes.outline_free(&corners, at_s)
-        };
-        let pose_free = |pose: Pose2, s_m: f64| {
-            let direction = pose.direction();
-            place_free(pose.point(), [direction.x, direction.y], s_m)
-        };
-        let whole = Piece { length_m: (piece.length_m / POINT_M).floor() * POINT_M, ..piece };
-        pose_free(from.pose, 0.0)
-            && walk(from.pose, whole, POINT_M, place_free)
-            && pose_free(advance(from.pose, piece.curvature_1pm, piece.length_m), piece.length_m)
+        let corners = self.corners(point, direction);
+        let inside = |c: &Point2| b[0] <= c.x_m && c.x_m <= b[2] && b[1] <= c.y_m && c.y_m <= b[3];
+        corners.iter().all(inside) && boxes.outline_free(&corners, travelled_m / self.speed_mps.max(0.1))
     }
 
+    fn pose_free(&self, boxes: &Boxes, aim: &Aim, pose: Pose2, travelled_m: f64) -> bool {
+        let direction = pose.direction();
+        self.place_free(boxes, aim, (pose.point(), [direction.x, direction.y]), travelled_m)
+    }
+
+    /// Whether a piece from a free pose to `to` is free there, where most that are not free are not, and at points a metre
+    /// apart from its start.
+    fn free(&self, boxes: &Boxes, aim: &Aim, from: &Node, piece: Piece, to: Pose2) -> bool {
+        let whole = Piece { length_m: (piece.length_m / POINT_M).floor() * POINT_M, ..piece };
+        self.pose_free(boxes, aim, to, from.travelled_m + piece.length_m)
+            && walk(from.pose, whole, POINT_M, |point, direction, s_m| {
+                self.place_free(boxes, aim, (point, direction), from.travelled_m + s_m)
+            })
+    }
+
+    /// Whether the shortest way to the goal is free, from a free pose.
     fn shot_free(&self, boxes: &Boxes, aim: &Aim, from: &Node) -> bool {
         let mut at = *from;
         Dubins::shortest(from.pose, aim.goal, self.radius_m).pieces.into_iter().all(|piece| {
-            let free = self.free(boxes, aim, &at, piece);
-            at.pose = advance(at.pose, piece.curvature_1pm, piece.length_m);
+            let to = advance(at.pose, piece.curvature_1pm, piece.length_m);
+            let free = self.free(boxes, aim, &at, piece, to);
+            at.pose = to;
             at.travelled_m += piece.length_m;
             free
         })
@@ -171,17 +183,20 @@ impl Search {
         let nowhere = Piece { curvature_1pm: 0.0, length_m: 0.0 };
         self.nodes.push(Node { pose: aim.start, piece: nowhere, parent: 0, travelled_m: 0.0 });
         self.open.push(Open { estimate_m: to_go_m(aim.start), node: 0 });
+        // Every other node is the free end of a piece.
+        let start_free = lattice.pose_free(boxes, aim, aim.start, 0.0);
         let (mut best, mut best_m) = (None, f64::INFINITY);
         for _ in 0..lattice.expansions_max {
             let Some(Open { node, .. }) = self.open.pop() else { break };
             let from = self.nodes[node];
             self.closed.push(from.pose.point());
             let left_m = to_go_m(from.pose);
-            if left_m < best_m && (left_m <= lattice.completion_m || lattice.shot_free(boxes, aim, &from)) {
+            let shot_free = || start_free && lattice.shot_free(boxes, aim, &from);
+            if left_m < best_m && (left_m <= lattice.completion_m || shot_free()) {
                 (best, best_m) = (Some(node), left_m);
             }
             if left_m <= lattice.completion_m
-                || self.expand(boxes, (lattice, aim), node, budget) == Progress::Stop
+                || self.expand(boxes, (lattice, aim), (node, start_free), budget) == Progress::Stop
             {
                 break;
             }
@@ -194,17 +209,20 @@ impl Search {
         &mut self,
         boxes: &Boxes,
         (lattice, aim): (&Lattice, &Aim),
-        node: usize,
+        (node, is_free): (usize, bool),
         budget: &mut dyn Budget,
     ) -> Progress {
         let from = self.nodes[node];
         lattice.motions(from.pose.heading_rad, &mut self.motions);
         self.work += self.motions.len() as u64;
         let progress = budget.spend(self.motions.len() as u64);
+        if !is_free {
+            return progress;
+        }
         let first = self.nodes.len();
         for &piece in &self.motions {
             let pose = advance(from.pose, piece.curvature_1pm, piece.length_m);
-            if self.closed.any_near(pose.point()) || !lattice.free(boxes, aim, &from, piece) {
+            if self.closed.any_near(pose.point()) || !lattice.free(boxes, aim, &from, piece, pose) {
                 continue;
             }
             // A scan that is even around zero has each arc twice; the original takes no pose that is open already.

@@ -4,10 +4,14 @@ use core::f64::consts::PI;
 
 use swerve_core::Rng;
 use swerve_geom::{Point2, math};
+use swerve_planning::rrt_star::grid::Grid;
 use swerve_planning::{Budget, Progress};
 
 use crate::boxes::Boxes;
 use crate::posed::AxisBox;
+
+/// Side of the cells that nodes are looked for in, metres.
+const CELL_M: f64 = 2.0;
 
 /// How the tree grows.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -45,6 +49,8 @@ struct Node {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
+    /// Where they are.
+    grid: Grid,
     /// Nodes near a new one: squared distance, number.
     near: Vec<(f64, usize)>,
 }
@@ -61,7 +67,8 @@ impl Tree {
     ) -> bool {
         self.nodes.clear();
         self.nodes.reserve(growth.iterations_max as usize + 1);
-        self.nodes.push(Node { point: aim.start, cost_m: 0.0, parent: 0 });
+        self.grid.begin(aim.bounds, CELL_M, growth.iterations_max as usize + 1);
+        self.push(Node { point: aim.start, cost_m: 0.0, parent: 0 });
         let [x_min, y_min, x_max, y_max] = aim.bounds;
         let free_m2 = (x_max - x_min) * (y_max - y_min) - boxes.area_m2();
         // Karaman and Frazzoli's gamma in two dimensions, as the original has it.
@@ -84,6 +91,11 @@ impl Tree {
             }
         }
         false
+    }
+
+    fn push(&mut self, node: Node) {
+        self.nodes.push(node);
+        self.grid.push(node.point);
     }
 
     /// Whether a node is added.
@@ -114,7 +126,7 @@ impl Tree {
             return false;
         }
         let cost_m = parent.cost_m + best.1;
-        self.nodes.push(Node { point, cost_m, parent: best.0 });
+        self.push(Node { point, cost_m, parent: best.0 });
         if growth.rewiring {
             self.rewire(boxes, cost_m / growth.speed_mps.max(0.1));
         }
@@ -122,25 +134,17 @@ impl Tree {
     }
 
     fn nearest(&self, point: Point2) -> (usize, f64) {
-        let squared = |node: &Node| (node.point - point).norm_squared();
-        let nearest = self
-            .nodes
-            .iter()
-            .map(squared)
-            .enumerate()
-            .fold((0, f64::INFINITY), |best, (k, d)| if d < best.1 { (k, d) } else { best });
-        (nearest.0, nearest.1.sqrt())
+        let nearest = self.grid.nearest(point) as usize;
+        (nearest, self.nodes[nearest].point.distance(point))
     }
 
     /// The nodes around `point`, the nearest first.
     fn collect_near(&mut self, point: Point2, radius_m: f64) {
         self.near.clear();
-        for (k, node) in self.nodes.iter().enumerate() {
-            let squared_m2 = (node.point - point).norm_squared();
-            if squared_m2 <= radius_m * radius_m {
-                self.near.push((squared_m2, k));
-            }
-        }
+        let Self { nodes, grid, near } = self;
+        grid.within(point, radius_m, |k| {
+            near.push(((nodes[k as usize].point - point).norm_squared(), k as usize));
+        });
         self.near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 

@@ -8,6 +8,15 @@ use super::{Obstacles, Solid};
 /// Stretches in which nothing moves further than this are settled by their ends and middle, metres.
 const RESOLUTION_M: f64 = 0.02;
 
+/// Of the places along a path every so many-th is looked at first.
+const FEW: usize = 8;
+
+/// Looks along a path tell of what is this much further away than the nearest, metres.
+const SPARE_M: f64 = 4.0;
+
+/// More than rounding makes of a sum of distances, metres.
+const ROUNDING_M: f64 = 1e-6;
+
 impl Obstacles {
     /// Whether a motion keeps `clearance_m` to everything throughout.
     ///
@@ -19,39 +28,53 @@ impl Obstacles {
         travel_m: f64,
         clearance_m: f64,
     ) -> bool {
+        self.first_near(place, travel_m, clearance_m).is_none()
+    }
+
+    /// As [`motion_free`](Self::motion_free): the first place found that does not keep it.
+    pub(crate) fn first_near(
+        &self,
+        place: &mut dyn FnMut(f64) -> (Solid, Time),
+        travel_m: f64,
+        clearance_m: f64,
+    ) -> Option<f64> {
         if self.is_empty() {
-            return true;
+            return None;
         }
         let (first, from) = place(0.0);
         let (last, to) = place(1.0);
         let moves_m = travel_m + self.fastest_mps() * (to - from).as_secs().max(0.0);
-        self.solid_free(&first, from, clearance_m)
-            && self.solid_free(&last, to, clearance_m)
-            && self.stretch_free(place, 0.0, 1.0, moves_m, clearance_m)
+        if !self.solid_free(&first, from, clearance_m) {
+            return Some(0.0);
+        }
+        if !self.solid_free(&last, to, clearance_m) {
+            return Some(1.0);
+        }
+        self.near_in_stretch(place, 0.0, 1.0, moves_m, clearance_m)
     }
 
     /// `moves_m`: how far anything moves relative to the footprint over the stretch.
-    fn stretch_free(
+    fn near_in_stretch(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
         low: f64,
         high: f64,
         moves_m: f64,
         clearance_m: f64,
-    ) -> bool {
+    ) -> Option<f64> {
         let limit = clearance_m.max(f64::MIN_POSITIVE);
         let middle = 0.5 * (low + high);
         let (solid, at) = place(middle);
         let enough_m = limit + 0.5 * moves_m;
         let distance_m = self.distance_below(&solid, at, enough_m);
         if distance_m < limit {
-            return false;
+            return Some(middle);
         }
         if distance_m >= enough_m || moves_m <= RESOLUTION_M {
-            return true;
+            return None;
         }
-        self.stretch_free(place, low, middle, 0.5 * moves_m, clearance_m)
-            && self.stretch_free(place, middle, high, 0.5 * moves_m, clearance_m)
+        self.near_in_stretch(place, low, middle, 0.5 * moves_m, clearance_m)
+            .or_else(|| self.near_in_stretch(place, middle, high, 0.5 * moves_m, clearance_m))
     }
 
     /// Whether the footprint, carried straight from one pose to the next (headings turn steadily the short
@@ -89,18 +112,33 @@ impl Obstacles {
         path: &[(Pose2, Time)],
         step_m: f64,
     ) -> f64 {
-        let mut least_m = f64::INFINITY;
+        let look = |pose: Pose2, at: Time, cap_m: f64| {
+            self.distance_below(&Solid::from(&footprint(pose)), at, cap_m)
+        };
+        // A few looks all over the path first: the nearer they come, the fewer of the others can come nearer still.
+        let few = path.iter().step_by(FEW);
+        let mut least_m = few.fold(f64::INFINITY, |least_m, &(pose, at)| look(pose, at, least_m));
+        let fastest_mps = self.fastest_mps();
+        // How much nearer things have to come since the last look before they are nearer than all looks so far.
+        let mut spare_m = 0.0;
         for (i, &(a, from)) in path.iter().enumerate() {
             let (b, to) = path.get(i + 1).copied().unwrap_or((a, from));
-            let moved_m = a.point().distance(b.point())
-                + angle_between(a.heading_rad, b.heading_rad).abs() * footprint(a).radius()
-                + self.fastest_mps() * (to - from).as_secs().max(0.0);
+            let way_m = a.point().distance(b.point());
+            let turn_rad = angle_between(a.heading_rad, b.heading_rad).abs();
+            let (took_s, outline) = ((to - from).as_secs(), footprint(a));
+            let moved_m = way_m + turn_rad * outline.radius() + fastest_mps * took_s.max(0.0);
             let steps = (moved_m / step_m).ceil().clamp(1.0, 10_000.0) as usize;
+            let lever_m = a.point().distance(outline.center.point()) + outline.radius();
+            let nearing_m = (way_m + turn_rad * lever_m + fastest_mps * took_s.abs()) / steps as f64;
             for k in 0..steps {
-                let u = k as f64 / steps as f64;
-                let at = from + Span::from_secs((to - from).as_secs() * u);
-                let solid = Solid::from(&footprint(between(a, b, u)));
-                least_m = least_m.min(self.distance_below(&solid, at, least_m));
+                if spare_m <= ROUNDING_M {
+                    let u = k as f64 / steps as f64;
+                    let at = from + Span::from_secs(took_s * u);
+                    let distance_m = look(between(a, b, u), at, least_m + SPARE_M);
+                    least_m = least_m.min(distance_m);
+                    spare_m = distance_m - least_m;
+                }
+                spare_m -= nearing_m;
             }
         }
         least_m

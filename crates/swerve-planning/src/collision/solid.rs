@@ -19,6 +19,9 @@ pub struct Solid {
     pub half_width_m: f64,
 }
 
+/// More than rounding makes of a distance between places on a map, metres.
+const ROUNDING_M: f64 = 1e-6;
+
 impl From<&Obb> for Solid {
     fn from(obb: &Obb) -> Self {
         let (sin, cos) = math::sin_cos(obb.center.heading_rad);
@@ -51,37 +54,59 @@ impl Solid {
         ]
     }
 
-    /// Squared distance from `point`, m²; zero inside.
-    fn distance_squared_to(&self, point: Point2) -> f64 {
-        let (dx, dy) = (point.x_m - self.x_m, point.y_m - self.y_m);
-        let along = ((self.cos * dx + self.sin * dy).abs() - self.half_length_m).max(0.0);
-        let across = ((self.cos * dy - self.sin * dx).abs() - self.half_width_m).max(0.0);
-        along * along + across * across
+    /// Squared distance from the nearest corner of `other`, m²; zero where one is inside.
+    #[inline]
+    fn nearest_corner_squared(&self, other: &Self) -> f64 {
+        let squared = other.corners().map(|corner| {
+            let (dx, dy) = (corner.x_m - self.x_m, corner.y_m - self.y_m);
+            let along = ((self.cos * dx + self.sin * dy).abs() - self.half_length_m).max(0.0);
+            let across = ((self.cos * dy - self.sin * dx).abs() - self.half_width_m).max(0.0);
+            along * along + across * across
+        });
+        squared.into_iter().fold(f64::INFINITY, |least, one| if one < least { one } else { least })
     }
 
-    /// Whether the two share a point (separating axis theorem).
-    pub fn overlaps(&self, other: &Self) -> bool {
+    /// The widest gap between the two along any of their sides, metres: where it is above zero they are apart, and no
+    /// nearer than that (separating axis theorem).
+    #[inline]
+    fn gap_m(&self, other: &Self) -> f64 {
         let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
         let c = (self.cos * other.cos + self.sin * other.sin).abs();
         let s = (self.cos * other.sin - self.sin * other.cos).abs();
-        let apart = |along: f64, own: f64, l: f64, w: f64| along.abs() > own + l + w;
+        let gap = |along: f64, own: f64, l: f64, w: f64| along.abs() - (own + l + w);
         let (a, b) = (self, other);
-        !(apart(a.cos * dx + a.sin * dy, a.half_length_m, b.half_length_m * c, b.half_width_m * s)
-            || apart(a.cos * dy - a.sin * dx, a.half_width_m, b.half_length_m * s, b.half_width_m * c)
-            || apart(b.cos * dx + b.sin * dy, b.half_length_m, a.half_length_m * c, a.half_width_m * s)
-            || apart(b.cos * dy - b.sin * dx, b.half_width_m, a.half_length_m * s, a.half_width_m * c))
+        let along_a = gap(a.cos * dx + a.sin * dy, a.half_length_m, b.half_length_m * c, b.half_width_m * s);
+        let across_a = gap(a.cos * dy - a.sin * dx, a.half_width_m, b.half_length_m * s, b.half_width_m * c);
+        let along_b = gap(b.cos * dx + b.sin * dy, b.half_length_m, a.half_length_m * c, a.half_width_m * s);
+        let across_b = gap(b.cos * dy - b.sin * dx, b.half_width_m, a.half_length_m * s, a.half_width_m * c);
+        along_a.max(across_a).max(along_b.max(across_b))
+    }
+
+    /// Whether the two share a point.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        let apart = self.gap_m(other) > 0.0;
+        !apart
     }
 
     /// Distance between the two, metres; zero when they share a point.
     pub fn distance_m(&self, other: &Self) -> f64 {
-        if self.overlaps(other) {
-            return 0.0;
+        self.distance_below(other, f64::INFINITY)
+    }
+
+    /// The same where it is below `cap_m`, else `cap_m`.
+    #[inline]
+    pub(super) fn distance_below(&self, other: &Self, cap_m: f64) -> f64 {
+        let gap_m = self.gap_m(other);
+        let apart = gap_m > 0.0;
+        if !apart {
+            return cap_m.min(0.0);
+        }
+        if gap_m > cap_m + ROUNDING_M {
+            return cap_m;
         }
         // Of two convex polygons apart, one of the two nearest points is a corner.
-        let nearest = |of: &Self, to: &Self| {
-            of.corners().into_iter().map(|c| to.distance_squared_to(c)).fold(f64::INFINITY, f64::min)
-        };
-        nearest(self, other).min(nearest(other, self)).sqrt()
+        let squared = other.nearest_corner_squared(self).min(self.nearest_corner_squared(other));
+        cap_m.min(squared.sqrt())
     }
 
     /// Distance of the two centres, metres.

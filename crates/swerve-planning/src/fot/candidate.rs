@@ -1,6 +1,6 @@
 //! What a search finds, and what it asks of that.
 
-use super::motion::Motion;
+use super::motion::{Hints, Motion};
 use super::search::Task;
 
 /// The answer.
@@ -58,25 +58,25 @@ pub trait Judge {
     fn holds(&mut self, candidate: &Candidate) -> bool;
 }
 
-/// The checks of a task, with where a candidate hit something last.
+/// The checks of a task, with where candidates hit something.
 pub(super) struct TaskChecks<'a> {
     task: &'a Task<'a>,
-    hint_s: Option<f64>,
+    hints: Hints,
 }
 
 impl<'a> TaskChecks<'a> {
     pub(super) fn new(task: &'a Task<'a>) -> Self {
-        Self { task, hint_s: None }
+        Self { task, hints: Hints::default() }
     }
 }
 
 impl Judge for TaskChecks<'_> {
     fn fails_too(&mut self, candidate: &Candidate) -> bool {
         let Task { checks, line, .. } = self.task;
-        self.hint_s.is_some_and(|t_s| !checks.holds_at(line, &candidate.motion, candidate.last_s, t_s))
+        checks.fails_too(line, &candidate.motion, candidate.last_s, &self.hints)
     }
 
     fn holds(&mut self, candidate: &Candidate) -> bool {
-        self.task.checks.hold(self.task.line, &candidate.motion, candidate.last_s, &mut self.hint_s)
+        self.task.checks.hold(self.task.line, &candidate.motion, candidate.last_s, &mut self.hints)
     }
 }

@@ -60,6 +60,8 @@ pub struct Node {
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     nodes: Vec<Node>,
+    /// Direction between each entry and the next where it is the same at both (cosine, sine).
+    straight: Vec<Option<(f64, f64)>>,
     length_m: f64,
     step_m: f64,
 }
@@ -71,8 +73,9 @@ impl Line {
         let n = (self.length_m / STEP_M).ceil().max(1.0) as usize;
         self.step_m = self.length_m / n as f64;
         self.nodes.clear();
-        for k in 0..=n {
-            let p = polyline.at(k as f64 * self.step_m);
+        self.nodes.reserve(n + 1);
+        let step_m = self.step_m;
+        for p in polyline.at_each((0..=n).map(|k| k as f64 * step_m)) {
             let (sin, cos) = math::sin_cos(p.pose.heading_rad);
             self.nodes.push(Node {
                 x_m: p.pose.x_m,
@@ -87,6 +90,11 @@ impl Line {
             self.nodes[k].bend_1pm2 =
                 (self.nodes[k + 1].curvature_1pm - self.nodes[k].curvature_1pm) / self.step_m;
         }
+        self.straight.clear();
+        self.straight.extend(self.nodes.windows(2).map(|two| {
+            let (a, b) = (&two[0], &two[1]);
+            (a.cos == b.cos && a.sin == b.sin).then(|| between(a, b, 0.0))
+        }));
     }
 
     /// Length, metres.
@@ -113,13 +121,12 @@ impl Line {
         let (a, b) = (&self.nodes[index], &self.nodes[index + 1]);
         let u = s_m / self.step_m - index as f64;
         let mix = |p: f64, q: f64| p + (q - p) * u;
-        let (cos, sin) = (mix(a.cos, b.cos), mix(a.sin, b.sin));
-        let scale = 1.0 / math::hypot(cos, sin);
+        let (cos, sin) = self.straight[index].unwrap_or_else(|| between(a, b, u));
         Node {
             x_m: mix(a.x_m, b.x_m),
             y_m: mix(a.y_m, b.y_m),
-            cos: cos * scale,
-            sin: sin * scale,
+            cos,
+            sin,
             curvature_1pm: mix(a.curvature_1pm, b.curvature_1pm),
             bend_1pm2: a.bend_1pm2,
         }
@@ -139,6 +146,14 @@ impl Line {
         }
         (s_m, d_m)
     }
+}
+
+/// The direction (cosine, sine) at share `u` of the way from `a` to `b`.
+#[inline]
+fn between(a: &Node, b: &Node, u: f64) -> (f64, f64) {
+    let (cos, sin) = (a.cos + (b.cos - a.cos) * u, a.sin + (b.sin - a.sin) * u);
+    let scale = 1.0 / math::hypot(cos, sin);
+    (cos * scale, sin * scale)
 }
 
 /// A pose beside a line.
@@ -218,6 +233,28 @@ mod tests {
             let point = Point2::new(node.x_m - 2.0 * node.sin, node.y_m + 2.0 * node.cos);
             let (s_m, d_m) = line.project(point, f64::from(k) + 0.7);
             assert!((s_m - f64::from(k)).abs() < 1e-3 && (d_m - 2.0).abs() < 1e-3, "{k}: {s_m} {d_m}");
+        }
+    }
+
+    #[test]
+    fn directions_kept_for_straight_stretches_are_those_computed() {
+        let points: Vec<Point2> =
+            (0..40).map(|k| Point2::new(0.7 * f64::from(k), 1.9 * f64::from(k))).collect();
+        let mut line = Line::default();
+        line.set(&Polyline::new(&points).unwrap());
+        assert!(line.straight.iter().any(Option::is_some));
+        for k in 0..200 {
+            let s_m = 0.37 * f64::from(k);
+            let index = ((s_m / line.step_m) as usize).min(line.straight.len() - 1);
+            let u = s_m / line.step_m - index as f64;
+            let node = line.at(s_m);
+            if s_m < line.length_m() {
+                assert_eq!(
+                    (node.cos, node.sin),
+                    between(&line.nodes[index], &line.nodes[index + 1], u),
+                    "{s_m}"
+                );
+            }
         }
     }
 

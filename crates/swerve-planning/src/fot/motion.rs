@@ -64,6 +64,16 @@ impl Motion {
 
     /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).
     pub fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+        self.place::<true>(line, t_s, still)
+    }
+
+    /// The same without acceleration and curvature, which are zero.
+    pub fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+        self.place::<false>(line, t_s, still)
+    }
+
+    #[inline(always)]
+    fn place<const WHOLE: bool>(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         let inside_s = t_s.min(self.end_s);
         let (mut s, d) = (self.longitudinal.at(inside_s), self.lateral.at(inside_s));
         s.x += s.v * (t_s - inside_s);
@@ -92,6 +102,9 @@ impl Motion {
             return place;
         }
         (place.cos, place.sin) = turned(&node, along / speed, across / speed);
+        if !WHOLE {
+            return place;
+        }
         place.accel_mps2 = (along * accel_along + across * accel_across) / speed;
         place.curvature_1pm = (along * accel_across - across * accel_along) / (speed * speed * speed);
         place
@@ -175,57 +188,88 @@ const EXACT_M: f64 = 2e-4;
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
 
+/// Who is nearer than the clearance by this much at any instant is found too near wherever the looks lie: no less than what
+/// moves between two of them (`RESOLUTION_M` of motions), metres.
+const BETWEEN_LOOKS_M: f64 = 0.02;
+
+/// What the motions of one task, from one start, have shown so far. It speeds answers up and does not change them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hints {
+    grace: Option<Grace>,
+    /// Instants at which motions came too near to something, the newest first, seconds: similar ones tend to do so too.
+    near_s: [Option<f64>; 2],
+}
+
+impl Hints {
+    fn add(&mut self, t_s: f64) {
+        if self.near_s[0] != Some(t_s) {
+            self.near_s = [Some(t_s), self.near_s[0]];
+        }
+    }
+}
+
 impl Checks<'_> {
-    /// Whether `motion` may be driven from 0 to `last_s`.
-    ///
-    /// `hint_s` is where an earlier motion hit something: similar ones tend to do so too, so that is looked
-    /// at first. It speeds the answer up and does not change it.
-    pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hint_s: &mut Option<f64>) -> bool {
-        let end_s = last_s + self.tail_s;
-        if hint_s.is_some_and(|t_s| !self.holds_at(line, motion, last_s, t_s)) {
+    /// Whether `motion` may be driven from 0 to `last_s`; `hints` are those of the motions before it.
+    pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hints: &mut Hints) -> bool {
+        if self.fails_too(line, motion, last_s, hints) {
             return false;
         }
+        let end_s = last_s + self.tail_s;
         // What ends within a second is looked at more often: its braking comes and goes between the looks of others.
         let steps = (end_s / LOOK_S.min(0.1 * last_s)).ceil().max(1.0);
         let step_s = end_s / steps;
-        let first = motion.at(line, 0.0, self.heading);
-        let grace = Grace::new(self, &first);
-        let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..first };
+        let mut place = motion.at(line, 0.0, self.heading);
+        let grace = *hints.grace.get_or_insert_with(|| Grace::new(self, &place));
+        let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..place };
         let mut peaks = Peaks::default();
         for k in 0..=steps as usize {
-            let place = motion.at(line, k as f64 * step_s, (before.cos, before.sin));
-            if !self.limits_hold(&before, &place, k as f64 * step_s, step_s, &grace) {
+            let t_s = k as f64 * step_s;
+            if k > 0 {
+                place = motion.at(line, t_s, (before.cos, before.sin));
+            }
+            let body = outline(self.shape, &place);
+            if !self.limits_hold((&before, &place), &body, (t_s, step_s), &grace) {
                 return false;
             }
             // Most of what hits something does so at one of the looks: the closer check below is dearer.
-            let at = self.at + Span::from_secs(k as f64 * step_s);
-            if !self.obstacles.solid_free(&outline(self.shape, &place), at, grace.clearance_m) {
-                *hint_s = Some(k as f64 * step_s);
+            if !self.obstacles.solid_free(&body, self.at + Span::from_secs(t_s), grace.clearance_m) {
+                hints.add(t_s);
                 return false;
             }
             peaks.speed_mps = peaks.speed_mps.max(place.speed_mps);
             peaks.yaw_rate_radps = peaks.yaw_rate_radps.max(place.speed_mps * place.curvature_1pm.abs());
             before = place;
         }
-        self.free(line, motion, end_s, &peaks, grace.clearance_m)
+        let near_s = self.first_near(line, motion, end_s, &peaks, grace.clearance_m);
+        near_s.into_iter().for_each(|t_s| hints.add(t_s));
+        near_s.is_none()
     }
 
-    /// Whether nothing is touched at one instant, if it is one of the motion's from 0 to `last_s`.
-    pub(crate) fn holds_at(&self, line: &Line, motion: &Motion, last_s: f64, t_s: f64) -> bool {
-        t_s > last_s + self.tail_s || self.clear_at(line, motion, t_s)
+    /// Whether `motion` is sure to fail, where those before it came too near to something.
+    pub(crate) fn fails_too(&self, line: &Line, motion: &Motion, last_s: f64, hints: &Hints) -> bool {
+        let Some(grace) = &hints.grace else { return false };
+        let between_m = if self.exact { 0.0 } else { BETWEEN_LOOKS_M };
+        let needed_m = (grace.clearance_m - between_m).max(0.0);
+        let within = |t_s: &f64| *t_s <= last_s + self.tail_s;
+        let mut known = hints.near_s.into_iter().flatten().filter(within);
+        known.any(|t_s| !self.clear_at(line, motion, t_s, needed_m))
     }
 
-    /// Whether nothing is touched at one instant; standstill counts as clear, as it has no heading here.
-    fn clear_at(&self, line: &Line, motion: &Motion, t_s: f64) -> bool {
-        let place = motion.at(line, t_s, self.heading);
+    /// Whether the clearance is kept at one instant; standstill counts as clear, as it has no heading here.
+    fn clear_at(&self, line: &Line, motion: &Motion, t_s: f64, clearance_m: f64) -> bool {
+        let place = motion.pose_at(line, t_s, self.heading);
         let at = self.at + Span::from_secs(t_s);
-        // Drivable motions may be granted less than the clearance.
-        let clearance_m = if self.drivable.is_some() { 0.0 } else { self.clearance_m };
         place.speed_mps < STANDSTILL_MPS
             || self.obstacles.solid_free(&outline(self.shape, &place), at, clearance_m)
     }
 
-    fn limits_hold(&self, before: &Place, place: &Place, t_s: f64, step_s: f64, grace: &Grace) -> bool {
+    fn limits_hold(
+        &self,
+        (before, place): (&Place, &Place),
+        body: &Solid,
+        (t_s, step_s): (f64, f64),
+        grace: &Grace,
+    ) -> bool {
         let share = (1.0 - t_s / GRACE_S).max(0.0);
         if place.stretch < 0.1 || place.along_mps < -1e-3 {
             return false;
@@ -240,7 +284,7 @@ impl Checks<'_> {
         if self.smooth && !self.goes_on(before, place) {
             return false;
         }
-        let look = Look { before, place, share, step_s };
+        let look = Look { before, place, body, share, step_s };
         self.drivable.is_none_or(|limits| self.drivable_holds(&limits, &look, grace))
     }
 
@@ -253,7 +297,7 @@ impl Checks<'_> {
     }
 
     fn drivable_holds(&self, limits: &Drivable<'_>, look: &Look<'_>, grace: &Grace) -> bool {
-        let Look { before, place, share, step_s } = *look;
+        let Look { before, place, body, share, step_s } = *look;
         let lateral = place.curvature_1pm.abs() * place.speed_mps * place.speed_mps;
         let accel = place.accel_mps2;
         if lateral > limits.lateral_accel_max_mps2.max(grace.lateral_mps2 * share)
@@ -271,42 +315,53 @@ impl Checks<'_> {
         }
         let margin_m = limits.road_margin_m;
         let needed_m = margin_m.min(margin_m + (grace.margin_m - margin_m) * share);
-        limits.road.margin_m(&outline(self.shape, place)) >= needed_m
+        limits.road.keeps(body, needed_m)
     }
 
-    fn free(&self, line: &Line, motion: &Motion, end_s: f64, peaks: &Peaks, clearance_m: f64) -> bool {
+    /// An instant from 0 to `end_s` at which the clearance is not kept, if there is one.
+    fn first_near(
+        &self,
+        line: &Line,
+        motion: &Motion,
+        end_s: f64,
+        peaks: &Peaks,
+        clearance_m: f64,
+    ) -> Option<f64> {
         let mut place = |u: f64| {
             let t_s = u * end_s;
             let at = self.at + Span::from_secs(t_s);
-            (outline(self.shape, &motion.at(line, t_s, self.heading)), at)
+            (outline(self.shape, &motion.pose_at(line, t_s, self.heading)), at)
         };
         let lever_m =
             self.shape.center_ahead_m().abs() + 0.5 * math::hypot(self.shape.length_m, self.shape.width_m);
         // The looks may have missed a little of the peak between them.
         let travel_m = 1.05 * end_s * (peaks.speed_mps + 0.1 + lever_m * peaks.yaw_rate_radps);
-        self.obstacles.motion_free(&mut place, travel_m, clearance_m)
-            && (!self.exact || self.kept(&mut place, 0.0, 1.0, travel_m, clearance_m + EXACT_M))
+        let near = self.obstacles.first_near(&mut place, travel_m, clearance_m);
+        let exactly = |place| self.closely_near(place, 0.0, 1.0, travel_m, clearance_m + EXACT_M);
+        let near = if self.exact { near.or_else(|| exactly(&mut place)) } else { near };
+        near.map(|u| u * end_s)
     }
 
-    /// Whether the stretch keeps `limit_m` to what stands: as [`Obstacles::motion_free`], looked at more closely
-    /// where it is near.
-    fn kept(
+    /// A place of the stretch that does not keep `limit_m` to what stands: as [`Obstacles::first_near`], looked at more
+    /// closely where it is near.
+    fn closely_near(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
         low: f64,
         high: f64,
         travel_m: f64,
         limit_m: f64,
-    ) -> bool {
+    ) -> Option<f64> {
         let middle = 0.5 * (low + high);
         let (solid, at) = place(middle);
         let enough_m = limit_m + 0.5 * travel_m;
         let distance_m = self.obstacles.distance_below(&solid, at, enough_m);
         if distance_m < limit_m || distance_m >= enough_m || travel_m <= EXACT_M {
-            return distance_m >= limit_m;
+            let keeps = distance_m >= limit_m;
+            return (!keeps).then_some(middle);
         }
-        self.kept(place, low, middle, 0.5 * travel_m, limit_m)
-            && self.kept(place, middle, high, 0.5 * travel_m, limit_m)
+        self.closely_near(place, low, middle, 0.5 * travel_m, limit_m)
+            .or_else(|| self.closely_near(place, middle, high, 0.5 * travel_m, limit_m))
     }
 }
 
@@ -315,6 +370,8 @@ impl Checks<'_> {
 struct Look<'a> {
     before: &'a Place,
     place: &'a Place,
+    /// The outline at that place.
+    body: &'a Solid,
     /// Share of what the start is off the limits that is still granted.
     share: f64,
     /// Time since the look before, seconds.
@@ -329,6 +386,7 @@ struct Peaks {
 }
 
 /// How far the start itself is off the limits: what a motion from it cannot be blamed for.
+#[derive(Clone, Copy, Debug)]
 struct Grace {
     curvature_1pm: f64,
     lateral_mps2: f64,

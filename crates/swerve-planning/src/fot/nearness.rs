@@ -1,102 +1,245 @@
 //! Nearness to obstacles: the part of a candidate's cost that couples its lateral and longitudinal motion.
 
+use pulp::Arch;
 use swerve_core::{Span, Time};
 
 use crate::collision::Obstacles;
 
-/// Corners of all boxes grown by the clearance: (box x 4 + corner) x sample.
+/// Samples are looked at so many at a time.
+const LANES: usize = 4;
+
+/// Corners of all boxes grown by the clearance: box x sample, rounded up to whole lanes, x corner (those of as many
+/// samples as there are lanes beside each other).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Corners {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    samples: usize,
+    lanes: Vec<Lanes>,
+    /// Lanes of one box.
+    per_box: usize,
+}
+
+/// The corners of a box at a few samples: x and y of each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lanes {
+    x: [[f64; LANES]; 4],
+    y: [[f64; LANES]; 4],
 }
 
 impl Corners {
     /// From all obstacles at the samples.
     pub(super) fn set(&mut self, obstacles: &Obstacles, at: Time, clearance_m: f64, samples_s: &[f64]) {
-        self.samples = samples_s.len();
-        self.x.clear();
-        self.y.clear();
+        self.per_box = samples_s.len().div_ceil(LANES);
+        self.lanes.clear();
         let mut boxes = 0;
         obstacles.for_each_at(at, |_| boxes += 1);
-        self.x.resize(boxes * 4 * self.samples, 0.0);
-        self.y.resize(boxes * 4 * self.samples, 0.0);
+        if boxes == 0 {
+            return;
+        }
+        self.lanes.resize(boxes * self.per_box, Lanes::default());
         for (k, &t) in samples_s.iter().enumerate() {
-            let mut row = k;
+            let mut first = k / LANES;
             obstacles.for_each_at(at + Span::from_secs(t), |solid| {
                 let mut grown = *solid;
                 grown.half_length_m += clearance_m;
                 grown.half_width_m += clearance_m;
-                for corner in grown.corners() {
-                    self.x[row] = corner.x_m;
-                    self.y[row] = corner.y_m;
-                    row += self.samples;
+                let lanes = &mut self.lanes[first];
+                for (c, corner) in grown.corners().into_iter().enumerate() {
+                    lanes.x[c][k % LANES] = corner.x_m;
+                    lanes.y[c][k % LANES] = corner.y_m;
                 }
+                first += self.per_box;
             });
         }
     }
 
     /// Whether there is nothing to be near to.
     pub(super) fn is_empty(&self) -> bool {
-        self.x.is_empty()
+        self.lanes.is_empty()
     }
 }
 
-/// Positions by coordinate, metres.
+/// Positions at the samples of a motion, in whole lanes; what is beyond the last sample does not count.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Points {
+    lanes: Vec<[[f64; LANES]; 2]>,
+}
+
+/// Where the line is at the samples of a motion, and its normal there.
 #[derive(Clone, Copy)]
-pub(super) struct Points<'a> {
+pub(super) struct Beside<'a> {
     pub(super) x: &'a [f64],
     pub(super) y: &'a [f64],
+    pub(super) normal_x: &'a [f64],
+    pub(super) normal_y: &'a [f64],
+    /// Offset of the motion to end offset 0, and how much of the end offset is added.
+    pub(super) base_m: &'a [f64],
+    pub(super) basis: &'a [f64],
 }
 
-impl<'a> Points<'a> {
-    /// The first `n`; of so many the compiler makes loops without checks.
-    fn first(self, n: usize) -> Self {
-        Self { x: &self.x[..n], y: &self.y[..n] }
+/// Does work, compiled for the widest instructions that this processor has: the same operations on the same numbers.
+#[inline(always)]
+pub(super) fn widest<R>(work: impl FnOnce() -> R) -> R {
+    Arch::new().dispatch(work)
+}
+
+impl Points {
+    /// The motion beside the line that ends at offset `end_m`.
+    #[inline(always)]
+    fn set(&mut self, beside: &Beside<'_>, end_m: f64) {
+        let Beside { x, y, normal_x, normal_y, base_m, basis } = *beside;
+        let n = x.len();
+        self.lanes.resize(n.div_ceil(LANES), [[0.0; LANES]; 2]);
+        let place = |k: usize| {
+            let d = base_m[k] + basis[k] * end_m;
+            (x[k] + normal_x[k] * d, y[k] + normal_y[k] * d)
+        };
+        let mut whole = self.lanes.iter_mut();
+        let columns = [x, y, normal_x, normal_y, base_m, basis].map(|column| column.as_chunks::<LANES>().0);
+        for (l, [px, py]) in whole.by_ref().take(n / LANES).enumerate() {
+            let [x, y, normal_x, normal_y, base_m, basis] = columns.map(|column| column[l]);
+            let d: [f64; LANES] = core::array::from_fn(|i| base_m[i] + basis[i] * end_m);
+            *px = core::array::from_fn(|i| x[i] + normal_x[i] * d[i]);
+            *py = core::array::from_fn(|i| y[i] + normal_y[i] * d[i]);
+        }
+        for [px, py] in whole {
+            for (i, k) in (n / LANES * LANES..n).enumerate() {
+                (px[i], py[i]) = place(k);
+            }
+        }
     }
 }
 
-/// Sum over samples and boxes of 1 / distance from `a` to the nearest corner; with `b`, of the stretch from
-/// `a` to `b`, where each corner counts as far as the further end.
-pub(super) fn sum_nearness(corners: &Corners, a: Points<'_>, b: Option<Points<'_>>, near: &mut [f64]) -> f64 {
-    let n = near.len();
-    let (a, b) = (a.first(n), b.map(|b| b.first(n)));
+/// Sum over samples and boxes of 1 / distance to the nearest corner, of the motions beside the line that end at the offsets
+/// `ends_m`: where these are the same exactly, else a number that no motion between them is below, as each corner counts
+/// as far as the further end. Ends after a box where `is_enough` says so of the sum by then.
+pub(super) fn sum_nearness(
+    corners: &Corners,
+    beside: &Beside<'_>,
+    ends_m: [f64; 2],
+    [from, to]: &mut [Points; 2],
+    is_enough: impl Fn(f64) -> bool,
+) -> f64 {
+    widest(
+        #[inline(always)]
+        || {
+            let n = beside.x.len();
+            from.set(beside, ends_m[0]);
+            if ends_m[0] == ends_m[1] {
+                return sum(
+                    (corners, n),
+                    #[inline(always)]
+                    |x, y, l| squared(x, y, &from.lanes[l]),
+                    is_enough,
+                );
+            }
+            to.set(beside, ends_m[1]);
+            sum(
+                (corners, n),
+                #[inline(always)]
+                |x, y, l| {
+                    let (a, b) = (squared(x, y, &from.lanes[l]), squared(x, y, &to.lanes[l]));
+                    core::array::from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] })
+                },
+                is_enough,
+            )
+        },
+    )
+}
+
+/// Squared distances of a corner from positions.
+#[inline(always)]
+fn squared(x: &[f64; LANES], y: &[f64; LANES], [px, py]: &[[f64; LANES]; 2]) -> [f64; LANES] {
+    core::array::from_fn(|i| {
+        let (dx, dy) = (x[i] - px[i], y[i] - py[i]);
+        dx * dx + dy * dy
+    })
+}
+
+/// The sum for squared distances of a corner by its place and the lanes' number.
+#[inline(always)]
+fn sum(
+    (corners, n): (&Corners, usize),
+    squared: impl Fn(&[f64; LANES], &[f64; LANES], usize) -> [f64; LANES],
+    is_enough: impl Fn(f64) -> bool,
+) -> f64 {
     let mut total = 0.0;
-    let boxes = corners.x.len() / (4 * corners.samples);
-    for index in 0..boxes {
-        near.fill(f64::INFINITY);
-        for corner in 0..4 {
-            let first = (4 * index + corner) * corners.samples;
-            let corner = Points { x: &corners.x[first..first + n], y: &corners.y[first..first + n] };
-            match b {
-                None => nearest(near, corner, a),
-                Some(b) => nearest_of_stretch(near, corner, a, b),
+    for of_box in corners.lanes.chunks_exact(corners.per_box) {
+        for (l, lanes) in of_box[..n.div_ceil(LANES)].iter().enumerate() {
+            let mut near = [f64::INFINITY; LANES];
+            for (x, y) in lanes.x.iter().zip(&lanes.y) {
+                let squared = squared(x, y, l);
+                near = core::array::from_fn(|i| if squared[i] < near[i] { squared[i] } else { near[i] });
+            }
+            // Many at a time; the sum keeps its order.
+            let nearness: [f64; LANES] = core::array::from_fn(|i| 1.0 / near[i].sqrt());
+            for one in &nearness[..LANES.min(n - l * LANES)] {
+                total += one;
             }
         }
-        // Many at a time; the sum keeps its order.
-        near.iter_mut().for_each(|squared| *squared = 1.0 / squared.sqrt());
-        for nearness in near.iter() {
-            total += nearness;
+        if is_enough(total) {
+            break;
         }
     }
     total
 }
 
-fn nearest(near: &mut [f64], corner: Points<'_>, a: Points<'_>) {
-    for (k, near) in near.iter_mut().enumerate() {
-        let (dx, dy) = (corner.x[k] - a.x[k], corner.y[k] - a.y[k]);
-        let squared = dx * dx + dy * dy;
-        *near = if squared < *near { squared } else { *near };
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::collision::CollisionMode;
+    use crate::testing::World;
 
-fn nearest_of_stretch(near: &mut [f64], corner: Points<'_>, a: Points<'_>, b: Points<'_>) {
-    for (k, near) in near.iter_mut().enumerate() {
-        let (ax, ay) = (corner.x[k] - a.x[k], corner.y[k] - a.y[k]);
-        let (bx, by) = (corner.x[k] - b.x[k], corner.y[k] - b.y[k]);
-        let (to_a, to_b) = (ax * ax + ay * ay, bx * bx + by * by);
-        let squared = if to_a > to_b { to_a } else { to_b };
-        *near = if squared < *near { squared } else { *near };
+    /// Of stretches and of single motions.
+    #[test]
+    fn the_sum_is_the_plain_one_to_the_bit() {
+        let world =
+            World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0)).with_person((9.0, -3.0), (0.7, 0.3));
+        let obstacles = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);
+        let at = world.start.stamp;
+        for n in [1, 3, 4, 7, 16, 17] {
+            let samples_s: Vec<f64> = (0..17).map(|k| 0.3 * f64::from(k)).collect();
+            let mut corners = Corners::default();
+            corners.set(&obstacles, at, 0.3, &samples_s);
+            let column =
+                |scale: f64, from: f64| -> Vec<f64> { (0..n).map(|k| from + scale * k as f64).collect() };
+            let (x, y, base, basis) =
+                (column(3.1, 0.0), column(0.01, 0.0), column(0.0, 0.2), column(0.06, 0.0));
+            let (normal_x, normal_y) = (column(0.0, 0.0), column(0.0, 1.0));
+            let beside = Beside {
+                x: &x,
+                y: &y,
+                normal_x: &normal_x,
+                normal_y: &normal_y,
+                base_m: &base,
+                basis: &basis,
+            };
+            for ends_m in [[1.0, 1.0], [-1.0, 2.5]] {
+                let mut plain = 0.0;
+                let mut boxes = vec![vec![]; samples_s.len()];
+                for (k, &t_s) in samples_s.iter().enumerate() {
+                    obstacles.for_each_at(at + Span::from_secs(t_s), |solid| boxes[k].push(*solid));
+                }
+                for b in 0..2 {
+                    for k in 0..n {
+                        let mut solid = boxes[k][b];
+                        solid.half_length_m += 0.3;
+                        solid.half_width_m += 0.3;
+                        let squared = solid.corners().map(|corner| {
+                            ends_m.map(|end_m| {
+                                let d = base[k] + basis[k] * end_m;
+                                let (dx, dy) = (corner.x_m - (x[k] + 0.0 * d), corner.y_m - (y[k] + 1.0 * d));
+                                dx * dx + dy * dy
+                            })
+                        });
+                        let near = squared.into_iter().map(|[a, b]| a.max(b)).fold(f64::INFINITY, f64::min);
+                        plain += 1.0 / near.sqrt();
+                    }
+                }
+                let mut points = Default::default();
+                let all = sum_nearness(&corners, &beside, ends_m, &mut points, |_| false);
+                assert_eq!(all, plain, "{n} {ends_m:?}");
+                let some = sum_nearness(&corners, &beside, ends_m, &mut points, |_| true);
+                assert!(some > 0.0 && some < all, "one box of two");
+            }
+        }
     }
 }

@@ -41,6 +41,7 @@ impl Quintic {
         Self([x0, v0, 0.5 * a0, (dv - da / 3.0) / (t * t), (0.25 * da - 0.5 * dv) / (t * t * t), 0.0])
     }
 
+    #[inline]
     pub(crate) fn at(&self, t: f64) -> Jet {
         let [c0, c1, c2, c3, c4, c5] = self.0;
         Jet {

@@ -17,8 +17,8 @@ use std::collections::BinaryHeap;
 use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
 use super::lattice::Lattice;
 use super::line::Line;
-use super::motion::{Checks, FrenetState, Motion};
-use super::nearness::{Corners, Points, sum_nearness};
+use super::motion::{Checks, FrenetState, Hints, Motion};
+use super::nearness::{Beside, Corners, Points, sum_nearness, widest};
 use super::params::Params;
 use super::poly::Quintic;
 use crate::request::{Budget, Progress};
@@ -108,10 +108,15 @@ pub struct Search {
     basis: Vec<f64>,
     /// End time x end speed.
     lons: Vec<Lon>,
+    /// End time: the least of the lateral costs.
+    least_lateral: Vec<f64>,
     arena: Arena,
     corners: Corners,
     heap: BinaryHeap<Entry>,
-    scratch: Scratch,
+    /// Those above the cost at which the search expects to end.
+    later: Vec<Entry>,
+    /// The two ends of a range.
+    ends: [Points; 2],
     /// Pair x end offset: how many candidates before this one may hold; empty as long as that is not known.
     alive_before: Vec<u32>,
 }
@@ -125,16 +130,6 @@ struct Arena {
     normal_y: Vec<f64>,
 }
 
-/// Per sample: the two ends of the stretch and the sum of nearness.
-#[derive(Clone, Debug, Default)]
-struct Scratch {
-    ax: Vec<f64>,
-    ay: Vec<f64>,
-    bx: Vec<f64>,
-    by: Vec<f64>,
-    near: Vec<f64>,
-}
-
 impl Search {
     /// The cheapest valid candidate of `lattice`, as [`exhaustive`](Self::exhaustive) would find it.
     ///
@@ -146,7 +141,19 @@ impl Search {
         budget: Option<&mut dyn Budget>,
         spent: &mut u64,
     ) -> Outcome {
-        self.best_first(task, lattice, (budget, spent), &mut TaskChecks::new(task))
+        self.best_first(task, lattice, (budget, spent), f64::INFINITY, &mut TaskChecks::new(task))
+    }
+
+    /// The same where a candidate of this cost is known to be valid: dearer ones are left for the case that it is not.
+    pub(super) fn run_below(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        known_cost: f64,
+        budget: &mut dyn Budget,
+        spent: &mut u64,
+    ) -> Outcome {
+        self.best_first(task, lattice, (Some(budget), spent), known_cost, &mut TaskChecks::new(task))
     }
 
     /// The cheapest candidate that `judge` lets pass, in the place of the task's checks.
@@ -156,7 +163,7 @@ impl Search {
         lattice: &Lattice,
         judge: &mut impl Judge,
     ) -> Option<Candidate> {
-        self.best_first(task, lattice, (None, &mut 0), judge).found()
+        self.best_first(task, lattice, (None, &mut 0), f64::INFINITY, judge).found()
     }
 
     fn best_first(
@@ -164,11 +171,20 @@ impl Search {
         task: &Task<'_>,
         lattice: &Lattice,
         (mut budget, spent): (Option<&mut dyn Budget>, &mut u64),
+        mut known_cost: f64,
         judge: &mut impl Judge,
     ) -> Outcome {
-        self.prepare(task, lattice);
+        self.prepare(task, lattice, known_cost);
         let mut failures = 0;
-        while let Some(entry) = self.heap.pop() {
+        loop {
+            let Some(entry) = self.heap.pop() else {
+                if self.later.is_empty() {
+                    return Outcome::Nothing;
+                }
+                known_cost = f64::INFINITY;
+                self.take_up_later(task, lattice);
+                continue;
+            };
             if entry.leaf {
                 let candidate = self.candidate(task, lattice, &entry);
                 if judge.holds(&candidate) {
@@ -185,10 +201,12 @@ impl Search {
             }
             let width = entry.high - entry.low + 1;
             if !entry.refined && width > LEAVES {
-                let bound = self.bound(task, lattice, &entry);
-                self.heap.push(Entry { bound, refined: true, ..entry });
+                match self.bound(task, lattice, &entry, known_cost) {
+                    Some(bound) => self.heap.push(Entry { bound, refined: true, ..entry }),
+                    None => self.later.push(entry),
+                }
             } else if width > LEAVES {
-                self.halve(task, lattice, &entry);
+                self.halve(task, lattice, &entry, known_cost);
             } else {
                 if let Some(budget) = budget.as_deref_mut() {
                     *spent += u64::from(width);
@@ -196,15 +214,24 @@ impl Search {
                         return Outcome::Stopped;
                     }
                 }
-                self.evaluate(task, lattice, &entry, judge);
+                self.evaluate(task, lattice, &entry, known_cost, judge);
             }
         }
-        Outcome::Nothing
+    }
+
+    /// Takes up what was left for later.
+    fn take_up_later(&mut self, task: &Task<'_>, lattice: &Lattice) {
+        let mut later = core::mem::take(&mut self.later);
+        for entry in later.drain(..) {
+            let bound = if entry.leaf { self.cost(task, lattice, &entry) } else { entry.bound };
+            self.heap.push(Entry { bound, ..entry });
+        }
+        self.later = later;
     }
 
     /// Looks at every candidate: the reference that the search is tested against.
     pub fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
-        self.prepare(task, lattice);
+        self.prepare(task, lattice, f64::INFINITY);
         self.heap.clear();
         let mut best: Option<Candidate> = None;
         for d in 0..lattice.d_m.len() as u32 {
@@ -216,7 +243,7 @@ impl Search {
                 let cost = self.cost(task, lattice, &entry);
                 let candidate = self.candidate(task, lattice, &Entry { bound: cost, ..entry });
                 if best.is_none_or(|b| cost < b.cost)
-                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut None)
+                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut Hints::default())
                 {
                     best = Some(candidate);
                 }
@@ -227,7 +254,7 @@ impl Search {
 
     /// Every candidate with its lateral and longitudinal cost.
     pub fn all(&mut self, task: &Task<'_>, lattice: &Lattice) -> Vec<Priced> {
-        self.prepare(task, lattice);
+        self.prepare(task, lattice, f64::INFINITY);
         let mut all = Vec::new();
         for low in 0..lattice.d_m.len() as u32 {
             for lon in 0..self.lons.len() as u32 {
@@ -245,26 +272,25 @@ impl Search {
     }
 
     /// Fills the tables and puts one range for each valid pair on the heap.
-    fn prepare(&mut self, task: &Task<'_>, lattice: &Lattice) {
+    fn prepare(&mut self, task: &Task<'_>, lattice: &Lattice, known_cost: f64) {
         self.corners.set(task.checks.obstacles, task.checks.at, task.params.clearance_m, &lattice.samples_s);
         self.lateral(task, lattice);
         self.longitudinal(task, lattice);
-        let n = lattice.samples_s.len();
-        let Scratch { ax, ay, bx, by, near } = &mut self.scratch;
-        for column in [ax, ay, bx, by, near] {
-            column.resize(n, 0.0);
-        }
         self.alive_before.clear();
-        self.heap.clear();
+        self.later.clear();
+        let mut entries = core::mem::take(&mut self.heap).into_vec();
+        entries.clear();
         let high = lattice.d_m.len() as u32 - 1;
-        for index in 0..self.lons.len() {
-            if self.lons[index].count < 2 {
+        for (index, lon) in self.lons.iter().enumerate() {
+            if lon.count < 2 {
                 continue;
             }
-            let entry = Entry { bound: 0.0, leaf: false, refined: false, low: 0, high, lon: index as u32 };
-            let bound = self.smooth_cost(task, lattice, &entry) * (1.0 - BOUND_SLACK);
-            self.heap.push(Entry { bound, ..entry });
+            let lateral = self.least_lateral[index / lattice.speeds()];
+            let bound = smooth(task.params, lateral, lon.cost) * (1.0 - BOUND_SLACK);
+            let entry = Entry { bound, leaf: false, refined: false, low: 0, high, lon: index as u32 };
+            if bound > known_cost { self.later.push(entry) } else { entries.push(entry) }
         }
+        self.heap = entries.into();
     }
 
     /// Lateral cost of all end times and offsets (sums of absolute values over the samples).
@@ -276,21 +302,28 @@ impl Search {
         self.base_m.resize(lattice.t_s.len() * n, 0.0);
         self.basis.clear();
         self.basis.resize(lattice.t_s.len() * n, 0.0);
+        self.least_lateral.clear();
         for (i, &t_s) in lattice.t_s.iter().enumerate() {
             let base = Quintic::new(task.start.d, [0.0; 3], t_s);
             let unit = Quintic::new([0.0; 3], [1.0, 0.0, 0.0], t_s);
             let costs = &mut self.lateral_cost[i * offsets..(i + 1) * offsets];
-            for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
-                let (b, u) = (base.at(sample_s), unit.at(sample_s));
-                self.base_m[i * n + k] = b.x;
-                self.basis[i * n + k] = u.x;
-                for (cost, d) in costs.iter_mut().zip(&lattice.d_m) {
-                    *cost += p.weight_offset * (b.x + u.x * d).abs()
-                        + p.weight_lateral_speed * (b.v + u.v * d).abs()
-                        + p.weight_accel * (b.a + u.a * d).abs()
-                        + p.weight_jerk * (b.j + u.j * d).abs();
-                }
-            }
+            let (base_m, basis) = (&mut self.base_m[i * n..], &mut self.basis[i * n..]);
+            widest(
+                #[inline(always)]
+                || {
+                    for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
+                        let (b, u) = (base.at(sample_s), unit.at(sample_s));
+                        (base_m[k], basis[k]) = (b.x, u.x);
+                        for (cost, d) in costs.iter_mut().zip(&lattice.d_m) {
+                            *cost += p.weight_offset * (b.x + u.x * d).abs()
+                                + p.weight_lateral_speed * (b.v + u.v * d).abs()
+                                + p.weight_accel * (b.a + u.a * d).abs()
+                                + p.weight_jerk * (b.j + u.j * d).abs();
+                        }
+                    }
+                },
+            );
+            self.least_lateral.push(least(costs));
         }
     }
 
@@ -354,31 +387,53 @@ impl Search {
     fn smooth_cost(&self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
         let row = self.time_index(lattice, entry) * lattice.d_m.len();
         let costs = &self.lateral_cost[row + entry.low as usize..=row + entry.high as usize];
-        let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
-        task.params.weight_lateral * least
-            + task.params.weight_longitudinal * self.lons[entry.lon as usize].cost
+        smooth(task.params, least(costs), self.lons[entry.lon as usize].cost)
     }
 
     /// Exact cost of a single candidate; of a range a number no candidate in it is below.
     fn cost(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+        self.cost_until(task, lattice, entry, |_| false)
+    }
+
+    /// The same, or less where `is_enough` says of what is summed up by then that it is.
+    fn cost_until(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        entry: &Entry,
+        is_enough: impl Fn(f64) -> bool,
+    ) -> f64 {
         let smooth = self.smooth_cost(task, lattice, entry);
-        if task.params.weight_obstacle == 0.0 || self.corners.is_empty() {
+        let weight = task.params.weight_obstacle;
+        if weight == 0.0 || self.corners.is_empty() || is_enough(smooth) {
             return smooth;
         }
-        smooth + task.params.weight_obstacle * self.nearness(task, lattice, entry)
+        // Sums of what is not below zero: rounded, too, they only grow.
+        let until = |nearness: f64| is_enough(smooth + weight * nearness);
+        smooth + weight * self.nearness(task, lattice, entry, until)
     }
 
-    fn bound(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
-        self.cost(task, lattice, entry) * (1.0 - BOUND_SLACK)
+    /// A number that no candidate of the range is below; `None` where all are dearer than `known_cost`.
+    fn bound(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, known_cost: f64) -> Option<f64> {
+        let bound = |cost: f64| cost * (1.0 - BOUND_SLACK);
+        let cost = self.cost_until(task, lattice, entry, |cost| bound(cost) > known_cost);
+        let bound = bound(cost);
+        if bound > known_cost { None } else { Some(bound) }
     }
 
-    fn halve(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) {
+    fn halve(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, known_cost: f64) {
         let middle = entry.low + (entry.high - entry.low) / 2;
         for (low, high) in [(entry.low, middle), (middle + 1, entry.high)] {
             let half = Entry { low, high, ..*entry };
             // What will be evaluated one by one anyway needs no bound of its own beyond its parent's.
-            let bound = if high - low < LEAVES { entry.bound } else { self.bound(task, lattice, &half) };
-            self.heap.push(Entry { bound, ..half });
+            if high - low < LEAVES {
+                self.heap.push(half);
+                continue;
+            }
+            match self.bound(task, lattice, &half, known_cost) {
+                Some(bound) => self.heap.push(Entry { bound, ..half }),
+                None => self.later.push(Entry { refined: false, ..half }),
+            }
         }
     }
 
@@ -404,14 +459,22 @@ impl Search {
         low.is_none() || low != behind
     }
 
-    fn evaluate(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, judge: &mut impl Judge) {
+    fn evaluate(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        entry: &Entry,
+        known_cost: f64,
+        judge: &mut impl Judge,
+    ) {
         for d in entry.low..=entry.high {
             let leaf = Entry { leaf: true, low: d, high: d, ..*entry };
             if !self.may_hold(lattice, &leaf) || judge.fails_too(&self.candidate(task, lattice, &leaf)) {
                 continue;
             }
-            let bound = self.cost(task, lattice, &leaf);
-            self.heap.push(Entry { bound, ..leaf });
+            let bound = self.cost_until(task, lattice, &leaf, |cost| cost > known_cost);
+            let leaf = Entry { bound, ..leaf };
+            if bound > known_cost { self.later.push(leaf) } else { self.heap.push(leaf) }
         }
     }
 
@@ -430,32 +493,27 @@ impl Search {
     }
 
     /// Sum over samples and boxes of 1 / distance to the nearest corner: exact for a single candidate, a
-    /// lower bound for a range.
-    fn nearness(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
+    /// lower bound for a range; less where `is_enough` says so of what is summed up by then.
+    fn nearness(
+        &mut self,
+        task: &Task<'_>,
+        lattice: &Lattice,
+        entry: &Entry,
+        is_enough: impl Fn(f64) -> bool,
+    ) -> f64 {
         self.place(task, lattice, entry.lon as usize);
-        let lon = self.lons[entry.lon as usize];
-        let (n, places) = (lon.count, lon.places);
+        let Lon { count: n, places, .. } = self.lons[entry.lon as usize];
         let row = self.time_index(lattice, entry) * lattice.samples_s.len();
-        let (base_m, basis) = (&self.base_m[row..row + n], &self.basis[row..row + n]);
-        let (x, y) = (&self.arena.x[places..places + n], &self.arena.y[places..places + n]);
-        let normal_x = &self.arena.normal_x[places..places + n];
-        let normal_y = &self.arena.normal_y[places..places + n];
-        let Scratch { ax, ay, bx, by, near } = &mut self.scratch;
-        let (low_m, high_m) = (lattice.d_m[entry.low as usize], lattice.d_m[entry.high as usize]);
-        let ends = [(low_m, &mut *ax, &mut *ay), (high_m, &mut *bx, &mut *by)];
-        for (end_m, px, py) in ends {
-            let (px, py) = (&mut px[..n], &mut py[..n]);
-            for k in 0..n {
-                let d = base_m[k] + basis[k] * end_m;
-                px[k] = x[k] + normal_x[k] * d;
-                py[k] = y[k] + normal_y[k] * d;
-            }
-        }
-        let a = Points { x: &ax[..n], y: &ay[..n] };
-        if entry.low == entry.high {
-            return sum_nearness(&self.corners, a, None, &mut near[..n]);
-        }
-        sum_nearness(&self.corners, a, Some(Points { x: &bx[..n], y: &by[..n] }), &mut near[..n])
+        let beside = Beside {
+            x: &self.arena.x[places..places + n],
+            y: &self.arena.y[places..places + n],
+            normal_x: &self.arena.normal_x[places..places + n],
+            normal_y: &self.arena.normal_y[places..places + n],
+            base_m: &self.base_m[row..row + n],
+            basis: &self.basis[row..row + n],
+        };
+        let ends_m = [entry.low, entry.high].map(|d| lattice.d_m[d as usize]);
+        sum_nearness(&self.corners, &beside, ends_m, &mut self.ends, is_enough)
     }
 
     /// Computes where the line is at the samples of a pair, once.
@@ -473,4 +531,13 @@ impl Search {
             self.arena.normal_y.push(node.cos);
         }
     }
+}
+
+/// The cost of the parts that do not depend on obstacles.
+fn smooth(params: &Params, lateral: f64, longitudinal: f64) -> f64 {
+    params.weight_lateral * lateral + params.weight_longitudinal * longitudinal
+}
+
+fn least(costs: &[f64]) -> f64 {
+    costs.iter().fold(f64::INFINITY, |least, &cost| if cost < least { cost } else { least })
 }

@@ -5,7 +5,7 @@
 //! closed forms for the six words are those of A. M. Shkel and V. Lumelsky, "Classification of the Dubins
 //! set", 2001, section 3.
 
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 
 use swerve_geom::{Pose2, math};
 
@@ -27,6 +27,9 @@ const WORDS: [[f64; 3]; 6] = [
     [-1.0, 1.0, -1.0],
     [1.0, -1.0, 1.0],
 ];
+
+/// More than rounding makes of a word's length, in units of the radius.
+const BOUND_SLACK: f64 = 1e-6;
 
 /// The goal seen from the start in units of the radius (Shkel and Lumelsky, figure 2): distance, and the two
 /// headings against the line between the positions.
@@ -56,6 +59,54 @@ impl Relative {
         let ((sin_alpha, cos_alpha), (sin_beta, cos_beta)) = (math::sin_cos(alpha), math::sin_cos(beta));
         let cos_difference = cos_alpha * cos_beta + sin_alpha * sin_beta;
         Self { d, alpha, beta, sin_alpha, cos_alpha, sin_beta, cos_beta, cos_difference }
+    }
+
+    /// Length, index and lengths of the shortest word, of equals the first. Words that are sure to be longer than the
+    /// best so far are left out, from the one on that may be the shortest of all.
+    fn shortest(&self) -> (f64, usize, [f64; 3]) {
+        let at_least = self.at_least();
+        let mut promising = 0;
+        for (index, bound) in at_least.iter().enumerate() {
+            if *bound < at_least[promising] {
+                promising = index;
+            }
+        }
+        let mut best = (f64::INFINITY, 0, [0.0; 3]);
+        for index in core::iter::once(promising).chain((0..WORDS.len()).filter(|index| *index != promising)) {
+            if at_least[index] >= best.0 {
+                continue;
+            }
+            if let Some(lengths) = self.word(index) {
+                let total = lengths[0] + lengths[1] + lengths[2];
+                if total < best.0 || (total == best.0 && index < best.1) {
+                    best = (total, index, lengths);
+                }
+            }
+        }
+        best
+    }
+
+    /// For each word a length that it is not below, infinite where it does not exist: of its straight, and of the turn
+    /// that its two arcs make together to one side, or one against the other.
+    fn at_least(&self) -> [f64; 6] {
+        let d = self.d;
+        let (rise, sum) = (self.sin_alpha - self.sin_beta, self.sin_alpha + self.sin_beta);
+        let turned = self.beta - self.alpha;
+        let left = if turned < 0.0 { turned + TAU } else { turned };
+        let inside = (0.0..=TAU).contains(&left);
+        let (left, right) = if inside { (left, TAU - left) } else { (0.0, 0.0) };
+        // A full turn may as well be none.
+        let either = |turn: f64| if turn > TAU - BOUND_SLACK { 0.0 } else { turn };
+        let same_side = |side: f64, turn: f64| {
+            let square = 2.0 + d * d - 2.0 * self.cos_difference + 2.0 * d * side * rise;
+            square.max(0.0).sqrt() + either(turn) - BOUND_SLACK
+        };
+        let crossing = |side: f64| {
+            let square = d * d - 2.0 + 2.0 * self.cos_difference + 2.0 * d * side * sum;
+            if square < 0.0 { f64::INFINITY } else { square.sqrt() + left.min(right) - BOUND_SLACK }
+        };
+        let three_arcs = if d >= 4.0 { f64::INFINITY } else { PI - BOUND_SLACK };
+        [same_side(1.0, left), same_side(-1.0, right), crossing(1.0), crossing(-1.0), three_arcs, three_arcs]
     }
 
     /// The three lengths of word `index` in units of the radius; `None` where the word does not exist.
@@ -119,17 +170,7 @@ impl Relative {
 impl Dubins {
     /// The shortest path from pose to pose with turns of `radius_m` (positive).
     pub fn shortest(from: Pose2, to: Pose2, radius_m: f64) -> Self {
-        let relative = Relative::new(from, to, radius_m);
-        let mut best = (f64::INFINITY, 0, [0.0; 3]);
-        for index in 0..WORDS.len() {
-            if let Some(lengths) = relative.word(index) {
-                let total = lengths[0] + lengths[1] + lengths[2];
-                if total < best.0 {
-                    best = (total, index, lengths);
-                }
-            }
-        }
-        let (_, index, lengths) = best;
+        let (_, index, lengths) = Relative::new(from, to, radius_m).shortest();
         let piece =
             |i: usize| Piece { curvature_1pm: WORDS[index][i] / radius_m, length_m: lengths[i] * radius_m };
         Self { pieces: [piece(0), piece(1), piece(2)] }
@@ -143,8 +184,6 @@ impl Dubins {
 
 #[cfg(test)]
 mod tests {
-    use core::f64::consts::PI;
-
     use super::*;
     use proptest::prelude::*;
     use swerve_geom::angle_between;
@@ -157,6 +196,40 @@ mod tests {
 
     fn length(to: [f64; 3], radius_m: f64) -> f64 {
         Dubins::shortest(Pose2::default(), Pose2::new(to[0], to[1], to[2]), radius_m).length()
+    }
+
+    /// The first of the shortest words, all of them looked at.
+    fn of_all(relative: &Relative) -> (f64, usize, [f64; 3]) {
+        let mut best = (f64::INFINITY, 0, [0.0; 3]);
+        for index in 0..WORDS.len() {
+            let Some(lengths) = relative.word(index) else { continue };
+            let total = lengths[0] + lengths[1] + lengths[2];
+            if total < best.0 {
+                best = (total, index, lengths);
+            }
+        }
+        best
+    }
+
+    #[test]
+    fn words_that_are_left_out_are_longer() {
+        let mut rng = swerve_core::Rng::keyed(3, "dubins", &[]);
+        let round = [-PI, -0.5 * PI, 0.0, 0.5 * PI, PI];
+        for k in 0..20_000 {
+            let far = [0.5, 3.0, 20.0][k % 3];
+            let mut angle = || match k % 2 {
+                0 => rng.uniform(-PI, PI),
+                _ => round[rng.below(round.len())],
+            };
+            let (from_rad, to_rad) = (angle(), angle());
+            let (x, y) = (rng.uniform(-far, far), if k % 5 == 0 { 0.0 } else { rng.uniform(-far, far) });
+            let relative = Relative::new(Pose2::new(0.0, 0.0, from_rad), Pose2::new(x, y, to_rad), 1.0);
+            assert_eq!(relative.shortest(), of_all(&relative), "{from_rad} {to_rad} {x} {y}");
+            for (index, bound) in relative.at_least().into_iter().enumerate() {
+                let Some(lengths) = relative.word(index) else { continue };
+                assert!(lengths.iter().sum::<f64>() >= bound, "{index}: {lengths:?} {bound}");
+            }
+        }
     }
 
     #[test]

@@ -33,20 +33,35 @@ pub fn with_curvature(poses: &[Pose2]) -> Vec<PathPoint> {
         .collect()
 }
 
-/// The point `s_m` along a path; straight on beyond its end. The path has at least one point.
-pub fn along(path: &[PathPoint], s_m: f64) -> PathPoint {
-    let mut left_m = s_m;
-    for pair in path.windows(2) {
-        let gap_m = pair[0].pose.point().distance(pair[1].pose.point());
-        if left_m <= gap_m && gap_m > 0.0 {
-            let u = left_m / gap_m;
-            let curvature_1pm = pair[0].curvature_1pm + (pair[1].curvature_1pm - pair[0].curvature_1pm) * u;
-            return PathPoint { pose: between(pair[0].pose, pair[1].pose, u), curvature_1pm };
-        }
-        left_m -= gap_m;
+/// A path with the distances between its points.
+#[derive(Clone, Debug)]
+pub struct Measured<'a> {
+    path: &'a [PathPoint],
+    gaps_m: Vec<f64>,
+}
+
+impl<'a> Measured<'a> {
+    /// Of a path of at least one point.
+    pub fn new(path: &'a [PathPoint]) -> Self {
+        let gap_m = |pair: &[PathPoint]| pair[0].pose.point().distance(pair[1].pose.point());
+        Self { path, gaps_m: path.windows(2).map(gap_m).collect() }
     }
-    let last = path.last().copied().unwrap_or_default();
-    PathPoint { pose: last.pose.ahead(left_m.max(0.0)), curvature_1pm: 0.0 }
+
+    /// The point `s_m` along the path; straight on beyond its end.
+    pub fn at(&self, s_m: f64) -> PathPoint {
+        let mut left_m = s_m;
+        for (pair, &gap_m) in self.path.windows(2).zip(&self.gaps_m) {
+            if left_m <= gap_m && gap_m > 0.0 {
+                let u = left_m / gap_m;
+                let curvature_1pm =
+                    pair[0].curvature_1pm + (pair[1].curvature_1pm - pair[0].curvature_1pm) * u;
+                return PathPoint { pose: between(pair[0].pose, pair[1].pose, u), curvature_1pm };
+            }
+            left_m -= gap_m;
+        }
+        let last = self.path.last().copied().unwrap_or_default();
+        PathPoint { pose: last.pose.ahead(left_m.max(0.0)), curvature_1pm: 0.0 }
+    }
 }
 
 /// Points along pieces from `start`, its own first and the end of the last piece last.

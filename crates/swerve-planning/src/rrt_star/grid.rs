@@ -7,9 +7,9 @@ const NONE: u32 = u32::MAX;
 /// Cells at most: the side of a cell grows where an area would need more.
 const CELLS_MAX: f64 = 16_384.0;
 
-/// Points by place, in the order in which they came.
+/// Points by place, in the order in which they came; places and distances in metres.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Grid {
+pub struct Grid {
     x_m: f64,
     y_m: f64,
     side_m: f64,
@@ -26,7 +26,7 @@ pub(crate) struct Grid {
 
 impl Grid {
     /// Forgets all points. Cells have about the given side; points outside `bounds` count to the cells at its edge.
-    pub(crate) fn begin(&mut self, bounds: [f64; 4], side_m: f64, points_max: usize) {
+    pub fn begin(&mut self, bounds: [f64; 4], side_m: f64, points_max: usize) {
         let (width_m, height_m) = ((bounds[2] - bounds[0]).max(1e-3), (bounds[3] - bounds[1]).max(1e-3));
         self.side_m = side_m.clamp(0.25, 4.0).max((width_m * height_m / CELLS_MAX).sqrt());
         (self.x_m, self.y_m) = (bounds[0], bounds[1]);
@@ -47,7 +47,7 @@ impl Grid {
     }
 
     /// Adds a point; its index is the number of points before it.
-    pub(crate) fn push(&mut self, point: Point2) {
+    pub fn push(&mut self, point: Point2) {
         let (ix, iy) = self.cell(point);
         let cell = &mut self.first[(iy * self.nx + ix) as usize];
         self.before.push(*cell);
@@ -69,7 +69,7 @@ impl Grid {
     }
 
     /// The nearest point, of equals the oldest. There is at least one point.
-    pub(crate) fn nearest(&self, to: Point2) -> u32 {
+    pub fn nearest(&self, to: Point2) -> u32 {
         let (cx, cy) = self.cell(to);
         let [x0, y0, x1, y1] = self.used;
         let mut best = (f64::INFINITY, NONE);
@@ -106,7 +106,7 @@ impl Grid {
     }
 
     /// Calls `visit` with every point within `radius_m`.
-    pub(crate) fn within(&self, of: Point2, radius_m: f64, mut visit: impl FnMut(u32)) {
+    pub fn within(&self, of: Point2, radius_m: f64, mut visit: impl FnMut(u32)) {
         let low = self.cell(Point2::new(of.x_m - radius_m, of.y_m - radius_m));
         let high = self.cell(Point2::new(of.x_m + radius_m, of.y_m + radius_m));
         for iy in low.1..=high.1 {

@@ -16,6 +16,10 @@ pub trait Space {
     fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2;
     /// Whether the way is free when it begins after `travelled_m`.
     fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool;
+    /// Whether all stands, so that a way that is not free never will be.
+    fn stands(&self) -> bool {
+        false
+    }
 }
 
 /// How the tree grows.
@@ -86,17 +90,31 @@ struct Neighbour {
     cost_m: f64,
 }
 
+/// A place where short ways are known to bend, not in the tree yet.
+#[derive(Clone, Copy, Debug)]
+struct Guide {
+    pose: Pose2,
+    /// First of its words in `blocked`.
+    row: usize,
+}
+
 /// The tree and its memory, kept between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Tree {
     nodes: Vec<Node>,
     grid: Grid,
     near: Vec<Neighbour>,
+    /// Those of `near` that are still to be tried, the cheapest last, where the first few do not do.
+    order: Vec<Neighbour>,
     stack: Vec<u32>,
     /// Nodes with a free way to the goal, with its length.
     arrived: Vec<(u32, f64)>,
+    /// Length of the best path, infinite before the first.
+    best_m: f64,
     /// Guides that are not in the tree yet.
-    guides: Vec<Pose2>,
+    guides: Vec<Guide>,
+    /// Guide x node, in bits: ways that are known not to be free.
+    blocked: Vec<u64>,
     /// Guides that are.
     guide_nodes: Vec<u32>,
     /// Iterations of the newest growth.
@@ -105,6 +123,9 @@ pub struct Tree {
 
 /// Draws of a place that could shorten the path before giving up on one that can.
 const DRAWS_MAX: usize = 24;
+
+/// So many of the cheapest ways are looked for one by one before the rest are sorted.
+const UNSORTED: usize = 2;
 
 /// A gain below this is none, metres.
 const GAIN_M: f64 = 1e-9;
@@ -123,7 +144,7 @@ impl Tree {
         self.begin(growth, aim);
         if growth.until == Until::Spent {
             self.try_goal(space, 0, goal);
-            if self.best_m() <= space.length_m(start, goal) + GAIN_M {
+            if self.best_m <= space.length_m(start, goal) + GAIN_M {
                 return true;
             }
         }
@@ -144,12 +165,18 @@ impl Tree {
         self.nodes.reserve(growth.iterations_max as usize + 1);
         self.near.clear();
         self.near.reserve(growth.iterations_max as usize + 1);
+        self.order.clear();
+        self.order.reserve(growth.iterations_max as usize + 1);
         self.stack.clear();
         self.stack.reserve(growth.iterations_max as usize + 1);
         self.arrived.clear();
         self.arrived.reserve(growth.iterations_max as usize + 1);
+        self.best_m = f64::INFINITY;
+        let words = (growth.iterations_max as usize + 1).div_ceil(64);
         self.guides.clear();
-        self.guides.extend_from_slice(guides);
+        self.guides.extend(guides.iter().enumerate().map(|(k, &pose)| Guide { pose, row: k * words }));
+        self.blocked.clear();
+        self.blocked.resize(guides.len() * words, 0);
         self.guide_nodes.clear();
         self.guide_nodes.reserve(guides.len());
         self.grid.begin(bounds, growth.radius_max_m, growth.iterations_max as usize + 1);
@@ -184,13 +211,13 @@ impl Tree {
         let n = self.nodes.len() as f64;
         let radius_m = (growth.gamma_m2 / core::f64::consts::PI * math::ln(n.max(2.0)) / n).sqrt();
         self.collect_near(space, pose, radius_m.min(growth.radius_max_m), nearest);
-        let Some(node) = self.connect(space, pose) else { return false };
+        let Some(node) = self.connect(space, pose, None) else { return false };
         self.rewire(space, node);
         match growth.until {
             Until::Arrival(near_m) => {
                 let arrives = pose.point().distance(goal.point()) < near_m;
                 if arrives {
-                    self.arrived.push((node, 0.0));
+                    self.arrive(node, 0.0);
                 }
                 arrives
             }
@@ -216,14 +243,14 @@ impl Tree {
     /// Whether even the straight way through `pose` is no shorter than the best path.
     fn is_useless(&self, pose: Pose2, aim: &Aim<'_>) -> bool {
         let p = pose.point();
-        let straight_m = aim.start.point().distance(p) + p.distance(aim.goal.point());
-        !self.arrived.is_empty() && straight_m >= self.best_m()
+        let straight_m = || aim.start.point().distance(p) + p.distance(aim.goal.point());
+        !self.arrived.is_empty() && straight_m() >= self.best_m
     }
 
     /// Joins one of the guides to the tree, over all nodes it could be joined to.
     fn add_guide(&mut self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) {
         let index = rng.below(self.guides.len());
-        let pose = self.guides[index];
+        let Guide { pose, row } = self.guides[index];
         if self.is_useless(pose, aim) {
             self.guides.swap_remove(index);
             return;
@@ -233,7 +260,8 @@ impl Tree {
             self.near.push(Neighbour { node, cost_m: 0.0 });
         }
         self.price(space, pose);
-        let Some(node) = self.connect(space, pose) else { return };
+        let row = space.stands().then_some(row);
+        let Some(node) = self.connect(space, pose, row) else { return };
         self.guides.swap_remove(index);
         self.guide_nodes.push(node);
         self.rewire(space, node);
@@ -253,7 +281,7 @@ impl Tree {
 
     /// Prices the ways over each of `near` to `pose`, and drops those that cannot be part of a better path.
     fn price(&mut self, space: &impl Space, pose: Pose2) {
-        let (nodes, best_m) = (&self.nodes, self.best_m());
+        let (nodes, best_m) = (&self.nodes, self.best_m);
         self.near.retain_mut(|n| {
             let node = &nodes[n.node as usize];
             if node.cost_m + node.pose.point().distance(pose.point()) >= best_m {
@@ -264,23 +292,44 @@ impl Tree {
         });
     }
 
-    /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed,
-    /// and as a rule the first few are enough, so nothing is sorted.
-    fn connect(&mut self, space: &impl Space, pose: Pose2) -> Option<u32> {
-        loop {
+    /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed:
+    /// as a rule the first few are enough, and the rest need not be sorted. `row`: that of a guide where all stands.
+    fn connect(&mut self, space: &impl Space, pose: Pose2, row: Option<usize>) -> Option<u32> {
+        let by_cost = |a: &Neighbour, b: &Neighbour| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node));
+        for _ in 0..UNSORTED {
             let open = self.near.iter_mut().filter(|n| n.cost_m < f64::INFINITY);
-            let cheapest = open.min_by(|a, b| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node)))?;
-            let cost_m = core::mem::replace(&mut cheapest.cost_m, f64::INFINITY);
-            let (parent, node) = (cheapest.node, &self.nodes[cheapest.node as usize]);
-            if space.free(node.pose, pose, node.cost_m) {
-                return Some(self.push(pose, parent, cost_m));
+            let cheapest = open.min_by(|a, b| by_cost(a, b))?;
+            let Neighbour { node, cost_m } = *cheapest;
+            cheapest.cost_m = f64::INFINITY;
+            if self.is_free(space, node, pose, row) {
+                return Some(self.push(pose, node, cost_m));
             }
         }
+        self.order.clear();
+        self.order.extend(self.near.iter().filter(|n| n.cost_m < f64::INFINITY));
+        self.order.sort_unstable_by(|a, b| by_cost(b, a));
+        while let Some(Neighbour { node, cost_m }) = self.order.pop() {
+            if self.is_free(space, node, pose, row) {
+                return Some(self.push(pose, node, cost_m));
+            }
+        }
+        None
+    }
+
+    /// Whether the way from `node` to `pose` is free; that it is not is noted in the guide's row.
+    fn is_free(&mut self, space: &impl Space, node: u32, pose: Pose2, row: Option<usize>) -> bool {
+        let from = &self.nodes[node as usize];
+        let Some(row) = row else { return space.free(from.pose, pose, from.cost_m) };
+        let (word, bit) = (&mut self.blocked[row + node as usize / 64], 1 << (node % 64));
+        let is_free = *word & bit == 0 && space.free(from.pose, pose, from.cost_m);
+        *word |= if is_free { 0 } else { bit };
+        is_free
     }
 
     /// Leads nodes of `near` over `node` where that is shorter.
     fn rewire(&mut self, space: &impl Space, node: u32) {
         let Node { pose, cost_m, parent, .. } = self.nodes[node as usize];
+        let mut lowered = false;
         for i in 0..self.near.len() {
             let other = self.near[i].node;
             let at = self.nodes[other as usize];
@@ -293,7 +342,11 @@ impl Tree {
                 self.disown(other);
                 self.adopt(node, other);
                 self.lower(other, at.cost_m - new_m);
+                lowered = true;
             }
+        }
+        if lowered {
+            self.best_m = self.least_m();
         }
     }
 
@@ -332,18 +385,28 @@ impl Tree {
     /// Notes that `node` reaches the goal, if it does by a shorter path than all before.
     fn try_goal(&mut self, space: &impl Space, node: u32, goal: Pose2) {
         let Node { pose, cost_m, .. } = self.nodes[node as usize];
-        let best_m = self.best_m();
+        let best_m = self.best_m;
         if cost_m + pose.point().distance(goal.point()) >= best_m - GAIN_M {
             return;
         }
         let last_m = space.length_m(pose, goal);
         if cost_m + last_m < best_m - GAIN_M && space.free(pose, goal, cost_m) {
-            self.arrived.push((node, last_m));
+            self.arrive(node, last_m);
         }
+    }
+
+    /// Takes `node` for one that reaches the goal over another `last_m`.
+    fn arrive(&mut self, node: u32, last_m: f64) {
+        self.arrived.push((node, last_m));
+        self.best_m = self.best_m.min(self.nodes[node as usize].cost_m + last_m);
     }
 
     /// Length of the best path, infinite before the first.
     pub fn best_m(&self) -> f64 {
+        self.best_m
+    }
+
+    fn least_m(&self) -> f64 {
         self.arrived
             .iter()
             .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
@@ -365,6 +428,7 @@ impl Tree {
             at = nodes[at as usize].parent;
         }
         poses.reverse();
+        self.best_m = self.least_m();
         Some(cost_m)
     }
 }

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use swerve_planning::fot::candidate::{Outcome, Priced};
+use swerve_planning::fot::motion::Hints;
 
 use super::driven::driven_off_m;
 
@@ -300,7 +301,7 @@ fn table() {
                 let posed = Posed::new(problem, config, preset).unwrap();
                 let task = posed.task();
                 let passes = recorded_candidate(&posed, theirs)
-                    .is_some_and(|c| task.checks.hold(task.line, &c.motion, c.last_s, &mut None));
+                    .is_some_and(|c| task.checks.hold(task.line, &c.motion, c.last_s, &mut Hints::default()));
                 compared += usize::from(passes);
                 if solution.found && theirs.success == 1 && solution.cost > theirs.cf + 0.01 {
                     dearer.push(format!(

@@ -128,17 +128,20 @@ impl Bender {
 pub(super) fn pieces_free(boxes: &Boxes, start: Pose2, pieces: &[Piece]) -> bool {
     let mut from = start;
     for &piece in pieces {
+        let to = advance(from, piece.curvature_1pm, piece.length_m);
         let mut last = from.point();
         let step_m = if piece.curvature_1pm == 0.0 { f64::INFINITY } else { CHORD_M };
-        let free = walk(from, piece, step_m, |point, _, _| {
-            let free = boxes.segment_free(last, point) && boxes.point_free(point);
-            last = point;
-            free
-        });
+        let surely = boxes.all_free(last, to.point(), piece.length_m);
+        let free = surely
+            || walk(from, piece, step_m, |point, _, _| {
+                let free = boxes.segment_free(last, point) && boxes.point_free(point);
+                last = point;
+                free
+            });
         if !free {
             return false;
         }
-        from = advance(from, piece.curvature_1pm, piece.length_m);
+        from = to;
     }
     true
 }

@@ -17,6 +17,9 @@ pub(crate) struct Boxes {
 /// How far a way may enter a box before that counts, metres: rounding.
 const TOUCH_M: f64 = 1e-9;
 
+/// More than rounding makes of places along a way, metres.
+const SURE_M: f64 = 1e-6;
+
 impl Boxes {
     /// Replaces the content by `boxes` grown by `by_m`, keeping the storage.
     pub(crate) fn set(&mut self, boxes: &[AxisBox], by_m: f64, bounds: AxisBox) {
@@ -35,12 +38,32 @@ impl Boxes {
     /// Whether the straight way between two points within bounds enters no box.
     pub(crate) fn segment_free(&self, from: Point2, to: Point2) -> bool {
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
+        let (low, high) =
+            ([from.x_m.min(to.x_m), from.y_m.min(to.y_m)], [from.x_m.max(to.x_m), from.y_m.max(to.y_m)]);
         !self.boxes.iter().any(|b| {
+            let inner = [b[0] + TOUCH_M, b[1] + TOUCH_M, b[2] - TOUCH_M, b[3] - TOUCH_M];
+            // As a rule both ends lie to one side of the box.
+            if high[0] <= inner[0] || low[0] >= inner[2] || high[1] <= inner[1] || low[1] >= inner[3] {
+                return false;
+            }
             // The part of the way between the box's two verticals and two horizontals.
-            let x = between(from.x_m, dx, b[0] + TOUCH_M, b[2] - TOUCH_M);
-            let y = between(from.y_m, dy, b[1] + TOUCH_M, b[3] - TOUCH_M);
+            let x = between(from.x_m, dx, inner[0], inner[2]);
+            let y = between(from.y_m, dy, inner[1], inner[3]);
             x.0.max(y.0).max(0.0) < x.1.min(y.1).min(1.0)
         })
+    }
+
+    /// Whether all ways between two points that are no longer than `length_m` are free, for sure: they lie within bounds
+    /// and meet no box.
+    pub(crate) fn all_free(&self, from: Point2, to: Point2, length_m: f64) -> bool {
+        // Places of such a way are in an ellipse around the two.
+        let by_m = 0.5 * (length_m - from.distance(to)).max(0.0) + SURE_M;
+        let low = [from.x_m.min(to.x_m) - by_m, from.y_m.min(to.y_m) - by_m];
+        let high = [from.x_m.max(to.x_m) + by_m, from.y_m.max(to.y_m) + by_m];
+        let b = &self.bounds;
+        let within = b[0] <= low[0] && b[1] <= low[1] && high[0] <= b[2] && high[1] <= b[3];
+        let beside = |b: &AxisBox| high[0] <= b[0] || low[0] >= b[2] || high[1] <= b[1] || low[1] >= b[3];
+        within && self.boxes.iter().all(beside)
     }
 
     /// The corners of the boxes that the point may be at: shortest ways bend nowhere else.
@@ -86,6 +109,10 @@ impl Space for Boxes {
     fn free(&self, from: Pose2, to: Pose2, _: f64) -> bool {
         self.segment_free(from.point(), to.point())
     }
+
+    fn stands(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]
@@ -109,6 +136,10 @@ mod tests {
         check((1.5, 1.5), (1.5, 1.6), false);
         check((1.5, 0.0), (1.5, 1.0), true);
         check((1.5, 0.0), (1.5, 1.1), false);
+        for (length_m, sure) in [(2.0, true), (2.4, false)] {
+            let [from, to] = [(0.5, 0.8), (2.5, 0.8)].map(|(x, y)| Point2::new(x, y));
+            assert_eq!(boxes.all_free(from, to, length_m), sure, "{length_m}");
+        }
         check((0.0, 1.5), (0.9, 1.5), true);
         assert!(!boxes.point_free(Point2::new(1.5, 1.5)));
         assert!(boxes.point_free(Point2::new(1.0, 1.5)));
