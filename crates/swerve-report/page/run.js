@@ -17,6 +17,7 @@ function showRun(page) {
     drives ? section("timeline", "Time line", ...timeline([{ run: page }], moment, { marks: marksOf(page) })) : "",
     gantt ? section("operators", "Operators", gantt.node()) : "",
     gantt ? section("times", "Run times", runTimes(page)) : "",
+    page.tables?.length ? section("tables", "Counts", ...page.tables.flatMap(({ title, columns, rows }) => [el("h3", {}, title), table(columns, rows, { sort: true })])) : "",
     page.metrics ? section("metrics", "Metrics", figures(page.metrics)) : "",
     page.config ? section("configuration", "Configuration", configuration(page)) : "",
     section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
