@@ -441,7 +441,7 @@ mod tests {
         assert_eq!(lines[0].trim(), "speed_mps");
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
         let (one, two) = ("1/1 (0.21-1.00)", "1/2 (0.09-0.91)");
-        assert_eq!(lines[2], format!("fot              {two}          {one}"));
+        assert_eq!(lines[2], format!("fot            {two}        {one}"));
         assert_eq!(lines[3].trim(), "2 on road (0.34-1.00)  1 on road (0.21-1.00)");
         assert_eq!(lines[4].trim(), "impact 12.0 m/s");
         assert_eq!(grid.squares[0].share(), Some(0.5));
