@@ -8,11 +8,12 @@ pub use log::{page_of_log, pair_of_logs};
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
-use swerve_msg::ActorId;
+use swerve_geom::FrenetPoint;
+use swerve_msg::{ActorId, Route};
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
-use swerve_report::page::{Changed, Collector, Have, Input, Page, Rows, RunPage};
-use swerve_scenario::Scenario;
+use swerve_report::page::{Changed, Collector, Have, Input, Light, Page, Rows, RunPage};
+use swerve_scenario::{Road, Scenario, TrafficLight};
 use swerve_stack::Assembly;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -71,6 +72,7 @@ impl RunReport {
         let shape = outline(&pipeline.vehicle.shape);
         let scenario = &pipeline.scenario;
         self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
+        self.collector.set_lights(lights(&scenario.road, &pipeline.route));
         self.collector.keep_photos(config.log.images != Images::None);
         // Actors are numbered in the order of the scenario, from 1.
         let names = scenario.actors.iter().zip(1..);
@@ -130,6 +132,26 @@ impl Observer for RunReport {
     }
 }
 
+/// The traffic lights of a road.
+fn lights(road: &Road, route: &Route) -> Vec<Light> {
+    let cm = |s_m: f64, d_m: f64| {
+        let point = route.unproject(FrenetPoint { s_m, d_m });
+        [point.x_m, point.y_m].map(|m| (m * 100.0).round() as i64)
+    };
+    let us = |s: f64| (s * 1e6).round() as i64;
+    let one = |light: &TrafficLight| {
+        let [left, right] = [road.left_m, -road.right_m].map(|d_m| cm(light.stop_s_m, d_m));
+        Light {
+            name: light.name.clone(),
+            at: cm(light.s_m, light.d_m),
+            stop: [left[0], left[1], right[0], right[1]],
+            phases: [light.green_s, light.yellow_s, light.red_s].map(us),
+            offset: us(light.offset_s),
+        }
+    };
+    road.lights.iter().map(one).collect()
+}
+
 fn set_inputs(collector: &mut Collector, assembly: &Assembly) {
     for placed in assembly.operators() {
         let edges = placed.inputs.iter().flat_map(|input| &input.from);
@@ -167,8 +189,14 @@ fn changed(config: &Config) -> Vec<Changed> {
         flatten("", &table, &mut keys);
         keys
     };
-    let empty = Document::parse("defaults", String::new()).ok();
-    let default = empty.and_then(|none| Config::from_document_with(&config.registry, &none, &[]).ok());
+    let of = |text: String| {
+        let document = Document::parse("defaults", text).ok()?;
+        Config::from_document_with(&config.registry, &document, &[]).ok()
+    };
+    // A sensor that is set up differs from one of its name that says nothing more; that it is there at all is told too.
+    let sensors = sensors(config);
+    let tables: String = sensors.iter().map(|sensor| format!("[{sensor}]\n")).collect();
+    let default = of(tables).or_else(|| of(String::new()));
     let (mut own, usual) = (flat(config), default.as_ref().map_or_else(Vec::new, flat));
     let value_of = |all: &[(String, String)], key: &str| {
         all.iter().find(|(k, _)| k == key).map_or_else(String::new, |(_, value)| value.clone())
@@ -176,8 +204,18 @@ fn changed(config: &Config) -> Vec<Changed> {
     let gone = usual.iter().filter(|(key, _)| own.iter().all(|(k, _)| k != key));
     let gone: Vec<_> = gone.map(|(key, _)| (key.clone(), String::new())).collect();
     own.extend(gone);
+    let there =
+        sensors.into_iter().map(|key| Changed { key, value: "set up".into(), default: String::new() });
     let changes = own.into_iter().map(|(key, value)| Changed { default: value_of(&usual, &key), key, value });
-    changes.filter(|change| change.value != change.default).collect()
+    there.chain(changes.filter(|change| change.value != change.default)).collect()
+}
+
+/// The tables of a configuration's cameras, lidars and radars.
+fn sensors(config: &Config) -> Vec<String> {
+    let table = |kind: &'static str| move |name: &String| format!("{kind}.{name}");
+    let cameras = config.camera.keys().map(table("camera"));
+    let lidars = config.lidar.keys().map(table("lidar"));
+    cameras.chain(lidars).chain(config.radar.keys().map(table("radar"))).collect()
 }
 
 fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, String)>) {

@@ -4,22 +4,21 @@ const CHART = { width: 1100, left: 58, right: 14, top: 18, bottom: 22 };
 
 /**
  * A panel of curves. `curves`: [{ name, t, y, dash, colour }], `limits`: numbers at which dotted lines stand, with a
- * text. A click or a drag sets the moment; an upright line shows it.
+ * text. The axis spans `least` at least, so that noise does not fill it. A click or a drag sets the moment; an upright
+ * line shows it.
  */
-function timePanel({ title, unit, curves, limits = [], limitText = "", end, moment, height = 120, marks = [] }) {
+function timePanel({ title, unit, curves, limits = [], limitText = "", end, moment, height = 120, marks = [], least = 0.5 }) {
   const values = curves.flatMap((curve) => curve.y);
   const near = values.reduce(([low, high], y) => [Math.min(low, y), Math.max(high, y)], [0, 0]);
-  const [low, high] = padded(near);
+  const [low, high] = padded(near, least);
   const [x, y] = scales([0, end / 1e6], [low, high], height);
   const node = svg("svg", { class: "chart", viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": `${title} over time` });
   axes(node, { x, y, range: [0, end / 1e6], low, high, height });
   for (const limit of limits.filter((limit) => limit >= low && limit <= high)) {
     node.append(svg("path", { d: `M${CHART.left} ${y(limit)}H${CHART.width - CHART.right}`, stroke: "var(--alarm)", "stroke-dasharray": "2 4", fill: "none" }));
-    node.append(svg("text", { x: CHART.width - CHART.right - 3, y: y(limit) - 3, "text-anchor": "end", class: "soft" }, limitText));
+    node.append(svg("text", { x: CHART.width - CHART.right - 3, y: y(limit) + (limit < 0 ? 11 : -3), "text-anchor": "end", class: "soft" }, limitText));
   }
-  for (const mark of marks) {
-    node.append(svg("path", { d: `M${x(mark.t / 1e6)} ${CHART.top}V${height - CHART.bottom}`, stroke: "var(--sight)", "stroke-width": 2, "stroke-dasharray": "6 3" }, svg("title", {}, mark.text)));
-  }
+  for (const mark of marks) node.append(upright(mark, x, CHART.top, height - CHART.bottom));
   for (const curve of curves) {
     node.append(svg("path", { d: line(curve, x, y), stroke: curve.colour ?? "var(--ego)", "stroke-dasharray": curve.dash, "stroke-width": 1.6, fill: "none", "stroke-linejoin": "round" }));
   }
@@ -47,6 +46,36 @@ function timePanel({ title, unit, curves, limits = [], limitText = "", end, mome
   return node;
 }
 
+/** The line of a mark. */
+function upright(mark, x, top, bottom) {
+  const look = mark.isStep ? { "stroke-width": 1, "stroke-dasharray": "2 2" } : { "stroke-width": 2, "stroke-dasharray": "6 3" };
+  return svg("path", { d: `M${x(mark.t / 1e6)} ${top}V${bottom}`, stroke: "var(--sight)", ...look }, svg("title", {}, `${mark.text}, ${seconds(mark.t, 2)}`));
+}
+
+/** What the marks of all panels are, above these: each text beside its line, in the first row that is free there. */
+function markStrip({ marks, end, moment }) {
+  const [x] = scales([0, end / 1e6], [0, 1], 100);
+  const rows = [];
+  const placed = [...marks].sort((a, b) => a.t - b.t).map((mark) => {
+    const text = `${mark.text} ${fixed(mark.t / 1e6)} s`;
+    const width = 6.3 * text.length + 10;
+    const at = x(mark.t / 1e6);
+    const left = at + width > CHART.width ? at - width : at;
+    const free = rows.findIndex((right) => right <= left);
+    const row = free < 0 ? rows.length : free;
+    rows[row] = Math.max(left + width, at + 3);
+    return { mark, text, at, row, flips: left < at };
+  });
+  const height = 8 + 15 * rows.length;
+  const node = svg("svg", { class: "chart", id: "steps", viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": "steps of the chain over time" });
+  for (const { mark, text, at, row, flips } of placed) {
+    const foot = 15 + 15 * row;
+    node.append(upright(mark, x, foot - 9, height));
+    node.append(svg("text", { x: at + (flips ? -4 : 4), y: foot, "text-anchor": flips ? "end" : "start", style: "cursor:pointer", click: () => moment.set(mark.t) }, text));
+  }
+  return node;
+}
+
 /** A range with room around it, and never so narrow that noise fills it. */
 function padded([low, high], least = 0.5) {
   const room = Math.max(0.06 * (high - low), 0.5 * Math.max(0, least - (high - low)));
@@ -69,7 +98,7 @@ function axes(node, { x, y, range, low, high, height, unit = "s" }) {
     node.append(svg("path", { d: `M${x(at)} ${CHART.top}V${height - CHART.bottom}`, stroke: "var(--rule)" }));
     node.append(svg("text", { x: x(at), y: height - 7, "text-anchor": "middle", class: "soft" }, `${fixed(at, across.decimals)} ${unit}`.trim()));
   }
-  const up = ticks(low, high, height > 150 ? 6 : 3);
+  const up = [3, 4, 5, 6, 8].slice(height > 150 ? 3 : 0).map((about) => ticks(low, high, about)).find(({ places }) => places.length >= 3) ?? ticks(low, high, 8);
   for (const at of up.places) {
     node.append(svg("path", { d: `M${CHART.left} ${y(at)}H${CHART.width - CHART.right}`, stroke: at === 0 ? "var(--edge)" : "var(--rule)" }));
     node.append(svg("text", { x: CHART.left - 6, y: y(at) + 4, "text-anchor": "end", class: "soft" }, fixed(at, up.decimals)));

@@ -41,7 +41,7 @@ function settings(a, b) {
   return rows.length === 0 ? el("p", {}, a.scenario === b.scenario ? "Nothing." : `The scenario: ${a.scenario} and ${b.scenario}.`) : table(["key", "first", "second"], rows);
 }
 
-/** Single figures of both, those that differ first. */
+/** Single metrics of both, those that differ first. */
 function sideBySide(a, b) {
   const flat = (metrics) => {
     const found = new Map();
@@ -60,7 +60,7 @@ function sideBySide(a, b) {
   const difference = (x, y) => (typeof x === "number" && typeof y === "number" ? `${y > x ? "+" : ""}${plain(y - x)}` : x === y ? "" : "differs");
   const rows = keys.map((key) => [key, plain(of.get(key)), plain(other.get(key)), of.get(key) === other.get(key) ? "" : difference(of.get(key), other.get(key))]);
   const differs = (row) => row[3] !== "";
-  return table(["figure", "first", "second", "difference"], [...rows.filter(differs), ...rows.filter((row) => !differs(row))], { rowClass: (row) => (differs(row) ? "differs" : null) });
+  return table(["metric", "first", "second", "difference"], [...rows.filter(differs), ...rows.filter((row) => !differs(row))], { rowClass: (row) => (differs(row) ? "differs" : null) });
 }
 
 /** Two studies: cells of the same labels beside each other. */
@@ -78,13 +78,14 @@ function showStudies(page) {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
     const row = ([x, y]) => [...x.labels, x.verdict, y.verdict, plain(x.min_distance_m), plain(y.min_distance_m), el("button", { click: () => place.after(commandLine(x.command), commandLine(y.command)) }, "commands")];
     const rows = differ.filter(([x, y]) => words.every((word) => [...x.labels, x.verdict, y.verdict].join(" ").toLowerCase().includes(word))).map(row);
-    place.replaceChildren(table([...a.axes, "first", "second", "closest m, first", "second", ""], rows, { sort: true, empty: "all verdicts are the same" }));
+    const empty = pairs.length === 0 ? "no cell is in both: there is nothing to compare" : differ.length === 0 ? `the verdicts of all ${pairs.length} cells in both are the same` : "no cell is left by the filter";
+    place.replaceChildren(table([...a.axes, "first", "second", "closest m, first", "second", ""], rows, { sort: true, empty }));
   };
   search.addEventListener("input", show);
   document.getElementById("page").append(
     el("header", {}, el("h1", {}, "Two studies"), el("p", { class: "soft" }, `Swerve ${page.version} · first: ${a.title} · second: ${b.title}`)),
     comparable ? "" : el("p", { class: "note" }, `Their axes differ (${a.axes.join(", ")}; ${b.axes.join(", ")}): no cell of the one has a fellow in the other.`),
-    section("verdicts", "Verdicts", el("p", {}, `${pairs.length} cells are in both; the verdict of ${differ.length} differs. Down: the first, across: the second.`), confusion(pairs)),
+    section("verdicts", "Verdicts", ...(pairs.length === 0 ? [el("p", {}, "No finished cell is in both.")] : [el("p", {}, `${pairs.length} cells are in both; the verdict of ${differ.length} differs. Down: the first, across: the second.`), confusion(pairs)])),
     section("cells", "Where they part", el("div", { class: "bar" }, search), place),
     section("heat", "Heat maps", el("div", { class: "two" }, ...[a, b].map((study) => {
       const view = new StudyView(study);

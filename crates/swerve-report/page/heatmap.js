@@ -2,23 +2,26 @@
 
 /** What a square can show: its number of so many cells, text below, and how good it is from 0 to 1. */
 const MEASURES = {
-  "ended well": rate((cell, study) => isGood(cell, study)),
+  "ended well": rate((cell, study) => isGood(cell, study), (cell) => cell.verdict === "stopped"),
   "nothing hit": rate((cell) => cell.no_collision),
   "on the road": rate((cell) => cell.on_road),
   "impact speed, m/s": median((cell) => cell.impact_speed_mps, true),
   "closest, m": median((cell) => cell.min_distance_m),
-  "lateral jerk, m/s³": median((cell) => cell.lateral_jerk_mps3, true),
+  "lateral jerk, m/s³": median((cell) => cell.lateral_jerk_max, true),
   "response p50, ms": median((cell) => cell.response_p50_ms, true),
   "response p99, ms": median((cell) => cell.response_p99_ms, true),
   "missed deadlines": median((cell) => cell.misses, true),
-  "latency budget, ms": median((cell) => cell.budget_ms),
+  "latency budget, ms": { ...median((cell) => cell.budget_ms), fromZero: true },
 };
 
 const isGood = (cell, study) => study.good.includes(cell.verdict);
 const isDone = (cell) => cell.verdict != null && cell.verdict !== "failed";
 
-/** A measure that counts cells: its value is the share, with Wilson's 95 % interval. */
-function rate(holds) {
+/**
+ * A measure that counts cells: its value is the share, with Wilson's 95 % interval. Cells that are `apart` are neither
+ * good nor bad: a square shows their share hatched, and is coloured by the rest, as in the picture of the study.
+ */
+function rate(holds, apart = () => false) {
   return {
     isRate: true,
     of(cells, study) {
@@ -26,7 +29,9 @@ function rate(holds) {
       if (done.length === 0) return null;
       const hits = done.filter((cell) => holds(cell, study)).length;
       const [low, high] = wilson(hits, done.length);
-      return { value: hits / done.length, low, high, text: `${hits} of ${done.length}`, small: `${fixed(low)}–${fixed(high)}`, n: done.length };
+      const aside = done.filter(apart).length;
+      const shade = aside < done.length ? hits / (done.length - aside) : null;
+      return { value: hits / done.length, low, high, text: `${hits} of ${done.length}`, small: `${fixed(low)}–${fixed(high)}`, shade, apart: aside / done.length };
     },
   };
 }
@@ -39,7 +44,7 @@ function median(read, lessIsBetter = false) {
       const values = cells.filter(isDone).map(read).filter((value) => value != null).sort((a, b) => a - b);
       if (values.length === 0) return null;
       const [low, value, high] = [0.25, 0.5, 0.75].map((share) => quantile(values, share));
-      return { value, low, high, text: short(value), small: values.length > 1 ? `${short(low)}–${short(high)} of ${values.length}` : "", n: values.length };
+      return { value, low, high, text: short(value), small: values.length > 1 ? `${short(low)}–${short(high)} of ${values.length}` : "", shade: value, apart: 0 };
     },
   };
 }
@@ -79,14 +84,14 @@ function heatTable(study, cells, { across, down, measure, picked }) {
     return { column, inside, result: of.of(inside, study) };
   }) }));
   const values = squares.flatMap((line) => line.squares.map((square) => square.result?.value).filter((value) => value != null));
-  const [low, high] = of.isRate ? [0, 1] : [Math.min(...values), Math.max(...values)];
+  const [low, high] = of.isRate ? [0, 1] : [of.fromZero ? 0 : Math.min(...values), Math.max(...values)];
   const share = (value) => (high > low ? (value - low) / (high - low) : 0.5);
   let last = null;
   const square = (row, { column, inside, result }) => {
     const cell = el("td", {});
     if (inside.length === 0) return cell;
-    const good = result == null ? null : of.lessIsBetter ? 1 - share(result.value) : share(result.value);
-    if (good != null) paint(cell, good);
+    const good = result?.shade == null ? null : of.lessIsBetter ? 1 - share(result.shade) : share(result.shade);
+    if (result != null) paint(cell, good, result.apart);
     const pick = () => {
       last?.classList.remove("picked");
       (last = cell).classList.add("picked");
@@ -98,14 +103,36 @@ function heatTable(study, cells, { across, down, measure, picked }) {
   const head = el("tr", {}, el("th", {}, down.map((axis) => study.axes[axis]).join(" · ")), columns.map((column) => el("th", { class: "middle" }, column)));
   const name = el("tr", {}, el("th", {}), el("th", { class: "middle", colspan: columns.length }, study.axes[across]));
   const lines = squares.map((line) => el("tr", {}, el("th", {}, line.row), line.squares.map((one) => square(line.row, one))));
-  return el("div", { class: "scroll" }, el("table", { class: "heat" }, el("thead", {}, name, head), el("tbody", {}, lines)));
+  const grid = el("div", { class: "scroll" }, el("table", { class: "heat" }, el("thead", {}, name, head), el("tbody", {}, lines)));
+  const ends = of.isRate ? "share of runs, 0 to 1" : of.lessIsBetter ? `${measure}: ${short(high)} to ${short(low)}` : `${measure}: ${short(low)} to ${short(high)}`;
+  const scale = el("span", { class: "scale", style: `background: linear-gradient(to right, ${GRADES.map(rgb).join(", ")})` });
+  const hatched = squares.some((line) => line.squares.some((square) => square.result?.apart > 0));
+  const stops = hatched ? el("span", {}, el("span", { class: "scale stopped", style: `background: ${HATCH}, #ffffff` }), "of the square's width: share of runs that stopped safely before what was in the way") : null;
+  return el("div", {}, grid, el("div", { class: "legend" }, el("span", {}, scale, ends), stops));
 }
 
-/** Good is dark blue, bad is pale, whatever the light: the lightness alone tells the order. */
-function paint(cell, good) {
-  const lightness = 94 - 58 * good;
-  cell.style.background = `hsl(203 ${20 + 60 * good}% ${lightness}%)`;
-  cell.style.color = lightness < 62 ? "#ffffff" : "#1f2328";
+/** From bad to good, as in the pictures: the lightness alone tells the order. */
+const GRADES = [[251, 217, 176], [174, 184, 198], [93, 140, 184], [0, 63, 115]];
+const rgb = (colour) => `rgb(${colour.map(Math.round).join(" ")})`;
+
+/** What runs that stopped safely have, as in the pictures. */
+const HATCH = "repeating-linear-gradient(-45deg, #6a4fa3 0 1px, transparent 1px 6px)";
+
+/** The colour of a share of good runs. */
+function graded(share) {
+  const along = (GRADES.length - 1) * Math.min(1, Math.max(0, share));
+  const below = Math.min(Math.floor(along), GRADES.length - 2);
+  return GRADES[below].map((from, k) => from + (along - below) * (GRADES[below + 1][k] - from));
+}
+
+/** Colours a square by how good it is, and hatches the part of its width that is `apart`. */
+function paint(cell, good, apart) {
+  const colour = good == null ? [227, 230, 234] : graded(good);
+  const part = `right / ${100 * apart}% 100% no-repeat`;
+  cell.style.background = apart > 0 ? `${HATCH} ${part}, linear-gradient(#ffffff, #ffffff) ${part}, ${rgb(colour)}` : rgb(colour);
+  const isDark = apart === 0 && 0.3 * colour[0] + 0.59 * colour[1] + 0.11 * colour[2] < 140;
+  cell.style.color = isDark ? "#ffffff" : "#1f2328";
+  cell.classList.toggle("stopped", apart > 0);
 }
 
 /** How often each verdict, as a text. */
@@ -118,7 +145,11 @@ function verdicts(cells) {
 /** Four colours that differ in lightness, then the same with dashes: as in the pictures. */
 const LOOKS = [null, "7 3"].flatMap((dash) => [1, 2, 3, 4].map((k) => ({ colour: `var(--line-${k})`, dash })));
 
-/** A measure over one axis, a line for each step of another, with intervals. */
+/** A mark for each of them: where the steps of an axis are no numbers, no line joins them. */
+const MARKS = ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0", "M-4 -4h8v8h-8z", "M0 -5l5 9h-10z", "M0 -5.5l5.5 5.5l-5.5 5.5l-5.5 -5.5z"];
+const markOf = (k) => ({ d: MARKS[k % MARKS.length], fill: k < MARKS.length ? LOOKS[k].colour : "var(--panel)", stroke: LOOKS[k].colour, "stroke-width": 1.5 });
+
+/** A measure over one axis, a look for each step of another, with intervals; numbers are joined by lines. */
 function axisPlot(study, cells, { axis, split, measure }) {
   const of = MEASURES[measure];
   const labels = stepsOf(study, axis).filter((label) => cells.some((cell) => cell.labels[axis] === label));
@@ -151,10 +182,10 @@ function axisPlot(study, cells, { axis, split, measure }) {
     for (const point of line.points) {
       const [px] = place(point);
       node.append(svg("path", { d: `M${px} ${y(point.result.low)}V${y(point.result.high)}m-4 0h8M${px - 4} ${y(point.result.low)}h8`, stroke: look.colour, "stroke-width": 1.2 }));
-      node.append(svg("circle", { cx: px, cy: y(point.result.value), r: 4, fill: look.colour }, svg("title", {}, `${line.name}, ${point.result.text} (${point.result.small})`)));
+      node.append(svg("path", { ...markOf(k), transform: `translate(${px} ${y(point.result.value)})` }, svg("title", {}, `${line.name}, ${point.result.text} (${point.result.small})`)));
     }
-    node.append(svg("path", { d: line.points.map((point, n) => `${n ? "L" : "M"}${place(point).join(" ")}`).join(""), stroke: look.colour, "stroke-dasharray": look.dash, "stroke-width": 2, fill: "none" }));
+    if (isScale) node.append(svg("path", { d: line.points.map((point, n) => `${n ? "L" : "M"}${place(point).join(" ")}`).join(""), stroke: look.colour, "stroke-dasharray": look.dash, "stroke-width": 2, fill: "none" }));
   });
-  const legend = el("div", { class: "legend" }, series.map((line, k) => el("span", {}, svg("svg", { viewBox: "0 0 26 12" }, svg("path", { d: "M1 6H25", stroke: LOOKS[k].colour, "stroke-dasharray": LOOKS[k].dash, "stroke-width": 2.5 })), line.name)));
+  const legend = el("div", { class: "legend" }, series.map((line, k) => el("span", {}, svg("svg", { viewBox: "0 0 26 12" }, isScale ? svg("path", { d: "M1 6H25", stroke: LOOKS[k].colour, "stroke-dasharray": LOOKS[k].dash, "stroke-width": 2.5 }) : null, svg("path", { ...markOf(k), transform: "translate(13 6)" })), line.name)));
   return el("div", {}, node, legend, el("p", { class: "soft small" }, of.isRate ? "Share of runs with Wilson's 95 % interval." : "Median with the quartiles."));
 }

@@ -74,6 +74,7 @@ class Player {
       item(box({ fill: "var(--vehicle)", opacity: 0.45 }), "actors as they are; people orange"),
       item(box({ fill: "none", stroke: "var(--ink)", "stroke-dasharray": "3 2", "stroke-width": 1.5 }), "tracks, with their speed"),
       item(stroke("sight", "1 4"), "predictions"), item(stroke("plan"), "plan"), item(stroke("fallback", "6 3"), "plan that is a fallback"),
+      this.run.road?.lights?.length ? item(stroke("ink"), "stop lines of traffic lights") : null,
       this.ghost ? item(box({ fill: "none", stroke: "var(--person)", "stroke-width": 2 }), "ego of the other run") : null,
       this.ghost ? item(stroke("person", "2 3"), "plan of the other run") : null);
   }
@@ -149,6 +150,7 @@ class Player {
     context.fillStyle = colour("ground");
     context.fillRect(0, 0, width, height);
     if (run.road) this.drawRoad(pen, run.road);
+    for (const light of run.road?.lights ?? []) this.drawLight(pen, light, t);
     pen.trail(run.ego, t, colour("ego"));
     this.drawClouds(pen, t);
     if (shown.truth) for (const actor of run.actors) this.drawActor(pen, actor, t);
@@ -174,6 +176,15 @@ class Player {
     pen.line([...road.left, ...back(road.right)], { fill: colour("road") });
     for (const side of [road.left, road.right]) pen.line(side, { stroke: colour("edge"), width: 1.5 });
     if (road.lane > 0) for (const d of [-0.5, 0.5]) pen.line(beside(road.line, d * road.lane), { stroke: colour("lane"), width: 1.5, dash: [8, 8] });
+  }
+
+  /** A stop line and the three lamps of its light, the one that burns filled and named. */
+  drawLight(pen, light, t) {
+    pen.line(light.stop, { stroke: colour("ink"), width: 3 });
+    const signal = signalAt(light, t);
+    const [x, y] = light.at.map((cm) => cm / 100);
+    ["red", "yellow", "green"].forEach((name, k) => pen.lamp(x, y, 11 * (1 - k), LAMPS[name], name === signal));
+    if (this.shown.names) pen.text(x, y, 24, `${light.name}: ${signal}`);
   }
 
   drawActor(pen, actor, t) {
@@ -246,6 +257,14 @@ class Player {
   }
 }
 
+const LAMPS = { red: "#c8102e", yellow: "#f2b705", green: "#00a36c" };
+
+/** What a traffic light shows: each phase holds its first instant and not its last. */
+function signalAt({ phases: [green, yellow, red], offset }, t) {
+  const into = (t + offset) % Math.max(green + yellow + red, 1);
+  return into < green ? "green" : into < green + yellow ? "yellow" : "red";
+}
+
 /** A line that goes along another, `d` centimetres to its left. */
 function beside(list, d) {
   const out = [];
@@ -288,6 +307,13 @@ class Pen {
     this.context.beginPath();
     this.context.arc(...this.to(x, y), Math.max(radius * this.scale, 2), 0, 2 * Math.PI);
     this.style(style);
+  }
+  /** A lamp so many pixels above a place: dark where it does not burn. */
+  lamp(x, y, above, burning, isOn) {
+    const [left, top] = this.to(x, y);
+    this.context.beginPath();
+    this.context.arc(left, top - above, 5, 0, 2 * Math.PI);
+    this.style({ fill: isOn ? burning : "#3a3f45", stroke: colour("paper"), width: 1 });
   }
   box(x, y, h, length, width, style) {
     const [cos, sin] = [Math.cos(h), Math.sin(h)];

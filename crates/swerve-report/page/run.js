@@ -17,6 +17,7 @@ function showRun(page) {
     drives ? section("timeline", "Time line", ...timeline([{ run: page }], moment, { marks: marksOf(page) })) : "",
     gantt ? section("operators", "Operators", gantt.node()) : "",
     gantt ? section("times", "Run times", runTimes(page)) : "",
+    page.tables?.length ? section("tables", "Counts", ...page.tables.flatMap(({ title, columns, rows }) => [el("h3", {}, title), table(columns, rows, { sort: true })])) : "",
     page.metrics ? section("metrics", "Metrics", figures(page.metrics)) : "",
     page.config ? section("configuration", "Configuration", configuration(page)) : "",
     section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
@@ -39,8 +40,8 @@ function heading(page) {
     el("p", { class: "soft" }, `Swerve ${page.version}${page.digest ? ` · digest ${page.digest}` : ""}`),
     el("div", { class: "facts" },
       metrics.verdict ? el("div", { class: "fact" }, badge(metrics.verdict), el("span", { style: "display:block" }, metrics.as_expected == null ? "verdict" : metrics.as_expected ? "as the scenario expects" : "not as the scenario expects")) : null,
-      impact ? fact(`${fixed(impact.ego_speed_mps, 1)} m/s`, `at the impact, ${fixed(impact.at_s)} s`) : null,
-      impact || metrics.min_distance_m == null ? null : fact(`${fixed(metrics.min_distance_m)} m`, `closest, at ${fixed(metrics.min_distance_at_s)} s`),
+      impact ? fact(`${fixed(impact.ego_speed_mps, 1)} m/s`, `at the impact${metrics.impact_name ? ` with ${metrics.impact_name}` : ""}, ${fixed(impact.at_s)} s`) : null,
+      impact || metrics.min_distance_m == null ? null : fact(`${fixed(metrics.min_distance_m)} m`, `closest${metrics.min_distance_name ? `, to ${metrics.min_distance_name}` : ""}, at ${fixed(metrics.min_distance_at_s)} s`),
       metrics.response ? fact(`${fixed(metrics.response.p50_ms, 0)} ms`, `response time, p99 ${fixed(metrics.response.p99_ms, 0)} ms`) : null,
       page.kind === "live" ? null : drive.duration_s == null ? fact(seconds(page.end, 2), "duration") : fact(`${fixed(drive.duration_s)} s`, "duration")));
 }
@@ -78,7 +79,8 @@ function marksOf(page) {
   const marks = [];
   if (metrics.impact) marks.push({ t: metrics.impact.at_s * 1e6, text: "collision" });
   else if (metrics.min_distance_at_s != null) marks.push({ t: metrics.min_distance_at_s * 1e6, text: "closest" });
-  return marks;
+  const steps = (metrics.why?.steps ?? []).filter((step) => step.at_s != null);
+  return [...marks, ...steps.map((step) => ({ t: step.at_s * 1e6, text: step.what.replaceAll("_", " "), isStep: true }))];
 }
 
 /** The curves of one run, or of two above each other. */
@@ -99,15 +101,18 @@ function timeline(of, moment, { marks = [] } = {}) {
     ].filter(Boolean);
   });
   const hasPedals = of.every(({ run }) => run.commands.t.length > 0);
+  const told = marks.filter((mark) => !mark.isStep);
+  const chain = marks.some((mark) => mark.isStep);
   return [
+    chain ? markStrip({ marks, end, moment }) : null,
     panel("Speed", "m/s", curves(scaled("v"))),
-    panel("Front wheels", "degrees to the left", curves(scaled("steer", 0.18 / Math.PI))),
-    panel("Acceleration along", "m/s²", curves(scaled("a")), { limits: COMFORT.along, limitText: "comfort" }),
-    panel("Acceleration across", "m/s²", curves(scaled("lat")), { limits: COMFORT.lateral, limitText: "comfort" }),
-    panel("Jerk along", "m/s³", curves((run) => slopes(run.ego.t, run.ego.a)), { limits: COMFORT.jerk, limitText: "comfort" }),
+    panel("Front wheels", "degrees to the left", curves(scaled("steer", 0.18 / Math.PI)), { least: 2 }),
+    panel("Acceleration along", "m/s²", curves(scaled("a")), { least: 4, limits: COMFORT.along, limitText: "comfort" }),
+    panel("Acceleration across", "m/s²", curves(scaled("lat")), { least: 4, limits: COMFORT.lateral, limitText: "comfort" }),
+    panel("Jerk along", "m/s³", curves((run) => slopes(run.ego.t, run.ego.a)), { least: 8, limits: COMFORT.jerk, limitText: "comfort" }),
     errors.length > 0 ? panel("Error of localization", "cm on the ground", errors) : null,
     hasPedals ? panel("Pedals", "throttle above, brake below 0", curves(pedals(1), (run) => run.commands.t)) : null,
-    el("p", { class: "soft small" }, `Dotted: the limits of comfort in nuPlan's metrics (Karnchanachari et al. 2024). ${marks.map((mark) => `Dashed: ${mark.text} at ${seconds(mark.t, 2)}. `).join("")}Click or drag to go to an instant.`),
+    el("p", { class: "soft small" }, `Dotted: the limits of comfort in nuPlan's metrics (Karnchanachari et al. 2024). ${told.map((mark) => `Dashed: ${mark.text} at ${seconds(mark.t, 2)}. `).join("")}${chain ? "Thin upright lines: the steps from the first sight to the effect. " : ""}Click or drag to go to an instant.`),
   ].filter(Boolean);
 }
 
@@ -119,7 +124,7 @@ function slopes(t, values) {
   });
 }
 
-/** All figures of metrics.json that are single values, and its tables. */
+/** All metrics of metrics.json that are single values, and its tables. */
 function figures(metrics) {
   const rows = [];
   const walk = (prefix, value) => {
@@ -134,7 +139,7 @@ function figures(metrics) {
   const half = Math.ceil(rows.length / 2);
   const actors = (metrics.actors ?? []).map((actor) => Object.values(actor).map((value) => plain(value)));
   return el("div", {},
-    el("div", { class: "two" }, table(["figure", "value"], rows.slice(0, half)), table(["figure", "value"], rows.slice(half))),
+    el("div", { class: "two" }, table(["metric", "value"], rows.slice(0, half)), table(["metric", "value"], rows.slice(half))),
     actors.length > 0 ? el("div", {}, el("h3", {}, "Actors"), table(Object.keys(metrics.actors[0]), actors, { sort: true })) : null);
 }
 

@@ -104,9 +104,18 @@ class StudyView {
   }
 
   describe(inside, title) {
-    return el("div", {}, el("h3", {}, `${title}: ${verdicts(inside)}`), inside.map((cell) => el("div", {},
-      el("span", { class: "small" }, `${cell.labels.join(" · ")}: `, cell.verdict ? badge(cell.verdict) : "not driven", cell.error ? ` ${cell.error}` : ""),
-      commandLine(cell.command))));
+    const without = inside.some((cell) => !cell.report && cell.verdict && !cell.command.startsWith("#"));
+    return el("div", {}, el("h3", {}, `${title}: ${verdicts(inside)}`),
+      without ? el("p", { class: "soft small" }, "Each command drives the run and writes its page, report.html, into the folder after --out; with `swerve study ... --reports` all pages lie beside this one.") : null,
+      inside.map((cell) => el("div", {},
+        el("span", { class: "small" }, `${cell.labels.join(" · ")}: `, cell.verdict ? badge(cell.verdict) : "not driven", cell.error ? ` ${cell.error}` : "", " ", cell.report ? el("a", { href: cell.report }, "open the run") : null),
+        commandLine(this.commandOf(cell)))));
+  }
+
+  /** The command that drives a cell and keeps its page. */
+  commandOf(cell) {
+    if (cell.command.startsWith("#") || cell.command.includes(" --out ")) return cell.command;
+    return `${cell.command} --out out/${this.study.name}_${this.study.cells.indexOf(cell)}`;
   }
 
   /** Settings, the best first: more that ended well, then fewer that hit, then slower ones. */
@@ -123,22 +132,24 @@ class StudyView {
     return node;
   }
 
+  /** What the table shows; the CSV has every metric, by the names of cells.csv. */
   columns() {
-    const known = ["verdict", "no_collision", "on_road", "min_distance_m", "impact_speed_mps", "lateral_jerk_mps3", "response_p50_ms", "response_p99_ms", "misses", "budget_ms", "digest"];
+    const known = ["verdict", "no_collision", "on_road", "min_distance_m", "impact_speed_mps", "lateral_jerk_max", "response_p50_ms", "response_p99_ms", "misses", "budget_ms", "digest"];
     return known.filter((name) => this.study.cells.some((cell) => cell[name] != null));
   }
 
   csvBar() {
-    const rows = () => this.cells.map((cell) => [...cell.labels, ...this.columns().map((name) => cell[name] ?? ""), cell.command]);
-    const write = () => save(`${this.study.name}.csv`, "text/csv", csv([[...this.study.axes, ...this.columns(), "command"], ...rows()]));
-    return el("div", { class: "bar" }, el("button", { id: "csv", click: write }, "save as CSV"), el("span", { class: "soft small" }, "what the filter lets through; headings sort"));
+    const { axes, columns, name } = this.study;
+    const rows = () => this.cells.map((cell) => [...cell.labels, ...columns.map((_, k) => cell.row[k] ?? ""), cell.command]);
+    const write = () => save(`${name}.csv`, "text/csv", csv([[...axes, ...columns, "command"], ...rows()]));
+    return el("div", { class: "bar" }, el("button", { id: "csv", click: write }, "save as CSV"), el("span", { class: "soft small" }, "all metrics of what the filter lets through, as in cells.csv; headings sort"));
   }
 
   cellTable(cells) {
     const columns = this.columns();
     const most = 2000;
-    const row = (cell) => [...cell.labels, ...columns.map((name) => plain(cell[name])), el("button", { click: () => copyOf(cell.command), title: cell.command }, "command")];
-    const copyOf = (command) => this.detail.replaceChildren(commandLine(command)) ?? this.detail.scrollIntoView({ block: "center" });
+    const row = (cell) => [...cell.labels, ...columns.map((name) => plain(cell[name])), cell.report ? el("a", { href: cell.report }, "run") : el("button", { click: () => shown(cell), title: cell.command }, "command")];
+    const shown = (cell) => this.detail.replaceChildren(this.describe([cell], cell.labels.join(" · "))) ?? this.detail.scrollIntoView({ block: "center" });
     const node = table([...this.study.axes, ...columns, ""], cells.slice(0, most).map(row), { sort: true, rowClass: null, empty: "no cell is left" });
     node.classList.add("tall");
     return cells.length > most ? el("div", {}, el("p", { class: "soft" }, `The first ${most}; the CSV has all.`), node) : node;

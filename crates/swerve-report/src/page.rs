@@ -17,8 +17,8 @@ pub use embed::{data_of, page};
 pub use picture::photo;
 pub use rows::{Have, Rows};
 pub use run::{
-    Actor, Changed, Commands, Ego, EgoShape, Input, Marks, Messages, Operator, Parting, Photo, Plan,
-    Predictions, Road, RunPage, Steps, Tracks,
+    Actor, Changed, Commands, Ego, EgoShape, Input, Light, Marks, Messages, Operator, Parting, Photo, Plan,
+    Predictions, Road, RunPage, Steps, Table, Tracks,
 };
 
 /// What every page has: which program made it, of what kind it is, and what it is headed with.

@@ -42,9 +42,12 @@ pub struct CellResult {
     /// Deadlines missed, by all operators.
     #[serde(default)]
     pub misses: u64,
-    /// All other figures of the run by their names in `metrics.json`; what it has none of is not there.
+    /// All other metrics of the run that are numbers, by their names in `metrics.json`; what it has none of is not there.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub figures: BTreeMap<String, f64>,
+    /// What `metrics.json` says in words or as yes and no, by its names there; what it has none of is not there.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub texts: BTreeMap<String, String>,
     /// Largest added latency that still avoids, ms; only in latency-budget studies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
@@ -75,6 +78,7 @@ impl CellResult {
             response_p99_ms: None,
             misses: 0,
             figures: BTreeMap::new(),
+            texts: BTreeMap::new(),
             budget_ms: None,
             curve: Vec::new(),
             timely: Vec::new(),
@@ -153,6 +157,11 @@ impl CellStore {
     fn path(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
         self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
     }
+
+    /// Where the page of a cell's run lies, if it has one.
+    pub fn report(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
+        self.folder.join(format!("{:06}-{fingerprint}.html", cell.index))
+    }
 }
 
 // A kept cell is the JSON object `{"checksum":"...","result":{...}}`. Framed by hand, because the checksum is of
@@ -186,17 +195,19 @@ pub struct Runner<'a> {
     pub threads: usize,
     /// Which part.
     pub shard: Option<Shard>,
+    /// Whether a cell without the page of its run is driven again.
+    pub reports: bool,
     /// Set by Ctrl-C: no further cell is started.
     pub stop: &'a AtomicBool,
 }
 
 impl Runner<'_> {
     /// Runs every cell of the shard that is not finished yet. Results are in the order of the cells; a cell that
-    /// was not reached is `None`.
+    /// was not reached is `None`. `prepare` gives a cell's fingerprint, under which `run` computes its result.
     pub fn run<P, F>(&self, study: &Study, prepare: P, run: F) -> anyhow::Result<Vec<Option<CellResult>>>
     where
         P: Fn(&Cell) -> anyhow::Result<Digest> + Sync,
-        F: Fn(&Cell) -> anyhow::Result<CellResult> + Sync,
+        F: Fn(&Cell, Digest) -> anyhow::Result<CellResult> + Sync,
     {
         let mine = |cell: &&Cell| self.shard.is_none_or(|shard| shard.holds(cell));
         let progress = Progress::cells(study.cells.iter().filter(mine).count());
@@ -210,12 +221,13 @@ impl Runner<'_> {
                 None
             });
             // A cell whose run failed is tried again: what was in its way may be gone.
-            let finished = kept.filter(|result| result.error.is_none());
+            let is_whole = || !self.reports || self.store.report(cell, fingerprint).is_file();
+            let finished = kept.filter(|result| result.error.is_none() && is_whole());
             let result = match finished {
                 Some(result) => result,
                 None if self.stop.load(Ordering::SeqCst) => return Ok(None),
                 None => {
-                    let result = run(cell).unwrap_or_else(|error| failed(cell, &error));
+                    let result = run(cell, fingerprint).unwrap_or_else(|error| failed(cell, &error));
                     self.store.save(cell, fingerprint, &result)?;
                     result
                 }

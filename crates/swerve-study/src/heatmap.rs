@@ -19,6 +19,8 @@ const NAME: Text = Text { size: 13.0, color: color::INK, anchor: Anchor::Middle,
 /// The texts of a square: what happened how often, and what else is known of it.
 const FIRST: Text = Text { bold: true, ..NAME };
 const SECOND: Text = Text { size: 11.0, ..NAME };
+/// A line of the legend.
+const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
 fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text) -> f64 {
@@ -50,14 +52,28 @@ pub fn draw(grid: &Grid, title: &str) -> Picture {
         for (c, square) in grid.row(r).iter().enumerate() {
             let paint = Paint::of(square, budget_max(grid));
             let told = &told[r * grid.columns.len() + c];
-            paint.square(&mut canvas, told, (left + square_w * c as f64, y), square_w);
+            let at = (left + square_w * c as f64, y);
+            paint.square(&mut canvas, told, at, square_w);
+            if square.beyond_limit {
+                canvas.rect((at.0 + 4.0, y + 4.0), (square_w - 8.0, SQUARE_H - 8.0), beyond_rim(paint.ink));
+            }
         }
     }
     legend(&mut canvas, (left, height - 34.0), budget_max(grid), grid.good);
     if budget_max(grid).is_none() && grid.squares.iter().any(|square| square.stopped > 0) {
         legend_of_stops(&mut canvas, (left, height - 16.0));
     }
+    if grid.squares.iter().any(|square| square.beyond_limit) {
+        canvas.rect((left, height - 16.0), (16.0, 12.0), beyond_rim(color::INK));
+        let text = "more than the row or column `limit`: what one swerve or braking from first sight can do";
+        canvas.text((left + 24.0, height - 6.0), text, SMALL);
+    }
     canvas.finish(width, height, title)
+}
+
+/// The rim of a square whose budget is above the vehicle's limit.
+const fn beyond_rim(ink: Color) -> Style {
+    Style::line(ink, 1.5).dashed(5.0, 3.0)
 }
 
 fn budget_max(grid: &Grid) -> Option<f64> {
@@ -132,9 +148,8 @@ fn stopped_area(canvas: &mut Canvas, at: At, size: (f64, f64)) {
 
 fn legend_of_stops(canvas: &mut Canvas, (x, y): At) {
     stopped_area(canvas, (x, y), (16.0, 12.0));
-    let small = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
     let text = "of the square's width: share of runs that stopped safely before what was in the way";
-    canvas.text((x + 24.0, y + 10.0), text, small);
+    canvas.text((x + 24.0, y + 10.0), text, SMALL);
 }
 
 fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) {
@@ -146,8 +161,7 @@ fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) 
         Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
         None => format!("share of runs that {good}, 0 to 1"),
     };
-    let small = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
-    canvas.text((x + 16.0 * 11.0 + 8.0, y + 10.0), &text, small);
+    canvas.text((x + 16.0 * 11.0 + 8.0, y + 10.0), &text, SMALL);
 }
 
 #[cfg(test)]

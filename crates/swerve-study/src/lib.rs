@@ -29,24 +29,25 @@ pub mod train;
 mod worlds;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
-use swerve_drive::page::REPORT;
+use swerve_drive::page::{REPORT, RunReport};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
-use swerve_drive::{Outcome, drive, problems_error};
+use swerve_drive::{Outcome, drive, drive_observed, problems_error};
 use swerve_report::files::write_whole;
 use swerve_report::output::quoted;
 use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
 use swerve_text::{Document, Problem, Problems};
 
 use cells::{CellResult, CellStore, Runner, Shard};
@@ -79,6 +80,9 @@ pub struct StudyArgs {
     /// Parts that a cluster drives at once; --threads cores each
     #[arg(long, requires = "on", default_value_t = 8)]
     shards: usize,
+    /// Keep the page of every run in cells/, about 0.6 MB each, to which the study's page links
+    #[arg(long, conflicts_with = "on")]
+    reports: bool,
     /// Set a key of the configuration or the scenario in every cell
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -113,6 +117,10 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
         }
         (None, Some(file)) => {
             let bench = Bench::open(registry, file, &args.set)?;
+            anyhow::ensure!(
+                !args.reports || bench.is_of_drives(),
+                "--reports: a cell of this study is no single drive, so there is no page of one to keep"
+            );
             if let Some(cluster) = args.on {
                 let out = &out_folder(&bench.study, args.out.as_deref());
                 let threads = args.threads.unwrap_or(1);
@@ -132,9 +140,13 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let out = out_folder(&bench.study, args.out.as_deref());
             let store = CellStore::open(&out)?;
             let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
-            let runner = Runner { store: &store, threads, shard: args.shard, stop: &stop };
-            let results =
-                runner.run(&bench.study, |cell| bench.fingerprint(cell), |cell| bench.run_cell(cell))?;
+            let runner =
+                Runner { store: &store, threads, shard: args.shard, reports: args.reports, stop: &stop };
+            let run = |cell: &Cell, fingerprint| {
+                let page = args.reports.then(|| store.report(cell, fingerprint));
+                bench.run_cell(cell, page.as_deref())
+            };
+            let results = runner.run(&bench.study, |cell| bench.fingerprint(cell), run)?;
             report(&bench, &results, &out, args.pictures)?;
             finish(&bench.study, &results, args.shard, &stop)
         }
@@ -280,8 +292,45 @@ impl Bench {
         Ok(format!("{command} --set planning.added_latency_ms={whole_ms}"))
     }
 
-    /// Runs one cell.
-    pub fn run_cell(&self, cell: &Cell) -> anyhow::Result<CellResult> {
+    /// Whether each cell is one drive.
+    fn is_of_drives(&self) -> bool {
+        self.study.budget.is_none() && self.study.curve.is_none() && self.study.timely.is_none()
+    }
+
+    /// Drives a cell; its page goes into a file.
+    fn drive_for_page(
+        &self,
+        cell: &Cell,
+        (config, scenario): (&Config, &Scenario),
+        file: &Path,
+    ) -> anyhow::Result<Outcome> {
+        let mut page = RunReport::new(config, &Pipeline::build(config, scenario)?, self.study.command(cell));
+        let outcome = drive_observed(config, scenario, 1, &mut [&mut page])?;
+        let metrics = serde_json::to_string(&outcome.metrics)?;
+        let html = page.finish(&outcome.digest.to_string(), &metrics)?.html();
+        write_whole(file, html.as_bytes())?;
+        Ok(outcome)
+    }
+
+    /// The pages of the cells' runs that lie in `out`, seen from there.
+    fn reports(&self, out: &Path) -> anyhow::Result<Vec<Option<String>>> {
+        let kept = |name: String| name.ends_with(".html").then_some(name);
+        let names = std::fs::read_dir(out.join("cells"))?.map(|entry| Ok(entry?.file_name()));
+        let names: Vec<_> = names.collect::<std::io::Result<_>>()?;
+        let pages: BTreeSet<String> =
+            names.into_iter().filter_map(|name| name.into_string().ok().and_then(kept)).collect();
+        let page = |cell: &Cell| -> anyhow::Result<Option<String>> {
+            if pages.is_empty() {
+                return Ok(None);
+            }
+            let name = format!("{:06}-{}.html", cell.index, self.fingerprint(cell)?);
+            Ok(pages.contains(&name).then(|| format!("cells/{name}")))
+        };
+        self.study.cells.iter().map(page).collect()
+    }
+
+    /// Runs one cell; where it is a single drive, its page is kept in the file `page`.
+    pub fn run_cell(&self, cell: &Cell, page: Option<&Path>) -> anyhow::Result<CellResult> {
         let (config, scenario) = (self.config(cell)?, self.scenario(cell)?);
         let scenario = &*scenario;
         if let Some(timely) = &self.study.timely {
@@ -295,7 +344,13 @@ impl Bench {
                     let (outcome, curve) = curve.drive(&config, scenario)?;
                     Ok(CellResult { curve, ..summary(cell, &outcome) })
                 }
-                None => Ok(summary(cell, &drive(&config, scenario)?)),
+                None => {
+                    let outcome = match page {
+                        Some(file) => self.drive_for_page(cell, (&config, scenario), file)?,
+                        None => drive(&config, scenario)?,
+                    };
+                    Ok(summary(cell, &outcome))
+                }
             },
         }
     }
@@ -334,6 +389,7 @@ fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
         response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
         misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
         figures: table::figures(metrics),
+        texts: table::texts(metrics),
         budget_ms: None,
         curve: Vec::new(),
         timely: Vec::new(),
@@ -366,6 +422,7 @@ fn report(
     let lines = study.cells.iter().zip(results).map(|(cell, result)| bench.repeat(cell, result.as_ref()));
     let commands = lines.collect::<anyhow::Result<Vec<_>>>()?;
     write_whole(&out.join("commands.txt"), (commands.join("\n") + "\n").as_bytes())?;
+    let reports = bench.reports(out)?;
     let done = results.iter().flatten().count();
     let repeats = match study.budget {
         None => "repeats each cell",
@@ -391,7 +448,10 @@ fn report(
         drawn.push(("Predictions that are late".to_owned(), picture.svg()));
         foreseen = measured.text() + "\n";
     }
-    write_whole(&out.join(REPORT), page::page(study, results, &commands, drawn).html().as_bytes())?;
+    write_whole(
+        &out.join(REPORT),
+        page::page(study, results, (&commands, reports), drawn).html().as_bytes(),
+    )?;
     let mut ranked = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(ranking) = &study.ranking {
         let settings = ranking::settings(study, ranking, results);
@@ -439,10 +499,15 @@ fn merge(
     let stores: Vec<CellStore> = folders.iter().map(|f| CellStore::open(f)).collect::<Result<_, _>>()?;
     let mut found = Vec::new();
     let mut damaged = Vec::new();
+    let (joined, mut pages) = (CellStore::open(&out)?, Vec::new());
     for cell in &bench.study.cells {
         let fingerprint = bench.fingerprint(cell)?;
         let mut result = None;
         for store in &stores {
+            let page = store.report(cell, fingerprint);
+            if page.is_file() {
+                pages.push((page, joined.report(cell, fingerprint)));
+            }
             match store.load(cell, fingerprint) {
                 Ok(loaded) => result = result.or(loaded),
                 Err(error) => damaged.push(format!("{error:#}")),
@@ -453,7 +518,9 @@ fn merge(
     if !damaged.is_empty() {
         return Err(problems_error(&damaged).context("run the shards of these cells again, then merge again"));
     }
-    let joined = CellStore::open(&out)?;
+    for (page, copy) in pages.into_iter().filter(|(page, copy)| page != copy) {
+        std::fs::copy(&page, copy).with_context(|| format!("copying {}", page.display()))?;
+    }
     let mut results = Vec::new();
     for (cell, (fingerprint, result)) in bench.study.cells.iter().zip(found) {
         if let Some(result) = &result {

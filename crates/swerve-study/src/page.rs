@@ -5,6 +5,7 @@ use swerve_report::page::Page;
 
 use super::cells::CellResult;
 use super::grid::Study;
+use super::table::Columns;
 
 /// A study. Numbers have four decimals at most.
 #[derive(Clone, PartialEq, Debug, Serialize)]
@@ -19,6 +20,8 @@ pub struct StudyPage {
     pub settings: Vec<String>,
     /// The largest latency that a budget can be found to be, ms; none where no budget is asked for.
     pub budget_max_ms: Option<f64>,
+    /// Names of the columns that `cells.csv` has behind the axes.
+    pub columns: Vec<String>,
     /// All cells, in the order of the study.
     pub cells: Vec<PageCell>,
     /// Pictures as SVG, each with its title.
@@ -32,6 +35,10 @@ pub struct PageCell {
     pub labels: Vec<String>,
     /// The command line that repeats it.
     pub command: String,
+    /// The page of its run, seen from that of the study; none where it was not kept.
+    pub report: Option<String>,
+    /// What it has in the columns; empty before it was driven.
+    pub row: Vec<String>,
     /// How it ended, `failed` where it could not be made; none before it was driven.
     pub verdict: Option<String>,
     /// What went wrong.
@@ -45,7 +52,7 @@ pub struct PageCell {
     /// Ego speed at the first impact; none without one.
     pub impact_speed_mps: Option<f64>,
     /// Largest raw lateral jerk.
-    pub lateral_jerk_mps3: Option<f64>,
+    pub lateral_jerk_max: Option<f64>,
     /// Median response time.
     pub response_p50_ms: Option<f64>,
     /// 99th percentile of the response time.
@@ -58,15 +65,21 @@ pub struct PageCell {
     pub digest: Option<String>,
 }
 
-/// The page of a study; `commands` repeat its cells, in their order.
+/// The page of a study; `commands` repeat its cells and `reports` are the pages of their runs, in their order.
 pub(super) fn page(
     study: &Study,
     results: &[Option<CellResult>],
-    commands: &[String],
+    (commands, reports): (&[String], Vec<Option<String>>),
     pictures: Vec<(String, String)>,
 ) -> Page<StudyPage> {
-    let cells = study.cells.iter().zip(results).zip(commands);
-    let good = [("avoided", true), ("timeout", study.timeout_is_good), ("left_road", study.off_road_is_good)];
+    let columns = Columns::of(study, results);
+    let cells = study.cells.iter().zip(results).zip(commands).zip(reports);
+    let good = [
+        ("avoided", true),
+        ("completed", true),
+        ("timeout", study.timeout_is_good),
+        ("left_road", study.off_road_is_good),
+    ];
     let title = if study.description.is_empty() { &study.name } else { &study.description };
     let ranked = study.ranking.as_ref().map(|ranking| ranking.settings.clone());
     let of = StudyPage {
@@ -76,8 +89,13 @@ pub(super) fn page(
         settings: ranked.unwrap_or_default(),
         budget_max_ms: study.budget.as_ref().map(|budget| budget.max_ms),
         cells: cells
-            .map(|((cell, result), command)| page_cell(&cell.labels, result.as_ref(), command))
+            .map(|(((cell, result), command), report)| PageCell {
+                report: report.filter(|_| result.is_some()),
+                row: result.as_ref().map_or_else(Vec::new, |result| columns.row(study, result)),
+                ..page_cell(&cell.labels, result.as_ref(), command)
+            })
             .collect(),
+        columns: columns.names(),
         pictures,
     };
     Page::new("study", title, of)
@@ -95,7 +113,7 @@ fn page_cell(labels: &[String], result: Option<&CellResult>, command: &str) -> P
         on_road: result.on_road,
         min_distance_m: result.min_distance_m.map(rounded),
         impact_speed_mps: result.impact_speed_mps.filter(|_| !result.no_collision).map(rounded),
-        lateral_jerk_mps3: result.lateral_jerk_max.map(rounded),
+        lateral_jerk_max: result.lateral_jerk_max.map(rounded),
         response_p50_ms: result.response_p50_ms.map(rounded),
         response_p99_ms: result.response_p99_ms.map(rounded),
         misses: Some(result.misses),

@@ -94,6 +94,18 @@ impl Ranked {
             .then(ended(self).total_cmp(&ended(other)))
     }
 
+    /// What the terminal shows: counts with their 95 % intervals.
+    fn cells(&self) -> Vec<String> {
+        let counted = |n: usize| {
+            let (low, high) = wilson(n, self.runs);
+            format!("{n}/{} ({low:.2}-{high:.2})", self.runs)
+        };
+        let mut cells = self.columns();
+        (cells[1], cells[3]) = (counted(self.collisions), counted(self.others));
+        cells.remove(0);
+        cells
+    }
+
     fn columns(&self) -> Vec<String> {
         let impact = match self.collisions {
             0 => "-".into(),
@@ -106,8 +118,7 @@ impl Ranked {
     }
 }
 
-const COLUMNS: [&str; 7] =
-    ["runs", "collisions", "impact m/s", "others", "response p50 ms", "p99 ms", "misses"];
+const COLUMNS: [&str; 6] = ["collisions", "impact m/s", "others", "response p50 ms", "p99 ms", "misses"];
 
 pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
@@ -175,14 +186,14 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
     let mut head: Vec<String> = ranking.settings.clone();
     head.extend(COLUMNS.map(str::to_owned));
     let mut lines = vec![head];
-    lines.extend(
-        shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.columns()).collect()),
-    );
+    lines.extend(shown.iter().map(|setting| setting.labels.iter().cloned().chain(setting.cells()).collect()));
     let mut text = match &ranking.best_of {
         Some(name) => format!("the best setting of each {name}\n"),
         None => "the best settings\n".to_owned(),
     };
     text += &align(&lines);
+    text += "collisions, and others: runs that neither hit nor ended well (stopped, left the road, ran out of time), each of \
+             all runs with its 95 % interval\n";
     if let (Some(place), [best, next, ..]) = (place, &shown[..]) {
         let told = |s: &Ranked| {
             let (low, high) = wilson(s.collisions, s.runs);
@@ -258,7 +269,7 @@ mod tests {
         let end = "collisions: b 0 of 2 (95 %: 0 to 66 %), a 1 of 2 (95 %: 9 to 91 %): not told apart by so few runs \
                    (Fisher's exact test: p = 1.00)\n";
         assert!(text.ends_with(end), "{text}");
-        assert!(!text.contains("a      2"), "{text}");
+        assert!(!text.contains("a      2") && text.contains("  1/2 (0.09-0.91)  "), "{text}");
         assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,0.095,0.905,4.0,0,100,,2");
     }
 

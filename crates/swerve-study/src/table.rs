@@ -1,7 +1,6 @@
 //! What a study comes to: `cells.csv`, a table for the terminal, a heat map.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
 use serde_json::Value;
 use swerve_eval::Metrics;
@@ -9,60 +8,109 @@ use swerve_report::output::align;
 
 use super::cells::CellResult;
 use super::chance::wilson;
-use super::grid::Study;
+use super::grid::{LIMIT, Study};
 
-/// `cells.csv`: one line a finished cell, in the order of the study.
-pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
-    let mut text = String::new();
-    for axis in &study.axes {
-        let _ = write!(text, "{},", field(axis));
-    }
-    text += if study.budget.is_some() {
-        "budget_ms,budget_is_at_least,verdict\n"
-    } else {
-        "verdict,no_collision,on_road,min_distance_m,impact_speed_mps,lateral_jerk_max,digest,response_p50_ms,response_p99_ms,misses"
-    };
-    let more: BTreeSet<&String> = results.iter().flatten().flat_map(|result| result.figures.keys()).collect();
-    if study.budget.is_none() {
-        for name in &more {
-            let _ = write!(text, ",{name}");
+/// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
+const DRIVE: [&str; 10] = [
+    "verdict",
+    "no_collision",
+    "on_road",
+    "min_distance_m",
+    "impact_speed_mps",
+    "lateral_jerk_max",
+    "digest",
+    "response_p50_ms",
+    "response_p99_ms",
+    "misses",
+];
+const BUDGET: [&str; 3] = ["budget_ms", "budget_is_at_least", "verdict"];
+
+/// Metrics that have a column whether any drive has them or not, so that tables of several studies have the same ones.
+const ALWAYS: [&str; 8] = [
+    "end",
+    "impact.at_s",
+    "impact.closing_speed_mps",
+    "impact.ego_speed_mps",
+    "impact.impulse_n_s",
+    "impact_name",
+    "left_road_at_s",
+    "min_distance_name",
+];
+
+/// What is known of the cells of a study, in columns.
+pub(crate) struct Columns {
+    fixed: &'static [&'static str],
+    more: BTreeSet<String>,
+}
+
+impl Columns {
+    pub(crate) fn of(study: &Study, results: &[Option<CellResult>]) -> Self {
+        if study.budget.is_some() {
+            return Self { fixed: &BUDGET, more: BTreeSet::new() };
         }
-        text += "\n";
+        let found =
+            results.iter().flatten().flat_map(|result| result.figures.keys().chain(result.texts.keys()));
+        let more = found.cloned().chain(ALWAYS.map(str::to_owned)).collect();
+        Self { fixed: &DRIVE, more }
     }
-    for result in results.iter().flatten() {
-        for label in &result.labels {
-            let _ = write!(text, "{},", field(label));
-        }
+
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.fixed.iter().map(|name| (*name).to_owned()).chain(self.more.iter().cloned()).collect()
+    }
+
+    /// What a cell has in them, empty where it has nothing.
+    pub(crate) fn row(&self, study: &Study, result: &CellResult) -> Vec<String> {
         if let Some(budget) = &study.budget {
             let bound = result.budget_ms.map_or_else(String::new, |ms| budget.is_bound(ms).to_string());
-            let _ = writeln!(text, "{},{bound},{}", number(result.budget_ms), result.verdict);
-            continue;
+            return vec![number(result.budget_ms), bound, result.verdict.clone()];
         }
-        let fact = |holds: bool| if result.error.is_none() { holds.to_string() } else { String::new() };
-        let _ = write!(
-            text,
-            "{},{},{},{},{},{},{},{},{},{}",
-            result.verdict,
-            fact(result.no_collision),
-            fact(result.on_road),
+        let of_drive = |text: String| if result.error.is_none() { text } else { String::new() };
+        let mut row = vec![
+            result.verdict.clone(),
+            of_drive(result.no_collision.to_string()),
+            of_drive(result.on_road.to_string()),
             number(result.min_distance_m),
             number(result.impact_speed_mps),
             number(result.lateral_jerk_max),
             result.digest.map_or_else(String::new, |d| d.to_string()),
             number(result.response_p50_ms),
             number(result.response_p99_ms),
-            if result.error.is_none() { result.misses.to_string() } else { String::new() },
-        );
-        for name in &more {
-            let _ = write!(text, ",{}", number(result.figures.get(*name).copied()));
-        }
-        text += "\n";
+            of_drive(result.misses.to_string()),
+        ];
+        row.extend(self.more.iter().map(|name| match result.texts.get(name) {
+            Some(text) => text.clone(),
+            None => number(result.figures.get(name).copied()),
+        }));
+        row
     }
-    text
 }
 
-/// The figures of a run by their names in `metrics.json`, but for those that have columns anyway and those of actors,
-/// operators and instants in a list.
+/// `cells.csv`: one line a finished cell, in the order of the study.
+pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
+    let columns = Columns::of(study, results);
+    let head = study.axes.iter().cloned().chain(columns.names()).collect::<Vec<_>>();
+    let rows = results
+        .iter()
+        .flatten()
+        .map(|result| result.labels.iter().cloned().chain(columns.row(study, result)).collect::<Vec<_>>());
+    let line = |cells: Vec<String>| cells.iter().map(|cell| field(cell)).collect::<Vec<_>>().join(",") + "\n";
+    core::iter::once(head).chain(rows).map(line).collect()
+}
+
+/// What `metrics.json` of a run says in words or as yes and no, by its names there, but for the verdict, which has a
+/// column anyway.
+pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
+    let Ok(Value::Object(all)) = serde_json::to_value(metrics) else { return BTreeMap::new() };
+    let text = |(name, value)| match value {
+        Value::String(text) => Some((name, text)),
+        Value::Bool(holds) => Some((name, holds.to_string())),
+        _ => None,
+    };
+    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").collect()
+}
+
+/// The metrics of a run that are numbers by their names in `metrics.json`, but for those that have columns anyway and
+/// those of actors, operators and instants in a list.
 pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
     fn gather(prefix: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
         match value {
@@ -143,6 +191,8 @@ pub struct Square {
     pub budget_ms: Vec<f64>,
     /// How many of these, the last ones, are lower bounds.
     pub budget_bounds: usize,
+    /// Whether the median budget is above that of the vehicle's own limit beside it.
+    pub beyond_limit: bool,
 }
 
 impl Grid {
@@ -180,6 +230,22 @@ impl Grid {
             square.impact_mps.sort_by(f64::total_cmp);
             square.budget_ms.sort_by(f64::total_cmp);
         }
+        let limited = study.budget.as_ref().and_then(|budget| budget.limit.as_ref());
+        if let Some(axis) = limited.and_then(|name| study.axes.iter().position(|axis| axis == name)) {
+            let at = |labels: &[String]| {
+                let row = grid.rows.iter().position(|r| *r == row_of(labels))?;
+                Some(row * grid.columns.len() + grid.columns.iter().position(|c| *c == column_of(labels))?)
+            };
+            let median = |at: usize| grid.squares[at].budget_median_ms();
+            let beyond = |result: &CellResult| {
+                let mut labels = result.labels.clone();
+                LIMIT.clone_into(&mut labels[axis]);
+                let (square, limit) = (at(&result.labels)?, at(&labels)?);
+                (median(square)? > median(limit)?).then_some(square)
+            };
+            let marked: Vec<usize> = results.iter().flatten().filter_map(beyond).collect();
+            marked.into_iter().for_each(|square| grid.squares[square].beyond_limit = true);
+        }
         grid
     }
 
@@ -193,15 +259,20 @@ impl Grid {
         let mut lines =
             vec![std::iter::once(self.row_axes.clone()).chain(self.columns.clone()).collect::<Vec<_>>()];
         for (i, row) in self.rows.iter().enumerate() {
-            lines.push(std::iter::once(row.clone()).chain(self.row(i).iter().map(Square::text)).collect());
+            // What a square says stands line by line: beside each other the columns would be too wide for a terminal.
+            let said: Vec<Vec<String>> = self.row(i).iter().map(Square::lines).collect();
+            for k in 0..said.iter().map(Vec::len).max().unwrap_or(0) {
+                let name = if k == 0 { row.clone() } else { String::new() };
+                let cells = said.iter().map(|lines| lines.get(k).cloned().unwrap_or_default());
+                lines.push(std::iter::once(name).chain(cells).collect());
+            }
         }
         let mut text = align(&lines);
         if !self.column_axis.is_empty() {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
         if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
-            text +=
-                "without a collision (95 % interval), on the road; median impact, and what else came of it\n";
+            text += "without a collision, on the road (95 % intervals); median impact, and what else came of it\n";
         }
         text
     }
@@ -269,28 +340,30 @@ impl Square {
         Some([format!("{at_least}{median:.0} ms"), range])
     }
 
-    /// What stands in the terminal's table.
+    /// What it says, in one line.
     pub fn text(&self) -> String {
-        let failed = match self.failed {
-            0 => String::new(),
-            n => format!(", {n} failed"),
-        };
+        self.lines().join(", ")
+    }
+
+    /// What stands in the terminal's table, line by line.
+    fn lines(&self) -> Vec<String> {
+        let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
         if self.runs == 0 {
-            return if self.failed > 0 { failed[2..].to_owned() } else { "-".into() };
+            return vec![failed.unwrap_or_else(|| "-".into())];
         }
         if let Some([median, range]) = self.budget_text() {
-            return format!("{median} ({range}, {}/{}){failed}", self.avoided, self.runs);
+            let budget = format!("{median} ({range}, {}/{})", self.avoided, self.runs);
+            return core::iter::once(budget).chain(failed).collect();
         }
-        let (low, high) = wilson(self.no_collision, self.runs);
-        let mut text =
-            format!("{}/{} ({low:.2}-{high:.2}), {} on road", self.no_collision, self.runs, self.on_road);
-        if let Some(impact) = self.impact_median_mps() {
-            let _ = write!(text, ", impact {impact:.1} m/s");
-        }
-        for (verdict, n) in self.rest() {
-            let _ = write!(text, ", {n} {verdict}");
-        }
-        text
+        let counted = |n: usize, of: &str| {
+            let (low, high) = wilson(n, self.runs);
+            format!("{n}{of} ({low:.2}-{high:.2})")
+        };
+        let mut lines =
+            vec![counted(self.no_collision, &format!("/{}", self.runs)), counted(self.on_road, " on road")];
+        lines.extend(self.impact_median_mps().map(|impact| format!("impact {impact:.1} m/s")));
+        lines.extend(self.rest().map(|(verdict, n)| format!("{n} {verdict}")));
+        lines
     }
 }
 
@@ -367,15 +440,17 @@ mod tests {
         let lines: Vec<String> = grid.text().lines().map(str::to_owned).collect();
         assert_eq!(lines[0].trim(), "speed_mps");
         assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
-        let (one, two) = ("1/1 (0.21-1.00), 1 on road", "1/2 (0.09-0.91), 2 on road, impact 12.0 m/s");
-        assert_eq!(lines[2], format!("fot      {two}  {one}"));
+        let (one, two) = ("1/1 (0.21-1.00)", "1/2 (0.09-0.91)");
+        assert_eq!(lines[2], format!("fot            {two}        {one}"));
+        assert_eq!(lines[3].trim(), "2 on road (0.34-1.00)  1 on road (0.21-1.00)");
+        assert_eq!(lines[4].trim(), "impact 12.0 m/s");
         assert_eq!(grid.squares[0].share(), Some(0.5));
         let stood =
             [result(&study.cells[0], "timeout", None), result(&study.cells[1], "collision", Some(9.0))];
         let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
         assert_eq!(
             (of(&study).share(), of(&study).text().as_str()),
-            (Some(0.0), "1/2 (0.09-0.91), 2 on road, impact 9.0 m/s, 1 timeout")
+            (Some(0.0), "1/2 (0.09-0.91), 2 on road (0.34-1.00), impact 9.0 m/s, 1 timeout")
         );
         assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
         let safe =
@@ -383,12 +458,53 @@ mod tests {
         let safe = Grid::of(&study, &safe).squares[0].clone();
         assert_eq!((safe.share(), safe.stopped), (Some(0.0), 1), "a safe stop is neither good nor bad");
         assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
-        assert_eq!(csv(&study, &results).lines().nth(1).unwrap(), "fot,16,1,avoided,true,true,0.5000,,,,,,0");
+        let csv = csv(&study, &results);
+        let lines: Vec<&str> = csv.lines().collect();
+        assert_eq!(lines[1], format!("fot,16,1,avoided,true,true,0.5000,,,,,,0{}", ",".repeat(ALWAYS.len())));
+        assert!(lines[0].ends_with(&format!(",misses,{}", ALWAYS.join(","))), "{}", lines[0]);
         let off = [result(&study.cells[0], "left_road", None), result(&study.cells[1], "avoided", None)];
         let of = |study: &Study| Grid::of(study, &off).squares[0].clone();
         assert_eq!(of(&study).share(), Some(0.5));
-        assert_eq!(of(&study).text(), "2/2 (0.34-1.00), 1 on road");
+        assert_eq!(of(&study).text(), "2/2 (0.34-1.00), 1 on road (0.09-0.91)");
         assert_eq!(of(&Study { off_road_is_good: true, ..study }).share(), Some(1.0));
+    }
+
+    #[test]
+    fn a_budget_above_the_limit_is_marked() {
+        let mut study = study();
+        for (cell, label) in study.cells.iter_mut().zip(["fot", LIMIT, "fot", LIMIT]) {
+            label.clone_into(&mut cell.labels[0]);
+            cell.labels[2] = "1".into();
+        }
+        let limit = Some("planner".to_owned());
+        study.budget = Some(Budget { max_ms: 300.0, scan_ms: 50.0, resolution_ms: 5.0, limit });
+        let budgets = [250.0, 200.0, 100.0, 150.0];
+        let one = |(cell, ms): (&Cell, f64)| {
+            Some(CellResult { budget_ms: Some(ms), ..CellResult::blank(cell, "avoided") })
+        };
+        let results: Vec<_> = study.cells.iter().zip(budgets).map(one).collect();
+        let grid = Grid::of(&study, &results);
+        let marked: Vec<bool> = grid.squares.iter().map(|square| square.beyond_limit).collect();
+        assert_eq!(marked, [true, false, false, false]);
+        let picture = crate::heatmap::draw(&grid, "t").svg();
+        assert_eq!(picture.matches("stroke-dasharray").count(), 2, "the square, and the legend: {picture}");
+    }
+
+    #[test]
+    fn what_is_told_in_words_has_a_column_as_well() {
+        let study = study();
+        let mut first = result(&study.cells[0], "collision", Some(4.0)).unwrap();
+        first.texts = [("impact_name", "person, on foot"), ("end", "collision")]
+            .map(|(name, text)| (name.to_owned(), text.to_owned()))
+            .into();
+        first.figures = [("plans.count".to_owned(), 3.0)].into();
+        let results = [Some(first), result(&study.cells[1], "avoided", None), None, None];
+        let csv = csv(&study, &results);
+        let [head, hit, _] = csv.lines().collect::<Vec<_>>()[..] else { panic!("{csv}") };
+        assert!(
+            head.ends_with("impact.impulse_n_s,impact_name,left_road_at_s,min_distance_name,plans.count")
+        );
+        assert!(hit.ends_with(",collision,,,,,\"person, on foot\",,,3.0000"), "{hit}");
     }
 
     #[test]
@@ -400,7 +516,7 @@ mod tests {
         };
         let results = [failed(0), result(&study.cells[1], "avoided", None), failed(2), failed(3)];
         let grid = Grid::of(&study, &results);
-        assert_eq!(grid.squares[0].text(), "1/1 (0.21-1.00), 1 on road, 1 failed");
+        assert_eq!(grid.squares[0].text(), "1/1 (0.21-1.00), 1 on road (0.21-1.00), 1 failed");
         assert_eq!((grid.squares[0].share(), grid.squares[1].share()), (Some(1.0), None));
         assert_eq!(grid.squares[1].text(), "2 failed");
         let picture = crate::heatmap::draw(&grid, "t").svg();

@@ -112,7 +112,7 @@ impl<'a> Chart<'a> {
         let title = format!("Timing over {part}{} ms", ms(self.pipeline.span));
         canvas.text((12.0, 20.0), &title, Text { size: 14.0, bold: true, ..LABEL });
         let soft = Text { color: color::SOFT, ..LABEL };
-        canvas.text((12.0, 36.0), "bars: steps, labelled by stamp in ms", soft);
+        canvas.text((12.0, 36.0), "bars: steps, labelled by stamp in ms where they are long enough; pointed at, each says its stamp, start and end", soft);
         canvas.finish(self.left_px + self.plot_px + 30.0, self.bottom_px + 62.0, &title)
     }
 

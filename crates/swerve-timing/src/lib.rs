@@ -73,7 +73,7 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
         args.pictures.write(path, &draw(&pipeline, &trace))?;
     }
     if let Some(path) = &args.report {
-        let page = page::page(&args.file, args.seed, &pipeline, &trace);
+        let page = page::page(&args.file, args.seed, &pipeline, (&trace, &tally));
         swerve_report::files::write_whole(path, page.html().as_bytes())?;
     }
     let text = if args.json { json(&pipeline, &trace) } else { table(&pipeline, &tally) };

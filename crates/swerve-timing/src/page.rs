@@ -3,13 +3,20 @@
 use std::path::Path;
 
 use swerve_report::output::quoted;
-use swerve_report::page::{Collector, Input, Message, Page, RunPage};
+use swerve_report::page::{Collector, Input, Message, Page, RunPage, Table};
 
 use super::pipeline::{BlackBox, Pipeline};
+use super::table::Row;
+use super::tally::Tally;
 use super::trace::Trace;
 
 /// The page of a run of `pipeline`, read from `file`.
-pub(crate) fn page(file: &Path, seed: u64, pipeline: &Pipeline, trace: &Trace) -> Page<RunPage> {
+pub(crate) fn page(
+    file: &Path,
+    seed: u64,
+    pipeline: &Pipeline,
+    (trace, tally): (&Trace, &Tally<'_>),
+) -> Page<RunPage> {
     let name = |k: usize| pipeline.operators[k].name.as_str();
     let mut collector = Collector::new();
     for operator in &pipeline.operators {
@@ -36,7 +43,20 @@ pub(crate) fn page(file: &Path, seed: u64, pipeline: &Pipeline, trace: &Trace) -
     let stem = file.file_stem().map_or_else(|| text.clone(), |stem| stem.to_string_lossy().into_owned());
     let digest = trace.report.as_ref().map_or_else(String::new, |report| report.digest.to_string());
     let command = format!("swerve timing {} --seed {seed}", quoted(&text));
-    Page::new("run", stem, RunPage { command, seed, digest, ..collector.finish() })
+    Page::new(
+        "run",
+        stem,
+        RunPage { command, seed, digest, tables: tables(pipeline, tally), ..collector.finish() },
+    )
+}
+
+/// What the terminal has.
+fn tables(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<Table> {
+    let table = |(title, mut rows): (&str, Vec<Row>)| {
+        let columns = rows.remove(0);
+        Table { title: title.into(), columns, rows }
+    };
+    super::table::tables(pipeline, tally).into_iter().map(table).collect()
 }
 
 fn inputs(pipeline: &Pipeline, operator: &BlackBox) -> Vec<Input> {

@@ -10,22 +10,26 @@ use super::tally::Tally;
 /// The report of a run as aligned text.
 pub(crate) fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
     let mut text = format!("span {} ms, {} operators\n", ms(pipeline.span), pipeline.operators.len());
-    for (title, rows) in [
+    for (title, rows) in tables(pipeline, tally) {
+        let _ = write!(text, "\n{title}\n{}", aligned(&rows));
+    }
+    text
+}
+
+/// The tables that have rows, each with its title and its head.
+pub(crate) fn tables(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<(&'static str, Vec<Row>)> {
+    let all = [
         (
             "Response times: result minus the stamp of the newest sensor frame it derives from",
             responses(pipeline, tally),
         ),
         ("Operators", operators(pipeline, tally)),
         ("Resources", resources(pipeline, tally)),
-    ] {
-        if rows.len() > 1 {
-            let _ = write!(text, "\n{title}\n{}", aligned(&rows));
-        }
-    }
-    text
+    ];
+    all.into_iter().filter(|(_, rows)| rows.len() > 1).collect()
 }
 
-type Row = Vec<String>;
+pub(crate) type Row = Vec<String>;
 
 fn row<const N: usize>(cells: [&str; N]) -> Row {
     cells.map(str::to_owned).to_vec()

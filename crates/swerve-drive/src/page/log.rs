@@ -53,7 +53,7 @@ fn page_of(
     let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
     let metrics = metrics_beside(path, &digest);
     if metrics.is_none() {
-        let note = "No metrics.json of this run lies beside its log: verdict and figures are not shown.";
+        let note = "No metrics.json of this run lies beside its log: verdict and metrics are not shown.";
         report.page.notes.push(note.into());
     }
     report.finish(&digest, metrics.as_deref().unwrap_or("null"))

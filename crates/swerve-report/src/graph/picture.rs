@@ -1,6 +1,8 @@
 //! The picture of a graph.
 
-use swerve_draw::{Canvas, Color, Picture, Sign, Step, Style, Text, color, legend, width_of};
+use std::collections::BTreeMap;
+
+use swerve_draw::{Anchor, At, Canvas, Color, Picture, Sign, Step, Style, Text, color, legend, width_of};
 use swerve_flow::{GraphInfo, OperatorInfo};
 
 use super::{EdgeInfo, edges, facts, input_text};
@@ -8,18 +10,24 @@ use super::{EdgeInfo, edges, facts, input_text};
 /// Box size, gaps and margin of the picture, in pixels.
 const WIDTH: f64 = 210.0;
 const LINE: f64 = 15.0;
-const GAP_X: f64 = 90.0;
+const GAP_X: f64 = 110.0;
 const GAP_Y: f64 = 26.0;
 const MARGIN: f64 = 24.0;
 /// Between a box and its text.
 const INSET: f64 = 10.0;
 /// Between lines of feedback below the boxes.
 const LANE: f64 = 18.0;
+/// Between the ends of the lines into a box, each of which has the name of its stream.
+const ENTRY: f64 = 12.0;
+/// Between lines that pass a column at the same place.
+const BESIDE: f64 = 5.0;
 /// Lines that one fact may take.
 const WRAPPED_MAX: usize = 3;
 
 const NAME: Text = Text { size: 13.0, bold: true, ..Text::PLAIN };
 const FACT: Text = Text { size: 11.0, ..Text::SOFT };
+
+const STREAM: Text = Text { size: 9.0, anchor: Anchor::End, rim: true, ..Text::SOFT };
 
 const SYNCHRONISED: Style = Style::line(color::INK, 1.4);
 const LATEST: Style = Style::line(color::ROAD_EDGE, 1.4);
@@ -30,14 +38,22 @@ const FEEDBACK: Style = Style::line(color::LEFT_ROAD, 1.4).dashed(5.0, 4.0);
 pub fn draw(graph: &GraphInfo) -> Picture {
     let boxes = layout(graph);
     let mut canvas = Canvas::default();
-    let below = boxes.iter().map(|b| b.y + b.height).fold(0.0, f64::max);
+    let edges = edges(graph);
+    let ways = ways(&edges, &boxes);
+    let passed = ways.iter().flatten().map(|(_, y)| *y);
+    let below = boxes.iter().map(|b| b.y + b.height).chain(passed).fold(0.0, f64::max);
     let mut lane = below + 12.0;
-    for edge in edges(graph) {
-        edge_line(&mut canvas, &edge, &boxes, lane);
+    for (edge, way) in edges.iter().zip(&ways) {
+        edge_line(&mut canvas, edge, &boxes, (lane, way));
         lane += if edge.feedback { LANE } else { 0.0 };
     }
     for (operator, place) in graph.operators.iter().zip(&boxes) {
         operator_box(&mut canvas, operator, place);
+    }
+    // Over everything else, so that no line goes through a name.
+    for edge in edges.iter().filter(|edge| !edge.feedback) {
+        let (x, y) = entry(edge, &boxes[edge.to]);
+        canvas.text((x - 10.0, y - 2.0), &cut(edge.stream, GAP_X - 24.0, STREAM), STREAM);
     }
     let right = boxes.iter().map(|b| b.x + WIDTH).fold(0.0, f64::max);
     let entries = [
@@ -60,10 +76,12 @@ fn layout(graph: &GraphInfo) -> Vec<Place> {
     }
     let mut next_y = vec![MARGIN; column.iter().max().map_or(0, |last| last + 1)];
     let place = |(operator, column): (&OperatorInfo, usize)| {
+        let entries = operator.inputs.iter().filter(|input| input.stream.is_some()).count();
         let height = LINE * (box_lines(operator).len() + 1) as f64 + 14.0;
+        let height = height.max(ENTRY * entries as f64 + 14.0);
         let y = next_y[column];
         next_y[column] += height + GAP_Y;
-        Place { x: MARGIN + column as f64 * (WIDTH + GAP_X), y, height }
+        Place { x: MARGIN + column as f64 * (WIDTH + GAP_X), y, height, column }
     };
     graph.operators.iter().zip(column).map(place).collect()
 }
@@ -72,6 +90,44 @@ struct Place {
     x: f64,
     y: f64,
     height: f64,
+    column: usize,
+}
+
+/// Where a line ends at its reader.
+fn entry(edge: &EdgeInfo<'_>, to: &Place) -> At {
+    (to.x, to.y + (14.0 + ENTRY * edge.nth as f64).min(to.height - 6.0))
+}
+
+/// Of each edge the places at which it passes the columns between its ends: through the gap between boxes that is
+/// nearest to the straight way, so that it runs behind none of them.
+fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
+    // How many lines pass a gap already, by column and the place of its middle.
+    let mut passing: BTreeMap<(usize, i64), usize> = BTreeMap::new();
+    let mut way = |edge: &EdgeInfo<'_>| {
+        let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
+        let (start, end) = (from.y + 0.5 * from.height, entry(edge, to).1);
+        let columns = if edge.feedback { 0..0 } else { from.column + 1..to.column };
+        let pass = |column: usize| {
+            let share = (column - from.column) as f64 / (to.column - from.column) as f64;
+            let middle = nearest_gap(boxes, column, start + share * (end - start));
+            let before = passing.entry((column, middle.round() as i64)).or_default();
+            let aside = BESIDE * before.div_ceil(2) as f64 * if *before % 2 == 0 { 1.0 } else { -1.0 };
+            *before += 1;
+            (MARGIN + column as f64 * (WIDTH + GAP_X), middle + aside)
+        };
+        columns.map(pass).collect()
+    };
+    edges.iter().map(&mut way).collect()
+}
+
+/// The middle of the gap of a column that is nearest to a height: above, between or below its boxes.
+fn nearest_gap(boxes: &[Place], column: usize, wanted: f64) -> f64 {
+    let own: Vec<&Place> = boxes.iter().filter(|place| place.column == column).collect();
+    let above = own.first().map(|first| wanted.min(first.y - 0.5 * MARGIN));
+    let between = own.windows(2).map(|pair| 0.5 * (pair[0].y + pair[0].height + pair[1].y));
+    let below = own.last().map(|last| wanted.max(last.y + last.height + 0.5 * GAP_Y));
+    let gaps = above.into_iter().chain(between).chain(below);
+    gaps.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap_or(wanted)
 }
 
 /// What the picture says in its box, below its name: timers and facts, without what is the default.
@@ -147,7 +203,7 @@ fn wrapped(text: &str, width: f64, how: Text) -> Vec<String> {
     lines.iter().map(|line| cut(line, width, how)).collect()
 }
 
-fn edge_line(canvas: &mut Canvas, edge: &EdgeInfo<'_>, boxes: &[Place], lane: f64) {
+fn edge_line(canvas: &mut Canvas, edge: &EdgeInfo<'_>, boxes: &[Place], (lane, way): (f64, &[At])) {
     let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
     let tip = |style: Style| Style::fill(style.color().unwrap_or(color::INK));
     canvas.begin_titled(edge.stream);
@@ -160,12 +216,20 @@ fn edge_line(canvas: &mut Canvas, edge: &EdgeInfo<'_>, boxes: &[Place], lane: f6
         canvas.text((x0.min(x1) + 8.0, lane - 3.0), edge.stream, how);
     } else {
         let style = if edge.joined { SYNCHRONISED } else { LATEST };
-        let (x0, y0) = (from.x + WIDTH, from.y + 0.5 * from.height);
-        let (x1, y1) = (to.x, to.y + (14.0 + 9.0 * edge.nth as f64).min(to.height - 6.0));
-        let bend = (0.5 * (x1 - x0)).clamp(30.0, 120.0);
-        let curve = Step::Curve((x0 + bend, y0), (x1 - bend, y1), (x1, y1));
-        canvas.outline(vec![Step::Move((x0, y0)), curve], style);
-        canvas.arrow_head((x1, y1), 0.0, tip(style));
+        let mut at = (from.x + WIDTH, from.y + 0.5 * from.height);
+        let end = entry(edge, to);
+        let curve = |(x0, y0): At, (x1, y1): At| {
+            let bend = (0.5 * (x1 - x0)).clamp(30.0, 120.0);
+            Step::Curve((x0 + bend, y0), (x1 - bend, y1), (x1, y1))
+        };
+        let mut steps = vec![Step::Move(at)];
+        for &(x, y) in way {
+            steps.extend([curve(at, (x, y)), Step::Line((x + WIDTH, y))]);
+            at = (x + WIDTH, y);
+        }
+        steps.push(curve(at, end));
+        canvas.outline(steps, style);
+        canvas.arrow_head(end, 0.0, tip(style));
     }
     canvas.end_titled();
 }

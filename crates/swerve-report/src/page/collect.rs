@@ -11,7 +11,7 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList};
 
 use super::picture::photo;
-use super::run::{self, EgoShape, Input, Marks, Operator, Road, RunPage};
+use super::run::{self, EgoShape, Input, Light, Marks, Operator, Road, RunPage};
 
 /// Ego states nearer to each other than this are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
@@ -78,12 +78,20 @@ impl Collector {
             left: along(&|s_m| route.left_m(s_m)),
             right: along(&|s_m| -route.right_m(s_m)),
             lane: cm(lane_width_m),
+            lights: Vec::new(),
         });
         self.page.shape = EgoShape {
             length: cm(outline.length_m),
             width: cm(outline.width_m),
             ahead: cm(outline.center_ahead_m),
         };
+    }
+
+    /// The traffic lights of the ground.
+    pub fn set_lights(&mut self, lights: Vec<Light>) {
+        if let Some(road) = &mut self.page.road {
+            road.lights = lights;
+        }
     }
 
     /// What the actors are called.

@@ -53,6 +53,9 @@ pub struct RunPage {
     pub drops: Marks,
     /// Pictures of the cameras.
     pub photos: Vec<Photo>,
+    /// Tables of what belongs to no single step.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<Table>,
     /// The whole configuration, as TOML.
     pub config: String,
     /// Keys of it that are not at their defaults.
@@ -72,6 +75,35 @@ pub struct Road {
     pub right: Vec<i64>,
     /// Distance between lane markings, 0 where unknown.
     pub lane: i64,
+    /// Traffic lights.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<Light>,
+}
+
+/// A traffic light: green, yellow and red in turn, for ever.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Light {
+    /// Its name.
+    pub name: String,
+    /// Where it stands.
+    pub at: [i64; 2],
+    /// Its stop line, from one end to the other.
+    pub stop: [i64; 4],
+    /// How long it is green, yellow and red.
+    pub phases: [i64; 3],
+    /// How far into its cycle, which begins with green, it is at the start.
+    pub offset: i64,
+}
+
+/// A table under a heading of its own.
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
+pub struct Table {
+    /// What it is headed with.
+    pub title: String,
+    /// Names of its columns.
+    pub columns: Vec<String>,
+    /// Row by row.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// The ego's outline.

@@ -30,7 +30,7 @@ fn speeds(of: &str) -> String {
 }
 
 fn results(bench: &Bench) -> Vec<Option<CellResult>> {
-    bench.study.cells.iter().map(|cell| Some(bench.run_cell(cell).unwrap())).collect()
+    bench.study.cells.iter().map(|cell| Some(bench.run_cell(cell, None).unwrap())).collect()
 }
 
 /// The median of a series at a run time, by cell.
@@ -105,8 +105,8 @@ fn results_are_the_same_again_and_are_kept() {
     assert_eq!(first, results(&bench));
     let out = tempfile::tempdir().unwrap();
     let (store, stop) = (CellStore::open(out.path()).unwrap(), AtomicBool::new(false));
-    let runner = Runner { store: &store, threads: 1, shard: None, stop: &stop };
-    let kept = runner.run(&bench.study, |c| bench.fingerprint(c), |c| bench.run_cell(c)).unwrap();
+    let runner = Runner { store: &store, threads: 1, shard: None, reports: false, stop: &stop };
+    let kept = runner.run(&bench.study, |c| bench.fingerprint(c), |c, _| bench.run_cell(c, None)).unwrap();
     let again = runner.run(&bench.study, |c| bench.fingerprint(c), |_| unreachable!("it is kept")).unwrap();
     assert_eq!((&kept, &again), (&first, &first));
 }
@@ -164,7 +164,7 @@ fn what_is_wrong_is_told_with_its_line() {
         (CAMERA, good, "0", "ego.speed_mps: expected a speed above 0, found 0"),
     ] {
         let bench = bench(base, timely, &speeds(speed)).unwrap();
-        let error = bench.run_cell(&bench.study.cells[0]).unwrap_err();
+        let error = bench.run_cell(&bench.study.cells[0], None).unwrap_err();
         assert!(format!("{error:#}").contains(expected), "{timely}\n{error:#}");
     }
 }

@@ -7,6 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 use swerve_report::page::data_of;
 
+use crate::browser::Page;
 use crate::support::Bench;
 
 const STUDY: &str = "description = \"Two speeds\"\nbase = { scenario = \"short.toml\" }\n\
@@ -179,4 +180,58 @@ fn a_browser_draws_studies_and_filters_them() {
     assert_eq!(text(&few, "count"), "3 of 6 cells");
     let both = drawn(&browser, &bench.path("s/comparison.html"), "", 1000);
     assert!(both.contains("6 cells are in both"), "{both}");
+}
+
+#[test]
+fn studies_that_share_no_cell_are_not_the_same() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    bench.write("a.toml", STUDY);
+    bench.write("b.toml", &STUDY.replace("ego.speed_mps", "sensing.range_m"));
+    bench.good(&["study", "a.toml", "--out", "a"]);
+    bench.good(&["study", "b.toml", "--out", "b"]);
+    bench.good(&["report", "a", "b"]);
+    let both = drawn(&browser, &bench.path("a/comparison.html"), "", 1000);
+    assert!(both.contains("no cell is in both: there is nothing to compare"), "{both}");
+    assert!(!both.contains("are the same"), "{both}");
+}
+
+#[test]
+fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
+    let bench = Bench::new();
+    bench.write("study.toml", STUDY);
+    bench.good(&["study", "study.toml", "--out", "s"]);
+    let cells = |page: &Value| page["cells"].as_array().unwrap().clone();
+    assert!(cells(&data(&bench, "s/report.html")).iter().all(|cell| cell["report"].is_null()));
+    // What was finished without its page is driven again.
+    bench.good(&["study", "study.toml", "--out", "s", "--reports"]);
+    let page = data(&bench, "s/report.html");
+    let columns: Vec<&str> =
+        page["columns"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
+    let head = ["ego.speed_mps", "seed"].into_iter().chain(columns).collect::<Vec<_>>().join(",");
+    let csv = bench.read("s/cells.csv");
+    assert!(csv.starts_with(&head.replace("ego.speed_mps", "speed_mps")), "{head}\n{csv}");
+    for cell in cells(&page) {
+        let run = data(&bench, &format!("s/{}", cell["report"].as_str().unwrap()));
+        assert_eq!((&run["digest"], &run["command"]), (&cell["digest"], &cell["command"]));
+    }
+    let Some(browser) = browser() else { return };
+    let mut shown = Page::open(&browser, &format!("file://{}", bench.path("s/report.html").display()));
+    shown.until("document.querySelectorAll('#cells tbody tr').length === 6");
+    let tallest = "Math.max(...[...document.querySelectorAll('#cells tbody tr')].map((row) => row.clientHeight))";
+    let tallest = shown.evaluate(tallest).as_f64().unwrap();
+    assert!(tallest < 45.0, "a row is {tallest} px high");
+    shown.evaluate("document.querySelector('table.heat td button').click()");
+    assert_eq!(shown.evaluate("document.querySelectorAll('#heat a').length"), 3);
+    assert!(shown.errors.is_empty(), "{:?}", shown.errors);
+}
+
+#[test]
+fn of_a_sensor_a_page_tells_what_is_not_at_its_default() {
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o", "--set", "camera.front.width_px=64"]);
+    let page = data(&bench, "o/report.html");
+    let changed: Vec<&str> =
+        page["changed"].as_array().unwrap().iter().map(|change| change["key"].as_str().unwrap()).collect();
+    assert_eq!(changed, ["camera.front", "camera.front.width_px"]);
 }
