@@ -301,7 +301,8 @@ impl Recording {
     pub fn played(&self, speed: f64) -> Self {
         let tracks =
             self.tracks.iter().map(|track| track.played(speed)).filter(|one| !one.samples.is_empty());
-        Self { step: self.step, tracks: tracks.collect() }
+        // Lanes have a direction, which who drives backwards does not keep to.
+        Self { step: self.step, tracks: tracks.collect(), lanes: None }
     }
 }
 

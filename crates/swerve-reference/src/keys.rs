@@ -286,9 +286,7 @@ mod tests {
     #[test]
     fn a_word_finds_keys_by_name_value_or_text() {
         let all = all();
-        let found = |asked: &str| {
-            find(&all, asked).iter().map(|key| key.key.clone()).collect::<Vec<_>>()
-        };
+        let found = |asked: &str| find(&all, asked).iter().map(|key| key.key.clone()).collect::<Vec<_>>();
         assert!(found("sim").unwrap().iter().all(|key| key.starts_with("sim.")));
         assert!(found("clear_noon").unwrap().contains(&"render.weather".to_owned()));
         assert!(found("added_latency").unwrap().contains(&"planning.added_latency_ms".to_owned()));

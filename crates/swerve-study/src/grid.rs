@@ -365,7 +365,11 @@ fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Opt
 /// What is said of an axis that a study does not have.
 pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
     let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
-    let expected = if axes.is_empty() { "the study has none".into() } else { format!("expected one of {}", list(&axes)) };
+    let expected = if axes.is_empty() {
+        "the study has none".into()
+    } else {
+        format!("expected one of {}", list(&axes))
+    };
     format!("no axis of the name `{name}`; {expected}")
 }
 
@@ -393,7 +397,9 @@ fn read_axes(
             steps.push(Step { label: LIMIT.into(), scenario: None, sets: Vec::new() });
         }
         if axes.contains(&name) {
-            wrong(format!("a second axis of the name `{name}`: give one of them another by `name = \"...\"`"));
+            wrong(format!(
+                "a second axis of the name `{name}`: give one of them another by `name = \"...\"`"
+            ));
         }
         let before: usize = all.iter().map(Vec::len).product();
         if before <= CELLS_MAX && before.saturating_mul(steps.len()) > CELLS_MAX {
@@ -447,7 +453,11 @@ impl Axis {
         if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
             return Err(format!("`{}` stands twice", twice.label));
         }
-        let name = self.name.clone().or(self.key.as_deref().map(name_of)).ok_or("an axis without `key` needs a `name`")?;
+        let name = self
+            .name
+            .clone()
+            .or(self.key.as_deref().map(name_of))
+            .ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
     }
 }

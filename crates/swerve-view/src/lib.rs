@@ -87,7 +87,8 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     if let (Some(log), Some(streams)) = (&log, &streams) {
         streams.play(log.clone(), args.speed.0)?;
     }
-    let driver = Driver { registry, input: &args.input, summarise, show: &show, streams, before: RefCell::default() };
+    let driver =
+        Driver { registry, input: &args.input, summarise, show: &show, streams, before: RefCell::default() };
     if log.is_none() && !args.live {
         driver.check(&args.input)?;
     }

@@ -83,7 +83,10 @@ fn nonsense_names_its_place() {
         problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
     let same = "base = { scenario = \"a\" }\n[[axis]]\nkey = \"ego.speed_mps\"\nvalues = [1]\n[[axis]]\nkey = \"speed_mps\"\nvalues = [2]\n";
-    assert!(wrong(same).contains("axis[1]: a second axis of the name `speed_mps`: give one of them another by `name = "));
+    assert!(
+        wrong(same)
+            .contains("axis[1]: a second axis of the name `speed_mps`: give one of them another by `name = ")
+    );
     let of_actor = study(&same.replace("\"speed_mps\"", "\"actor.person.speed_mps\"")).expect("two names");
     assert_eq!(of_actor.axes, ["speed_mps", "person.speed_mps"]);
     assert_eq!(

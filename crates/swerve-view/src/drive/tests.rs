@@ -13,7 +13,14 @@ fn digest(show: &Show, streams: Option<Streams>) -> String {
     let scenario = "person_behind_truck".into();
     let input = RunInput { scenario, config: Vec::new(), set, seed: Some(3) };
     let summarise = |_: &Config, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
-    let driver = Driver { registry: &registry, input: &input, summarise: &summarise, show, streams, before: RefCell::default() };
+    let driver = Driver {
+        registry: &registry,
+        input: &input,
+        summarise: &summarise,
+        show,
+        streams,
+        before: RefCell::default(),
+    };
     let (over, page) = driver.drive(&Begin::default()).unwrap();
     assert!(page.is_some());
     over.digest.unwrap()
