@@ -159,7 +159,7 @@ fn fill(is_source: bool) -> Color {
 }
 
 fn operator_box(canvas: &mut Canvas, operator: &OperatorInfo, place: &Place) {
-    let Place { x, y, height } = *place;
+    let Place { x, y, height, .. } = *place;
     let all = box_facts(operator).iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
     canvas.begin_titled(&all);
     let style = Style::fill(fill(operator.feed || operator.origin)).outlined(color::SOFT, 1.0).rounded(5.0);
