@@ -185,7 +185,7 @@ fn sum(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collision::CollisionMode;
+    use crate::collision::{CollisionMode, Solid};
     use crate::testing::World;
 
     /// Of stretches and of single motions.
@@ -214,13 +214,14 @@ mod tests {
             };
             for ends_m in [[1.0, 1.0], [-1.0, 2.5]] {
                 let mut plain = 0.0;
-                let mut boxes = vec![vec![]; samples_s.len()];
-                for (k, &t_s) in samples_s.iter().enumerate() {
-                    obstacles.for_each_at(at + Span::from_secs(t_s), |solid| boxes[k].push(*solid));
+                let mut boxes = [vec![], vec![]];
+                for &t_s in &samples_s {
+                    let mut each = boxes.iter_mut();
+                    let mut push = |solid: &Solid| each.next().unwrap().push(*solid);
+                    obstacles.for_each_at(at + Span::from_secs(t_s), &mut push);
                 }
-                for b in 0..2 {
-                    for k in 0..n {
-                        let mut solid = boxes[k][b];
+                for of_box in boxes {
+                    for (k, mut solid) in of_box.into_iter().enumerate().take(n) {
                         solid.half_length_m += 0.3;
                         solid.half_width_m += 0.3;
                         let squared = solid.corners().map(|corner| {

@@ -94,8 +94,8 @@ struct Neighbour {
 #[derive(Clone, Copy, Debug)]
 struct Guide {
     pose: Pose2,
-    /// First of its words in `blocked`.
-    row: usize,
+    /// Its bit in `blocked`.
+    number: usize,
 }
 
 /// The tree and its memory, kept between calls.
@@ -113,8 +113,10 @@ pub struct Tree {
     best_m: f64,
     /// Guides that are not in the tree yet.
     guides: Vec<Guide>,
-    /// Guide x node, in bits: ways that are known not to be free.
+    /// Node x guide, in bits: ways that are known not to be free.
     blocked: Vec<u64>,
+    /// Words of one node in `blocked`.
+    words: usize,
     /// Guides that are.
     guide_nodes: Vec<u32>,
     /// Iterations of the newest growth.
@@ -126,6 +128,9 @@ const DRAWS_MAX: usize = 24;
 
 /// So many of the cheapest ways are looked for one by one before the rest are sorted.
 const UNSORTED: usize = 2;
+
+/// Memory is reserved for so many iterations at most, however many there may be.
+const RESERVED_MAX: u64 = 100_000;
 
 /// A gain below this is none, metres.
 const GAIN_M: f64 = 1e-9;
@@ -161,25 +166,26 @@ impl Tree {
     fn begin(&mut self, growth: &Growth, aim: &Aim<'_>) {
         let Aim { start, bounds, guides, .. } = *aim;
         self.work = 0;
+        let nodes_max = growth.iterations_max.min(RESERVED_MAX) as usize + 1;
         self.nodes.clear();
-        self.nodes.reserve(growth.iterations_max as usize + 1);
+        self.nodes.reserve(nodes_max);
         self.near.clear();
-        self.near.reserve(growth.iterations_max as usize + 1);
+        self.near.reserve(nodes_max);
         self.order.clear();
-        self.order.reserve(growth.iterations_max as usize + 1);
+        self.order.reserve(nodes_max);
         self.stack.clear();
-        self.stack.reserve(growth.iterations_max as usize + 1);
+        self.stack.reserve(nodes_max);
         self.arrived.clear();
-        self.arrived.reserve(growth.iterations_max as usize + 1);
+        self.arrived.reserve(nodes_max);
         self.best_m = f64::INFINITY;
-        let words = (growth.iterations_max as usize + 1).div_ceil(64);
         self.guides.clear();
-        self.guides.extend(guides.iter().enumerate().map(|(k, &pose)| Guide { pose, row: k * words }));
+        self.guides.extend(guides.iter().enumerate().map(|(number, &pose)| Guide { pose, number }));
+        self.words = guides.len().div_ceil(64);
         self.blocked.clear();
-        self.blocked.resize(guides.len() * words, 0);
+        self.blocked.reserve(nodes_max * self.words);
         self.guide_nodes.clear();
         self.guide_nodes.reserve(guides.len());
-        self.grid.begin(bounds, growth.radius_max_m, growth.iterations_max as usize + 1);
+        self.grid.begin(bounds, growth.radius_max_m, nodes_max);
         self.push(start, NONE, 0.0);
     }
 
@@ -187,6 +193,7 @@ impl Tree {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { pose, parent: NONE, first_child: NONE, next_sibling: NONE, cost_m });
         self.grid.push(pose.point());
+        self.blocked.resize(self.nodes.len() * self.words, 0);
         if parent != NONE {
             self.adopt(parent, node);
         }
@@ -250,7 +257,7 @@ impl Tree {
     /// Joins one of the guides to the tree, over all nodes it could be joined to.
     fn add_guide(&mut self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) {
         let index = rng.below(self.guides.len());
-        let Guide { pose, row } = self.guides[index];
+        let Guide { pose, number } = self.guides[index];
         if self.is_useless(pose, aim) {
             self.guides.swap_remove(index);
             return;
@@ -260,8 +267,8 @@ impl Tree {
             self.near.push(Neighbour { node, cost_m: 0.0 });
         }
         self.price(space, pose);
-        let row = space.stands().then_some(row);
-        let Some(node) = self.connect(space, pose, row) else { return };
+        let guide = space.stands().then_some(number);
+        let Some(node) = self.connect(space, pose, guide) else { return };
         self.guides.swap_remove(index);
         self.guide_nodes.push(node);
         self.rewire(space, node);
@@ -293,15 +300,15 @@ impl Tree {
     }
 
     /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed:
-    /// as a rule the first few are enough, and the rest need not be sorted. `row`: that of a guide where all stands.
-    fn connect(&mut self, space: &impl Space, pose: Pose2, row: Option<usize>) -> Option<u32> {
+    /// as a rule the first few are enough, and the rest need not be sorted. `guide`: its number where all stands.
+    fn connect(&mut self, space: &impl Space, pose: Pose2, guide: Option<usize>) -> Option<u32> {
         let by_cost = |a: &Neighbour, b: &Neighbour| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node));
         for _ in 0..UNSORTED {
             let open = self.near.iter_mut().filter(|n| n.cost_m < f64::INFINITY);
             let cheapest = open.min_by(|a, b| by_cost(a, b))?;
             let Neighbour { node, cost_m } = *cheapest;
             cheapest.cost_m = f64::INFINITY;
-            if self.is_free(space, node, pose, row) {
+            if self.is_free(space, node, pose, guide) {
                 return Some(self.push(pose, node, cost_m));
             }
         }
@@ -309,18 +316,18 @@ impl Tree {
         self.order.extend(self.near.iter().filter(|n| n.cost_m < f64::INFINITY));
         self.order.sort_unstable_by(|a, b| by_cost(b, a));
         while let Some(Neighbour { node, cost_m }) = self.order.pop() {
-            if self.is_free(space, node, pose, row) {
+            if self.is_free(space, node, pose, guide) {
                 return Some(self.push(pose, node, cost_m));
             }
         }
         None
     }
 
-    /// Whether the way from `node` to `pose` is free; that it is not is noted in the guide's row.
-    fn is_free(&mut self, space: &impl Space, node: u32, pose: Pose2, row: Option<usize>) -> bool {
+    /// Whether the way from `node` to `pose` is free; that it is not is noted for the guide.
+    fn is_free(&mut self, space: &impl Space, node: u32, pose: Pose2, guide: Option<usize>) -> bool {
         let from = &self.nodes[node as usize];
-        let Some(row) = row else { return space.free(from.pose, pose, from.cost_m) };
-        let (word, bit) = (&mut self.blocked[row + node as usize / 64], 1 << (node % 64));
+        let Some(guide) = guide else { return space.free(from.pose, pose, from.cost_m) };
+        let (word, bit) = (&mut self.blocked[node as usize * self.words + guide / 64], 1 << (guide % 64));
         let is_free = *word & bit == 0 && space.free(from.pose, pose, from.cost_m);
         *word |= if is_free { 0 } else { bit };
         is_free

@@ -216,6 +216,18 @@ fn the_seed_alone_decides_and_the_budget_holds() {
 
 /// The optima in the file are what the visibility graph gives, and the original's success rates come out again.
 #[test]
+fn a_budget_cuts_a_search_without_end_where_counted_iterations_do() {
+    for problem in &problems() {
+        let length_m = |iterations_max: u64, units: u64| {
+            let mut solver = Solver { iterations_max, ..Solver::default() };
+            let outcome = solver.search(problem, &config(), Preset::Best, &mut Capped::new(units));
+            (outcome, solver.work(), solver.length_m())
+        };
+        assert_eq!(length_m(u64::MAX, 200), length_m(200, u64::MAX), "{}", problem.id);
+    }
+}
+
+#[test]
 fn shared_problems_paper() {
     let Some((file, json)) = shared() else { return };
     let mut solver = Solver::default();
