@@ -5,7 +5,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
+use swerve_core::{Span, Time};
 use swerve_drive::page::RunReport;
 use swerve_flow::{Event, Observer as _, StopHandle};
 use swerve_report::page::{Have, Rows};
@@ -125,7 +125,7 @@ struct Told<'a> {
 impl Begin {
     /// Where the run begins to be new.
     pub(crate) fn from(&self) -> Option<Time> {
-        self.from_s.map(Time::from_secs)
+        self.from_s.map(|from_s| Time::ZERO + Span::from_secs(from_s))
     }
 }
 

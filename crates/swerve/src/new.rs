@@ -53,7 +53,7 @@ fn write_for_editors(folder: &Path) -> anyhow::Result<()> {
         let text = serde_json::to_string_pretty(&kind.schema())? + "\n";
         swerve_report::files::write_whole(&schemas.join(format!("{}.json", kind.name())), text.as_bytes())?;
     }
-    Ok(swerve_report::files::write_whole(&folder.join(".taplo.toml"), EDITOR.as_bytes())?)
+    swerve_report::files::write_whole(&folder.join(".taplo.toml"), EDITOR.as_bytes())
 }
 
 /// Makes the folder.

@@ -101,7 +101,9 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
 #[test]
 fn where_no_actor_decided_the_chain_names_what_did() {
     use Milestone::{Effect, End, GateStop, Standstill};
-    let cases: [(&str, &[&str], Verdict, &[&str], &[Milestone]); 2] = [
+    type Case =
+        (&'static str, &'static [&'static str], Verdict, &'static [&'static str], &'static [Milestone]);
+    let cases: [Case; 2] = [
         (
             "person_behind_truck",
             &["gate.enabled=true", "gate.emergency_at_ms=2000"],

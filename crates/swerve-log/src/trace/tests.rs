@@ -60,7 +60,7 @@ fn a_trace_cut_short_is_valid_json() {
     let mut text = Vec::new();
     let mut trace = TraceWriter::to(Path::new("t"), &mut text, &[]);
     trace.step_start("a \"quoted\" name", ms(0), ms(3), none());
-    trace.instant("b", ms(5), "missed, skip", ms(1));
+    trace.trace.instant("b", ms(5), "missed, skip", ms(1));
     drop(trace);
     let events = parsed(&text);
     let slice = of(&events, "X").next().unwrap();

@@ -162,7 +162,7 @@ fn a_net_beside_filters_is_another_one() {
     let scene = turning(3).scenes(&Protocol::whole(8, 5)).remove(0);
     let (found, filters) = (
         forecast_by(&weights, &scene.tracks, &horizon),
-        crate::forecast(crate::PredictorName::Imm, &scene.tracks, &horizon, None),
+        crate::forecast(crate::PredictorName::Imm, &scene.tracks, &horizon, crate::Ground::Open),
     );
     for (a, b) in found.forecasts.iter().zip(&filters.forecasts) {
         let path = b.likeliest().unwrap().path.iter();

@@ -92,9 +92,10 @@ fn recorded_files_of_both_forms_are_learnt_from() {
         let folder = data.join(folder);
         run(dir.path(), &recipe, &["--data", folder.to_str().unwrap()]).unwrap();
         let weights = Weights::read(&std::fs::read(dir.path().join("small.weights")).unwrap()).unwrap();
-        let (recordings, learnt) = (file_of(&path, format), |tracks: &TrackList, horizon: &Horizon| {
-            forecast_by(&weights, tracks, horizon)
-        });
+        let (recordings, learnt) =
+            (file_of(&path, format), |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| {
+                forecast_by(&weights, tracks, horizon)
+            });
         let each = if format == "eth_ucy" { 1 } else { 4 };
         let protocol = Protocol { stride: 10 * stride, ..Protocol::whole(7 * each + 1, 5 * each) };
         let found = judged(&recordings, &learnt, (&protocol, BEST_OF)).figures();
@@ -104,7 +105,7 @@ fn recorded_files_of_both_forms_are_learnt_from() {
 
 fn file_of(path: &Path, format: &str) -> Vec<Recording> {
     let format = if format == "eth_ucy" { Format::EthUcy } else { Format::CommonroadCsv };
-    file(path, format).unwrap().1
+    file(path, format).unwrap().recordings()
 }
 
 #[test]
