@@ -3,7 +3,7 @@
 use swerve_eval::{Metrics, Verdict};
 use swerve_msg::ActorKind;
 
-use super::marks::first_sight;
+use super::marks::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
 use super::{birds_eye, panels, tracks};
@@ -154,7 +154,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let without_comfort = Sign::Block(panels::without_comfort_style());
     add(!story.without_comfort().is_empty(), without_comfort, "no comfortable plan was free");
     add(first_sight(story).is_some(), dashed(color::SIGHT, 2.0, [6.0, 4.0]), "first visible");
-    if let Some(metrics) = story.metrics.as_ref().filter(|m| !m.actors.is_empty()) {
+    if let Some(metrics) = story.metrics.as_ref().filter(|_| closest_at(story).is_some()) {
         let what = if metrics.impact.is_some() { "collision" } else { "closest approach" };
         add(true, line(color::ALARM, 2.0), what);
     }
