@@ -145,7 +145,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let predicted = dashed(color::TRACK, 1.0, [1.0, 3.0]);
     add(tracks::has_predictions(story, view), predicted, "predicted at a plan shown");
     let chain = dashed(color::TRACK, 1.2, [1.0, 2.0]);
-    add(story.why.is_some(), chain, "step of why, named below");
+    add(panels::has_chain(story, view), chain, "step of why, named below");
     let lamp = Sign::Mark(|canvas, at| {
         canvas.circle(at, 5.0, Style::fill(color::ROAD).outlined(color::INK, 1.5));
     });
