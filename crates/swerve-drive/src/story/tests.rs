@@ -62,8 +62,9 @@ fn is_time(label: &Label) -> bool {
     text.contains('.') && text.parse::<f64>().is_ok()
 }
 
-fn picture(scenario: &Path) -> (Story, String) {
-    let input = RunInput { scenario: scenario.into(), config: Vec::new(), set: Vec::new(), seed: None };
+fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
+    let set = set.iter().map(|&set| set.to_owned()).collect();
+    let input = RunInput { scenario: scenario.into(), config: Vec::new(), set, seed: None };
     let (config, scenario) = load(&swerve_stack::Registry::standard(), &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let mut story = story(&config, &scenario, &pipeline);
@@ -94,7 +95,7 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
     let files = scenarios();
     assert!(files.len() >= 12, "{files:?}");
     for file in files {
-        let (story, svg) = picture(&file);
+        let (story, svg) = picture(&file, &[]);
         if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
             let name = Path::new(file.file_stem().unwrap()).with_extension("svg");
             std::fs::write(Path::new(&folder).join(name), &svg).unwrap();
@@ -130,4 +131,17 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
             assert!(is_told, "{}: {} is not told", file.display(), hero.name);
         }
     }
+}
+
+#[test]
+fn where_the_gate_decided_the_picture_is_of_its_stop_and_of_no_actor() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");
+    let (_, svg) = picture(&file, &["gate.enabled=true", "gate.emergency_at_ms=2000"]);
+    if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
+        std::fs::write(Path::new(&folder).join("gate.svg"), &svg).unwrap();
+    }
+    let labels = labels(&svg);
+    assert!(labels.iter().any(|label| label.text == "2.0 s"), "{labels:?}");
+    assert!(labels.iter().all(|label| !label.text.contains("closest")), "{labels:?}");
+    assert!(labels.iter().any(|label| label.text == "STOPPED"), "{labels:?}");
 }

@@ -98,12 +98,13 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     assert!(logged.why_of(None, Some(1e4)).is_err());
 }
 
+/// A scenario, what is set, and the verdict, words and steps that are expected.
+type Decided<'a> = (&'a str, &'a [&'a str], Verdict, &'a [&'a str], &'a [Milestone]);
+
 #[test]
 fn where_no_actor_decided_the_chain_names_what_did() {
     use Milestone::{Effect, End, GateStop, Standstill};
-    type Case =
-        (&'static str, &'static [&'static str], Verdict, &'static [&'static str], &'static [Milestone]);
-    let cases: [Case; 2] = [
+    let cases: [Decided<'_>; 2] = [
         (
             "person_behind_truck",
             &["gate.enabled=true", "gate.emergency_at_ms=2000"],

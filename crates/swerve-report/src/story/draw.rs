@@ -3,7 +3,7 @@
 use swerve_eval::{Metrics, Verdict};
 use swerve_msg::ActorKind;
 
-use super::marks::first_sight;
+use super::marks::{closest_at, first_sight};
 use super::record::Story;
 use super::view::View;
 use super::{birds_eye, panels, tracks};
@@ -145,7 +145,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let predicted = dashed(color::TRACK, 1.0, [1.0, 3.0]);
     add(tracks::has_predictions(story, view), predicted, "predicted at a plan shown");
     let chain = dashed(color::TRACK, 1.2, [1.0, 2.0]);
-    add(story.why.is_some(), chain, "step of why, named below");
+    add(panels::has_chain(story, view), chain, "step of why, named below");
     let lamp = Sign::Mark(|canvas, at| {
         canvas.circle(at, 5.0, Style::fill(color::ROAD).outlined(color::INK, 1.5));
     });
@@ -154,7 +154,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let without_comfort = Sign::Block(panels::without_comfort_style());
     add(!story.without_comfort().is_empty(), without_comfort, "no comfortable plan was free");
     add(first_sight(story).is_some(), dashed(color::SIGHT, 2.0, [6.0, 4.0]), "first visible");
-    if let Some(metrics) = story.metrics.as_ref().filter(|m| !m.actors.is_empty()) {
+    if let Some(metrics) = story.metrics.as_ref().filter(|_| closest_at(story).is_some()) {
         let what = if metrics.impact.is_some() { "collision" } else { "closest approach" };
         add(true, line(color::ALARM, 2.0), what);
     }

@@ -5,7 +5,7 @@ use swerve_eval::LightCourse;
 use swerve_geom::FrenetPoint;
 use swerve_msg::Signal;
 
-use super::labels::Labels;
+use super::labels::{Importance, Labels};
 use super::record::Story;
 use super::view::View;
 use swerve_draw::{Anchor, Axes, Canvas, Color, Style, Text, color, width_of};
@@ -57,7 +57,10 @@ pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view
         labels.keep_off([lamp.0 - 7.0, lamp.1 - 7.0, lamp.0 + 7.0, lamp.1 + 7.0]);
         let when = if crossing.is_some() { "as the ego crossed" } else { "at the end" };
         let text = format!("light {}: {} {when}, {:.2} s", light.name, signal.name(), at.as_secs());
-        labels.event((lamp.0, lamp.1 + 20.0), text, color::INK);
+        let how = Text { size: 11.0, bold: true, rim: true, ..Text::default() };
+        let (right, before) = (lamp.0 + 11.0, lamp.0 - 11.0 - width_of(&text, how));
+        let places = [4.0, -12.0, 20.0].iter().flat_map(|dy| [right, before].map(|x| (x, lamp.1 + dy)));
+        labels.ask(Importance::Event, places.collect(), text, how);
     }
 }
 

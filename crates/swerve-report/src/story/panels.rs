@@ -1,7 +1,7 @@
 //! Speed, steering, accelerations and time to collision over one time axis.
 
 use swerve_core::{Span, Time};
-use swerve_eval::Milestone;
+use swerve_eval::{Milestone, WhyStep};
 use swerve_msg::EgoState;
 
 use super::birds_eye;
@@ -77,7 +77,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
     let row = |y| Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: (0.0, 1.0) };
     y += lights::strips(canvas, story, view, &row(y), y);
     let chain_y = y + 9.0;
-    y += if story.why.is_some() { CHAIN_ROW } else { 0.0 } + 16.0;
+    y += if has_chain(story, view) { CHAIN_ROW } else { 0.0 } + 16.0;
     chain(canvas, story, &row(y), chain_y);
     numbers(canvas, story, view, &row(y));
     for (k, panel) in PANELS.iter().enumerate() {
@@ -156,13 +156,22 @@ fn horizon(canvas: &mut Canvas, frame: &Axes, is_any: bool) {
     canvas.text((frame.corner.0 + frame.size.0 - 6.0, frame.at(0.0, HORIZON_S).1 + 13.0), &text, how);
 }
 
+/// The steps of the chain within a time axis, seconds.
+fn steps(story: &Story, (from, to): (f64, f64)) -> impl Iterator<Item = &WhyStep> {
+    let steps = story.why.iter().flat_map(|why| &why.steps);
+    steps.filter(move |step| step.at_s >= from && step.at_s <= to)
+}
+
+/// Whether a step of the chain is within the view.
+pub(super) fn has_chain(story: &Story, view: &View) -> bool {
+    steps(story, (view.span.0.as_secs(), view.span.1.as_secs())).next().is_some()
+}
+
 /// Names the steps of the chain in a row, each with a line down to its instant.
 fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
     const GAP: f64 = 10.0;
-    let steps = story.why.iter().flat_map(|why| &why.steps);
-    let steps = steps.filter(|step| step.at_s >= frame.x.0 && step.at_s <= frame.x.1);
     let how = Text { size: 10.5, anchor: Anchor::Middle, ..Text::default() };
-    let named: Vec<(f64, f64, String, swerve_draw::Color)> = steps
+    let named: Vec<(f64, f64, String, swerve_draw::Color)> = steps(story, frame.x)
         .map(|step| {
             let text = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
             let paint = if step.what == Milestone::Visible { color::SIGHT_TEXT } else { color::TRACK };

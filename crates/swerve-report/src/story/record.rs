@@ -1,7 +1,7 @@
 //! What a story keeps of a run.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{ActorMetrics, LightCourse, Metrics, Outline, Why};
+use swerve_eval::{ActorMetrics, DecidedBy, LightCourse, Metrics, Outline, Why};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Obb, Point2, Polyline, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
@@ -203,9 +203,12 @@ impl Story {
         self.route.project(ego.pose.ahead(front_m).point()).s_m
     }
 
-    /// The actor that the story is about: the one that decided the verdict.
+    /// The actor that the story is about: the one that decided the verdict; none where something else did.
     pub(crate) fn protagonist(&self) -> Option<&ActorMetrics> {
-        self.metrics.as_ref()?.deciding_actor()
+        match self.metrics.as_ref()?.decided_by() {
+            DecidedBy::Actor(actor) => Some(actor),
+            _ => None,
+        }
     }
 
     pub(crate) fn actor(&self, id: ActorId) -> Option<&ActorTrace> {
