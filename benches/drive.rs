@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use swerve_benches::{Goal, Rows, Sample, cores, is_asked, is_asked_to_measure, now};
-use swerve_drive::{drive_observed, drive_pipeline, read_scenario, set_up};
+use swerve_drive::{drive_observed, drive_pipeline, problems_error, read_scenario, set_up};
 use swerve_flow::Observer;
 use swerve_gpu::{AdapterKind, Gpu};
 use swerve_log::{Recorder, RunStart};
@@ -182,7 +182,7 @@ fn study(rows: &mut Rows) -> anyhow::Result<()> {
     let (began, began_cpu_s) = (now(), cpu_s());
     let worker = || -> anyhow::Result<()> {
         while let Some(cell) = cells.get(next.fetch_add(1, Ordering::Relaxed)) {
-            bench.run_cell(cell)?;
+            bench.run_cell(cell, None)?;
         }
         Ok(())
     };

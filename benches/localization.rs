@@ -46,7 +46,7 @@ fn filter(rows: &mut Rows, seconds: i64) {
     let params = Params::default();
     let (accel_mps2, gyro_radps) = ([0.0, 0.0, params.gravity_mps2], [0.0; 3]);
     let mut localizer =
-        Localizer::starting_at(params.clone(), Time::ZERO, &initial).expect("parameters in their range");
+        Localizer::starting_at(params, Time::ZERO, &initial).expect("parameters in their range");
     let mut fixes = Vec::new();
     for k in 1..=100 * seconds {
         let stamp = Time::ZERO + Span::from_ms(10 * k);
