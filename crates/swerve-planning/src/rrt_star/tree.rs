@@ -262,17 +262,30 @@ impl Tree {
             self.guides.swap_remove(index);
             return;
         }
-        self.near.clear();
-        for node in 0..self.nodes.len() as u32 {
-            self.near.push(Neighbour { node, cost_m: 0.0 });
-        }
-        self.price(space, pose);
         let guide = space.stands().then_some(number);
+        let before = self.nodes.len() as u32;
+        self.collect(space, pose, before, guide);
         let Some(node) = self.connect(space, pose, guide) else { return };
+        if guide.is_some() {
+            // Those that it is not joined to may still be led over it.
+            self.collect(space, pose, before, None);
+        }
         self.guides.swap_remove(index);
         self.guide_nodes.push(node);
         self.rewire(space, node);
         self.try_goal(space, node, aim.goal);
+    }
+
+    /// Fills `near` with the nodes numbered below `before` but for those that are known to be blocked from the guide, and
+    /// prices them.
+    fn collect(&mut self, space: &impl Space, pose: Pose2, before: u32, guide: Option<usize>) {
+        self.near.clear();
+        let (blocked, words) = (&self.blocked, self.words);
+        let is_open =
+            |node: &u32| guide.is_none_or(|g| blocked[*node as usize * words + g / 64] >> (g % 64) & 1 == 0);
+        let open = (0..before).filter(is_open);
+        self.near.extend(open.map(|node| Neighbour { node, cost_m: 0.0 }));
+        self.price(space, pose);
     }
 
     /// Fills `near` with the nodes around `pose`, `nearest` among them, and prices them.
