@@ -218,7 +218,8 @@ fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
     let Some(browser) = browser() else { return };
     let mut shown = Page::open(&browser, &format!("file://{}", bench.path("s/report.html").display()));
     shown.until("document.querySelectorAll('#cells tbody tr').length === 6");
-    let tallest = "Math.max(...[...document.querySelectorAll('#cells tbody tr')].map((row) => row.clientHeight))";
+    let tallest =
+        "Math.max(...[...document.querySelectorAll('#cells tbody tr')].map((row) => row.clientHeight))";
     let tallest = shown.evaluate(tallest).as_f64().unwrap();
     assert!(tallest < 45.0, "a row is {tallest} px high");
     shown.evaluate("document.querySelector('table.heat td button').click()");
