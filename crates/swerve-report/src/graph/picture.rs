@@ -111,7 +111,8 @@ fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
             let share = (column - from.column) as f64 / (to.column - from.column) as f64;
             let middle = nearest_gap(boxes, column, start + share * (end - start));
             let before = passing.entry((column, middle.round() as i64)).or_default();
-            let aside = BESIDE * before.div_ceil(2) as f64 * if *before % 2 == 0 { 1.0 } else { -1.0 };
+            let aside =
+                BESIDE * before.div_ceil(2) as f64 * if before.is_multiple_of(2) { 1.0 } else { -1.0 };
             *before += 1;
             (MARGIN + column as f64 * (WIDTH + GAP_X), middle + aside)
         };

@@ -107,7 +107,8 @@ fn results_are_the_same_again_and_are_kept() {
     let (store, stop) = (CellStore::open(out.path()).unwrap(), AtomicBool::new(false));
     let runner = Runner { store: &store, threads: 1, shard: None, reports: false, stop: &stop };
     let kept = runner.run(&bench.study, |c| bench.fingerprint(c), |c, _| bench.run_cell(c, None)).unwrap();
-    let again = runner.run(&bench.study, |c| bench.fingerprint(c), |_| unreachable!("it is kept")).unwrap();
+    let again =
+        runner.run(&bench.study, |c| bench.fingerprint(c), |_, _| unreachable!("it is kept")).unwrap();
     assert_eq!((&kept, &again), (&first, &first));
 }
 
