@@ -207,7 +207,9 @@ fn changed(config: &Config) -> Vec<Changed> {
     let there =
         sensors.into_iter().map(|key| Changed { key, value: "set up".into(), default: String::new() });
     let changes = own.into_iter().map(|(key, value)| Changed { default: value_of(&usual, &key), key, value });
-    there.chain(changes.filter(|change| change.value != change.default)).collect()
+    let mut changed: Vec<_> = there.chain(changes.filter(|change| change.value != change.default)).collect();
+    changed.sort_by(|a, b| a.key.cmp(&b.key));
+    changed
 }
 
 /// The tables of a configuration's cameras, lidars and radars.

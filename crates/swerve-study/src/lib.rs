@@ -80,7 +80,7 @@ pub struct StudyArgs {
     /// Parts that a cluster drives at once; --threads cores each
     #[arg(long, requires = "on", default_value_t = 8)]
     shards: usize,
-    /// Keep the page of every run in cells/, about 0.6 MB each, to which the study's page links
+    /// Keep the page of every run in cells/, about 0.5 MB each, to which the study's page links
     #[arg(long, conflicts_with = "on")]
     reports: bool,
     /// Set a key of the configuration or the scenario in every cell
