@@ -1,5 +1,6 @@
 //! The executor: one sweep for every instant, whatever moves the clock.
 
+mod answer;
 mod commit;
 mod due;
 mod held;

@@ -14,6 +14,7 @@ use swerve_report::output::quoted;
 use swerve_text::{Document, Problem, Problems, is_within, list, number};
 
 pub use forms::{Files, Values};
+use forms::{label_of, name_of};
 use left_out::{check_left_out, left_out};
 
 use super::curve::Curve;
@@ -459,24 +460,6 @@ impl Axis {
             .or(self.key.as_deref().map(name_of))
             .ok_or("an axis without `key` needs a `name`")?;
         Ok((name, steps))
-    }
-}
-
-/// The name of an axis that has none: the last part of its key; of an actor's key with his name before, since the ego and
-/// others have keys of the same names.
-fn name_of(key: &str) -> String {
-    let parts: Vec<&str> = key.split('.').collect();
-    match parts[..] {
-        ["actor", actor, .., last] => format!("{actor}.{last}"),
-        _ => parts.last().copied().unwrap_or(key).to_owned(),
-    }
-}
-
-fn label_of(value: &toml::Value) -> String {
-    match value {
-        toml::Value::String(s) => s.clone(),
-        toml::Value::Float(x) if x.abs() >= 1e15 => number(*x),
-        other => other.to_string(),
     }
 }
 

@@ -30,8 +30,9 @@ const CARGOS: [&str; 2] = ["Cargo.toml", "rust-toolchain.toml"];
 fn hint() -> String {
     let entries = std::fs::read_dir(".").into_iter().flatten().flatten().map(|entry| entry.file_name());
     let names = entries.map(|name| name.to_string_lossy().into_owned());
-    let mut ours: Vec<String> =
-        names.filter(|name| name.ends_with(".toml") && !CARGOS.contains(&name.as_str())).collect();
+    let mut ours: Vec<String> = names
+        .filter(|name| name.ends_with(".toml") && !name.starts_with('.') && !CARGOS.contains(&name.as_str()))
+        .collect();
     ours.sort();
     let ours: Vec<String> = ours.iter().map(|name| quoted(name)).collect();
     match ours.is_empty() {

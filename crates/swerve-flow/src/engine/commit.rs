@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use swerve_core::{Digest, Hasher, Time};
 
+use super::answer::Answer;
 use super::due::{Due, Ready};
 use super::node::{Node, Reader, StreamState};
-use super::turn::Answer;
 use super::{Engine, Event, tell};
 use crate::message::{Header, Msg};
 use crate::observer::{Publication, Reads};

@@ -5,7 +5,7 @@ use std::sync::{Arc, Weak};
 
 use swerve_core::{Span, Time};
 
-use super::turn::Answer;
+use super::answer::Answer;
 use crate::deadline::Deadline;
 use crate::input::{Slot, Timer};
 use crate::message::{Header, Msg};

@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex};
 
 use swerve_core::{Span, Time};
 
+use super::answer::{Answer, Ended};
 use super::node::{Outcome, PortRef, Ran, Run};
 use super::pool::Job;
-use super::turn::{Answer, Ended};
 use super::{Engine, Event, tell};
 use crate::deadline::{Anchor, Reaction};
 use crate::decision::{Decided, Decision};

@@ -1,17 +1,15 @@
 //! One operator's turn in a sweep: execution.md, section 3, (a) to (f).
 
-use std::sync::PoisonError;
-
 use swerve_core::{Span, Time};
 
+use super::answer::{Answer, Ended, Missed, Step, snapshot};
 use super::node::{Finished, Outcome, Ran, Run};
 use super::{Engine, tell};
 use crate::deadline::{Anchor, Length, Reaction};
 use crate::decision::Decision;
 use crate::input::Edge;
 use crate::observer::{DropReason, Event, Miss, StepEnd};
-use crate::operator::{ErasedMiss, Offered};
-use crate::payload::Outs;
+use crate::operator::ErasedMiss;
 use crate::policy::{Full, Policy};
 use crate::report::RunError;
 
@@ -486,41 +484,4 @@ impl Engine<'_> {
         }
         self.due.set(rank, due);
     }
-}
-
-/// What is published for a stamp, beside the payloads.
-pub(super) struct Answer<'a> {
-    pub(super) stamp: Time,
-    pub(super) reused_from: Option<Time>,
-    pub(super) origin: Option<Time>,
-    pub(super) reads: &'a [Option<Time>],
-}
-
-/// A step whose modelled end has come.
-pub(super) struct Ended {
-    pub(super) stamp: Time,
-    pub(super) start: Time,
-    pub(super) end: Time,
-    pub(super) late: bool,
-}
-
-struct Missed {
-    stamp: Time,
-    deadline: Time,
-    started: bool,
-}
-
-/// What the step of a missed deadline has so far.
-#[derive(Default)]
-struct Step {
-    /// Its own result, where it only waited for an older one.
-    own: Option<Finished>,
-    /// How many values it offered, and the last.
-    offered: Option<(u64, Outs)>,
-    origin: Option<Time>,
-    reads: Vec<Option<Time>>,
-}
-
-fn snapshot(offered: &Offered) -> (u64, Outs) {
-    offered.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }

@@ -11,8 +11,11 @@
 //!
 //! Where many fail they mostly do so at the same place, before a wall: that is looked at before a cost is computed.
 
-use core::cmp::Ordering;
+mod entry;
+
 use std::collections::BinaryHeap;
+
+use entry::{Arena, Entry, Lon, NONE};
 
 use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
 use super::lattice::Lattice;
@@ -49,55 +52,6 @@ pub struct Task<'a> {
     pub checks: Checks<'a>,
 }
 
-/// One pair of end time and end speed.
-#[derive(Clone, Copy, Debug, Default)]
-struct Lon {
-    motion: Quintic,
-    /// End speed, m/s.
-    v_mps: f64,
-    cost: f64,
-    /// Samples before the line's end; zero when no candidate of the pair is valid.
-    count: usize,
-    /// First of its places in the arena; `NONE` before they are needed.
-    places: usize,
-}
-
-const NONE: usize = usize::MAX;
-
-/// A range of offsets of one pair, or one evaluated candidate.
-#[derive(Clone, Copy, PartialEq, Debug)]
-struct Entry {
-    /// Lower bound of the cost; of a leaf the cost.
-    bound: f64,
-    leaf: bool,
-    /// Whether the bound has the obstacles in it.
-    refined: bool,
-    low: u32,
-    high: u32,
-    lon: u32,
-}
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    /// The heap gives the greatest: lowest bound, then ranges before leaves, then the original's order.
-    fn cmp(&self, other: &Self) -> Ordering {
-        other
-            .bound
-            .total_cmp(&self.bound)
-            .then(other.leaf.cmp(&self.leaf))
-            .then(other.low.cmp(&self.low))
-            .then(other.lon.cmp(&self.lon))
-            .then(other.high.cmp(&self.high))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
 /// The search with its storage, which is kept from call to call.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
@@ -119,15 +73,6 @@ pub struct Search {
     ends: [Points; 2],
     /// Pair x end offset: how many candidates before this one may hold; empty as long as that is not known.
     alive_before: Vec<u32>,
-}
-
-/// Places of the line at the samples of a pair: position and normal.
-#[derive(Clone, Debug, Default)]
-struct Arena {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    normal_x: Vec<f64>,
-    normal_y: Vec<f64>,
 }
 
 impl Search {

@@ -160,3 +160,22 @@ impl<'de> Deserialize<'de> for Values {
         deserializer.deserialize_any(AnyForm)
     }
 }
+
+/// The name of an axis that has none: the last part of its key; of an actor's key with his name before, since the ego and
+/// others have keys of the same names.
+pub(super) fn name_of(key: &str) -> String {
+    let parts: Vec<&str> = key.split('.').collect();
+    match parts[..] {
+        ["actor", actor, .., last] => format!("{actor}.{last}"),
+        _ => parts.last().copied().unwrap_or(key).to_owned(),
+    }
+}
+
+/// How a value stands in a table.
+pub(super) fn label_of(value: &toml::Value) -> String {
+    match value {
+        toml::Value::String(s) => s.clone(),
+        toml::Value::Float(x) if x.abs() >= 1e15 => swerve_text::number(*x),
+        other => other.to_string(),
+    }
+}
