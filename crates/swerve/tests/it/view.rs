@@ -101,11 +101,12 @@ fn a_watched_run_is_the_same_run() {
     viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.range_m=20"] }));
     let again = viewed.until(|rows| rows["run"] == 2 && rows["state"] == "over");
     assert_eq!(again["digest"], digest(&["--seed", "7", "--set", "sensing.range_m=20"]));
-    // From 1 s on with another key: up to there it is the same drive, from there another.
+    // From 1 s on with a gate that stops: up to there it is the same drive, from there another.
     let column = |rows: &Value, name: &str| -> Vec<i64> {
         rows["ego"][name].as_array().unwrap().iter().map(|x| x.as_i64().unwrap()).collect()
     };
-    viewed.command(&json!({ "do": "restart", "set": ["ego.speed_mps=3"], "from_s": 1.0 }));
+    let stop = ["gate.enabled=true", "gate.emergency_at_ms=1000"];
+    viewed.command(&json!({ "do": "restart", "set": stop, "from_s": 1.0 }));
     let changed = viewed.until(|rows| rows["run"] == 3 && rows["state"] == "over");
     let same = column(&again, "t").iter().take_while(|t| **t <= 1_000_000).count();
     for name in ["t", "x", "y", "v"] {
