@@ -3,6 +3,7 @@
 //!
 //! Absences: no run, no file but what is asked for; nothing here is written down a second time.
 
+pub mod editor;
 mod files;
 mod key;
 pub mod keys;

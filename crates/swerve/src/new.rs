@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::shipped::{Shipped, shipped};
-use swerve_reference::FileKind;
+use swerve_reference::editor::write_for_editors;
 
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
@@ -24,37 +24,6 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
     "src/main.rs"
     "src/slow_down.rs"
 };
-
-/// Which files are of which kind, for editors: they find it where the folder is opened.
-const EDITOR: &str = r#"# Editors with Taplo (`Even Better TOML` in VS Code) check what is typed and tell what each key is for. The schemas are those
-# of `swerve keys --schema config` and the like: made anew by it after an update.
-[[rule]]
-include = ["scenario*.toml", "scenarios/*.toml"]
-schema = { path = ".schemas/scenario.json", enabled = true }
-
-[[rule]]
-include = ["config*.toml", "own.toml", "configs/*.toml"]
-schema = { path = ".schemas/config.json", enabled = true }
-
-[[rule]]
-include = ["study*.toml", "studies/*.toml"]
-schema = { path = ".schemas/study.json", enabled = true }
-
-[[rule]]
-include = ["timing*.toml", "timing/*.toml"]
-schema = { path = ".schemas/timing.json", enabled = true }
-"#;
-
-/// Writes what editors read.
-fn write_for_editors(folder: &Path) -> anyhow::Result<()> {
-    let schemas = folder.join(".schemas");
-    std::fs::create_dir_all(&schemas).with_context(|| format!("making {}", schemas.display()))?;
-    for kind in FileKind::ALL {
-        let text = serde_json::to_string_pretty(&kind.schema())? + "\n";
-        swerve_report::files::write_whole(&schemas.join(format!("{}.json", kind.name())), text.as_bytes())?;
-    }
-    swerve_report::files::write_whole(&folder.join(".taplo.toml"), EDITOR.as_bytes())
-}
 
 /// Makes the folder.
 ///
