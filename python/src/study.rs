@@ -23,9 +23,9 @@ struct Studied {
 
 fn run(bench: &Bench, out: &std::path::Path, threads: usize, reins: &Reins) -> anyhow::Result<Studied> {
     let store = CellStore::open(out)?;
-    let runner = Runner { store: &store, threads, shard: None, stop: &reins.stop };
-    let one = |cell: &_| {
-        let result = bench.run_cell(cell);
+    let runner = Runner { store: &store, threads, shard: None, reports: false, stop: &reins.stop };
+    let one = |cell: &_, _| {
+        let result = bench.run_cell(cell, None);
         reins.done.fetch_add(1, Ordering::Relaxed);
         result
     };

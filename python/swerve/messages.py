@@ -351,7 +351,7 @@ class EgoState(Message):
 
 @dataclass(slots=True)
 class Imu(Message):
-    """One reading of the inertial measurement unit at the centre of gravity, axes of the ego frame."""
+    """One reading of the inertial measurement unit at its place, axes of the ego frame."""
     stamp: Time
     """Instant of the measurement."""
     accel_mps2: tuple[float, float, float]
@@ -362,7 +362,7 @@ class Imu(Message):
 
 @dataclass(slots=True)
 class Gnss(Message):
-    """One satellite fix of the ego origin, WGS 84."""
+    """One satellite fix of the receiver's antenna, WGS 84."""
     stamp: Time
     """Instant of the measurement."""
     latitude_deg: float
@@ -497,8 +497,8 @@ class ForecastList(Message):
     forecasts: list[Forecast]
     """Ordered by identity."""
     joint: bool
-    """Whether mode `k` of one actor goes with mode `k` of every other: as many modes each, with the same
-    probabilities.
+    """Whether mode `k` of one actor goes with mode `k` of every other: as many modes each. Probabilities are
+    each actor's own all the same, since a bound on what may be touched adds up those of single actors.
     """
 
 
