@@ -110,14 +110,16 @@ impl Boxes {
         !self.at(at_s).any(|b| (self.solid_left && is_left(b, from)) || touches(b, from, to))
     }
 
-    /// Whether the outline is free, inside and out.
-    pub(crate) fn outline_free(&self, corners: &[Point2; 4], at_s: f64) -> bool {
-        let own = bounds(corners);
+    /// Whether the outline, which has these bounds, is free, inside and out.
+    pub(crate) fn outline_free(&self, corners: &[Point2; 4], own: AxisBox, at_s: f64) -> bool {
         !self.at(at_s).any(|b| {
+            // Behind, before or right of a box no corner is to its left and no edge touches it.
+            if own[2] < b[0] || own[0] > b[2] || own[3] < b[1] {
+                return false;
+            }
             let left = || corners.iter().any(|&corner| is_left(b, corner));
-            let apart = own[2] < b[0] || own[0] > b[2] || own[3] < b[1] || own[1] > b[3];
             let edges = || (0..4).any(|i| touches(b, corners[i], corners[(i + 1) % 4]));
-            (self.solid_left && left()) || (!apart && edges())
+            (self.solid_left && left()) || (own[1] <= b[3] && edges())
         })
     }
 
@@ -152,7 +154,8 @@ fn around(obb: &Obb) -> AxisBox {
     bounds(&obb.corners())
 }
 
-fn bounds(corners: &[Point2; 4]) -> AxisBox {
+/// The least box that holds the corners.
+pub(crate) fn bounds(corners: &[Point2; 4]) -> AxisBox {
     let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     corners.iter().fold(none, |b, c| [b[0].min(c.x_m), b[1].min(c.y_m), b[2].max(c.x_m), b[3].max(c.y_m)])
 }
@@ -225,8 +228,9 @@ mod tests {
         let car = |x_m| Solid { x_m, y_m: 0.0, cos: 1.0, sin: 0.0, half_length_m: 2.4, half_width_m: 0.9 };
         assert!(small.border_free(&car(0.0), 0.0));
         assert!(!small.border_free(&car(2.3), 0.0));
-        assert!(!small.outline_free(&car(2.3).corners(), 0.0));
-        assert!(small.border_free(&car(4.0), 0.0) && small.outline_free(&car(4.0).corners(), 0.0));
+        let outline_free = |corners: [Point2; 4]| small.outline_free(&corners, bounds(&corners), 0.0);
+        assert!(!outline_free(car(2.3).corners()));
+        assert!(small.border_free(&car(4.0), 0.0) && outline_free(car(4.0).corners()));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use swerve_planning::path::dubins::Dubins;
 use swerve_planning::path::piece::{Piece, advance, walk};
 use swerve_planning::{Budget, Progress};
 
-use crate::boxes::Boxes;
+use crate::boxes::{Boxes, bounds};
 use crate::posed::AxisBox;
 
 /// Distance of the points of a motion, metres; that is also how near a pose may come to one that is expanded.
@@ -131,10 +131,10 @@ impl Lattice {
         (point, direction): (Point2, [f64; 2]),
         travelled_m: f64,
     ) -> bool {
-        let b = &aim.bounds;
         let corners = self.corners(point, direction);
-        let inside = |c: &Point2| b[0] <= c.x_m && c.x_m <= b[2] && b[1] <= c.y_m && c.y_m <= b[3];
-        corners.iter().all(inside) && boxes.outline_free(&corners, travelled_m / self.speed_mps.max(0.1))
+        let (b, own) = (&aim.bounds, bounds(&corners));
+        let inside = b[0] <= own[0] && own[2] <= b[2] && b[1] <= own[1] && own[3] <= b[3];
+        inside && boxes.outline_free(&corners, own, travelled_m / self.speed_mps.max(0.1))
     }
 
     fn pose_free(&self, boxes: &Boxes, aim: &Aim, pose: Pose2, travelled_m: f64) -> bool {
@@ -222,11 +222,12 @@ impl Search {
         let first = self.nodes.len();
         for &piece in &self.motions {
             let pose = advance(from.pose, piece.curvature_1pm, piece.length_m);
-            if self.closed.any_near(pose.point()) || !lattice.free(boxes, aim, &from, piece, pose) {
-                continue;
-            }
             // A scan that is even around zero has each arc twice; the original takes no pose that is open already.
-            if self.nodes[first..].iter().any(|node| node.pose == pose) {
+            let is_open = |nodes: &[Node]| nodes[first..].iter().any(|node| node.pose == pose);
+            if self.closed.any_near(pose.point())
+                || is_open(&self.nodes)
+                || !lattice.free(boxes, aim, &from, piece, pose)
+            {
                 continue;
             }
             let travelled_m = from.travelled_m + piece.length_m;
@@ -257,6 +258,8 @@ struct Cells {
     nx: usize,
     ny: usize,
     cells: Vec<Vec<Point2>>,
+    /// Whether a cell or one beside it holds a point: most hold none.
+    near: Vec<bool>,
 }
 
 /// Cells along an axis at most: the outermost hold what lies beyond.
@@ -271,6 +274,8 @@ impl Cells {
         if self.cells.len() < self.nx * self.ny {
             self.cells.resize(self.nx * self.ny, Vec::new());
         }
+        self.near.clear();
+        self.near.resize(self.nx * self.ny, false);
     }
 
     fn cell(&self, p: Point2) -> (usize, usize) {
@@ -278,19 +283,24 @@ impl Cells {
         (index(p.x_m - self.x_m, self.nx), index(p.y_m - self.y_m, self.ny))
     }
 
+    /// The cells of a block of three by three around one, without those beyond the borders.
+    fn around(&self, (x, y): (usize, usize)) -> impl Iterator<Item = usize> + use<> {
+        let (columns, rows) =
+            (x.saturating_sub(1)..=(x + 1).min(self.nx - 1), y.saturating_sub(1)..=(y + 1).min(self.ny - 1));
+        let nx = self.nx;
+        rows.flat_map(move |y| columns.clone().map(move |x| y * nx + x))
+    }
+
     fn push(&mut self, point: Point2) {
         let (x, y) = self.cell(point);
         self.cells[y * self.nx + x].push(point);
+        self.around((x, y)).for_each(|cell| self.near[cell] = true);
     }
 
     fn any_near(&self, point: Point2) -> bool {
         let (x, y) = self.cell(point);
-        let rows = y.saturating_sub(1)..=(y + 1).min(self.ny - 1);
         let near = |p: &Point2| (*p - point).norm_squared() < POINT_M * POINT_M;
-        rows.into_iter().any(|y| {
-            let columns = x.saturating_sub(1)..=(x + 1).min(self.nx - 1);
-            columns.into_iter().any(|x| self.cells[y * self.nx + x].iter().any(near))
-        })
+        self.near[y * self.nx + x] && self.around((x, y)).any(|cell| self.cells[cell].iter().any(near))
     }
 }
 
