@@ -55,6 +55,14 @@ impl RunReport {
         Ok(report)
     }
 
+    /// Says in the place of the command line why none repeats the run.
+    #[must_use]
+    pub fn without_command(mut self, why: &str) -> Self {
+        self.page.command.clear();
+        why.clone_into(&mut self.page.no_command);
+        self
+    }
+
     fn of_config(config: &Config, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
             scenario: scenario.name.clone(),
@@ -90,9 +98,11 @@ impl RunReport {
 
     /// What heads the page, and what it holds before anything is measured.
     pub fn head(&self) -> (String, RunPage) {
-        let RunPage { scenario, pipeline, seed, command, config, changed, notes, .. } = self.page.clone();
+        let RunPage { scenario, pipeline, seed, command, no_command, config, changed, notes, .. } =
+            self.page.clone();
         let so_far = self.so_far().clone();
-        let page = RunPage { scenario, pipeline, seed, command, config, changed, notes, ..so_far };
+        let page =
+            RunPage { scenario, pipeline, seed, command, no_command, config, changed, notes, ..so_far };
         (self.title.clone(), page)
     }
 

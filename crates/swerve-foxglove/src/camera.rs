@@ -2,6 +2,7 @@
 //!
 //! Pixels count from the upper left corner of the upper left pixel, in Foxglove as in [`Intrinsics`].
 
+use foxglove::Decode as _;
 use foxglove::messages::points_annotation::Type as Points;
 use foxglove::messages::{
     CameraCalibration, Color, CompressedImage, ImageAnnotations, Point2, PointsAnnotation, RawImage,
@@ -51,6 +52,14 @@ pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<Co
         data: data.into(),
         format: format.into(),
     })
+}
+
+/// The instant and the file (JPEG or PNG) of a logged image, `foxglove.CompressedImage`; none of other bytes.
+pub fn logged_image(message: &[u8]) -> Option<(Time, Vec<u8>)> {
+    let image = CompressedImage::decode(message).ok()?;
+    let at = image.timestamp?;
+    let ns = i64::from(at.sec()).checked_mul(1_000_000_000)?.checked_add(i64::from(at.nsec()))?;
+    Some((Time::from_ns(ns), image.data.into()))
 }
 
 /// Colours, three bytes for each pixel, as JPEG of a quality from 1 to 100; `None` for more pixels than a file of

@@ -18,7 +18,7 @@ mod scene;
 mod watch;
 mod words;
 
-pub use camera::{ImageForm, jpeg};
+pub use camera::{ImageForm, jpeg, logged_image};
 pub use cloud::Sensor;
 pub use figures::Figures;
 pub use own::Drawing;

@@ -3,10 +3,14 @@
 //! Those of configurations, studies and timing files come of the types that the files are read into. A scenario is read
 //! key by key, so that its schema stands in a file; the tests below hold it against the reader.
 
+use std::sync::LazyLock;
+
 use schemars::{Schema, schema_for};
 use serde_json::Value;
 use swerve_stack::config::Config;
 use swerve_study::grid::StudyFile;
+
+use crate::limits;
 
 /// A kind of file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
@@ -38,7 +42,11 @@ impl FileKind {
     /// Its JSON schema.
     pub fn schema(self) -> Schema {
         match self {
-            Self::Config => config(),
+            Self::Config => {
+                // The reader is asked for thousands of numbers.
+                static CONFIG: LazyLock<Schema> = LazyLock::new(config);
+                CONFIG.clone()
+            }
             Self::Scenario => {
                 serde_json::from_str(include_str!("scenario.json")).expect("a test reads the same file")
             }
@@ -53,7 +61,9 @@ impl FileKind {
 fn config() -> Schema {
     let mut schema = schema_for!(Config).to_value();
     require_nothing(&mut schema, false);
-    Schema::try_from(schema).expect("a schema with less in it is one")
+    let mut schema = Schema::try_from(schema).expect("a schema with less in it is one");
+    limits::narrow(&mut schema);
+    schema
 }
 
 /// Takes `required` out of all tables but those that it tells apart.

@@ -5,14 +5,14 @@ use std::fmt::Write as _;
 use anyhow::bail;
 use schemars::schema_for;
 use swerve_report::output::print;
-use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
-use swerve_stack::config::{Config, detectors};
-use swerve_text::{did_you_mean, parse_assignment};
+use swerve_stack::config::Config;
+use swerve_text::did_you_mean;
 
 use crate::files::FileKind;
 use crate::key::{Choice, Key};
-use crate::{params, schema};
+use crate::schema::{self, Arrays};
+use crate::{limits, params};
 
 /// `swerve keys`.
 #[derive(clap::Args, Debug)]
@@ -71,15 +71,16 @@ fn told(args: &KeysArgs, found: &[&Key]) -> anyhow::Result<()> {
 
 /// Every key of another file, an entry of an array of tables as `NAME`.
 fn of_file(kind: FileKind) -> Vec<Key> {
-    schema::keys_within_arrays(&kind.schema())
+    schema::keys(&kind.schema(), "", None, Arrays::Within)
 }
 
 /// Every key of a configuration.
 pub fn keys(registry: &Registry) -> Vec<Key> {
-    let mut keys = schema::keys(&schema_for!(Config), "", None);
+    let mut keys = schema::keys(&schema_for!(Config), "", None, Arrays::Whole);
     for key in &mut keys {
-        key.range = range(&key.key, &key.form);
-        key.choices.extend(known_names(&key.key, registry));
+        key.range = limits::range(&key.key, &key.form);
+        key.choices.extend(limits::known_names(&key.key));
+        key.choices.extend(kinds(&key.key, registry));
     }
     keys.extend(params::keys(registry));
     // Kinds that have keys in common, such as those of `[operator.NAME]`, tell them in one place.
@@ -87,35 +88,11 @@ pub fn keys(registry: &Registry) -> Vec<Key> {
     keys
 }
 
-/// Names that a text may be, where the type does not say them.
-fn known_names(key: &str, registry: &Registry) -> Vec<Choice> {
+/// The kinds of operators, which are those of the registry.
+fn kinds(key: &str, registry: &Registry) -> Vec<Choice> {
     let choice = |name: &str, doc: &str| Choice { name: name.to_owned(), doc: doc.to_owned() };
-    match key {
-        "perception.detector" => {
-            detectors::published().iter().map(|detector| choice(&detector.name, "")).collect()
-        }
-        "render.weather" => WeatherPreset::ALL.iter().map(|weather| choice(weather.name(), "")).collect(),
-        "operator.NAME.kind" => {
-            registry.kinds().map(|kind| choice(kind.node().kind, kind.node().doc)).collect()
-        }
-        _ => Vec::new(),
-    }
-}
-
-/// What the check of a configuration says of a number that is far too large, or too small.
-fn range(key: &str, form: &str) -> Option<String> {
-    if !matches!(form, "number" | "whole number") {
-        return None;
-    }
-    let key = key.replace("NAME", "any");
-    ["1e300", "-1e300", "4000000000000000000", "-1"].iter().find_map(|value| {
-        let set = parse_assignment(&format!("{key}={value}")).ok()?;
-        let problems = Config::load(None, &[set]).err()?;
-        let told = problems.iter().find(|problem| problem.key == key)?;
-        let (_, expected) = told.message.split_once("expected ")?;
-        let expected = expected.split(", found").next()?.split("; ").next()?;
-        (!expected.starts_with("a whole number,")).then(|| expected.to_owned())
-    })
+    let kinds = registry.kinds().filter(|_| key == "operator.NAME.kind");
+    kinds.map(|kind| choice(kind.node().kind, kind.node().doc)).collect()
 }
 
 /// The page of all keys.
@@ -211,6 +188,8 @@ fn page(keys: &[&Key]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use swerve_text::parse_assignment;
+
     use super::*;
 
     fn all() -> Vec<Key> {

@@ -7,6 +7,7 @@ pub mod editor;
 mod files;
 mod key;
 pub mod keys;
+mod limits;
 pub mod operators;
 mod params;
 mod schema;

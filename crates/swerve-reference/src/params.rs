@@ -9,7 +9,7 @@ use swerve_pylot::{HybridAstarParams, RrtStarParams};
 use swerve_stack::Registry;
 
 use crate::key::Key;
-use crate::schema;
+use crate::schema::{self, Arrays};
 
 /// The keys of all such tables.
 pub(crate) fn keys(registry: &Registry) -> Vec<Key> {
@@ -27,7 +27,7 @@ pub(crate) fn keys(registry: &Registry) -> Vec<Key> {
     for kind in registry.kinds() {
         let name = kind.node().kind;
         if let Some(schema) = kind.schema() {
-            let found = schema::keys(&schema, "operator.NAME", None);
+            let found = schema::keys(&schema, "operator.NAME", None, Arrays::Whole);
             all.extend(only_with(found, &format!("kind = \"{name}\"")));
         }
     }
@@ -36,7 +36,7 @@ pub(crate) fn keys(registry: &Registry) -> Vec<Key> {
 
 fn of<T: JsonSchema + Serialize>(prefix: &str, with: &str, defaults: &T) -> Vec<Key> {
     let defaults: Option<Value> = serde_json::to_value(defaults).ok();
-    only_with(schema::keys(&schema_for!(T), prefix, defaults.as_ref()), with)
+    only_with(schema::keys(&schema_for!(T), prefix, defaults.as_ref(), Arrays::Whole), with)
 }
 
 fn only_with(keys: Vec<Key>, with: &str) -> Vec<Key> {

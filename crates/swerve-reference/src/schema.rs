@@ -5,24 +5,34 @@ use serde_json::{Map, Value};
 
 use crate::key::{Choice, Key, unit};
 
-/// All keys of a type, in the order of their names; each begins with `prefix`. `defaults` are those of the whole, where
-/// the type does not say them key by key.
-pub(crate) fn keys(schema: &Schema, prefix: &str, defaults: Option<&Value>) -> Vec<Key> {
-    let none = Map::new();
-    let root = schema.as_value();
-    let defs = root.get("$defs").and_then(Value::as_object).unwrap_or(&none);
-    let mut keys = Vec::new();
-    Walk { defs, keys: &mut keys, depth: 0, into_arrays: false }.node(root, prefix, defaults);
-    keys
+/// What becomes of an array of tables.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Arrays {
+    /// It is one key.
+    Whole,
+    /// So are the keys of its entries: `actor.NAME.kind`.
+    Within,
 }
 
-/// As [`keys`], from the top, and those of the entries of arrays too: `actor.NAME.kind`.
-pub(crate) fn keys_within_arrays(schema: &Schema) -> Vec<Key> {
+/// All keys of a type, in the order of their names; each begins with `prefix`. `defaults` are those of the whole, where
+/// the type does not say them key by key.
+pub(crate) fn keys(schema: &Schema, prefix: &str, defaults: Option<&Value>, arrays: Arrays) -> Vec<Key> {
+    keys_with_places(schema, prefix, defaults, arrays).into_iter().map(|(key, _)| key).collect()
+}
+
+/// As [`keys`], each with the place in the schema (a JSON pointer) of what its value is.
+pub(crate) fn keys_with_places(
+    schema: &Schema,
+    prefix: &str,
+    defaults: Option<&Value>,
+    arrays: Arrays,
+) -> Vec<(Key, String)> {
     let none = Map::new();
     let root = schema.as_value();
     let defs = root.get("$defs").and_then(Value::as_object).unwrap_or(&none);
     let mut keys = Vec::new();
-    Walk { defs, keys: &mut keys, depth: 0, into_arrays: true }.node(root, "", None);
+    let mut walk = Walk { defs, keys: &mut keys, depth: 0, arrays };
+    walk.node(Node { schema: root, place: String::new() }, prefix, defaults);
     keys
 }
 
@@ -31,29 +41,46 @@ const DEPTH_MAX: usize = 12;
 
 struct Walk<'a> {
     defs: &'a Map<String, Value>,
-    keys: &'a mut Vec<Key>,
+    keys: &'a mut Vec<(Key, String)>,
     depth: usize,
-    into_arrays: bool,
+    arrays: Arrays,
 }
 
-impl Walk<'_> {
+/// A part of a schema and where it stands.
+struct Node<'a> {
+    schema: &'a Value,
+    place: String,
+}
+
+impl<'a> Node<'a> {
+    fn inner(&self, schema: &'a Value, way: &str) -> Self {
+        Self { schema, place: format!("{}/{way}", self.place) }
+    }
+}
+
+impl<'a> Walk<'a> {
     /// A table's keys, or the one key that a value is.
-    fn node(&mut self, schema: &Value, at: &str, default: Option<&Value>) {
+    fn node(&mut self, node: Node<'a>, at: &str, default: Option<&Value>) {
+        let schema = node.schema;
         let default = schema.get("default").or(default);
-        let inner = resolved(self.defs, schema);
-        let properties = inner.get("properties").and_then(Value::as_object);
-        let entries = inner.get("additionalProperties").filter(|entry| entry.is_object());
-        let of_array = inner.get("items").filter(|item| self.into_arrays && is_table(self.defs, item));
+        let inner = meant(self.defs, node);
+        let properties = inner.schema.get("properties").and_then(Value::as_object);
+        let entries = inner.schema.get("additionalProperties").filter(|entry| entry.is_object());
+        let items = inner.schema.get("items").filter(|_| self.arrays == Arrays::Within);
+        let of_array = items.filter(|item| is_table(self.defs, item)).map(|item| (item, "items"));
         self.depth += 1;
-        match (properties, entries.or(of_array)) {
+        match (properties, entries.map(|entry| (entry, "additionalProperties")).or(of_array)) {
             _ if self.depth > DEPTH_MAX => {}
             (Some(properties), _) => {
                 for (name, property) in properties {
+                    let property = inner.inner(property, &format!("properties/{name}"));
                     self.node(property, &join(at, name), default.and_then(|all| all.get(name)));
                 }
             }
-            (None, Some(entry)) if is_table(self.defs, entry) => self.node(entry, &join(at, "NAME"), None),
-            _ => self.keys.push(self.key(schema, inner, at, default)),
+            (None, Some((entry, way))) if is_table(self.defs, entry) => {
+                self.node(inner.inner(entry, way), &join(at, "NAME"), None);
+            }
+            _ => self.keys.push((self.key(schema, inner.schema, at, default), inner.place)),
         }
         self.depth -= 1;
     }
@@ -80,15 +107,23 @@ fn join(at: &str, name: &str) -> String {
 
 /// The schema that stands behind references and `anything or null`.
 fn resolved<'a>(defs: &'a Map<String, Value>, schema: &'a Value) -> &'a Value {
+    meant(defs, Node { schema, place: String::new() }).schema
+}
+
+/// As [`resolved`], with where it stands.
+fn meant<'a>(defs: &'a Map<String, Value>, node: Node<'a>) -> Node<'a> {
+    let schema = node.schema;
     if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
         let name = name.rsplit('/').next().unwrap_or_default();
-        return defs.get(name).map_or(schema, |schema| resolved(defs, schema));
+        let def = |schema| meant(defs, Node { schema, place: format!("/$defs/{name}") });
+        return defs.get(name).map_or(node, def);
     }
     let any = schema.get("anyOf").and_then(Value::as_array);
-    let mut others = any.into_iter().flatten().filter(|one| one.get("type") != Some(&"null".into()));
+    let mut others =
+        any.into_iter().flatten().enumerate().filter(|(_, one)| one.get("type") != Some(&"null".into()));
     match (others.next(), others.next()) {
-        (Some(only), None) => resolved(defs, only),
-        _ => schema,
+        (Some((k, only)), None) => meant(defs, node.inner(only, &format!("anyOf/{k}"))),
+        _ => node,
     }
 }
 

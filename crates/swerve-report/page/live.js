@@ -10,7 +10,7 @@ function showLive(page) {
     section("live", "The run", live.node()),
     section("player", "The drive", player.node()),
     page.config ? section("configuration", "Configuration", configuration(page)) : "",
-    section("repeat", "Again", commandLine(page.command)),
+    section("repeat", "Again", page.no_command ? el("p", {}, page.no_command) : commandLine(page.command)),
   );
   live.listen();
 }

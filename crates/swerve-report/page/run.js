@@ -20,7 +20,7 @@ function showRun(page) {
     page.tables?.length ? section("tables", "Counts", ...page.tables.flatMap(({ title, columns, rows }) => [el("h3", {}, title), table(columns, rows, { sort: true })])) : "",
     page.metrics ? section("metrics", "Metrics", figures(page.metrics)) : "",
     page.config ? section("configuration", "Configuration", configuration(page)) : "",
-    section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
+    page.no_command ? section("repeat", "Again", el("p", {}, page.no_command)) : section("repeat", "Again", el("p", {}, "The command line; in virtual time it comes to the same digest."), commandLine(page.command)),
   );
   const asked = addressed();
   if (asked.has("t")) moment.set(Number(asked.get("t")) * 1e6);

@@ -14,7 +14,7 @@ mod tests;
 
 pub use collect::{Collector, Message};
 pub use embed::{data_of, page};
-pub use picture::photo;
+pub use picture::{photo, photo_of};
 pub use rows::{Have, Rows};
 pub use run::{
     Actor, Changed, Commands, Ego, EgoShape, Input, Light, Marks, Messages, Operator, Parting, Photo, Plan,

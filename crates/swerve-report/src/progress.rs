@@ -1,46 +1,54 @@
-//! Progress of long work, on standard error.
+//! Progress of long work, on standard error: a bar in a terminal, elsewhere a line now and then.
+
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use swerve_flow::{Event, Observer, Sent};
+use swerve_msg::EgoState;
 
-/// A progress bar; silent where standard error is no terminal.
+/// How far work has come.
 pub struct Progress {
     bar: ProgressBar,
+    _lines: Option<Lines>,
 }
 
 impl Progress {
     /// Counts the cells of a study.
     pub fn cells(count: usize) -> Self {
-        let bar = ProgressBar::new(count as u64);
-        bar.set_style(style("{bar:32} {pos}/{len} cells  {elapsed}  {eta} left"));
-        Self { bar }
+        Self::counting(count, "cells")
     }
 
     /// Counts drives.
     pub fn drives(count: usize) -> Self {
-        let bar = ProgressBar::new(count as u64);
-        bar.set_style(style("{bar:32} {pos}/{len} drives  {elapsed}  {eta} left"));
-        Self { bar }
+        Self::counting(count, "drives")
     }
 
     /// Counts detectors that are fitted.
     pub fn fits(count: usize) -> Self {
-        let bar = ProgressBar::new(count as u64);
-        bar.set_style(style("{bar:32} {pos}/{len} detectors fitted  {elapsed}  {eta} left"));
-        Self { bar }
+        Self::counting(count, "detectors fitted")
     }
 
     /// Counts the configurations that a study's checks look at.
     pub fn checks(count: usize) -> Self {
+        Self::counting(count, "configurations checked")
+    }
+
+    fn counting(count: usize, what: &'static str) -> Self {
         let bar = ProgressBar::new(count as u64);
-        bar.set_style(style("{bar:32} {pos}/{len} configurations checked  {elapsed}  {eta} left"));
-        Self { bar }
+        bar.set_style(style(&format!("{{bar:32}} {{pos}}/{{len}} {what}  {{elapsed}}  {{eta}} left")));
+        let line = move |bar: &ProgressBar| format!("{} of {count} {what}", bar.position());
+        Self { _lines: Lines::begin(&bar, line), bar }
     }
 
     /// Follows simulated time, in tenths of a second.
     pub fn simulated(until_s: f64) -> Self {
         let bar = ProgressBar::new((until_s * 10.0) as u64);
         bar.set_style(style("{bar:32} {msg}  {elapsed}"));
-        Self { bar }
+        let line = move |bar: &ProgressBar| {
+            format!("{:.1} s simulated of at most {until_s}", bar.position() as f64 * 0.1)
+        };
+        Self { _lines: Lines::begin(&bar, line), bar }
     }
 
     /// One more of what is counted is done.
@@ -65,11 +73,71 @@ impl Progress {
     }
 }
 
+/// Follows a run by the poses of its ego.
+impl Observer for Progress {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event
+            && publication.payload.is_some_and(Sent::is::<EgoState>)
+        {
+            self.simulated_to(publication.visible_at.as_secs());
+        }
+    }
+
+    fn wants_host_time(&self) -> bool {
+        false
+    }
+}
+
+/// Says now and then how far a bar has come that nobody sees, on a thread of its own: one step of the work may take long.
+struct Lines {
+    /// Dropped with this, which ends the thread.
+    _end: Sender<()>,
+}
+
+/// After so long the first line is said.
+const FIRST: Duration = Duration::from_secs(10);
+
+/// No work says more lines than this.
+const LINES_MAX: usize = 20;
+
+impl Lines {
+    /// Nothing where the bar itself is seen.
+    fn begin(bar: &ProgressBar, line: impl Fn(&ProgressBar) -> String + Send + 'static) -> Option<Self> {
+        if !bar.is_hidden() {
+            return None;
+        }
+        let (end, ended) = channel::<()>();
+        let bar = bar.clone();
+        let say = move || {
+            let mut now = Duration::ZERO;
+            for at in instants() {
+                match ended.recv_timeout(at - now) {
+                    Err(RecvTimeoutError::Timeout) if !bar.is_finished() => {
+                        crate::output::tell(&format!("{}, after {} s", line(&bar), at.as_secs()));
+                    }
+                    _ => return,
+                }
+                now = at;
+            }
+        };
+        // Without a thread to say it nothing is said.
+        std::thread::Builder::new().name("progress".into()).spawn(say).ok()?;
+        Some(Self { _end: end })
+    }
+}
+
+/// When lines are said, from the beginning of the work: ten seconds apart, then further and further, so that hours need few.
+fn instants() -> impl Iterator<Item = Duration> {
+    let next = |at: &Duration| Some(*at + FIRST.max(*at / 2));
+    std::iter::successors(Some(FIRST), next).take(LINES_MAX)
+}
+
 /// How a drive with a vehicle goes: a line in place, and what happens above it; where standard error is no terminal,
-/// what happens alone.
+/// what happens, and now and then how it goes.
 pub struct LiveLine {
     bar: ProgressBar,
     tells: bool,
+    _lines: Option<Lines>,
 }
 
 impl LiveLine {
@@ -77,7 +145,8 @@ impl LiveLine {
     pub fn new(tells: bool) -> Self {
         let bar = if tells { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         bar.set_style(style("{msg}"));
-        Self { bar, tells }
+        let lines = tells.then(|| Lines::begin(&bar, ProgressBar::message)).flatten();
+        Self { bar, tells, _lines: lines }
     }
 
     /// How it goes now.
@@ -102,4 +171,16 @@ impl Drop for LiveLine {
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_few_and_the_first_ones_ten_seconds_apart() {
+        let at: Vec<u64> = instants().map(|at| at.as_secs()).collect();
+        assert_eq!(at[..5], [10, 20, 30, 45, 67]);
+        assert!(at.len() <= 20 && *at.last().unwrap() > 8 * 3600, "{at:?}");
+    }
 }

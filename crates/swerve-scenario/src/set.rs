@@ -1,6 +1,6 @@
 //! Single keys of a scenario set from outside: `--set actor.person.speed_mps=4`, an axis of a study.
 
-use swerve_text::{Document, Problem, Problems, did_you_mean, list};
+use swerve_text::{Document, Problem, Problems, did_you_mean, list, nearest};
 use toml::{Table, Value};
 
 use crate::Scenario;
@@ -49,10 +49,40 @@ impl Scenario {
                 };
                 let of_all = if let [(only, _)] = sets { only.as_str() } else { problem.key.as_str() };
                 let key = places.iter().rev().find(is_of).map_or(of_all, |(_, key)| key);
-                of_set(key, problem.message)
+                of_set(key, with_key_of_actor(&table, key, problem.message))
             });
             told.collect::<Problems>()
         })
+    }
+}
+
+/// Of an unknown key of an actor, what is nearest of all keys that there are within the actor: `actor.person.speed_mps` is
+/// one although it stands in a motion.
+fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
+    let parts: Vec<&str> = key.strip_prefix("scenario.").unwrap_or(key).split('.').collect();
+    let ["actor", name, last] = parts[..] else { return message };
+    let actor = table.get("actor").and_then(|actors| entry(actors, name).ok()?.1);
+    let Some(actor) = actor.filter(|_| message.starts_with("unknown key")) else { return message };
+    let mut names = Vec::new();
+    names_within(actor, &mut names);
+    names.retain(|name| *name != last);
+    // The reader offers what the actor itself may have, whether it is there or not.
+    let offered = message.split('"').skip(1).step_by(2);
+    match nearest(last, names.into_iter().chain(offered)) {
+        Some(near) => format!("unknown key; did you mean \"{near}\"?"),
+        None => message,
+    }
+}
+
+/// The names of all keys within a value.
+fn names_within<'t>(value: &'t Value, names: &mut Vec<&'t str>) {
+    match value {
+        Value::Table(table) => table.iter().for_each(|(name, inner)| {
+            names.push(name);
+            names_within(inner, names);
+        }),
+        Value::Array(entries) => entries.iter().for_each(|entry| names_within(entry, names)),
+        _ => {}
     }
 }
 
@@ -247,6 +277,11 @@ mod tests {
             ("actor.person.speed_mps=fast", "--set: actor.person.speed_mps: expected"),
             ("actor.person.speed_mps=-1", "--set: actor.person.speed_mps: expected"),
             ("actor.person.sped=1", "--set: actor.person.sped: unknown key"),
+            ("actor.person.sped_mps=3", "unknown key; did you mean \"speed_mps\"?"),
+            ("actor.person.withn_m=3", "unknown key; did you mean \"within_m\"?"),
+            // Not there yet, but a key of actors.
+            ("actor.person.headng_rad=1", "unknown key; did you mean \"heading_rad\"?"),
+            ("actor.person.q=1", "unknown key; expected one of \"d_m\""),
             ("actor.person=1", "--set: actor.person: expected"),
             ("actor=1", "expected actor.NAME.KEY"),
             ("scenario.ego.end_m.x=1", "`end_m` is a value"),

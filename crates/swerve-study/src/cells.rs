@@ -7,10 +7,17 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
+use swerve_drive::Outcome;
 use swerve_report::progress::Progress;
+use swerve_scenario::Expectation;
 
 use super::grid::{Cell, Study};
+use super::table;
 use super::timely::Reading;
+
+/// Names in `metrics.json` and `cells.csv` of whether a drive was as its scenario expects, and of what was not.
+const AS_EXPECTED: &str = "as_expected";
+const NOT_AS_EXPECTED: &str = "not_as_expected";
 
 /// What one cell came to.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -63,6 +70,41 @@ pub struct CellResult {
 }
 
 impl CellResult {
+    /// What a drive came to, held against what its scenario expects of it.
+    pub(crate) fn of(cell: &Cell, outcome: &Outcome, expected: Option<&Expectation>) -> Self {
+        let metrics = &outcome.metrics;
+        let mut texts = table::texts(metrics);
+        if let Some(expected) = expected {
+            let broken = outcome.broken(expected);
+            texts.insert(AS_EXPECTED.into(), broken.is_empty().to_string());
+            texts.insert(NOT_AS_EXPECTED.into(), broken.join("; "));
+        }
+        Self {
+            no_collision: metrics.impact.is_none(),
+            on_road: metrics.left_road_at_s.is_none(),
+            min_distance_m: metrics.min_distance_m,
+            impact_speed_mps: metrics.impact_speed_mps,
+            lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
+            digest: Some(outcome.digest),
+            response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
+            response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
+            misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
+            figures: table::figures(metrics),
+            texts,
+            ..Self::blank(cell, metrics.verdict.name())
+        }
+    }
+
+    /// Whether the drive was as its scenario expects; none where nothing is expected of it.
+    pub fn as_expected(&self) -> Option<bool> {
+        self.texts.get(AS_EXPECTED).map(|told| told == "true")
+    }
+
+    /// In what way it was not.
+    pub(crate) fn not_as_expected(&self) -> &str {
+        self.texts.get(NOT_AS_EXPECTED).map_or("", String::as_str)
+    }
+
     /// A result without figures.
     pub fn blank(cell: &Cell, verdict: &str) -> Self {
         Self {

@@ -79,7 +79,7 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
     let drives = scenarios.len() * args.seeds.len() * args.weathers.len();
-    let progress = Progress::cells(drives);
+    let progress = Progress::drives(drives);
     let mut writer = Writer::new(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount))?;
     for scenario in &scenarios {
         for &seed in &args.seeds {

@@ -121,7 +121,7 @@ pub struct Budget {
 }
 
 /// The key of an axis over scenarios.
-const SCENARIO: &str = "scenario";
+pub(crate) const SCENARIO: &str = "scenario";
 
 /// The name of the step that stands for the vehicle's own limit.
 pub const LIMIT: &str = "limit";
@@ -232,7 +232,7 @@ pub struct Cell {
 }
 
 /// More cells than this is a mistake.
-const CELLS_MAX: usize = 1_000_000;
+pub(crate) const CELLS_MAX: usize = 1_000_000;
 
 impl Study {
     /// Reads a study file. `sets` go after the keys that its base sets, before the axes.
@@ -352,7 +352,7 @@ impl Study {
 }
 
 /// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
-fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
+pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
     let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
     let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
     Some(Problem {

@@ -22,6 +22,7 @@ pub mod page;
 pub mod picture;
 pub mod ranking;
 pub mod report;
+pub mod suite;
 pub mod table;
 pub mod timely;
 mod timely_prediction;
@@ -127,40 +128,27 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
                 let threads = args.threads.unwrap_or(1);
                 return Job { file, sets: &args.set, out, shards: args.shards, threads }.submit(cluster);
             }
-            // Only now is there something to finish in order; until here a signal ends the program at once.
-            let stop = Arc::new(AtomicBool::new(false));
-            let on_signal = stop.clone();
-            let stopping = move || {
-                // Cells are whole or not there, so that nothing is lost where the program ends at once.
-                if on_signal.swap(true, Ordering::SeqCst) {
-                    std::process::exit(130);
-                }
-                eprintln!("\nstopping after the cells that are under way; once more to stop at once");
-            };
-            ctrlc::set_handler(stopping).context("listening for Ctrl-C")?;
-            let out = out_folder(&bench.study, args.out.as_deref());
-            let store = CellStore::open(&out)?;
-            let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
-            let runner =
-                Runner { store: &store, threads, shard: args.shard, reports: args.reports, stop: &stop };
-            let run = |cell: &Cell, fingerprint| {
-                let page = args.reports.then(|| store.report(cell, fingerprint));
-                bench.run_cell(cell, page.as_deref())
-            };
-            let results = runner.run(&bench.study, |cell| bench.fingerprint(cell), run)?;
-            report(&bench, &results, &out, args.pictures)?;
-            finish(&bench.study, &results, args.shard, &stop)
+            let out = &out_folder(&bench.study, args.out.as_deref());
+            let (threads, shard, reports) = (args.threads, args.shard, args.reports);
+            let how = How { out, threads, shard, reports, pictures: args.pictures };
+            let driven = bench.drive_cells(&how)?;
+            finish(&bench.study, &driven, shard)
         }
         (None, None) => bail!("expected a study file"),
     }
 }
 
-fn finish(
-    study: &Study,
-    results: &[Option<CellResult>],
+/// How the cells of a study are driven, and where what comes of them goes.
+struct How<'a> {
+    out: &'a Path,
+    threads: Option<usize>,
     shard: Option<Shard>,
-    stop: &AtomicBool,
-) -> anyhow::Result<()> {
+    reports: bool,
+    pictures: PictureArgs,
+}
+
+/// An error where a cell failed, or was not reached.
+fn finish(study: &Study, (results, stopped): &Driven, shard: Option<Shard>) -> anyhow::Result<()> {
     if let Some((cell, error)) =
         study.cells.iter().zip(results).find_map(|(c, r)| Some((c, r.as_ref()?.error.as_ref()?)))
     {
@@ -174,11 +162,14 @@ fn finish(
     let mine = |cell: &Cell| shard.is_none_or(|shard| shard.holds(cell));
     let missing =
         study.cells.iter().zip(results).filter(|(cell, result)| result.is_none() && mine(cell)).count();
-    if stop.load(Ordering::SeqCst) && missing > 0 {
+    if *stopped && missing > 0 {
         bail!("stopped with {missing} cells to go; the same command goes on from here");
     }
     Ok(())
 }
+
+/// What came of the cells, in their order, none where one was not reached; and whether a signal stopped them.
+type Driven = (Vec<Option<CellResult>>, bool);
 
 fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
     out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
@@ -202,19 +193,26 @@ impl Bench {
     /// # Errors
     /// All that is wrong with the study, its scenario, its configuration and those of its cells.
     pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let mut bench = Self::unexpanded(registry, file, sets)?;
+        let study = read(file, sets)?;
+        Self::of(registry, study)
+    }
+
+    /// As [`open`](Self::open), of a study that is read already.
+    ///
+    /// # Errors
+    /// All that is wrong with its scenarios, its configuration and those of its cells.
+    fn of(registry: &Registry, study: Study) -> anyhow::Result<Self> {
+        let mut bench = Self::unexpanded(registry, study)?;
         bench.study = bench.study.expand();
         Ok(bench)
     }
 
     /// As [`open`](Self::open), with nothing but the result of the checks.
     pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<()> {
-        Self::unexpanded(registry, file, &[]).map(|_| ())
+        Self::unexpanded(registry, read(file, &[])?).map(|_| ())
     }
 
-    fn unexpanded(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
-        let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| swerve_text::parse_assignment(s)).collect();
-        let study = Study::read(file, &sets?).map_err(|problems| problems_error(&problems))?;
+    fn unexpanded(registry: &Registry, study: Study) -> anyhow::Result<Self> {
         let mut scenarios = BTreeMap::new();
         let mut unread = Vec::new();
         for path in study.scenarios() {
@@ -298,6 +296,31 @@ impl Bench {
         self.study.budget.is_none() && self.study.curve.is_none() && self.study.timely.is_none()
     }
 
+    /// Drives the cells that are not finished yet, writes what came of all, and prints their table.
+    fn drive_cells(&self, how: &How<'_>) -> anyhow::Result<Driven> {
+        // Only now is there something to finish in order; until here a signal ends the program at once.
+        let stop = Arc::new(AtomicBool::new(false));
+        let on_signal = stop.clone();
+        let stopping = move || {
+            // Cells are whole or not there, so that nothing is lost where the program ends at once.
+            if on_signal.swap(true, Ordering::SeqCst) {
+                std::process::exit(130);
+            }
+            eprintln!("\nstopping after the cells that are under way; once more to stop at once");
+        };
+        ctrlc::set_handler(stopping).context("listening for Ctrl-C")?;
+        let store = CellStore::open(how.out)?;
+        let threads = how.threads.unwrap_or_else(swerve_drive::threads::cores);
+        let runner = Runner { store: &store, threads, shard: how.shard, reports: how.reports, stop: &stop };
+        let run = |cell: &Cell, fingerprint| {
+            let page = how.reports.then(|| store.report(cell, fingerprint));
+            self.run_cell(cell, page.as_deref())
+        };
+        let results = runner.run(&self.study, |cell| self.fingerprint(cell), run)?;
+        report(self, &results, how.out, how.pictures)?;
+        Ok((results, stop.load(Ordering::SeqCst)))
+    }
+
     /// Drives a cell; its page goes into a file.
     fn drive_for_page(
         &self,
@@ -337,24 +360,31 @@ impl Bench {
         if let Some(timely) = &self.study.timely {
             return timely.run(cell, &config, scenario);
         }
+        let expected = scenario.expectation(&config.pipeline_name());
         match &self.study.budget {
             Some(budget) if is_limit(cell) => limit::largest_reaction(cell, &config, scenario, budget),
             Some(budget) => budget::largest_latency(cell, &config, scenario, budget),
             None => match self.study.curve {
                 Some(curve) => {
                     let (outcome, curve) = curve.drive(&config, scenario)?;
-                    Ok(CellResult { curve, ..summary(cell, &outcome) })
+                    Ok(CellResult { curve, ..CellResult::of(cell, &outcome, expected) })
                 }
                 None => {
                     let outcome = match page {
                         Some(file) => self.drive_for_page(cell, (&config, scenario), file)?,
                         None => drive(&config, scenario)?,
                     };
-                    Ok(summary(cell, &outcome))
+                    Ok(CellResult::of(cell, &outcome, expected))
                 }
             },
         }
     }
+}
+
+/// Reads a study's file; `sets` apply to every cell, before the axes.
+fn read(file: &Path, sets: &[String]) -> anyhow::Result<Study> {
+    let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    Study::read(file, &sets?).map_err(|problems| problems_error(&problems))
 }
 
 /// Faults of a cell, which the check of the whole study has not found.
@@ -373,29 +403,6 @@ fn program() -> anyhow::Result<Digest> {
     let mut hasher = Hasher::new();
     hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
     Ok(hasher.digest())
-}
-
-fn summary(cell: &Cell, outcome: &Outcome) -> CellResult {
-    let metrics = &outcome.metrics;
-    CellResult {
-        labels: cell.labels.clone(),
-        verdict: metrics.verdict.name().to_owned(),
-        no_collision: metrics.impact.is_none(),
-        on_road: metrics.left_road_at_s.is_none(),
-        min_distance_m: metrics.min_distance_m,
-        impact_speed_mps: metrics.impact_speed_mps,
-        lateral_jerk_max: metrics.lateral_jerk.raw_max_mps3,
-        digest: Some(outcome.digest),
-        response_p50_ms: metrics.response.as_ref().map(|response| response.p50_ms),
-        response_p99_ms: metrics.response.as_ref().map(|response| response.p99_ms),
-        misses: metrics.operators.iter().map(|operator| operator.misses).sum(),
-        figures: table::figures(metrics),
-        texts: table::texts(metrics),
-        budget_ms: None,
-        curve: Vec::new(),
-        timely: Vec::new(),
-        error: None,
-    }
 }
 
 fn report(

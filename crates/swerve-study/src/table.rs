@@ -8,7 +8,7 @@ use swerve_report::output::align;
 
 use super::cells::CellResult;
 use super::chance::wilson;
-use super::grid::{LIMIT, Study};
+use super::grid::{LIMIT, SCENARIO, Study};
 
 /// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
 const DRIVE: [&str; 10] = [
@@ -201,7 +201,9 @@ impl Grid {
     /// Sums up the finished cells.
     pub fn of(study: &Study, results: &[Option<CellResult>]) -> Self {
         let shown: Vec<usize> = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed").collect();
-        let (down, across) = shown.split_at(shown.len().saturating_sub(1));
+        // Scenarios alone are many, and their names long: they go down.
+        let is_down = matches!(shown[..], [axis] if study.axes[axis] == SCENARIO);
+        let (down, across) = shown.split_at(if is_down { 1 } else { shown.len().saturating_sub(1) });
         let row_of =
             |labels: &[String]| down.iter().map(|&a| labels[a].as_str()).collect::<Vec<_>>().join(" ");
         let column_of =

@@ -1,11 +1,17 @@
-//! The chart of `swerve timing --picture`: a row for each operator, a bar for each step, marks for what came of it.
+//! The chart of `swerve timing --picture`: a row for each operator, a bar for each step, marks for what came of it, and the
+//! chain of the slowest response. What the eye could not tell apart is one band with its count.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
 
 use swerve_core::{Span, Time};
 use swerve_draw::color::{self, SERIES};
 use swerve_draw::{
-    Anchor, At, Canvas, Color, Entry, Picture, Sign, Style, Text, legend, multiples, round_step, width_of,
+    Anchor, At, Canvas, Color, Entry, Picture, Sign, Step as Outline, Style, Text, legend, multiples,
+    round_step, width_of,
 };
 
+use super::chain::Chain;
 use super::pipeline::Pipeline;
 use super::table::ms;
 use super::trace::{Step, Trace};
@@ -24,6 +30,10 @@ const STEP_PX: f64 = 40.0;
 const STEPS_MAX: usize = 3000;
 /// Ticks of the axis stand about this far apart.
 const TICK_PX: f64 = 80.0;
+/// Steps, or publications, of a row are told apart from so far on, start to start,
+const APART_PX: f64 = 14.0;
+/// and are one band where so many in a row are not.
+const BAND_MIN: usize = 4;
 /// Tints of the palette that dark text can be read on.
 fn fill_of(operator: usize) -> Color {
     SERIES[operator % 4].color.mixed(color::PAPER, 0.6)
@@ -39,12 +49,14 @@ pub(crate) fn draw(pipeline: &Pipeline, trace: &Trace) -> Picture {
     let mut canvas = Canvas::default();
     chart.axis(&mut canvas);
     chart.rows(&mut canvas);
-    for (step, lane) in trace.steps.iter().zip(&chart.lanes).filter(|(step, _)| step.start <= chart.until) {
-        chart.bar(&mut canvas, step, *lane);
-    }
+    chart.bars(&mut canvas);
     chart.marks(&mut canvas);
-    chart.legend(&mut canvas);
-    chart.finish(canvas)
+    let chain = Chain::slowest(pipeline, trace, chart.until);
+    if let Some(chain) = &chain {
+        chart.chain(&mut canvas, chain);
+    }
+    let below = chart.legend(&mut canvas, chain.as_ref());
+    chart.finish(canvas, below)
 }
 
 struct Chart<'a> {
@@ -102,7 +114,7 @@ impl<'a> Chart<'a> {
         self.left_px + (at - Time::ZERO).as_ms() * self.px_per_ms
     }
 
-    fn finish(&self, mut canvas: Canvas) -> Picture {
+    fn finish(&self, mut canvas: Canvas, below: f64) -> Picture {
         let all = Time::ZERO + self.pipeline.span;
         let part = if self.until < all {
             format!("the first {} of ", ms(self.until - Time::ZERO))
@@ -110,10 +122,12 @@ impl<'a> Chart<'a> {
             String::new()
         };
         let title = format!("Timing over {part}{} ms", ms(self.pipeline.span));
-        canvas.text((12.0, 20.0), &title, Text { size: 14.0, bold: true, ..LABEL });
+        canvas.text((12.0, 20.0), &title, Text { size: 14.0, ..Text::TITLE });
         let soft = Text { color: color::SOFT, ..LABEL };
-        canvas.text((12.0, 36.0), "bars: steps, labelled by stamp in ms where they are long enough; pointed at, each says its stamp, start and end", soft);
-        canvas.finish(self.left_px + self.plot_px + 30.0, self.bottom_px + 62.0, &title)
+        let bars = "bars: steps, labelled by stamp in ms where they are long enough, or many of them by their count; pointed \
+                    at, each says its stamp, start and end";
+        canvas.text((12.0, 36.0), bars, soft);
+        canvas.finish(self.left_px + self.plot_px + 30.0, below + 20.0, &title)
     }
 
     fn axis(&self, canvas: &mut Canvas) {
@@ -139,10 +153,60 @@ impl<'a> Chart<'a> {
         }
     }
 
-    fn bar(&self, canvas: &mut Canvas, step: &Step, lane: usize) {
-        let end = step.end.map_or(self.until, |end| end.min(self.until));
+    fn bars(&self, canvas: &mut Canvas) {
+        for operator in 0..self.pipeline.operators.len() {
+            let is_of = |k: &usize| self.trace.steps[*k].operator == operator;
+            let shown = (0..self.trace.steps.len()).filter(is_of);
+            let shown: Vec<usize> = shown.filter(|k| self.trace.steps[*k].start <= self.until).collect();
+            let lanes: BTreeSet<usize> = shown.iter().map(|k| self.lanes[*k]).collect();
+            for lane in lanes {
+                let steps = shown.iter().filter(|k| self.lanes[**k] == lane);
+                self.lane(canvas, lane, &steps.map(|k| &self.trace.steps[*k]).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    /// The bars of a lane, and in the place of those that are too close a band.
+    fn lane(&self, canvas: &mut Canvas, lane: usize, steps: &[&Step]) {
+        let at: Vec<f64> = steps.iter().map(|step| self.x(step.start)).collect();
+        let mut next = 0;
+        let is_done = |k: usize| !steps[k].late && steps[k].end.is_some();
+        for band in bands(&at, is_done) {
+            steps[next..band.start].iter().for_each(|step| self.bar(canvas, step, lane));
+            next = band.end;
+            self.band(canvas, lane, &steps[band]);
+        }
+        steps[next..].iter().for_each(|step| self.bar(canvas, step, lane));
+    }
+
+    /// The top left corner and the width of a bar.
+    fn place(&self, step: &Step, lane: usize) -> (At, f64) {
         let (x, y) = (self.x(step.start), self.tops[step.operator] + LANE_PX * lane as f64);
-        let width = (self.x(end) - x).max(1.5);
+        ((x, y), (self.x(self.end(step)) - x).max(1.5))
+    }
+
+    /// Its end, as far as it is shown.
+    fn end(&self, step: &Step) -> Time {
+        step.end.map_or(self.until, |end| end.min(self.until))
+    }
+
+    fn band(&self, canvas: &mut Canvas, lane: usize, steps: &[&Step]) {
+        let (first, last) = (steps[0], steps[steps.len() - 1]);
+        let (at, _) = self.place(first, lane);
+        let width = self.x(self.end(last)).max(self.x(last.start) + 1.5) - at.0;
+        let (from, to) = (ms(first.start - Time::ZERO), ms(self.end(last) - Time::ZERO));
+        let count = format!("{} steps", steps.len());
+        let name = &self.pipeline.operators[first.operator].name;
+        canvas.begin_titled(&format!("{name}: {count} from {from} to {to} ms"));
+        canvas.rect(at, (width, BAR_PX), band_style(fill_of(first.operator)));
+        canvas.end_titled();
+        if width > width_of(&count, LABEL) + 4.0 {
+            canvas.text((at.0 + 3.0, at.1 + 11.5), &count, LABEL);
+        }
+    }
+
+    fn bar(&self, canvas: &mut Canvas, step: &Step, lane: usize) {
+        let ((x, y), width) = self.place(step, lane);
         let style = bar_style(
             fill_of(step.operator),
             match step {
@@ -166,34 +230,126 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// Publications, and below them misses and drops, stand on the lower edge of their row.
-    fn marks(&self, canvas: &mut Canvas) {
-        let foot = |operator: usize| self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
-        for p in self.trace.publications.iter().filter(|p| p.stamp.is_some() && p.visible_at <= self.until) {
-            let draw = if p.reused_from.is_some() { published_again } else { published };
-            draw(canvas, (self.x(p.visible_at), foot(p.operator) - 9.0));
+    /// Where the publications of an operator stand, and below them its misses and drops.
+    fn feet(&self, operator: usize) -> (f64, f64) {
+        let foot = self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
+        (foot - 9.0, foot)
+    }
+
+    /// Instants of an operator's publications, new ones or repeats.
+    fn published(&self, operator: usize, again: bool) -> Vec<f64> {
+        let all = self.trace.publications.iter().filter(|p| p.operator == operator && p.stamp.is_some());
+        let shown = all.filter(|p| p.reused_from.is_some() == again && p.visible_at <= self.until);
+        shown.map(|p| self.x(p.visible_at)).collect()
+    }
+
+    /// The chain's steps are set off, and an arrow leads from each publication to the step that read it.
+    fn chain(&self, canvas: &mut Canvas, chain: &Chain<'_>) {
+        for pair in chain.links.windows(2) {
+            let ((read, _), (_, by)) = (pair[0], pair[1]);
+            let from = (self.x(read.visible_at), self.feet(read.operator).0);
+            let top = self.tops[by.operator];
+            // What is read by feedback comes from below.
+            let edge = if top > from.1 { top - 1.0 } else { top + BAR_PX + 1.0 };
+            arrow(canvas, from, (self.x(by.start), edge));
         }
-        for mark in self.trace.drops.iter().filter(|mark| mark.at <= self.until) {
-            dropped(canvas, (self.x(mark.at), foot(mark.operator)));
-        }
-        for mark in self.trace.misses.iter().filter(|mark| mark.at <= self.until) {
-            missed(canvas, (self.x(mark.at), foot(mark.operator)));
+        for (publication, step) in &chain.links {
+            let lane = self.trace.steps.iter().position(|other| core::ptr::eq(other, *step));
+            let (at, width) = self.place(step, lane.map_or(0, |k| self.lanes[k]));
+            canvas.rect(at, (width, BAR_PX), CHAIN.rounded(2.0));
+            // What is published again is published later than it was computed.
+            if publication.reused_from.is_some() {
+                let to = (self.x(publication.visible_at), self.feet(publication.operator).0);
+                canvas.path(
+                    [(at.0 + width, at.1 + BAR_PX), (at.0 + width, to.1), to],
+                    false,
+                    CHAIN.dashed(4.0, 3.0),
+                );
+            }
         }
     }
 
-    fn legend(&self, canvas: &mut Canvas) {
-        let entries: [(Sign, &str); 6] = [
-            (Sign::Mark(published), "published"),
-            (Sign::Mark(published_again), "published again (reuse_last)"),
-            (Sign::Mark(missed), "deadline missed"),
-            (Sign::Mark(dropped), "dropped"),
-            (Sign::Block(bar_style(fill_of(0), LATE)), "ended too late, not published"),
-            (Sign::Block(bar_style(fill_of(0), UNDER_WAY)), "under way at the end"),
-        ];
-        let entries: Vec<Entry> = entries.into_iter().map(|(sign, text)| (sign, text.to_owned())).collect();
-        let right = self.left_px + self.plot_px;
-        legend(canvas, (12.0, self.bottom_px + 42.0), right, &entries);
+    /// Publications, and below them misses and drops, stand on the lower edge of their row.
+    fn marks(&self, canvas: &mut Canvas) {
+        for operator in 0..self.pipeline.operators.len() {
+            let (y, foot) = self.feet(operator);
+            for (again, draw) in [(false, published as Mark), (true, published_again)] {
+                let at = self.published(operator, again);
+                let mut next = 0;
+                for band in bands(&at, |_| true) {
+                    at[next..band.start].iter().for_each(|x| draw(canvas, (*x, y)));
+                    next = band.end;
+                    let style = if again { MANY_AGAIN } else { MANY };
+                    canvas.line((at[band.start], y), (at[band.end - 1], y), style);
+                }
+                at[next..].iter().for_each(|x| draw(canvas, (*x, y)));
+            }
+            let of = |marks: &[super::trace::Mark]| -> Vec<f64> {
+                let shown = marks.iter().filter(|mark| mark.operator == operator && mark.at <= self.until);
+                shown.map(|mark| self.x(mark.at)).collect()
+            };
+            of(&self.trace.drops).into_iter().for_each(|x| dropped(canvas, (x, foot)));
+            of(&self.trace.misses).into_iter().for_each(|x| missed(canvas, (x, foot)));
+        }
     }
+
+    /// What of the signs there is in the chart; gives the height of its last line.
+    fn legend(&self, canvas: &mut Canvas, chain: Option<&Chain<'_>>) -> f64 {
+        let (trace, until) = (self.trace, self.until);
+        let steps = || trace.steps.iter().filter(|step| step.start <= until);
+        let operators = 0..self.pipeline.operators.len();
+        let has = |again| operators.clone().any(|operator| !self.published(operator, again).is_empty());
+        let has_many =
+            |again| operators.clone().any(|k| !bands(&self.published(k, again), |_| true).is_empty());
+        let shown = |marks: &[super::trace::Mark]| marks.iter().any(|mark| mark.at <= until);
+        let mut entries: Vec<Entry> = Vec::new();
+        let mut add = |is_there: bool, sign: Sign, text: &str| {
+            entries.extend(is_there.then(|| (sign, text.to_owned())));
+        };
+        add(has(false), Sign::Mark(published), "published");
+        add(has(true), Sign::Mark(published_again), "published again (reuse_last)");
+        add(has_many(false) || has_many(true), Sign::Line(MANY), "published, too often to be told apart");
+        add(shown(&trace.misses), Sign::Mark(missed), "deadline missed");
+        add(shown(&trace.drops), Sign::Mark(dropped), "dropped");
+        let late = Sign::Block(bar_style(fill_of(0), LATE));
+        add(steps().any(|step| step.late), late, "ended too late, not published");
+        let under_way = Sign::Block(bar_style(fill_of(0), UNDER_WAY));
+        add(steps().any(|step| step.end.is_none()), under_way, "under way at the end");
+        if let Some((chain, (result, _))) = chain.and_then(|chain| Some((chain, chain.links.last()?))) {
+            let name = &self.pipeline.operators[result.operator].name;
+            let at = ms(result.visible_at - Time::ZERO);
+            let text = format!("slowest response: {name} at {at} ms, {} ms after its frame", ms(chain.took));
+            add(true, Sign::Line(CHAIN), &text);
+        }
+        let right = self.left_px + self.plot_px;
+        legend(canvas, (12.0, self.bottom_px + 42.0), right, &entries)
+    }
+}
+
+/// What draws a mark about a place.
+type Mark = fn(&mut Canvas, At);
+
+/// Of places in order the runs of neighbours that are too close to be told apart and all `may` be in one.
+fn bands(at: &[f64], may: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
+    let joins = |k: usize| at[k] - at[k - 1] < APART_PX && may(k - 1) && may(k);
+    let mut bands = Vec::new();
+    let mut start = 0;
+    for end in 1..=at.len() {
+        if end == at.len() || !joins(end) {
+            bands.extend((end - start >= BAND_MIN).then_some(start..end));
+            start = end;
+        }
+    }
+    bands
+}
+
+/// Bends down into the step, or up.
+fn arrow(canvas: &mut Canvas, from: At, to: At) {
+    let down = (to.1 - from.1).signum();
+    let bend = (0.5 * (to.1 - from.1).abs()).max(8.0) * down;
+    let pull = ((from.0, from.1 + bend), (to.0, to.1 - bend));
+    canvas.outline(vec![Outline::Move(from), Outline::Curve(pull.0, pull.1, to)], CHAIN);
+    canvas.arrow_head(to, down * core::f64::consts::FRAC_PI_2, Style::fill(color::INK));
 }
 
 const GRID: Style = Style::line(color::GRID, 1.0);
@@ -205,6 +361,17 @@ const DONE: (f64, [f64; 2]) = (1.0, [0.0, 0.0]);
 
 fn bar_style(fill: Color, (opacity, [dash, gap]): (f64, [f64; 2])) -> Style {
     Style::fill(fill).filled_by(opacity).outlined(color::SOFT, 0.7).dashed(dash, gap).rounded(2.0)
+}
+
+/// The chain of the slowest response.
+const CHAIN: Style = Style::line(color::INK, 1.6);
+
+/// Publications that are too close to be told apart.
+const MANY: Style = Style::line(color::GOOD, 4.0);
+const MANY_AGAIN: Style = MANY.lined_by(0.4);
+
+fn band_style(fill: Color) -> Style {
+    Style::fill(fill).outlined(color::SOFT, 0.7).rounded(2.0)
 }
 
 fn triangle(canvas: &mut Canvas, (x, y): At, fill: Color) {
@@ -249,5 +416,19 @@ fn note(pipeline: &Pipeline, op: &super::BlackBox) -> String {
     match op.uses {
         Some(r) => format!("{} on {}", op.policy, pipeline.resources[r].name),
         None => op.policy.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_close_is_a_band_where_there_is_enough_of_it() {
+        let at = [0.0, 5.0, 10.0, 15.0, 40.0, 45.0, 50.0, 80.0, 85.0, 90.0, 95.0, 100.0];
+        assert_eq!(bands(&at, |_| true), [0..4, 7..12]);
+        assert_eq!(bands(&at, |k| k != 11), [0..4, 7..11]);
+        assert_eq!(bands(&at[..3], |_| true), []);
+        assert_eq!(bands(&[], |_| true), []);
     }
 }

@@ -5,6 +5,7 @@
 //! span in virtual time, under the rules of `docs/execution.md`; out come response times, losses and utilisation,
 //! every publication as JSON, and a chart.
 
+mod chain;
 mod gantt;
 mod json;
 mod page;

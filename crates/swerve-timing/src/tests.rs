@@ -1,4 +1,4 @@
-use swerve_core::Span;
+use swerve_core::{Span, Time};
 use swerve_flow::{Anchor, Deadline, Policy, Reaction, RuntimeModel};
 
 use super::*;
@@ -296,6 +296,28 @@ fn a_chart_of_a_long_run_shows_its_first_part_and_says_so() {
     let svg = draw(&pipeline, &simulate(&pipeline, 1, 1).expect("it runs")).svg();
     assert!(svg.contains("the first ") && svg.contains(" of 3600000 ms"), "{}", &svg[..600]);
     assert!(svg.len() < 2_000_000, "{} bytes", svg.len());
+}
+
+/// A controller that turns a hundred times a second beside a camera that does so twenty times.
+#[test]
+fn the_chart_has_a_band_of_what_is_too_close_and_the_slowest_chain() {
+    let control = "[[operator]]\nname = \"control\"\nevery_ms = 10\nlatest = [\"detector\"]\nruntime = { zero = true }\n";
+    let pipeline = parse("p.toml", &GOOD.replace("[resource", &format!("{control}[resource"))).expect("good");
+    let trace = simulate(&pipeline, 1, 1).expect("it runs");
+    let svg = draw(&pipeline, &trace).svg();
+    let of = |operator| trace.steps.iter().filter(|step| step.operator == operator).count();
+    assert!(svg.contains(&format!("<title>control: {} steps from 0 to 2000 ms</title>", of(2))), "{svg}");
+    assert_eq!(svg.matches("<title>").count(), 1 + of(0) + of(1) + 1, "of the others each step has its bar");
+    // The chain is that of the table's largest response time, and begins with a frame of the camera.
+    let chain = chain::Chain::slowest(&pipeline, &trace, Time::MAX).expect("there are responses");
+    let operators: Vec<usize> = chain.links.iter().map(|(publication, _)| publication.operator).collect();
+    assert_eq!(operators, [0, 1, 2]);
+    let tally = tally(&pipeline, 1, 1).expect("it runs");
+    assert_eq!(Some(&chain.took), tally.operators[2].responses.iter().max());
+    for ((read, _), (_, by)) in chain.links.iter().zip(&chain.links[1..]) {
+        assert!(read.visible_at <= by.start, "{read:?} is read by {by:?}");
+    }
+    assert!(svg.contains(&format!(", {} ms after its frame", table::ms(chain.took))), "{svg}");
 }
 
 #[test]

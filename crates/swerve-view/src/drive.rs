@@ -66,6 +66,19 @@ pub(crate) fn live_page(show: &Show, report: &RunReport, by_hand: bool, watch_on
     html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
 }
 
+/// Why no command line repeats a run that is begun so, where none does.
+fn no_command(with: &Begin) -> Option<String> {
+    let why = match (with.from_s, with.by_hand) {
+        (_, true) => "it was driven by hand".to_owned(),
+        (Some(from_s), _) => format!(
+            "up to {from_s:.2} s the car was driven by the commands of the run before, while the stack, as it is set now, \
+             looked on"
+        ),
+        (None, false) => return None,
+    };
+    Some(format!("No command line repeats this drive: {why}."))
+}
+
 /// Takes a run in for the page, and holds it back as the page asks.
 struct Watching<'a> {
     show: &'a Show,
@@ -145,7 +158,10 @@ impl Driver<'_> {
             None => Pipeline::build(&config, &scenario)?,
         };
         let wheel = seat.map(|seat| Wheel::new(seat, Kinematic::new(&config.sim.vehicle)));
-        let report = RunReport::new(&config, &pipeline, command_line(&input, None));
+        let mut report = RunReport::new(&config, &pipeline, command_line(&input, None));
+        if let Some(why) = no_command(with) {
+            report = report.without_command(&why);
+        }
         let page = live_page(self.show, &report, with.by_hand, false);
         self.show.begin(page, report, wheel, Some(pipeline.graph.stop_handle()), with.from());
         let mut streams = self.streams.as_ref().map(|streams| {

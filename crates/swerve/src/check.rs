@@ -5,13 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
-use swerve_report::output::tell;
+use swerve_report::output::{quoted, tell};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_study::Bench;
 use swerve_text::{Document, Problems};
-
-use crate::new::quoted;
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]

@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use clap::{Parser, Subcommand};
 use swerve_drive::{process, why};
 use swerve_stack::Registry;
-use swerve_study::{calibrate, dataset, evaluate, map, report, track, train};
+use swerve_study::{calibrate, dataset, evaluate, map, report, suite, track, train};
 
 use swerve_reference::{keys, operators};
 
@@ -29,6 +29,8 @@ enum Command {
     Live(swerve_live::LiveArgs),
     /// Vary a run along axes over configuration keys and seeds
     Study(swerve_study::StudyArgs),
+    /// Drive scenarios with several seeds each: how many drives are as they expect
+    Suite(suite::SuiteArgs),
     /// Say why a logged drive ended so: from the instant an actor was first visible to the car's answer
     Why(why::WhyArgs),
     /// Make the page of a run or a study from its folder, or of two beside each other
@@ -93,6 +95,7 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         }),
         Command::Live(args) => swerve_live::run(args, registry),
         Command::Study(args) => swerve_study::run(args, registry),
+        Command::Suite(args) => suite::run(args, registry),
         Command::Why(args) => why::run(args, registry),
         Command::Report(args) => report::run(args, registry),
         Command::Replay(args) => replay::run(args, registry),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use swerve_drive::shipped::{Shipped, shipped};
 use swerve_reference::editor::write_for_editors;
+use swerve_report::output::quoted;
 
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
@@ -81,30 +82,9 @@ fn dependencies(checkout: Option<&Path>) -> String {
     format!("{comment}{}", lines.concat())
 }
 
-/// A word as a shell takes it.
-pub(crate) fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "/._-+".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        return word.to_owned();
-    }
-    format!("'{}'", word.replace('\'', "'\\''"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn words_are_quoted_for_a_shell_where_they_have_to_be() {
-        for (word, expected) in [
-            ("my_project", "my_project"),
-            ("a/b-1.2", "a/b-1.2"),
-            ("a b/c d", "'a b/c d'"),
-            ("it's", "'it'\\''s'"),
-        ] {
-            assert_eq!(quoted(word), expected);
-        }
-    }
 
     #[test]
     fn a_package_finds_swerve_in_a_checkout_or_says_what_to_set() {

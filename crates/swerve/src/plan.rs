@@ -62,9 +62,12 @@ pub struct PlanArgs {
     /// Which planner
     #[arg(long, value_enum)]
     planner: PosedPlanner,
-    /// Which entry of the file's `configs` for that planner
-    #[arg(long, value_name = "NAME")]
-    config: String,
+    /// Which entry of the file's `configs` for that planner, as planning.config names them: fast, slow
+    #[arg(long, value_name = "NAME", required_unless_present = "config")]
+    planning_config: Option<String>,
+    /// What --planning-config was called once
+    #[arg(long, value_name = "NAME", hide = true, conflicts_with = "planning_config")]
+    config: Option<String>,
     /// Limits and behaviour of the original, or ours
     #[arg(long, value_enum, default_value = "best")]
     preset: PresetName,
@@ -81,6 +84,13 @@ pub struct PlanArgs {
     report: Option<PathBuf>,
 }
 
+impl PlanArgs {
+    /// The entry of the file's `configs`.
+    fn entry(&self) -> &str {
+        self.planning_config.as_ref().or(self.config.as_ref()).map_or("", String::as_str)
+    }
+}
+
 /// Runs `swerve plan`.
 ///
 /// # Errors
@@ -92,9 +102,12 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
         PresetName::Paper => Preset::Paper,
         PresetName::Best => Preset::Best,
     };
+    if args.config.is_some() {
+        output::tell("note: --config is called --planning-config now");
+    }
     let file = read(&args.file)?;
     let posed =
-        read::select(&file, args.planner, &args.config).with_context(|| args.file.display().to_string())?;
+        read::select(&file, args.planner, args.entry()).with_context(|| args.file.display().to_string())?;
     let solutions = solve_all(&file, &posed, preset);
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
@@ -130,12 +143,12 @@ fn picture_name(k: usize, id: &str) -> String {
 }
 
 fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
-    let (planner, config, path) = (args.planner.name(), &args.config, args.file.display().to_string());
+    let (planner, config, path) = (args.planner.name(), args.entry(), args.file.display().to_string());
     let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
     let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s).svg());
     let figures = Figures {
         command: format!(
-            "swerve plan {} --planner {planner} --config {}{preset}",
+            "swerve plan {} --planner {planner} --planning-config {}{preset}",
             quoted(&path),
             quoted(config)
         ),
@@ -174,7 +187,7 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
         "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",
         align(&lines),
         args.planner.name(),
-        args.config,
+        args.entry(),
         solutions.len(),
         at(0.5),
         at(0.99),

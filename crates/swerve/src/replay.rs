@@ -18,6 +18,7 @@ use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, PointCloud, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
+use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
@@ -232,9 +233,11 @@ impl Replay<'_> {
         let options = RunOptions { seed: log.start.seed, threads: self.threads, until: last };
         let mut recorder =
             self.into.as_ref().map(|into| recorder(into, log, &config, &pipeline)).transpose()?;
-        let mut observers: Vec<&mut dyn Observer> = vec![&mut comparison];
+        let mut progress = Progress::simulated(last.unwrap_or(pipeline.until).as_secs());
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut comparison, &mut progress];
         observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
         let report = run_replay(pipeline.graph, &options, decided.into_iter().collect(), observers)?;
+        progress.finish();
         recorder.map(Recorder::finish).transpose()?;
         comparison.digest = report.digest;
         Ok(comparison)

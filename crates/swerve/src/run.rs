@@ -14,10 +14,10 @@ use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
     set_up, story, title,
 };
-use swerve_flow::{EndReason, Event, Observer, StopHandle};
+use swerve_flow::{EndReason, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
-use swerve_msg::{Command, EgoState, MotionCommand};
+use swerve_msg::{Command, MotionCommand};
 use swerve_report::files::RunFolder;
 use swerve_report::output::print;
 use swerve_report::progress::Progress;
@@ -77,21 +77,6 @@ enum Ros2Role {
     Drive,
 }
 
-/// Shows how far simulated time has come.
-struct Shown {
-    progress: Progress,
-}
-
-impl Observer for Shown {
-    fn event(&mut self, event: &Event<'_>) {
-        if let Event::Publication(publication) = event
-            && publication.payload.is_some_and(swerve_flow::Sent::is::<EgoState>)
-        {
-            self.progress.simulated_to(publication.visible_at.as_secs());
-        }
-    }
-}
-
 /// Runs `swerve run`.
 pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut input = args.input.clone();
@@ -115,7 +100,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut frames = frames(args, &config, &pipeline)?;
     let folder = RunFolder::claim(args.out.as_deref(), &stem(&args.input.scenario), args.overwrite)?;
     let out = &folder.path;
-    let mut shown = Shown { progress: Progress::simulated(scenario.end.timeout_s) };
+    let mut progress = Progress::simulated(scenario.end.timeout_s);
     // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut realtime = Realtime::begin(&config.clock);
@@ -129,7 +114,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut story = story(&config, &scenario, &pipeline);
     let mut report = RunReport::new(&config, &pipeline, command);
     let mut observers: Vec<&mut dyn Observer> =
-        vec![&mut shown, &mut recording, &mut trace, &mut story, &mut report];
+        vec![&mut progress, &mut recording, &mut trace, &mut story, &mut report];
     observers.extend(realtime.as_mut().map(|realtime| realtime as &mut dyn Observer));
     observers.extend(frames.as_mut().map(|frames| frames as &mut dyn Observer));
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
@@ -142,7 +127,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let traffic = processes.as_ref().map(Processes::traffic);
     drop(processes);
     let ros2 = car.map(Ros2Car::finish);
-    shown.progress.finish();
+    progress.finish();
     let ends = Ends { clock: config.clock.source, folder: &folder, pictures: args.pictures };
     let realtime = realtime.map(|realtime| realtime.obtained());
     // What was recorded until a failure is kept, readable.

@@ -5,15 +5,20 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use serde::de::DeserializeOwned;
-use swerve_log::{Log, LogError, PublicationRecord, Record};
+use swerve_foxglove::logged_image;
+use swerve_log::{Bag, Log, LogError, PublicationRecord, Record};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
 use swerve_report::output::quoted;
-use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage};
+use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage, photo_of};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
-use swerve_stack::config::Config;
+use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{COMMAND, RunReport};
 use crate::load::problems_error;
@@ -48,6 +53,10 @@ fn page_of(
     }
     for record in &log.records {
         take(&mut report.collector, record)?;
+    }
+    if config.log.images == Images::Jpeg {
+        // Where the log is not complete, that is told already.
+        let _cut_off = photos(&mut report.collector, path, log);
     }
     report.page.notes.extend(damage.map(|damage| format!("The log is not complete: {damage}")));
     let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
@@ -123,6 +132,33 @@ fn publication(collector: &mut Collector, message: &PublicationRecord) -> Result
             Ok(())
         }
     }
+}
+
+/// Takes in the cameras' pictures of a log that has of each image a fingerprint, and beside it, for Foxglove, a JPEG file.
+fn photos(collector: &mut Collector, path: &Path, log: &Log) -> Result<(), LogError> {
+    let mut bag = Bag::open(path)?;
+    while let Some(message) = bag.next_message()? {
+        let topic = bag.topics()[message.topic].name.strip_prefix("/view/");
+        let Some(camera) = topic.and_then(|topic| topic.strip_suffix("/image")) else { continue };
+        // Colours are the first of its streams.
+        let of_camera = log.streams.iter().filter(|stream| {
+            stream.operator == camera && stream.type_name == core::any::type_name::<Image>()
+        });
+        let Some(stream) = of_camera.min_by_key(|stream| stream.port) else { continue };
+        if let Some((stamp, file)) = logged_image(&message.data) {
+            collector.photo(&stream.stream, stamp, || photo_of_file(&file));
+        }
+    }
+    Ok(())
+}
+
+/// A JPEG file as a small picture; none of what is no such file.
+fn photo_of_file(file: &[u8]) -> Option<String> {
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
+    let bytes = decoder.decode().ok()?;
+    let info = decoder.info()?;
+    photo_of([info.width, info.height].map(usize::from), &bytes)
 }
 
 fn about(message: &PublicationRecord) -> Message<'_> {

@@ -78,6 +78,7 @@ fn problems(root: &Value, schema: &Value, value: &Value, at: &str, found: &mut V
             "minimum" => bound(|x, bound| x >= bound),
             "maximum" => bound(|x, bound| x <= bound),
             "exclusiveMinimum" => bound(|x, bound| x > bound),
+            "exclusiveMaximum" => bound(|x, bound| x < bound),
             "minItems" | "minProperties" | "minLength" => sized(|size, least| size >= least),
             "maxItems" | "maxProperties" => sized(|size, most| size <= most),
             other => panic!("{at}: the test does not know the keyword {other}"),
@@ -142,6 +143,25 @@ fn every_shipped_file_is_as_its_schema_says() {
         }
     }
     assert!(counts.iter().all(|count| *count >= 3), "{counts:?}");
+}
+
+/// Ends and names of a key that stands beside others, or is spelt in another way.
+#[test]
+fn what_the_reader_takes_the_schema_takes() {
+    for text in [
+        "[planning]\nadded_latency_ms = 0\n",
+        "[render]\nweather = \"clear_night\"\n",
+        "[render]\nweather = \"HardRainSunset\"\n",
+        "[sim]\ndt_ms = 20\n",
+        "[camera.front]\nfov_deg = 179.9\n",
+        "[perception]\ndetector = \"truth\"\n",
+    ] {
+        assert_eq!(wrong(FileKind::Config, text), Vec::<String>::new(), "{text}");
+        let sets: toml::Table = text.parse().unwrap();
+        let document = swerve_text::Document::parse("c.toml", sets.to_string()).unwrap();
+        let read = Config::from_document_with(&swerve_stack::Registry::standard(), &document, &[]);
+        assert!(read.is_ok(), "{text}: {:?}", read.err());
+    }
 }
 
 /// The text form in the documentation of scenarios: every key.
@@ -209,6 +229,11 @@ fn what_the_readers_refuse_the_schemas_refuse() {
         ),
         (FileKind::Timing, "span_ms = \"10\"\noperator = []\n".to_owned()),
         (FileKind::Config, "[planning]\nplaner = \"fot\"\n".to_owned()),
+        (FileKind::Config, "[planning]\nadded_latency_ms = -5\n".to_owned()),
+        (FileKind::Config, "[render]\nweather = \"x\"\n".to_owned()),
+        (FileKind::Config, "[perception]\ndetector = \"street\"\n".to_owned()),
+        (FileKind::Config, "[sim]\ndt_ms = 20.5\n".to_owned()),
+        (FileKind::Config, "[camera.front]\nfov_deg = 0\n".to_owned()),
         (FileKind::Scenario, "name = 3\n".to_owned()),
     ] {
         assert!(!wrong(kind, &text).is_empty(), "{text}");

@@ -147,7 +147,18 @@ impl Collector {
                 self.command(about.at, command);
             }
         } else if let Some(image) = payload.downcast_ref::<Image>() {
-            self.photo(about.stream, stream, image);
+            self.photo(about.stream, image.stamp, || photo(image));
+        }
+    }
+
+    /// Takes in a picture of a camera, an address that holds it, where pictures are kept and the last one of the stream is
+    /// long enough ago.
+    pub fn photo(&mut self, name: &str, stamp: Time, make: impl FnOnce() -> Option<String>) {
+        let stream = self.stream(name);
+        let due = self.photographed.get(&stream).is_none_or(|last| stamp - *last >= PHOTO_EVERY);
+        if let Some(data) = (self.with_photos && due).then(make).flatten() {
+            self.photographed.insert(stream, stamp);
+            self.page.photos.push(run::Photo { t: us(stamp), stream: name.into(), data });
         }
     }
 
@@ -274,17 +285,6 @@ impl Collector {
         commands.steer.push(thousandths(command.steering_rad));
         commands.throttle.push(thousandths(command.throttle));
         commands.brake.push(thousandths(command.brake));
-    }
-
-    fn photo(&mut self, name: &str, stream: usize, image: &Image) {
-        let due = self.photographed.get(&stream).is_none_or(|last| image.stamp - *last >= PHOTO_EVERY);
-        if !self.with_photos || !due {
-            return;
-        }
-        if let Some(data) = photo(image) {
-            self.photographed.insert(stream, image.stamp);
-            self.page.photos.push(run::Photo { t: us(image.stamp), stream: name.into(), data });
-        }
     }
 }
 

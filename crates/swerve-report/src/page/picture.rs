@@ -10,9 +10,13 @@ const WIDTH_PX: usize = 200;
 /// A coloured image, made smaller by leaving out pixels, as an address that holds a PNG; none of other images, or
 /// where the log has only a fingerprint of it.
 pub fn photo(image: &Image) -> Option<String> {
-    let (columns, rows) = (image.width_px as usize, image.height_px as usize);
-    let bytes = image.pixels.bytes();
-    if image.encoding() != Encoding::Rgb8 || columns == 0 || rows == 0 || bytes.len() != 3 * columns * rows {
+    let size = [image.width_px, image.height_px].map(|px| px as usize);
+    (image.encoding() == Encoding::Rgb8).then(|| photo_of(size, image.pixels.bytes())).flatten()
+}
+
+/// The same of `columns` and `rows` of three bytes a pixel; none of other bytes.
+pub fn photo_of([columns, rows]: [usize; 2], bytes: &[u8]) -> Option<String> {
+    if columns == 0 || rows == 0 || bytes.len() != 3 * columns * rows {
         return None;
     }
     let step = columns.div_ceil(WIDTH_PX);

@@ -15,8 +15,11 @@ pub struct RunPage {
     pub seed: u64,
     /// One number that two equal runs share; empty where the run was cut off.
     pub digest: String,
-    /// The command line that repeats it.
+    /// The command line that repeats it; empty where none does.
     pub command: String,
+    /// Why none does.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub no_command: String,
     /// What is missing in the page, and why.
     pub notes: Vec<String>,
     /// The last instant.

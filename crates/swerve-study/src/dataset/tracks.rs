@@ -69,7 +69,7 @@ pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<S
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
     let progress =
-        Progress::cells(args.seeds.len() * (scenarios.len() + usize::from(args.crossing.is_some())));
+        Progress::drives(args.seeds.len() * (scenarios.len() + usize::from(args.crossing.is_some())));
     let (mut tracks, mut files) = (0, 0);
     let mut add = |name: &str, recordings: Vec<(String, Recording)>| -> anyhow::Result<()> {
         let path = args.out.join(format!("{name}.csv"));

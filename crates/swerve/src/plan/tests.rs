@@ -173,7 +173,8 @@ fn the_page_shows_what_is_printed() {
     let args = PlanArgs {
         file: "detour".into(),
         planner: PosedPlanner::RrtStar,
-        config: "fast".into(),
+        planning_config: Some("fast".into()),
+        config: None,
         preset: PresetName::Best,
         json: false,
         pictures: None,

@@ -18,8 +18,13 @@ fn a_scenario_and_a_configuration_go_by_their_names() {
     bench.good(&["replay", "out/person_crossing/log.mcap", "--verify"]);
     bench.good(&["graph", "lane", "-c", "live/autoware"]);
     bench.good(&["timing", "av"]);
-    let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--config", "fast"]);
+    let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--planning-config", "fast"]);
     assert!(solved.contains("rrt_star fast: 2 of 2 solved"), "{solved}");
+    let old = bench.swerve(&["plan", "detour", "--planner", "rrt_star", "--config", "fast"]);
+    assert!(
+        old.code == Some(0) && old.stderr == "note: --config is called --planning-config now\n",
+        "{old:?}"
+    );
 }
 
 #[test]
@@ -82,7 +87,7 @@ fn an_unknown_name_is_met_with_the_nearest() {
         (&["study", "planers"], "did you mean the study `planners`"),
         (&["live", "autowear"], "did you mean the configuration `autoware`"),
         (
-            &["plan", "detuor", "--planner", "fot", "--config", "fast"],
+            &["plan", "detuor", "--planner", "fot", "--planning-config", "fast"],
             "did you mean the problem file `detour`",
         ),
     ] {

@@ -99,6 +99,29 @@ fn the_page_of_a_run_is_that_of_its_log() {
     assert!(bare["metrics"].is_null() && bare["notes"][0].as_str().unwrap().contains("metrics.json"));
 }
 
+/// Where a log has JPEG files in the place of all bytes, the page that is made of it shows these.
+#[test]
+fn the_cameras_pictures_of_a_run_are_in_the_page_of_its_log() {
+    let bench = Bench::new();
+    let eye = "[log]\nsensors = [\"eye\"]\n[camera.eye]\nwidth_px = 64\nheight_px = 48\noutputs = [\"depth\", \"rgb\"]\n";
+    bench.write("eye.toml", eye);
+    bench.write("start.toml", &bench.read("short.toml").replace("timeout_s = 10.0", "timeout_s = 1.3"));
+    let pictures = |page: &str| -> Vec<(Value, Value)> {
+        let photos = data(&bench, page)["photos"].as_array().unwrap().clone();
+        let is_png = |photo: &Value| photo["data"].as_str().unwrap().starts_with("data:image/png;base64,");
+        assert!(photos.iter().all(is_png), "{page}");
+        photos.iter().map(|photo| (photo["t"].clone(), photo["stream"].clone())).collect()
+    };
+    for (images, count) in [("jpeg", 2), ("lossless", 2), ("none", 0)] {
+        let set = format!("log.images={images}");
+        bench.good(&["run", "start.toml", "-c", "eye.toml", "--set", &set, "--out", "o"]);
+        bench.good(&["report", "o/log.mcap", "--out", "again.html"]);
+        let own = pictures("o/report.html");
+        assert!(own.len() == count && own.iter().all(|(_, stream)| stream == "eye.rgb"), "{images}: {own:?}");
+        assert_eq!(pictures("again.html"), own, "{images}");
+    }
+}
+
 #[test]
 fn two_runs_part_where_they_do() {
     let bench = Bench::new();

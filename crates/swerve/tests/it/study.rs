@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use serde_json::Value;
 
-use crate::support::Bench;
+use crate::support::{Bench, SHORT, digest};
 
 /// Two keys that no study is made for, one of them with a numeric label, over a base that sets a third.
 const STUDY: &str = r#"
@@ -236,4 +236,45 @@ fn what_the_command_line_sets_goes_before_what_the_file_sets() {
     bench.good(&["study", "study.toml", "--out", "file"]);
     bench.good(&["study", "study.toml", "--out", "set", "--set", runtime]);
     assert_ne!(bench.read("file/cells.csv"), bench.read("set/cells.csv"));
+}
+
+#[test]
+fn a_suite_drives_every_scenario_with_every_seed_and_tells_which_drives_are_as_expected() {
+    let bench = Bench::new();
+    bench.write("hit.toml", &SHORT.replace("\"avoided\"", "\"collision\""));
+    bench.write("slow.toml", "[planning]\nadded_latency_ms = 10.0\n");
+    let suite =
+        ["suite", ".", "-c", "slow.toml", "--set", "ego.speed_mps=11", "--seeds", "1..2", "--out", "o"];
+    let told = bench.good(&suite);
+    let lines: Vec<&str> = told.lines().collect();
+    assert!(
+        lines.contains(&"hit            0 of 2  seed 1: expected the verdict collision, got avoided"),
+        "{told}"
+    );
+    assert!(lines.contains(&"short          2 of 2"), "{told}");
+    assert_eq!(lines.last(), Some(&"2 of 4 drives as their scenarios expect"), "{told}");
+    let csv = bench.read("o/cells.csv");
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows[0][..3], ["scenario", "seed", "verdict"]);
+    let column = rows[0].iter().position(|name| *name == "as_expected").unwrap();
+    let kept: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1], row[column])).collect();
+    assert_eq!(
+        kept,
+        [("hit", "1", "false"), ("hit", "2", "false"), ("short", "1", "true"), ("short", "2", "true")]
+    );
+    // Its lines drive what it drove, and its page is that of a study.
+    let line = bench.read("o/commands.txt").lines().nth(3).unwrap().to_owned();
+    let again = bench.shell(&line);
+    assert_eq!(digest(&again.stdout), rows[4][8], "{line}");
+    assert!(bench.good(&["report", "o"]).contains("report.html"));
+    for (more, says) in [
+        (&["--strict"][..], "2 of 4 drives not as their scenarios expect (--strict)"),
+        (&["--set", "seed=3"], "--set: seed: expected in --seeds"),
+        (&["--set", "planning.planer=1"], "--set: planning.planer: "),
+    ] {
+        let said = bench.swerve(&[&suite[..], more].concat());
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.stderr.contains(says), "{said:?}");
+    }
+    bench.good(&["suite", "short.toml", "--seeds", "1", "--strict", "--out", "p"]);
 }

@@ -113,6 +113,15 @@ fn a_watched_run_is_the_same_run() {
         assert_eq!(column(&changed, name)[..same], column(&again, name)[..same], "{name} up to 1 s");
     }
     assert_ne!(column(&changed, "v")[same..], column(&again, "v")[same..]);
+    // What the page offers comes to the drive that is seen, or nothing is offered.
+    for page in ["", "report"] {
+        let html = viewed.ask("GET", page, "").1;
+        assert!(
+            html.contains(
+                "\"command\":\"\",\"no_command\":\"No command line repeats this drive: up to 1.00 s"
+            )
+        );
+    }
     viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.rang_m=20"] }));
     let wrong = viewed.until(|rows| !rows["problem"].is_null());
     assert!(wrong["problem"].as_str().unwrap().contains("range_m"), "{wrong}");

@@ -1,0 +1,271 @@
+//! `swerve suite`: scenarios driven with several seeds, each drive held against what its scenario expects.
+//!
+//! A study whose axes are the scenario and the seed: its cells are kept, its table and its page are made by the same code.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use swerve_drive::pictures::PictureArgs;
+use swerve_drive::problems_error;
+use swerve_drive::shipped::Kind;
+use swerve_report::files::toml_files;
+use swerve_report::output::print;
+use swerve_stack::Registry;
+use swerve_text::{Document, Problem};
+
+use crate::cells::CellResult;
+use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
+use crate::{Bench, How, finish};
+
+/// `swerve suite`.
+#[derive(clap::Args, Debug)]
+pub struct SuiteArgs {
+    /// Scenario files (TOML), folders of them, or names of those that are in the program [default: all of these]
+    #[arg(value_name = "SCENARIO|DIR")]
+    scenarios: Vec<PathBuf>,
+    /// Configuration file (TOML), or the name of one that is in the program, such as paper; several: the later over the
+    /// earlier
+    #[arg(short, long)]
+    config: Vec<PathBuf>,
+    /// Set a key of the configuration or the scenarios in every drive
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
+    #[arg(long, default_value = "1..3")]
+    seeds: Seeds,
+    /// Output folder
+    #[arg(long, default_value = "out/suite")]
+    out: PathBuf,
+    #[command(flatten)]
+    pictures: PictureArgs,
+    /// Drives at once [default: one a core]
+    #[arg(long, value_parser = swerve_drive::threads::parser())]
+    threads: Option<usize>,
+    /// Keep the page of every drive in cells/, about 0.5 MB each, to which the suite's page links
+    #[arg(long)]
+    reports: bool,
+    /// End with an error when a drive is not as its scenario expects
+    #[arg(long)]
+    strict: bool,
+}
+
+/// Seeds as a command line says them, each once, in order.
+#[derive(Clone, Debug, PartialEq)]
+struct Seeds(BTreeSet<i64>);
+
+impl FromStr for Seeds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = || format!("expected seeds such as 1..20 or 1,5,7, found `{text}`");
+        let mut seeds = BTreeSet::new();
+        for part in text.split(',') {
+            let (from, to) = part.split_once("..").unwrap_or((part, part));
+            let [from, to] = [from, to].map(|seed| seed.trim().parse::<u32>().ok());
+            let (Some(from), Some(to)) = (from, to) else { return Err(expected()) };
+            if from > to {
+                return Err(expected());
+            }
+            if (to - from) as usize >= CELLS_MAX {
+                return Err(format!("expected at most {CELLS_MAX} seeds"));
+            }
+            seeds.extend((from..=to).map(i64::from));
+        }
+        Ok(Self(seeds))
+    }
+}
+
+/// Runs `swerve suite`.
+///
+/// # Errors
+/// A scenario or the configuration is wrong, nothing can be written, a drive could not be made; with `--strict`, one that
+/// is not as its scenario expects.
+pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
+    let bench = Bench::of(registry, study(args)?)?;
+    let (threads, reports) = (args.threads, args.reports);
+    let how = How { out: &args.out, threads, shard: None, reports, pictures: args.pictures };
+    let driven = bench.drive_cells(&how)?;
+    let count = Count::of(&driven.0);
+    print(&text(&bench.study, &driven.0))?;
+    finish(&bench.study, &driven, None)?;
+    anyhow::ensure!(
+        !args.strict || count.broken == 0,
+        "{} of {} drives not as their scenarios expect (--strict)",
+        count.broken,
+        count.held()
+    );
+    Ok(())
+}
+
+/// The study of a suite.
+fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
+    let scenarios = named_scenarios(&args.scenarios)?;
+    anyhow::ensure!(
+        scenarios.len().saturating_mul(args.seeds.0.len()) <= CELLS_MAX,
+        "more than {CELLS_MAX} drives: expected fewer --seeds"
+    );
+    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let (base, seed) = (sets?, "seed".to_owned());
+    let of_seed =
+        |n: &i64| Step { label: n.to_string(), scenario: None, sets: vec![(seed.clone(), (*n).into())] };
+    let seeds: Vec<Step> = args.seeds.0.iter().map(of_seed).collect();
+    if let Some(problem) = overridden(&base, &seeds, &seed) {
+        return Err(problems_error(&[Problem { message: "expected in --seeds".into(), ..problem }]));
+    }
+    let first = scenarios[0].1.clone();
+    let of_scenario = |(label, path)| Step { label, scenario: Some(path), sets: Vec::new() };
+    Ok(Study {
+        file: "swerve suite".into(),
+        lines: BTreeMap::new(),
+        files: BTreeMap::new(),
+        name: "suite".into(),
+        description: String::new(),
+        scenario: first,
+        config: args.config.clone(),
+        axes: vec![SCENARIO.into(), seed],
+        base,
+        steps: vec![scenarios.into_iter().map(of_scenario).collect(), seeds],
+        cells: Vec::new(),
+        budget: None,
+        timeout_is_good: false,
+        off_road_is_good: false,
+        curve: None,
+        leave_out: Vec::new(),
+        ranking: None,
+        timely: None,
+        timely_prediction: None,
+    })
+}
+
+/// The scenarios that a command line names, each once, with what they are called in tables: the stem of the file, or
+/// where two have the same one the whole path.
+fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> {
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for path in given {
+        let found = if path.is_dir() { scenarios_in(path)? } else { vec![path.clone()] };
+        paths.extend(found);
+    }
+    if given.is_empty() {
+        paths.extend(Kind::Scenario.all().map(|(name, _)| PathBuf::from(name)));
+    }
+    let mut seen = BTreeSet::new();
+    paths.retain(|path| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    let stem = |path: &Path| path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let is_only = |path: &Path| paths.iter().filter(|other| stem(other) == stem(path)).count() == 1;
+    let label = |path: &PathBuf| if is_only(path) { stem(path) } else { path.display().to_string() };
+    Ok(paths.iter().map(|path| (label(path), path.clone())).collect())
+}
+
+/// The scenarios of a folder: what has a road or actors; other files may lie beside.
+fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = toml_files(folder)?;
+    // One that cannot be read is told later, with what is wrong with it.
+    let is_scenario =
+        |document: Document| ["road", "actor"].iter().any(|key| document.table.contains_key(*key));
+    files.retain(|file| Document::read(file).map_or(true, is_scenario));
+    anyhow::ensure!(!files.is_empty(), "{}: no scenario (.toml) in this folder", folder.display());
+    Ok(files)
+}
+
+/// How many drives are as expected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Count {
+    kept: usize,
+    broken: usize,
+    /// Of these nothing is expected.
+    free: usize,
+}
+
+impl Count {
+    fn of<'a>(results: impl IntoIterator<Item = &'a Option<CellResult>>) -> Self {
+        let mut count = Self::default();
+        for result in results.into_iter().flatten().filter(|result| result.error.is_none()) {
+            match result.as_expected() {
+                Some(true) => count.kept += 1,
+                Some(false) => count.broken += 1,
+                None => count.free += 1,
+            }
+        }
+        count
+    }
+
+    /// Drives of which something is expected.
+    fn held(self) -> usize {
+        self.kept + self.broken
+    }
+}
+
+/// A line for each scenario: how many of its drives are as it expects, and what the first other one is like.
+fn text(study: &Study, results: &[Option<CellResult>]) -> String {
+    let names: Vec<&str> = study.steps[0].iter().map(|step| step.label.as_str()).collect();
+    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(SCENARIO.len());
+    let seeds = study.steps[1].len();
+    let mut text = format!("\n{SCENARIO:width$}  as expected\n");
+    for (name, of_scenario) in names.iter().zip(results.chunks(seeds)) {
+        let count = Count::of(of_scenario);
+        let told =
+            if count.held() == 0 { "-".to_owned() } else { format!("{} of {}", count.kept, count.held()) };
+        let broken = |result: &&CellResult| result.as_expected() == Some(false);
+        let first = of_scenario.iter().flatten().find(broken);
+        let why = first.map_or_else(String::new, |result| {
+            format!("  seed {}: {}", result.labels[1], result.not_as_expected())
+        });
+        let _written = writeln!(text, "{name:width$}  {told:>11}{why}");
+    }
+    let all = Count::of(results);
+    let _written = write!(text, "{} of {} drives as their scenarios expect", all.kept, all.held());
+    if all.free > 0 {
+        let _written = write!(text, "; of {} more nothing is expected", all.free);
+    }
+    text + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seeds(text: &str) -> Result<Vec<i64>, String> {
+        text.parse().map(|Seeds(seeds)| seeds.into_iter().collect())
+    }
+
+    #[test]
+    fn seeds_are_ranges_and_lists() {
+        assert_eq!(seeds("1..3"), Ok(vec![1, 2, 3]));
+        assert_eq!(seeds("7,1..2,2"), Ok(vec![1, 2, 7]));
+        for wrong in ["", "3..1", "a", "1..", "-1", "1;2", "0..4294967295"] {
+            assert!(seeds(wrong).unwrap_err().starts_with("expected "), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn scenarios_of_one_name_are_told_apart_and_other_files_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        for (file, text) in [
+            ("a/lane.toml", "road = {}\n"),
+            ("b/lane.toml", "[[actor]]\n"),
+            ("b/config.toml", "seed = 1\n"),
+            ("b/street.toml", "road = {}\n"),
+        ] {
+            let path = folder.path().join(file);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+        let labels = |given: &[PathBuf]| {
+            let named = named_scenarios(given).unwrap().into_iter();
+            named.map(|(label, _)| label).collect::<Vec<_>>()
+        };
+        assert_eq!(labels(std::slice::from_ref(&b)), ["lane", "street"]);
+        let path = |folder: &Path| folder.join("lane.toml").display().to_string();
+        assert_eq!(
+            labels(&[a.clone(), b.clone(), a.join("lane.toml")]),
+            [path(&a), path(&b), "street".into()]
+        );
+        assert_eq!(labels(&[]).len(), Kind::Scenario.all().count());
+        let empty = tempfile::tempdir().unwrap();
+        let said = named_scenarios(&[empty.path().into()]).unwrap_err().to_string();
+        assert!(said.contains("no scenario"), "{said}");
+    }
+}
