@@ -6,7 +6,7 @@
 //! is what keeping a lane or changing to the next one comes to. People on foot go where they go.
 
 use swerve_geom::{FrenetPoint, Pose2, Vector2, angle_between, math};
-use swerve_msg::{ActorKind, Prediction, Route};
+use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
 
 /// Slower than this nobody is told to drive along the road, m/s.
 const SPEED_MIN_MPS: f64 = 1.0;
@@ -20,8 +20,23 @@ pub(crate) const SETTLES_S: f64 = 1.0;
 /// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
     for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
-        bend(prediction, route);
+        let [first, .., last] = &prediction.path[..] else { continue };
+        let velocity_mps = mean_velocity_mps(first, last);
+        bend(prediction, route, velocity_mps, |_| velocity_mps);
     }
+}
+
+/// Bends predictions of any shape of those who drive along the way: what they do along and across their first direction is
+/// done along and across the road.
+pub fn follow_shaped(predictions: &mut [Prediction], route: &Route) {
+    for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
+        let [first, second, ..] = prediction.path[..] else { continue };
+        bend(prediction, route, mean_velocity_mps(&first, &second), |one| mean_velocity_mps(&first, one));
+    }
+}
+
+fn mean_velocity_mps(from: &PredictedPose, to: &PredictedPose) -> Vector2 {
+    (to.pose.point() - from.pose.point()) * (1.0 / (to.at - from.at).as_secs())
 }
 
 /// A metre of the road at this place in metres of its line, for who moves along it; none for everybody else.
@@ -36,18 +51,23 @@ pub(crate) fn share_along(route: &Route, place: FrenetPoint, velocity_mps: Vecto
     (velocity_mps.norm() >= SPEED_MIN_MPS && is_along && is_on && share >= 0.1).then_some(share)
 }
 
-fn bend(prediction: &mut Prediction, route: &Route) {
-    let [first, .., last] = &prediction.path[..] else { return };
-    let (start, since_s) = (first.at, (last.at - first.at).as_secs());
-    let velocity_mps: Vector2 = (last.pose.point() - first.pose.point()) * (1.0 / since_s);
+/// `mean_mps` is the mean velocity from the first pose to one after it.
+fn bend(
+    prediction: &mut Prediction,
+    route: &Route,
+    first_mps: Vector2,
+    mean_mps: impl Fn(&PredictedPose) -> Vector2,
+) {
+    let [first, ..] = prediction.path[..] else { return };
     let place @ FrenetPoint { s_m, d_m } = route.project(first.pose.point());
     let beside = route.line().at(s_m);
-    let Some(share) = share_along(route, place, velocity_mps) else { return };
+    let Some(share) = share_along(route, place, first_mps) else { return };
     let forwards = beside.pose.direction();
-    let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
-    let turn_rad = if along_mps < 0.0 { core::f64::consts::PI } else { 0.0 };
+    let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
     for predicted in &mut prediction.path {
-        let ahead_s = (predicted.at - start).as_secs();
+        let ahead_s = (predicted.at - first.at).as_secs();
+        let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
+        let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
         let moved_m = across_mps * SETTLES_S * (1.0 - math::exp(-ahead_s / SETTLES_S));
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
         let at = route.unproject(place);
@@ -61,7 +81,7 @@ mod tests {
     use super::*;
     use swerve_core::{Span, Time};
     use swerve_geom::{Point2, Polyline};
-    use swerve_msg::{ActorId, Extent, PredictedPose};
+    use swerve_msg::{ActorId, Extent};
 
     /// A bend to the left of 50 m about (0, 50).
     fn bend() -> Route {
@@ -111,6 +131,33 @@ mod tests {
         let mut kept = lines.clone();
         follow(&mut kept, &route);
         assert_eq!(kept, lines);
+    }
+
+    /// Who brakes along the road stops on it; a line is bent as a line is.
+    #[test]
+    fn shapes_are_bent_as_lines_are() {
+        let route = bend();
+        let from = route.unproject(FrenetPoint { s_m: 50.0, d_m: 4.0 });
+        let along = route.line().at(50.0).pose.direction();
+        let [mut line, mut shaped] = [(); 2].map(|()| [straight(ActorKind::Car, from, along * -9.2)]);
+        follow(&mut line, &route);
+        follow_shaped(&mut shaped, &route);
+        for (a, b) in line[0].path.iter().zip(&shaped[0].path) {
+            assert!(a.pose.point().distance(b.pose.point()) < 1e-9);
+        }
+        let mut braking = straight(ActorKind::Car, from, along * -9.2);
+        let start = braking.path[0].at;
+        for one in &mut braking.path {
+            let ahead_s = (one.at - start).as_secs();
+            let at = from - along * (9.2 * ahead_s - 1.5 * ahead_s * ahead_s);
+            one.pose = Pose2::new(at.x_m, at.y_m, one.pose.heading_rad);
+        }
+        let mut bent = [braking];
+        follow_shaped(&mut bent, &route);
+        let places = bent[0].path.iter().map(|one| route.project(one.pose.point()));
+        assert!(places.clone().all(|place| (place.d_m - 4.0).abs() < 0.02));
+        let way_m = 50.0 - places.last().unwrap().s_m;
+        assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
     }
 
     #[test]

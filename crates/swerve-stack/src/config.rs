@@ -293,8 +293,8 @@ pub struct PredictionConfig {
     pub horizon_ms: f64,
     /// Between predicted poses, ms.
     pub step_ms: f64,
-    /// Whether who drives along the road is predicted to go on along it, and not straight on; when absent with the preset
-    /// `best`. Of `linear`; `lane_idm` always does.
+    /// Whether who drives along the road is predicted to go on along it, and not straight on; when absent by `linear` with the
+    /// preset `best`, and by no other. `lane_idm` always does, and `truth` knows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub along_road: Option<bool>,
     /// Of `truth`: how far ahead it knows what will happen, ms; everybody goes straight on after that. When absent as far as
@@ -313,7 +313,8 @@ impl PredictionConfig {
     pub fn follows_road(&self) -> bool {
         match self.predictor {
             PredictorName::Linear => self.along_road.unwrap_or(self.preset == Preset::Best),
-            predictor => predictor == PredictorName::LaneIdm,
+            PredictorName::LaneIdm => true,
+            _ => self.along_road.unwrap_or(false),
         }
     }
 
