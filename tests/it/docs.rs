@@ -217,7 +217,8 @@ fn every_file_that_is_named_exists() {
 fn links_lead_to_what_is_there_and_out_of_the_site_only_by_https() {
     let root = root().canonicalize().unwrap();
     let mut anchors = 0;
-    let mut pages = vec![root.join("README.md"), root.join("ARCHITECTURE.md"), root.join("SECURITY.md")];
+    let mut pages =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md"].map(|page| root.join(page)).to_vec();
     for folder in ["docs", "docs/howto"] {
         let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
         pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
@@ -230,7 +231,8 @@ fn links_lead_to_what_is_there_and_out_of_the_site_only_by_https() {
                 continue;
             }
             let (file, anchor) = link.split_once('#').map_or((&*link, None), |(file, a)| (file, Some(a)));
-            let target = if file.is_empty() { Ok(page.clone()) } else { page.with_file_name(file).canonicalize() };
+            let target =
+                if file.is_empty() { Ok(page.clone()) } else { page.with_file_name(file).canonicalize() };
             let target = target.unwrap_or_else(|e| panic!("{name}: {link}: {e}"));
             let leaves = page.starts_with(root.join("docs")) && !target.starts_with(root.join("docs"));
             assert!(!leaves, "{name}: {link} is not on the site: expected a link by https");
