@@ -211,6 +211,83 @@ fn every_file_that_is_named_exists() {
     assert!(seen >= 40, "only {seen} files found");
 }
 
+/// Links lead to pages, pictures and headings that are there, on the site as in the folder: the site has what is in `docs/`,
+/// and gives headings the same anchors as the folder's reader (mdBook's and GitHub's slugs).
+#[test]
+fn links_lead_to_what_is_there_and_out_of_the_site_only_by_https() {
+    let root = root().canonicalize().unwrap();
+    let mut anchors = 0;
+    let mut pages =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md"].map(|page| root.join(page)).to_vec();
+    for folder in ["docs", "docs/howto"] {
+        let files = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        pages.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
+    for page in pages {
+        let name = page.strip_prefix(&root).unwrap().display();
+        for link in links(&std::fs::read_to_string(&page).unwrap()) {
+            if link.contains("://") {
+                assert!(link.starts_with("https://"), "{name}: {link}: expected https");
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').map_or((&*link, None), |(file, a)| (file, Some(a)));
+            let target =
+                if file.is_empty() { Ok(page.clone()) } else { page.with_file_name(file).canonicalize() };
+            let target = target.unwrap_or_else(|e| panic!("{name}: {link}: {e}"));
+            let leaves = page.starts_with(root.join("docs")) && !target.starts_with(root.join("docs"));
+            assert!(!leaves, "{name}: {link} is not on the site: expected a link by https");
+            let Some(anchor) = anchor else { continue };
+            let there = slugs(&std::fs::read_to_string(&target).unwrap());
+            assert!(there.iter().any(|slug| slug == anchor), "{name}: {link}: expected one of {there:?}");
+            anchors += 1;
+        }
+    }
+    assert!(anchors >= 5, "only {anchors} links to headings found");
+}
+
+/// The lines of a page that are in no fenced block.
+fn running_text(page: &str) -> impl Iterator<Item = &str> {
+    let mut fenced = false;
+    page.lines().filter(move |line| {
+        let is_fence = line.starts_with("```");
+        fenced ^= is_fence;
+        !fenced && !is_fence
+    })
+}
+
+/// Where a page's links and pictures lead.
+fn links(page: &str) -> Vec<String> {
+    let of = |line: &str| {
+        // What stands between backticks is code.
+        let text: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
+        let links = text.split("](").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0.to_owned()));
+        links.collect::<Vec<_>>()
+    };
+    running_text(page).flat_map(of).collect()
+}
+
+/// The anchors of a page's headings: letters, digits, `-` and `_` in lower case, blanks as `-`, all else left out; what is
+/// there already gets a number.
+fn slugs(page: &str) -> Vec<String> {
+    let mut slugs: Vec<String> = Vec::new();
+    for line in running_text(page).filter(|line| line.starts_with('#')) {
+        let heading = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = heading.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+        let slug: String = kept.map(|c| if c == ' ' { '-' } else { c }).collect();
+        let again = slugs.iter().filter(|before| **before == slug).count();
+        slugs.push(if again == 0 { slug } else { format!("{slug}-{again}") });
+    }
+    slugs
+}
+
+#[test]
+fn headings_have_the_anchors_that_the_site_makes() {
+    let page = "# The `data` flow, 2.5\n```sh\n# no heading\n```\n## RRT\\*: *why*?\n### Run_times\n## RRT\\*: why\n";
+    assert_eq!(slugs(page), ["the-data-flow-25", "rrt-why", "run_times", "rrt-why-1"]);
+    let page = "see [a](b.md#c), `x[0](1)` and ![d](e.svg)\n```sh\n[f](g)\n```\n[`h`](i.md)";
+    assert_eq!(links(page), ["b.md#c", "e.svg", "i.md"]);
+}
+
 #[test]
 fn every_setting_shown_is_sound() {
     let top = tempfile::tempdir().unwrap();

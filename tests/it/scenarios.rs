@@ -108,7 +108,7 @@ fn with_the_defaults_latency_costs_what_it_must() {
     }
     let seeds = std::env::var("SWERVE_SEEDS").map_or(4, |seeds| seeds.parse().unwrap());
     let (latencies_ms, others): (&[_], &[_]) = match seeds {
-        0..20 => (&[0, 300], &["pure_pursuit"]),
+        0..20 => (&[0, 100, 160, 240, 300], &["pure_pursuit"]),
         _ => (&[0, 100, 200, 300], &["pure_pursuit", "mpc"]),
     };
     for (file, speed) in cases {

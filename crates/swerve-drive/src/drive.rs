@@ -95,11 +95,11 @@ impl Outcome {
         if self.metrics.verdict == Verdict::Unfinished {
             return vec!["the run was ended before the scenario was".into()];
         }
-        expected.broken_by(self.metrics.verdict, |metric| self.figure(metric))
+        expected.broken_by(self.metrics.verdict, |metric| self.value_of(metric))
     }
 
-    /// A figure that a scenario can put bounds on.
-    fn figure(&self, metric: Metric) -> Option<f64> {
+    /// A metric that a scenario can put bounds on.
+    fn value_of(&self, metric: Metric) -> Option<f64> {
         let metrics = &self.metrics;
         match metric {
             Metric::MinDistanceM => metrics.min_distance_m,

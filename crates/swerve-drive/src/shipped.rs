@@ -63,6 +63,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/showcase.toml"
     "configs/showcase_processes.toml"
     "configs/studies/budget.toml"
+    "configs/studies/comfort.toml"
     "configs/studies/deadlines.toml"
     "configs/studies/deadlines_table1.toml"
     "configs/studies/detectors.toml"

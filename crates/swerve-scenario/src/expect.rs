@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_msg::truth::Verdict;
 
-/// A figure of a run that a scenario can put bounds on.
+/// A metric of a run that a scenario can put bounds on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
@@ -42,7 +42,7 @@ impl Metric {
         Self::RoadMarginM,
     ];
 
-    /// Whether a run has this figure only if it hit something.
+    /// Whether a run has this metric only if it hit something.
     fn is_of_impact(self) -> bool {
         matches!(self, Self::ImpactSpeedMps | Self::ClosingSpeedMps)
     }
@@ -64,10 +64,10 @@ impl Metric {
     }
 }
 
-/// Lowest and highest value allowed for a figure.
+/// Lowest and highest value allowed for a metric.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Bound {
-    /// Which figure.
+    /// Which metric.
     pub metric: Metric,
     /// Lowest value allowed.
     pub min: Option<f64>,
@@ -82,7 +82,7 @@ pub struct Expectation {
     pub pipeline: Option<String>,
     /// How the run goes.
     pub verdict: Verdict,
-    /// Bounds on its figures.
+    /// Bounds on its metrics.
     pub bounds: Vec<Bound>,
 }
 
@@ -93,17 +93,17 @@ impl Expectation {
         is_old.then(|| format!("[expect] verdict `{}`: such a run is called `{verdict}` now", self.verdict))
     }
 
-    /// In what way a run differs from what is expected; empty when it is as expected. `figure` gives the
-    /// figures of the run, `None` for one that it does not have, which breaks its bound; only what hits nothing is within
+    /// In what way a run differs from what is expected; empty when it is as expected. `value` gives the
+    /// metrics of the run, `None` for one that it does not have, which breaks its bound; only what hits nothing is within
     /// every upper bound on how fast it may hit.
-    pub fn broken_by(&self, verdict: Verdict, figure: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
+    pub fn broken_by(&self, verdict: Verdict, value: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
         if verdict != self.verdict && verdict.old_name() != self.verdict {
             broken.push(format!("expected the verdict {}, got {verdict}", self.verdict));
         }
         for bound in &self.bounds {
             let name = bound.metric.name();
-            match figure(bound.metric) {
+            match value(bound.metric) {
                 None if bound.metric.is_of_impact() && bound.min.is_none_or(|min| min <= 0.0) => {}
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
@@ -138,7 +138,7 @@ mod tests {
                 bound(Metric::ImpactSpeedMps, Some(1.0), None),
             ],
         };
-        let figures = |min_distance: f64| {
+        let metrics = |min_distance: f64| {
             move |metric| match metric {
                 Metric::MinDistanceM => Some(min_distance),
                 Metric::DurationS => Some(11.0),
@@ -146,19 +146,19 @@ mod tests {
                 _ => None,
             }
         };
-        assert_eq!(expectation.broken_by(Verdict::Avoided, figures(0.3)), Vec::<String>::new());
-        assert_eq!(expectation.broken_by(Verdict::Completed, figures(0.3)), Vec::<String>::new());
+        assert_eq!(expectation.broken_by(Verdict::Avoided, metrics(0.3)), Vec::<String>::new());
+        assert_eq!(expectation.broken_by(Verdict::Completed, metrics(0.3)), Vec::<String>::new());
         assert_eq!(expectation.renamed(Verdict::Avoided), None);
         assert!(expectation.renamed(Verdict::Completed).unwrap().contains("`completed`"));
         assert_eq!(
-            expectation.broken_by(Verdict::Collision, figures(0.2)),
+            expectation.broken_by(Verdict::Collision, metrics(0.2)),
             [
                 "expected the verdict avoided, got collision",
                 "expected min_distance_m of at least 0.3, got 0.2",
             ]
         );
         assert_eq!(
-            expectation.broken_by(Verdict::Avoided, figures(f64::NAN)).len(),
+            expectation.broken_by(Verdict::Avoided, metrics(f64::NAN)).len(),
             2,
             "not-a-number breaks both sides"
         );

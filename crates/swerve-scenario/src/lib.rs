@@ -61,7 +61,7 @@
 //!
 //! [expect]                                            # ?
 //! verdict = "avoided"                                 # avoided, completed, collision, left_road, stopped, timeout
-//! min_distance_m = { min = 0.3 }                      # ? bounds of the figures in `Metric`
+//! min_distance_m = { min = 0.3 }                      # ? bounds of the metrics in `Metric`
 //! [expect.pipeline.slow]                              # ? for a pipeline of that name
 //! verdict = "collision"
 //! impact_speed_mps = { min = 2.0, max = 9.0 }

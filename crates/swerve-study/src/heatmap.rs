@@ -7,21 +7,31 @@ use super::table::{Grid, Square};
 
 /// Room between a text and the edge of its square.
 const INSIDE: f64 = 8.0;
-const SQUARE_H: f64 = 46.0;
-/// Width of the legend's longest line.
-const LEGEND_W: f64 = 520.0;
+/// From one line of a square to the next, and what is above and below all of them.
+const LINE_H: f64 = 15.0;
+const AROUND: f64 = 16.0;
 const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
+/// How wide a picture is where its squares can be that narrow: as a page is.
+const PAGE_W: f64 = 900.0;
+/// From one line of the legend to the next, and the sign of one.
+const LEGEND_H: f64 = 18.0;
+const SIGN: (f64, f64) = (16.0, 12.0);
 
 /// A name beside the squares.
 const NAME: Text = Text { size: 13.0, color: color::INK, anchor: Anchor::Middle, bold: false, rim: false };
 
 /// The texts of a square: what happened how often, and what else is known of it.
 const FIRST: Text = Text { bold: true, ..NAME };
-const SECOND: Text = Text { size: 11.0, ..NAME };
+const MORE: Text = Text { size: 11.0, ..NAME };
 /// A line of the legend.
 const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
+
+const COUNTS: &str = "in a square: runs without a collision (95 % interval), runs that stayed on the road, median impact, other ends";
+const STOPS: &str = "of the square's width: share of runs that stopped safely before what was in the way";
+const BEYOND: &str =
+    "more than the row or column `limit`: what one swerve or braking from first sight can do";
 
 fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text) -> f64 {
     texts.into_iter().map(|text| width_of(text, how)).fold(0.0, f64::max)
@@ -30,45 +40,69 @@ fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text) -> f64 {
 /// Draws the grid.
 pub fn draw(grid: &Grid, title: &str) -> Picture {
     let left = MARGIN + 16.0 + widest(grid.rows.iter().chain([&grid.row_axes]), NAME);
-    let told: Vec<[String; 2]> = grid.squares.iter().map(told).collect();
-    let widths = [(0, FIRST), (1, SECOND)].map(|(line, how)| widest(told.iter().map(|t| &t[line]), how));
-    let square_w = widths.into_iter().fold(widest(&grid.columns, NAME), f64::max) + 2.0 * INSIDE + 4.0;
-    let width = (left + square_w * grid.columns.len() as f64 + MARGIN)
-        .max(left + LEGEND_W + MARGIN)
-        .max(MARGIN * 2.0 + width_of(title, TITLE));
-    let height = TOP + SQUARE_H * grid.rows.len() as f64 + 58.0;
+    let columns = grid.columns.len() as f64;
+    let room = room(grid, (PAGE_W - MARGIN - left) / columns - 2.0 * INSIDE - 4.0);
+    let told: Vec<Vec<String>> = grid.squares.iter().map(|square| lines(square, room)).collect();
+    let square_h = AROUND + LINE_H * told.iter().map(Vec::len).fold(2, usize::max) as f64;
+    let size = (room + 2.0 * INSIDE + 4.0, square_h);
+    let bottom = TOP + square_h * grid.rows.len() as f64;
+    let legend = legend(grid);
+    let width = legend
+        .iter()
+        .map(|(_, sign, text)| left + sign + width_of(text, SMALL) + MARGIN)
+        .chain([left + size.0 * columns + MARGIN, 2.0 * MARGIN + width_of(title, TITLE)])
+        .fold(0.0, f64::max);
     let mut canvas = Canvas::default();
     canvas.text((MARGIN, 30.0), title, TITLE);
-    let middle = left + 0.5 * square_w * grid.columns.len() as f64;
     let axis = Text { color: color::SOFT, ..NAME };
-    canvas.text((middle, 56.0), &grid.column_axis, axis);
+    canvas.text((left + 0.5 * size.0 * columns, 56.0), &grid.column_axis, axis);
     canvas.text((left - 10.0, TOP - 10.0), &grid.row_axes, Text { anchor: Anchor::End, ..axis });
     for (c, name) in grid.columns.iter().enumerate() {
-        canvas.text((left + square_w * (c as f64 + 0.5), TOP - 10.0), name, NAME);
+        canvas.text((left + size.0 * (c as f64 + 0.5), TOP - 10.0), name, NAME);
     }
     for (r, name) in grid.rows.iter().enumerate() {
-        let y = TOP + SQUARE_H * r as f64;
-        canvas.text((left - 10.0, y + 0.5 * SQUARE_H + 5.0), name, Text { anchor: Anchor::End, ..NAME });
+        let y = TOP + square_h * r as f64;
+        canvas.text((left - 10.0, y + 0.5 * square_h + 5.0), name, Text { anchor: Anchor::End, ..NAME });
         for (c, square) in grid.row(r).iter().enumerate() {
             let paint = Paint::of(square, budget_max(grid));
-            let told = &told[r * grid.columns.len() + c];
-            let at = (left + square_w * c as f64, y);
-            paint.square(&mut canvas, told, at, square_w);
+            let at = (left + size.0 * c as f64, y);
+            paint.square(&mut canvas, &told[r * grid.columns.len() + c], at, size);
             if square.beyond_limit {
-                canvas.rect((at.0 + 4.0, y + 4.0), (square_w - 8.0, SQUARE_H - 8.0), beyond_rim(paint.ink));
+                canvas.rect((at.0 + 4.0, y + 4.0), (size.0 - 8.0, square_h - 8.0), beyond_rim(paint.ink));
             }
         }
     }
-    legend(&mut canvas, (left, height - 34.0), budget_max(grid), grid.good);
-    if budget_max(grid).is_none() && grid.squares.iter().any(|square| square.stopped > 0) {
-        legend_of_stops(&mut canvas, (left, height - 16.0));
+    for (line, (sign, sign_w, text)) in legend.iter().enumerate() {
+        let at = (left, bottom + 24.0 + LEGEND_H * line as f64);
+        sign(&mut canvas, at);
+        canvas.text((at.0 + sign_w, at.1 + 10.0), text, SMALL);
     }
-    if grid.squares.iter().any(|square| square.beyond_limit) {
-        canvas.rect((left, height - 16.0), (16.0, 12.0), beyond_rim(color::INK));
-        let text = "more than the row or column `limit`: what one swerve or braking from first sight can do";
-        canvas.text((left + 24.0, height - 6.0), text, SMALL);
+    canvas.finish(width, bottom + 22.0 + LEGEND_H * legend.len() as f64, title)
+}
+
+/// The width of a square's texts: that of its share of a page, but for what needs more, and no more than all of them need.
+fn room(grid: &Grid, share: f64) -> f64 {
+    let told: Vec<(String, Vec<String>)> = grid.squares.iter().map(told).collect();
+    let firsts = widest(told.iter().map(|(first, _)| first).chain(&grid.columns), FIRST);
+    let least = firsts.max(widest(told.iter().flat_map(|(_, more)| more), MORE));
+    let most = told.iter().map(|(_, more)| width_of(&more.join(", "), MORE)).fold(least, f64::max);
+    share.clamp(least, most)
+}
+
+/// What a square says, line by line.
+fn lines(square: &Square, room: f64) -> Vec<String> {
+    let (first, more) = told(square);
+    let mut lines = vec![first];
+    for (k, piece) in more.into_iter().enumerate() {
+        let longer = format!("{}, {piece}", lines[lines.len() - 1]);
+        if k > 0 && width_of(&longer, MORE) <= room {
+            lines.pop();
+            lines.push(longer);
+        } else {
+            lines.push(piece);
+        }
     }
-    canvas.finish(width, height, title)
+    lines
 }
 
 /// The rim of a square whose budget is above the vehicle's limit.
@@ -81,23 +115,18 @@ fn budget_max(grid: &Grid) -> Option<f64> {
 }
 
 /// What a square says: what happened how often, and what else is known of it.
-fn told(square: &Square) -> [String; 2] {
+fn told(square: &Square) -> (String, Vec<String>) {
+    let rest = square.rest().map(|(verdict, n)| format!("{n} {verdict}"));
     match (square.budget_text(), square.runs) {
-        (_, 0) if square.failed > 0 => [square.text(), String::new()],
-        (_, 0) => ["not run".to_owned(), String::new()],
-        (Some([median, range]), _) => {
-            let rest: String = square.rest().map(|(verdict, n)| format!(", {n} {verdict}")).collect();
-            [median, format!("{range} ms{rest}")]
-        }
+        (_, 0) if square.failed > 0 => (square.text(), Vec::new()),
+        (_, 0) => ("not run".to_owned(), Vec::new()),
+        (Some([median, range]), _) => (median, core::iter::once(format!("{range} ms")).chain(rest).collect()),
         (None, runs) => {
             let (low, high) = wilson(square.no_collision, runs);
             let more = core::iter::once(format!("{} on the road", square.on_road))
                 .chain(square.impact_median_mps().map(|v| format!("impact {v:.1} m/s")))
-                .chain(square.rest().map(|(verdict, n)| format!("{n} {verdict}")));
-            [
-                format!("{} of {runs} collision-free ({low:.2}-{high:.2})", square.no_collision),
-                more.collect::<Vec<_>>().join(", "),
-            ]
+                .chain(rest);
+            (format!("{} of {runs} ({low:.2}-{high:.2})", square.no_collision), more.collect())
         }
     }
 }
@@ -123,19 +152,17 @@ impl Paint {
         Self { fill, ink, stopped }
     }
 
-    fn square(&self, canvas: &mut Canvas, [first, second]: &[String; 2], (x, y): At, width: f64) {
-        let (at, size) = ((x + 2.0, y + 2.0), (width - 4.0, SQUARE_H - 4.0));
+    fn square(&self, canvas: &mut Canvas, lines: &[String], (x, y): At, (width, height): (f64, f64)) {
+        let (at, size) = ((x + 2.0, y + 2.0), (width - 4.0, height - 4.0));
         canvas.rect(at, size, Style::fill(self.fill).rounded(4.0));
         if self.stopped > 0.0 {
             let part = size.0 * self.stopped;
             stopped_area(canvas, (at.0 + size.0 - part, at.1), (part, size.1));
         }
-        let rim = self.stopped > 0.0;
-        let middle = (x + 0.5 * width, y + 0.5 * SQUARE_H);
-        let up = if second.is_empty() { 5.0 } else { -2.0 };
-        canvas.text((middle.0, middle.1 + up), first, Text { color: self.ink, rim, ..FIRST });
-        if !second.is_empty() {
-            canvas.text((middle.0, middle.1 + 13.0), second, Text { color: self.ink, rim, ..SECOND });
+        let first_y = y + 0.5 * height + 5.5 - 0.5 * LINE_H * (lines.len() - 1) as f64;
+        for (k, line) in lines.iter().enumerate() {
+            let how = Text { color: self.ink, rim: self.stopped > 0.0, ..if k == 0 { FIRST } else { MORE } };
+            canvas.text((x + 0.5 * width, first_y + LINE_H * k as f64), line, how);
         }
     }
 }
@@ -146,22 +173,35 @@ fn stopped_area(canvas: &mut Canvas, at: At, size: (f64, f64)) {
     canvas.hatch(at, size, Style::line(color::STOPPED, 0.8).lined_by(0.5));
 }
 
-fn legend_of_stops(canvas: &mut Canvas, (x, y): At) {
-    stopped_area(canvas, (x, y), (16.0, 12.0));
-    let text = "of the square's width: share of runs that stopped safely before what was in the way";
-    canvas.text((x + 24.0, y + 10.0), text, SMALL);
+/// A line of the legend: what draws its sign, how much room that takes, what it means.
+type Meaning = (fn(&mut Canvas, At), f64, String);
+
+fn legend(grid: &Grid) -> Vec<Meaning> {
+    let any = |has: fn(&Square) -> bool| grid.squares.iter().any(has);
+    let budget_max = budget_max(grid);
+    let grades = match budget_max {
+        Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
+        None => format!("share of runs that {}, 0 to 1", grid.good),
+    };
+    let mut lines: Vec<Meaning> = vec![(draw_grades, SIGN.0 * 11.0 + 8.0, grades)];
+    if budget_max.is_none() {
+        lines.push((|_, _| {}, 0.0, COUNTS.to_owned()));
+    }
+    if budget_max.is_none() && any(|square| square.stopped > 0) {
+        lines.push((|canvas, at| stopped_area(canvas, at, SIGN), SIGN.0 + 8.0, STOPS.to_owned()));
+    }
+    if any(|square| square.beyond_limit) {
+        let sign = |canvas: &mut Canvas, at: At| canvas.rect(at, SIGN, beyond_rim(color::INK));
+        lines.push((sign, SIGN.0 + 8.0, BEYOND.to_owned()));
+    }
+    lines
 }
 
-fn legend(canvas: &mut Canvas, (x, y): At, budget_max: Option<f64>, good: &str) {
+fn draw_grades(canvas: &mut Canvas, (x, y): At) {
     for i in 0..=10 {
         let fill = Style::fill(color::graded(0.1 * f64::from(i)));
-        canvas.rect((x + 16.0 * f64::from(i), y), (16.0, 12.0), fill);
+        canvas.rect((x + SIGN.0 * f64::from(i), y), SIGN, fill);
     }
-    let text = match budget_max {
-        Some(max) => format!("largest added latency that still avoids, 0 to {max:.0} ms"),
-        None => format!("share of runs that {good}, 0 to 1"),
-    };
-    canvas.text((x + 16.0 * 11.0 + 8.0, y + 10.0), &text, SMALL);
 }
 
 #[cfg(test)]
@@ -181,11 +221,12 @@ mod tests {
 
     /// What stands in the squares: left edge, right edge, text.
     fn texts(svg: &str) -> Vec<(f64, f64, &str)> {
-        let texts =
-            svg.lines().filter(|line| line.contains("collision-free (") || line.contains("on the road"));
+        let ends = ["on the road", "impact", "timeout", "stopped", "gave_up"];
+        let told = |line: &&str| line.contains(" of 5 (") || ends.iter().any(|end| line.contains(end));
+        let texts = svg.lines().filter(|line| line.contains("\"middle\"") && told(line));
         let places = texts.map(|line| {
             let text = line.split_once('>').unwrap().1.split_once('<').unwrap().0;
-            let how = if line.contains("bold") { FIRST } else { SECOND };
+            let how = if line.contains("bold") { FIRST } else { MORE };
             let (middle, half) = (number(line, "x"), 0.5 * width_of(text, how));
             (middle - half, middle + half, text)
         });
@@ -214,8 +255,9 @@ mod tests {
         }
         assert!(svg.contains(">policy latency_ms<") && svg.contains(">speed_mps<"));
         assert!(
-            svg.contains("5 of 5 collision-free (0.57-1.00)")
-                && svg.contains("0 of 5 collision-free (0.00-0.43)")
+            svg.contains(">5 of 5 (0.57-1.00)<")
+                && svg.contains(">0 of 5 (0.00-0.43)<")
+                && svg.contains(COUNTS)
         );
         assert!(svg.contains(&format!("stroke=\"{}\"", color::STOPPED)), "safe stops are hatched");
         assert_eq!(

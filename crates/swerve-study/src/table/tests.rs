@@ -131,7 +131,7 @@ fn a_cell_that_failed_is_told_and_counts_nowhere() {
     assert_eq!((grid.squares[0].share(), grid.squares[1].share()), (Some(1.0), None));
     assert_eq!(grid.squares[1].text(), "2 failed");
     let picture = crate::heatmap::draw(&grid, "t").svg();
-    assert!(picture.contains(">2 failed<") && picture.contains("1 of 1 collision-free"), "{picture}");
+    assert!(picture.contains(">2 failed<") && picture.contains(">1 of 1 (0.21-1.00)<"), "{picture}");
 }
 
 #[test]

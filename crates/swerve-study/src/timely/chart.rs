@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use swerve_draw::color::{Look, SERIES};
-use swerve_draw::{Axes, Canvas, Picture, Style, Text, number};
+use swerve_draw::{At, Axes, Canvas, Picture, Style, Text, number, width_of};
 use swerve_report::output::align;
 
 use super::Timely;
@@ -138,22 +138,41 @@ impl<'a> Chart<'a> {
     pub(crate) fn draw(&self) -> Picture {
         let mut canvas = Canvas::default();
         canvas.text((LEFT, 28.0), self.title, Text::TITLE);
-        let panels = self.panels();
-        for (row, panel) in panels.iter().enumerate() {
-            let lines: Vec<&Line> = self.lines_of(panel).collect();
-            let scale = axes_of(&lines, TOP + row as f64 * (PANEL_H + GAP));
-            let heading = format!("{panel} (median and quartiles)");
-            scale.panel(&mut canvas, ABOUT, (&heading, &self.over));
-            for (k, line) in lines.iter().enumerate() {
-                let look = SERIES[k % SERIES.len()];
-                draw_line(&scale, &mut canvas, line, look);
-                let at = (LEFT + PANEL_W + 44.0, scale.corner.1 + 12.0 + 16.0 * k as f64);
-                canvas.line((at.0 - 32.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), line_of(look));
+        canvas.text((LEFT, 46.0), "medians, and between the quartiles", Text::SOFT);
+        let rows = self.rows();
+        let columns = rows.iter().map(Vec::len).max().unwrap_or(1);
+        let panel_w = (WIDTH - GAP_X * (columns - 1) as f64) / columns as f64;
+        let mut names_w = 0.0_f64;
+        for (row, panels) in rows.iter().enumerate() {
+            let top = TOP + row as f64 * (PANEL_H + GAP_Y);
+            for (column, panel) in panels.iter().enumerate() {
+                let lines: Vec<&Line> = self.lines_of(panel).collect();
+                let scale = axes_of(&lines, (LEFT + column as f64 * (panel_w + GAP_X), top), panel_w);
+                scale.panel(&mut canvas, (ACROSS / columns as f64, UPWARDS), (panel, &self.over));
+                for (k, line) in lines.iter().enumerate() {
+                    draw_line(&scale, &mut canvas, line, SERIES[k % SERIES.len()]);
+                }
+            }
+            for (k, line) in panels.first().into_iter().flat_map(|panel| self.lines_of(panel)).enumerate() {
+                let at = (LEFT + WIDTH + 44.0, top + 12.0 + 16.0 * k as f64);
+                let look = line_of(SERIES[k % SERIES.len()]);
+                canvas.line((at.0 - 32.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), look);
                 canvas.text(at, &line.name, Text::PLAIN);
+                names_w = names_w.max(width_of(&line.name, Text::PLAIN));
             }
         }
-        let height = TOP + panels.len() as f64 * (PANEL_H + GAP) + 10.0;
-        canvas.finish(LEFT + PANEL_W + LEGEND_W, height, self.title)
+        let height = TOP + rows.len() as f64 * (PANEL_H + GAP_Y) - 10.0;
+        canvas.finish(LEFT + WIDTH + 44.0 + names_w + 16.0, height, self.title)
+    }
+
+    /// The panels in rows: what is judged both ways, at the start of a result and streaming, is beside each other.
+    fn rows(&self) -> Vec<Vec<&str>> {
+        let panels = self.panels();
+        let (ends, starts): (Vec<&str>, Vec<&str>) = panels.iter().partition(|panel| panel.contains(" end"));
+        if starts.len() == ends.len() {
+            return starts.into_iter().zip(ends).map(|(start, end)| vec![start, end]).collect();
+        }
+        panels.into_iter().map(|panel| vec![panel]).collect()
     }
 }
 
@@ -172,25 +191,27 @@ fn best<'a>(lines: &[&'a Line], point: usize) -> Option<&'a Line> {
 }
 
 const LEFT: f64 = 64.0;
-const TOP: f64 = 64.0;
-const PANEL_W: f64 = 620.0;
+const TOP: f64 = 80.0;
+/// Of all panels beside each other.
+const WIDTH: f64 = 760.0;
 const PANEL_H: f64 = 200.0;
-const GAP: f64 = 64.0;
-const LEGEND_W: f64 = 300.0;
-/// Round places on the axes, about so many.
-const ABOUT: (f64, f64) = (8.0, 5.0);
+const GAP_X: f64 = 52.0;
+const GAP_Y: f64 = 64.0;
+/// Round places on the axes, about so many; the first of all panels beside each other.
+const ACROSS: f64 = 10.0;
+const UPWARDS: f64 = 5.0;
 
 fn line_of(look: Look) -> Style {
     Style::line(look.color, 1.6).dashes(look.dash)
 }
 
 /// The axes of a panel: at least 0 to 1 upwards.
-fn axes_of(lines: &[&Line], top: f64) -> Axes {
+fn axes_of(lines: &[&Line], corner: At, width: f64) -> Axes {
     let points = || lines.iter().flat_map(|line| &line.points);
     let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));
     let [from, to] = points().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p.x), b.max(p.x)]);
     let x = (from, if to > from { to } else { from + 1.0 });
-    Axes { corner: (LEFT, top), size: (PANEL_W, PANEL_H), x, y: (least, 1.0) }
+    Axes { corner, size: (width, PANEL_H), x, y: (least, 1.0) }
 }
 
 fn draw_line(axes: &Axes, canvas: &mut Canvas, line: &Line, look: Look) {
