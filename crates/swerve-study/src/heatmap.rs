@@ -148,7 +148,7 @@ fn stopped_area(canvas: &mut Canvas, at: At, size: (f64, f64)) {
 
 fn legend_of_stops(canvas: &mut Canvas, (x, y): At) {
     stopped_area(canvas, (x, y), (16.0, 12.0));
-    let text = "of the square's width: share of runs that stopped safely before what was in the way";
+    let text = "of the square's width: share of runs that stopped safely";
     canvas.text((x + 24.0, y + 10.0), text, SMALL);
 }
 
