@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 
-use street::street;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, python};
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Map, Point, Transform};
@@ -79,7 +78,7 @@ struct Turn {
 /// Turns of the lidar on a car's roof along the street, of at most so many columns.
 fn turns(steps: usize, columns: u32) -> Vec<Turn> {
     let vehicle = VehicleParams::default();
-    let (scenario, street) = street(&vehicle);
+    let (scenario, street) = street::at_start(&vehicle);
     let mut tree = SceneTree::default();
     tree.update(street.scene()).expect("a sound scene");
     let lidar = LidarConfig::default();

@@ -10,7 +10,7 @@ use swerve_stack::street::Street;
 use swerve_vehicle::VehicleParams;
 
 /// The scenario, and its street with everybody where he begins.
-pub(crate) fn street(vehicle: &VehicleParams) -> (Scenario, Street) {
+pub(crate) fn at_start(vehicle: &VehicleParams) -> (Scenario, Street) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/street.toml");
     let scenario = Scenario::read(&file).expect("a scenario of ours");
     let params = SimParams { dt: Span::from_ms(5), vehicle: vehicle.clone() };

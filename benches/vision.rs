@@ -7,7 +7,6 @@ mod street;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use street::street;
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, print, python};
 use swerve_camera::{
     Camera, CameraSpec, Frame, FrameMut, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
@@ -16,6 +15,7 @@ use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_msg::{ActorId, CameraInfo, DetectedBox, Detections, Encoding, Image, Pixels, Track, TrackList};
 use swerve_perception::CameraObjects;
 use swerve_perception::camera::Shot;
+use swerve_scene::WeatherPreset;
 use swerve_scene::town::town;
 use swerve_stack::street::EGO_INSTANCE;
 use swerve_vehicle::VehicleParams;
@@ -119,7 +119,7 @@ fn stereo(folder: &Path, opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
 /// Images of what the camera of `configs/camera_objects.toml` sees along a street, 800 x 600 pixels: the ego is put
 /// every 4 m, the others stand where they begin.
 fn street_images() -> Vec<Image> {
-    let (_, mut street) = street(&VehicleParams::default());
+    let (_, street) = street::at_start(&VehicleParams::default());
     let intrinsics = Intrinsics::HorizontalFovRad(70.0_f64.to_radians());
     let spec = CameraSpec { width_px: 800, height_px: 600, intrinsics, ..CameraSpec::default() };
     let camera = Camera::new(spec).expect("a camera");
