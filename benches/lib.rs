@@ -1,7 +1,9 @@
 //! Benches of the workspace: see the files beside this one. What they share: rows, medians, the summary's files.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Instant;
 
 /// The present moment of the real clock.
@@ -177,4 +179,18 @@ pub fn cores() -> usize {
 pub fn resident_kib() -> u64 {
     let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0)
+}
+
+/// What a program of `tests/reference` prints, run by the Python of `SWERVE_PYTHON`; nothing where that is not to be had.
+pub fn python(script: &str, arguments: &[&Path]) -> String {
+    let script = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference")).join(script);
+    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
+    let output = Command::new(python).arg(script).args(arguments).output();
+    output.map_or_else(|_| String::new(), |output| String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// The figures of lines with a name and a figure.
+pub fn named(lines: &str) -> BTreeMap<String, f64> {
+    let row = |line: &str| line.split_once(' ').and_then(|(name, x)| Some((name.into(), x.parse().ok()?)));
+    lines.lines().filter_map(row).collect()
 }

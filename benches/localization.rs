@@ -2,12 +2,13 @@
 //! other, and the pair of scans beside the repository, with what small_gicp takes for that in the same run where the
 //! Python of `SWERVE_PYTHON` has it.
 
+mod street;
+
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, python};
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Map, Point, Transform};
 use swerve_lidar::{Cloud, Firing, SceneTree, Sweeper};
@@ -18,11 +19,8 @@ use swerve_localization::odometry::Odometry;
 use swerve_localization::sweep::Sweep;
 use swerve_localization::voxels::{VoxelMap, VoxelSums, coarser};
 use swerve_localization::{Initial, Localizer, Params, Sensed, downsampled, ply};
-use swerve_scenario::Scenario;
-use swerve_scene::WeatherPreset;
-use swerve_sim::{SimParams, Simulator};
 use swerve_stack::config::sensors::LidarConfig;
-use swerve_stack::street::{EGO_INSTANCE, Street};
+use swerve_stack::street::EGO_INSTANCE;
 use swerve_vehicle::VehicleParams;
 
 /// What the lidar moves in a turn, metres: 14 m/s at 10 Hz.
@@ -79,13 +77,8 @@ struct Turn {
 
 /// Turns of the lidar on a car's roof along the street, of at most so many columns.
 fn turns(steps: usize, columns: u32) -> Vec<Turn> {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/street.toml");
-    let scenario = Scenario::read(&file).expect("a scenario of ours");
     let vehicle = VehicleParams::default();
-    let params = SimParams { dt: Span::from_ms(5), vehicle: vehicle.clone() };
-    let world = Simulator::exact(scenario.clone(), &params).expect("it drives").state().clone();
-    let mut street = Street::new(&scenario, &vehicle.shape, WeatherPreset::default(), 1);
-    street.show(&world);
+    let (scenario, street) = street::at_start(&vehicle);
     let mut tree = SceneTree::default();
     tree.update(street.scene()).expect("a sound scene");
     let lidar = LidarConfig::default();
@@ -207,11 +200,7 @@ fn pair_folder() -> Option<PathBuf> {
 
 /// Milliseconds that small_gicp takes in this run, by what it does; none where this Python (`SWERVE_PYTHON`) has it not.
 fn of_small_gicp(folder: &Path) -> BTreeMap<String, f64> {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/localization/speed.py");
-    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
-    let Ok(output) = Command::new(python).arg(script).arg(folder).output() else { return BTreeMap::new() };
-    let row = |line: &str| line.split_once(' ').and_then(|(name, ms)| Some((name.into(), ms.parse().ok()?)));
-    String::from_utf8_lossy(&output.stdout).lines().filter_map(row).collect()
+    named(&python("localization/speed.py", &[folder]))
 }
 
 /// What is matched, with its times: thinning and mapping, then the match.

@@ -4,10 +4,9 @@
 use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::path::Path;
-use std::process::Command;
 
 use criterion::Criterion;
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, python};
 use swerve_core::{Rng, Time};
 use swerve_geom::{Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
@@ -71,18 +70,12 @@ fn per_second(sequences: &[Frames], pass: fn(&[Frames])) -> f64 {
 
 /// Frames a second of the program of SORT's authors; none where this Python (`SWERVE_PYTHON`) has it not.
 fn of_the_authors() -> Option<f64> {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/tracking/sort_speed.py");
-    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
-    let output = Command::new(python).arg(script).arg(FOLDER).output().ok()?;
-    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+    python("tracking/sort_speed.py", &[Path::new(FOLDER)]).trim().parse().ok()
 }
 
 /// Milliseconds that dlib takes for a frame of its video; none where this Python (`SWERVE_PYTHON`) has it not.
 fn of_dlib() -> Option<f64> {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/tracking/dlib_speed.py");
-    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
-    let output = Command::new(python).arg(script).arg(VIDEO).output().ok()?;
-    String::from_utf8(output.stdout).ok()?.trim().parse().ok()
+    python("tracking/dlib_speed.py", &[Path::new(VIDEO)]).trim().parse().ok()
 }
 
 /// Fifty cars and fifty people who go their ways, frame by frame.

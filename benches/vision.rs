@@ -2,24 +2,22 @@
 //! OpenCV takes for the same in the same run, where the Python of `SWERVE_PYTHON` has it; and what each rung of the
 //! camera detector takes.
 
+mod street;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now, print};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, named, now, print, python};
 use swerve_camera::{
     Camera, CameraSpec, Frame, FrameMut, Intrinsics, Outputs, RenderOptions, Renderer, View, mount,
 };
-use swerve_core::Span;
 use swerve_geom::{Ego, Map, Point, Pose2, Transform, Vector2};
 use swerve_msg::{ActorId, CameraInfo, DetectedBox, Detections, Encoding, Image, Pixels, Track, TrackList};
 use swerve_perception::CameraObjects;
 use swerve_perception::camera::Shot;
-use swerve_scenario::Scenario;
 use swerve_scene::WeatherPreset;
 use swerve_scene::town::town;
-use swerve_sim::{SimParams, Simulator};
-use swerve_stack::street::{EGO_INSTANCE, Street};
+use swerve_stack::street::EGO_INSTANCE;
 use swerve_vehicle::VehicleParams;
 use swerve_vision::acf::Ground;
 use swerve_vision::hog::{HogDetector, LinearHog};
@@ -63,14 +61,7 @@ const FRAME: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/vtest.rgb");
 
 /// Milliseconds that OpenCV takes in this run, by what it does; none where this Python (`SWERVE_PYTHON`) has it not.
 fn of_opencv(folder: &Path) -> BTreeMap<String, f64> {
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/vision/speed.py");
-    let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
-    let Ok(output) = Command::new(python).arg(script).arg(folder.join("perception")).arg(FRAME).output()
-    else {
-        return BTreeMap::new();
-    };
-    let row = |line: &str| line.split_once(' ').and_then(|(name, ms)| Some((name.into(), ms.parse().ok()?)));
-    String::from_utf8_lossy(&output.stdout).lines().filter_map(row).collect()
+    named(&python("vision/speed.py", &[&folder.join("perception"), Path::new(FRAME)]))
 }
 
 /// How many times as fast as OpenCV something is, both in this run.
@@ -128,13 +119,7 @@ fn stereo(folder: &Path, opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
 /// Images of what the camera of `configs/camera_objects.toml` sees along a street, 800 x 600 pixels: the ego is put
 /// every 4 m, the others stand where they begin.
 fn street_images() -> Vec<Image> {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/street.toml");
-    let scenario = Scenario::read(&file).expect("a scenario of ours");
-    let vehicle = VehicleParams::default();
-    let params = SimParams { dt: Span::from_ms(5), vehicle: vehicle.clone() };
-    let world = Simulator::exact(scenario.clone(), &params).expect("it drives").state().clone();
-    let mut street = Street::new(&scenario, &vehicle.shape, WeatherPreset::default(), 1);
-    street.show(&world);
+    let (_, street) = street::at_start(&VehicleParams::default());
     let intrinsics = Intrinsics::HorizontalFovRad(70.0_f64.to_radians());
     let spec = CameraSpec { width_px: 800, height_px: 600, intrinsics, ..CameraSpec::default() };
     let camera = Camera::new(spec).expect("a camera");

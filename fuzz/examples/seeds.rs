@@ -67,15 +67,74 @@ fn copied(folder: &Path) -> anyhow::Result<()> {
     let cloud = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
                  1 2 3\n4 5 6\n";
     put(folder, "clouds", "points", cloud.as_bytes())?;
-    let voxel = Voxel {
-        index: [1, -2, 0],
+    put(folder, "clouds", "map", &MapFile::new(1.0, floor()).write())?;
+    put(folder, "npz", "drive", &npz())?;
+    let walks = (0..12).map(|k| format!("{0} 1 {1} 0\n{0} 2 0 {1}\n", 10 * k, 0.4 * f64::from(k)));
+    put(folder, "tracks", "eth_ucy", walks.collect::<String>().as_bytes())?;
+    put(folder, "tracks", "commonroad_csv", swerve_fuzz::recording().as_bytes())?;
+    // `printf '0 1 2 3\n' | gzip -n`
+    let packed = b"\x1f\x8b\x08\0\0\0\0\0\0\x033P0T0R0\xe6\x02\0\x60\xb4\x64\x57\x08\0\0\0";
+    put(folder, "tracks", "gzip", packed)?;
+    put(folder, "coco", "one", coco.as_bytes())?;
+    put(folder, "ros2_mapping", "some", b"vehicle = \"autoware\"\n[topics.pose]\ntopic = \"/x\"\n")
+}
+
+/// Voxels of a floor.
+fn floor() -> Vec<Voxel> {
+    let voxel = |k: i32| Voxel {
+        index: [k % 7 * 2, k / 7 * 2, 0],
         count: 9,
         mean_m: [0.1, 0.2, 0.0],
         covariance_m2: [0.1, 0.0, 0.0, 0.1, 0.0, 0.001],
     };
-    put(folder, "clouds", "map", &MapFile::new(1.0, vec![voxel]).write())?;
-    put(folder, "coco", "one", coco.as_bytes())?;
-    put(folder, "ros2_mapping", "some", b"vehicle = \"autoware\"\n[topics.pose]\ntopic = \"/x\"\n")
+    (0..49).map(voxel).collect()
+}
+
+/// A drive straight on, of a tenth of a second, in an archive of arrays as NumPy writes it.
+fn npz() -> Vec<u8> {
+    let rows = |columns: usize, number: fn(usize, usize) -> f64| {
+        let each = (0..20).flat_map(|k| (0..columns).map(move |axis| number(k, axis)));
+        (columns, each.collect::<Vec<f64>>())
+    };
+    let (t, at) =
+        (rows(1, |k, _| 0.005 * k as f64), rows(3, |k, axis| if axis == 0 { 0.05 * k as f64 } else { 0.0 }));
+    let speed = rows(3, |_, axis| if axis == 0 { 10.0 } else { 0.0 });
+    let (rest, gravity) = (rows(3, |_, _| 0.0), rows(3, |_, axis| if axis == 2 { 9.81 } else { 0.0 }));
+    let arrays = [
+        ("imu_f.data", &gravity),
+        ("imu_f.t", &t),
+        ("imu_w.data", &rest),
+        ("gnss.data", &at),
+        ("gnss.t", &t),
+        ("lidar.data", &at),
+        ("lidar.t", &t),
+        ("gt.p_init", &at),
+        ("gt.v", &speed),
+        ("gt.r_init", &rest),
+    ];
+    let long = |n: usize| (n as u32).to_le_bytes();
+    let (mut members, mut directory) = (Vec::new(), Vec::new());
+    for (name, (columns, numbers)) in arrays {
+        let shape = if *columns == 1 { "(20,)" } else { "(20, 3)" };
+        let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let array: Vec<u8> = [b"\x93NUMPY\x01\0", &(head.len() as u16).to_le_bytes()[..], head.as_bytes()]
+            .concat()
+            .into_iter()
+            .chain(numbers.iter().flat_map(|x| x.to_le_bytes()))
+            .collect();
+        // Not packed, of no date, its checksum to be put in, no bytes beside its name.
+        let [size, length] = [long(array.len()), long(name.len())];
+        let same = [&[0; 10][..], &size, &size, &length].concat();
+        directory.extend(
+            [b"PK\x01\x02\x14\0\x14\0\0\0", &same[..], &[0; 10], &long(members.len()), name.as_bytes()]
+                .concat(),
+        );
+        members.extend([b"PK\x03\x04\x14\0\0\0", &same[..], name.as_bytes(), &array].concat());
+    }
+    let count = (arrays.len() as u16).to_le_bytes();
+    let sizes = [long(directory.len()), long(members.len())].concat();
+    let end = [b"PK\x05\x06\0\0\0\0", &count[..], &count, &sizes, &[0; 2]].concat();
+    swerve_fuzz::zip_with_checksums([members, directory, end].concat())
 }
 
 /// What a short drive logs, sends to other processes, and asks of them.

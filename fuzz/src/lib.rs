@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use serde::de::DeserializeOwned;
-use swerve_core::Time;
+use swerve_core::{Hasher, Time};
 use swerve_flow::{Decision, Worker};
 use swerve_msg::truth::{PointInstances, WorldState};
 use swerve_msg::{
@@ -125,4 +125,59 @@ pub fn evaluate_folders(what: &[&str], text: &str) {
     let file = |text: &str| Scratch::file("000000.txt", text.as_bytes());
     let (truth, found) = (file(truth), file(found));
     evaluated(what, truth.folder(), found.folder());
+}
+
+/// A drive of two cars and a person for a second, in CommonRoad's rows.
+pub fn recording() -> String {
+    let mut text = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps\n".to_owned();
+    for step in 0..10 {
+        for (id, row) in ["car,4.5,1.8", "truck,9,2.5", "pedestrian,0.5,0.5"].iter().enumerate() {
+            let (x_m, y_m) = (2.0 + 0.9 * f64::from(step) / (1.0 + id as f64), 1.75 - 1.5 * id as f64);
+            text += &format!("A-1,{id},{row},{step},{x_m},{y_m},0,9\n");
+        }
+    }
+    text
+}
+
+// A changed byte would be refused by its checksum alone: what lies behind that is reached with checksums that are right.
+
+/// A map's file with the digest of its bytes.
+pub fn map_with_digest(mut bytes: Vec<u8>) -> Vec<u8> {
+    if let Some((body, digest)) = bytes.split_last_chunk_mut::<8>() {
+        let step = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        *digest = body.iter().fold(0xcbf2_9ce4_8422_2325, step).to_le_bytes();
+    }
+    bytes
+}
+
+/// A predictor's weights with the digest of its bytes, which stands behind eight letters and a version.
+pub fn weights_with_digest(mut bytes: Vec<u8>) -> Vec<u8> {
+    if let Some((digest, rest)) = bytes.get_mut(9..).and_then(|bytes| bytes.split_first_chunk_mut::<8>()) {
+        let mut hasher = Hasher::new();
+        hasher.bytes(rest);
+        *digest = hasher.digest().0.to_le_bytes();
+    }
+    bytes
+}
+
+/// A zip archive with the checksums of its members that are not packed.
+pub fn zip_with_checksums(mut bytes: Vec<u8>) -> Vec<u8> {
+    let entries = (0..bytes.len()).filter(|at| bytes[*at..].starts_with(b"PK\x01\x02"));
+    for at in entries.collect::<Vec<_>>() {
+        if let Some(checksum) = checksum(&bytes, at) {
+            bytes[at + 16..at + 20].copy_from_slice(&checksum.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+/// That of the member which the directory of an archive lists at a place.
+fn checksum(bytes: &[u8], at: usize) -> Option<u32> {
+    let number = |at: usize, count: usize| {
+        let read = bytes.get(at..at + count)?;
+        Some(read.iter().rev().fold(0, |n, byte| n << 8 | usize::from(*byte)))
+    };
+    let header = number(at + 42, 4)?;
+    let data = header + 30 + number(header + 26, 2)? + number(header + 28, 2)?;
+    bytes.get(data..data + number(at + 20, 4)?).map(crc32fast::hash)
 }

@@ -79,6 +79,7 @@ fn packages_stay_behind_one_crate() {
         ("jpeg-encoder", "swerve-foxglove"),
         ("iceoryx2", "swerve-ipc"),
         ("mcap", "swerve-log"),
+        ("pulp", "swerve-geom"),
         ("wgpu", "swerve-gpu"),
         ("ros2-client", "swerve-ros2"),
         ("strsim", "swerve-text"),

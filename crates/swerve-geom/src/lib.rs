@@ -9,8 +9,8 @@
 //! **Conventions**: metres, radians, right-handed, z up. Map: east-north-up. Ego: x forward, y left,
 //! origin at the centre of the rear axle on the ground. Camera: x right, y down, z forward.
 //!
-//! **Arithmetic**: trigonometry goes through [`math`] (`libm`), so that results are the same bits on every
-//! machine. Absences: no parry, no rapier, no glam.
+//! **Arithmetic**: trigonometry goes through [`math`] (`libm`), loops for wide vector instructions through
+//! [`simd`], so that results are the same bits on every machine. Absences: no parry, no rapier, no glam.
 
 mod angle;
 mod area;
@@ -21,6 +21,7 @@ mod obb;
 mod planar;
 mod polyline;
 mod rectangle;
+pub mod simd;
 
 pub use angle::{angle_between, wrap_angle};
 pub use area::{hull_area_m2, shared_area_m2};

@@ -5,18 +5,6 @@ use core::ops::{Add, AddAssign, Mul, Sub};
 /// Numbers that go together.
 pub(crate) const LANES: usize = 4;
 
-/// Does work, compiled for the vector instructions that this processor has (AVX2) and for those of any: nothing fused or
-/// reordered, so the bits are the same. That reaches as far as it is inlined: a closure marked so, and of what it calls
-/// the small or marked.
-#[inline(always)]
-pub(crate) fn widest<R>(work: impl FnOnce() -> R) -> R {
-    #[cfg(test)]
-    if narrow::is_asked() {
-        return pulp::Simd::vectorize(pulp::Scalar, work);
-    }
-    pulp::Arch::new().dispatch(work)
-}
-
 /// Some numbers at once.
 #[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct Lanes([f64; LANES]);
@@ -119,28 +107,6 @@ impl Mul for Lanes {
     fn mul(self, other: Self) -> Self {
         let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
         Self([a * e, b * f, c * g, d * h])
-    }
-}
-
-/// What any processor runs, for tests that compare.
-#[cfg(test)]
-pub(crate) mod narrow {
-    use std::cell::Cell;
-
-    thread_local!(static ASKED: Cell<bool> = const { Cell::new(false) });
-
-    pub(super) fn is_asked() -> bool {
-        ASKED.get()
-    }
-
-    /// What some work gives, with and without wide instructions.
-    pub(crate) fn both<R>(mut work: impl FnMut() -> R) -> [R; 2] {
-        [false, true].map(|narrow| {
-            ASKED.set(narrow);
-            let result = work();
-            ASKED.set(false);
-            result
-        })
     }
 }
 

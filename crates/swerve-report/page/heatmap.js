@@ -2,7 +2,7 @@
 
 /** What a square can show: its number of so many cells, text below, and how good it is from 0 to 1. */
 const MEASURES = {
-  "ended well": rate((cell, study) => isGood(cell, study), (cell) => cell.verdict === "stopped"),
+  "ended well": rate((cell, study) => isGood(cell, study), (cell, study) => cell.verdict === "stopped" && !isGood(cell, study)),
   "nothing hit": rate((cell) => cell.no_collision),
   "on the road": rate((cell) => cell.on_road),
   "impact speed, m/s": median((cell) => cell.impact_speed_mps, true),
@@ -29,7 +29,7 @@ function rate(holds, apart = () => false) {
       if (done.length === 0) return null;
       const hits = done.filter((cell) => holds(cell, study)).length;
       const [low, high] = wilson(hits, done.length);
-      const aside = done.filter(apart).length;
+      const aside = done.filter((cell) => apart(cell, study)).length;
       const shade = aside < done.length ? hits / (done.length - aside) : null;
       return { value: hits / done.length, low, high, text: `${hits} of ${done.length}`, small: `${fixed(low)}–${fixed(high)}`, shade, apart: aside / done.length };
     },
@@ -107,7 +107,7 @@ function heatTable(study, cells, { across, down, measure, picked }) {
   const ends = of.isRate ? "share of runs, 0 to 1" : of.lessIsBetter ? `${measure}: ${short(high)} to ${short(low)}` : `${measure}: ${short(low)} to ${short(high)}`;
   const scale = el("span", { class: "scale", style: `background: linear-gradient(to right, ${GRADES.map(rgb).join(", ")})` });
   const hatched = squares.some((line) => line.squares.some((square) => square.result?.apart > 0));
-  const stops = hatched ? el("span", {}, el("span", { class: "scale stopped", style: `background: ${HATCH}, #ffffff` }), "of the square's width: share of runs that stopped safely before what was in the way") : null;
+  const stops = hatched ? el("span", {}, el("span", { class: "scale stopped", style: `background: ${HATCH}, #ffffff` }), "of the square's width: share of runs that stopped safely") : null;
   return el("div", {}, grid, el("div", { class: "legend" }, el("span", {}, scale, ends), stops));
 }
 

@@ -35,7 +35,8 @@ pub struct StudyFile {
     pub axis: Vec<Axis>,
     /// The latency budget, where that is asked for instead of a plain grid.
     pub budget: Option<Budget>,
-    /// Whether a drive that only ran out of time counts as a good one in the picture: nobody was hurt.
+    /// Whether a drive that ended by its time, stopped safely or in any other way, counts as a good one in the picture:
+    /// nobody was hurt.
     #[serde(default)]
     pub timeout_is_good: bool,
     /// Whether a drive that left the road without a collision counts as a good one in the picture: the paper's criterion.
@@ -188,7 +189,7 @@ pub struct Study {
     pub cells: Vec<Cell>,
     /// The latency budget, where asked for.
     pub budget: Option<Budget>,
-    /// Whether a drive that only ran out of time counts as a good one in the picture.
+    /// Whether a drive that ended by its time, stopped safely or not, counts as a good one in the picture.
     pub timeout_is_good: bool,
     /// Whether a drive that left the road without a collision counts as a good one in the picture.
     pub off_road_is_good: bool,

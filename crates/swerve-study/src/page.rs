@@ -77,6 +77,7 @@ pub(super) fn page(
     let good = [
         ("avoided", true),
         ("completed", true),
+        ("stopped", study.timeout_is_good),
         ("timeout", study.timeout_is_good),
         ("left_road", study.off_road_is_good),
     ];

@@ -183,7 +183,7 @@ pub struct Square {
     pub on_road: usize,
     /// Of these, good: avoided, or what else counts as that.
     pub good: usize,
-    /// Of these, neither good nor bad: the car stood safely before what was in its way.
+    /// Of these, neither good nor bad: the car stopped safely, where that does not count as good.
     pub stopped: usize,
     /// Of these, what neither avoided nor hit, by verdict: `left_road`, `stopped`, `timeout`.
     pub others: BTreeMap<String, usize>,
@@ -216,7 +216,7 @@ impl Grid {
             squares: Vec::new(),
             good: match (study.timeout_is_good, study.off_road_is_good) {
                 (false, false) => "avoided",
-                (true, false) => "avoided or ran out of time",
+                (true, false) => "avoided, stopped or ran out of time",
                 (false, true) => "avoided or left the road without a collision",
                 (true, true) => "ended without a collision",
             },
@@ -293,12 +293,12 @@ impl Square {
         self.no_collision += usize::from(result.no_collision);
         self.on_road += usize::from(result.on_road);
         let good = match result.verdict.as_str() {
-            "timeout" => study.timeout_is_good,
+            "stopped" | "timeout" => study.timeout_is_good,
             "left_road" => study.off_road_is_good,
             _ => result.avoided(),
         };
         self.good += usize::from(good);
-        self.stopped += usize::from(result.verdict == "stopped");
+        self.stopped += usize::from(result.verdict == "stopped" && !good);
         if !result.avoided() && result.verdict != "collision" {
             *self.others.entry(result.verdict.clone()).or_default() += 1;
         }
@@ -315,7 +315,7 @@ impl Square {
         rest.map(|(verdict, n)| (verdict.as_str(), *n)).chain(failed)
     }
 
-    /// Share of good runs among those that did not stop safely, 0 to 1; `None` where there are none.
+    /// Share of good runs among those that are good or bad, 0 to 1; `None` where there are none.
     pub fn share(&self) -> Option<f64> {
         let decided = self.runs - self.stopped;
         (decided > 0).then(|| self.good as f64 / decided as f64)
@@ -323,7 +323,8 @@ impl Square {
 
     /// Median impact speed of the runs that hit, m/s.
     pub fn impact_median_mps(&self) -> Option<f64> {
-        self.impact_mps.get(self.impact_mps.len() / 2).copied()
+        let (low, high) = (self.impact_mps.len().checked_sub(1)? / 2, self.impact_mps.len() / 2);
+        Some(0.5 * (self.impact_mps[low] + self.impact_mps[high]))
     }
 
     /// Median latency budget, ms.

@@ -10,7 +10,8 @@ mod luv;
 
 use core::ops::Range;
 
-use crate::simd::widest;
+use swerve_geom::simd::widest;
+
 use crate::stack::Stack;
 
 pub use filter::{Resampler, halve, smooth};

@@ -7,12 +7,12 @@ mod fourier;
 mod tests;
 
 use swerve_geom::math;
+use swerve_geom::simd::widest;
 use thiserror::Error;
 
 use self::fhog::{CELL, Fhog, PLANES};
 use self::fourier::{COUNT, Fourier, Numbers};
 use crate::Plane;
-use crate::simd::widest;
 
 /// Where a target is in an image, pixels.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -9,9 +9,10 @@
 mod gradient;
 mod resize;
 
+use swerve_geom::simd::widest;
+
 use crate::acf::Detection;
 use crate::image::Rgb;
-use crate::simd::widest;
 use gradient::{Gradients, PADDING_PX};
 use resize::Resizer;
 

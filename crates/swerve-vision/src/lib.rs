@@ -19,7 +19,6 @@ mod samples;
 pub mod segmentation;
 pub mod shipped;
 pub mod signs;
-mod simd;
 mod stack;
 pub mod stereo;
 pub mod svm;

@@ -15,6 +15,7 @@ mod speckles;
 #[cfg(test)]
 mod tests;
 
+use swerve_geom::simd::widest;
 use thiserror::Error;
 
 use self::census::Census;
@@ -22,7 +23,6 @@ use self::paths::{Paths, Penalties};
 use self::select::{Demands, Matches};
 use self::speckles::Speckles;
 use crate::Plane;
-use crate::simd::widest;
 
 /// How many paths the costs of a pixel are summed along.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]

@@ -4,6 +4,7 @@ mod agent;
 mod deadlines;
 mod faults;
 mod gate;
+mod lost;
 mod perception;
 mod prediction;
 mod sensors;

@@ -4,9 +4,10 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use swerve_geom::math;
+use swerve_geom::simd::widest;
 
 use super::{Matrix6, Neighbours, Vector6};
-use crate::lanes::{LANES, Lanes, widest};
+use crate::lanes::{LANES, Lanes};
 use crate::voxels::VoxelMap;
 
 /// Share of points that are of nothing in the map.

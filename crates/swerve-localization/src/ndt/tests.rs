@@ -2,11 +2,11 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Vector3};
 use swerve_core::Rng;
+use swerve_geom::simd::both;
 
 use super::{Limits, Neighbours, align, pose_of};
 use crate::eskf::exp;
 use crate::grid::downsampled;
-use crate::lanes::narrow;
 use crate::voxels::{VoxelMap, VoxelSums, coarser};
 use crate::{icp, ply};
 
@@ -74,7 +74,7 @@ fn wide_instructions_change_no_bit() {
         let limits = Limits { neighbours, ..Limits::default() };
         // As many points as do not fill the last lanes.
         for count in [1000, 1001, 1002, 1003] {
-            let [wide, narrow] = narrow::both(|| {
+            let [wide, narrow] = both(|| {
                 align(&[&maps[0], &maps[1]], &scan[..count], &pose(0.0, 0.0, 0.0), &limits)
                     .expect("they match")
             });

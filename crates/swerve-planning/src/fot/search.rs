@@ -16,12 +16,13 @@ mod entry;
 use std::collections::BinaryHeap;
 
 use entry::{Arena, Entry, Lon, NONE};
+use swerve_geom::simd::widest;
 
 use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
 use super::lattice::Lattice;
 use super::line::Line;
 use super::motion::{Checks, FrenetState, Hints, Motion};
-use super::nearness::{Beside, Corners, Points, sum_nearness, widest};
+use super::nearness::{Beside, Corners, Points, sum_nearness};
 use super::params::Params;
 use super::poly::Quintic;
 use crate::request::{Budget, Progress};

@@ -68,9 +68,15 @@ fn seeds_are_summed_up() {
     );
     assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
     let safe = [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
-    let safe = Grid::of(&study, &safe).squares[0].clone();
-    assert_eq!((safe.share(), safe.stopped), (Some(0.0), 1), "a safe stop is neither good nor bad");
-    assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
+    for (timeout_is_good, share, apart) in [(false, 0.0, 1), (true, 0.5, 0)] {
+        let safe = Grid::of(&Study { timeout_is_good, ..study.clone() }, &safe).squares[0].clone();
+        assert_eq!(
+            (safe.share(), safe.stopped),
+            (Some(share), apart),
+            "neither good nor bad, unless asked for"
+        );
+        assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
+    }
     let csv = csv(&study, &results);
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines[1], format!("fot,16,1,avoided,true,true,0.5000,,,,,,0{}", ",".repeat(ALWAYS.len())));

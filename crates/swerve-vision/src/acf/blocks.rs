@@ -6,8 +6,9 @@
 //! in, its histogram is divided by the block's length and cut at 0.2. What the four make of an orientation is summed up,
 //! and so is what the orientations make of each.
 
+use swerve_geom::simd::widest;
+
 use crate::channels::{CHANNELS, ORIENTATIONS};
-use crate::simd::widest;
 use crate::stack::Stack;
 
 /// Planes: one an orientation, one a block.

@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 
+use swerve_geom::simd::widest;
 use thiserror::Error;
 
 use super::blocks::Blocks;
@@ -13,7 +14,6 @@ use super::windows::{Run, Windows, everywhere, within};
 use super::{Detection, Model, Rung, Scorer, Weights, suppress};
 use crate::image::Rgb;
 use crate::pyramid::{Pyramid, PyramidParams};
-use crate::simd::widest;
 use crate::stack::Stack;
 
 /// An image of another size than a scanner is for.

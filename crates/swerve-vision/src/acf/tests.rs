@@ -1,9 +1,9 @@
 mod published;
 
 use swerve_core::Rng;
+use swerve_geom::simd::both;
 
 use super::*;
-use crate::simd::narrow::both;
 use crate::{Rgb, shipped};
 
 /// A detector of bright squares of 8 pixels on dark ground: one tree over lightness in and around a window of 8 cells.

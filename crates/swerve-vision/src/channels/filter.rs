@@ -1,6 +1,6 @@
 //! Smoothing and resizing of planes.
 
-use crate::simd::widest;
+use swerve_geom::simd::widest;
 
 /// Where index `k` lies in `0..n` when the picture is mirrored at its edges, again and again.
 fn mirrored(k: isize, n: usize) -> usize {

@@ -1,9 +1,9 @@
 //! CIE LUV of RGB that is taken as linear, each of the three between 0 and 1.
 
 use swerve_geom::math;
+use swerve_geom::simd::widest;
 
 use crate::image::Rgb;
-use crate::simd::widest;
 use crate::stack::Stack;
 
 /// Steps of the table of lightness.

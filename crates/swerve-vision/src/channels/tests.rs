@@ -1,9 +1,9 @@
 use swerve_core::Rng;
 use swerve_geom::math;
+use swerve_geom::simd::both;
 
 use super::*;
 use crate::image::Rgb;
-use crate::simd::narrow::both;
 
 /// Bytes of colours that change slowly, with an edge and some noise.
 fn picture(width: usize, height: usize, seed: u64) -> Vec<u8> {

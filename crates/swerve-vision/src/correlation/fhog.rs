@@ -2,9 +2,9 @@
 //! orientations, 4 energies. Cells are of 4 x 4 pixels.
 
 use swerve_geom::math;
+use swerve_geom::simd::widest;
 
 use crate::Plane;
-use crate::simd::widest;
 
 /// Pixels of a cell's side.
 pub(super) const CELL: usize = 4;

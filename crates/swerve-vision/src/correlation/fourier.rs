@@ -2,8 +2,7 @@
 //! on every machine.
 
 use swerve_geom::math;
-
-use crate::simd::widest;
+use swerve_geom::simd::widest;
 
 /// Real and imaginary parts, apart from each other.
 #[derive(Clone, Debug, Default)]

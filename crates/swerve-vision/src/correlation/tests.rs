@@ -1,6 +1,7 @@
+use swerve_geom::simd::both;
+
 use super::*;
 use crate::samples::{Picture, real};
-use crate::simd::narrow::both;
 
 fn area([left, top, right, bottom]: [f64; 4]) -> Area {
     Area { middle: [(left + right) / 2.0, (top + bottom) / 2.0], size: [right - left, bottom - top] }

@@ -1,8 +1,9 @@
 //! Gradients of an image and their shares in two of nine orientations.
 
+use swerve_geom::simd::widest;
+
 use super::BINS;
 use crate::channels::{orientation, select};
-use crate::simd::widest;
 
 /// Pixels that the image is continued by on each side, mirrored at its outermost ones.
 pub(super) const PADDING_PX: usize = 8;

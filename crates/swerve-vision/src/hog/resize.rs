@@ -1,7 +1,8 @@
 //! Resizing of bytes between the two nearest pixels along each axis, in whole numbers: weights of 1/256, rounded once.
 
+use swerve_geom::simd::widest;
+
 use crate::image::Rgb;
-use crate::simd::widest;
 
 /// Resizes images of two pixels at least along each side; it keeps its memory.
 #[derive(Clone, Debug, Default)]

@@ -1,8 +1,8 @@
 use serde::Deserialize;
+use swerve_geom::simd::both;
 
 use super::*;
 use crate::acf::iou;
-use crate::simd::narrow::both;
 use crate::svm;
 use crate::video::Video;
 

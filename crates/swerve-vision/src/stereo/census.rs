@@ -4,8 +4,9 @@
 //! that mirror each other in its centre gives one bit, whether the first is the brighter one. Half of the bits of a
 //! plain census of that window, and no pixel has a say in all of them.
 
+use swerve_geom::simd::widest;
+
 use crate::Plane;
-use crate::simd::widest;
 
 /// Columns of the window.
 pub(super) const WIDTH: usize = 7;

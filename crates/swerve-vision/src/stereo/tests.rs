@@ -1,10 +1,10 @@
 use std::path::Path;
 
 use serde_json::Value;
+use swerve_geom::simd::both;
 
 use super::*;
 use crate::samples::{Picture, real};
-use crate::simd::narrow::both;
 
 /// Texture that no two places share, smooth enough to be looked up between pixels.
 fn texture(x: f64, y: f64) -> f64 {

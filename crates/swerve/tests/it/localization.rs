@@ -1,6 +1,19 @@
 //! Drives by poses of the car's own sensors.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::path::Path;
+
+use mcap::Writer;
+use mcap::records::MessageHeader;
 use serde_json::Value;
+use swerve_core::{Span, Time};
+use swerve_geom::{Ego, Map, Point, Pose2, Transform};
+use swerve_localization::map_file::MapFile;
+use swerve_msg::{EgoState, LidarPoint, PointCloud};
+use swerve_ros2::AnyMessage;
+use swerve_ros2::cdr;
+use swerve_ros2::convert::{Epoch, cloud_to_ros, ego_to_ros};
 
 use crate::support::Bench;
 
@@ -189,4 +202,98 @@ fn a_map_of_a_log_is_the_scenario_s() {
     );
     refused(&["none/log.mcap", "--set", "seed=2"], "expected none with logs");
     refused(&["absent.mcap"], "absent.mcap");
+}
+
+/// A vehicle that tells its pose, with a lidar that looks to the left.
+const VEHICLE: &str = r#"live = { route = "road.toml" }
+ros2 = { vehicle = "plain" }
+source = { rosbag = "bag.mcap" }
+lidar.lidar = { at_m = [1.4, 0.2, 1.9], yaw_deg = 90.0 }
+"#;
+
+/// A rosbag2 log of messages in order: topic, stamp, message.
+fn write_bag(path: &Path, epoch: Epoch, messages: &[(&str, Time, AnyMessage)]) {
+    let mut writer = Writer::new(File::create(path).unwrap()).unwrap();
+    let mut channels = BTreeMap::new();
+    for (topic, stamp, message) in messages {
+        let channel_id = *channels.entry(*topic).or_insert_with(|| {
+            let schema = writer.add_schema(&message.kind().type_name(), "ros2msg", b"").unwrap();
+            writer.add_channel(schema, topic, "cdr", &BTreeMap::new()).unwrap()
+        });
+        let time = (epoch.ns + stamp.ns()) as u64;
+        let header = MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, &cdr::encode(message)).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// Two walls along x, six metres to each side of where the vehicle starts.
+fn walls() -> Vec<Point<Map>> {
+    let along = (-10..50).flat_map(|x| [0.2, 0.5, 0.8].map(|part| f64::from(x) + part));
+    let point =
+        |x| [-6.5, 6.5].into_iter().flat_map(move |y| [0.4, 0.6, 1.4, 1.6].map(|z| Point::new(x, y, z)));
+    along.flat_map(point).collect()
+}
+
+/// A map by what a vehicle recorded of poses and clouds, each point where it was at its own instant.
+#[test]
+fn a_map_of_a_vehicle_s_log_is_what_stood_beside_it() {
+    let bench = bench();
+    bench.write("vehicle.toml", VEHICLE);
+    let epoch = Epoch { ns: 1_700_000_000_000_000_000 };
+    let ego = |stamp: Time| {
+        let pose = Pose2::new(0.0, 0.0, 0.1).ahead(8.0 * stamp.as_secs());
+        EgoState { stamp, pose, speed_mps: 8.0, ..EgoState::default() }
+    };
+    let mount = Point::new(1.4, 0.2, 1.9);
+    let ego_from_lidar =
+        Transform::<Ego, swerve_geom::Lidar>::from_roll_pitch_yaw(mount, 0.0, 0.0, 90.0_f64.to_radians());
+    let walls = walls();
+    let mut messages = Vec::new();
+    for ms in (0..4000).step_by(20) {
+        let state = ego(Time::from_ms(ms));
+        let odometry = AnyMessage::Odometry(ego_to_ros(&state, epoch, "map", "base_link"));
+        messages.push(("/odometry", state.stamp, odometry));
+        if ms % 100 != 0 || ms == 0 {
+            continue;
+        }
+        let mut cloud = PointCloud { stamp: state.stamp, ..PointCloud::default() };
+        for (k, wall) in walls.iter().enumerate() {
+            let ago = Span::from_ns(-100_000_000 + (k * 100_000_000 / walls.len()) as i64);
+            let Pose2 { x_m, y_m, heading_rad, .. } = ego(state.stamp + ago).pose;
+            let at = Point::new(x_m, y_m, 0.0);
+            let map_from_ego = Transform::<Map, Ego>::from_roll_pitch_yaw(at, 0.0, 0.0, heading_rad);
+            let there = ((map_from_ego * ego_from_lidar).inverse() * *wall).coords;
+            let place_m = [there.x, there.y, there.z].map(|x| x as f32);
+            cloud.push(LidarPoint { place_m, intensity: 0.5, ring: 0, time_offset_s: ago.as_secs() as f32 });
+        }
+        // The vehicle's own roof is no part of the map.
+        cloud.push(LidarPoint { place_m: [1.0, 0.0, -0.5], intensity: 0.5, ring: 0, time_offset_s: 0.0 });
+        messages.push((
+            "/points",
+            state.stamp,
+            AnyMessage::PointCloud2(cloud_to_ros(&cloud, epoch, "lidar")),
+        ));
+    }
+    write_bag(&bench.path("bag.mcap"), epoch, &messages);
+
+    let lossless = ["live", "vehicle.toml", "--out", "drive", "--set", "log.images=lossless"];
+    bench.good(&lossless);
+    let said = bench.good(&["map", "build", "drive/log.mcap", "-o", "drive.map"]);
+    assert!(said.contains(&format!("of {} points of 39 turns", 39 * walls.len())), "{said}");
+    let map = MapFile::read(&std::fs::read(bench.path("drive.map")).unwrap()).unwrap();
+    let expected: BTreeSet<[i32; 3]> = walls
+        .iter()
+        .map(|wall| [wall.coords.x, wall.coords.y, wall.coords.z].map(|x| x.floor() as i32))
+        .collect();
+    let found: BTreeSet<[i32; 3]> = map.voxels().iter().map(|voxel| voxel.index).collect();
+    assert_eq!(found, expected);
+    let off = map.voxels().iter().flat_map(|voxel| voxel.mean_m).fold(0.0, |most: f32, x| most.max(x.abs()));
+    assert!(off < 0.02, "{off} m off the middle");
+
+    // Of clouds that were not recorded there is no map: nobody can compute a vehicle's again.
+    bench.good(&["live", "vehicle.toml", "--out", "bare"]);
+    let said = bench.swerve(&["map", "build", "bare/log.mcap", "-o", "bare.map"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.stderr.contains("record it with log.images = \"lossless\""), "{said:?}");
 }

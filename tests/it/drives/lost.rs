@@ -1,0 +1,78 @@
+//! A car that no longer knows where it is: from the last fix to the standstill.
+
+use swerve_core::{Span, Time};
+use swerve_drive::why::Logged;
+use swerve_eval::{Milestone, Verdict};
+use swerve_log::Log;
+use swerve_msg::{GateMode, GateOutput, MotionCommand, PoseMode, PoseQuality, StopCause};
+use swerve_stack::Registry;
+
+use crate::common;
+
+const ROAD: &str = r#"name = "road"
+
+[road]
+segments = [{ length_m = 220.0 }]
+lane_width_m = 4.0
+
+[ego]
+target_speed_mps = 8.0
+end_m = 180.0
+
+[end]
+timeout_s = 16.0
+"#;
+
+/// A receiver with corrections; without fixes the place is soon less sure than it may be.
+const CAR: [&str; 5] = [
+    "gate.enabled=true",
+    "localization.localizer=eskf",
+    "sensing.gnss={ noise_m = 0.02, bias_m = 0 }",
+    "sensing.imu={ accel_noise_mps2 = 0.05, accel_bias_mps2 = 0.02, gyro_noise_radps = 0.002, gyro_bias_radps = 0.0005 }",
+    "operator.localizer.params={ lost_sigma_m = 0.15 }",
+];
+
+/// Ways in which fixes cease.
+const SILENCES: [&str; 2] = [
+    "sensing.gnss.outages=[{ from_m = [40, 0], to_m = [300, 0], radius_m = 20 }]",
+    "fault.f={ stream = \"gnss\", drop = true, from_ms = 3000 }",
+];
+
+#[test]
+fn a_car_that_is_lost_is_stopped_by_its_gate() {
+    let folder = tempfile::tempdir().unwrap();
+    let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&road, ROAD).unwrap();
+    for silence in SILENCES {
+        let outcome = common::record(&common::config(&[&CAR[..], &[silence]].concat()), &road, &path, 1);
+        let log = Log::read(&path).unwrap();
+        // The place is told until it is not known any more.
+        let modes = log.publications("localizer.quality").map(|p| p.decode::<PoseQuality>().unwrap());
+        let modes: Vec<_> = modes.map(|quality| (quality.stamp, quality.mode)).collect();
+        let (known, mode) = *modes.iter().rfind(|(_, mode)| *mode != PoseMode::Lost).unwrap();
+        assert!(mode == PoseMode::Coasting && known > Time::from_ms(4000), "{silence}: {known:?}");
+        assert!(modes.last().unwrap().0 > Time::from_ms(15_900), "it goes on to say that it is lost");
+        assert_eq!(log.publications("localizer.state").last().unwrap().header.stamp, known, "{silence}");
+        // What is asked for since is of that place, and too old for the gate.
+        let asked = log.publications("controller").map(|p| p.decode::<MotionCommand>().unwrap().stamp);
+        assert_eq!(asked.max(), Some(known), "{silence}");
+        let refused = outcome.metrics.gate.as_ref().unwrap().refused.stale;
+        assert!(refused > 500, "{silence}: {refused}");
+        // Half a second later the gate stops the car; whether it stands then nobody tells, as its report is of that place.
+        let gate =
+            log.publications("gate").map(|p| (p.header.visible_at, p.decode::<GateOutput>().unwrap().mode));
+        let gate: Vec<_> = gate.collect();
+        let stopping = GateMode::Stopping(StopCause::ReportTimeout);
+        let (stops, _) = *gate.iter().find(|(_, mode)| *mode == stopping).expect("it stops");
+        let waited = stops - known;
+        assert!(waited >= Span::from_ms(500) && waited <= Span::from_ms(530), "{silence}: {waited:?}");
+        assert_eq!(gate.last().unwrap().1, stopping, "{silence}");
+        assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{silence}");
+        assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{silence}");
+        let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+        let told = format!("the safety gate stopped it from {:.2} s on (no sound report", stops.as_secs());
+        assert!(why.verdict == Verdict::Stopped && why.sentence.contains(&told), "{}", why.sentence);
+        let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
+        assert_eq!(steps, [Milestone::GateStop, Milestone::Effect, Milestone::Standstill], "{silence}");
+    }
+}
