@@ -154,9 +154,9 @@ mod tests {
         }
         let mut bent = [braking];
         follow_shaped(&mut bent, &route);
-        let places = bent[0].path.iter().map(|one| route.project(one.pose.point()));
+        let mut places = bent[0].path.iter().map(|one| route.project(one.pose.point()));
         assert!(places.clone().all(|place| (place.d_m - 4.0).abs() < 0.02));
-        let way_m = 50.0 - places.last().unwrap().s_m;
+        let way_m = 50.0 - places.next_back().unwrap().s_m;
         assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
     }
 

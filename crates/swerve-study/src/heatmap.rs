@@ -29,7 +29,7 @@ const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
 const COUNTS: &str = "in a square: runs without a collision (95 % interval), runs that stayed on the road, median impact, other ends";
-const STOPS: &str = "of the square's width: share of runs that stopped safely before what was in the way";
+const STOPS: &str = "of the square's width: share of runs that stopped safely";
 const BEYOND: &str =
     "more than the row or column `limit`: what one swerve or braking from first sight can do";
 
