@@ -72,6 +72,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/detector_tradeoff.toml"
     "configs/studies/detector_tradeoff_rungs.toml"
     "configs/studies/faults.toml"
+    "configs/studies/full.toml"
     "configs/studies/lidar_objects.toml"
     "configs/studies/localization.toml"
     "configs/studies/planners.toml"
