@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use swerve_draw::{Format, Picture};
 use swerve_report::files::write_whole;
 
@@ -41,7 +42,10 @@ impl PictureArgs {
     /// # Errors
     /// It cannot be drawn or written.
     pub fn write(self, file: &Path, picture: &Picture) -> anyhow::Result<()> {
-        let format = self.format.or(Format::of(file)).unwrap_or_default();
+        let format = self.format.or(Format::of(file)).or(file.extension().is_none().then(Format::default));
+        let format = format.with_context(|| {
+            format!("{}: expected a name that ends in .svg, .pdf or .png, or --format", file.display())
+        })?;
         write_whole(file, &picture.bytes(format)?)
     }
 }

@@ -107,7 +107,10 @@ impl Logged {
             }
             (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
                 let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
-                format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {}", passed())
+                // Backwards by less than is shown is no motion.
+                let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
+                let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
+                format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
             }
             _ => passed(),
         };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use serde_json::Value;
-use swerve_drive::page::{REPORT, page_of_log, pair_of_logs};
+use swerve_drive::page::{REPORT, log_of, page_of_log, pair_of_logs};
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
 use swerve_report::page::{Page, Pair, data_of};
@@ -57,12 +57,16 @@ impl Source {
         if !path.is_dir() {
             return Ok(Self::Log(path.to_owned()));
         }
-        let log = path.join("log.mcap");
-        if log.is_file() {
+        if let Some(log) = log_of(path) {
             return Ok(Self::Log(log));
         }
         let page = path.join(REPORT);
-        let expected = || format!("{}: expected log.mcap of a run or {REPORT} of a study", path.display());
+        let expected = || {
+            let path = path.display();
+            format!(
+                "{path}: expected log.mcap of a run, or {REPORT} of a study that has been driven to its end"
+            )
+        };
         let text = std::fs::read_to_string(&page).with_context(expected)?;
         let data = data_of(&text).and_then(|data| serde_json::from_str::<Value>(data).ok());
         data.filter(|data| data["kind"] == "study").map(Self::Study).with_context(expected)

@@ -143,7 +143,7 @@ impl Driver<'_> {
                 (before.input, before.course.up_to(from, dt))
             }
             _ => {
-                let seed = with.seed.map(i64::from).or(self.input.seed);
+                let seed = with.seed.or(self.input.seed);
                 (RunInput { seed, ..self.input.clone() }, Course::default())
             }
         };

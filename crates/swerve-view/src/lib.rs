@@ -12,11 +12,10 @@ mod wheel;
 
 use std::cell::RefCell;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use swerve_drive::page::page_of_log;
+use swerve_drive::page::{log_of, page_of_log};
 use swerve_drive::{Outcome, RunInput};
 use swerve_report::output::print;
 use swerve_scenario::Scenario;
@@ -79,8 +78,13 @@ pub type Summarise<'a> = &'a dyn Fn(&Config, &Scenario, &Outcome) -> anyhow::Res
 pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> anyhow::Result<()> {
     let show = if args.live { Show::of_vehicle() } else { Show::new(args.speed.0, args.paused) };
     let show = Arc::new(show);
-    let log = log_in(&args.input.scenario).filter(|_| !args.live);
+    let log = log_of(&args.input.scenario).filter(|_| !args.live);
     if let Some(log) = &log {
+        anyhow::ensure!(
+            args.input.set.is_empty() && args.input.config.is_empty(),
+            "{}: a log is shown as it was driven: `swerve replay --set` tells what other settings would have given",
+            log.display()
+        );
         show.set_page(page_of_log(registry, log)?.html());
     }
     let (streams, foxglove) = args.foxglove.map(Streams::start).transpose()?.unzip();
@@ -111,13 +115,6 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     }
     show.wait_for_quit();
     Ok(())
-}
-
-/// The log that is named, by itself or by the folder of its run.
-fn log_in(path: &Path) -> Option<PathBuf> {
-    let inside = path.join("log.mcap");
-    let is_log = path.extension().is_some_and(|extension| extension == "mcap");
-    is_log.then(|| path.to_owned()).or_else(|| inside.is_file().then_some(inside))
 }
 
 /// Opens a browser where there is a screen; without one the address stands in the terminal.

@@ -44,7 +44,7 @@ pub(crate) enum Ask {
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Begin {
     /// In the place of the command line's.
-    pub(crate) seed: Option<u32>,
+    pub(crate) seed: Option<i64>,
     /// Keys of the configuration or the scenario on top of the command line's, as `KEY=VALUE`.
     pub(crate) set: Vec<String>,
     /// Whether a person drives in the place of the controller.

@@ -1,7 +1,7 @@
 //! The page of a run from its log, and of two runs beside each other.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use serde::de::DeserializeOwned;
@@ -22,6 +22,14 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::{COMMAND, RunReport};
 use crate::load::problems_error;
+
+/// The log that a path names, by itself or by the folder of its run; of a run that was cut off what there is of it.
+pub fn log_of(path: &Path) -> Option<PathBuf> {
+    if path.extension().is_some_and(|extension| extension == "mcap") {
+        return Some(path.to_owned());
+    }
+    ["log.mcap", "log.partial.mcap"].map(|name| path.join(name)).into_iter().find(|log| log.is_file())
+}
 
 /// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
 /// was cut off, what there is.

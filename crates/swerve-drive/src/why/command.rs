@@ -7,11 +7,12 @@ use swerve_report::output::{print, tell};
 use swerve_stack::Registry;
 
 use super::Logged;
+use crate::page::log_of;
 
 /// `swerve why`.
 #[derive(clap::Args, Debug)]
 pub struct WhyArgs {
-    /// Log file (MCAP)
+    /// Log file (MCAP), or the folder of a run
     log: PathBuf,
     /// Of this actor, by its name in the scenario [default: the one that decided the verdict]
     #[arg(long, value_name = "NAME", conflicts_with = "at")]
@@ -26,7 +27,8 @@ pub struct WhyArgs {
 
 /// Runs `swerve why`.
 pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
-    let why = Logged::read(&args.log, registry)?.why_of(args.actor.as_deref(), args.at)?;
+    let log = log_of(&args.log).unwrap_or_else(|| args.log.clone());
+    let why = Logged::read(&log, registry)?.why_of(args.actor.as_deref(), args.at)?;
     if args.json {
         return print(&(serde_json::to_string_pretty(&why)? + "\n"));
     }
