@@ -64,7 +64,7 @@ impl Source {
         let expected = || {
             let path = path.display();
             format!(
-                "{path}: expected log.mcap of a run, or {REPORT} of a study that has been driven to its end"
+                "{path}: expected log.mcap of a run or {REPORT} of a study, which is there when all cells are driven"
             )
         };
         let text = std::fs::read_to_string(&page).with_context(expected)?;

