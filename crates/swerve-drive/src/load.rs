@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
-use swerve_text::{Document, Problem, nearest, parse_assignment};
+use swerve_text::{Document, nearest, parse_assignment, parse_assignments};
 
 use crate::shipped::Kind;
 
@@ -61,8 +61,7 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
 
 /// Reads and checks what a command line names.
 pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
-    let sets: Result<Vec<_>, Problem> = input.set.iter().map(|s| parse_assignment(s)).collect();
-    let mut sets = sets?;
+    let mut sets = parse_assignments(&input.set)?;
     if let Some(seed) = input.seed {
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }

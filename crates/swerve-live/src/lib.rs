@@ -62,7 +62,7 @@ use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::config::{Config, LiveConfig};
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Document, Problem, parse_assignment};
+use swerve_text::{Document, parse_assignments};
 
 use engage::Engagement;
 use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
@@ -401,8 +401,7 @@ pub fn run_before(
     registry: &Registry,
     mut onlooker: Option<&mut dyn Onlooker>,
 ) -> anyhow::Result<()> {
-    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
-    let mut sets = sets?;
+    let mut sets = parse_assignments(&args.set)?;
     if let Some(enable) = args.enable {
         let word = match enable {
             EnableBy::Topic => "topic",

@@ -112,7 +112,7 @@ fn refuse_occupied(out: &Path) -> anyhow::Result<()> {
 }
 
 fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
-    let sets: Result<Vec<_>, _> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let sets = swerve_text::parse_assignments(&args.set);
     Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))
 }
 

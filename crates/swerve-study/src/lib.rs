@@ -383,7 +383,7 @@ impl Bench {
 
 /// Reads a study's file; `sets` apply to every cell, before the axes.
 fn read(file: &Path, sets: &[String]) -> anyhow::Result<Study> {
-    let sets: Result<Vec<_>, Problem> = sets.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let sets = swerve_text::parse_assignments(sets);
     Study::read(file, &sets?).map_err(|problems| problems_error(&problems))
 }
 

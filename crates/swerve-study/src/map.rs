@@ -148,7 +148,7 @@ fn check(args: &CheckArgs, registry: &Registry) -> anyhow::Result<String> {
 }
 
 fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
-    let sets: Result<Vec<_>, _> = driven.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let sets = swerve_text::parse_assignments(&driven.set);
     let mut config = Kind::Config
         .config(registry, &driven.config, &sets?)
         .map_err(|problems| problems_error(&problems))?;

@@ -106,7 +106,7 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
         scenarios.len().saturating_mul(args.seeds.0.len()) <= CELLS_MAX,
         "more than {CELLS_MAX} drives: expected fewer --seeds"
     );
-    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| swerve_text::parse_assignment(s)).collect();
+    let sets = swerve_text::parse_assignments(&args.set);
     let (base, seed) = (sets?, "seed".to_owned());
     let of_seed =
         |n: &i64| Step { label: n.to_string(), scenario: None, sets: vec![(seed.clone(), (*n).into())] };

@@ -46,6 +46,14 @@ pub fn parse_assignment(text: &str) -> Result<(String, toml::Value), Problem> {
     Ok((key.to_owned(), parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()))))
 }
 
+/// Reads all that `--set` was given, in order.
+///
+/// # Errors
+/// The first one that is no assignment ([`parse_assignment`]).
+pub fn parse_assignments(texts: &[String]) -> Result<Vec<(String, toml::Value)>, Problem> {
+    texts.iter().map(|text| parse_assignment(text)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

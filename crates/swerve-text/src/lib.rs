@@ -16,7 +16,7 @@ mod problem;
 mod table;
 mod words;
 
-pub use assign::{parse_assignment, set};
+pub use assign::{parse_assignment, parse_assignments, set};
 pub use document::{Document, read_text, unreadable};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use overridden::overridden;

@@ -23,7 +23,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Role};
-use swerve_text::{Problem, nearest, parse_assignment};
+use swerve_text::{nearest, parse_assignments};
 
 use crate::run::stem;
 
@@ -65,7 +65,7 @@ impl ReplayArgs {
 /// Runs `swerve replay`.
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = Log::read(&args.log)?;
-    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
+    let sets = parse_assignments(&args.set);
     let asks = args.out.is_some() || !args.set.is_empty();
     let name =
         log.start.extra.get("scenario_file").map_or_else(|| "log".into(), |file| stem(Path::new(file)));

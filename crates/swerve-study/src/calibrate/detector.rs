@@ -22,7 +22,7 @@ use swerve_stack::config::Config;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use swerve_stack::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
-use swerve_text::{Problem, nearest, parse_assignment};
+use swerve_text::{nearest, parse_assignments};
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]
@@ -87,7 +87,7 @@ const CLOSE: f64 = 0.002;
 
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
-    let sets: Result<Vec<_>, Problem> = args.set.iter().map(|s| parse_assignment(s)).collect();
+    let sets = parse_assignments(&args.set);
     let base =
         Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
     if let Some(path) = &args.out {
@@ -470,7 +470,8 @@ mod tests {
         let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"));
         let all = scenarios(folder).unwrap();
         let fitted_with = ["control.controller=pid", "planning.collision=time_indexed"];
-        let base = Config::load(None, &fitted_with.map(|set| parse_assignment(set).unwrap())).unwrap();
+        let base =
+            Config::load(None, &fitted_with.map(|set| swerve_text::parse_assignment(set).unwrap())).unwrap();
         Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
     }
 
