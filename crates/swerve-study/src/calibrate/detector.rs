@@ -450,8 +450,7 @@ fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
         args.within_m,
         frames.join(", ").to_lowercase()
     );
-    let by_name: BTreeMap<&str, Fit> = fitted.iter().map(|(t, f)| (t.name.as_str(), f.fit)).collect();
-    for (name, fit) in by_name {
+    for (name, fit) in fitted.iter().map(|(t, f)| (&t.name, f.fit)).collect::<BTreeMap<_, _>>() {
         text += &format!(
             "\"{name}\" = {{ error_level = {:?}, ap = {:?}, ap_held_out = {:?} }}\n",
             fit.error_level, fit.ap, fit.ap_held_out
