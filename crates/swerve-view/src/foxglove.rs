@@ -1,10 +1,11 @@
 //! A run, or a log of one, for the Foxglove app: the channels that a log holds under `/view`, over a WebSocket.
 //!
-//! Our own side of the protocol over `tungstenite`, and not the server of the `foxglove` crate: that one brings an
-//! asynchronous runtime, lets in the page of any site, and tells nobody how much it drops.
+//! Each viewer has a server of the `foxglove` crate to itself, behind a gate of ours: the crate's lets in the page of any
+//! site and tells nobody how much it drops, so the gate looks at who asks and at what the viewer has taken, and what the
+//! viewer does not take in time is dropped, and counted, before it is handed over.
 
+mod gate;
 mod hub;
-mod protocol;
 #[cfg(test)]
 pub(crate) mod tests;
 mod viewer;
@@ -18,12 +19,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
-use swerve_foxglove::Foxglove;
+use swerve_foxglove::{Form, Foxglove};
 use swerve_log::{Bag, View, ViewTopic, Views};
 use swerve_report::output::tell;
 
 use hub::{Hub, Message};
-use protocol::Form;
 
 /// Where the Foxglove app looks first.
 pub(crate) const USUAL: &str = "127.0.0.1:8765";

@@ -54,40 +54,17 @@ pub(crate) struct Door {
 impl Door {
     /// Reads a request, or says why it is refused.
     pub(crate) fn read(&self, stream: &mut TcpStream) -> Result<Request, Answer> {
-        let cut_off = |_| Answer::refusal("408 Request Timeout", "the request was cut off");
-        stream.set_read_timeout(Some(PATIENCE)).map_err(cut_off)?;
-        stream.set_write_timeout(Some(PATIENCE)).map_err(cut_off)?;
-        let mut bytes = Vec::new();
-        let mut wanted = None;
-        while wanted.is_none_or(|wanted| bytes.len() < wanted) {
-            let mut part = [0; 4096];
-            let read = match stream.read(&mut part) {
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue, // by a signal
-                read => read.map_err(cut_off)?,
-            };
-            bytes.extend_from_slice(&part[..read]);
-            wanted = wanted.or_else(|| whole_length(&bytes));
-            if bytes.len() > LONGEST || wanted.is_some_and(|wanted| wanted > LONGEST) {
-                return Err(Answer::refusal("413 Content Too Large", format!("over {LONGEST} bytes")));
-            }
-            if read == 0 && wanted.is_none_or(|wanted| bytes.len() < wanted) {
-                return Err(Answer::refusal("400 Bad Request", "the request was cut off"));
-            }
-        }
-        self.admit(&bytes)
+        self.admit(&read_whole(stream)?)
     }
 
     fn admit(&self, bytes: &[u8]) -> Result<Request, Answer> {
         let bad = || Answer::refusal("400 Bad Request", "expected a request of HTTP/1.1");
         let text = core::str::from_utf8(bytes).map_err(|_| bad())?;
         let (head, body) = text.split_once("\r\n\r\n").ok_or_else(bad)?;
-        let (first, rest) = head.split_once("\r\n").ok_or_else(bad)?;
+        let (first, _) = head.split_once("\r\n").ok_or_else(bad)?;
         let words: Vec<&str> = first.split(' ').collect();
         let [method, target, "HTTP/1.1"] = words[..] else { return Err(bad()) };
-        let fields = |name: &str| {
-            let fields = rest.split("\r\n").filter_map(|line| line.split_once(':'));
-            fields.filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| v.trim()).collect::<Vec<_>>()
-        };
+        let fields = |name: &str| fields(head, name);
         if fields("host") != [self.host.as_str()] {
             return Err(Answer::refusal("403 Forbidden", "another host was asked for"));
         }
@@ -113,12 +90,48 @@ impl Door {
     }
 }
 
-/// How long the request is in all, once its head is there.
+/// Reads a whole request or answer, and what has come with it; or says why it is none.
+pub(crate) fn read_whole(stream: &mut TcpStream) -> Result<Vec<u8>, Answer> {
+    let cut_off = |_| Answer::refusal("408 Request Timeout", "the request was cut off");
+    stream.set_read_timeout(Some(PATIENCE)).map_err(cut_off)?;
+    stream.set_write_timeout(Some(PATIENCE)).map_err(cut_off)?;
+    let mut bytes = Vec::new();
+    let mut wanted = None;
+    while wanted.is_none_or(|wanted| bytes.len() < wanted) {
+        let mut part = [0; 4096];
+        let read = match stream.read(&mut part) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue, // by a signal
+            read => read.map_err(cut_off)?,
+        };
+        bytes.extend_from_slice(&part[..read]);
+        wanted = wanted.or_else(|| whole_length(&bytes));
+        if bytes.len() > LONGEST || wanted.is_some_and(|wanted| wanted > LONGEST) {
+            return Err(Answer::refusal("413 Content Too Large", format!("over {LONGEST} bytes")));
+        }
+        if read == 0 && wanted.is_none_or(|wanted| bytes.len() < wanted) {
+            return Err(Answer::refusal("400 Bad Request", "the request was cut off"));
+        }
+    }
+    Ok(bytes)
+}
+
+/// How long a head is, with the empty line after it, once it is there.
+pub(crate) fn head_length(bytes: &[u8]) -> Option<usize> {
+    bytes.windows(4).position(|four| four == b"\r\n\r\n").map(|at| at + 4)
+}
+
+/// What the fields of one name in a head hold.
+pub(crate) fn fields<'a>(head: &'a str, name: &str) -> Vec<&'a str> {
+    let fields = head.split("\r\n").filter_map(|line| line.split_once(':'));
+    fields.filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| v.trim()).collect()
+}
+
+/// How long a request or answer is in all, once its head is there.
 fn whole_length(bytes: &[u8]) -> Option<usize> {
-    let head = bytes.windows(4).position(|four| four == b"\r\n\r\n")?;
+    let head = head_length(bytes)?;
     let text = String::from_utf8_lossy(&bytes[..head]).to_ascii_lowercase();
     let length = text.lines().find_map(|line| line.strip_prefix("content-length:")?.trim().parse().ok());
-    Some(length.unwrap_or(0_usize).saturating_add(head + 4))
+    Some(length.unwrap_or(0_usize).saturating_add(head))
 }
 
 /// Sends an answer and closes; a client that has gone is nobody's concern.

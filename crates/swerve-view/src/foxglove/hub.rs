@@ -3,18 +3,16 @@
 //! The run hands over messages that nobody has made yet and goes on; the first viewer that takes one makes it. A viewer
 //! that takes them more slowly than they come loses the oldest, and they are counted.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::protocol::{Asked, Channel, Form};
+use swerve_foxglove::Form;
 
 /// Messages that wait of one subscription, at most,
 const WAITING: usize = 256;
 /// and about how many bytes of them, where there is more than one.
 const WAITING_BYTES: usize = 16 << 20;
-/// Subscriptions of one viewer.
-const SUBSCRIPTIONS: usize = 1024;
 /// The time of the run is told so often, nanoseconds of the run.
 const TICK_NS: u64 = 10_000_000;
 
@@ -42,33 +40,31 @@ impl Message {
 
 /// What a viewer is to be sent.
 pub(super) enum Todo {
-    /// Another run begins; these channels are gone.
-    Session(String, Vec<u64>),
-    Advertise(Vec<Arc<Channel>>),
+    /// Another run begins; the topics of the one before are gone.
+    Session(String),
+    Offer(Arc<str>, Arc<Form>),
     Dropped(u64),
     Time(u64),
-    Message(u32, Arc<Message>),
+    Message(Arc<str>, Arc<Message>),
 }
 
 struct Topic {
-    channel: Arc<Channel>,
+    form: Arc<Form>,
     /// For who comes later: some topics have one message a run.
     newest: Arc<Message>,
 }
 
 #[derive(Default)]
 struct Waiting {
-    channel: u64,
     messages: VecDeque<(u64, Arc<Message>)>,
     bytes: usize,
 }
 
 #[derive(Default)]
 struct Viewer {
-    /// None before it was told of any.
-    session: Option<u64>,
-    advertised: Vec<u64>,
-    subscriptions: BTreeMap<u32, Waiting>,
+    session: u64,
+    offered: BTreeSet<Arc<str>>,
+    subscriptions: BTreeMap<Arc<str>, Waiting>,
     time_ns: Option<u64>,
     dropped: u64,
     told: u64,
@@ -79,8 +75,7 @@ struct Viewer {
 #[derive(Default)]
 struct State {
     session: u64,
-    topics: BTreeMap<String, Topic>,
-    channels: u64,
+    topics: BTreeMap<Arc<str>, Topic>,
     messages: u64,
     now_ns: u64,
     viewers: BTreeMap<u64, Viewer>,
@@ -121,34 +116,33 @@ impl Hub {
         let message = Arc::new(message);
         state.now_ns = state.now_ns.max(message.at_ns);
         state.messages += 1;
-        let channel = match state.topics.get_mut(topic) {
-            Some(known) => {
-                known.newest = Arc::clone(&message);
-                known.channel.id
-            }
+        match state.topics.get_mut(topic) {
+            Some(known) => known.newest = Arc::clone(&message),
             None => {
-                state.channels += 1;
-                let (id, newest) = (state.channels, Arc::clone(&message));
-                let channel = Arc::new(Channel { id, topic: topic.to_owned(), form: form() });
-                state.topics.insert(topic.to_owned(), Topic { channel, newest });
-                id
+                let new = Topic { form: Arc::new(form()), newest: Arc::clone(&message) };
+                state.topics.insert(topic.into(), new);
             }
-        };
+        }
         for viewer in state.viewers.values_mut() {
-            let of_channel = viewer.subscriptions.values_mut().filter(|waiting| waiting.channel == channel);
-            viewer.dropped += of_channel.map(|waiting| waiting.push(state.messages, &message)).sum::<u64>();
+            if let Some(waiting) = viewer.subscriptions.get_mut(topic) {
+                viewer.dropped += waiting.push(state.messages, &message);
+            }
         }
         self.changed.notify_all();
     }
 
-    /// A viewer comes; gives its number.
-    pub(super) fn enter(&self) -> u64 {
+    /// A viewer comes; gives its number and the session that goes on.
+    pub(super) fn enter(&self) -> (u64, String) {
         let mut state = self.state();
         state.entered += 1;
-        let id = state.entered;
-        state.viewers.insert(id, Viewer::default());
+        let (id, session) = (state.entered, state.session);
+        state.viewers.insert(id, Viewer { session, ..Viewer::default() });
         self.changed.notify_all();
-        id
+        (id, self.session(session))
+    }
+
+    fn session(&self, number: u64) -> String {
+        format!("{}-{number}", self.name)
     }
 
     /// A viewer goes; gives how many messages it got, and how many were dropped.
@@ -157,84 +151,66 @@ impl Hub {
         gone.map_or((0, 0), |viewer| (viewer.taken, viewer.dropped))
     }
 
-    /// Does what a viewer asks for.
-    pub(super) fn hear(&self, id: u64, asked: Asked) {
+    /// A viewer wants a topic, and its newest message first.
+    pub(super) fn subscribe(&self, id: u64, topic: &str) {
         let mut state = self.state();
-        let state = &mut *state;
-        let Some(viewer) = state.viewers.get_mut(&id) else { return };
-        match asked {
-            Asked::Subscribe { subscriptions } => {
-                for wanted in subscriptions {
-                    let topic = state.topics.values().find(|topic| topic.channel.id == wanted.channel_id);
-                    let is_known = viewer.subscriptions.contains_key(&wanted.id);
-                    // A channel of the run before is no more.
-                    let Some(topic) =
-                        topic.filter(|_| !is_known && viewer.subscriptions.len() < SUBSCRIPTIONS)
-                    else {
-                        continue;
-                    };
-                    let mut waiting = Waiting { channel: wanted.channel_id, ..Waiting::default() };
-                    waiting.push(0, &topic.newest);
-                    viewer.subscriptions.insert(wanted.id, waiting);
-                }
-            }
-            Asked::Unsubscribe { subscription_ids } => {
-                viewer.subscriptions.retain(|id, _| !subscription_ids.contains(id));
-            }
-            Asked::Other => {}
+        let State { viewers, topics, .. } = &mut *state;
+        if let (Some(viewer), Some((topic, Topic { newest, .. }))) =
+            (viewers.get_mut(&id), topics.get_key_value(topic))
+        {
+            let mut waiting = Waiting::default();
+            waiting.push(0, newest);
+            viewer.subscriptions.insert(Arc::clone(topic), waiting);
+        }
+        self.changed.notify_all();
+    }
+
+    /// A viewer wants a topic no more.
+    pub(super) fn unsubscribe(&self, id: u64, topic: &str) {
+        if let Some(viewer) = self.state().viewers.get_mut(&id) {
+            viewer.subscriptions.remove(topic);
         }
     }
 
     /// What a viewer is to be sent next; waits a little where there is nothing.
     pub(super) fn next(&self, id: u64, wait: Duration) -> Option<Todo> {
         let mut state = self.state();
-        if let Some(todo) = state.next(id, &self.name) {
+        if let Some(todo) = self.next_of(&mut state, id) {
             return Some(todo);
         }
-        if wait.is_zero() {
-            return None;
-        }
         state = self.changed.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
-        state.next(id, &self.name)
+        self.next_of(&mut state, id)
     }
 
-    /// Waits until more viewers than so many have come, at most so long; whether they have, and how many it were.
-    pub(super) fn wait_for_viewers(&self, more_than: u64, wait: Duration) -> Option<u64> {
-        let none = |state: &mut State| state.entered <= more_than;
-        let waited = self.changed.wait_timeout_while(self.state(), wait, none);
-        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        (state.entered > more_than).then_some(state.entered)
-    }
-}
-
-impl State {
-    fn next(&mut self, id: u64, name: &str) -> Option<Todo> {
-        let viewer = self.viewers.get_mut(&id)?;
-        if viewer.session != Some(self.session) {
-            viewer.session = Some(self.session);
-            viewer.subscriptions.clear();
-            viewer.time_ns = None;
-            let gone = core::mem::take(&mut viewer.advertised);
-            return Some(Todo::Session(format!("{name}-{}", self.session), gone));
+    fn next_of(&self, state: &mut State, id: u64) -> Option<Todo> {
+        let viewer = state.viewers.get_mut(&id)?;
+        if viewer.session != state.session {
+            *viewer = Viewer {
+                session: state.session,
+                dropped: viewer.dropped,
+                told: viewer.told,
+                taken: viewer.taken,
+                ..Viewer::default()
+            };
+            return Some(Todo::Session(self.session(state.session)));
         }
-        if viewer.advertised.len() < self.topics.len() {
-            let is_new = |topic: &&Topic| !viewer.advertised.contains(&topic.channel.id);
-            let new: Vec<_> =
-                self.topics.values().filter(is_new).map(|topic| Arc::clone(&topic.channel)).collect();
-            viewer.advertised.extend(new.iter().map(|channel| channel.id));
-            return Some(Todo::Advertise(new));
+        if viewer.offered.len() < state.topics.len() {
+            let (topic, Topic { form, .. }) =
+                state.topics.iter().find(|(topic, _)| !viewer.offered.contains(*topic))?;
+            viewer.offered.insert(Arc::clone(topic));
+            return Some(Todo::Offer(Arc::clone(topic), Arc::clone(form)));
         }
         let first = |waiting: &Waiting| waiting.messages.front().map(|(number, _)| *number);
-        let next = viewer.subscriptions.iter_mut().filter_map(|(id, w)| Some((first(w)?, id, w)));
+        let next = viewer.subscriptions.iter_mut().filter_map(|(topic, w)| Some((first(w)?, topic, w)));
         let next = next.min_by_key(|(number, ..)| *number);
         // Told now and then while it goes on, and at the end of what waits.
         if viewer.dropped > viewer.told && (next.is_none() || viewer.dropped >= 2 * viewer.told) {
             viewer.told = viewer.dropped;
             return Some(Todo::Dropped(viewer.dropped));
         }
-        let Some((_, id, waiting)) = next else {
-            let is_late = viewer.time_ns.is_none_or(|told| told < self.now_ns);
-            return is_late.then(|| Todo::Time(*viewer.time_ns.insert(self.now_ns)));
+        let Some((_, topic, waiting)) = next else {
+            let is_late = viewer.time_ns.is_none_or(|told| told < state.now_ns);
+            return is_late.then(|| Todo::Time(*viewer.time_ns.insert(state.now_ns)));
         };
         let (_, message) = waiting.messages.front()?;
         if viewer.time_ns.is_none_or(|told| told + TICK_NS <= message.at_ns) {
@@ -243,7 +219,15 @@ impl State {
         let (_, message) = waiting.messages.pop_front()?;
         waiting.bytes -= message.bytes;
         viewer.taken += 1;
-        Some(Todo::Message(*id, message))
+        Some(Todo::Message(Arc::clone(topic), message))
+    }
+
+    /// Waits until more viewers than so many have come, at most so long; whether they have, and how many it were.
+    pub(super) fn wait_for_viewers(&self, more_than: u64, wait: Duration) -> Option<u64> {
+        let none = |state: &mut State| state.entered <= more_than;
+        let waited = self.changed.wait_timeout_while(self.state(), wait, none);
+        let (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        (state.entered > more_than).then_some(state.entered)
     }
 }
 

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use serde_json::{Value, json};
+use swerve_foxglove::Form;
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message as Frame, WebSocket};
 
 use super::hub::{Hub, Message};
 use super::listen;
-use super::protocol::Form;
 
 /// A client that speaks the protocol by its specification.
 pub(crate) struct Client {
@@ -97,6 +97,8 @@ impl Client {
                 let gone = said["channelIds"].as_array().unwrap();
                 self.channels.retain(|_, channel| !gone.contains(&channel["id"]));
             }
+            // What is not offered is answered with a status of its own.
+            "status" if said["id"] != "dropped" => {}
             "status" => {
                 let message = said["message"].as_str().unwrap();
                 self.dropped = message.split(' ').next().unwrap().parse().unwrap();
@@ -162,7 +164,7 @@ fn a_viewer_gets_what_it_subscribes_to() {
         client.times
     );
     assert_eq!(client.dropped, 0);
-    let said = json!({ "op": "unsubscribe", "subscriptionIds": [8] });
+    let said = json!({ "op": "unsubscribe", "subscriptionIds": [7, 8] });
     client.socket.send(Frame::text(said.to_string())).unwrap();
     client.socket.send(Frame::text("{\"op\":\"setParameters\"} nonsense")).unwrap();
     client.subscribe(9, "/view/ground");

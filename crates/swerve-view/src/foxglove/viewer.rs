@@ -1,132 +1,103 @@
-//! One viewer's connection.
+//! One viewer, and its server fed.
 
+use std::io;
 use std::net::TcpStream;
+use std::sync::Arc;
 use std::time::Duration;
 
-use tungstenite::handshake::server::{ErrorResponse, Request, Response};
-use tungstenite::http::{HeaderValue, StatusCode, header};
-use tungstenite::protocol::WebSocketConfig;
-use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
+use swerve_foxglove::{Listener, Server};
 
+use super::gate::{Count, Knock, Taken};
 use super::hub::{Hub, Todo};
-use super::protocol::{self, NAMES, may_look};
 
-/// How long a viewer may take to say what it is.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// How long to wait for something to send before the viewer is listened to again, or for it to take more.
+/// How long to wait for something to send, or for the viewer to take more, before the other is looked at.
 const TURN: Duration = Duration::from_millis(20);
-/// Messages in one direction before the other one has its turn.
-const AT_ONCE: usize = 64;
-/// Bytes of what a viewer asks, at most.
-const LONGEST: usize = 256 << 10;
+/// How long another session waits for what is under way of the one before.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Messages under way to a viewer, at most,
+const UNDER_WAY: u64 = 256;
+/// and about how many bytes of them. What is more waits in the hub, which drops the oldest of a topic and counts.
+const UNDER_WAY_BYTES: u64 = 4 << 20;
+/// Bytes of a message beside its data: operation, subscription and time; a time alone has nine.
+const MESSAGE_HEAD: u64 = 13;
+const TIME_BYTES: u64 = 9;
+
+struct Ears {
+    hub: Arc<Hub>,
+    id: u64,
+}
+
+impl Listener for Ears {
+    fn subscribe(&self, topic: &str) {
+        self.hub.subscribe(self.id, topic);
+    }
+
+    fn unsubscribe(&self, topic: &str) {
+        self.hub.unsubscribe(self.id, topic);
+    }
+}
 
 /// Serves a viewer until it goes.
 ///
 /// # Errors
 /// The connection broke off, or never was one.
-pub(super) fn serve(hub: &Hub, stream: TcpStream) -> Result<(), Error> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    stream.set_nodelay(true)?;
-    let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
-    let socket = accept_hdr_with_config(stream, Greeting, Some(config)).map_err(|error| match error {
-        HandshakeError::Failure(error) => error,
-        HandshakeError::Interrupted(_) => Error::ConnectionClosed,
-    })?;
-    socket.get_ref().set_nonblocking(true)?;
-    let id = hub.enter();
-    let ended = converse(hub, id, socket);
+pub(super) fn serve(hub: &Arc<Hub>, stream: TcpStream) -> io::Result<()> {
+    let Some(knock) = Knock::hear(stream) else { return Ok(()) };
+    let (id, session) = hub.enter();
+    let listener = Ears { hub: Arc::clone(hub), id };
+    // Twice: times and messages wait in queues of their own, and neither may ever be full.
+    let started = Server::start(&session, 2 * UNDER_WAY as usize, listener).map_err(io::Error::other);
+    let ended = started.and_then(|server| {
+        let (at, count) = (server.at(), Count::default());
+        std::thread::scope(|scope| {
+            scope.spawn(|| feed(hub, id, server, &count));
+            let ended = knock.lead_to(at, &count);
+            count.close();
+            ended
+        })
+    });
     let (taken, dropped) = hub.leave(id);
     swerve_report::output::tell(&format!("a viewer has gone: {taken} messages sent, {dropped} dropped"));
     ended
 }
 
-/// Says whether a viewer is let in, and by which name of the protocol.
-struct Greeting;
-
-impl tungstenite::handshake::server::Callback for Greeting {
-    fn on_request(self, request: &Request, mut answer: Response) -> Result<Response, ErrorResponse> {
-        let refusal = |status, why: &str| {
-            let mut refusal = ErrorResponse::new(Some(why.to_owned()));
-            *refusal.status_mut() = status;
-            refusal
-        };
-        let origin = request.headers().get(header::ORIGIN).map(|origin| origin.to_str().unwrap_or_default());
-        if !may_look(origin) {
-            return Err(refusal(StatusCode::FORBIDDEN, "another site's page asks"));
-        }
-        let offered = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL).iter();
-        let offered: Vec<&str> =
-            offered.flat_map(|names| names.to_str().unwrap_or_default().split(',')).map(str::trim).collect();
-        let Some(name) = NAMES.into_iter().find(|name| offered.contains(name)) else {
-            return Err(refusal(StatusCode::BAD_REQUEST, "expected the protocol foxglove.sdk.v1"));
-        };
-        answer.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(name));
-        Ok(answer)
-    }
-}
-
-/// Whether it is only that nothing goes on at the moment.
-fn must_wait(error: &Error) -> bool {
-    matches!(error, Error::Io(error) if error.kind() == std::io::ErrorKind::WouldBlock)
-}
-
-fn converse(hub: &Hub, id: u64, mut socket: WebSocket<TcpStream>) -> Result<(), Error> {
+/// Hands the server what there is for the viewer, as fast as the viewer takes it.
+fn feed(hub: &Hub, id: u64, mut server: Server, count: &Count) {
+    let (mut messages, mut bytes) = (0, 0);
     loop {
-        hear(hub, id, &mut socket)?;
-        match say(hub, id, &mut socket) {
-            Err(error) if must_wait(&error) => std::thread::park_timeout(TURN / 4),
-            said => said?,
+        let is_full =
+            |taken: &Taken| messages - taken.messages >= UNDER_WAY || bytes - taken.bytes >= UNDER_WAY_BYTES;
+        let taken = count.wait_while(is_full, TURN);
+        if taken.is_gone {
+            return;
         }
-    }
-}
-
-/// Takes in what the viewer has asked by now.
-fn hear(hub: &Hub, id: u64, socket: &mut WebSocket<TcpStream>) -> Result<(), Error> {
-    for _ in 0..AT_ONCE {
-        match socket.read() {
-            // What is not understood is not offered.
-            Ok(Message::Text(text)) => {
-                if let Ok(asked) = serde_json::from_str(&text) {
-                    hub.hear(id, asked);
+        if is_full(&taken) {
+            continue;
+        }
+        match hub.next(id, TURN) {
+            None => {}
+            Some(Todo::Session(session)) => {
+                // What is under way is of the session before: a viewer that takes it gets it before the next.
+                let taken = count.wait_while(|taken| taken.messages < messages, PATIENCE);
+                (messages, bytes) = (taken.messages, taken.bytes);
+                server.begin(&session);
+            }
+            Some(Todo::Offer(topic, form)) => {
+                // Of no use to a viewer without, and no reason to stop the rest.
+                let _is_understood = server.offer(&topic, &form);
+            }
+            Some(Todo::Dropped(dropped)) => server.tell_dropped(dropped),
+            Some(Todo::Time(at_ns)) => {
+                server.tell_time(at_ns);
+                (messages, bytes) = (messages + 1, bytes + TIME_BYTES);
+            }
+            Some(Todo::Message(topic, message)) => {
+                let data = message.data();
+                // Nothing to show, or nobody: whoever has unsubscribed meanwhile is sent nothing.
+                if !data.is_empty() && server.send(&topic, message.at_ns, data) {
+                    (messages, bytes) = (messages + 1, bytes + MESSAGE_HEAD + data.len() as u64);
                 }
             }
-            Ok(_) => {}
-            Err(error) if must_wait(&error) => return Ok(()),
-            Err(error) => return Err(error),
         }
     }
-    Ok(())
-}
-
-/// Sends what there is, as far as the viewer takes it.
-fn say(hub: &Hub, id: u64, socket: &mut WebSocket<TcpStream>) -> Result<(), Error> {
-    socket.flush()?;
-    for count in 0..AT_ONCE {
-        let wait = if count == 0 { TURN } else { Duration::ZERO };
-        let Some(todo) = hub.next(id, wait) else { break };
-        let message = match todo {
-            Todo::Session(session, gone) => {
-                if !gone.is_empty() {
-                    // It is kept in any case: what must wait is what is kept after it.
-                    let unadvertise = Message::text(protocol::unadvertise(&gone));
-                    socket
-                        .write(unadvertise)
-                        .or_else(|error| must_wait(&error).then_some(()).ok_or(error))?;
-                }
-                Message::text(protocol::server_info(&session))
-            }
-            Todo::Advertise(channels) => {
-                Message::text(protocol::advertise(channels.iter().map(|channel| &**channel)))
-            }
-            Todo::Dropped(count) => Message::text(protocol::dropped(count)),
-            Todo::Time(at_ns) => Message::binary(protocol::time(at_ns)),
-            Todo::Message(subscription, message) => match message.data() {
-                [] => continue,
-                data => Message::binary(protocol::message(subscription, message.at_ns, data)),
-            },
-        };
-        socket.write(message)?;
-    }
-    socket.flush()
 }

@@ -1,0 +1,221 @@
+//! The gate before a viewer's server: it looks at who asks, passes on both ways what is said, and counts what the
+//! viewer has taken.
+
+use std::io::{BufRead as _, BufReader, BufWriter, Read, Write, copy};
+use std::net::{Shutdown, SocketAddr, TcpStream};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use crate::http::{Answer, fields, head_length, read_whole};
+
+/// What the protocol is called by older programs; what is used of it here is the same.
+const OLD_NAME: &str = "foxglove.websocket.v1";
+/// What it is called today.
+const NAME: &str = "foxglove.sdk.v1";
+
+/// What the viewer has taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Taken {
+    /// Binary messages: those of topics, and times.
+    pub(super) messages: u64,
+    /// Their bytes.
+    pub(super) bytes: u64,
+    /// Whether it has gone.
+    pub(super) is_gone: bool,
+}
+
+/// The count of it, kept by the gate.
+#[derive(Debug, Default)]
+pub(super) struct Count {
+    taken: Mutex<Taken>,
+    changed: Condvar,
+}
+
+impl Count {
+    fn lock(&self) -> MutexGuard<'_, Taken> {
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Taken)) {
+        change(&mut self.lock());
+        self.changed.notify_all();
+    }
+
+    /// The viewer has gone.
+    pub(super) fn close(&self) {
+        self.change(|taken| taken.is_gone = true);
+    }
+
+    /// Waits while the viewer is there and `not_yet`, at most so long.
+    pub(super) fn wait_while(&self, not_yet: impl Fn(&Taken) -> bool, wait: Duration) -> Taken {
+        let waits = |taken: &mut Taken| !taken.is_gone && not_yet(taken);
+        *self.changed.wait_timeout_while(self.lock(), wait, waits).unwrap_or_else(PoisonError::into_inner).0
+    }
+}
+
+/// A viewer's request to be let in.
+pub(super) struct Knock {
+    viewer: TcpStream,
+    request: Vec<u8>,
+    by_old_name: bool,
+}
+
+impl Knock {
+    /// Hears who knocks; whoever may not look is told so and sent away.
+    pub(super) fn hear(mut viewer: TcpStream) -> Option<Self> {
+        match read_whole(&mut viewer).and_then(admit) {
+            Ok((request, by_old_name)) => Some(Self { viewer, request, by_old_name }),
+            Err(refusal) => {
+                crate::http::answer(viewer, &refusal);
+                None
+            }
+        }
+    }
+
+    /// Leads the viewer to its server and passes on what the two say, until one of them goes.
+    pub(super) fn lead_to(mut self, server: SocketAddr, count: &Count) -> std::io::Result<()> {
+        let mut server = TcpStream::connect(server)?;
+        server.set_nodelay(true)?;
+        server.write_all(&self.request)?;
+        let answer = read_whole(&mut server).map_err(|_| std::io::ErrorKind::InvalidData)?;
+        let (head, begun) = answer.split_at(head_length(&answer).unwrap_or(answer.len()));
+        let text = String::from_utf8_lossy(head);
+        let named = if self.by_old_name { text.replace(NAME, OLD_NAME) } else { text.into_owned() };
+        self.viewer.write_all(named.as_bytes())?;
+        if !named.starts_with("HTTP/1.1 101 ") {
+            self.viewer.write_all(begun)?;
+            copy(&mut server, &mut self.viewer)?;
+            return Ok(());
+        }
+        for stream in [&self.viewer, &server] {
+            stream.set_nodelay(true)?;
+            stream.set_read_timeout(None)?;
+            stream.set_write_timeout(None)?;
+        }
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let _ended = copy(&mut &self.viewer, &mut &server);
+                count.close();
+                hang_up(&self.viewer, &server);
+            });
+            let ended = pass_frames(begun.chain(&server), &self.viewer, count);
+            hang_up(&self.viewer, &server);
+            ended
+        })
+    }
+}
+
+fn hang_up(viewer: &TcpStream, server: &TcpStream) {
+    for stream in [viewer, server] {
+        let _has_gone = stream.shutdown(Shutdown::Both);
+    }
+}
+
+/// The request as the server is to hear it, and whether the protocol had its old name.
+fn admit(request: Vec<u8>) -> Result<(Vec<u8>, bool), Answer> {
+    let text = String::from_utf8_lossy(&request);
+    let head = text.split("\r\n\r\n").next().unwrap_or_default();
+    let origins = fields(head, "origin");
+    if origins.iter().any(|origin| !may_look(origin)) {
+        return Err(Answer::refusal("403 Forbidden", "another site's page asks"));
+    }
+    let offered = fields(head, "sec-websocket-protocol").join(",");
+    let offered: Vec<&str> = offered.split(',').map(str::trim).collect();
+    let by_old_name = offered.contains(&OLD_NAME) && !offered.contains(&NAME);
+    let renamed = by_old_name.then(|| text.replace(OLD_NAME, NAME).into_bytes());
+    Ok((renamed.unwrap_or(request), by_old_name))
+}
+
+/// Whether a page of this origin may look: the Foxglove app, a program on this machine. Any other site's page could
+/// otherwise look through the browser of whoever has it open. No origin, no browser.
+fn may_look(origin: &str) -> bool {
+    let Some((scheme, place)) = origin.split_once("://") else { return false };
+    let host = match place.strip_prefix('[') {
+        Some(v6) => v6.split(']').next(),
+        None => place.split(':').next(),
+    };
+    let host = host.unwrap_or_default();
+    let is_foxglove = scheme == "https" && (host == "foxglove.dev" || host.ends_with(".foxglove.dev"));
+    let is_here = matches!(host, "localhost" | "127.0.0.1" | "::1");
+    is_foxglove || is_here || !matches!(scheme, "http" | "https")
+}
+
+/// Passes on the frames of a WebSocket (RFC 6455, section 5.2), unmasked as a server sends them, and counts the binary
+/// ones that the viewer's connection has taken.
+fn pass_frames(from: impl Read, to: impl Write, count: &Count) -> std::io::Result<()> {
+    const BINARY: u8 = 2;
+    let (mut from, mut to) = (BufReader::with_capacity(1 << 16, from), BufWriter::with_capacity(1 << 16, to));
+    while !from.fill_buf()?.is_empty() {
+        let mut head = [0; 10];
+        from.read_exact(&mut head[..2])?;
+        let short = head[1] & 0x7f;
+        let head_bytes = match short {
+            126 => 4,
+            127 => 10,
+            _ => 2,
+        };
+        from.read_exact(&mut head[2..head_bytes])?;
+        let long = head[2..head_bytes].iter().fold(0, |length, byte| length << 8 | u64::from(*byte));
+        let length = if head_bytes == 2 { u64::from(short) } else { long };
+        to.write_all(&head[..head_bytes])?;
+        let passed = copy(&mut from.by_ref().take(length), &mut to)?;
+        if passed < length {
+            return Err(std::io::ErrorKind::UnexpectedEof.into());
+        }
+        if from.buffer().is_empty() {
+            to.flush()?;
+        }
+        if head[0] & 0x0f == BINARY {
+            count.change(|taken| {
+                taken.messages += 1;
+                taken.bytes += length;
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_other_sites_page_looks() {
+        for (origin, may) in [
+            ("https://app.foxglove.dev", true),
+            ("http://localhost:8080", true),
+            ("http://[::1]:8080", true),
+            ("file://", true),
+            ("https://evil.example", false),
+            ("https://notfoxglove.dev", false),
+            ("http://localhost.evil.example", false),
+            ("http://app.foxglove.dev", false),
+            ("null", false),
+        ] {
+            assert_eq!(may_look(origin), may, "{origin:?}");
+        }
+    }
+
+    #[test]
+    fn frames_pass_as_they_are_and_binary_ones_are_counted() {
+        let lengths: [usize; 5] = [0, 125, 126, 65_535, 70_000];
+        let mut sent = Vec::new();
+        for (k, length) in lengths.into_iter().enumerate() {
+            for opcode in [1_u8, 2] {
+                sent.push(0x80 | opcode);
+                match length {
+                    0..126 => sent.push(length as u8),
+                    126..65_536 => sent.extend([&[126][..], &(length as u16).to_be_bytes()].concat()),
+                    _ => sent.extend([&[127][..], &(length as u64).to_be_bytes()].concat()),
+                }
+                sent.resize(sent.len() + length, k as u8);
+            }
+        }
+        let (count, mut came) = (Count::default(), Vec::new());
+        pass_frames(&sent[..], &mut came, &count).unwrap();
+        assert!(came == sent);
+        let bytes = lengths.iter().sum::<usize>() as u64;
+        assert_eq!(*count.lock(), Taken { messages: 5, bytes, is_gone: false });
+        assert!(pass_frames(&sent[..sent.len() - 1], &mut Vec::new(), &count).is_err());
+    }
+}
