@@ -9,7 +9,7 @@ use swerve_foxglove::logged_image;
 use swerve_log::{Bag, Log, LogError, PublicationRecord, Record};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
-use swerve_report::output::quoted;
+use swerve_report::output::{quoted, tell};
 use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage, photo_of};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -32,6 +32,20 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
 }
 
 /// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
+/// The records of a log that are to be kept, as far as it can be read. Where that is not to its end, standard error says
+/// where it ends.
+///
+/// # Errors
+/// It cannot be read at all.
+pub fn log_so_far(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Log, LogError> {
+    let (log, damage) = Log::salvage_where(path, keep)?;
+    if let Some(damage) = damage {
+        let until_s = log.whole_until().as_secs().max(0.0);
+        tell(&format!("note: the log is not complete, it is read up to {until_s:.3} s: {damage}"));
+    }
+    Ok(log)
+}
+
 /// was cut off, what there is.
 ///
 /// # Errors
