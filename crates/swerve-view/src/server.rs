@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context as _;
+use swerve_text::{Problem, from_json};
 
-use crate::http::{Answer, Door, Request, answer};
 use crate::drive::Begins;
+use crate::http::{Answer, Door, Request, answer};
 use crate::show::{Ask, Show};
 
 /// Connections at a time.
@@ -16,9 +17,9 @@ const MOST: usize = 32;
 pub(crate) struct Server {
     door: Door,
     show: Arc<Show>,
-    open: AtomicUsize,
     /// What runs are begun with, where there are any.
     begins: Option<Arc<Begins>>,
+    open: AtomicUsize,
 }
 
 impl Server {
@@ -60,15 +61,18 @@ impl Server {
     }
 
     fn answer(&self, request: &Request) -> Answer {
-        let bad = |error: serde_json::Error| Answer::refusal("400 Bad Request", error.to_string());
+        // A page's request has one line.
+        let bad = |problem: Problem| {
+            Answer::refusal("400 Bad Request", Problem { line: None, ..problem }.to_string())
+        };
         match (request.is_post, request.path.as_str()) {
             (false, "") => Answer::html(self.show.page()),
             (false, "report") => self.show.whole().map_or_else(not_found, Answer::html),
-            (false, "rows") => match serde_json::from_str(&decoded(&request.query)) {
+            (false, "rows") => match from_json("the request", &decoded(&request.query)) {
                 Ok(have) => Answer::json(self.show.rows(&have)),
                 Err(error) => bad(error),
             },
-            (true, "control") => match serde_json::from_str(&request.body) {
+            (true, "control") => match from_json("the request", &request.body) {
                 Ok(ask) => match self.check(&ask).and_then(|()| Ok(self.show.ask(ask)?)) {
                     Ok(()) => Answer::json("{}".into()),
                     Err(why) => Answer::refusal("400 Bad Request", why),
@@ -78,16 +82,16 @@ impl Server {
             _ => not_found(),
         }
     }
-}
-
-fn not_found() -> Answer {
-    Answer::refusal("404 Not Found", "there is no such page")
 
     /// Whether a run can be begun as a page asks: a slip in what is set ends no run that is watched.
     fn check(&self, ask: &Ask) -> Result<(), String> {
         let (Ask::Restart(with), Some(begins)) = (ask, &self.begins) else { return Ok(()) };
         begins.check(with).map_err(|error| format!("{error:#}"))
     }
+}
+
+fn not_found() -> Answer {
+    Answer::refusal("404 Not Found", "there is no such page")
 }
 
 /// Percent-encoding undone (RFC 3986, section 2.1).
