@@ -171,6 +171,8 @@ fn a_browser_draws_a_run_and_plays_it() {
     let mut lengths = [2000, 6000, 18_000].into_iter().cycle().take(18);
     assert!(lengths.any(|ms| seconds(ms) > 1.25), "the player stands still");
     let mut metrics: Value = serde_json::from_str(&bench.read("o/metrics.json")).unwrap();
+    let closest = format!("{:.2} s", metrics["min_distance_at_s"].as_f64().unwrap());
+    assert_eq!(text(&drawn(&browser, &page, "", 1000), "time"), closest, "it opens where it was decided");
     metrics["why"] = serde_json::json!({
         "actor": name, "verdict": "avoided", "sentence": format!("{name} was seen late"),
         "steps": [{ "what": "first_tracked", "at_s": 0.5, "waited": [{ "for": "planner busy", "ms": 20.0 }] }],
