@@ -249,6 +249,14 @@ fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
     assert!(tallest < 45.0, "a row is {tallest} px high");
     shown.evaluate("document.querySelector('table.heat td button').click()");
     assert_eq!(shown.evaluate("document.querySelectorAll('#heat a').length"), 3);
+    // Long names of scenarios below the axis of a plot stand aslant, short ones as they are.
+    for (name, aslant) in [("a_long_name_of_a_scenario", 10), ("s", 0)] {
+        let texts = format!(
+            "namesBelow([...Array(10).keys()].map((k) => ({{ label: `{name}_${{k}}`, at: 60 + 100 * k }})), 260).texts"
+        );
+        let turned = format!("{texts}.filter((text) => text.hasAttribute('transform')).length");
+        assert_eq!(shown.evaluate(&turned), aslant);
+    }
     assert!(shown.errors.is_empty(), "{:?}", shown.errors);
 }
 
