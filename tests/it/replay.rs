@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use swerve::replay::replay;
+use swerve_core::Time;
 use swerve_log::{Log, LogError, Record};
 use swerve_msg::ObstacleList;
 use tempfile::TempDir;
@@ -164,4 +165,16 @@ fn schemas_name_every_field_of_their_messages() {
         streams.insert(stream.clone());
     }
     assert!(streams.len() >= 14, "{streams:?}");
+}
+
+#[test]
+fn a_log_that_was_cut_off_comes_out_as_far_as_it_is_whole() {
+    let recorded = Recorded::of(&scenario_file("person_crossing"));
+    let whole = std::fs::read(recorded.path()).unwrap();
+    for bytes in [whole.len() * 3 / 10, whole.len() * 7 / 10, whole.len() - 1] {
+        std::fs::write(recorded.path(), &whole[..bytes]).unwrap();
+        let (log, damage) = Log::salvage(&recorded.path()).unwrap();
+        assert!(damage.is_some() && log.whole_until() > Time::ZERO);
+        assert!(replay(&log, "tracker", &[], 1).unwrap().is_same(), "{bytes} bytes");
+    }
 }

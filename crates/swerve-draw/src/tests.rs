@@ -84,7 +84,8 @@ fn signs_of_one_shape_are_told_apart_by_all_eyes() {
     let fills = [("ego", color::EGO), ("person", color::PERSON), ("vehicle", color::VEHICLE)];
     let lines = [("ego", color::EGO), ("plan", color::PLAN), ("collision", color::ALARM)];
     let dashed = [("fallback", color::FALLBACK), ("sight", color::SIGHT), ("track", color::TRACK)];
-    for group in [fills, lines, dashed] {
+    let ends = [("avoided", color::GOOD), ("collision", color::ALARM), ("stopped", color::STOPPED)];
+    for group in [fills, lines, dashed, ends] {
         for (i, (name, a)) in group.iter().enumerate() {
             assert!(contrast(*a, color::PAPER) >= 3.0, "{name} on paper: {}", contrast(*a, color::PAPER));
             for (other, b) in &group[..i] {

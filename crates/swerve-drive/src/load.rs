@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
-use swerve_text::{Document, nearest, parse_assignment, parse_assignments};
+use swerve_text::{nearest, parse_assignment, parse_assignments};
 
 use crate::shipped::Kind;
 
@@ -41,8 +41,9 @@ pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
 
 /// As [`read_scenario`], with single keys changed.
 fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
-    let (file, text) = (path.display().to_string(), Kind::Scenario.text(path)?);
-    let scenario = Scenario::parse_with(&file, &text, sets).map_err(|problems| problems_error(&problems))?;
+    let document = Kind::scenario(path)?;
+    let scenario = Scenario::parse_with(&document.file, &document.text, sets)
+        .map_err(|problems| problems_error(&problems))?;
     let names: Vec<String> = Config::pipeline_names().collect();
     let known = |name: &&String| names.contains(name);
     let unknown: Vec<&String> =
@@ -50,7 +51,6 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
     if unknown.is_empty() {
         return Ok(scenario);
     }
-    let document = Document::parse(&file, &text)?;
     let problem = |name: &&String| {
         let near = nearest(name, names.iter().map(String::as_str));
         let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));

@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
+use swerve_scenario::is_scenario_key;
 use swerve_stack::Registry;
 use swerve_stack::config::{Config, old_names};
 use swerve_text::{Document, Problem, Problems, nearest};
@@ -176,6 +177,15 @@ impl Kind {
             if let Some(file) = self.find(given) {
                 return Ok(file.text.into());
             }
+            let other = match self {
+                Self::Scenario => Some(Self::Config),
+                Self::Config => Some(Self::Scenario),
+                _ => None,
+            };
+            if let Some(other) = other.filter(|other| other.find(given).is_some()) {
+                problem.message = other.in_place_of(self);
+                return Err(problem);
+            }
             let stem = given.file_stem().unwrap_or_default().to_string_lossy();
             problem.message += &match nearest(&stem, self.all().map(|(name, _)| name)) {
                 Some(near) => format!(" (did you mean the {} `{near}` that is in the program?)", self.noun()),
@@ -196,6 +206,20 @@ impl Kind {
         Document::parse(&given.display().to_string(), self.text(given)?)
     }
 
+    /// A scenario, parsed as TOML; none where it is a configuration.
+    ///
+    /// # Errors
+    /// As [`document`](Self::document), or it is a configuration.
+    pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
+        let document = Self::Scenario.document(given)?;
+        let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
+        let of_config = swerve_text::keys::<Config>("");
+        match !has(&is_scenario_key) && has(&|key| of_config.contains(&key)) {
+            true => Err(document.problem("", Self::Config.in_place_of(Self::Scenario))),
+            false => Ok(document),
+        }
+    }
+
     /// Several configuration files, or shipped ones of these names, as one document: what a later one says goes before.
     ///
     /// # Errors
@@ -204,12 +228,28 @@ impl Kind {
         let documents: Vec<Document> =
             given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
         for document in &documents {
+            // Every scenario has a road, no configuration has one.
+            if document.table.contains_key("road") {
+                return Err(document.problem("", Self::Scenario.in_place_of(self)));
+            }
             old_names(&document.table).iter().for_each(|line| eprintln!("note: {}: {line}", document.file));
         }
         match Config::layered(documents) {
             Some(document) => Ok(document),
             None => Document::parse("defaults", ""),
         }
+    }
+
+    /// What is said of a file of this kind in the place of another one.
+    fn in_place_of(self, expected: Self) -> String {
+        let (noun, other) = (self.noun(), expected.noun());
+        let how = match (self, expected) {
+            // `swerve live` drives no scenario.
+            (_, Self::Live) => "",
+            (Self::Config, _) => ": a configuration is given after `-c`",
+            _ => ": a scenario is given without `-c`",
+        };
+        format!("it is a {noun}, expected a {other}{how}")
     }
 
     /// The configuration of files, or of the shipped ones of these names, the later over the earlier, under assignments;
@@ -284,6 +324,32 @@ mod tests {
         for file in FILES {
             assert_eq!(file.text, std::fs::read_to_string(root.join(file.path)).unwrap(), "{}", file.path);
         }
+    }
+
+    #[test]
+    fn a_scenario_and_a_configuration_in_each_others_place_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let (scenario, config) =
+            (Kind::Scenario.text(Path::new("lane")), Kind::Config.text(Path::new("paper")));
+        let (scenario, config) = (file("s", &scenario.unwrap()), file("c", &config.unwrap()));
+        let as_config = |path: &Path| Kind::Config.layers(&[path.to_owned()]).unwrap_err().to_string();
+        let as_scenario = |path: &Path| Kind::scenario(path).unwrap_err().to_string();
+        for path in [scenario.as_path(), Path::new("lane")] {
+            let expected = "it is a scenario, expected a configuration: a scenario is given without `-c`";
+            assert_eq!(as_config(path), format!("{}: {expected}", path.display()));
+        }
+        for path in [config.as_path(), Path::new("paper")] {
+            let expected = "it is a configuration, expected a scenario: a configuration is given after `-c`";
+            assert_eq!(as_scenario(path), format!("{}: {expected}", path.display()));
+        }
+        // What has keys of neither is told by what is wrong with it.
+        assert!(Kind::scenario(&file("other", "[rod]\n")).is_ok());
+        assert!(Kind::scenario(&scenario).is_ok() && Kind::Config.layers(&[config]).is_ok());
     }
 
     #[test]

@@ -32,6 +32,7 @@ pub use command::{WhyArgs, of_run, run};
 use crate::lights::light_courses;
 use crate::load::problems_error;
 use crate::measured::outline;
+use crate::page::log_so_far;
 use sightings::Sightings;
 use timeline::{Seen, Timeline};
 
@@ -55,17 +56,17 @@ struct Ending {
 }
 
 impl Logged {
-    /// Reads a log, but for images and point clouds.
+    /// Reads a log, but for images and point clouds; of one that was cut off what there is, as standard error says.
     ///
     /// # Errors
-    /// When it is none, is damaged, or is of a vehicle: of that nobody knows where the others were.
+    /// When it is none, or is of a vehicle: of that nobody knows where the others were.
     pub fn read(path: &Path, registry: &Registry) -> anyhow::Result<Self> {
         const BIG: [&str; 3] = ["::Image", "::PointCloud", "::PointInstances"];
         let is_small = |record: &Record| match record {
             Record::Publication(p) => !BIG.iter().any(|big| p.stream.type_name.ends_with(big)),
             _ => true,
         };
-        let log = Log::read_where(path, is_small)?;
+        let log = log_so_far(path, is_small)?;
         let document = Config::logged(&log.start.config)?;
         let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
         if config.live.is_some() {

@@ -36,20 +36,21 @@ impl Log {
 
     /// Reads of a complete log the records that are to be kept; anything missing or damaged is an error.
     pub fn read_where(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
-        let (log, damage) = Self::salvage_where(path, &keep)?;
+        let (log, damage) = Self::salvage_where(path, keep)?;
         damage.map_or(Ok(log), Err)
     }
 
     /// Reads what can be read, and tells what ended the reading. An error when not even the run's start can be.
     pub fn salvage(path: &Path) -> Result<(Self, Option<LogError>), LogError> {
-        Self::salvage_where(path, &|_| true)
+        Self::salvage_where(path, |_| true)
     }
 
-    fn salvage_where(
+    /// As [`salvage`](Self::salvage), of the records that are to be kept.
+    pub fn salvage_where(
         path: &Path,
-        keep: &dyn Fn(&Record) -> bool,
+        keep: impl Fn(&Record) -> bool,
     ) -> Result<(Self, Option<LogError>), LogError> {
-        Ok(Self::gather(Reader::open(path)?, keep))
+        Ok(Self::gather(Reader::open(path)?, &keep))
     }
 
     /// Reads on to the end, or to what ends the reading.
@@ -69,6 +70,22 @@ impl Log {
         let start = reader.run_start().clone();
         let end = reader.run_end().cloned();
         (Self { start, end, streams: reader.streams().to_vec(), records }, damage)
+    }
+
+    /// Up to which instant it tells all: the run's end; where it was cut off, just before its last record, as more may
+    /// have been done at the instant of that. The run's beginning where nothing was done.
+    pub fn whole_until(&self) -> Time {
+        let at = |record: &Record| match record {
+            Record::Publication(p) => Some(p.header.visible_at),
+            Record::Watermark(w) => Some(w.visible_at),
+            Record::Step(s) => Some(s.end),
+            Record::Miss(m) => Some(m.at),
+            Record::Drop(d) => Some(d.at),
+            Record::Unfinished(_) | Record::Decision(_) => None,
+        };
+        let last = || self.records.iter().rev().find_map(at);
+        let before_last = || last().map_or(Time::ZERO, |last| last - Span::from_ns(1));
+        self.end.as_ref().map_or_else(before_last, |end| end.at)
     }
 
     /// The messages of one stream, in order.

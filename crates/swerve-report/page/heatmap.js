@@ -149,6 +149,17 @@ const LOOKS = [null, "7 3"].flatMap((dash) => [1, 2, 3, 4].map((k) => ({ colour:
 const MARKS = ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0", "M-4 -4h8v8h-8z", "M0 -5l5 9h-10z", "M0 -5.5l5.5 5.5l-5.5 5.5l-5.5 -5.5z"];
 const markOf = (k) => ({ d: MARKS[k % MARKS.length], fill: k < MARKS.length ? LOOKS[k].colour : "var(--panel)", stroke: LOOKS[k].colour, "stroke-width": 1.5 });
 
+/** Names below an axis and the room that they take more: where they would run into each other aslant, the longest cut short. */
+function namesBelow(places, height) {
+  const width = (label) => 6.5 * label.length + 8;
+  const isCrowded = places.some(({ label, at }, k) => k > 0 && at - places[k - 1].at < 0.5 * (width(label) + width(places[k - 1].label)));
+  if (!isCrowded) return { room: 0, texts: places.map(({ label, at }) => svg("text", { x: at, y: height - 6, "text-anchor": "middle", class: "soft" }, label)) };
+  const most = 28;
+  const cut = (label) => (label.length > most ? `${label.slice(0, most - 1)}…` : label);
+  const text = ({ label, at }) => svg("text", { transform: `translate(${at} ${height - 8}) rotate(-55)`, "text-anchor": "end", class: "soft" }, cut(label), svg("title", {}, label));
+  return { room: Math.max(...places.map(({ label }) => 0.82 * width(cut(label)))), texts: places.map(text) };
+}
+
 /** A measure over one axis, a look for each step of another, with intervals; numbers are joined by lines. */
 function axisPlot(study, cells, { axis, split, measure }) {
   const of = MEASURES[measure];
@@ -167,13 +178,14 @@ function axisPlot(study, cells, { axis, split, measure }) {
   const values = series.flatMap((line) => line.points.flatMap(({ result }) => [result.low, result.high]));
   const [low, high] = of.isRate ? [0, 1] : padded([Math.min(0, ...values), Math.max(...values)]);
   const [x, y] = scales(range, [low, high], height);
-  const node = svg("svg", { class: "chart", viewBox: `0 0 ${CHART.width} ${height}`, role: "img", "aria-label": `${measure} over ${study.axes[axis]}` });
+  const below = namesBelow(labels.map((label, k) => ({ label, at: x(at(k)) })), height);
+  const node = svg("svg", { class: "chart", viewBox: `0 0 ${CHART.width} ${height + below.room}`, role: "img", "aria-label": `${measure} over ${study.axes[axis]}` });
   const up = ticks(low, high, 6);
   for (const value of up.places) {
     node.append(svg("path", { d: `M${CHART.left} ${y(value)}H${CHART.width - CHART.right}`, stroke: "var(--rule)" }));
     node.append(svg("text", { x: CHART.left - 6, y: y(value) + 4, "text-anchor": "end", class: "soft" }, fixed(value, up.decimals)));
   }
-  labels.forEach((label, k) => node.append(svg("text", { x: x(at(k)), y: height - 6, "text-anchor": "middle", class: "soft" }, label)));
+  node.append(...below.texts);
   node.append(svg("text", { x: CHART.left, y: 13, "font-weight": "bold" }, `${measure} over ${study.axes[axis]}`));
   series.forEach((line, k) => {
     const look = LOOKS[k];

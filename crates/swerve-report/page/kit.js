@@ -134,10 +134,9 @@ function save(name, type, text) {
 const csvField = (value) => (/[",\n]/.test(value) ? `"${value.replaceAll('"', '""')}"` : value);
 const csv = (rows) => rows.map((row) => row.map((cell) => csvField(String(cell ?? ""))).join(",") + "\n").join("");
 
-/** How a verdict is set off: by colour and by the shape of its frame. */
+/** How a verdict is set off: by colour, as in the picture of the drive, and by the shape of its frame. */
 function badge(verdict) {
-  const kind = ["avoided", "stopped", "completed"].includes(verdict) ? "good" : ["collision", "left_road"].includes(verdict) ? "bad" : "other";
-  return el("span", { class: `badge ${kind}` }, verdict.replaceAll("_", " "));
+  return el("span", { class: `badge ${verdict}` }, verdict.replaceAll("_", " "));
 }
 
 /** What stands behind the `#` of the address, as `name=value` joined by `&`. */

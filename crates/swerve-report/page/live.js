@@ -110,8 +110,9 @@ class Live {
   async over(rows) {
     const whole = rows.digest ? [el("span", { id: "digest" }, ` digest ${rows.digest} `), el("a", { href: "report", target: "_blank" }, "the whole report")] : [];
     this.state.replaceChildren(rows.verdict ? badge(rows.verdict) : "over", ...whole);
-    for (let now = rows; now.run === this.page.run; ) {
-      this.problem.textContent = now.problem ?? "";
+    for (let now = rows, told = null; now.run === this.page.run; ) {
+      // What the server refused stays until there is something new to tell.
+      if (now.problem !== told) this.problem.textContent = (told = now.problem) ?? "";
       await new Promise((resolve) => setTimeout(resolve, 500));
       const answer = await fetch(`rows?${encodeURIComponent(JSON.stringify(this.have()))}`);
       now = await answer.json();

@@ -24,7 +24,7 @@ function showRun(page) {
   );
   const asked = addressed();
   if (asked.has("t")) moment.set(Number(asked.get("t")) * 1e6);
-  else moment.set(page.metrics?.impact ? page.metrics.impact.at_s * 1e6 : 0);
+  else moment.set((page.metrics?.impact?.at_s ?? page.metrics?.min_distance_at_s ?? 0) * 1e6); // where it was decided
   addEventListener("load", () => moment.set(moment.t)); // only now pictures have their widths
   if (asked.has("play")) player?.play(true);
   if (asked.has("step") && gantt) gantt.pick(Number(asked.get("step")));

@@ -209,11 +209,7 @@ fn placed(
         return None;
     };
     let Some(kind) = config.registry.kind(kind).cloned() else {
-        let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
-        problems.push((
-            format!("operator.{name}.kind"),
-            format!("unknown kind `{kind}`{}", one_of(kind, &names)),
-        ));
+        problems.push((format!("operator.{name}.kind"), unknown_kind(config, kind)));
         return None;
     };
     if own.enabled == Some(false) {
@@ -345,6 +341,18 @@ fn unknown_operator(config: &Config, name: &str) -> String {
         "unknown operator, expected one of {}, or a `kind` that makes it a new one{near}",
         names.join(", ")
     )
+}
+
+/// What is said of a kind that is not there. A name that is near none is somebody's own rather than a slip.
+fn unknown_kind(config: &Config, kind: &str) -> String {
+    let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
+    let own = match nearest(kind, names.iter().copied()) {
+        Some(_) => "",
+        None => {
+            " (one of your own is known to the program of its package alone: there, `cargo run --` in the place of `swerve`)"
+        }
+    };
+    format!("unknown kind `{kind}`{own}{}", one_of(kind, &names))
 }
 
 /// The end of a message that a name is unknown.

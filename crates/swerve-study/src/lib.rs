@@ -7,6 +7,7 @@ mod budget;
 pub mod calibrate;
 pub mod dataset;
 pub mod evaluate;
+mod folder;
 mod joint;
 mod limit;
 
@@ -123,12 +124,11 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
                 !args.reports || bench.is_of_drives(),
                 "--reports: a cell of this study is no single drive, so there is no page of one to keep"
             );
+            let out = &folder::of(&bench.study, args.out.as_deref())?;
             if let Some(cluster) = args.on {
-                let out = &out_folder(&bench.study, args.out.as_deref());
                 let threads = args.threads.unwrap_or(1);
                 return Job { file, sets: &args.set, out, shards: args.shards, threads }.submit(cluster);
             }
-            let out = &out_folder(&bench.study, args.out.as_deref());
             let (threads, shard, reports) = (args.threads, args.shard, args.reports);
             let how = How { out, threads, shard, reports, pictures: args.pictures };
             let driven = bench.drive_cells(&how)?;
@@ -170,10 +170,6 @@ fn finish(study: &Study, (results, stopped): &Driven, shard: Option<Shard>) -> a
 
 /// What came of the cells, in their order, none where one was not reached; and whether a signal stopped them.
 type Driven = (Vec<Option<CellResult>>, bool);
-
-fn out_folder(study: &Study, out: Option<&Path>) -> PathBuf {
-    out.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf)
-}
 
 /// A study with everything its cells share.
 pub struct Bench {

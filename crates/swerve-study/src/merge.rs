@@ -8,7 +8,7 @@ use swerve_drive::problems_error;
 use swerve_stack::Registry;
 
 use crate::cells::CellStore;
-use crate::{Bench, out_folder, report};
+use crate::{Bench, folder, report};
 
 /// Joins the finished cells of these folders.
 ///
@@ -22,7 +22,7 @@ pub(crate) fn merge(
     sets: &[String],
 ) -> anyhow::Result<()> {
     let bench = Bench::open(registry, file, sets)?;
-    let out = out_folder(&bench.study, out);
+    let out = folder::of(&bench.study, out)?;
     for folder in folders {
         anyhow::ensure!(
             folder.join("cells").is_dir(),

@@ -17,7 +17,7 @@ use swerve_text::{Document, Problem};
 
 use crate::cells::CellResult;
 use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
-use crate::{Bench, How, finish};
+use crate::{Bench, How, finish, folder};
 
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
@@ -85,7 +85,8 @@ impl FromStr for Seeds {
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let bench = Bench::of(registry, study(args)?)?;
     let (threads, reports) = (args.threads, args.reports);
-    let how = How { out: &args.out, threads, shard: None, reports, pictures: args.pictures };
+    let out = &folder::of(&bench.study, Some(&args.out))?;
+    let how = How { out, threads, shard: None, reports, pictures: args.pictures };
     let driven = bench.drive_cells(&how)?;
     let count = Count::of(&driven.0);
     print(&text(&bench.study, &driven.0))?;

@@ -297,7 +297,7 @@ fn put_key(table: &mut Table, name: &str, value: Option<Value>) {
 }
 
 /// serde's names of types in words of TOML.
-fn in_words(wanted: &str) -> Cow<'_, str> {
+pub(crate) fn in_words(wanted: &str) -> Cow<'_, str> {
     let length = |prefix| wanted.strip_prefix(prefix).map(|n| format!("an array of {n} values").into());
     match wanted {
         "f64" | "f32" => "a number".into(),

@@ -5,12 +5,15 @@
 //! type says, with ranges checked afterwards. [`TableReader`] reads key by key: for forms where one key decides on
 //! others, or each value has its range. Both say the same of the same mistake.
 //!
+//! JSON that comes from outside is read by [`from_json`], which tells the first mistake in the same words.
+//!
 //! Absences: no crate of ours, no type of any domain; the only file it opens is the one that [`Document::read`] is
 //! given.
 
 mod assign;
 mod document;
 mod form;
+mod json;
 mod overridden;
 mod problem;
 mod table;
@@ -19,7 +22,8 @@ mod words;
 pub use assign::{parse_assignment, parse_assignments, set};
 pub use document::{Document, read_text, unreadable};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
+pub use json::from_json;
 pub use overridden::overridden;
 pub use problem::{KeyProblem, Problem, Problems, in_one_line};
 pub use table::{Range, Reading, TableReader};
-pub use words::{did_you_mean, list, nearest, number, with_nearest_name};
+pub use words::{did_you_mean, list, nearest, number};

@@ -28,17 +28,6 @@ pub fn did_you_mean<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -
     nearest(wrong, names).map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"))
 }
 
-/// Adds "did you mean" to serde's "unknown field `x`, expected one of `y`, `z`".
-pub fn with_nearest_name(message: &str) -> String {
-    let message = message.trim_end();
-    let mut names = message.split('`').skip(1).step_by(2);
-    let unknown = message.starts_with("unknown ").then(|| names.next()).flatten();
-    match unknown.and_then(|wrong| nearest(wrong, names)) {
-        Some(name) => format!("{message} (did you mean `{name}`?)"),
-        None => message.to_owned(),
-    }
-}
-
 /// Names in quotes, with commas.
 pub fn list(names: &[&str]) -> String {
     names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")

@@ -1,6 +1,6 @@
 //! The runs that are shown, one after the other.
 
-use std::cell::RefCell;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use serde::Serialize;
@@ -13,6 +13,7 @@ use swerve_flow::{EndReason, Event, Observer};
 use swerve_foxglove::Foxglove;
 use swerve_msg::{EgoState, Encoding, Image, PointCloud};
 use swerve_report::page::{Page, RunPage, photo};
+use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::agent::{Agent, Seat};
 use swerve_stack::config::Config;
@@ -30,19 +31,25 @@ use crate::wheel::Wheel;
 
 /// Drives what a page asks for.
 pub(crate) struct Driver<'a> {
-    pub(crate) registry: &'a Registry,
-    pub(crate) input: &'a RunInput,
+    pub(crate) begins: Arc<Begins>,
     pub(crate) summarise: Summarise<'a>,
     pub(crate) show: &'a Show,
     /// For the Foxglove app.
     pub(crate) streams: Option<Streams>,
+}
+
+/// What runs are begun with. The server knows it too: what cannot be driven is refused while the run before goes on.
+pub(crate) struct Begins {
+    registry: Registry,
+    /// The command line's.
+    input: RunInput,
     /// The run before, for one that goes on from an instant of it.
-    pub(crate) before: RefCell<Option<Before>>,
+    before: Mutex<Option<Before>>,
 }
 
 /// What a run was begun with, and how its world went.
 #[derive(Clone)]
-pub(crate) struct Before {
+struct Before {
     input: RunInput,
     course: Course,
 }
@@ -106,17 +113,48 @@ impl Observer for Watching<'_> {
     }
 }
 
-impl Driver<'_> {
-    /// Whether this can be driven at all.
-    pub(crate) fn check(&self, input: &RunInput) -> anyhow::Result<()> {
-        let (config, _) = load(self.registry, input)?;
+impl Begins {
+    pub(crate) fn new(registry: Registry, input: RunInput) -> Self {
+        Self { registry, input, before: Mutex::default() }
+    }
+
+    /// Whether a run that is begun so can be driven at all.
+    pub(crate) fn check(&self, with: &Begin) -> anyhow::Result<()> {
+        self.load(&self.input(with)).map(drop)
+    }
+
+    fn before(&self) -> MutexGuard<'_, Option<Before>> {
+        self.before.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn input(&self, with: &Begin) -> RunInput {
+        let mut input = match with.from_s.and(self.before().as_ref()) {
+            Some(before) => before.input.clone(),
+            None => RunInput { seed: with.seed.or(self.input.seed), ..self.input.clone() },
+        };
+        input.set.extend(with.set.iter().cloned());
+        input
+    }
+
+    fn load(&self, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
+        let (config, scenario) = load(&self.registry, input)?;
         anyhow::ensure!(
             config.clock.source == Clock::Virtual,
             "clock.source: `swerve view` drives in virtual time and shows it at the speed that is asked for"
         );
-        Ok(())
+        Ok((config, scenario))
     }
 
+    /// The commands of the run before up to where the new one begins to be new.
+    fn course(&self, with: &Begin) -> anyhow::Result<Course> {
+        let before = self.before().clone();
+        let (Some(from), Some(before)) = (with.from(), before) else { return Ok(Course::default()) };
+        let dt = span_of_ms(load(&self.registry, &before.input)?.0.sim.dt_ms);
+        Ok(before.course.up_to(from, dt))
+    }
+}
+
+impl Driver<'_> {
     /// Drives, again and again where that is asked for, until the program is to end.
     ///
     /// # Errors
@@ -136,22 +174,10 @@ impl Driver<'_> {
     }
 
     fn drive(&self, with: &Begin) -> anyhow::Result<(Over, Option<String>)> {
-        let before = self.before.borrow().clone();
-        let (mut input, course) = match (with.from(), before) {
-            (Some(from), Some(before)) => {
-                let dt = span_of_ms(load(self.registry, &before.input)?.0.sim.dt_ms);
-                (before.input, before.course.up_to(from, dt))
-            }
-            _ => {
-                let seed = with.seed.or(self.input.seed);
-                (RunInput { seed, ..self.input.clone() }, Course::default())
-            }
-        };
-        input.set.extend(with.set.iter().cloned());
-        self.check(&input)?;
-        let (mut config, scenario) = load(self.registry, &input)?;
+        let (input, course) = (self.begins.input(with), self.begins.course(with)?);
+        let (mut config, scenario) = self.begins.load(&input)?;
         config.course = Some(course.clone());
-        *self.before.borrow_mut() = Some(Before { input: input.clone(), course });
+        *self.begins.before() = Some(Before { input: input.clone(), course });
         let seat = with.by_hand.then(Seat::default);
         let mut pipeline = match &seat {
             Some(seat) => Pipeline::build_for(&config, &scenario, &Agent::Command(seat.clone()))?,

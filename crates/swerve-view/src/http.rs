@@ -39,6 +39,12 @@ impl Answer {
         Self { status: "200 OK", kind: "application/json", body }
     }
 
+    /// Its status and its body.
+    #[cfg(test)]
+    pub(crate) fn told(&self) -> String {
+        format!("{} {}", self.status, self.body)
+    }
+
     pub(crate) fn refusal(status: &'static str, why: impl Into<String>) -> Self {
         Self { status, kind: "text/plain; charset=utf-8", body: why.into() + "\n" }
     }

@@ -10,7 +10,6 @@ mod show;
 mod vehicle;
 mod wheel;
 
-use std::cell::RefCell;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
@@ -22,10 +21,10 @@ use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 
-use crate::drive::Driver;
+use crate::drive::{Begins, Driver};
 use crate::foxglove::Streams;
 use crate::server::Server;
-use crate::show::Show;
+use crate::show::{Begin, Show};
 
 /// `swerve view`.
 #[derive(clap::Args, Debug)]
@@ -91,16 +90,16 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     if let (Some(log), Some(streams)) = (&log, &streams) {
         streams.play(log.clone(), args.speed.0)?;
     }
-    let driver =
-        Driver { registry, input: &args.input, summarise, show: &show, streams, before: RefCell::default() };
-    if log.is_none() && !args.live {
-        driver.check(&args.input)?;
+    let begins = Arc::new(Begins::new(registry.clone(), args.input.clone()));
+    let drives = log.is_none() && !args.live;
+    if drives {
+        begins.check(&Begin::default())?;
     }
     if !args.live {
         let interrupted = Arc::clone(&show);
         ctrlc::set_handler(move || interrupted.quit()).context("waiting for Ctrl-C")?;
     }
-    let address = Server::start(args.port, Arc::clone(&show))?;
+    let address = Server::start(args.port, Arc::clone(&show), drives.then(|| Arc::clone(&begins)))?;
     let lines = [Some(address.clone()), foxglove].into_iter().flatten().map(|line| line + "\n");
     print(&lines.collect::<String>())?;
     if !args.no_open {
@@ -108,10 +107,10 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     }
     if args.live {
         // Ctrl-C is the drive's: it stops the car.
-        return vehicle::drive(&args.input.scenario, &args.input.set, registry, &show, driver.streams);
+        return vehicle::drive(&args.input.scenario, &args.input.set, registry, &show, streams);
     }
-    if log.is_none() {
-        return driver.drive_until_quit();
+    if drives {
+        return Driver { begins, summarise, show: &show, streams }.drive_until_quit();
     }
     show.wait_for_quit();
     Ok(())

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context as _;
+use swerve_text::{Problem, from_json};
 
+use crate::drive::Begins;
 use crate::http::{Answer, Door, Request, answer};
-use crate::show::Show;
+use crate::show::{Ask, Show};
 
 /// Connections at a time.
 const MOST: usize = 32;
@@ -15,12 +17,14 @@ const MOST: usize = 32;
 pub(crate) struct Server {
     door: Door,
     show: Arc<Show>,
+    /// What runs are begun with, where there are any.
+    begins: Option<Arc<Begins>>,
     open: AtomicUsize,
 }
 
 impl Server {
     /// Begins to serve and gives the address.
-    pub(crate) fn start(port: u16, show: Arc<Show>) -> anyhow::Result<String> {
+    pub(crate) fn start(port: u16, show: Arc<Show>, begins: Option<Arc<Begins>>) -> anyhow::Result<String> {
         let taken = || format!("port {port} of 127.0.0.1");
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).with_context(taken)?;
         let host = format!("127.0.0.1:{}", listener.local_addr()?.port());
@@ -29,7 +33,8 @@ impl Server {
         getrandom::fill(&mut random).map_err(|error| anyhow::anyhow!("a random token: {error}"))?;
         let token = format!("{:032x}", u128::from_le_bytes(random));
         let address = format!("http://{host}/{token}/");
-        let server = Arc::new(Self { door: Door { host, token }, show, open: AtomicUsize::new(0) });
+        let door = Door { host, token };
+        let server = Arc::new(Self { door, show, begins, open: AtomicUsize::new(0) });
         std::thread::Builder::new().name("view".into()).spawn(move || server.listen(&listener))?;
         Ok(address)
     }
@@ -56,16 +61,19 @@ impl Server {
     }
 
     fn answer(&self, request: &Request) -> Answer {
-        let bad = |error: serde_json::Error| Answer::refusal("400 Bad Request", error.to_string());
+        // A page's request has one line.
+        let bad = |problem: Problem| {
+            Answer::refusal("400 Bad Request", Problem { line: None, ..problem }.to_string())
+        };
         match (request.is_post, request.path.as_str()) {
             (false, "") => Answer::html(self.show.page()),
             (false, "report") => self.show.whole().map_or_else(not_found, Answer::html),
-            (false, "rows") => match serde_json::from_str(&decoded(&request.query)) {
+            (false, "rows") => match from_json("the request", &decoded(&request.query)) {
                 Ok(have) => Answer::json(self.show.rows(&have)),
                 Err(error) => bad(error),
             },
-            (true, "control") => match serde_json::from_str(&request.body) {
-                Ok(ask) => match self.show.ask(ask) {
+            (true, "control") => match from_json("the request", &request.body) {
+                Ok(ask) => match self.check(&ask).and_then(|()| Ok(self.show.ask(ask)?)) {
                     Ok(()) => Answer::json("{}".into()),
                     Err(why) => Answer::refusal("400 Bad Request", why),
                 },
@@ -73,6 +81,12 @@ impl Server {
             },
             _ => not_found(),
         }
+    }
+
+    /// Whether a run can be begun as a page asks: a slip in what is set ends no run that is watched.
+    fn check(&self, ask: &Ask) -> Result<(), String> {
+        let (Ask::Restart(with), Some(begins)) = (ask, &self.begins) else { return Ok(()) };
+        begins.check(with).map_err(|error| format!("{error:#}"))
     }
 }
 
@@ -91,4 +105,18 @@ fn decoded(text: &str) -> String {
         }
     }
     String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// What the server of a run answers to what its page asks for.
+    pub(crate) fn post(show: &Arc<Show>, begins: &Arc<Begins>, body: &str) -> String {
+        let door = Door { host: String::new(), token: String::new() };
+        let (show, begins) = (Arc::clone(show), Some(Arc::clone(begins)));
+        let server = Server { door, show, begins, open: AtomicUsize::new(0) };
+        let [path, query] = ["control", ""].map(str::to_owned);
+        server.answer(&Request { is_post: true, path, query, body: body.into() }).told()
+    }
 }

@@ -1,6 +1,7 @@
 //! The page of a run from its log, and of two runs beside each other.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
@@ -9,7 +10,7 @@ use swerve_foxglove::logged_image;
 use swerve_log::{Bag, Log, LogError, PublicationRecord, Record};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, Image, Plan, PredictionList, TrackList};
-use swerve_report::output::quoted;
+use swerve_report::output::{quoted, tell};
 use swerve_report::page::{Collector, Message, Page, Pair, Parting, RunPage, photo_of};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -29,6 +30,20 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
         return Some(path.to_owned());
     }
     ["log.mcap", "log.partial.mcap"].map(|name| path.join(name)).into_iter().find(|log| log.is_file())
+}
+
+/// The records of a log that are to be kept, as far as it can be read. Where that is not to its end, standard error says
+/// where it ends.
+///
+/// # Errors
+/// It cannot be read at all.
+pub fn log_so_far(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Log, LogError> {
+    let (log, damage) = Log::salvage_where(path, keep)?;
+    if let Some(damage) = damage {
+        let until_s = log.whole_until().as_secs().max(0.0);
+        tell(&format!("note: the log is not complete, it is read up to {until_s:.3} s: {damage}"));
+    }
+    Ok(log)
 }
 
 /// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
@@ -68,12 +83,11 @@ fn page_of(
     }
     report.page.notes.extend(damage.map(|damage| format!("The log is not complete: {damage}")));
     let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
-    let metrics = metrics_beside(path, &digest);
-    if metrics.is_none() {
-        let note = "No metrics.json of this run lies beside its log: verdict and metrics are not shown.";
-        report.page.notes.push(note.into());
-    }
-    report.finish(&digest, metrics.as_deref().unwrap_or("null"))
+    let metrics = metrics_beside(path, &digest).unwrap_or_else(|why| {
+        report.page.notes.push(format!("{why}: verdict and metrics are not shown."));
+        "null".to_owned()
+    });
+    report.finish(&digest, &metrics)
 }
 
 /// The command line of the run, as the log has it; else one that drives by the configuration that the page saves.
@@ -89,11 +103,23 @@ fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
     })
 }
 
-/// What `metrics.json` beside a log holds, if it is of the same run.
-fn metrics_beside(log: &Path, digest: &str) -> Option<String> {
-    let text = std::fs::read_to_string(log.with_file_name("metrics.json")).ok()?;
-    let metrics: serde_json::Value = serde_json::from_str(&text).ok()?;
-    (metrics.get("digest")?.as_str()? == digest).then_some(text)
+/// What `metrics.json` beside a log holds, if it is of the same run; else why there is none to be had.
+fn metrics_beside(log: &Path, digest: &str) -> Result<String, String> {
+    let path = log.with_file_name("metrics.json");
+    let broken = |why: String| format!("{} is broken ({why})", path.display());
+    let text = match std::fs::read_to_string(&path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(broken(error.to_string())),
+        text => text.ok(),
+    };
+    let of_another = || "No metrics.json of this run lies beside its log".to_owned();
+    let text = text.ok_or_else(of_another)?;
+    let metrics: serde_json::Value =
+        serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
+    let of = metrics.get("digest").and_then(serde_json::Value::as_str);
+    match of.ok_or_else(|| broken("expected the digest of a run in it".to_owned()))? == digest {
+        true => Ok(text),
+        false => Err(of_another()),
+    }
 }
 
 fn take(collector: &mut Collector, record: &Record) -> Result<(), LogError> {
@@ -234,5 +260,34 @@ fn parting(stream: &str, a: &[&PublicationRecord], b: &[&PublicationRecord]) -> 
         at: first.map(|message| message.header.visible_at.ns().div_euclid(1000)),
         stamp: first.map(|message| message.header.stamp.ns().div_euclid(1000)),
         by,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_that_cannot_be_read_are_not_told_as_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |text: &[u8]| {
+            std::fs::write(folder.path().join("metrics.json"), text).unwrap();
+            metrics_beside(&folder.path().join("log.mcap"), "12")
+        };
+        let whole = "{\"digest\": \"12\"}";
+        assert_eq!(read(whole.as_bytes()).as_deref(), Ok(whole));
+        for (text, why) in [
+            (&whole.as_bytes()[..9], "line 1"),
+            (b"\xff\xff", "UTF-8"),
+            (b"", "line 1"),
+            (b"[]", "expected the digest of a run"),
+        ] {
+            let told = read(text).unwrap_err();
+            assert!(told.contains("metrics.json is broken (") && told.contains(why), "{told}");
+        }
+        assert!(read(b"{\"digest\": \"13\"}").unwrap_err().starts_with("No metrics.json of this run"));
+        std::fs::remove_file(folder.path().join("metrics.json")).unwrap();
+        let missing = metrics_beside(&folder.path().join("log.mcap"), "12");
+        assert!(missing.unwrap_err().starts_with("No metrics.json of this run"));
     }
 }

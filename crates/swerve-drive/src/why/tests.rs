@@ -136,3 +136,19 @@ fn where_no_actor_decided_the_chain_names_what_did() {
         assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
     }
 }
+
+#[test]
+fn a_log_that_was_cut_off_is_told_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (logged, _) = driven(folder.path(), "person_behind_truck", &[]);
+    let whole = std::fs::read(folder.path().join("log.mcap")).unwrap();
+    let cut = |bytes: usize| {
+        let path = folder.path().join("cut.mcap");
+        std::fs::write(&path, &whole[..bytes]).unwrap();
+        Logged::read(&path, &Registry::standard()).unwrap().why_of(None, None).unwrap()
+    };
+    assert_eq!(cut(whole.len() - 1), logged.why_of(None, None).unwrap());
+    for part in [3, 5, 8] {
+        assert_eq!(cut(whole.len() * part / 10).verdict, Verdict::Unfinished);
+    }
+}

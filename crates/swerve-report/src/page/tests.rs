@@ -1,4 +1,5 @@
 use swerve_core::{Span, Time};
+use swerve_draw::color;
 use swerve_geom::{Pose2, Vector2};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanPoint, Track, TrackList};
 
@@ -36,6 +37,21 @@ fn nothing_is_fetched() {
     let html = Page::new("figures", "t", Figures::default()).html();
     // The only address in the page is the name of SVG's elements.
     assert_eq!(html.matches("://").count(), html.matches("\"http://www.w3.org/2000/svg\"").count());
+}
+
+#[test]
+fn a_verdict_has_the_colour_that_it_has_in_the_pictures() {
+    let html = Page::new("figures", "t", Figures::default()).html();
+    for (name, color) in [
+        ("good", color::GOOD),
+        ("stopped", color::STOPPED),
+        ("alarm", color::ALARM),
+        ("left-road", color::LEFT_ROAD),
+        ("soft", color::SOFT),
+    ] {
+        let said = format!("--{name}: {color};").to_lowercase();
+        assert!(html.contains(&said), "style.css has no `{said}`");
+    }
 }
 
 #[test]

@@ -7,9 +7,9 @@ use anyhow::bail;
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
 use swerve_eval::{CocoClass, CocoFound, CocoMetrics, CocoTruth};
-use swerve_text::with_nearest_name;
+use swerve_text::from_json;
 
-use super::{Compared, numbers, text, wrong};
+use super::{Compared, numbers, text};
 
 #[derive(Deserialize)]
 #[serde(expecting = "an object with `images`, `categories` and `annotations`")]
@@ -54,7 +54,7 @@ fn box_px<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 4], D::Error> {
     let edges = <[f64; 4]>::deserialize(from)?;
     if edges[2] < 0.0 || edges[3] < 0.0 {
         let what =
-            format!("bbox: expected a width and a height of at least 0, found {} and {}", edges[2], edges[3]);
+            format!("expected a width and a height of at least 0, found {} and {}", edges[2], edges[3]);
         return Err(D::Error::custom(what));
     }
     Ok(edges)
@@ -121,11 +121,7 @@ fn name(class: &Named) -> String {
 }
 
 fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
-    serde_json::from_str(&text(path)?).map_err(|error| {
-        let message = error.to_string();
-        let place = format!(" at line {} column {}", error.line(), error.column());
-        wrong(path, error.line().max(1), with_nearest_name(message.strip_suffix(&place).unwrap_or(&message)))
-    })
+    Ok(from_json(&path.display().to_string(), &text(path)?)?)
 }
 
 pub(super) fn table(report: &CocoReport) -> anyhow::Result<String> {

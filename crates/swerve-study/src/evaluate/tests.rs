@@ -152,19 +152,19 @@ fn coco_files_give_cocos_numbers() {
 fn coco_files_that_are_wrong_are_told_with_their_place() {
     let one = |text: &str| format!("[\n {text}]");
     for (found, says) in [
-        (String::new(), "bad.json:1: EOF"),
-        (one("7"), "bad.json:2: invalid type: integer `7`, expected an object with `image_id`"),
+        (String::new(), "bad.json:1: it ends too early"),
+        (one("7"), "bad.json:2: [0]: expected an object with `image_id`"),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40]}"#),
-            "bad.json:2: missing field `score`",
+            "bad.json:2: [0].score: is missing",
         ),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, NaN, 20, 40], "score": 1}"#),
-            "bad.json:2: expected value",
+            "bad.json:2: [0].bbox[1]: it is no JSON: expected value",
         ),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, -20, 40], "score": 1}"#),
-            "bad.json:2: bbox: expected a width",
+            "bad.json:2: [0].bbox: expected a width",
         ),
         (
             one(r#"{"image_id": 4, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 1}"#),

@@ -1,26 +1,19 @@
-use std::sync::Arc;
-
-use swerve_scenario::Scenario;
-
 use super::*;
 use crate::foxglove::tests::Client;
+use crate::server::tests::post;
 use crate::show::Ask;
 
-/// What a drive comes to, with whoever looks on.
-fn digest(show: &Show, streams: Option<Streams>) -> String {
-    let registry = Registry::standard();
+fn begins() -> Arc<Begins> {
     let set = vec!["operator.planner.runtime={fixed_ms=30}".into()];
     let scenario = "person_behind_truck".into();
     let input = RunInput { scenario, config: Vec::new(), set, seed: Some(3) };
+    Arc::new(Begins::new(Registry::standard(), input))
+}
+
+/// What a drive comes to, with whoever looks on.
+fn digest(show: &Show, begins: Arc<Begins>, streams: Option<Streams>) -> String {
     let summarise = |_: &Config, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
-    let driver = Driver {
-        registry: &registry,
-        input: &input,
-        summarise: &summarise,
-        show,
-        streams,
-        before: RefCell::default(),
-    };
+    let driver = Driver { begins, summarise: &summarise, show, streams };
     let (over, page) = driver.drive(&Begin::default()).unwrap();
     assert!(page.is_some());
     over.digest.unwrap()
@@ -28,12 +21,13 @@ fn digest(show: &Show, streams: Option<Streams>) -> String {
 
 #[test]
 fn who_looks_on_changes_nothing_however_slow() {
-    let alone = digest(&Show::new(None, false), None);
+    let alone = digest(&Show::new(None, false), begins(), None);
     let (streams, address) = Streams::start("127.0.0.1:0".parse().unwrap()).unwrap();
     let show = Arc::new(Show::new(None, true));
+    let begins = begins();
     let driving = {
-        let show = Arc::clone(&show);
-        std::thread::spawn(move || digest(&show, Some(streams)))
+        let (show, begins) = (Arc::clone(&show), Arc::clone(&begins));
+        std::thread::spawn(move || digest(&show, begins, Some(streams)))
     };
     let address = address.strip_prefix("ws://").unwrap();
     let (mut quick, mut asleep) = (Client::connect(address), Client::connect(address));
@@ -44,6 +38,18 @@ fn who_looks_on_changes_nothing_however_slow() {
         topics.iter().zip(1..).for_each(|(topic, id)| client.subscribe(id, topic));
     }
     quick.until(|client| !client.messages.is_empty());
+    // Nor does who asks for what cannot be driven: that is told, and the run goes on.
+    for (set, why) in [
+        ("sensing.rang_m=20", "did you mean \"range_m\"?"),
+        ("actor.nobody.speed_mps=1", "nobody"),
+        ("sensing", "expected key=value"),
+        ("clock.source=\\\"wall\\\"", "virtual time"),
+    ] {
+        for from in ["", ",\"from_s\":1"] {
+            let answer = post(&show, &begins, &format!("{{\"do\":\"restart\",\"set\":[\"{set}\"]{from}}}"));
+            assert!(answer.starts_with("400 ") && answer.contains(why), "{set}: {answer}");
+        }
+    }
     show.ask(Ask::Go).unwrap();
     assert_eq!(driving.join().unwrap(), alone);
     // The one has the drive up to its end, in the forms that a log has; the other never took anything.

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::{anyhow, bail};
+use anyhow::bail;
 use clap::ValueEnum as _;
 use swerve_drive::shipped::Kind;
 use swerve_pylot::posed::{FotConfig, HybridAstarConfig, ProblemFile, RrtStarConfig};
-use swerve_text::{did_you_mean, list, with_nearest_name};
+use swerve_text::{did_you_mean, from_json, list};
 
 use super::PosedPlanner;
 
@@ -26,34 +26,7 @@ pub enum Posed<'a> {
 /// # Errors
 /// When it cannot be read, or is no problem file: file, line, and what was expected.
 pub fn read(path: &Path) -> anyhow::Result<ProblemFile> {
-    let text = Kind::Problems.text(path)?;
-    serde_json::from_str(&text).map_err(|error| {
-        let message = error.to_string();
-        let place = format!(" at line {} column {}", error.line(), error.column());
-        let message = match message.strip_suffix(&place).unwrap_or(&message) {
-            "number out of range" => {
-                let number = number_at(&text, error.line(), error.column());
-                format!("expected a number of at most {:e}, found {number}", f64::MAX)
-            }
-            // By what a user sees, not by the name of a type: "invalid type: integer `1`, expected struct Configs".
-            other => match other.split_once(", expected struct ") {
-                Some((found, _)) => format!("{found}, expected an object"),
-                None => with_nearest_name(other),
-            },
-        };
-        anyhow!("{}:{}: {message}", path.display(), error.line().max(1))
-    })
-}
-
-/// The number around a column of a line, both from 1.
-fn number_at(text: &str, line: usize, column: usize) -> &str {
-    let line = text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
-    let is_other = |c: char| !(c.is_ascii_alphanumeric() || "+-.".contains(c));
-    let at = line.len().min(column.saturating_sub(1));
-    let (before, after) = line.split_at_checked(at).unwrap_or((line, ""));
-    let start = before.rfind(is_other).map_or(0, |found| found + 1);
-    let end = after.find(is_other).map_or(line.len(), |found| at + found);
-    &line[start..end]
+    Ok(from_json(&path.display().to_string(), &Kind::Problems.text(path)?)?)
 }
 
 /// The configuration of this name.

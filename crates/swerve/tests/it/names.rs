@@ -144,7 +144,9 @@ fn a_new_folder_runs_at_once() {
     assert!(seen >= 8, "only {seen} commands found");
     bench.good(&["check", "begin/here/scenario.toml", "begin/here/config.toml"]);
     let own = bench.swerve(&["check", "begin/here"]);
-    assert!(own.stderr.contains("own.toml:4: operator.planner.kind: unknown kind `slow_down`"), "{own:?}");
+    let unknown = "own.toml:4: operator.planner.kind: unknown kind `slow_down` (one of your own is known to";
+    assert!(own.stderr.contains(unknown), "{own:?}");
+    assert!(own.stderr.contains("`cargo run --` in the place of `swerve`"), "{own:?}");
     assert!(own.stderr.ends_with("error: 1 problem in 3 files\n"), "a manifest is none of ours: {own:?}");
 }
 

@@ -171,6 +171,8 @@ fn a_browser_draws_a_run_and_plays_it() {
     let mut lengths = [2000, 6000, 18_000].into_iter().cycle().take(18);
     assert!(lengths.any(|ms| seconds(ms) > 1.25), "the player stands still");
     let mut metrics: Value = serde_json::from_str(&bench.read("o/metrics.json")).unwrap();
+    let closest = format!("{:.2} s", metrics["min_distance_at_s"].as_f64().unwrap());
+    assert_eq!(text(&drawn(&browser, &page, "", 1000), "time"), closest, "it opens where it was decided");
     metrics["why"] = serde_json::json!({
         "actor": name, "verdict": "avoided", "sentence": format!("{name} was seen late"),
         "steps": [{ "what": "first_tracked", "at_s": 0.5, "waited": [{ "for": "planner busy", "ms": 20.0 }] }],
@@ -247,6 +249,14 @@ fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
     assert!(tallest < 45.0, "a row is {tallest} px high");
     shown.evaluate("document.querySelector('table.heat td button').click()");
     assert_eq!(shown.evaluate("document.querySelectorAll('#heat a').length"), 3);
+    // Long names of scenarios below the axis of a plot stand aslant, short ones as they are.
+    for (name, aslant) in [("a_long_name_of_a_scenario", 10), ("s", 0)] {
+        let texts = format!(
+            "namesBelow([...Array(10).keys()].map((k) => ({{ label: `{name}_${{k}}`, at: 60 + 100 * k }})), 260).texts"
+        );
+        let turned = format!("{texts}.filter((text) => text.hasAttribute('transform')).length");
+        assert_eq!(shown.evaluate(&turned), aslant);
+    }
     assert!(shown.errors.is_empty(), "{:?}", shown.errors);
 }
 

@@ -132,6 +132,19 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     bench.good(&["study", "study.toml", "--out", "o"]);
     assert_eq!(bench.read("o/cells.csv"), csv);
     assert_eq!(kept(), [true, false, true, true]);
+    // Another study's tables stay, as a run's results do.
+    bench.write("other.toml", STUDY);
+    let other = bench.swerve(&["study", "other.toml", "--out", "o"]);
+    let told = "o: the results of another study, `study`, are there: expected another --out";
+    assert!(other.code == Some(1) && other.stderr.contains(told), "{other:?}");
+    assert_eq!(bench.read("o/cells.csv"), csv);
+    bench.good(&["run", "short.toml", "--out", "r"]);
+    assert!(
+        bench
+            .swerve(&["suite", "short.toml", "--out", "r"])
+            .stderr
+            .contains("the results of a run are there")
+    );
 }
 
 /// A digit changed by hand, a file cut short, one that has taken another's name, one that is no text.

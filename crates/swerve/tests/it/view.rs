@@ -122,9 +122,10 @@ fn a_watched_run_is_the_same_run() {
             )
         );
     }
-    viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.rang_m=20"] }));
-    let wrong = viewed.until(|rows| !rows["problem"].is_null());
-    assert!(wrong["problem"].as_str().unwrap().contains("range_m"), "{wrong}");
+    let slip = json!({ "do": "restart", "seed": 7, "set": ["sensing.rang_m=20"] });
+    let (status, why) = viewed.ask("POST", "control", &slip.to_string());
+    assert!(status == 400 && why.contains("range_m"), "{status} {why}");
+    assert_eq!(viewed.rows("{}")["run"], 3, "nothing was begun");
     for (method, path, body, status) in [
         ("POST", "control", "{\"do\":\"fly\"}", 400),
         ("POST", "control", "{\"do\":\"speed\",\"speed\":-1}", 400),

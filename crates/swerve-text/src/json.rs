@@ -1,0 +1,234 @@
+//! JSON as a Rust type, and what is wrong with it in the words that are used of TOML.
+
+use serde::de::DeserializeOwned;
+use serde_json::error::{Category, Error};
+
+use crate::form::in_words;
+use crate::problem::Problem;
+use crate::words::{unknown_key, unknown_name};
+
+/// A text of JSON as a `T`; `file` names it in messages.
+///
+/// # Errors
+/// The first thing that has not the form of a `T`, with line and key, or what is no JSON.
+pub fn from_json<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Problem> {
+    serde_json::from_str(text).map_err(|error| problem(file, text, &error))
+}
+
+fn problem(file: &str, text: &str, error: &Error) -> Problem {
+    let (line, column) = (error.line().max(1), error.column());
+    let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+    let at = (before + column).min(text.len());
+    let mut key = key_at(&text.as_bytes()[..at]);
+    let whole = error.to_string();
+    let place = format!(" at line {} column {column}", error.line());
+    let told = whole.strip_suffix(&place).unwrap_or(&whole);
+    let message = match (error.classify(), told) {
+        (Category::Eof, _) => "it ends too early, expected whole JSON".to_owned(),
+        (_, "number out of range") => {
+            format!("expected a number of at most {:e}, found {}", f64::MAX, number_at(text, at))
+        }
+        (Category::Data, told) => match told.strip_prefix("missing field ") {
+            Some(name) => {
+                let name = name.trim_matches('`');
+                key = if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+                "is missing".to_owned()
+            }
+            None => of_value(told),
+        },
+        (_, told) => format!("it is no JSON: {told}"),
+    };
+    Problem { file: file.to_owned(), line: Some(line), key, message }
+}
+
+/// What serde says of a value in the words of a user.
+fn of_value(told: &str) -> String {
+    let names = || -> Vec<&str> { told.split('`').skip(1).step_by(2).collect() };
+    match told.split_once(' ').map(|(first, rest)| (first, rest.split_once(' '))) {
+        Some(("unknown", Some(("field", _)))) => {
+            names().split_first().map_or_else(|| told.to_owned(), |(wrong, known)| unknown_key(wrong, known))
+        }
+        Some(("unknown", Some(("variant", _)))) => {
+            names().split_first().map_or_else(|| told.to_owned(), |(wrong, known)| unknown_name(wrong, known))
+        }
+        Some(("invalid", Some((what, rest)))) => match rest.rsplit_once(", expected ") {
+            Some((length, wanted)) if what == "length" => {
+                format!("expected {}, found an array of {length}", expected(wanted))
+            }
+            Some((found, wanted)) => format!("expected {}, found {}", expected(wanted), described(found)),
+            None => told.to_owned(),
+        },
+        _ => told.to_owned(),
+    }
+}
+
+/// A kind of value.
+fn expected(wanted: &str) -> String {
+    match in_words(wanted).as_ref() {
+        "a table" => "an object".to_owned(),
+        _ if wanted.contains("tagged enum ") => "an object".to_owned(),
+        words => words.to_owned(),
+    }
+}
+
+/// What serde calls what it found.
+fn described(found: &str) -> String {
+    match found {
+        "map" => "an object".to_owned(),
+        "sequence" => "an array".to_owned(),
+        _ => match found.strip_prefix("string ") {
+            Some(text) => format!("the text {text}"),
+            // "integer `7`", "floating point `1.5`", "boolean `true`".
+            None => found.split('`').nth(1).unwrap_or(found).to_owned(),
+        },
+    }
+}
+
+/// What is open around a place in a text.
+enum Open<'t> {
+    /// An object, at the value of a key or before one.
+    Object(Option<&'t [u8]>),
+    /// An array, at a value.
+    Array(usize),
+}
+
+/// The dotted key of the value that is begun, or was read last, where `text` ends.
+fn key_at(text: &[u8]) -> String {
+    let mut open: Vec<Open<'_>> = Vec::new();
+    let mut at = 0;
+    while let Some(byte) = text.get(at) {
+        at += 1;
+        match (byte, open.last_mut()) {
+            (b'{', _) => open.push(Open::Object(None)),
+            (b'[', _) => open.push(Open::Array(0)),
+            (b'}' | b']', _) => drop(open.pop()),
+            (b',', Some(Open::Object(key))) => *key = None,
+            (b',', Some(Open::Array(index))) => *index += 1,
+            (b'"', around) => {
+                let inside = &text[at..];
+                let length = length_of_text(inside);
+                if let Some(Open::Object(key @ None)) = around {
+                    *key = Some(&inside[..length]);
+                }
+                at += length + 1;
+            }
+            _ => {}
+        }
+    }
+    open.iter().fold(String::new(), |way, around| match around {
+        Open::Object(None) => way,
+        Open::Object(Some(name)) if way.is_empty() => String::from_utf8_lossy(name).into_owned(),
+        Open::Object(Some(name)) => format!("{way}.{}", String::from_utf8_lossy(name)),
+        Open::Array(index) => format!("{way}[{index}]"),
+    })
+}
+
+/// How many bytes there are before the quote that ends a text.
+fn length_of_text(inside: &[u8]) -> usize {
+    let mut is_escaped = false;
+    let ends = |byte: &u8| {
+        let is_end = *byte == b'"' && !is_escaped;
+        is_escaped = *byte == b'\\' && !is_escaped;
+        is_end
+    };
+    inside.iter().position(ends).unwrap_or(inside.len())
+}
+
+/// The number around a byte.
+fn number_at(text: &str, at: usize) -> String {
+    let is_other = |byte: &u8| !(byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
+    let (before, after) = text.as_bytes().split_at(at.saturating_sub(1));
+    let start = before.iter().rposition(is_other).map_or(0, |found| found + 1);
+    let end = after.iter().position(is_other).unwrap_or(after.len());
+    String::from_utf8_lossy(&text.as_bytes()[start..before.len() + end]).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "it is read and no more")]
+    struct Form {
+        size: f64,
+        count: Option<u32>,
+        places: Option<Vec<Place>>,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[expect(dead_code, reason = "it is read and no more")]
+    struct Place {
+        at: [f64; 2],
+        kind: Option<Kind>,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[serde(rename_all = "snake_case")]
+    enum Kind {
+        Left,
+        Right,
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_line_key_and_what_was_expected() {
+        for (text, told) in [
+            ("{\"size\":\n{\"a\": 1}}", "f.json:2: size: expected a number, found an object"),
+            ("{\"size\": \"a, \\\"b\"}", "f.json:1: size: expected a number, found the text \"a, \\\"b\""),
+            (
+                "{\"size\": 1,\n \"count\": -1}",
+                "f.json:2: count: expected a whole number that is not negative, found -1",
+            ),
+            ("{\"count\": 1.5}", "f.json:1: count: expected a whole number that is not negative, found 1.5"),
+            ("{\"count\": 1}", "f.json:1: size: is missing"),
+            ("{\"siz\": 1}", "f.json:1: siz: unknown key; did you mean \"size\"?"),
+            (
+                "{\"places\": [\n{\"at\": [1, 2]},\n{\"at\": [3, true]}]}",
+                "f.json:3: places[1].at[1]: expected a number, found true",
+            ),
+            ("{\"places\": [{\"at\": [1, 2]}, {\"kind\": null}]}", "f.json:1: places[1].at: is missing"),
+            (
+                "{\"places\": [{\"kind\": \"lft\"}]}",
+                "f.json:1: places[0].kind: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
+            ),
+            (
+                "{\"places\": [{\"at\": [1]}]}",
+                "f.json:1: places[0].at: expected an array of 2 values, found an array of 1",
+            ),
+            ("{\"places\": 7}", "f.json:1: places: expected an array, found 7"),
+            ("[1]", "f.json:1: expected an object, found an array of 1"),
+            ("3", "f.json:1: expected an object, found 3"),
+            (
+                "{\"size\": 1e999}",
+                "f.json:1: size: expected a number of at most 1.7976931348623157e308, found 1e999",
+            ),
+            ("{\"size\": 1,}", "f.json:1: it is no JSON: trailing comma"),
+            ("{\"size\":\n\n", "f.json:3: size: it ends too early, expected whole JSON"),
+            ("", "f.json:1: it ends too early, expected whole JSON"),
+        ] {
+            let problem = from_json::<Form>("f.json", text).unwrap_err().to_string();
+            assert!(problem.starts_with(told), "{text}: {problem}\nexpected {told}");
+        }
+        assert!(
+            from_json::<Form>("f.json", "{\"size\": 1, \"places\": [{\"at\": [1, 2], \"kind\": \"left\"}]}")
+                .is_ok()
+        );
+    }
+
+    /// Whatever is cut off or put in, there is one message.
+    #[test]
+    fn no_text_is_a_panic() {
+        let whole = "{\"size\": 1.5e3, \"ä\\\"\": [null, {\"at\": \"\\u00e4\"}], \"count\": 2}\n";
+        for at in (0..whole.len()).filter(|at| whole.is_char_boundary(*at)) {
+            for other in ["", "\"", "\\", "]", "}", ",", "{", "1e999", "ä", "\n"] {
+                let text = format!("{}{other}{}", &whole[..at], &whole[at..]);
+                for text in [&text, &text[..at + other.len()]] {
+                    let _either_way =
+                        from_json::<Form>("f.json", text).map_err(|problem| problem.to_string());
+                }
+            }
+        }
+    }
+}
