@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use swerve::replay::replay;
-use swerve_core::Time;
+use swerve_core::{Span, Time};
+use swerve_flow::{Decision, DropReason};
 use swerve_log::{Log, LogError, Record};
 use swerve_msg::ObstacleList;
 use tempfile::TempDir;
@@ -147,6 +148,8 @@ fn schemas_name_every_field_of_their_messages() {
     let config = config(&[
         "log.sensors=[\"gnss\", \"imu\", \"odometry\", \"collisions\", \"lane_invasions\", \"red_lights\", \"roof\"]",
         "lidar.roof={ rate_hz = 1 }",
+        "camera.front={ width_px = 64, height_px = 48, rate_hz = 1, outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"] }",
+        "log.images=lossless",
     ]);
     record(&config, &scenario_file("person_crossing"), &path, 1);
     let mut streams = std::collections::BTreeSet::new();
@@ -164,7 +167,40 @@ fn schemas_name_every_field_of_their_messages() {
         }
         streams.insert(stream.clone());
     }
-    assert!(streams.len() >= 14, "{streams:?}");
+    assert!(streams.len() >= 18, "{streams:?}");
+    let bytes = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let of_decisions =
+        summary.channels.values().find(|channel| channel.topic == "/swerve/decisions").unwrap();
+    let schema = of_decisions.schema.as_ref().unwrap();
+    let rules = core::str::from_utf8(&schema.data).unwrap();
+    for decision in every_decision() {
+        let written = ciborium::Value::serialized(&decision).unwrap();
+        let mut named = std::collections::BTreeSet::new();
+        keys(&written, &mut named);
+        let name = written.as_map().unwrap()[0].1.as_text().unwrap().to_owned();
+        let start = format!("{name} = {{ decision: \"{name}\", ");
+        let rule = rules.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("{name}"));
+        let fields: Vec<&str> = rule[start.len()..].split(": ").collect();
+        let fields = fields.iter().rev().skip(1).map(|part| part.rsplit(' ').next().unwrap().to_owned());
+        assert_eq!(fields.chain(["decision".to_owned()]).collect::<std::collections::BTreeSet<_>>(), named);
+    }
+}
+
+/// One of each.
+fn every_decision() -> [Decision; 9] {
+    let (operator, stamp, at) = ("planner".to_owned(), Time::ZERO, Time::ZERO);
+    [
+        Decision::Begin { wall_clock: true },
+        Decision::Arrival { operator: operator.clone(), stamp: None, at },
+        Decision::RunTime { operator: operator.clone(), stamp, run_time: Span::from_ms(1) },
+        Decision::Deadline { operator: operator.clone(), stamp, at, offers: 1 },
+        Decision::Drop { operator: operator.clone(), stamp, at, reason: DropReason::Skipped },
+        Decision::Stop { operator: operator.clone(), stamp, units: 1 },
+        Decision::Lost { operator: operator.clone(), stamp, why: "gone".into() },
+        Decision::Restarted { operator, stamp },
+        Decision::End { at },
+    ]
 }
 
 #[test]

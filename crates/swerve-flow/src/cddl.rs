@@ -57,10 +57,14 @@ fn trace<T: DeserializeOwned>() -> Option<(Format, Registry)> {
 }
 
 /// A variant that the tracer need not look for: said to it as if it were written.
+///
+/// Where the tracer knows all variants it goes into the first once more, which then has to be what was said of it: one
+/// that holds nothing, or bytes.
 struct KnownVariant {
     choice: &'static str,
     place: u32,
     name: &'static str,
+    holds_bytes: bool,
 }
 
 impl KnownVariant {
@@ -70,6 +74,7 @@ impl KnownVariant {
             choice: lasting(choice),
             place: place as u32,
             name: lasting(&variant.name),
+            holds_bytes: matches!(&variant.value, VariantFormat::NewType(inner) if **inner == Format::Bytes),
         };
         variants.values().enumerate().map(one).collect()
     }
@@ -77,7 +82,18 @@ impl KnownVariant {
 
 impl Serialize for KnownVariant {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.holds_bytes {
+            return serializer.serialize_newtype_variant(self.choice, self.place, self.name, &NoBytes);
+        }
         serializer.serialize_unit_variant(self.choice, self.place, self.name)
+    }
+}
+
+struct NoBytes;
+
+impl Serialize for NoBytes {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&[])
     }
 }
 
@@ -215,6 +231,22 @@ mod tests {
         Late(u8),
     }
 
+    /// A choice of which each variant holds bytes.
+    #[derive(Deserialize)]
+    #[expect(dead_code, reason = "only its form is looked at")]
+    enum Pixels {
+        Grey(Run),
+        Colour(Run),
+    }
+
+    struct Run;
+
+    impl<'de> Deserialize<'de> for Run {
+        fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            deserializer.deserialize_byte_buf(serde::de::IgnoredAny).map(|_| Self)
+        }
+    }
+
     /// Takes no value that is made up.
     struct Even;
 
@@ -239,6 +271,8 @@ mod tests {
             State = \"found\" / { failed: { reason: tstr } } / { late: uint }\n";
         assert_eq!(cddl::<Plan>(), expected);
         assert_eq!(cddl::<Vec<Option<bool>>>(), "payload = [* (bool / null)]\n");
+        let pixels = "payload = Pixels\nPixels = { Grey: bstr } / { Colour: bstr }\n";
+        assert_eq!(cddl::<Pixels>(), pixels);
         assert_eq!(cddl::<Even>(), "payload = any\n");
     }
 }

@@ -88,7 +88,18 @@ impl Kind {
                 "miss = { operator: tstr, stamp: int, deadline: int, at: int, reaction: tstr, started: bool }\n"
             }
             Self::Drops => "drop = { operator: tstr, stamp: int, at: int, reason: tstr }\n",
-            Self::Decisions => "decision = { decision: tstr, * tstr => any }\n",
+            Self::Decisions => {
+                "decision = begin / arrival / run_time / deadline / drop / stop / lost / restarted / end\n\
+                 begin = { decision: \"begin\", wall_clock: bool }\n\
+                 arrival = { decision: \"arrival\", operator: tstr, stamp: int / null, at: int }\n\
+                 run_time = { decision: \"run_time\", operator: tstr, stamp: int, run_time: int }\n\
+                 deadline = { decision: \"deadline\", operator: tstr, stamp: int, at: int, offers: uint }\n\
+                 drop = { decision: \"drop\", operator: tstr, stamp: int, at: int, reason: tstr }\n\
+                 stop = { decision: \"stop\", operator: tstr, stamp: int, units: uint }\n\
+                 lost = { decision: \"lost\", operator: tstr, stamp: int, why: tstr }\n\
+                 restarted = { decision: \"restarted\", operator: tstr, stamp: int }\n\
+                 end = { decision: \"end\", at: int }\n"
+            }
             Self::View => "", // each has a schema of its own
         }
     }
