@@ -112,6 +112,7 @@ impl Outcome {
             Metric::DecelerationMaxMps2 => Some(metrics.drive.deceleration_max_mps2),
             Metric::ComfortShare => metrics.comfort.map(|comfort| comfort.share_within),
             Metric::RoadMarginM => Some(self.road_margin_m),
+            Metric::RedLightsPassed => Some(metrics.red_lights_passed as f64),
         }
     }
 }

@@ -54,6 +54,9 @@ pub struct Metrics {
     /// The traffic light that the ego waited at when the run ended; null where it did not.
     #[serde(default)]
     pub waits_at_light: Option<String>,
+    /// How many stop lines the ego's front went over while their light was red.
+    #[serde(default)]
+    pub red_lights_passed: usize,
     /// Speed of the ego at the first contact, m/s; null when nothing was hit.
     pub impact_speed_mps: Option<f64>,
     /// Instant at which part of the ego first left the drivable ground, seconds.
@@ -286,6 +289,7 @@ impl Evaluation {
             impact_name: impact.map(|i| self.name(i.actor)),
             stands_before: self.outcome.stands_before(),
             waits_at_light: self.outcome.waits_at_light().map(str::to_owned),
+            red_lights_passed: self.outcome.red_lights_passed(),
             impact_speed_mps: impact.map(|i| i.ego_speed_mps),
             left_road_at_s: self.outcome.left_road_at().map(seconds),
             lateral_jerk: JerkMetrics {

@@ -50,6 +50,9 @@ pub struct Outcome {
     waits_at: Option<usize>,
     /// Whether it was at rest then, and the gate held it so.
     is_held: bool,
+    /// Where the front was along the route, where there are lights.
+    front_s_m: Option<f64>,
+    red_lights_passed: usize,
 }
 
 impl Outcome {
@@ -68,6 +71,8 @@ impl Outcome {
             is_alone: true,
             waits_at: None,
             is_held: false,
+            front_s_m: None,
+            red_lights_passed: 0,
         }
     }
 
@@ -97,6 +102,7 @@ impl Outcome {
                 }
             }
         }
+        self.pass_lights(world);
         self.is_alone &= world.actors.is_empty();
         let stands = world.ego.state.speed_mps.abs() <= STANDS_MPS;
         self.has_driven |= !stands;
@@ -154,10 +160,35 @@ impl Outcome {
         self.waits_at.map(|light| self.lights[light].name.as_str())
     }
 
+    /// How many stop lines the ego's front went over while their light was red.
+    pub fn red_lights_passed(&self) -> usize {
+        self.red_lights_passed
+    }
+
+    fn front_s_m(&self, world: &WorldState) -> Option<f64> {
+        let front_m = self.ego.center_ahead_m + 0.5 * self.ego.length_m;
+        Some(self.route.as_ref()?.project(world.ego.state.pose.ahead(front_m).point()).s_m)
+    }
+
+    fn pass_lights(&mut self, world: &WorldState) {
+        if self.lights.is_empty() {
+            return;
+        }
+        let now_m = self.front_s_m(world);
+        if let (Some(before_m), Some(now_m)) = (self.front_s_m, now_m) {
+            let is_passed = |light: &&LightCourse| {
+                before_m < light.stop_s_m
+                    && now_m >= light.stop_s_m
+                    && light.signal(world.stamp) == Some(Signal::Red)
+            };
+            self.red_lights_passed += self.lights.iter().filter(is_passed).count();
+        }
+        self.front_s_m = now_m;
+    }
+
     /// The nearest light whose stop line is just before the ego and which is not green.
     fn light_ahead(&self, world: &WorldState) -> Option<usize> {
-        let front_m = self.ego.center_ahead_m + 0.5 * self.ego.length_m;
-        let front_s_m = self.route.as_ref()?.project(world.ego.state.pose.ahead(front_m).point()).s_m;
+        let front_s_m = self.front_s_m(world)?;
         let ahead = |light: &LightCourse| light.stop_s_m - front_s_m;
         let is_waited_for = |(_, light): &(usize, &LightCourse)| {
             (-BEYOND_LINE_M..=IN_THE_WAY_M).contains(&ahead(light))
@@ -300,16 +331,34 @@ pub(crate) mod tests {
         assert_eq!(at_end(6.0, 0.0, 1.0).verdict(), Verdict::Timeout, "it drives");
     }
 
-    #[test]
-    fn who_is_brought_to_rest_by_the_gate_or_a_red_light_has_stopped_and_who_never_drove_has_not() {
-        let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
-        let light = |stop_s_m: f64, signal| LightCourse {
+    /// A light that shows this from 0.7 s on.
+    fn light(stop_s_m: f64, signal: Signal) -> LightCourse {
+        LightCourse {
             name: "crossing".into(),
             s_m: stop_s_m + 10.0,
             d_m: -3.0,
             stop_s_m,
             shows: vec![(Time::ZERO, Signal::Green), (Time::from_ms(700), signal)],
-        };
+        }
+    }
+
+    #[test]
+    fn a_stop_line_that_is_passed_at_red_is_counted_once() {
+        let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
+        for (signal, passed) in [(Signal::Red, 1), (Signal::Yellow, 0), (Signal::Green, 0)] {
+            let route = Route::uniform(line.clone(), 6.0, 2.0);
+            let mut outcome =
+                Outcome::new(EGO, Some(route), vec![light(100.0, signal), light(150.0, signal)]);
+            for step in 0..20 {
+                outcome.take(&world(1000 + 100 * step, step as f64));
+            }
+            assert_eq!(outcome.red_lights_passed(), passed, "{signal:?}");
+        }
+    }
+
+    #[test]
+    fn who_is_brought_to_rest_by_the_gate_or_a_red_light_has_stopped_and_who_never_drove_has_not() {
+        let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
         let (far, holds) = (light(300.0, Signal::Red), GateMode::Holding(StopCause::Emergency));
         // The front is at 93.9 m of the route.
         for (light, gate, drove, speed_mps, verdict, waits) in [

@@ -233,7 +233,6 @@ mod tests {
 
     /// A choice of which each variant holds bytes.
     #[derive(Deserialize)]
-    #[expect(dead_code, reason = "only its form is looked at")]
     enum Pixels {
         Grey(Run),
         Colour(Run),

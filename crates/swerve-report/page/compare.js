@@ -5,18 +5,38 @@ function showRuns(page) {
   const moment = new Moment(Math.max(a.end, b.end));
   const player = a.ego.t.length > 0 ? new Player(a, moment, b) : null;
   const first = parting.find((stream) => stream.at != null);
-  const marks = first ? [{ t: first.at, text: `they part in ${first.stream}` }] : [];
+  const apart = carsPart(a, b);
+  const marks = [...(first ? [{ t: first.at, text: `they part in ${first.stream}` }] : []), ...(apart == null ? [] : [{ t: apart, text: "the cars part" }])];
   document.getElementById("page").append(
     el("header", {}, el("h1", {}, "Two runs"), el("p", { class: "soft" }, `Swerve ${page.version}`)),
     el("div", { class: "two" }, ...[["first", a], ["second", b]].map(([name, run]) => el("div", {}, el("h3", {}, `${name}: ${run.title}`), run.metrics?.verdict ? badge(run.metrics.verdict) : null, ...notes(run.notes), commandLine(run.command)))),
-    section("parting", "Where they part", partingText(parting, first, moment), partingTable(parting, moment)),
+    section("parting", "Where they part", partingText(parting, first, moment), player ? carsText(apart, moment) : "", partingTable(parting, moment)),
+    a.metrics?.why || b.metrics?.why ? section("why", "Why", el("div", { class: "two" }, ...[["first", a], ["second", b]].map(([name, run]) => el("div", {}, el("h3", {}, name), ...(run.metrics?.why ? chainOf(run.metrics.why, moment) : []))))) : "",
     section("settings", "What is set differently", settings(a, b)),
     player ? section("player", "The drive", el("p", { class: "soft small" }, "The first run; of the second its car and its plan."), player.node()) : "",
     player ? section("timeline", "Time line", ...timeline([{ run: a, name: "first" }, { run: b, name: "second" }], moment, { marks })) : "",
     a.metrics && b.metrics ? section("metrics", "Metrics", sideBySide(a.metrics, b.metrics)) : "",
     section("times", "Run times", el("h3", {}, "first"), runTimes(a), el("h3", {}, "second"), runTimes(b)),
   );
-  moment.set(addressed().has("t") ? Number(addressed().get("t")) * 1e6 : (first?.at ?? 0));
+  moment.set(addressed().has("t") ? Number(addressed().get("t")) * 1e6 : (apart ?? first?.at ?? 0));
+}
+
+/** Metres between two cars from which on they are said to part. */
+const APART_M = 0.1;
+
+/** The first instant at which the two cars are farther apart than that; null where there is none while both drive. */
+function carsPart(a, b) {
+  const last = b.ego.t.at(-1) ?? -1;
+  const isApart = (t) => {
+    const [one, other] = [egoAt(a.ego, t), egoAt(b.ego, t)];
+    return other != null && Math.hypot(one.x - other.x, one.y - other.y) > APART_M;
+  };
+  return a.ego.t.find((t) => t <= last && isApart(t)) ?? null;
+}
+
+function carsText(apart, moment) {
+  if (apart == null) return el("p", {}, `While both drive the cars are never more than ${APART_M} m apart.`);
+  return el("p", {}, `The cars are more than ${APART_M} m apart from `, el("button", { click: () => moment.set(apart) }, seconds(apart)), " on.");
 }
 
 function partingText(parting, first, moment) {

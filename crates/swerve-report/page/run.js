@@ -49,11 +49,12 @@ function heading(page) {
 const notes = (list) => list.map((note) => el("p", { class: "note" }, note));
 
 /** The chain of why: { actor, verdict, sentence, steps: [{ what, at_s, waited: [{ for, ms }] }] }; null without. */
-function why(chain, moment) {
-  if (!chain) return null;
+const why = (chain, moment) => (chain ? section("why", "Why", ...chainOf(chain, moment)) : null);
+
+function chainOf(chain, moment) {
   const waited = (list) => (list?.length ? ` · waited ${list.map((wait) => `${fixed(wait.ms, 0)} ms for ${wait.for}`).join(", ")}` : "");
   const step = ({ what, at_s: at, waited: list }) => el("li", {}, at == null ? null : el("button", { click: () => moment.set(at * 1e6) }, `${fixed(at)} s`), ` ${what.replaceAll("_", " ")}`, el("span", { class: "soft" }, waited(list)));
-  return section("why", "Why", el("p", {}, chain.sentence ?? ""), el("ol", { class: "chain" }, (chain.steps ?? []).map(step)));
+  return [el("p", {}, chain.sentence ?? ""), el("ol", { class: "chain" }, (chain.steps ?? []).map(step))];
 }
 
 /** Pictures of the cameras in a row; a click goes to their instant. */

@@ -25,11 +25,13 @@ pub enum Metric {
     ComfortShare,
     /// Smallest distance of the ego's outline to the edge of the drivable ground, metres.
     RoadMarginM,
+    /// Stop lines that the ego's front went over at a red light.
+    RedLightsPassed,
 }
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::MinDistanceM,
         Self::ImpactSpeedMps,
         Self::ClosingSpeedMps,
@@ -40,6 +42,7 @@ impl Metric {
         Self::DecelerationMaxMps2,
         Self::ComfortShare,
         Self::RoadMarginM,
+        Self::RedLightsPassed,
     ];
 
     /// Whether a run has this metric only if it hit something.
@@ -60,6 +63,7 @@ impl Metric {
             Self::DecelerationMaxMps2 => "deceleration_max_mps2",
             Self::ComfortShare => "comfort_share",
             Self::RoadMarginM => "road_margin_m",
+            Self::RedLightsPassed => "red_lights_passed",
         }
     }
 }

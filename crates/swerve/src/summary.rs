@@ -153,6 +153,9 @@ impl Summary {
         row("no collision", if m.impact.is_none() { "yes" } else { "no" }.to_owned());
         let left = |at_s: f64| format!("no: left it at {at_s:.2} s");
         row("stayed on the road", m.left_road_at_s.map_or_else(|| "yes".to_owned(), left));
+        if m.red_lights_passed > 0 {
+            row("red lights passed", m.red_lights_passed.to_string());
+        }
         if let (Some(distance), Some(at), Some(to)) =
             (m.min_distance_m, m.min_distance_at_s, &m.min_distance_name)
         {

@@ -108,7 +108,8 @@ impl Figures {
             Metric::EndSpeedMps => Some(self.end.ego.state.speed_mps),
             Metric::DurationS => Some(self.end.stamp.as_secs()),
             Metric::RoadMarginM => Some(self.road_margin_m),
-            Metric::LateralAccelMaxMps2
+            Metric::RedLightsPassed
+            | Metric::LateralAccelMaxMps2
             | Metric::LateralJerkMaxMps3
             | Metric::DecelerationMaxMps2
             | Metric::ComfortShare => None,

@@ -208,6 +208,20 @@ fn a_browser_draws_studies_and_filters_them() {
 }
 
 #[test]
+fn two_runs_are_told_apart_by_their_cars() {
+    let Some(browser) = browser() else { return };
+    let bench = Bench::new();
+    bench.good(&["run", "short.toml", "--out", "a"]);
+    bench.good(&["run", "short.toml", "--out", "b", "--set", "ego.speed_mps=12"]);
+    bench.good(&["report", "a", "b"]);
+    let both = drawn(&browser, &bench.path("a/comparison.html"), "", 1000);
+    assert!(both.contains("The cars are more than 0.1 m apart from"), "{both}");
+    bench.good(&["report", "a", "a", "--out", "same.html"]);
+    let same = drawn(&browser, &bench.path("same.html"), "", 1000);
+    assert!(same.contains("the cars are never more than 0.1 m apart"), "{same}");
+}
+
+#[test]
 fn studies_that_share_no_cell_are_not_the_same() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
