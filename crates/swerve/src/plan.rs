@@ -16,7 +16,7 @@ use anyhow::{Context as _, bail};
 use clap::ValueEnum;
 use swerve_drive::pictures::PictureArgs;
 use swerve_pylot::Preset;
-use swerve_pylot::posed::{ProblemFile, Solution};
+use swerve_pylot::posed::{CLEARANCE_CAP_M, ProblemFile, Solution};
 use swerve_report::files::write_whole;
 use swerve_report::output::{self, align, quoted};
 use swerve_report::page::{Figures, Page};
@@ -169,7 +169,7 @@ fn row(s: &Solution) -> Vec<String> {
         s.work.to_string(),
         number(s.length_m, 2),
         number(s.cost, 2),
-        number(s.clearance_m, 2),
+        if s.clearance_m < CLEARANCE_CAP_M { number(s.clearance_m, 2) } else { "-".into() },
         number(s.curvature_max, 3),
         s.reason.clone(),
     ]
