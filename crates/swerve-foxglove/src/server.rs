@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 
 use foxglove::websocket::{Capability, ChannelView, Client, ServerListener, Status};
 use foxglove::{
-    ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, SinkId, WebSocketServer,
+    ChannelBuilder, Context, PartialMetadata, RawChannel, Schema, SinkId, WebSocketServer,
     WebSocketServerHandle,
 };
 
@@ -78,7 +78,7 @@ impl Server {
     ///
     /// # Errors
     /// No port is free.
-    pub fn start(session: &str, backlog: usize, listener: impl Listener) -> Result<Self, FoxgloveError> {
+    pub fn start(session: &str, backlog: usize, listener: impl Listener) -> Result<Self, String> {
         let (context, viewer) = (Context::new(), Arc::default());
         let handle = WebSocketServer::new()
             .name("swerve")
@@ -88,7 +88,8 @@ impl Server {
             .message_backlog_size(backlog)
             .listener(Arc::new(Ears { viewer: Arc::clone(&viewer), listener }))
             .context(&context)
-            .start_blocking()?;
+            .start_blocking()
+            .map_err(|error| error.to_string())?;
         let at = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), handle.port());
         Ok(Self { context, handle: Some(handle), at, viewer, channels: BTreeMap::new() })
     }
@@ -115,13 +116,14 @@ impl Server {
     ///
     /// # Errors
     /// The crate does not take its form.
-    pub fn offer(&mut self, topic: &str, form: &Form) -> Result<(), FoxgloveError> {
+    pub fn offer(&mut self, topic: &str, form: &Form) -> Result<(), String> {
         let schema = Schema::new(form.schema_name.clone(), form.schema_encoding.clone(), form.schema.clone());
         let channel = ChannelBuilder::new(topic)
             .context(&self.context)
             .message_encoding(form.encoding.clone())
             .schema(schema)
-            .build_raw()?;
+            .build_raw()
+            .map_err(|error| error.to_string())?;
         self.channels.insert(topic.to_owned(), channel);
         Ok(())
     }

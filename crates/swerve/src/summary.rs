@@ -3,7 +3,7 @@
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
 use swerve_drive::{Budgets, Outcome, RungCount};
-use swerve_eval::{GateMetrics, Metrics, Why};
+use swerve_eval::{GateMetrics, Metrics, OperatorMetrics, Why};
 use swerve_flow::{RunReport, TickReport};
 use swerve_ipc::Traffic;
 use swerve_live::ros2::Ros2Report;
@@ -179,19 +179,7 @@ impl Summary {
         if let Some(why) = &self.adapter_lost {
             row("adapter lost", format!("{why}; the processor went on: the digest is not to be had again"));
         }
-        let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
-        let lines = m.operators.iter().map(|o| {
-            let ms = |x: f64| format!("{x:.2}");
-            vec![
-                o.operator.clone(),
-                o.steps.to_string(),
-                ms(o.p50_ms),
-                ms(o.p99_ms),
-                o.misses.to_string(),
-                o.drops.to_string(),
-            ]
-        });
-        text += &align(&std::iter::once(head).chain(lines).collect::<Vec<_>>());
+        text += &operators(&m.operators);
         text += &self.why.as_ref().map_or_else(String::new, Why::text);
         text += &self.rungs_text;
         text += &self.clock_text();
@@ -215,6 +203,17 @@ impl Summary {
         text += &self.renamed.as_ref().map_or_else(String::new, |renamed| format!("{renamed}\n"));
         text
     }
+}
+
+/// A line an operator.
+fn operators(of: &[OperatorMetrics]) -> String {
+    let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
+    let lines = of.iter().map(|o| {
+        let ms = |x: f64| format!("{x:.2}");
+        let (steps, misses, drops) = (o.steps.to_string(), o.misses.to_string(), o.drops.to_string());
+        vec![o.operator.clone(), steps, ms(o.p50_ms), ms(o.p99_ms), misses, drops]
+    });
+    align(&std::iter::once(head).chain(lines).collect::<Vec<_>>())
 }
 
 /// What the safety gate did.
