@@ -31,7 +31,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 
 /// Nothing that was begun is left beside what is whole, and what stands under its name is whole.
 fn check_whole(bench: &Bench, said: &Said) {
-    for path in files(&bench.path("o")) {
+    for path in ["o", "s"].into_iter().flat_map(|folder| files(&bench.path(folder))) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         // A process that is aborted cannot clean up.
         assert!(said.code.is_none() || !name.ends_with(".part"), "{name}: {said:?}");
@@ -89,7 +89,7 @@ fn a_study_goes_on_where_the_disk_was_full() {
 fn where_memory_gives_out_finished_work_stays() {
     let bench = Bench::new();
     bench.write("study.toml", STUDY);
-    let args = ["study", "study.toml", "--out", "o", "--threads", "1"];
+    let args = ["study", "study.toml", "--out", "s", "--threads", "1"];
     bench.good(&["study", "study.toml", "--out", "clean"]);
     let clean = bench.good(&RUN);
     let (mut ended, mut went) = (0, 0);
@@ -112,7 +112,7 @@ fn where_memory_gives_out_finished_work_stays() {
     }
     assert!(ended > 0 && went > 0, "{ended} ended, {went} went well");
     bench.good(&args);
-    assert_eq!(bench.read("o/cells.csv"), bench.read("clean/cells.csv"));
+    assert_eq!(bench.read("s/cells.csv"), bench.read("clean/cells.csv"));
     assert_eq!(digest(&bench.good(&RUN)), digest(&clean));
 }
 

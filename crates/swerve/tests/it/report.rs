@@ -212,7 +212,7 @@ fn two_runs_are_told_apart_by_their_cars() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "a"]);
-    bench.good(&["run", "short.toml", "--out", "b", "--set", "ego.speed_mps=12"]);
+    bench.good(&["run", "short.toml", "--out", "b", "--set", "ego.speed_mps=13"]);
     bench.good(&["report", "a", "b"]);
     let both = drawn(&browser, &bench.path("a/comparison.html"), "", 1000);
     assert!(both.contains("The cars are more than 0.1 m apart from"), "{both}");
