@@ -17,7 +17,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Why};
+use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, Record};
 use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
 use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PredictionList, TrackList};
@@ -53,6 +53,12 @@ struct Ending {
     actor: ActorId,
     verdict: Verdict,
     words: String,
+    /// When the car hit somebody: what came then or later is no part of why.
+    impact: Option<Time>,
+}
+
+fn impact_of(metrics: &Metrics) -> Option<Time> {
+    metrics.impact.map(|impact| Time::ZERO + Span::from_secs(impact.at_s))
 }
 
 impl Logged {
@@ -115,7 +121,8 @@ impl Logged {
             }
             _ => passed(),
         };
-        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words };
+        let impact = impact_of(metrics);
+        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
         self.chain(pipeline, ending)
     }
 
@@ -178,15 +185,19 @@ impl Logged {
             Some(a) => format!("{} was {:.2} m away at least", a.name, a.min_distance_m),
             None => "it was never near".into(),
         };
-        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words })
+        let impact = impact_of(&metrics);
+        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })
     }
 
     /// The chain of one actor.
     fn chain(&self, pipeline: Pipeline, ending: Ending) -> anyhow::Result<Why> {
         let name = pipeline.scenario.actors.get(ending.actor.0 as usize - 1);
         let name = name.map_or_else(|| ending.actor.0.to_string(), |actor| actor.name.clone());
-        let steps = self.steps(pipeline, ending.actor)?;
-        Ok(Why::new(name, ending.verdict, &ending.words, &steps))
+        let mut steps = self.steps(pipeline, ending.actor)?;
+        // They are in order of time.
+        steps.retain(|(_, at, _)| ending.impact.is_none_or(|impact| *at < impact));
+        let until = if ending.impact.is_some() { Until::Impact } else { Until::End };
+        Ok(Why::new(name, ending.verdict, (&ending.words, until), &steps))
     }
 
     fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Vec<Account>> {

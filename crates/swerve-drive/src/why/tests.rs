@@ -1,4 +1,4 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use swerve_log::Recorder;
 
@@ -8,10 +8,15 @@ use crate::recording::{Recording, run_start, set_up};
 
 /// A drive of a shipped scenario, its log, and what it came to.
 fn driven(folder: &Path, scenario: &str, set: &[&str]) -> (Logged, Metrics) {
+    driven_with(folder, scenario, Vec::new(), set)
+}
+
+/// The same under configuration files.
+fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]) -> (Logged, Metrics) {
     let registry = Registry::standard();
     let input = RunInput {
         scenario: scenario.into(),
-        config: Vec::new(),
+        config,
         set: set.iter().map(|&set| set.to_owned()).collect(),
         seed: None,
     };
@@ -96,6 +101,29 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     let at = metrics.actors.iter().find(|actor| actor.name == "person").unwrap().min_distance_at_s;
     assert_eq!(logged.why_of(None, Some(at)).unwrap().actor.as_deref(), Some("person"));
     assert!(logged.why_of(None, Some(1e4)).is_err());
+}
+
+/// A slow planner's first plan that knows of the person is published 0.36 s after the car hit them.
+#[test]
+fn what_came_after_the_impact_is_no_part_of_the_chain() {
+    let folder = tempfile::tempdir().unwrap();
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/paper.toml");
+    let set = ["planning.planner=hybrid_astar", "planning.config=slow"];
+    let (logged, metrics) = driven_with(folder.path(), "person_behind_truck", vec![paper], &set);
+    let why = logged.why(&metrics).unwrap();
+    let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
+    assert_eq!(
+        (why.verdict, &steps[..]),
+        (Verdict::Collision, &[Milestone::Visible, Milestone::Tracked][..])
+    );
+    let missing = "; no plan had changed because of it before the collision";
+    assert!(why.sentence.contains(missing), "{}", why.sentence);
+    let impact_s = metrics.impact.unwrap().at_s;
+    for actor in &metrics.actors {
+        let why = logged.why_of(Some(&actor.name), None).unwrap();
+        assert!(why.steps.iter().all(|step| step.at_s < impact_s), "{}", why.text());
+    }
+    assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
 }
 
 /// A scenario, what is set, and the verdict, words and steps that are expected.
