@@ -42,7 +42,7 @@ pub enum Milestone {
     Planned,
     /// A command that follows from such a plan was published.
     Commanded,
-    /// The car braked harder or steered otherwise than at the command.
+    /// The car drove otherwise than it would have, had no plan known of the actor; of the safety gate, it braked.
     Effect,
     /// The safety gate began to stop the car.
     GateStop,
@@ -85,6 +85,8 @@ pub enum Until {
     End,
     /// The collision: what came after it is no part of why.
     Impact,
+    /// The command: how the car would have driven without the actor is not known.
+    Command,
 }
 
 /// A part of the time between two steps.
@@ -167,22 +169,31 @@ fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
     for pair in steps.windows(2) {
         let after = ms(pair[1].1 - pair[0].1);
         text += &match pair[1].0 {
-            Milestone::Effect => format!(", the car answered {after:.0} ms later"),
+            Milestone::Effect => {
+                format!(", and {after:.0} ms later the car drove otherwise than it would have without it")
+            }
             Milestone::Planned => format!(", a plan changed because of it {after:.0} ms later"),
             what => format!(", {} {after:.0} ms later", what.name()),
         };
     }
     let missing = match (last.0, until) {
-        (Milestone::Visible, Until::End) => "; nothing came of it",
+        (Milestone::Visible, Until::End | Until::Command) => "; nothing came of it",
         (Milestone::Visible, Until::Impact) => "; nothing had come of it before the collision",
-        (Milestone::Detected, Until::End) => "; no track came of it",
+        (Milestone::Detected, Until::End | Until::Command) => "; no track came of it",
         (Milestone::Detected, Until::Impact) => "; no track had come of it before the collision",
-        (Milestone::Tracked, Until::End) => "; no plan would have been another one without it",
+        (Milestone::Tracked, Until::End | Until::Command) => {
+            "; no plan would have been another one without it"
+        }
         (Milestone::Tracked, Until::Impact) => "; no plan had changed because of it before the collision",
-        (Milestone::Planned, Until::End) => "; no command followed from that",
+        (Milestone::Planned, Until::End | Until::Command) => "; no command followed from that",
         (Milestone::Planned, Until::Impact) => "; no command had followed from that before the collision",
-        (Milestone::Commanded, Until::End) => "; the car did not answer",
-        (Milestone::Commanded, Until::Impact) => "; the car had not answered before the collision",
+        (Milestone::Commanded, Until::End) => "; no effect found: the car drove as it would have without it",
+        (Milestone::Commanded, Until::Impact) => {
+            "; no effect found: up to the collision the car drove as it would have without it"
+        }
+        (Milestone::Commanded, Until::Command) => {
+            "; how the car would have driven without it cannot be computed from this log"
+        }
         _ => "",
     };
     text += missing;
