@@ -37,7 +37,7 @@ use crate::measured::outline;
 use crate::page::log_so_far;
 use sightings::Sightings;
 use timeline::{Seen, Timeline};
-use unaware::{Answer, Unaware};
+use unaware::Answer;
 
 /// More deceleration than when the safety gate began to stop the car by this much is an effect, m/s².
 const BRAKES_MPS2: f64 = 0.5;
@@ -240,9 +240,6 @@ impl Logged {
         let end = path.last().map_or(planner.as_str(), String::as_str);
         let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
         let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
-        let Some(first) = without.first_difference(pipeline, &planner, &timeline)? else {
-            return Ok((steps, until));
-        };
         // From a plan to the step of the world that takes up its first command.
         let way = |stamp| {
             let planned = timeline.seen(&plans, stamp)?;
@@ -252,26 +249,24 @@ impl Logged {
             let tick = readable.and_then(|at| timeline.all(&world).map(|s| s.stamp).find(|s| *s > at));
             Some((planned, commanded, waits, tick))
         };
+        let tick = |stamp| way(stamp)?.3;
+        let until_at = impact.or(self.log.end.as_ref().map(|end| end.at)).unwrap_or(Time::MAX);
+        let spare = Pipeline::build_without_stage(&self.config, &self.scenario)?;
+        let unaware = without.compare([pipeline, spare], (&planner, &world), &timeline, (&tick, until_at))?;
+        let Some(first) = unaware.changes.first().copied() else { return Ok((steps, until)) };
         let mut change = way(first).context("the plan is not in the log")?;
         let (mut effect, mut idle) = (None, "no difference to");
-        if let Some(tick) = change.3.filter(|tick| impact.is_none_or(|impact| *tick < impact)) {
-            let last = impact.or(self.log.end.as_ref().map(|end| end.at)).unwrap_or(Time::MAX);
-            let again = Pipeline::build_without_stage(&self.config, &self.scenario)?;
-            // What only another process can do is not driven again.
-            let unaware =
-                without.drive(again, (&planner, &world), &timeline, (tick, last)).unwrap_or(Unaware::UNKNOWN);
-            match unaware.answer {
-                Answer::Effect(at) => {
-                    effect = Some(at);
-                    // Plans that came and went without an effect are not what it follows from.
-                    let later = unaware.changes.into_iter().filter(|stamp| *stamp > first).rev();
-                    if let Some(led) = later.filter_map(way).find(|led| led.3.is_some_and(|tick| tick < at)) {
-                        (change, idle) = (led, "no lasting difference to");
-                    }
+        match unaware.answer {
+            Answer::Effect(at) if change.3.is_some_and(|tick| tick < at) => {
+                effect = Some(at);
+                // Plans that came and went without an effect are not what it follows from.
+                let later = unaware.changes.into_iter().skip(1).rev();
+                if let Some(led) = later.filter_map(way).find(|led| led.3.is_some_and(|tick| tick < at)) {
+                    (change, idle) = (led, "no lasting difference to");
                 }
-                Answer::Nothing => {}
-                Answer::Unknown => until = Until::Command,
             }
+            Answer::Nothing => {}
+            _ => until = Until::Command,
         }
         let (planned, commanded, mut waits, tick) = change;
         steps.push((Milestone::Planned, planned.at, timeline.waits(&plans, last, planned, idle)));

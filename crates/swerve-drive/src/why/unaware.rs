@@ -7,6 +7,7 @@ use swerve_flow::{Event, Observer, RunOptions, StopHandle, run_virtual};
 use swerve_log::PublicationRecord;
 use swerve_msg::truth::WorldState;
 use swerve_msg::{EgoState, Plan};
+use swerve_stack::config::clock::Clock;
 use swerve_stack::pipeline::Pipeline;
 
 use super::EgoOnly;
@@ -47,8 +48,10 @@ struct Compared<'a> {
     plans: Vec<(Time, &'a PublicationRecord)>,
     world: &'a str,
     planner: &'a str,
-    /// The step of the world that takes up the first command of a changed plan.
-    tick: Time,
+    /// Before this stamp there are no tracks of the actor.
+    from: Time,
+    /// The step of the world that takes up the first command that follows from a plan, by its stamp.
+    tick: &'a (dyn Fn(Time) -> Option<Time> + Sync),
     stop: StopHandle,
     changes: Vec<Time>,
     is_changed: bool,
@@ -56,16 +59,38 @@ struct Compared<'a> {
 }
 
 impl Without<'_> {
+    /// What the drive without the actor tells, with the first change of a plan even where it tells nothing else. Takes
+    /// the pipeline twice, as the planner may have to plan again alone.
+    pub(super) fn compare(
+        &self,
+        [first, second]: [Pipeline; 2],
+        (planner, world): (&str, &str),
+        timeline: &Timeline<'_>,
+        times: (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
+    ) -> anyhow::Result<Unaware> {
+        let is_repeatable = first.clock != Clock::Wall;
+        // What only another process can do is not driven again.
+        let unaware = self.drive(first, (planner, world), timeline, times).unwrap_or(Unaware::UNKNOWN);
+        if is_repeatable && unaware.answer != Answer::Unknown {
+            return Ok(unaware);
+        }
+        // On the wall clock the car may have come a little elsewhere: the planner has to be given what it was then.
+        let change = self.first_difference(second, planner, timeline)?;
+        let later = |change| unaware.changes.iter().copied().filter(move |stamp| *stamp > change);
+        let changes = change.into_iter().flat_map(|change| core::iter::once(change).chain(later(change)));
+        Ok(Unaware { changes: changes.collect(), answer: unaware.answer })
+    }
+
     /// Drives again from the start to `until`: the world, the planner and what leads from it back to the world. What
     /// they read of others is that of the log, without the predictions of the actor's tracks, and each step takes as
     /// long as in the log. So both drives are the same up to the first changed plan, and so is all that sensors saw;
     /// a pose that comes of sensors is that of the log, whose car is where this one is until it drives otherwise.
-    pub(super) fn drive(
+    fn drive(
         &self,
         mut pipeline: Pipeline,
         (planner, world): (&str, &str),
         timeline: &Timeline<'_>,
-        (tick, until): (Time, Time),
+        (tick, until): (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
     ) -> anyhow::Result<Unaware> {
         if !timeline.leads(planner, world) {
             // Somebody outside drove.
@@ -84,6 +109,7 @@ impl Without<'_> {
             plans: all(timeline.stream_of::<Plan>(planner).unwrap_or(planner)),
             world,
             planner,
+            from: self.from,
             tick,
             stop: pipeline.graph.stop_handle(),
             changes: Vec::new(),
@@ -98,6 +124,9 @@ impl Without<'_> {
 
 impl Compared<'_> {
     fn plan(&mut self, stamp: Time, unaware: &Plan) {
+        if stamp < self.from {
+            return;
+        }
         let Ok(place) = self.plans.binary_search_by_key(&stamp, |(stamp, _)| *stamp) else { return };
         let Ok(logged) = self.plans[place].1.decode::<Plan>() else { return };
         let is_changed = is_other(&logged, unaware);
@@ -108,10 +137,12 @@ impl Compared<'_> {
     }
 
     fn state(&mut self, stamp: Time, unaware: &WorldState) {
+        // Before that both drives are one.
+        let Some(first) = self.changes.first() else { return };
         let Ok(place) = self.states.binary_search_by_key(&stamp, |(stamp, _)| *stamp) else { return };
         let Ok(EgoOnly(logged)) = self.states[place].1.decode() else { return };
         self.answer = match drives_otherwise(&logged.state, &unaware.ego.state) {
-            true if stamp > self.tick => Some(Answer::Effect(stamp)),
+            true if (self.tick)(*first).is_some_and(|tick| stamp > tick) => Some(Answer::Effect(stamp)),
             true => Some(Answer::Unknown),
             // What a car does that crashed is not what it was told to.
             false if !unaware.collisions.is_empty() => Some(Answer::Nothing),
