@@ -2,12 +2,14 @@
 //!
 //! Times are those of the log's messages, waits those of its steps, drops and missed deadlines. Whether a plan would
 //! have been another one without an actor is computed: the log's planner plans again from what it was given then,
-//! without the predictions of the actor's tracks. Nothing is driven again.
+//! without the predictions of the actor's tracks. What the car did because of that is, too: with such plans it is driven
+//! again, from the log, up to where it drives otherwise.
 
 mod command;
 mod other;
 mod sightings;
 mod timeline;
+mod unaware;
 mod waits;
 mod without;
 
@@ -17,10 +19,10 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Why};
+use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, Record};
 use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
-use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PredictionList, TrackList};
+use swerve_msg::{ActorId, Detections, GateOutput, Plan, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -35,11 +37,10 @@ use crate::measured::outline;
 use crate::page::log_so_far;
 use sightings::Sightings;
 use timeline::{Seen, Timeline};
+use unaware::Answer;
 
-/// More deceleration than at the command by this much is an effect, m/s².
+/// More deceleration than when the safety gate began to stop the car by this much is an effect, m/s².
 const BRAKES_MPS2: f64 = 0.5;
-/// A steering angle other than at the command by this much is an effect, radians: as much across at 18 m/s.
-const STEERS_RAD: f64 = 0.25 * core::f64::consts::PI / 180.0;
 
 /// A log, and what it was driven with.
 pub struct Logged {
@@ -53,6 +54,12 @@ struct Ending {
     actor: ActorId,
     verdict: Verdict,
     words: String,
+    /// When the car hit somebody: what came then or later is no part of why.
+    impact: Option<Time>,
+}
+
+fn impact_of(metrics: &Metrics) -> Option<Time> {
+    metrics.impact.map(|impact| Time::ZERO + Span::from_secs(impact.at_s))
 }
 
 impl Logged {
@@ -115,7 +122,8 @@ impl Logged {
             }
             _ => passed(),
         };
-        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words };
+        let impact = impact_of(metrics);
+        let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
         self.chain(pipeline, ending)
     }
 
@@ -178,18 +186,27 @@ impl Logged {
             Some(a) => format!("{} was {:.2} m away at least", a.name, a.min_distance_m),
             None => "it was never near".into(),
         };
-        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words })
+        let impact = impact_of(&metrics);
+        self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })
     }
 
     /// The chain of one actor.
     fn chain(&self, pipeline: Pipeline, ending: Ending) -> anyhow::Result<Why> {
         let name = pipeline.scenario.actors.get(ending.actor.0 as usize - 1);
         let name = name.map_or_else(|| ending.actor.0.to_string(), |actor| actor.name.clone());
-        let steps = self.steps(pipeline, ending.actor)?;
-        Ok(Why::new(name, ending.verdict, &ending.words, &steps))
+        let (mut steps, until) = self.steps(pipeline, ending.actor, ending.impact)?;
+        // They are in order of time.
+        steps.retain(|(_, at, _)| ending.impact.is_none_or(|impact| *at < impact));
+        Ok(Why::new(name, ending.verdict, (&ending.words, until), &steps))
     }
 
-    fn steps(&self, pipeline: Pipeline, actor: ActorId) -> anyhow::Result<Vec<Account>> {
+    fn steps(
+        &self,
+        pipeline: Pipeline,
+        actor: ActorId,
+        impact: Option<Time>,
+    ) -> anyhow::Result<(Vec<Account>, Until)> {
+        let mut until = if impact.is_some() { Until::Impact } else { Until::End };
         let world =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let planner = pipeline.assembly.publisher::<Plan>().context("nobody plans in this log")?;
@@ -197,7 +214,7 @@ impl Logged {
         let timeline = Timeline::new(&self.log, pipeline.graph.describe()?);
         let sightings = Sightings::new(&self.log, &timeline, &world, actor);
         let mut steps = Vec::new();
-        let Some(seen) = sightings.first_visible(&pipeline.assembly)? else { return Ok(steps) };
+        let Some(seen) = sightings.first_visible(&pipeline.assembly)? else { return Ok((steps, until)) };
         steps.push((Milestone::Visible, seen, Vec::new()));
         // The newest step: its instant, and the frame that it is of.
         let mut last = Seen { stamp: seen, at: seen };
@@ -206,11 +223,11 @@ impl Logged {
         let tracks =
             timeline.upstream::<TrackList>(timeline.publisher(&predicted)).context("there are no tracks")?;
         if let Some(boxes) = timeline.upstream::<Detections>(timeline.publisher(&tracks)) {
-            let Some(found) = sightings.first_detected(&boxes, seen)? else { return Ok(steps) };
+            let Some(found) = sightings.first_detected(&boxes, seen)? else { return Ok((steps, until)) };
             steps.push((Milestone::Detected, found.at, timeline.waits(&boxes, last, found, "missed by")));
             last = found;
         }
-        let Some((tracked, ids)) = sightings.tracks(&tracks, last.stamp)? else { return Ok(steps) };
+        let Some((tracked, ids)) = sightings.tracks(&tracks, last.stamp)? else { return Ok((steps, until)) };
         steps.push((
             Milestone::Tracked,
             tracked.at,
@@ -220,34 +237,54 @@ impl Logged {
         let plans =
             timeline.stream_of::<Plan>(&planner).context("the planner publishes no plans")?.to_owned();
         let path = timeline.path(&planner, &world);
+        let end = path.last().map_or(planner.as_str(), String::as_str);
         let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
         let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
-        let Some(stamp) = without.first_difference(pipeline, &planner, &timeline)? else { return Ok(steps) };
-        let planned = timeline.seen(&plans, stamp).context("the plan is not in the log")?;
-        steps.push((
-            Milestone::Planned,
-            planned.at,
-            timeline.waits(&plans, last, planned, "no difference to"),
-        ));
-        let mut waits = vec![(format!("delay of {planner}"), delay)];
-        let Some(commanded) = timeline.follow((&path, &world), planned.at + delay, &mut waits) else {
-            return Ok(steps);
+        // From a plan to the step of the world that takes up its first command.
+        let way = |stamp| {
+            let planned = timeline.seen(&plans, stamp)?;
+            let mut waits = vec![(format!("delay of {planner}"), delay)];
+            let commanded = timeline.follow((&path, &world), planned.at + delay, &mut waits);
+            let readable = commanded.map(|at| at + timeline.delay(end));
+            let tick = readable.and_then(|at| timeline.all(&world).map(|s| s.stamp).find(|s| *s > at));
+            Some((planned, commanded, waits, tick))
         };
-        let (at, end) = (commanded, path.last().map_or(planner.as_str(), String::as_str));
+        let tick = |stamp| way(stamp)?.3;
+        let until_at = impact.or(self.log.end.as_ref().map(|end| end.at)).unwrap_or(Time::MAX);
+        let spare = Pipeline::build_without_stage(&self.config, &self.scenario)?;
+        let unaware = without.compare([pipeline, spare], (&planner, &world), &timeline, (&tick, until_at))?;
+        let Some(first) = unaware.changes.first().copied() else { return Ok((steps, until)) };
+        let mut change = way(first).context("the plan is not in the log")?;
+        let (mut effect, mut idle) = (None, "no difference to");
+        match unaware.answer {
+            Answer::Effect(at) if change.3.is_some_and(|tick| tick < at) => {
+                effect = Some(at);
+                // Plans that came and went without an effect are not what it follows from.
+                let later = unaware.changes.into_iter().skip(1).rev();
+                if let Some(led) = later.filter_map(way).find(|led| led.3.is_some_and(|tick| tick < at)) {
+                    (change, idle) = (led, "no lasting difference to");
+                }
+            }
+            Answer::Nothing => {}
+            _ => until = Until::Command,
+        }
+        let (planned, commanded, mut waits, tick) = change;
+        steps.push((Milestone::Planned, planned.at, timeline.waits(&plans, last, planned, idle)));
+        let Some(at) = commanded else { return Ok((steps, until)) };
         waits.retain(|(_, span)| *span > Span::ZERO);
         steps.push((Milestone::Commanded, at, waits));
-        let readable = at + timeline.delay(end);
-        let Some((tick, effect)) = effect(&self.log, &world, readable)? else { return Ok(steps) };
-        let moves = (tick + dead_time).min(effect);
-        let mut waits = vec![
-            (format!("delay of {end}"), readable - at),
-            (format!("phase of {world}"), tick - readable),
-            ("dead time of the vehicle".into(), moves - tick),
-            ("build-up of the effect".into(), effect - moves),
-        ];
-        waits.retain(|(_, span)| *span > Span::ZERO);
-        steps.push((Milestone::Effect, effect, waits));
-        Ok(steps)
+        if let Some((tick, effect)) = tick.zip(effect) {
+            let instants = [at, at + timeline.delay(end), tick, (tick + dead_time).min(effect), effect];
+            let waits = [
+                format!("delay of {end}"),
+                format!("phase of {world}"),
+                "dead time of the vehicle".into(),
+                "build-up of the effect".into(),
+            ];
+            let waits = waits.into_iter().zip(instants.windows(2)).map(|(wait, t)| (wait, t[1] - t[0]));
+            steps.push((Milestone::Effect, effect, waits.filter(|(_, s)| *s > Span::ZERO).collect()));
+        }
+        Ok((steps, until))
     }
 }
 
@@ -276,24 +313,6 @@ impl<'de> Deserialize<'de> for EgoOnly {
         }
         state.deserialize_map(Keys)
     }
-}
-
-/// The step of the world that takes up a command that can be read from an instant on, and the first state with an
-/// effect after it.
-fn effect(log: &Log, world: &str, readable: Time) -> anyhow::Result<Option<(Time, Time)>> {
-    let mut before: Option<EgoState> = None;
-    for publication in log.publications(world).filter(|p| p.header.stamp > readable) {
-        let state = publication.decode::<EgoOnly>()?.0.state;
-        let Some(then) = &before else {
-            before = Some(state);
-            continue;
-        };
-        let brakes = then.accel_mps2 - state.accel_mps2 >= BRAKES_MPS2;
-        if brakes || (state.steering_rad - then.steering_rad).abs() >= STEERS_RAD {
-            return Ok(Some((then.stamp, state.stamp)));
-        }
-    }
-    Ok(None)
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub use trajectory::{
     Alignment, PoseErrors, SpacePose, TrajectoryErrors, absolute_errors, aligned, relative_errors,
 };
 pub use verdict::{Impact, Outcome};
-pub use why::{Account, Milestone, Wait, Why, WhyStep};
+pub use why::{Account, Milestone, Until, Wait, Why, WhyStep};
 
 /// Seconds of an instant, divided so that decimal instants print as such (1.95, not 1.9500000000000002).
 fn seconds(at: swerve_core::Time) -> f64 {

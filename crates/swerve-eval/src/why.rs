@@ -42,7 +42,7 @@ pub enum Milestone {
     Planned,
     /// A command that follows from such a plan was published.
     Commanded,
-    /// The car braked harder or steered otherwise than at the command.
+    /// The car drove otherwise than it would have, had no plan known of the actor; of the safety gate, it braked.
     Effect,
     /// The safety gate began to stop the car.
     GateStop,
@@ -78,6 +78,17 @@ impl Milestone {
 /// A step before it is told: what happened, when, and what went by since the one before, in order of time.
 pub type Account = (Milestone, Time, Vec<(String, Span)>);
 
+/// Up to when a chain is looked for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Until {
+    /// The end of the drive.
+    End,
+    /// The collision: what came after it is no part of why.
+    Impact,
+    /// The command: how the car would have driven without the actor is not known.
+    Command,
+}
+
 /// A part of the time between two steps.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Wait {
@@ -92,8 +103,8 @@ impl Why {
     /// A chain from its steps: each has its instant and how long was waited for what. `ending` begins the sentence.
     ///
     /// The waits of a step have to be the time since the one before; a build for tests panics where they are not.
-    pub fn new(actor: String, verdict: Verdict, ending: &str, steps: &[Account]) -> Self {
-        let sentence = sentence(ending, steps);
+    pub fn new(actor: String, verdict: Verdict, (ending, until): (&str, Until), steps: &[Account]) -> Self {
+        let sentence = sentence(ending, until, steps);
         Self::told(Some(actor), verdict, sentence, steps)
     }
 
@@ -149,25 +160,40 @@ fn ms(span: Span) -> f64 {
     span.ns() as f64 / 1e6
 }
 
-fn sentence(ending: &str, steps: &[Account]) -> String {
+fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
     let (Some(first), Some(last)) = (steps.first(), steps.last()) else {
-        return format!("{ending}; no sensor frame had it in sight");
+        let before = if until == Until::Impact { " before the collision" } else { "" };
+        return format!("{ending}; no sensor frame had it in sight{before}");
     };
     let mut text = format!("{ending}: in sight at {:.3} s", first.1.as_secs());
     for pair in steps.windows(2) {
         let after = ms(pair[1].1 - pair[0].1);
         text += &match pair[1].0 {
-            Milestone::Effect => format!(", the car answered {after:.0} ms later"),
+            Milestone::Effect => {
+                format!(", and {after:.0} ms later the car drove otherwise than it would have without it")
+            }
             Milestone::Planned => format!(", a plan changed because of it {after:.0} ms later"),
             what => format!(", {} {after:.0} ms later", what.name()),
         };
     }
-    let missing = match last.0 {
-        Milestone::Visible => "; nothing came of it",
-        Milestone::Detected => "; no track came of it",
-        Milestone::Tracked => "; no plan would have been another one without it",
-        Milestone::Planned => "; no command followed from that",
-        Milestone::Commanded => "; the car did not answer",
+    let missing = match (last.0, until) {
+        (Milestone::Visible, Until::End | Until::Command) => "; nothing came of it",
+        (Milestone::Visible, Until::Impact) => "; nothing had come of it before the collision",
+        (Milestone::Detected, Until::End | Until::Command) => "; no track came of it",
+        (Milestone::Detected, Until::Impact) => "; no track had come of it before the collision",
+        (Milestone::Tracked, Until::End | Until::Command) => {
+            "; no plan would have been another one without it"
+        }
+        (Milestone::Tracked, Until::Impact) => "; no plan had changed because of it before the collision",
+        (Milestone::Planned, Until::End | Until::Command) => "; no command followed from that",
+        (Milestone::Planned, Until::Impact) => "; no command had followed from that before the collision",
+        (Milestone::Commanded, Until::End) => "; no effect found: the car drove as it would have without it",
+        (Milestone::Commanded, Until::Impact) => {
+            "; no effect found: up to the collision the car drove as it would have without it"
+        }
+        (Milestone::Commanded, Until::Command) => {
+            "; how the car would have driven without it cannot be computed from this log"
+        }
         _ => "",
     };
     text += missing;
@@ -204,10 +230,15 @@ mod tests {
 
     #[test]
     fn a_chain_that_breaks_off_says_so_and_names_the_longest_wait() {
-        let why = Why::new("person".into(), Verdict::Collision, "it hit person at 6.00 s", &steps());
+        let why = Why::new(
+            "person".into(),
+            Verdict::Unfinished,
+            ("it passed person at 6.00 m", Until::End),
+            &steps(),
+        );
         assert_eq!(
             why.sentence,
-            "it hit person at 6.00 s: in sight at 4.850 s, tracked 0 ms later, a plan changed because of it 50 ms \
+            "it passed person at 6.00 m: in sight at 4.850 s, tracked 0 ms later, a plan changed because of it 50 ms \
              later; no command followed from that (50 ms in all, 30 of them run time of planner)"
         );
         assert_eq!((why.at_s(Milestone::Planned), why.at_s(Milestone::Effect)), (Some(4.9), None));
@@ -225,11 +256,29 @@ mod tests {
     }
 
     #[test]
+    fn what_was_missing_at_the_impact_is_told_as_that() {
+        let all = steps();
+        let told = |steps: &[Account]| {
+            let ending = ("it hit person at 5.00 s", Until::Impact);
+            Why::new("person".into(), Verdict::Collision, ending, steps).sentence
+        };
+        for (known, missing) in [
+            (0, "no sensor frame had it in sight before the collision"),
+            (1, "nothing had come of it before the collision"),
+            (2, "no plan had changed because of it before the collision"),
+            (3, "no command had followed from that before the collision"),
+        ] {
+            let sentence = told(&all[..known]);
+            assert!(sentence.contains(missing), "{sentence}");
+        }
+    }
+
+    #[test]
     #[cfg(debug_assertions)]
     #[should_panic(expected = "planned of person")]
     fn accounts_that_leave_a_gap_are_refused() {
         let mut steps = steps();
         steps[2].2.pop();
-        let _ = Why::new("person".into(), Verdict::Collision, "", &steps);
+        let _ = Why::new("person".into(), Verdict::Collision, ("", Until::Impact), &steps);
     }
 }

@@ -2,8 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use swerve_eval::Milestone;
+use swerve_log::Recorder;
+
 use super::*;
 use crate::load::{RunInput, load};
+use crate::recording::{Recording, run_start, set_up};
+use crate::why::Logged;
 
 /// Whoever came as near as this is named, metres.
 const NAMED_M: f64 = 4.0;
@@ -68,8 +73,16 @@ fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     let (config, scenario) = load(&swerve_stack::Registry::standard(), &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let mut story = story(&config, &scenario, &pipeline);
-    let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut story]).unwrap();
-    story.conclude(&outcome.metrics, None);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let mut recorder = Recorder::create(&path, &run_start(&config, &scenario, &input.scenario)).unwrap();
+    set_up(&mut recorder, &config, &pipeline);
+    let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
+    let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut story, &mut recording]).unwrap();
+    recording.finish().unwrap();
+    // With its chain, as `swerve run` draws it.
+    let why = Logged::read(&path, &swerve_stack::Registry::standard()).unwrap().why(&outcome.metrics);
+    story.conclude(&outcome.metrics, Some(&why.unwrap()));
     let svg = swerve_report::story::draw(&story).svg();
     (story, svg)
 }
@@ -113,6 +126,14 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
             for b in &labels[..k] {
                 assert!(!meet(&r, &b.room), "{}: {a:?} lies on {b:?}", file.display());
             }
+        }
+        // Each step of the chain is named, on the time axis or before it; the end may come when the car has long left
+        // the view.
+        let steps = story.why.iter().flat_map(|why| &why.steps);
+        for step in steps.filter(|step| step.what != Milestone::End) {
+            let named = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
+            let is_told = labels.iter().any(|l| l.text.contains(&named) || l.text.ends_with("before this"));
+            assert!(is_told, "{}: {named} is not told: {labels:?}", file.display());
         }
         let tracks = diamonds(&svg);
         for label in labels.iter().filter(|label| is_time(label)) {

@@ -1,4 +1,4 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use swerve_log::Recorder;
 
@@ -8,10 +8,15 @@ use crate::recording::{Recording, run_start, set_up};
 
 /// A drive of a shipped scenario, its log, and what it came to.
 fn driven(folder: &Path, scenario: &str, set: &[&str]) -> (Logged, Metrics) {
+    driven_with(folder, scenario, Vec::new(), set)
+}
+
+/// The same under configuration files.
+fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]) -> (Logged, Metrics) {
     let registry = Registry::standard();
     let input = RunInput {
         scenario: scenario.into(),
-        config: Vec::new(),
+        config,
         set: set.iter().map(|&set| set.to_owned()).collect(),
         seed: None,
     };
@@ -98,6 +103,29 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     assert!(logged.why_of(None, Some(1e4)).is_err());
 }
 
+/// A slow planner's first plan that knows of the person is published 0.36 s after the car hit them.
+#[test]
+fn what_came_after_the_impact_is_no_part_of_the_chain() {
+    let folder = tempfile::tempdir().unwrap();
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/paper.toml");
+    let set = ["planning.planner=hybrid_astar", "planning.config=slow"];
+    let (logged, metrics) = driven_with(folder.path(), "person_behind_truck", vec![paper], &set);
+    let why = logged.why(&metrics).unwrap();
+    let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
+    assert_eq!(
+        (why.verdict, &steps[..]),
+        (Verdict::Collision, &[Milestone::Visible, Milestone::Tracked][..])
+    );
+    let missing = "; no plan had changed because of it before the collision";
+    assert!(why.sentence.contains(missing), "{}", why.sentence);
+    let impact_s = metrics.impact.unwrap().at_s;
+    for actor in &metrics.actors {
+        let why = logged.why_of(Some(&actor.name), None).unwrap();
+        assert!(why.steps.iter().all(|step| step.at_s < impact_s), "{}", why.text());
+    }
+    assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
+}
+
 /// A scenario, what is set, and the verdict, words and steps that are expected.
 type Decided<'a> = (&'a str, &'a [&'a str], Verdict, &'a [&'a str], &'a [Milestone]);
 
@@ -150,5 +178,50 @@ fn a_log_that_was_cut_off_is_told_as_far_as_it_goes() {
     assert_eq!(cut(whole.len() - 1), logged.why_of(None, None).unwrap());
     for part in [3, 5, 8] {
         assert_eq!(cut(whole.len() * part / 10).verdict, Verdict::Unfinished);
+    }
+}
+
+/// The effect is what the car did because of the actor: the first state that is another one than in a drive whose
+/// scenario has no such actor. Neither a bend of the road nor a stop by the gate is one.
+#[test]
+fn the_effect_is_where_a_drive_without_the_actor_goes_otherwise() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let cases: [(&str, &str, &[&str]); 4] = [
+        ("person_behind_truck", "person", &[]),
+        ("person_behind_truck", "person", &["gate.enabled=true", "gate.emergency_at_ms=4590"]),
+        ("car_behind_truck", "car", &[]),
+        ("street", "walker towards the ego", &["planning.planner=waypoint"]),
+    ];
+    for (scenario, actor, set) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let text = std::fs::read_to_string(root.join(scenario).with_extension("toml")).unwrap();
+        let named = format!("name = \"{actor}\"");
+        let is_kept = |part: &&str| !part.contains(&named);
+        let alone: Vec<&str> = text.split("[[actor]]").filter(is_kept).collect();
+        let alone = alone.join("[[actor]]");
+        assert!(alone.len() < text.len(), "{scenario}");
+        let file = folder.path().join(scenario).with_extension("toml");
+        std::fs::write(&file, alone).unwrap();
+        let (logged, metrics) = driven(folder.path(), scenario, set);
+        let why = logged.why(&metrics).unwrap();
+        let other = tempfile::tempdir().unwrap();
+        let (without, _) = driven(other.path(), file.to_str().unwrap(), set);
+        let states = |logged: &Logged| -> Vec<swerve_msg::EgoState> {
+            let all = logged.log.publications("world");
+            all.map(|p| p.decode::<EgoOnly>().unwrap().0.state).collect()
+        };
+        let until_s = metrics.impact.map_or(f64::INFINITY, |impact| impact.at_s);
+        let (with, without) = (states(&logged), states(&without));
+        let differs = |(a, b): &(&swerve_msg::EgoState, &swerve_msg::EgoState)| {
+            a.stamp.as_secs() < until_s && unaware::drives_otherwise(a, b)
+        };
+        let first = with.iter().zip(&without).find(differs).map(|(a, _)| a.stamp.as_secs());
+        let told = why.at_s(Milestone::Effect);
+        let is_same = told.is_some() == first.is_some()
+            && told.zip(first).is_none_or(|(told, first)| (told - first).abs() < 1e-6);
+        assert!(is_same, "{scenario} {set:?}, {first:?}: {}", why.text());
+        if first.is_none() {
+            assert!(why.sentence.contains("; no effect found"), "{}", why.sentence);
+        }
     }
 }

@@ -1,10 +1,11 @@
 //! What a log tells of its operators: who read what, which steps they took and which frames they lost.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_core::{Span, Time};
 use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo, Payload, PayloadType};
 use swerve_log::{Log, MessageHeader, PublicationRecord, Record, StepRecord};
+use swerve_msg::EgoState;
 
 /// A message: what it is of, and when it was published.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -59,6 +60,17 @@ impl<'a> Timeline<'a> {
         self.graph.operators.iter().find(|operator| operator.name == name)
     }
 
+    pub(super) fn operators(&self) -> impl Iterator<Item = String> {
+        self.graph.operators.iter().map(|operator| operator.name.clone())
+    }
+
+    /// Whether an operator tells the state of the car from streams of these operators alone.
+    pub(super) fn is_own(&self, operator: &str, of: &BTreeSet<String>) -> bool {
+        let mut read = self.inputs(operator).filter_map(|input| input.from.as_ref()).peekable();
+        let tells = self.stream_of::<EgoState>(operator).is_some() && read.peek().is_some();
+        tells && read.all(|from| of.contains(from))
+    }
+
     pub(super) fn inputs(&self, operator: &str) -> impl Iterator<Item = &InputInfo> {
         self.operator(operator).into_iter().flat_map(|operator| &operator.inputs)
     }
@@ -95,6 +107,13 @@ impl<'a> Timeline<'a> {
         ends.filter_map(|end| self.way(from, end)).next().unwrap_or_default()
     }
 
+    /// Whether what an operator publishes leads to what another one reads over a feedback edge.
+    pub(super) fn leads(&self, from: &str, to: &str) -> bool {
+        let mut ends =
+            self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
+        ends.any(|end| self.way(from, end).is_some())
+    }
+
     fn way(&self, from: &str, to: &str) -> Option<Vec<String>> {
         if from == to {
             return Some(Vec::new());
@@ -103,6 +122,20 @@ impl<'a> Timeline<'a> {
         let mut way = before.filter_map(|before| self.way(from, before)).next()?;
         way.push(to.to_owned());
         Some(way)
+    }
+
+    /// All operators that lead from one to what another one reads over a feedback edge, without both.
+    pub(super) fn between(&self, from: &str, to: &str) -> BTreeSet<String> {
+        let mut found = BTreeSet::new();
+        let mut open: Vec<&str> =
+            self.inputs(to).filter(|input| is_feedback(input)).filter_map(|i| i.from.as_deref()).collect();
+        while let Some(name) = open.pop() {
+            if name != from && self.way(from, name).is_some() && found.insert(name.to_owned()) {
+                let inputs = self.inputs(name).filter(|input| !is_feedback(input));
+                open.extend(inputs.filter_map(|input| input.from.as_deref()));
+            }
+        }
+        found
     }
 
     /// How much later than published the streams of an operator are read.

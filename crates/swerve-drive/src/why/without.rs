@@ -12,7 +12,7 @@ use super::timeline::Timeline;
 use crate::drive::record_run_times;
 
 /// A place or a speed that differs by more than this makes another plan, metres and m/s.
-const OTHER: f64 = 0.1;
+pub(super) const OTHER: f64 = 0.1;
 
 /// A log whose planner plans again.
 pub(super) struct Without<'a> {
@@ -45,17 +45,7 @@ impl Without<'_> {
         if pipeline.clock == Clock::Wall || timeline.is_measured(planner) {
             record_run_times(&mut pipeline, self.log, |operator| operator == planner);
         }
-        let read: Vec<&str> = timeline.inputs(planner).filter_map(|input| input.from.as_deref()).collect();
-        let names: Vec<String> = pipeline.graph.describe()?.operators.into_iter().map(|o| o.name).collect();
-        for name in names.iter().filter(|name| *name != planner) {
-            // A deadline may follow any stream of the stack.
-            let in_stack = timeline.has_deadline(planner)
-                && pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
-            let records =
-                if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
-            pipeline.graph.playback(name, records)?;
-            pipeline.graph.playback_steps(name, self.log.held(name))?;
-        }
+        self.play_others(&mut pipeline, timeline, |name| name == planner)?;
         let plans = timeline.stream_of::<Plan>(planner).unwrap_or(planner);
         let log = self.log.publications(plans).map(|p| (p.header.stamp, p)).collect();
         let stop = pipeline.graph.stop_handle();
@@ -64,6 +54,32 @@ impl Without<'_> {
         let options = RunOptions::until(last).seed(self.log.start.seed).threads(1);
         run_virtual(pipeline.graph, &options, vec![&mut compared])?;
         Ok(compared.first)
+    }
+
+    /// Lets all operators but those that are to run again publish what they did, as far as these read it.
+    pub(super) fn play_others(
+        &self,
+        pipeline: &mut Pipeline,
+        timeline: &Timeline<'_>,
+        runs_again: impl Fn(&str) -> bool,
+    ) -> anyhow::Result<()> {
+        let names: Vec<String> = pipeline.graph.describe()?.operators.into_iter().map(|o| o.name).collect();
+        let again = || names.iter().filter(|name| runs_again(name));
+        let read: Vec<&str> = again()
+            .flat_map(|name| timeline.inputs(name))
+            .filter_map(|input| input.from.as_deref())
+            .collect();
+        // A deadline may follow any stream of the stack.
+        let follows_stack = again().any(|name| timeline.has_deadline(name));
+        for name in names.iter().filter(|name| !runs_again(name)) {
+            let in_stack =
+                follows_stack && pipeline.assembly.node(name).is_some_and(|node| node.role == Role::Stack);
+            let records =
+                if in_stack || read.contains(&name.as_str()) { self.playback(name)? } else { Vec::new() };
+            pipeline.graph.playback(name, records)?;
+            pipeline.graph.playback_steps(name, self.log.held(name))?;
+        }
+        Ok(())
     }
 
     /// What an operator published, predictions of the tracks left out.
@@ -107,7 +123,7 @@ impl Observer for Compared<'_> {
 }
 
 /// Whether a car that follows one plan comes elsewhere, or at another speed, than with the other.
-fn is_other(a: &Plan, b: &Plan) -> bool {
+pub(super) fn is_other(a: &Plan, b: &Plan) -> bool {
     if a.status != b.status || a.points.is_empty() != b.points.is_empty() {
         return true;
     }

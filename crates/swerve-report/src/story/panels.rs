@@ -35,6 +35,10 @@ enum Quantity {
 /// Height of the row that names the steps of the chain, pixels.
 const CHAIN_ROW: f64 = 20.0;
 
+/// As long before the view a step of the chain is shown, seconds, and so much ground before the first one.
+const BEFORE_VIEW_S: f64 = 5.0;
+const EDGE_S: f64 = 0.1;
+
 const PANELS: [Panel; 5] = [
     Panel {
         label: "speed",
@@ -69,25 +73,30 @@ const PANELS: [Panel; 5] = [
 
 /// Draws the panels below each other from `corner` down; gives the height used.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, width: f64) -> f64 {
-    let time = (view.span.0.as_secs(), view.span.1.as_secs());
+    let time = time_axis(story, view);
+    let from = Time::ZERO + Span::from_secs(time.0);
     let samples: Vec<&EgoState> =
-        story.ego.iter().filter(|e| e.stamp >= view.span.0 && e.stamp <= view.span.1).collect();
+        story.ego.iter().filter(|e| e.stamp >= from && e.stamp <= view.span.1).collect();
+    // Beside the blow of a collision nothing before it would be more than a line: what comes then is cut at the frame.
+    let impact_s = story.metrics.as_ref().and_then(|m| m.impact).map_or(f64::INFINITY, |impact| impact.at_s);
     let without_comfort = story.without_comfort();
     let mut y = corner.1 + 6.0;
     let row = |y| Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: (0.0, 1.0) };
     y += lights::strips(canvas, story, view, &row(y), y);
     let chain_y = y + 9.0;
-    y += if has_chain(story, view) { CHAIN_ROW } else { 0.0 } + 16.0;
+    let is_told = has_chain(story, view) || steps(story, (f64::NEG_INFINITY, time.0)).next().is_some();
+    y += if is_told { CHAIN_ROW } else { 0.0 } + 16.0;
     chain(canvas, story, &row(y), chain_y);
     numbers(canvas, story, view, &row(y));
     for (k, panel) in PANELS.iter().enumerate() {
         let values: Vec<(f64, Option<f64>)> = match panel.of {
             Quantity::Ego(of) => samples.iter().map(|e| (e.stamp.as_secs(), Some(of(e)))).collect(),
             Quantity::CollisionTime => {
-                series(story, view.span).into_iter().map(|(at, ttc)| (at.as_secs(), ttc)).collect()
+                series(story, (from, view.span.1)).into_iter().map(|(at, ttc)| (at.as_secs(), ttc)).collect()
             }
         };
-        let value = range(values.iter().filter_map(|(_, v)| *v), panel.range);
+        let before = values.iter().filter(|(at_s, _)| *at_s < impact_s);
+        let value = range(before.filter_map(|(_, v)| *v), panel.range);
         let frame = Axes { corner: (corner.0, y), size: (width, HEIGHT), x: time, y: value };
         axes(canvas, panel, &frame, &without_comfort, k + 1 == PANELS.len());
         marks(canvas, story, view, &frame);
@@ -162,24 +171,52 @@ fn steps(story: &Story, (from, to): (f64, f64)) -> impl Iterator<Item = &WhyStep
     steps.filter(move |step| step.at_s >= from && step.at_s <= to)
 }
 
-/// Whether a step of the chain is within the view.
-pub(super) fn has_chain(story: &Story, view: &View) -> bool {
-    steps(story, (view.span.0.as_secs(), view.span.1.as_secs())).next().is_some()
+/// From when to when the curves are drawn, seconds: during the view, and before it from the chain's first step on, if
+/// that is not long before.
+fn time_axis(story: &Story, view: &View) -> (f64, f64) {
+    let (from, to) = (view.span.0.as_secs(), view.span.1.as_secs());
+    let Some(first) = steps(story, (from - BEFORE_VIEW_S, to)).next() else { return (from, to) };
+    // A line on the very edge would not be seen.
+    (from.min((first.at_s - EDGE_S).max(0.0)), to)
 }
 
-/// Names the steps of the chain in a row, each with a line down to its instant.
+/// Whether a step of the chain is on the time axis.
+pub(super) fn has_chain(story: &Story, view: &View) -> bool {
+    steps(story, time_axis(story, view)).next().is_some()
+}
+
+/// What came before a time axis, in short.
+fn earlier(story: &Story, from_s: f64, how: Text, room: f64) -> Option<String> {
+    let named: Vec<String> = steps(story, (f64::NEG_INFINITY, from_s)).map(named).collect();
+    let listed = format!("before this: {}", named.join(", "));
+    match named.len() {
+        0 => None,
+        1 if width_of(&listed, how) > room => Some("1 step before this".into()),
+        n if width_of(&listed, how) > room => Some(format!("{n} steps before this")),
+        _ => Some(listed),
+    }
+}
+
+fn named(step: &WhyStep) -> String {
+    format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s)
+}
+
+/// Names the steps of the chain in a row, each with a line down to its instant; first those from before the time axis.
 fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
     const GAP: f64 = 10.0;
     let how = Text { size: 10.5, anchor: Anchor::Middle, ..Text::default() };
-    let named: Vec<(f64, f64, String, swerve_draw::Color)> = steps(story, frame.x)
-        .map(|step| {
-            let text = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
-            let paint = if step.what == Milestone::Visible { color::SIGHT_TEXT } else { color::TRACK };
-            (frame.at(step.at_s, 0.0).0, width_of(&text, how), text, paint)
-        })
-        .collect();
+    let left = frame.corner.0;
+    let early = earlier(story, frame.x.0, how, 0.35 * frame.size.0);
+    let early = early.map(|text| (left, width_of(&text, how), text, color::SOFT));
+    let steps = steps(story, frame.x).map(|step| {
+        let text = named(step);
+        let paint = if step.what == Milestone::Visible { color::SIGHT_TEXT } else { color::TRACK };
+        (frame.at(step.at_s, 0.0).0, width_of(&text, how), text, paint)
+    });
+    let is_early = early.is_some();
+    let named: Vec<(f64, f64, String, swerve_draw::Color)> = early.into_iter().chain(steps).collect();
     // Each as near to its instant as those before it leave room for; then back from the right edge.
-    let mut left = frame.corner.0;
+    let mut left = left;
     let mut lefts: Vec<f64> = Vec::new();
     for (x, width, ..) in &named {
         left = (x - 0.5 * width).max(left);
@@ -191,9 +228,12 @@ fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
         *left = left.min(right - width);
         right = *left - GAP;
     }
-    for ((x, width, text, paint), left) in named.into_iter().zip(lefts) {
+    for (k, ((x, width, text, paint), left)) in named.into_iter().zip(lefts).enumerate() {
         let middle = left + 0.5 * width;
         canvas.text((middle, y), &text, Text { color: paint, ..how });
+        if k == 0 && is_early {
+            continue;
+        }
         canvas.line((middle, y + 3.0), (x, frame.corner.1), Style::line(paint, 0.8).lined_by(0.7));
     }
 }

@@ -1,5 +1,5 @@
 use swerve_core::{Span, Time};
-use swerve_eval::{Evaluation, Metrics, Outline, Params};
+use swerve_eval::{Evaluation, Metrics, Milestone, Outline, Params, Verdict, Why, WhyStep};
 use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, Collision, EgoTruth, EndReason, WorldState};
 use swerve_msg::{
@@ -210,6 +210,56 @@ fn a_collision_is_told() {
     for part in ["COLLISION", "collision with person 5.", "impact at 19.9 m/s", "no path found"] {
         assert!(svg.contains(part), "{part}");
     }
+}
+
+/// The texts of a figure, numbers of axes among them.
+fn texts(svg: &str) -> Vec<&str> {
+    svg.lines().filter(|line| line.starts_with("<text")).collect()
+}
+
+#[test]
+fn the_blow_of_a_collision_is_on_no_axis() {
+    let mut story = Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story();
+    let impact_s = story.metrics.as_ref().unwrap().impact.unwrap().at_s;
+    let without = draw(&story).svg();
+    for ego in story.ego.iter_mut().filter(|e| e.stamp.as_secs() >= impact_s - 1e-6) {
+        (ego.accel_mps2, ego.lateral_accel_mps2) = (-100.0, 80.0);
+    }
+    let with = draw(&story).svg();
+    assert!(with != without && texts(&with) == texts(&without));
+}
+
+#[test]
+fn steps_of_the_chain_from_before_the_view_are_on_the_time_axis_or_told_in_short() {
+    let mut story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
+    let view = view::View::of(&story, (0.0, 0.0), 1000.0).unwrap();
+    let from_s = view.span.0.as_secs();
+    let draw_with = |story: &mut Story, steps: &[(Milestone, f64)]| {
+        let step = |&(what, at_s): &(Milestone, f64)| WhyStep { what, at_s, waited: Vec::new() };
+        story.why = Some(Why {
+            actor: Some("person".into()),
+            verdict: Verdict::Avoided,
+            sentence: "it passed".into(),
+            steps: steps.iter().map(step).collect(),
+        });
+        draw(story).svg()
+    };
+    let near = [(Milestone::Visible, from_s - 2.5), (Milestone::Tracked, from_s - 2.0)];
+    let svg = draw_with(&mut story, &near);
+    show("early.svg", &svg);
+    for (what, at_s) in near {
+        assert!(svg.contains(&format!(">{} {at_s:.3} s<", what.name())), "{}", what.name());
+    }
+    assert!(!svg.contains(">before this: ") && svg.contains("step of why, named below"));
+    // As if this drive had begun earlier.
+    let far = [(Milestone::Visible, from_s - 9.0), (Milestone::Planned, from_s + 1.0)];
+    let svg = draw_with(&mut story, &far);
+    show("long_before.svg", &svg);
+    let said = format!(">before this: visible {:.3} s<", from_s - 9.0);
+    assert!(svg.contains(&said) && svg.contains(&format!(">planned {:.3} s<", from_s + 1.0)));
+    let many: Vec<(Milestone, f64)> =
+        (0..9).map(|k| (Milestone::Light, from_s - 20.0 + f64::from(k))).collect();
+    assert!(draw_with(&mut story, &many).contains(">9 steps before this<"));
 }
 
 #[test]
