@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
-use std::io::{ErrorKind, Read as _};
+use std::io::{BufReader, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
@@ -145,6 +145,17 @@ fn link(newest: &Path, folder: &Path) -> bool {
 /// Writes an image of this width, height, colour and depth, quickly rather than small.
 pub fn write_png(
     path: &Path,
+    size_px: (u32, u32),
+    colour: (png::ColorType, png::BitDepth),
+    bytes: &[u8],
+) -> anyhow::Result<()> {
+    write_png_by(None, path, size_px, colour, bytes)
+}
+
+/// As [`write_png`], an image that says what wrote it, for [`written_by`].
+pub fn write_png_by(
+    software: Option<&str>,
+    path: &Path,
     (width_px, height_px): (u32, u32),
     (colour, depth): (png::ColorType, png::BitDepth),
     bytes: &[u8],
@@ -155,10 +166,24 @@ pub fn write_png(
     encoder.set_color(colour);
     encoder.set_depth(depth);
     encoder.set_compression(png::Compression::Fast);
+    if let Some(software) = software {
+        encoder.add_text_chunk(SOFTWARE.into(), software.into()).with_context(writing)?;
+    }
     let mut writer = encoder.write_header().with_context(writing)?;
     writer.write_image_data(bytes).with_context(writing)?;
     writer.finish().with_context(writing)?;
     write_whole(path, &file)
+}
+
+/// PNG's keyword for the program that made an image.
+const SOFTWARE: &str = "Software";
+
+/// Whether a file is an image of which [`write_png_by`] was told this writer.
+pub fn written_by(software: &str, path: &Path) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    let Ok(reader) = png::Decoder::new(BufReader::new(file)).read_info() else { return false };
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    texts.any(|text| text.keyword == SOFTWARE && text.text == software)
 }
 
 fn beside(path: &Path) -> PathBuf {
