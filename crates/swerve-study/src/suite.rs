@@ -35,9 +35,9 @@ pub struct SuiteArgs {
     /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
     #[arg(long, default_value = "1..3")]
     seeds: Seeds,
-    /// Output folder
-    #[arg(long, default_value = "out/suite")]
-    out: PathBuf,
+    /// Output folder [default: one of its own, out/suite-1 and so on; out/suite leads to the newest]
+    #[arg(long)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     pictures: PictureArgs,
     /// Drives at once [default: one a core]
@@ -85,7 +85,7 @@ impl FromStr for Seeds {
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let bench = Bench::of(registry, study(args)?)?;
     let (threads, reports) = (args.threads, args.reports);
-    let out = &folder::of(&bench.study, Some(&args.out))?;
+    let out = &folder::of(&bench.study, args.out.as_deref())?;
     let how = How { out, threads, shard: None, reports, pictures: args.pictures };
     let driven = bench.drive_cells(&how)?;
     let count = Count::of(&driven.0);

@@ -147,6 +147,34 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     );
 }
 
+/// One that was edited is another study of the same name.
+#[test]
+fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
+    let bench = bench();
+    let study = |more: &[&str]| bench.good(&[&["study", "study.toml"], more].concat());
+    assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
+    let (csv, files) = (bench.read("out/study-1/cells.csv"), cells(&bench, "out/study-1"));
+    assert!(study(&["--set", "sim.dt_ms=4"]).contains(" in out/study-2: "));
+    bench.write("study.toml", &STUDY.replace("[15.0, 60.0]", "[15.0]"));
+    assert!(study(&[]).contains("2 of 2 cells in out/study-3: "));
+    assert_eq!(bench.read("out/study/cells.csv"), bench.read("out/study-3/cells.csv"));
+    bench.write("study.toml", STUDY);
+    assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
+    assert_eq!((bench.read("out/study/cells.csv"), cells(&bench, "out/study-1")), (csv, files));
+    // A suite is one of its scenarios and seeds.
+    bench.write("other.toml", SHORT);
+    for (scenario, folder) in [("short", "suite-1"), ("other", "suite-2"), ("short", "suite-1")] {
+        let said = bench.good(&["suite", &format!("{scenario}.toml"), "--seeds", "1"]);
+        assert!(said.contains(&format!("1 of 1 cells in out/{folder}: ")), "{said}");
+        assert!(bench.read("out/suite/cells.csv").contains(&format!("\n{scenario},1,")));
+    }
+    // And a run does not go where one is.
+    let run = bench.swerve(&["run", "short.toml", "--out", "out/suite-1"]);
+    assert!(
+        run.code == Some(1) && run.stderr.contains("a study's results are there: expected another --out")
+    );
+}
+
 /// A digit changed by hand, a file cut short, one that has taken another's name, one that is no text.
 #[test]
 fn a_cell_that_is_not_as_it_was_written_is_told_and_computed_again() {
