@@ -7,7 +7,7 @@ use swerve_eval::Metrics;
 use swerve_report::output::align;
 
 use super::cells::CellResult;
-use super::chance::wilson;
+use super::chance::interval;
 use super::grid::{LIMIT, SCENARIO, Study};
 
 /// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
@@ -276,7 +276,7 @@ impl Grid {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
         if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
-            text += "without a collision, on the road (95 % intervals); median impact, and what else came of it\n";
+            text += "without a collision, on the road, median impact (of how many), what else came of it; 95 % intervals\n";
         }
         text
     }
@@ -308,11 +308,18 @@ impl Square {
         self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
     }
 
-    /// What the two counts do not tell: verdicts other than `left_road`, and failures, with how many there are.
-    pub(super) fn rest(&self) -> impl Iterator<Item = (&str, usize)> {
+    /// What the two counts do not tell: verdicts other than `left_road` with their intervals, and failures, which are no
+    /// runs.
+    pub(super) fn rest(&self) -> impl Iterator<Item = String> {
         let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
-        let failed = (self.failed > 0).then_some(("failed", self.failed));
-        rest.map(|(verdict, n)| (verdict.as_str(), *n)).chain(failed)
+        let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
+        rest.map(|(verdict, n)| format!("{n} {verdict} {}", interval(*n, self.runs))).chain(failed)
+    }
+
+    /// The median impact speed, and of how many.
+    pub(super) fn impact_text(&self) -> Option<String> {
+        let impact = self.impact_median_mps()?;
+        Some(format!("impact {impact:.1} m/s (of {})", self.impact_mps.len()))
     }
 
     /// Share of good runs among those that are good or bad, 0 to 1; `None` where there are none.
@@ -360,14 +367,13 @@ impl Square {
             let budget = format!("{median} ({range}, {}/{})", self.avoided, self.runs);
             return core::iter::once(budget).chain(failed).collect();
         }
-        let counted = |n: usize, of: &str| {
-            let (low, high) = wilson(n, self.runs);
-            format!("{n}{of} ({low:.2}-{high:.2})")
-        };
-        let mut lines =
-            vec![counted(self.no_collision, &format!("/{}", self.runs)), counted(self.on_road, " on road")];
-        lines.extend(self.impact_median_mps().map(|impact| format!("impact {impact:.1} m/s")));
-        lines.extend(self.rest().map(|(verdict, n)| format!("{n} {verdict}")));
+        let [hit_nothing, on_road] = [self.no_collision, self.on_road].map(|n| interval(n, self.runs));
+        let mut lines = vec![
+            format!("{}/{} {hit_nothing}", self.no_collision, self.runs),
+            format!("{} on road {on_road}", self.on_road),
+        ];
+        lines.extend(self.impact_text());
+        lines.extend(self.rest());
         lines
     }
 }

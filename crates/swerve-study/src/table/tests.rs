@@ -56,15 +56,15 @@ fn seeds_are_summed_up() {
     assert_eq!(lines[0].trim(), "speed_mps");
     assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
     let (one, two) = ("1/1 (0.21-1.00)", "1/2 (0.09-0.91)");
-    assert_eq!(lines[2], format!("fot            {two}        {one}"));
+    assert_eq!(lines[2], format!("fot             {two}        {one}"));
     assert_eq!(lines[3].trim(), "2 on road (0.34-1.00)  1 on road (0.21-1.00)");
-    assert_eq!(lines[4].trim(), "impact 12.0 m/s");
+    assert_eq!(lines[4].trim(), "impact 12.0 m/s (of 1)");
     assert_eq!(grid.squares[0].share(), Some(0.5));
     let stood = [result(&study.cells[0], "timeout", None), result(&study.cells[1], "collision", Some(9.0))];
     let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
     assert_eq!(
         (of(&study).share(), of(&study).text().as_str()),
-        (Some(0.0), "1/2 (0.09-0.91), 2 on road (0.34-1.00), impact 9.0 m/s, 1 timeout")
+        (Some(0.0), "1/2 (0.09-0.91), 2 on road (0.34-1.00), impact 9.0 m/s (of 1), 1 timeout (0.09-0.91)")
     );
     assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
     let safe = [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
@@ -75,7 +75,7 @@ fn seeds_are_summed_up() {
             (Some(share), apart),
             "neither good nor bad, unless asked for"
         );
-        assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
+        assert!(safe.text().ends_with("1 stopped (0.09-0.91)"), "{}", safe.text());
     }
     let csv = csv(&study, &results);
     let lines: Vec<&str> = csv.lines().collect();

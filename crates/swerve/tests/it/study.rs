@@ -289,11 +289,17 @@ fn a_suite_drives_every_scenario_with_every_seed_and_tells_which_drives_are_as_e
     let told = bench.good(&suite);
     let lines: Vec<&str> = told.lines().collect();
     assert!(
-        lines.contains(&"hit            0 of 2  seed 1: expected the verdict collision, got avoided"),
+        lines.contains(
+            &"hit           0 of 2 (0.00-0.66)  seed 1: expected the verdict collision, got avoided"
+        ),
         "{told}"
     );
-    assert!(lines.contains(&"short          2 of 2"), "{told}");
-    assert_eq!(lines.last(), Some(&"2 of 4 drives as their scenarios expect"), "{told}");
+    assert!(lines.contains(&"short         2 of 2 (0.34-1.00)"), "{told}");
+    assert_eq!(
+        lines.last(),
+        Some(&"2 of 4 (0.15-0.85) drives as their scenarios expect (95 % intervals)"),
+        "{told}"
+    );
     let csv = bench.read("o/cells.csv");
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows[0][..3], ["scenario", "seed", "verdict"]);
