@@ -66,6 +66,18 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
     for row in &rows[1..] {
         assert!(row[of("drive.duration_s")].parse::<f64>().unwrap() > 1.0, "{csv}");
         assert_eq!((row.len(), row[of("impact_speed_mps")]), (rows[0].len(), ""), "{csv}");
+        // Counts are whole, run times are there by operator, the nearest by his number too.
+        for (name, told) in [
+            ("misses", "0"),
+            ("operator.planner.p99_ms", "20"),
+            ("operator.planner.drops", "0"),
+            ("min_distance_actor", "1"),
+            ("stands_before", ""),
+            ("waits_at_light", ""),
+        ] {
+            assert_eq!(row[of(name)], told, "{name}: {csv}");
+        }
+        assert!(row[of("operator.planner.steps")].parse::<u32>().unwrap() > 10, "{csv}");
     }
     let labels: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1])).collect();
     assert_eq!(labels, [("10", "15.0"), ("10", "60.0"), ("20", "15.0"), ("20", "60.0")]);
