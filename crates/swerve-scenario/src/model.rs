@@ -243,6 +243,19 @@ impl Scenario {
         own.or_else(|| self.expect.iter().find(|e| e.pipeline.is_none()))
     }
 
+    /// What is expected by a name of old that runs no longer have, or no longer all have; as far as that shows without one.
+    pub fn old_verdicts(&self) -> Vec<String> {
+        let told = |expect: &Expectation| match expect.verdict {
+            Verdict::Avoided if self.actors.is_empty() => expect.renamed(Verdict::Completed),
+            Verdict::Timeout => Some(
+                "[expect] verdict `timeout`: a run that ends standing safely is called `stopped` now"
+                    .to_owned(),
+            ),
+            _ => None,
+        };
+        self.expect.iter().filter_map(told).collect()
+    }
+
     /// The identity of the actor at `index`.
     pub fn id(index: usize) -> ActorId {
         ActorId(u32::try_from(index + 1).unwrap_or(u32::MAX))

@@ -145,6 +145,13 @@ fn an_expected_verdict_of_old_is_taken_and_told() {
     let (head, rest) = SHORT.split_once("[[actor]]").unwrap();
     let rest = rest.split_once("[expect]").unwrap().1.replace("min_distance_m = { min", "duration_s = { min");
     bench.write("alone.toml", &format!("{head}[expect]{rest}"));
+    bench.write("late.toml", &SHORT.replace("\"avoided\"", "\"timeout\""));
+    for (file, old, now) in [("alone", "avoided", "completed"), ("late", "timeout", "stopped")] {
+        let said = bench.swerve(&["check", &format!("{file}.toml")]);
+        let told = said.stderr.contains(&format!("note: {file}.toml: [expect] verdict `{old}`: "));
+        assert!(said.code == Some(0) && told && said.stderr.contains(now), "{said:?}");
+    }
+    assert_eq!(bench.swerve(&["check", "short.toml"]).stderr, "");
     let said = bench.good(&["run", "alone.toml", "--out", "o"]);
     assert!(said.contains("\nCOMPLETED\n") && said.contains("as the scenario expects\n"), "{said}");
     assert!(said.contains("[expect] verdict `avoided`: such a run is called `completed` now\n"), "{said}");
