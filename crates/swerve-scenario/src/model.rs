@@ -6,7 +6,7 @@ use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_text::{Document, Problems};
 use swerve_vehicle::Shape;
 
-use crate::{Draws, Expectation, Road};
+use crate::{Draws, Expectation, Road, Verdict};
 
 /// One scenario, checked: what [`parse`](Self::parse) returns satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
