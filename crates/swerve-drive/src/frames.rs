@@ -20,7 +20,7 @@ use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Detections, Image, Lanes, ObstacleList, Pixels, Plan, TrafficLights};
-use swerve_report::files::write_png;
+use swerve_report::files::{write_png_by, written_by};
 use swerve_scenario::Scenario;
 use swerve_stack::assembly::{Assembly, Placed};
 use swerve_stack::config::Config;
@@ -33,6 +33,8 @@ pub use overlay::overlay;
 
 /// Between two pictures.
 const PERIOD: Span = Span::from_ms(50);
+/// What a picture says of itself: one without it is somebody else's, whatever its name.
+const OURS: &str = "swerve --frames";
 /// How long the ego's poses are remembered, for what is told later than it was seen.
 const MEMORY: Span = Span::from_ms(1000);
 /// The follower's view, pixels. Beside it, where they hide nobody, the driver's and below that the one from above.
@@ -74,6 +76,8 @@ impl Sinks<'_> {
 /// Draws a picture of the run every 50 ms.
 pub struct Frames {
     folder: Option<PathBuf>,
+    /// Pictures of an earlier run, which go when this one's first comes.
+    earlier: Vec<PathBuf>,
     video: Option<Video>,
     sheet: Frame,
     title: String,
@@ -141,10 +145,10 @@ impl Eye {
 }
 
 impl Frames {
-    /// Pictures of a scenario. The folder is made, and pictures of an earlier run in it are taken away.
+    /// Pictures of a scenario. The folder is made; pictures of an earlier run in it go when the first one comes.
     ///
     /// # Errors
-    /// A folder that cannot be made, or a video without `ffmpeg`.
+    /// A folder that cannot be made or has files of others in it, or a video without `ffmpeg`.
     pub fn create(
         to: Sinks<'_>,
         title: String,
@@ -153,11 +157,12 @@ impl Frames {
     ) -> anyhow::Result<Self> {
         let (shape, render) = (&config.sim.vehicle.shape, &config.render);
         let size_px = (WIDTH_PX + BESIDE_PX, HEIGHT_PX);
-        let video = to.video.map(|file| Video::create(file, size_px, 1.0 / PERIOD.as_secs())).transpose()?;
+        let mut earlier = Vec::new();
         if let Some(folder) = to.folder {
             std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-            remove_pictures(folder)?;
+            pictures_in(folder, &mut earlier)?;
         }
+        let video = to.video.map(|file| Video::create(file, size_px, 1.0 / PERIOD.as_secs())).transpose()?;
         let ahead_m = shape.center_ahead_m();
         let assembly = Assembly::new(config)?;
         let looks_at = |placed: &Placed| {
@@ -176,6 +181,7 @@ impl Frames {
             .map(|(name, camera)| Ok::<_, swerve_core::ParamError>((name.clone(), camera.camera(0)?)));
         Ok(Self {
             folder: to.folder.map(Path::to_owned),
+            earlier,
             video,
             sheet: sheet(size_px),
             title,
@@ -260,12 +266,19 @@ impl Frames {
             Some(count) => *count,
             None => {
                 std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
-                remove_pictures(&folder)?;
                 0
             }
         };
         self.written.insert(stream.to_owned(), count + 1);
         write_picture(&folder.join(format!("{count:05}.png")), &frame)
+    }
+
+    /// Takes away the pictures of an earlier run, once.
+    fn clear(&mut self) -> anyhow::Result<()> {
+        let earlier = std::mem::take(&mut self.earlier);
+        earlier.iter().try_for_each(|path| {
+            std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))
+        })
     }
 
     fn take(&mut self, world: &WorldState) -> anyhow::Result<()> {
@@ -299,6 +312,9 @@ impl Observer for Frames {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
+        if let Err(error) = self.clear() {
+            self.failure.get_or_insert(error);
+        }
         if let Some(image) = payload.downcast_ref::<Image>() {
             if self.failure.is_none() {
                 self.failure = self.camera(publication.operator, publication.stream, image).err();
@@ -361,15 +377,25 @@ fn level(pose: Transform<Map, Ego>) -> Transform<Map, Ego> {
     Transform::from_roll_pitch_yaw(pose.origin(), 0.0, 0.0, yaw_rad)
 }
 
-/// Takes away the pictures of an earlier run: files named by five digits, and nothing else.
-fn remove_pictures(folder: &Path) -> anyhow::Result<()> {
+/// The pictures of an earlier run in a folder and those below it.
+///
+/// # Errors
+/// Anything else is there: what somebody keeps beside pictures, or in their names, is not to be lost. What is hidden, as
+/// file managers leave it, counts for nothing.
+fn pictures_in(folder: &Path, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
-    for entry in entries.flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let is_ours =
-            name.strip_suffix(".png").is_some_and(|n| n.len() == 5 && n.bytes().all(|b| b.is_ascii_digit()));
-        if is_ours {
-            std::fs::remove_file(entry.path()).with_context(|| format!("removing {name}"))?;
+    for entry in entries {
+        let entry = entry.with_context(|| format!("reading {}", folder.display()))?;
+        let path = entry.path();
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            pictures_in(&path, found)?;
+        } else if written_by(OURS, &path) {
+            found.push(path);
+        } else if !entry.file_name().to_string_lossy().starts_with('.') {
+            anyhow::bail!(
+                "--frames: {} is no picture that --frames wrote: expected a folder without other files",
+                path.display()
+            );
         }
     }
     Ok(())
@@ -378,5 +404,5 @@ fn remove_pictures(folder: &Path) -> anyhow::Result<()> {
 /// Writes the colour image of a frame.
 fn write_picture(path: &Path, frame: &Frame) -> anyhow::Result<()> {
     let size = (frame.width_px as u32, frame.height_px as u32);
-    write_png(path, size, (png::ColorType::Rgb, png::BitDepth::Eight), &frame.rgb)
+    write_png_by(Some(OURS), path, size, (png::ColorType::Rgb, png::BitDepth::Eight), &frame.rgb)
 }

@@ -131,7 +131,7 @@ impl Logged {
     /// verdict; where none did, what did.
     ///
     /// # Errors
-    /// When there is no actor of that name.
+    /// When there is no actor of that name, or no state of the world at that instant.
     pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
@@ -140,6 +140,9 @@ impl Logged {
             None => None,
             Some(name) => {
                 Some(names().position(|known| known == name).map(|k| ids[k]).with_context(|| {
+                    if ids.is_empty() {
+                        return format!("--actor {name}: there is no actor in the scenario");
+                    }
                     let near = nearest(name, names())
                         .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
                     format!(
@@ -165,17 +168,23 @@ impl Logged {
         let stream =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
+        let (mut known_s, mut is_known) = (Vec::new(), at_s.is_none());
         for publication in self.log.publications(stream) {
             let world: WorldState = publication.decode()?;
-            if at_s.is_some_and(|at_s| {
-                (world.stamp.as_secs() - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9
-            }) {
+            let stamp_s = world.stamp.as_secs();
+            if at_s.is_some_and(|at_s| (stamp_s - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9) {
                 near.take(&world);
+                is_known = true;
             }
+            known_s.push(stamp_s);
             evaluation.world(&world);
         }
+        if let (false, Some(at_s), [from_s, .., to_s]) = (is_known, at_s, &known_s[..]) {
+            bail!(
+                "--at {at_s}: no state of the world at that instant: expected {from_s} to {to_s} (seconds)"
+            );
+        }
         let Some(actor) = named.or(near.smallest().map(|c| c.actor)) else {
-            anyhow::ensure!(at_s.is_none() || ids.is_empty(), "--at: no state of the world at that instant");
             return self.why(&evaluation.metrics());
         };
         let metrics = evaluation.metrics();

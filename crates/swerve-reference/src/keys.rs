@@ -272,7 +272,10 @@ mod tests {
         assert!(found("sim").len() > 3 && found("planing.planer").is_empty());
         let of_scenarios = of_file(FileKind::Scenario);
         let verdict = find(&of_scenarios, "expect.verdict")[0];
-        assert!(verdict.choices.iter().any(|one| one.name == "stopped"), "{verdict:?}");
+        let stopped = verdict.choices.iter().find(|one| one.name == "stopped").unwrap();
+        assert!(stopped.doc.contains("stood safely"), "{verdict:?}");
+        assert!(verdict.choices.iter().all(|one| !one.doc.is_empty()) && verdict.choices.len() == 6);
+        assert_eq!((verdict.form.as_str(), verdict.doc.as_str()), ("name", "How the run goes."));
         assert!(!find(&of_scenarios, "actor.NAME.s_m").is_empty(), "entries of arrays are listed");
         for kind in [FileKind::Study, FileKind::Timing] {
             assert!(of_file(kind).len() > 10, "{kind:?}");

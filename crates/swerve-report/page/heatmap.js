@@ -135,11 +135,13 @@ function paint(cell, good, apart) {
   cell.classList.toggle("stopped", apart > 0);
 }
 
-/** How often each verdict, as a text. */
+/** How often each verdict, as a text; of what was driven with Wilson's 95 % interval. */
 function verdicts(cells) {
   const counts = new Map();
   for (const cell of cells) counts.set(cell.verdict ?? "not driven", (counts.get(cell.verdict ?? "not driven") ?? 0) + 1);
-  return [...counts].map(([verdict, n]) => `${n} ${verdict.replaceAll("_", " ")}`).join(", ");
+  const done = cells.filter(isDone).length;
+  const between = (n) => ` (${wilson(n, done).map((share) => fixed(share)).join("–")})`;
+  return [...counts].map(([verdict, n]) => `${n} ${verdict.replaceAll("_", " ")}${verdict === "failed" || verdict === "not driven" ? "" : between(n)}`).join(", ");
 }
 
 /** Four colours that differ in lightness, then the same with dashes: as in the pictures. */

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
-use std::io::{ErrorKind, Read as _};
+use std::io::{BufReader, ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
@@ -97,19 +97,13 @@ impl RunFolder {
                 let path = path.display();
                 bail!("{path}: an earlier run's results are there: expected another --out, or --overwrite");
             }
+            if path.join(CELLS).is_dir() {
+                bail!("{}: a study's results are there: expected another --out", path.display());
+            }
             return Ok(Self { path: path.to_owned(), newest: None, _held: held });
         }
-        let all = Path::new("out");
-        std::fs::create_dir_all(all).context("making out")?;
-        for number in 1_u32.. {
-            let path = all.join(format!("{name}-{number}"));
-            match std::fs::create_dir(&path) {
-                Ok(()) => return Ok(Self { newest: Some(all.join(name)), _held: claim(&path)?, path }),
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(error).with_context(|| format!("making {}", path.display())),
-            }
-        }
-        bail!("out: no name is left for {name}")
+        let path = first_of(name, |path| std::fs::create_dir(path))?;
+        Ok(Self { newest: Some(Path::new(OUT).join(name)), _held: claim(&path)?, path })
     }
 
     /// Writes `metrics.json` beside the other files, which are whole now. The line for the terminal that says where they
@@ -123,6 +117,65 @@ impl RunFolder {
         let linked = linked.map_or_else(String::new, |link| format!(" ({})", link.display()));
         Ok(format!("in {}{linked}: {others}, metrics.json\n", self.path.display()))
     }
+}
+
+/// Where results go that nobody gave a folder.
+const OUT: &str = "out";
+/// The folder of the finished cells within a study's.
+pub const CELLS: &str = "cells";
+
+/// The first of `out/NAME-1`, `out/NAME-2` and so on that `make` makes; of one that is somebody else's it says that it
+/// exists already.
+fn first_of(name: &str, make: impl Fn(&Path) -> std::io::Result<()>) -> anyhow::Result<PathBuf> {
+    let all = Path::new(OUT);
+    std::fs::create_dir_all(all).with_context(|| format!("making {OUT}"))?;
+    for number in 1_u32.. {
+        let path = all.join(format!("{name}-{number}"));
+        match make(&path) {
+            Ok(()) => return Ok(path),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error).with_context(|| format!("making {}", path.display())),
+        }
+    }
+    bail!("{OUT}: no name is left for {name}")
+}
+
+/// The file of a folder that says whose results it is for.
+const OWNER: &str = ".owner";
+
+/// A folder of its own beside others of the name, as a run has, for results that a later call goes on with: the one that
+/// `owner` had before, else a new one. `out/NAME` leads to it from now on.
+///
+/// # Errors
+/// It cannot be made.
+pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
+    let is_owned = |path: &Path| std::fs::read_to_string(path.join(OWNER)).is_ok_and(|text| text == owner);
+    let is_numbered = |path: &Path| {
+        let number = path.file_name().and_then(|file| file.to_str()?.strip_prefix(name)?.strip_prefix('-'));
+        number.is_some_and(|number| number.parse::<u32>().is_ok())
+    };
+    let make = |path: &Path| {
+        if path.symlink_metadata().is_ok() {
+            return if is_owned(path) { Ok(()) } else { Err(ErrorKind::AlreadyExists.into()) };
+        }
+        // It has its owner from the first moment on: shards that begin at once share one.
+        let beside = beside(path);
+        std::fs::create_dir_all(&beside)?;
+        let made = std::fs::write(beside.join(OWNER), owner).and_then(|()| std::fs::rename(&beside, path));
+        if made.is_err() {
+            let _gone = std::fs::remove_dir_all(&beside);
+        }
+        match made {
+            Err(_) if is_owned(path) => Ok(()),
+            Err(_) if path.symlink_metadata().is_ok() => Err(ErrorKind::AlreadyExists.into()),
+            made => made,
+        }
+    };
+    let all = entries(Path::new(OUT)).unwrap_or_default();
+    let before = all.into_iter().find(|path| is_numbered(path) && is_owned(path));
+    let path = before.map_or_else(|| first_of(name, make), Ok)?;
+    link(&Path::new(OUT).join(name), &path);
+    Ok(path)
 }
 
 /// Makes `newest` a link to a folder beside it, in the place of an earlier link but of nothing else.
@@ -145,6 +198,17 @@ fn link(newest: &Path, folder: &Path) -> bool {
 /// Writes an image of this width, height, colour and depth, quickly rather than small.
 pub fn write_png(
     path: &Path,
+    size_px: (u32, u32),
+    colour: (png::ColorType, png::BitDepth),
+    bytes: &[u8],
+) -> anyhow::Result<()> {
+    write_png_by(None, path, size_px, colour, bytes)
+}
+
+/// As [`write_png`], an image that says what wrote it, for [`written_by`].
+pub fn write_png_by(
+    software: Option<&str>,
+    path: &Path,
     (width_px, height_px): (u32, u32),
     (colour, depth): (png::ColorType, png::BitDepth),
     bytes: &[u8],
@@ -155,10 +219,24 @@ pub fn write_png(
     encoder.set_color(colour);
     encoder.set_depth(depth);
     encoder.set_compression(png::Compression::Fast);
+    if let Some(software) = software {
+        encoder.add_text_chunk(SOFTWARE.into(), software.into()).with_context(writing)?;
+    }
     let mut writer = encoder.write_header().with_context(writing)?;
     writer.write_image_data(bytes).with_context(writing)?;
     writer.finish().with_context(writing)?;
     write_whole(path, &file)
+}
+
+/// PNG's keyword for the program that made an image.
+const SOFTWARE: &str = "Software";
+
+/// Whether a file is an image of which [`write_png_by`] was told this writer.
+pub fn written_by(software: &str, path: &Path) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    let Ok(reader) = png::Decoder::new(BufReader::new(file)).read_info() else { return false };
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    texts.any(|text| text.keyword == SOFTWARE && text.text == software)
 }
 
 fn beside(path: &Path) -> PathBuf {

@@ -6,7 +6,7 @@ use swerve_msg::{ActorId, ActorKind, Extent};
 use swerve_text::{Document, Problems};
 use swerve_vehicle::Shape;
 
-use crate::{Draws, Expectation, Road};
+use crate::{Draws, Expectation, Road, Verdict};
 
 /// One scenario, checked: what [`parse`](Self::parse) returns satisfies every rule that it reports problems for.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -241,6 +241,19 @@ impl Scenario {
     pub fn expectation(&self, pipeline: &str) -> Option<&Expectation> {
         let own = self.expect.iter().find(|e| e.pipeline.as_deref() == Some(pipeline));
         own.or_else(|| self.expect.iter().find(|e| e.pipeline.is_none()))
+    }
+
+    /// What is expected by a name of old that runs no longer have, or no longer all have; as far as that shows without one.
+    pub fn old_verdicts(&self) -> Vec<String> {
+        let told = |expect: &Expectation| match expect.verdict {
+            Verdict::Avoided if self.actors.is_empty() => expect.renamed(Verdict::Completed),
+            Verdict::Timeout => Some(
+                "[expect] verdict `timeout`: a run that ends standing safely is called `stopped` now"
+                    .to_owned(),
+            ),
+            _ => None,
+        };
+        self.expect.iter().filter_map(told).collect()
     }
 
     /// The identity of the actor at `index`.

@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
 use swerve_drive::Outcome;
+use swerve_report::files::CELLS;
 use swerve_report::progress::Progress;
 use swerve_scenario::Expectation;
 
@@ -170,7 +171,7 @@ pub struct CellStore {
 impl CellStore {
     /// The store in `out`, made when it is not there.
     pub fn open(out: &Path) -> anyhow::Result<Self> {
-        let folder = out.join("cells");
+        let folder = out.join(CELLS);
         std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
         Ok(Self { folder })
     }

@@ -12,6 +12,12 @@ pub(crate) fn wilson(hits: usize, runs: usize) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
+/// The 95 % interval of a rate, as tables have it behind a count.
+pub(crate) fn interval(hits: usize, runs: usize) -> String {
+    let (low, high) = wilson(hits, runs);
+    format!("({low:.2}-{high:.2})")
+}
+
 /// The likelihood of counts as unlike as these or more, were both rates the same: Fisher's exact test, two-sided (R. A.
 /// Fisher, "On the interpretation of chi-squared from contingency tables", 1922). Each is hits and runs.
 pub(crate) fn fisher([a, n]: [usize; 2], [b, m]: [usize; 2]) -> f64 {
@@ -41,6 +47,7 @@ mod tests {
             assert!((interval.0 - low).abs() < 1e-3 && (interval.1 - high).abs() < 1e-3, "{interval:?}");
         }
         assert_eq!(wilson(0, 0), (0.0, 1.0));
+        assert_eq!(interval(17, 30), "(0.39-0.73)");
     }
 
     #[test]

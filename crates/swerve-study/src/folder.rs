@@ -4,18 +4,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use serde_json::Value;
+use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
+use swerve_report::files::folder_of;
 use swerve_report::page::data_of;
 
 use crate::grid::Study;
 
-/// The folder that is asked for, or else that of the study's name. What an earlier call of the study left in it, as it is
-/// now or was before an edit, is gone on from.
+/// The folder that is asked for, where what an earlier call of the study left, as it is now or was before an edit, is
+/// gone on from; or else one of its own beside those of others of its name, which go on in theirs.
 ///
 /// # Errors
 /// A run or another study has written there.
 pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf> {
-    let folder = asked.map_or_else(|| Path::new("out").join(&study.name), Path::to_path_buf);
+    let Some(folder) = asked.map(Path::to_path_buf) else {
+        return folder_of(&identity(study).to_string(), &study.name);
+    };
     let shown = folder.display();
     if folder.join("metrics.json").exists() {
         bail!("{shown}: the results of a run are there: expected another --out");
@@ -26,6 +30,18 @@ pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf>
         }
         _ => Ok(folder),
     }
+}
+
+/// What makes it this study and no other of its name: its axes, what its cells drive and what is measured there. How that
+/// is drawn and summed up is none of it.
+fn identity(study: &Study) -> Digest {
+    let mut hasher = Hasher::new();
+    let measured = (&study.axes, &study.budget, &study.curve, &study.timely);
+    hasher.bytes(format!("{measured:?}").as_bytes());
+    for cell in &study.cells {
+        hasher.value(&(&cell.labels, study.command(cell)));
+    }
+    hasher.digest()
 }
 
 /// The name of the study whose page lies in a folder.

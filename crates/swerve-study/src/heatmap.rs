@@ -2,7 +2,7 @@
 
 use swerve_draw::{Anchor, At, Canvas, Color, Picture, Style, Text, color, width_of};
 
-use super::chance::wilson;
+use super::chance::interval;
 use super::table::{Grid, Square};
 
 /// Room between a text and the edge of its square.
@@ -28,7 +28,7 @@ const MORE: Text = Text { size: 11.0, ..NAME };
 const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
-const COUNTS: &str = "in a square: runs without a collision (95 % interval), runs that stayed on the road, median impact, other ends";
+const COUNTS: &str = "in a square: runs without a collision, runs that stayed on the road, median impact (of how many), other ends; 95 % intervals";
 const STOPS: &str = "of the square's width: share of runs that stopped safely";
 const BEYOND: &str =
     "more than the row or column `limit`: what one swerve or braking from first sight can do";
@@ -116,17 +116,17 @@ fn budget_max(grid: &Grid) -> Option<f64> {
 
 /// What a square says: what happened how often, and what else is known of it.
 fn told(square: &Square) -> (String, Vec<String>) {
-    let rest = square.rest().map(|(verdict, n)| format!("{n} {verdict}"));
+    let rest = square.rest();
     match (square.budget_text(), square.runs) {
         (_, 0) if square.failed > 0 => (square.text(), Vec::new()),
         (_, 0) => ("not run".to_owned(), Vec::new()),
         (Some([median, range]), _) => (median, core::iter::once(format!("{range} ms")).chain(rest).collect()),
         (None, runs) => {
-            let (low, high) = wilson(square.no_collision, runs);
-            let more = core::iter::once(format!("{} on the road", square.on_road))
-                .chain(square.impact_median_mps().map(|v| format!("impact {v:.1} m/s")))
+            let [hit_nothing, on_road] = [square.no_collision, square.on_road].map(|n| interval(n, runs));
+            let more = core::iter::once(format!("{} on the road {on_road}", square.on_road))
+                .chain(square.impact_text())
                 .chain(rest);
-            (format!("{} of {runs} ({low:.2}-{high:.2})", square.no_collision), more.collect())
+            (format!("{} of {runs} {hit_nothing}", square.no_collision), more.collect())
         }
     }
 }
@@ -252,6 +252,9 @@ mod tests {
         assert!(texts.len() >= 4, "{svg}");
         for (left, right, text) in texts {
             assert!(squares.iter().any(|[from, to]| *from <= left && right <= *to), "{text} in {squares:?}");
+        }
+        for told in ["0 on the road (0.00-0.43)", "impact 12.5 m/s (of 1)", "5 stopped (0.57-1.00)"] {
+            assert!(svg.contains(told), "{told}: {svg}");
         }
         assert!(svg.contains(">policy latency_ms<") && svg.contains(">speed_mps<"));
         assert!(

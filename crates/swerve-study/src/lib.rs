@@ -44,7 +44,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, drive_observed, problems_error};
-use swerve_report::files::write_whole;
+use swerve_report::files::{CELLS, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
@@ -66,7 +66,7 @@ pub struct StudyArgs {
     /// Study file (TOML), or the name of one that is in the program
     #[arg(required = true)]
     file: Option<PathBuf>,
-    /// Output folder [default: out/ and the study's name]
+    /// Output folder [default: one of its own, out/NAME-1 and so on; out/NAME leads to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -101,7 +101,7 @@ enum StudyCommand {
         /// Study file (TOML)
         #[arg(long)]
         study: PathBuf,
-        /// Output folder [default: out/ and the study's name]
+        /// Output folder [default: one of its own, out/NAME-1 and so on; out/NAME leads to the newest]
         #[arg(long)]
         out: Option<PathBuf>,
         #[command(flatten)]
@@ -335,7 +335,7 @@ impl Bench {
     /// The pages of the cells' runs that lie in `out`, seen from there.
     fn reports(&self, out: &Path) -> anyhow::Result<Vec<Option<String>>> {
         let kept = |name: String| name.ends_with(".html").then_some(name);
-        let names = std::fs::read_dir(out.join("cells"))?.map(|entry| Ok(entry?.file_name()));
+        let names = std::fs::read_dir(out.join(CELLS))?.map(|entry| Ok(entry?.file_name()));
         let names: Vec<_> = names.collect::<std::io::Result<_>>()?;
         let pages: BTreeSet<String> =
             names.into_iter().filter_map(|name| name.into_string().ok().and_then(kept)).collect();

@@ -8,7 +8,7 @@ use swerve_report::output::align;
 use swerve_text::{Document, Problems, list};
 
 use super::cells::CellResult;
-use super::chance::{fisher, wilson};
+use super::chance::{fisher, interval, wilson};
 use super::grid::{Study, no_axis};
 use super::table::field;
 
@@ -96,10 +96,7 @@ impl Ranked {
 
     /// What the terminal shows: counts with their 95 % intervals.
     fn cells(&self) -> Vec<String> {
-        let counted = |n: usize| {
-            let (low, high) = wilson(n, self.runs);
-            format!("{n}/{} ({low:.2}-{high:.2})", self.runs)
-        };
+        let counted = |n: usize| format!("{n}/{} {}", self.runs, interval(n, self.runs));
         let mut cells = self.columns();
         (cells[1], cells[3]) = (counted(self.collisions), counted(self.others));
         cells.remove(0);
@@ -153,12 +150,15 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     for axis in &ranking.settings {
         let _ = write!(text, "{},", field(axis));
     }
-    text += "runs,collisions,collisions_low,collisions_high,impact_mean_mps,others,response_p50_ms,response_p99_ms,misses\n";
+    text += "runs,collisions,collisions_low,collisions_high,impact_mean_mps,others,others_low,others_high,response_p50_ms,response_p99_ms,misses\n";
     for setting in settings {
-        let (low, high) = wilson(setting.collisions, setting.runs);
         let mut columns = setting.columns();
         columns.iter_mut().filter(|cell| *cell == "-").for_each(String::clear); // statistics packages read numbers
-        columns.splice(2..2, [low, high].map(|share| format!("{share:.3}")));
+        // The last first: what is put in moves what is behind it.
+        for (count, behind) in [(setting.others, 4), (setting.collisions, 2)] {
+            let (low, high) = wilson(count, setting.runs);
+            columns.splice(behind..behind, [low, high].map(|share| format!("{share:.3}")));
+        }
         let cells = setting.labels.iter().cloned().chain(columns);
         text += &cells.map(|cell| field(&cell)).collect::<Vec<_>>().join(",");
         text.push('\n');
@@ -270,7 +270,10 @@ mod tests {
                    (Fisher's exact test: p = 1.00)\n";
         assert!(text.ends_with(end), "{text}");
         assert!(!text.contains("a      2") && text.contains("  1/2 (0.09-0.91)  "), "{text}");
-        assert_eq!(csv(&ranking, &settings).lines().nth(2).unwrap(), "a,3,2,1,0.095,0.905,4.0,0,100,,2");
+        assert_eq!(
+            csv(&ranking, &settings).lines().nth(2).unwrap(),
+            "a,3,2,1,0.095,0.905,4.0,0,0.000,0.658,100,,2"
+        );
     }
 
     #[test]

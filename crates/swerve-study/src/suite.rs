@@ -16,6 +16,7 @@ use swerve_stack::Registry;
 use swerve_text::{Document, Problem};
 
 use crate::cells::CellResult;
+use crate::chance::interval;
 use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
 use crate::{Bench, How, finish, folder};
 
@@ -35,9 +36,9 @@ pub struct SuiteArgs {
     /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
     #[arg(long, default_value = "1..3")]
     seeds: Seeds,
-    /// Output folder
-    #[arg(long, default_value = "out/suite")]
-    out: PathBuf,
+    /// Output folder [default: one of its own, out/suite-1 and so on; out/suite leads to the newest]
+    #[arg(long)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     pictures: PictureArgs,
     /// Drives at once [default: one a core]
@@ -85,7 +86,7 @@ impl FromStr for Seeds {
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let bench = Bench::of(registry, study(args)?)?;
     let (threads, reports) = (args.threads, args.reports);
-    let out = &folder::of(&bench.study, Some(&args.out))?;
+    let out = &folder::of(&bench.study, args.out.as_deref())?;
     let how = How { out, threads, shard: None, reports, pictures: args.pictures };
     let driven = bench.drive_cells(&how)?;
     let count = Count::of(&driven.0);
@@ -192,31 +193,38 @@ impl Count {
         count
     }
 
+    /// How many of how many, with the interval of the rate.
+    fn text(self) -> String {
+        format!("{} of {} {}", self.kept, self.held(), interval(self.kept, self.held()))
+    }
+
     /// Drives of which something is expected.
     fn held(self) -> usize {
         self.kept + self.broken
     }
 }
 
+/// The width of a count with its interval: of hundreds, as many seeds as are usual.
+const COUNTED: usize = 22;
+
 /// A line for each scenario: how many of its drives are as it expects, and what the first other one is like.
 fn text(study: &Study, results: &[Option<CellResult>]) -> String {
     let names: Vec<&str> = study.steps[0].iter().map(|step| step.label.as_str()).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(SCENARIO.len());
     let seeds = study.steps[1].len();
-    let mut text = format!("\n{SCENARIO:width$}  as expected\n");
+    let mut text = format!("\n{SCENARIO:width$}  {:>COUNTED$}\n", "as expected");
     for (name, of_scenario) in names.iter().zip(results.chunks(seeds)) {
         let count = Count::of(of_scenario);
-        let told =
-            if count.held() == 0 { "-".to_owned() } else { format!("{} of {}", count.kept, count.held()) };
+        let told = if count.held() == 0 { "-".to_owned() } else { count.text() };
         let broken = |result: &&CellResult| result.as_expected() == Some(false);
         let first = of_scenario.iter().flatten().find(broken);
         let why = first.map_or_else(String::new, |result| {
             format!("  seed {}: {}", result.labels[1], result.not_as_expected())
         });
-        let _written = writeln!(text, "{name:width$}  {told:>11}{why}");
+        let _written = writeln!(text, "{name:width$}  {told:>COUNTED$}{why}");
     }
     let all = Count::of(results);
-    let _written = write!(text, "{} of {} drives as their scenarios expect", all.kept, all.held());
+    let _written = write!(text, "{} drives as their scenarios expect (95 % intervals)", all.text());
     if all.free > 0 {
         let _written = write!(text, "; of {} more nothing is expected", all.free);
     }

@@ -7,7 +7,7 @@ use swerve_eval::Metrics;
 use swerve_report::output::align;
 
 use super::cells::CellResult;
-use super::chance::wilson;
+use super::chance::interval;
 use super::grid::{LIMIT, SCENARIO, Study};
 
 /// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
@@ -26,16 +26,24 @@ const DRIVE: [&str; 10] = [
 const BUDGET: [&str; 3] = ["budget_ms", "budget_is_at_least", "verdict"];
 
 /// Metrics that have a column whether any drive has them or not, so that tables of several studies have the same ones.
-const ALWAYS: [&str; 8] = [
+const ALWAYS: [&str; 13] = [
     "end",
+    "impact.actor",
     "impact.at_s",
     "impact.closing_speed_mps",
     "impact.ego_speed_mps",
     "impact.impulse_n_s",
     "impact_name",
     "left_road_at_s",
+    "min_distance_actor",
     "min_distance_name",
+    "stands_before",
+    STANDS_BEFORE,
+    "waits_at_light",
 ];
+
+/// The name of the actor that `stands_before` tells by its number.
+const STANDS_BEFORE: &str = "stands_before_name";
 
 /// What is known of the cells of a study, in columns.
 pub(crate) struct Columns {
@@ -98,7 +106,7 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
 }
 
 /// What `metrics.json` of a run says in words or as yes and no, by its names there, but for the verdict, which has a
-/// column anyway.
+/// column anyway; and before whom the car stands.
 pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
     let Ok(Value::Object(all)) = serde_json::to_value(metrics) else { return BTreeMap::new() };
     let text = |(name, value)| match value {
@@ -106,11 +114,13 @@ pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
         Value::Bool(holds) => Some((name, holds.to_string())),
         _ => None,
     };
-    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").collect()
+    let stands = metrics.actors.iter().find(|actor| Some(actor.actor) == metrics.stands_before);
+    let stands = stands.map(|actor| (STANDS_BEFORE.to_owned(), actor.name.clone()));
+    all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").chain(stands).collect()
 }
 
 /// The metrics of a run that are numbers by their names in `metrics.json`, but for those that have columns anyway and
-/// those of actors, operators and instants in a list.
+/// those of actors and instants in a list; those of operators by the operator's name.
 pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
     fn gather(prefix: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
         match value {
@@ -133,14 +143,23 @@ pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
         "response.p50_ms",
         "response.p99_ms",
     ];
-    all.retain(|name, x| {
-        x.is_finite() && !told.contains(&name.as_str()) && !name.ends_with("actor") && name != "stands_before"
-    });
+    for operator in &metrics.operators {
+        let counts = [("steps", operator.steps), ("misses", operator.misses), ("drops", operator.drops)];
+        let took = [("p50_ms", operator.p50_ms), ("p99_ms", operator.p99_ms), ("max_ms", operator.max_ms)];
+        // Without a step there is no run time.
+        let took = took.into_iter().filter(|_| operator.steps > 0);
+        for (what, x) in counts.map(|(what, n)| (what, n as f64)).into_iter().chain(took) {
+            all.insert(format!("operator.{}.{what}", operator.operator), x);
+        }
+    }
+    all.retain(|name, x| x.is_finite() && !told.contains(&name.as_str()));
     all
 }
 
+/// With four decimals; what is whole, as every count is, with none.
 fn number(x: Option<f64>) -> String {
-    x.map_or_else(String::new, |x| format!("{x:.4}"))
+    let text = |x: f64| if x.fract() == 0.0 { format!("{:.0}", x + 0.0) } else { format!("{x:.4}") };
+    x.map_or_else(String::new, text)
 }
 
 pub(super) fn field(text: &str) -> String {
@@ -276,7 +295,7 @@ impl Grid {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
         if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
-            text += "without a collision, on the road (95 % intervals); median impact, and what else came of it\n";
+            text += "without a collision, on the road, median impact (of how many), what else came of it; 95 % intervals\n";
         }
         text
     }
@@ -308,11 +327,18 @@ impl Square {
         self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
     }
 
-    /// What the two counts do not tell: verdicts other than `left_road`, and failures, with how many there are.
-    pub(super) fn rest(&self) -> impl Iterator<Item = (&str, usize)> {
+    /// What the two counts do not tell: verdicts other than `left_road` with their intervals, and failures, which are no
+    /// runs.
+    pub(super) fn rest(&self) -> impl Iterator<Item = String> {
         let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
-        let failed = (self.failed > 0).then_some(("failed", self.failed));
-        rest.map(|(verdict, n)| (verdict.as_str(), *n)).chain(failed)
+        let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
+        rest.map(|(verdict, n)| format!("{n} {verdict} {}", interval(*n, self.runs))).chain(failed)
+    }
+
+    /// The median impact speed, and of how many.
+    pub(super) fn impact_text(&self) -> Option<String> {
+        let impact = self.impact_median_mps()?;
+        Some(format!("impact {impact:.1} m/s (of {})", self.impact_mps.len()))
     }
 
     /// Share of good runs among those that are good or bad, 0 to 1; `None` where there are none.
@@ -360,14 +386,13 @@ impl Square {
             let budget = format!("{median} ({range}, {}/{})", self.avoided, self.runs);
             return core::iter::once(budget).chain(failed).collect();
         }
-        let counted = |n: usize, of: &str| {
-            let (low, high) = wilson(n, self.runs);
-            format!("{n}{of} ({low:.2}-{high:.2})")
-        };
-        let mut lines =
-            vec![counted(self.no_collision, &format!("/{}", self.runs)), counted(self.on_road, " on road")];
-        lines.extend(self.impact_median_mps().map(|impact| format!("impact {impact:.1} m/s")));
-        lines.extend(self.rest().map(|(verdict, n)| format!("{n} {verdict}")));
+        let [hit_nothing, on_road] = [self.no_collision, self.on_road].map(|n| interval(n, self.runs));
+        let mut lines = vec![
+            format!("{}/{} {hit_nothing}", self.no_collision, self.runs),
+            format!("{} on road {on_road}", self.on_road),
+        ];
+        lines.extend(self.impact_text());
+        lines.extend(self.rest());
         lines
     }
 }

@@ -51,7 +51,7 @@ pub(crate) struct RunArgs {
     /// Threads of the run; the result does not depend on them [default: one for each processor]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
-    /// Write a picture of the drive every 50 ms into this folder
+    /// Write a picture of the drive every 50 ms into this folder, in the place of an earlier run's
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
     /// Make a video of these pictures, by ffmpeg

@@ -31,18 +31,48 @@ fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>
 #[test]
 fn pictures_are_the_same_bytes_on_any_number_of_threads_and_change_nothing_in_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("00099.png"), "of an earlier run").unwrap();
-    std::fs::write(folder.path().join("notes.png"), "not ours").unwrap();
     let (digest, one) = pictures(folder.path(), 1);
     assert_eq!(one.len(), 3);
     assert_ne!(digest_of(&one[0]), digest_of(&one[2]), "the ego moves");
-    assert!(!folder.path().join("00099.png").exists() && folder.path().join("notes.png").exists());
     let (again, two) = pictures(folder.path(), 2);
     assert!(one == two);
     assert_eq!(digest, again);
     let mut pipeline = Pipeline::build(&Config::default(), &scenario()).unwrap();
     pipeline.until = Time::ZERO + Span::from_ms(100);
     assert_eq!(drive_pipeline(pipeline, 1, 1, &mut []).unwrap().digest, digest);
+}
+
+#[test]
+fn pictures_of_an_earlier_run_go_and_what_others_keep_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = |name: &str| folder.path().join(name);
+    pictures(folder.path(), 1);
+    std::fs::create_dir_all(place("eye/rgb")).unwrap();
+    for earlier in ["00099.png", "eye/rgb/00000.png"] {
+        std::fs::copy(place("00000.png"), place(earlier)).unwrap();
+    }
+    std::fs::write(place(".DS_Store"), "of a file manager").unwrap();
+    let create = || Frames::create(into(folder.path()), String::new(), &scenario(), &Config::default());
+    // A run that is refused for another reason has lost nothing.
+    drop(create().unwrap());
+    assert!(place("00099.png").exists());
+    assert_eq!(pictures(folder.path(), 1).1.len(), 3);
+    assert!(!place("00099.png").exists() && !place("eye/rgb/00000.png").exists());
+    assert!(place(".DS_Store").exists());
+    let png = (png::ColorType::Grayscale, png::BitDepth::Eight);
+    swerve_report::files::write_png(&place("00002.png"), (1, 1), png, &[0]).unwrap();
+    for others in ["00002.png", "notes.txt", "eye/rgb/00000.png"] {
+        if others != "00002.png" {
+            std::fs::write(place(others), "mine").unwrap();
+        }
+        let told = create().err().unwrap().to_string();
+        assert!(
+            told.contains(&format!("{} is no picture that --frames wrote", place(others).display())),
+            "{told}"
+        );
+        assert!(place("00001.png").exists());
+        std::fs::remove_file(place(others)).unwrap();
+    }
 }
 
 #[test]

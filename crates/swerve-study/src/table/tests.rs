@@ -56,15 +56,15 @@ fn seeds_are_summed_up() {
     assert_eq!(lines[0].trim(), "speed_mps");
     assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["planner", "16", "18"]);
     let (one, two) = ("1/1 (0.21-1.00)", "1/2 (0.09-0.91)");
-    assert_eq!(lines[2], format!("fot            {two}        {one}"));
+    assert_eq!(lines[2], format!("fot             {two}        {one}"));
     assert_eq!(lines[3].trim(), "2 on road (0.34-1.00)  1 on road (0.21-1.00)");
-    assert_eq!(lines[4].trim(), "impact 12.0 m/s");
+    assert_eq!(lines[4].trim(), "impact 12.0 m/s (of 1)");
     assert_eq!(grid.squares[0].share(), Some(0.5));
     let stood = [result(&study.cells[0], "timeout", None), result(&study.cells[1], "collision", Some(9.0))];
     let of = |study: &Study| Grid::of(study, &stood).squares[0].clone();
     assert_eq!(
         (of(&study).share(), of(&study).text().as_str()),
-        (Some(0.0), "1/2 (0.09-0.91), 2 on road (0.34-1.00), impact 9.0 m/s, 1 timeout")
+        (Some(0.0), "1/2 (0.09-0.91), 2 on road (0.34-1.00), impact 9.0 m/s (of 1), 1 timeout (0.09-0.91)")
     );
     assert_eq!(of(&Study { timeout_is_good: true, ..study.clone() }).share(), Some(0.5));
     let safe = [result(&study.cells[0], "stopped", None), result(&study.cells[1], "collision", Some(9.0))];
@@ -75,7 +75,7 @@ fn seeds_are_summed_up() {
             (Some(share), apart),
             "neither good nor bad, unless asked for"
         );
-        assert!(safe.text().ends_with("1 stopped"), "{}", safe.text());
+        assert!(safe.text().ends_with("1 stopped (0.09-0.91)"), "{}", safe.text());
     }
     let csv = csv(&study, &results);
     let lines: Vec<&str> = csv.lines().collect();
@@ -120,8 +120,10 @@ fn what_is_told_in_words_has_a_column_as_well() {
     let results = [Some(first), result(&study.cells[1], "avoided", None), None, None];
     let csv = csv(&study, &results);
     let [head, hit, _] = csv.lines().collect::<Vec<_>>()[..] else { panic!("{csv}") };
-    assert!(head.ends_with("impact.impulse_n_s,impact_name,left_road_at_s,min_distance_name,plans.count"));
-    assert!(hit.ends_with(",collision,,,,,\"person, on foot\",,,3.0000"), "{hit}");
+    let names = "impact_name,left_road_at_s,min_distance_actor,min_distance_name,plans.count,\
+                 stands_before,stands_before_name,waits_at_light";
+    assert!(head.ends_with(names), "{head}");
+    assert!(hit.ends_with(",collision,,,,,,\"person, on foot\",,,,3,,,"), "{hit}");
 }
 
 #[test]
@@ -158,7 +160,7 @@ fn a_budget_up_to_which_nothing_failed_is_a_lower_bound() {
         let picture = crate::heatmap::draw(&grid, "t").svg();
         assert!(picture.contains(&format!(">{}<", told.split_once(" (").unwrap().0)), "{picture}");
         let csv = csv(&study, &results);
-        let wanted = format!("fot,16,1,{:.4},{},avoided", first.unwrap(), first == Some(300.0));
+        let wanted = format!("fot,16,1,{},{},avoided", first.unwrap(), first == Some(300.0));
         assert_eq!(csv.lines().nth(1), Some(wanted.as_str()));
     }
 }

@@ -126,8 +126,17 @@ fn a_log_tells_why_as_its_run_did() {
     assert!(bench.good(&["why", "o/log.mcap", "--actor", "person"]).starts_with("why: it passed person at "));
     assert!(bench.read("o/trace.json").contains("\"person: visible\""));
     assert!(bench.read("o/story.svg").contains("Why: it passed person at "));
-    let said = bench.swerve(&["why", "o/log.mcap", "--actor", "persn"]);
-    assert!(said.code == Some(1) && said.stderr.contains("did you mean `person`?"), "{}", said.stderr);
+    let end_s = &run["drive"]["duration_s"];
+    for (wrong, told) in [
+        (["--actor", "persn"], "did you mean `person`?".to_owned()),
+        (
+            ["--at", "500"],
+            format!("--at 500: no state of the world at that instant: expected 0 to {end_s} ("),
+        ),
+    ] {
+        let said = bench.swerve(&[&["why", "o/log.mcap"], &wrong[..]].concat());
+        assert!(said.code == Some(1) && said.stderr.contains(&told), "{}", said.stderr);
+    }
 }
 
 #[test]
@@ -136,11 +145,26 @@ fn an_expected_verdict_of_old_is_taken_and_told() {
     let (head, rest) = SHORT.split_once("[[actor]]").unwrap();
     let rest = rest.split_once("[expect]").unwrap().1.replace("min_distance_m = { min", "duration_s = { min");
     bench.write("alone.toml", &format!("{head}[expect]{rest}"));
+    bench.write("late.toml", &SHORT.replace("\"avoided\"", "\"timeout\""));
+    for (file, old, now) in [("alone", "avoided", "completed"), ("late", "timeout", "stopped")] {
+        let said = bench.swerve(&["check", &format!("{file}.toml")]);
+        let told = said.stderr.contains(&format!("note: {file}.toml: [expect] verdict `{old}`: "));
+        assert!(said.code == Some(0) && told && said.stderr.contains(now), "{said:?}");
+    }
+    assert_eq!(bench.swerve(&["check", "short.toml"]).stderr, "");
     let said = bench.good(&["run", "alone.toml", "--out", "o"]);
     assert!(said.contains("\nCOMPLETED\n") && said.contains("as the scenario expects\n"), "{said}");
     assert!(said.contains("[expect] verdict `avoided`: such a run is called `completed` now\n"), "{said}");
     let why = &json(&bench.read("o/metrics.json"))["why"];
     assert_eq!((&why["actor"], &why["steps"][0]["what"]), (&serde_json::Value::Null, &"end".into()));
+    // There is nobody whom `why` could be asked for.
+    for (wrong, told) in [
+        (["--actor", "x"], "--actor x: there is no actor in the scenario"),
+        (["--at", "500"], "--at 500: no state of the world at that instant: expected 0 to "),
+    ] {
+        let said = bench.swerve(&[&["why", "o"], &wrong[..]].concat());
+        assert!(said.code == Some(1) && said.stderr.contains(told), "{}", said.stderr);
+    }
 }
 
 /// The picture in the README is that of the command beside it.

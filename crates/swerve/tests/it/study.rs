@@ -66,6 +66,18 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
     for row in &rows[1..] {
         assert!(row[of("drive.duration_s")].parse::<f64>().unwrap() > 1.0, "{csv}");
         assert_eq!((row.len(), row[of("impact_speed_mps")]), (rows[0].len(), ""), "{csv}");
+        // Counts are whole, run times are there by operator, the nearest by his number too.
+        for (name, told) in [
+            ("misses", "0"),
+            ("operator.planner.p99_ms", "20"),
+            ("operator.planner.drops", "0"),
+            ("min_distance_actor", "1"),
+            ("stands_before", ""),
+            ("waits_at_light", ""),
+        ] {
+            assert_eq!(row[of(name)], told, "{name}: {csv}");
+        }
+        assert!(row[of("operator.planner.steps")].parse::<u32>().unwrap() > 10, "{csv}");
     }
     let labels: Vec<_> = rows[1..].iter().map(|row| (row[0], row[1])).collect();
     assert_eq!(labels, [("10", "15.0"), ("10", "60.0"), ("20", "15.0"), ("20", "60.0")]);
@@ -144,6 +156,34 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
             .swerve(&["suite", "short.toml", "--out", "r"])
             .stderr
             .contains("the results of a run are there")
+    );
+}
+
+/// One that was edited is another study of the same name.
+#[test]
+fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
+    let bench = bench();
+    let study = |more: &[&str]| bench.good(&[&["study", "study.toml"], more].concat());
+    assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
+    let (csv, files) = (bench.read("out/study-1/cells.csv"), cells(&bench, "out/study-1"));
+    assert!(study(&["--set", "sim.dt_ms=4"]).contains(" in out/study-2: "));
+    bench.write("study.toml", &STUDY.replace("[15.0, 60.0]", "[15.0]"));
+    assert!(study(&[]).contains("2 of 2 cells in out/study-3: "));
+    assert_eq!(bench.read("out/study/cells.csv"), bench.read("out/study-3/cells.csv"));
+    bench.write("study.toml", STUDY);
+    assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
+    assert_eq!((bench.read("out/study/cells.csv"), cells(&bench, "out/study-1")), (csv, files));
+    // A suite is one of its scenarios and seeds.
+    bench.write("other.toml", SHORT);
+    for (scenario, folder) in [("short", "suite-1"), ("other", "suite-2"), ("short", "suite-1")] {
+        let said = bench.good(&["suite", &format!("{scenario}.toml"), "--seeds", "1"]);
+        assert!(said.contains(&format!("1 of 1 cells in out/{folder}: ")), "{said}");
+        assert!(bench.read("out/suite/cells.csv").contains(&format!("\n{scenario},1,")));
+    }
+    // And a run does not go where one is.
+    let run = bench.swerve(&["run", "short.toml", "--out", "out/suite-1"]);
+    assert!(
+        run.code == Some(1) && run.stderr.contains("a study's results are there: expected another --out")
     );
 }
 
@@ -261,11 +301,17 @@ fn a_suite_drives_every_scenario_with_every_seed_and_tells_which_drives_are_as_e
     let told = bench.good(&suite);
     let lines: Vec<&str> = told.lines().collect();
     assert!(
-        lines.contains(&"hit            0 of 2  seed 1: expected the verdict collision, got avoided"),
+        lines.contains(
+            &"hit           0 of 2 (0.00-0.66)  seed 1: expected the verdict collision, got avoided"
+        ),
         "{told}"
     );
-    assert!(lines.contains(&"short          2 of 2"), "{told}");
-    assert_eq!(lines.last(), Some(&"2 of 4 drives as their scenarios expect"), "{told}");
+    assert!(lines.contains(&"short         2 of 2 (0.34-1.00)"), "{told}");
+    assert_eq!(
+        lines.last(),
+        Some(&"2 of 4 (0.15-0.85) drives as their scenarios expect (95 % intervals)"),
+        "{told}"
+    );
     let csv = bench.read("o/cells.csv");
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows[0][..3], ["scenario", "seed", "verdict"]);
