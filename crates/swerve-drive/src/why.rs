@@ -181,7 +181,7 @@ impl Logged {
         }
         if let (false, Some(at_s), [from_s, .., to_s]) = (is_known, at_s, &known_s[..]) {
             bail!(
-                "--at {at_s}: no state of the world at that instant: expected {from_s} to {to_s} (seconds)"
+                "--at {at_s}: no state of the world at that instant: expected {from_s:.2} to {to_s:.2} (seconds)"
             );
         }
         let Some(actor) = named.or(near.smallest().map(|c| c.actor)) else {

@@ -126,12 +126,12 @@ fn a_log_tells_why_as_its_run_did() {
     assert!(bench.good(&["why", "o/log.mcap", "--actor", "person"]).starts_with("why: it passed person at "));
     assert!(bench.read("o/trace.json").contains("\"person: visible\""));
     assert!(bench.read("o/story.svg").contains("Why: it passed person at "));
-    let end_s = &run["drive"]["duration_s"];
+    let end_s = run["drive"]["duration_s"].as_f64().unwrap();
     for (wrong, told) in [
         (["--actor", "persn"], "did you mean `person`?".to_owned()),
         (
             ["--at", "500"],
-            format!("--at 500: no state of the world at that instant: expected 0 to {end_s} ("),
+            format!("--at 500: no state of the world at that instant: expected 0.00 to {end_s:.2} ("),
         ),
     ] {
         let said = bench.swerve(&[&["why", "o/log.mcap"], &wrong[..]].concat());
@@ -160,7 +160,7 @@ fn an_expected_verdict_of_old_is_taken_and_told() {
     // There is nobody whom `why` could be asked for.
     for (wrong, told) in [
         (["--actor", "x"], "--actor x: there is no actor in the scenario"),
-        (["--at", "500"], "--at 500: no state of the world at that instant: expected 0 to "),
+        (["--at", "500"], "--at 500: no state of the world at that instant: expected 0.00 to "),
     ] {
         let said = bench.swerve(&[&["why", "o"], &wrong[..]].concat());
         assert!(said.code == Some(1) && said.stderr.contains(told), "{}", said.stderr);
