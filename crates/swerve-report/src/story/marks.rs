@@ -26,6 +26,11 @@ pub(super) fn closest_at(story: &Story) -> Option<Time> {
     Some(Time::ZERO + Span::from_secs(at_s))
 }
 
+/// Seconds as metrics and pages have them: the double nearest to the instant, so that all of them round it alike.
+fn seconds(at: Time) -> f64 {
+    at.ns() as f64 / 1e9
+}
+
 pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) -> Option<()> {
     let (at, hero) = (first_sight(story)?, story.protagonist()?);
     let (ego, actor) = (story.ego_at(at)?, story.actor(hero.actor)?);
@@ -40,7 +45,7 @@ pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, vie
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
     let away_m = on_ego.distance(on_actor);
     let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
-    let label = format!("{} first visible {:.2} s, {away_m:.1} m away{end}", hero.name, at.as_secs());
+    let label = format!("{} first visible {:.2} s, {away_m:.1} m away{end}", hero.name, seconds(at));
     // On the side away from the actor, where the line of sight does not cross it.
     labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, color::SIGHT_TEXT);
     Some(())
@@ -66,7 +71,7 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
         None => {
             canvas.line(from, to, Style::line(paint, 3.0));
             [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, Style::fill(paint)));
-            format!("closest to {} {:.2} s, {:.2} m", hero.name, at.as_secs(), hero.min_distance_m)
+            format!("closest to {} {:.2} s, {:.2} m", hero.name, seconds(at), hero.min_distance_m)
         }
     };
     let middle = view.at(footprint.center.point());
@@ -85,7 +90,7 @@ pub(super) fn off_road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, 
     let style = Style::line(color::LEFT_ROAD, 1.8);
     outline(canvas, view, &footprint, style);
     let place = view.at(footprint.center.point());
-    let label = format!("left the road {:.2} s", ego.stamp.as_secs());
+    let label = format!("left the road {:.2} s", seconds(ego.stamp));
     labels.event((place.0, label_height(view, &footprint, false)), label, color::LEFT_ROAD);
     Some(())
 }
