@@ -148,7 +148,7 @@ fn schemas_name_every_field_of_their_messages() {
     let config = config(&[
         "log.sensors=[\"gnss\", \"imu\", \"odometry\", \"collisions\", \"lane_invasions\", \"red_lights\", \"roof\"]",
         "lidar.roof={ rate_hz = 1 }",
-        "camera.front={ width_px = 64, height_px = 48, rate_hz = 1, outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"] }",
+        "camera.front={ width_px = 64, height_px = 48, period_ms = 1000, outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"] }",
         "log.images=lossless",
     ]);
     record(&config, &scenario_file("person_crossing"), &path, 1);
