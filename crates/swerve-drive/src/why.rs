@@ -120,6 +120,13 @@ impl Logged {
                 let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
                 format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
             }
+            (Verdict::Unfinished, _) => {
+                let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
+                format!(
+                    "it was not over at {at_s:.2} s; by then it had come within {least_m:.2} m of {}",
+                    decided.name
+                )
+            }
             _ => passed(),
         };
         let impact = impact_of(metrics);

@@ -93,7 +93,9 @@ impl RunFolder {
     pub fn claim(asked: Option<&Path>, name: &str, overwrite: bool) -> anyhow::Result<Self> {
         if let Some(path) = asked {
             let held = claim(path)?;
-            if path.join("metrics.json").exists() && !overwrite {
+            // A log alone is of a run that was ended before it was over.
+            let of_run = ["metrics.json", "log.mcap", "log.partial.mcap"];
+            if of_run.iter().any(|name| path.join(name).exists()) && !overwrite {
                 let path = path.display();
                 bail!("{path}: an earlier run's results are there: expected another --out, or --overwrite");
             }

@@ -177,7 +177,13 @@ fn a_log_that_was_cut_off_is_told_as_far_as_it_goes() {
     };
     assert_eq!(cut(whole.len() - 1), logged.why_of(None, None).unwrap());
     for part in [3, 5, 8] {
-        assert_eq!(cut(whole.len() * part / 10).verdict, Verdict::Unfinished);
+        let why = cut(whole.len() * part / 10);
+        assert_eq!(why.verdict, Verdict::Unfinished);
+        assert!(
+            why.sentence.starts_with("it was not over at ") && !why.sentence.contains("passed"),
+            "{}",
+            why.sentence
+        );
     }
 }
 
