@@ -75,9 +75,6 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), args.overwrite);
     let folder = asks.then(claim).transpose()?;
     let replayed = folder.as_ref().map(|folder| folder.path.join("log.mcap"));
-    if let Some(earlier) = replayed.as_ref().filter(|log| log.exists() && !args.overwrite) {
-        bail!("{}: it is there already: expected another --out, or --overwrite", earlier.display());
-    }
     let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
     let into = replayed.as_deref().map(|path| (path, args.command_line()));
     let how = Replay { from: args.from.as_deref(), sets: &sets?, threads, into };
