@@ -146,7 +146,7 @@ fn schemas_name_every_field_of_their_messages() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
     let config = config(&[
-        "log.sensors=[\"gnss\", \"imu\", \"odometry\", \"collisions\", \"lane_invasions\", \"red_lights\", \"roof\"]",
+        "log.sensors=[\"gnss\", \"imu\", \"odometry\", \"collisions\", \"lane_invasions\", \"red_lights\", \"roof\", \"front\"]",
         "lidar.roof={ rate_hz = 1 }",
         "camera.front={ width_px = 64, height_px = 48, period_ms = 1000, outputs = [\"rgb\", \"depth\", \"semantic\", \"instance\"] }",
         "log.images=lossless",
