@@ -68,8 +68,6 @@ pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
 /// Calls of one recorded drive.
 #[derive(Deserialize)]
 pub(crate) struct Drive {
-    /// Scenario and assignments.
-    pub(crate) name: String,
     /// Whether the drive has an emergency.
     pub(crate) emergency: bool,
     calls: Vec<Call>,

@@ -66,12 +66,13 @@ fn draw(rng: &mut Rng, horizon: usize, aside: f64) -> (State, Vec<Knot>) {
     (model::deviated(&knots[0].state, &z), knots)
 }
 
-/// Largest difference between the points of both, and between their slacks.
+/// Largest difference between the points of both, and between their slacks; jerk in tens of m/s³.
 fn difference(optimum: &Optimum, peer: &Program) -> f64 {
     let mut worst = 0.0f64;
     for ((ours, slack_m), (theirs, peer_slack_m)) in optimum.solution().zip(peer.solution()) {
-        let pairs = ours.inputs.iter().zip(&theirs.inputs).chain(ours.states.iter().zip(&theirs.states));
-        worst = pairs.fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
+        worst = worst.max((ours.inputs[0] - theirs.inputs[0]).abs());
+        worst = worst.max((ours.inputs[1] - theirs.inputs[1]).abs() / 10.0);
+        worst = ours.states.iter().zip(&theirs.states).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
         worst = worst.max((slack_m - peer_slack_m).abs());
     }
     worst
@@ -161,4 +162,79 @@ fn clarabel_solves_what_does_not_converge() {
     assert!((first.steering_rad - second.steering_rad).abs() < 1e-4);
     assert!((first.accel_mps2 - second.accel_mps2).abs() < 1e-3);
     assert!((first.report.slack_max_m - second.report.slack_max_m).abs() < 1e-4);
+}
+
+/// Calls of a recorded drive, as `cargo bench -p swerve-benches --bench control -- record` writes them.
+#[derive(Deserialize)]
+struct Drive {
+    name: String,
+    emergency: bool,
+    calls: Vec<Call>,
+}
+
+#[derive(Deserialize)]
+struct Call {
+    start: [f64; 6],
+    knots: Vec<[f64; 10]>,
+}
+
+fn state([x_m, y_m, heading_rad, speed_mps, steering_rad, accel_mps2]: [f64; 6]) -> State {
+    State { pose: Pose2::new(x_m, y_m, heading_rad), speed_mps, steering_rad, accel_mps2 }
+}
+
+fn knot([x, y, heading, speed, steering, along, wanted, accel, left_m, right_m]: [f64; 10]) -> Knot {
+    Knot {
+        state: state([x, y, heading, speed, steering, 0.0]),
+        wanted_along_m: along,
+        wanted_speed_mps: wanted,
+        wanted_accel_mps2: accel,
+        left_m,
+        right_m,
+    }
+}
+
+/// Largest differences of commands: (steering, radians; acceleration, m/s²).
+fn commands_apart(
+    settings: DefaultSettings<f64>,
+    drives: &[Drive],
+    mut count: impl FnMut(&Drive, u32),
+) -> (f64, f64) {
+    let (mut steering_rad, mut accel_mps2) = (0.0f64, 0.0f64);
+    for drive in drives {
+        let mut mpc = Mpc::new(Params::default(), WHEELBASE_M, &Limits::default());
+        let mut peer = Program::new(&mpc.stages, settings.clone());
+        for call in &drive.calls {
+            let (start, knots) =
+                (state(call.start), call.knots.iter().copied().map(knot).collect::<Vec<_>>());
+            let ours = mpc.step(Time::ZERO, &start, &knots);
+            count(drive, ours.report.iterations);
+            let (status, _) = peer.solve(&mpc.stages);
+            assert!(matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved), "{status:?}");
+            mpc.optimum.adopt(peer.solution());
+            mpc.keep(Time::ZERO, &start, &knots);
+            let theirs = mpc.command(Time::ZERO, ours.report);
+            steering_rad = steering_rad.max((ours.steering_rad - theirs.steering_rad).abs());
+            accel_mps2 = accel_mps2.max((ours.accel_mps2 - theirs.accel_mps2).abs());
+        }
+    }
+    (steering_rad, accel_mps2)
+}
+
+#[test]
+fn commands_in_recorded_drives_equal_clarabels() {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/mpc/drives.json"));
+    let drives: Vec<Drive> = serde_json::from_str(text).unwrap();
+    // Calls with and without an active bound, in calm drives and in emergencies.
+    let mut calls = [[0; 2]; 2];
+    let count = |drive: &Drive, iterations: u32| {
+        assert!(iterations < 25, "{}: {iterations} iterations, so near the most", drive.name);
+        calls[usize::from(drive.emergency)][usize::from(iterations > 0)] += 1;
+    };
+    let exact = commands_apart(tight(), &drives, count);
+    let loose = commands_apart(settings(), &drives, |_, _| ());
+    eprintln!("calls {calls:?}; off tight tolerances {exact:?}, off the controller's {loose:?}");
+    assert!(exact.0 < 1e-6 && exact.1 < 1e-5, "{exact:?}");
+    assert!(loose.0 < 1e-4 && loose.1 < 1e-2, "{loose:?}");
+    assert!(calls[0][0] > 9 * calls[0][1], "most calls of calm drives have no active bound: {calls:?}");
+    assert!(calls[1][1] > 0, "{calls:?}");
 }
