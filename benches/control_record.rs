@@ -15,11 +15,11 @@ use swerve_stack::pipeline::controller;
 use super::DRIVES;
 use super::control_ticks::Tick;
 
-/// Instants of a drive of which calls are kept, and how many consecutive ones of each.
+/// Number of instants of a drive, and of consecutive calls at each.
 const INSTANTS: usize = 16;
 const CALLS: usize = 4;
 
-/// Scenario, assignments, and whether it is an emergency.
+/// Scenario, assignments, emergency or not.
 const RECORDED: [(&str, &[&str], bool); 6] = [
     ("lane", &[], false),
     ("street", &[], false),
@@ -29,7 +29,7 @@ const RECORDED: [(&str, &[&str], bool); 6] = [
     ("person_behind_truck", &["scenario.ego.target_speed_mps=24"], true),
 ];
 
-/// Calls the controller with what that of the drive reads, in the same order.
+/// A controller with the inputs of the one in the drive, in the same order.
 struct Repeated {
     controller: Controller,
     route: Route,
@@ -57,7 +57,7 @@ impl Repeated {
     }
 }
 
-/// Drives once; the kept calls.
+/// Drives once. Returns the selected calls.
 fn record(scenario: &str, sets: &[&str]) -> anyhow::Result<Vec<Tick>> {
     let mut set: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
     set.push("control.controller=mpc".to_owned());

@@ -68,7 +68,7 @@ pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
 /// Calls of one recorded drive.
 #[derive(Deserialize)]
 pub(crate) struct Drive {
-    /// Whether the drive has an emergency.
+    /// True if the drive has an emergency.
     pub(crate) emergency: bool,
     calls: Vec<Call>,
 }

@@ -253,7 +253,7 @@ pub struct Mpc {
     params: Params,
     stages: Stages,
     optimum: Optimum,
-    /// Solves what `optimum` does not.
+    /// Solver of programs on which `optimum` does not converge.
     program: Program,
     /// The last solution: states at its instant and after each step.
     solution: Vec<State>,
@@ -323,7 +323,7 @@ impl Mpc {
         self.command(now, Report { source, ending, iterations, slack_max_m: 0.0 })
     }
 
-    /// Makes the optimum the last solution.
+    /// Stores the optimum as the last solution.
     fn keep(&mut self, now: Time, start: &State, knots: &[Knot]) {
         self.solution.clear();
         self.solution.push(*start);
@@ -333,7 +333,7 @@ impl Mpc {
         self.solved_at = Some(now);
     }
 
-    /// Solves what is in `stages`.
+    /// Solves the program in `stages`.
     fn solve(&mut self) -> (Ending, u32) {
         if self.optimum.unbounded(&self.stages) {
             return (Ending::Solved, 0);

@@ -170,7 +170,11 @@ fn round(drive: &Drive, into: &mut Round, apart: &mut [f64; SOLVERS.len()]) {
     for tick in &ticks {
         let step = ours.step(Time::ZERO, &tick.start, &tick.knots);
         let rate = (ours.solution()[1].steering_rad - ours.solution()[0].steering_rad) / 0.1;
-        posed.push((ours.problem(), 2 * usize::from(drive.emergency) + usize::from(step.report.iterations > 0), rate));
+        posed.push((
+            ours.problem(),
+            2 * usize::from(drive.emergency) + usize::from(step.report.iterations > 0),
+            rate,
+        ));
     }
     let mut peer = new(&posed[0].0);
     let mut sparse = Kept::new(&posed.iter().map(|(problem, ..)| Posed::sparse(problem)).collect::<Vec<_>>());
@@ -184,11 +188,8 @@ fn round(drive: &Drive, into: &mut Round, apart: &mut [f64; SOLVERS.len()]) {
             update(&mut peer, problem, a, &lower);
             peer.solve().x().map_or(f64::NAN, |x| x[0])
         });
-        let answers = [
-            osqp,
-            timed(by_sparse, || sparse.solve(k)),
-            timed(by_condensed, || condensed.solve(k)),
-        ];
+        let answers =
+            [osqp, timed(by_sparse, || sparse.solve(k)), timed(by_condensed, || condensed.solve(k))];
         for (apart, answer) in apart[1..].iter_mut().zip(answers) {
             // Of the steering angle after the first step; NaN where there is no answer.
             *apart = apart.max(0.1 * (answer - rate).abs());
@@ -209,7 +210,8 @@ fn drives(rows: &mut Rows) {
         })
         .collect();
     for (name, apart) in SOLVERS.iter().zip(apart).skip(1) {
-        let what = format!("recorded drives: steering after the first step, {name}, differs from ours by at most");
+        let what =
+            format!("recorded drives: steering after the first step, {name}, differs from ours by at most");
         rows.row(&what, apart, &format!("{apart:.1e} rad"), Goal::None);
     }
     for (kind, of) in KINDS.iter().enumerate() {

@@ -81,9 +81,7 @@ impl Posed {
         }
         let inequalities = whole.a[whole.equalities..].iter().zip(&whole.b[whole.equalities..]);
         let (a, b) = inequalities
-            .map(|(row, b)| {
-                (through(row), b - row.iter().zip(&x0).map(|(value, x)| value * x).sum::<f64>())
-            })
+            .map(|(row, b)| (through(row), b - row.iter().zip(&x0).map(|(value, x)| value * x).sum::<f64>()))
             .unzip();
         Self { cost, q: through(&slope), a, b, equalities: 0 }
     }

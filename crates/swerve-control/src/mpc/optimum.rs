@@ -97,7 +97,7 @@ impl Optimum {
         self.iterations_max = n;
     }
 
-    /// Finds the optimum without bounds; whether it meets all of them, and thus is the solution.
+    /// Finds the optimum without bounds. Returns true if it meets all bounds and thus is the solution.
     pub(crate) fn unbounded(&mut self, stages: &Stages) -> bool {
         let steps = &stages.steps;
         self.sweep.factorise(steps, |k| steps[k].cost);
@@ -114,8 +114,8 @@ impl Optimum {
         steps.iter().zip(&self.point).all(met)
     }
 
-    /// Finds the optimum within the bounds, from that without; the number of iterations, or nothing where it was not
-    /// found.
+    /// Finds the optimum within the bounds, from that without. Returns the number of iterations, `None` without
+    /// convergence.
     pub(crate) fn bounded(&mut self, stages: &Stages) -> Option<u32> {
         self.begin(stages);
         for iteration in 0..self.iterations_max {
@@ -125,7 +125,7 @@ impl Optimum {
             }
             let Self { sweep, rows, .. } = self;
             sweep.factorise(&stages.steps, |k| hessian(stages, &stages.steps[k], &rows[k].weight));
-            // The predictor aims at a gap of 0; how far it comes says where the corrector aims.
+            // The predictor aims at a gap of 0; the gap that it reaches sets the aim of the corrector.
             self.direct(stages, |_, _| 0.0);
             let reached = self.gap_after(self.length(1.0)) / gap;
             let target = gap * reached * reached * reached;
@@ -135,7 +135,7 @@ impl Optimum {
         None
     }
 
-    /// Distances and prices at the optimum without bounds.
+    /// Initialises distances and prices at the optimum without bounds.
     fn begin(&mut self, stages: &Stages) {
         for ((rows, stage), (point, slack_m)) in
             self.rows.iter_mut().zip(&stages.steps).zip(self.point.iter().zip(&mut self.slack_m))
@@ -151,7 +151,7 @@ impl Optimum {
         }
     }
 
-    /// Computes breaches and weights of the present point; the mean product of distance and price.
+    /// Computes breaches and weights of the present point. Returns the mean product of distance and price.
     fn assess(&mut self, stages: &Stages) -> f64 {
         let mut sum = 0.0;
         for ((rows, stage), (point, slack_m)) in
@@ -182,7 +182,7 @@ impl Optimum {
         slope_max(&stages.steps, &self.gradient).max(slack_slope) <= SLOPE_MAX
     }
 
-    /// The Newton direction towards products of distance and price that `target` gives, for each inequality.
+    /// Computes the Newton direction towards the products of distance and price in `target`, per inequality.
     fn direct(&mut self, stages: &Stages, target: impl Fn(&Rows, usize) -> f64) {
         let mut aim = [0.0; INEQUALITIES];
         for (k, stage) in stages.steps.iter().enumerate() {

@@ -150,7 +150,7 @@ fn optimum_with_active_bounds_equals_clarabel() {
 }
 
 #[test]
-fn clarabel_solves_what_does_not_converge() {
+fn clarabel_takes_over_without_convergence() {
     let knots: Vec<Knot> = (0..=20).map(|k| Knot::straight(f64::from(k), 10.0)).collect();
     // Outside the corridor of 1 m.
     let start = State { pose: Pose2::new(0.0, 1.6, 0.0), speed_mps: 9.0, ..State::default() };

@@ -1,4 +1,4 @@
-//! The quadratic program in sparse form, and Clarabel, which solves it whatever it is like.
+//! The quadratic program in sparse form, and Clarabel as its solver.
 //!
 //! Equalities are the linearised steps; inequalities follow in the order of [`Stage::limits`]. Only `q`, the values
 //! of `A` and `b` change from call to call, so that Clarabel keeps its symbolic factorisation.

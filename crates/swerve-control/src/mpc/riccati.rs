@@ -7,7 +7,7 @@
 use super::model::{N_INPUTS, N_STATES};
 use super::stages::{Stage, Values};
 
-/// What one step of the backward pass leaves for the forward pass.
+/// Result of one step of the backward pass, for the forward pass.
 #[derive(Clone, Copy, Default)]
 struct Gain {
     /// Feedback of the rates on the state before the step.
@@ -18,7 +18,7 @@ struct Gain {
     forward: [f64; N_INPUTS],
 }
 
-/// The factorisation of one Hessian, for any number of gradients.
+/// Factorisation of one Hessian, for any number of gradients.
 pub(crate) struct Sweep {
     gains: Vec<Gain>,
 }
