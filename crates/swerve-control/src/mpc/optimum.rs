@@ -13,13 +13,13 @@ use super::riccati::{Sweep, slope_max};
 use super::stages::{ACCEL, ACROSS, INEQUALITIES, SPEED, STEERING, Stage, Stages, Values, left_sides};
 
 /// Most iterations; bounded programs need 6 to 14.
-const ITERATIONS_MAX: u32 = 40;
+const ITERATIONS_MAX: u32 = 30;
 /// Largest mean product of distance and price at a solution, in the unit of the cost.
 const GAP_MAX: f64 = 1e-9;
 /// Largest breach of a bound at a solution, in the unit of the bound.
 const BREACH_MAX: f64 = 1e-8;
 /// Largest slope of the Lagrangian by a rate at a solution, in the unit of the cost over that of the rate.
-const SLOPE_MAX: f64 = 1e-7;
+const SLOPE_MAX: f64 = 1e-6;
 /// Share of the way to the nearest bound that a step takes at most.
 const TO_BOUND: f64 = 0.995;
 
@@ -143,9 +143,9 @@ impl Optimum {
             let across = point.states[ACROSS];
             *slack_m = (across - stage.limits[9]).max(-across - stage.limits[10]).max(0.0) + START_SLACK_M;
             let left = left_sides(point, *slack_m);
-            for i in 0..INEQUALITIES {
-                let least = START_SHARE * (1.0 + stage.limits[i].abs());
-                rows.distance[i] = (stage.limits[i] - left[i]).max(least);
+            for (i, (limit, left)) in stage.limits.iter().zip(left).enumerate() {
+                let least = START_SHARE * (1.0 + limit.abs());
+                rows.distance[i] = (limit - left).max(least);
                 rows.price[i] = START_GAP / rows.distance[i];
             }
         }
@@ -158,8 +158,8 @@ impl Optimum {
             self.rows.iter_mut().zip(&stages.steps).zip(self.point.iter().zip(&self.slack_m))
         {
             let left = left_sides(point, *slack_m);
-            for i in 0..INEQUALITIES {
-                rows.breach[i] = left[i] + rows.distance[i] - stage.limits[i];
+            for (i, left) in left.into_iter().enumerate() {
+                rows.breach[i] = left + rows.distance[i] - stage.limits[i];
                 rows.weight[i] = rows.price[i] / rows.distance[i];
                 sum += rows.price[i] * rows.distance[i];
             }

@@ -4,6 +4,8 @@
 //! A trajectory that obeys the steps is changed to another one that obeys them, so that constant terms of the steps
 //! occur in [`Sweep::roll_out`] only.
 
+use std::array::from_fn;
+
 use super::model::{N_INPUTS, N_STATES};
 use super::stages::{Stage, Values};
 
@@ -47,25 +49,15 @@ impl Sweep {
             let scale = 1.0 / (a * d - b * b);
             let inverse = [d * scale, -b * scale, a * scale];
             let cross = [linear.transposed(&column(0)), linear.transposed(&column(1))];
-            let gain = &mut self.gains[k];
-            gain.inverse = inverse;
-            for i in 0..N_STATES {
-                gain.feedback[0][i] = -(inverse[0] * cross[0][i] + inverse[1] * cross[1][i]);
-                gain.feedback[1][i] = -(inverse[1] * cross[0][i] + inverse[2] * cross[1][i]);
-            }
-            for i in 0..N_STATES {
-                let row = linear.transposed(&before.map(|row| row[i]));
-                for j in 0..N_STATES {
-                    value[i][j] =
-                        row[j] + cross[0][i] * gain.feedback[0][j] + cross[1][i] * gain.feedback[1][j];
-                }
-            }
-            for i in 0..N_STATES {
-                for j in 0..i {
-                    let mean = 0.5 * (value[i][j] + value[j][i]);
-                    (value[i][j], value[j][i]) = (mean, mean);
-                }
-            }
+            let [rate, jerk]: [[f64; N_STATES]; N_INPUTS] = [
+                from_fn(|i| -(inverse[0] * cross[0][i] + inverse[1] * cross[1][i])),
+                from_fn(|i| -(inverse[1] * cross[0][i] + inverse[2] * cross[1][i])),
+            ];
+            let through: [[f64; N_STATES]; N_STATES] =
+                from_fn(|i| linear.transposed(&before.map(|row| row[i])));
+            let next = |i: usize, j: usize| through[i][j] + cross[0][i] * rate[j] + cross[1][i] * jerk[j];
+            value = from_fn(|i| from_fn(|j| 0.5 * (next(i, j) + next(j, i))));
+            self.gains[k] = Gain { feedback: [rate, jerk], inverse, ..Gain::default() };
         }
     }
 

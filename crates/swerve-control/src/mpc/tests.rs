@@ -248,7 +248,7 @@ fn a_failed_solve_goes_on_with_the_last_solution_and_then_brakes() {
     let step = mpc.step(Time::from_ms(1501), &at(1.6, 9.0), &knots);
     assert_eq!((step.report.source, step.accel_mps2), (Source::Brake, -5.0));
     assert!((step.steering_rad - held).abs() < 1e-9, "the wheels stay where they were");
-    mpc.optimum.limit_iterations(40);
+    mpc.optimum.limit_iterations(30);
     mpc.program.limit_iterations(50);
     assert_eq!(mpc.step(Time::from_ms(1510), &at(1.6, 9.0), &knots).report.source, Source::Solution);
 }
