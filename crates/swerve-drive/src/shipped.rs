@@ -114,6 +114,8 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/planners_skip_to_latest.toml"
     "configs/studies/planners_this_host.toml"
     "configs/studies/prediction.toml"
+    "configs/studies/robustness.toml"
+    "configs/studies/robustness_images.toml"
     "configs/studies/table1.toml"
     "configs/studies/table1_ablation.toml"
     "configs/studies/table1_jerk.toml"
@@ -401,6 +403,20 @@ mod tests {
     }
 
     #[test]
+    fn scenarios_in_a_folder_are_listed_with_it_and_suggested() {
+        let names: Vec<&str> = Kind::Scenario.all().map(|(name, _)| name).collect();
+        let everyday = Kind::Scenario.in_folder(Path::new("everyday"));
+        assert!(everyday.len() >= 24 && everyday.iter().all(|name| names.contains(name)), "{everyday:?}");
+        assert_eq!(Kind::Scenario.in_folder(Path::new("./scenarios/everyday/")), everyday);
+        for other in ["every", "", "lane", "/everyday"] {
+            assert_eq!(Kind::Scenario.in_folder(Path::new(other)), Vec::<&str>::new(), "{other}");
+        }
+        assert!(Kind::Config.all().all(|(name, _)| !name.contains('/')), "its folders hold other kinds");
+        let said = Kind::Scenario.text(Path::new("everyday/start_in_jamm")).unwrap_err().to_string();
+        assert!(said.contains("did you mean the scenario `everyday/start_in_jam`"), "{said}");
+    }
+
+    #[test]
     fn a_name_is_found_however_it_is_written() {
         let path = |kind: Kind, given: &str| kind.find(Path::new(given)).map(|file| file.path);
         let lane = Some("scenarios/lane.toml");
@@ -420,6 +436,11 @@ mod tests {
         for given in ["detour", "detour.json", "configs/problems/detour.json"] {
             assert_eq!(path(Kind::Problems, given), Some("configs/problems/detour.json"), "{given}");
         }
+        let jam = Some("scenarios/everyday/start_in_jam.toml");
+        for given in ["everyday/start_in_jam", "scenarios/everyday/start_in_jam.toml"] {
+            assert_eq!(path(Kind::Scenario, given), jam, "{given}");
+        }
+        assert_eq!(path(Kind::Scenario, "start_in_jam"), None, "the folder is part of the name");
         for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/paper.toml.toml"] {
             assert_eq!(path(Kind::Scenario, given), None, "{given}");
         }

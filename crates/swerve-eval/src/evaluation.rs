@@ -7,6 +7,7 @@ use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Pl
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
+use crate::traffic::{Norm, Traffic, TrafficMetrics};
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
     Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes,
@@ -28,6 +29,8 @@ pub struct Params {
     pub route: Option<Route>,
     /// The traffic lights of that way.
     pub lights: Vec<LightCourse>,
+    /// The lane and the speed that the ego is to keep.
+    pub norm: Norm,
 }
 
 /// The result of a run; `metrics.json` is this struct.
@@ -65,6 +68,9 @@ pub struct Metrics {
     pub lateral_jerk: JerkMetrics,
     /// Comfort as nuPlan defines it; null for a drive of less than 0.4 s.
     pub comfort: Option<ComfortMetrics>,
+    /// Driving among others: time to collision, headway, the other lane.
+    #[serde(default)]
+    pub traffic: TrafficMetrics,
     /// The drive; its accelerations and turn rates are those before the first contact.
     pub drive: DriveMetrics,
     /// Response times; null when no command took effect.
@@ -171,6 +177,7 @@ pub struct Evaluation {
     drive: Drive,
     jerk: LateralJerk,
     comfort: Comfort,
+    traffic: Traffic,
     plans: PlanMetrics,
     sights: Vec<Sight>,
     response: ResponseTimes,
@@ -184,6 +191,7 @@ impl Evaluation {
     /// Nothing taken in yet.
     pub fn new(params: Params) -> Self {
         Self {
+            traffic: Traffic::new(params.ego, params.route.clone(), params.norm),
             outcome: Outcome::new(params.ego, params.route, params.lights),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
@@ -207,6 +215,7 @@ impl Evaluation {
         self.drive.take(&world.ego.state, comfort);
         if comfort {
             self.comfort.take(&world.ego.state);
+            self.traffic.take(world);
         }
         self.response.world_step(world.stamp);
         self.localization.truth(&world.ego.state);
@@ -297,6 +306,7 @@ impl Evaluation {
                 smooth_max_mps3: self.jerk.smooth_max_mps3(),
             },
             comfort: self.comfort.metrics(),
+            traffic: self.traffic.metrics(),
             drive: self.drive.metrics(),
             response: self.response.summary(),
             actors: self.actors(),
@@ -346,6 +356,7 @@ mod tests {
             actors: vec!["parked truck".into(), "person".into()],
             route: None,
             lights: Vec::new(),
+            norm: Norm::default(),
         })
     }
 

@@ -112,13 +112,13 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
     let sets = swerve_text::parse_assignments(&args.set);
     let (base, seed) = (sets?, "seed".to_owned());
     let of_seed =
-        |n: &i64| Step { label: n.to_string(), scenario: None, sets: vec![(seed.clone(), (*n).into())] };
+        |n: &i64| Step { label: n.to_string(), sets: vec![(seed.clone(), (*n).into())], ..Step::default() };
     let seeds: Vec<Step> = args.seeds.0.iter().map(of_seed).collect();
     if let Some(problem) = overridden(&base, &seeds, &seed) {
         return Err(problems_error(&[Problem { message: "expected in --seeds".into(), ..problem }]));
     }
     let first = scenarios[0].1.clone();
-    let of_scenario = |(label, path)| Step { label, scenario: Some(path), sets: Vec::new() };
+    let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
     Ok(Study {
         file: "swerve suite".into(),
         lines: BTreeMap::new(),

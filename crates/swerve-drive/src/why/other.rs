@@ -207,6 +207,7 @@ mod tests {
             actors: Vec::new(),
             route: None,
             lights: Vec::new(),
+            norm: swerve_eval::Norm::default(),
         };
         let metrics = swerve_eval::Evaluation::new(params).metrics();
         // 10 m/s for 6 s, 4 s before the line at 62 m, then on over the line at 101 m.

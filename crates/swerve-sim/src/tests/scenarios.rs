@@ -112,7 +112,12 @@ impl Figures {
             | Metric::LateralAccelMaxMps2
             | Metric::LateralJerkMaxMps3
             | Metric::DecelerationMaxMps2
-            | Metric::ComfortShare => None,
+            | Metric::ComfortShare
+            | Metric::MinTtcS
+            | Metric::MinHeadwayS
+            | Metric::DistanceOverLineM
+            | Metric::TimeInOncomingLaneS
+            | Metric::SpeedOverTargetMps => None,
         }
     }
 }
