@@ -265,7 +265,7 @@ mod tests {
         }
         let found = drive.metrics();
         // Looked at every 50 ms, 0.5 m: 4 times to the left, 6 times to the right, of which the first of each moves across.
-        let wanted_m = 2.0 * 0.5_f64.hypot(1.1) + 8.0 * 0.5;
+        let wanted_m = 2.0 * swerve_geom::math::hypot(0.5, 1.1) + 8.0 * 0.5;
         assert!((found.time_in_oncoming_lane_s.unwrap() - 0.2).abs() < 1e-9, "{found:?}");
         assert!((found.distance_over_line_m.unwrap() - wanted_m).abs() < 1e-9, "{found:?}");
         assert_eq!(found.min_headway_s, None, "nobody is ahead");
