@@ -4,7 +4,7 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{BatchSize, Criterion, criterion_group};
-use swerve_benches::{Goal, Rows, is_asked_to_measure};
+use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_control::mpc::{self, Mpc};
 use swerve_control::{Controller, Following, Input, Law, LinearPedals, Params};
 use swerve_core::{Span, Time};
@@ -12,8 +12,12 @@ use swerve_geom::{Point2, Polyline, Pose2, math};
 use swerve_msg::{EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
+mod control_record;
 mod control_ticks;
-use control_ticks::{WHEELBASE_M, ticks};
+use control_ticks::{Drive, WHEELBASE_M, ticks};
+
+/// Calls of the predictive controller in drives, as `-- record` wrote them.
+const DRIVES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/mpc/drives.json");
 
 fn solver(horizon: usize) -> Mpc {
     Mpc::new(mpc::Params { horizon, ..Default::default() }, WHEELBASE_M, &Limits::default())
@@ -96,6 +100,38 @@ fn laws(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Times of the calls of recorded drives, the fastest of some repetitions each: calm drives and emergencies apart, calls
+/// with and without an active bound apart.
+fn drives(rows: &mut Rows) {
+    const REPETITIONS: usize = 20;
+    let mut mpc = solver(20);
+    for emergency in [false, true] {
+        let mut times_us: [Vec<f64>; 2] = Default::default();
+        for drive in Drive::all(DRIVES).iter().filter(|drive| drive.emergency == emergency) {
+            for tick in drive.ticks() {
+                let (mut fastest_us, mut iterations) = (f64::INFINITY, 0);
+                for _ in 0..REPETITIONS {
+                    let began = now();
+                    let step = black_box(mpc.step(Time::ZERO, &tick.start, &tick.knots));
+                    fastest_us = fastest_us.min(began.elapsed().as_secs_f64() * 1e6);
+                    iterations = step.report.iterations;
+                }
+                times_us[usize::from(iterations > 0)].push(fastest_us);
+            }
+        }
+        for (times_us, bounds) in times_us.into_iter().zip(["no bound active", "a bound active"]) {
+            let kind = if emergency { "emergencies" } else { "calm drives" };
+            let what = format!("{kind}, {bounds}: a call at N = 20, {} calls", times_us.len());
+            if times_us.is_empty() {
+                rows.skipped(&what, "none recorded");
+                continue;
+            }
+            let times_us = Sample::new(times_us);
+            rows.row(&what, times_us.median(), &times_us.text(1, "us"), Goal::None);
+        }
+    }
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(40).measurement_time(std::time::Duration::from_secs(3));
@@ -110,11 +146,14 @@ fn median_ms(group: &str, name: &str) -> Option<f64> {
     Some(estimates["median"]["point_estimate"].as_f64()? * 1e-6)
 }
 
-fn main() {
+fn main() -> anyhow::Result<()> {
+    if std::env::args().any(|argument| argument == "record") {
+        return control_record::write();
+    }
     benches();
     Criterion::default().configure_from_args().final_summary();
     if !is_asked_to_measure() {
-        return;
+        return Ok(());
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "control");
     for (group, name, goal) in [
@@ -122,6 +161,7 @@ fn main() {
         ("control/mpc_40", "update", Goal::None),
         ("control/step", "pid", Goal::None),
         ("control/step", "stanley", Goal::None),
+        ("control/step", "mpc_20", Goal::None),
     ] {
         let what = format!("{group} {name}, median");
         match median_ms(group, name) {
@@ -129,5 +169,7 @@ fn main() {
             None => rows.skipped(&what, "not measured"),
         }
     }
+    drives(&mut rows);
     rows.finish();
+    Ok(())
 }

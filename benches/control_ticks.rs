@@ -1,5 +1,7 @@
-//! Ticks of a controller on y = 2 sin(x / 12) at 10 m/s: shared by the bench of our own and the one beside peers.
+//! Calls of the predictive controller: on y = 2 sin(x / 12) at 10 m/s, and of recorded drives. Shared by the bench of
+//! this workspace and the one beside peers.
 
+use serde::Deserialize;
 use swerve_control::mpc::{Knot, State};
 use swerve_core::Rng;
 use swerve_geom::{Pose2, math};
@@ -61,4 +63,68 @@ pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
             Tick { start, knots }
         })
         .collect()
+}
+
+/// Calls of one recorded drive.
+#[derive(Deserialize)]
+pub(crate) struct Drive {
+    /// True if the drive has an emergency.
+    pub(crate) emergency: bool,
+    calls: Vec<Call>,
+}
+
+/// Numbers of a call: the start state, and per knot those of [`Call::knot`].
+#[derive(Deserialize)]
+struct Call {
+    start: [f64; 6],
+    knots: Vec<[f64; 10]>,
+}
+
+impl Call {
+    fn knot(row: &[f64; 10]) -> Knot {
+        let [
+            x_m,
+            y_m,
+            heading_rad,
+            speed_mps,
+            steering_rad,
+            along_m,
+            wanted_mps,
+            accel_mps2,
+            left_m,
+            right_m,
+        ] = *row;
+        Knot {
+            state: State {
+                pose: Pose2::new(x_m, y_m, heading_rad),
+                speed_mps,
+                steering_rad,
+                accel_mps2: 0.0,
+            },
+            wanted_along_m: along_m,
+            wanted_speed_mps: wanted_mps,
+            wanted_accel_mps2: accel_mps2,
+            left_m,
+            right_m,
+        }
+    }
+}
+
+impl Drive {
+    /// The recorded drives in a file.
+    pub(crate) fn all(path: &str) -> Vec<Self> {
+        let text = std::fs::read_to_string(path).expect("tests/reference/mpc/drives.json");
+        serde_json::from_str(&text).expect("written by `--bench control -- record`")
+    }
+
+    /// Its calls in order: four consecutive ones at each of several instants.
+    pub(crate) fn ticks(&self) -> Vec<Tick> {
+        let tick = |call: &Call| {
+            let [x_m, y_m, heading_rad, speed_mps, steering_rad, accel_mps2] = call.start;
+            let pose = Pose2::new(x_m, y_m, heading_rad);
+            let start = State { pose, speed_mps, steering_rad, accel_mps2 };
+            Tick { start, knots: call.knots.iter().map(Call::knot).collect() }
+        };
+        self.calls.iter().map(tick).collect()
+    }
 }

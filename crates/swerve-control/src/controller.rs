@@ -89,9 +89,10 @@ pub struct Controller {
     mpc: Option<Predictive>,
 }
 
-/// The model predictive law and its buffer.
+/// The model predictive law and its last input.
 struct Predictive {
     mpc: Mpc,
+    start: State,
     knots: Vec<Knot>,
 }
 
@@ -100,6 +101,7 @@ impl Controller {
     pub fn new(params: Params, shape: Shape, limits: Limits, drive: Box<dyn AccelToPedals>) -> Self {
         let mpc = (params.law == Law::Mpc).then(|| Predictive {
             mpc: Mpc::new(params.mpc, shape.wheelbase_m, &limits),
+            start: State::default(),
             knots: Vec::with_capacity(params.mpc.horizon + 1),
         });
         Self {
@@ -116,6 +118,11 @@ impl Controller {
             before: None,
             steering_rad: 0.0,
         }
+    }
+
+    /// Start state and knots of the last step of the model predictive law, for inspection and comparison.
+    pub fn posed(&self) -> Option<(State, &[Knot])> {
+        self.mpc.as_ref().map(|predictive| (predictive.start, &*predictive.knots))
     }
 
     /// One step of control. Called at a fixed rate; the time since the call before is the step of the integrals.
@@ -294,6 +301,7 @@ impl Controller {
             steering_rad: ego.steering_rad,
             accel_mps2: ego.accel_mps2,
         };
+        predictive.start = start;
         let step = predictive.mpc.step(input.now, &start, &predictive.knots);
         let wanted = predictive.knots.iter().fold(0.0, |v: f64, knot| v.max(knot.wanted_speed_mps));
         self.mpc = Some(predictive);

@@ -3,9 +3,10 @@
 //! States: position, heading, speed, steering angle, acceleration; inputs: steering rate and jerk, constant over
 //! steps of 0.1 s. The model is linearised along knots: the poses of the path that the ego can reach with its
 //! speed, one per step ([`Knot`]). In the axes of its knot each state deviates along and across the path, so
-//! that costs are diagonal and constant and the corridor is a bound; a step is one quadratic program,
-//! solved by Clarabel through its data-update path (interior point, pure Rust, a fixed number of iterations for
-//! a given problem, no time limit).
+//! that costs are diagonal and constant and the corridor is a bound; a step is one quadratic program. Where its
+//! unconstrained optimum meets all bounds, that is the solution (a Riccati sweep); otherwise an interior-point method
+//! over such sweeps finds it, and Clarabel where that does not converge. The number of iterations depends on the
+//! program alone, and there is no time limit.
 //!
 //! - Bounds on steering angle and rate, acceleration, jerk and speed are hard, but one that the start state breaks
 //!   already is widened to the hardest allowed way back, so that it cannot make the problem infeasible.
@@ -16,7 +17,12 @@
 //!   its use the car brakes with the wheels held. The [`Report`] says so.
 
 mod model;
+mod optimum;
+#[cfg(test)]
+mod optimum_tests;
 mod program;
+mod riccati;
+mod stages;
 #[cfg(test)]
 mod tests;
 
@@ -28,8 +34,10 @@ use swerve_geom::Pose2;
 use swerve_vehicle::Limits;
 
 pub use model::State;
+use optimum::Optimum;
 pub use program::Problem;
 use program::Program;
+use stages::Stages;
 
 /// Parameters of the controller.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -223,7 +231,7 @@ pub struct Report {
     pub source: Source,
     /// How the solver ended.
     pub ending: Ending,
-    /// Iterations of the solver.
+    /// Iterations of the solver; 0 where no bound is active.
     pub iterations: u32,
     /// How far outside the corridor the solution goes, metres.
     pub slack_max_m: f64,
@@ -240,9 +248,12 @@ pub struct Step {
     pub report: Report,
 }
 
-/// The controller. Allocates at construction; a step allocates only what the solver does.
+/// The controller. Allocates at construction; a step allocates only where Clarabel solves it.
 pub struct Mpc {
     params: Params,
+    stages: Stages,
+    optimum: Optimum,
+    /// Solver of programs on which `optimum` does not converge.
     program: Program,
     /// The last solution: states at its instant and after each step.
     solution: Vec<State>,
@@ -262,11 +273,12 @@ impl Mpc {
             speed_max_mps: params.speed_max_mps,
         };
         let horizon = params.horizon.max(1);
-        let program = Program::new(horizon, params.dt_s, wheelbase_m, &params.weights, &bounds, settings());
-        let params = Params { horizon, ..params };
+        let stages = Stages::new(horizon, params.dt_s, wheelbase_m, &params.weights, &bounds);
         Self {
-            params,
-            program,
+            params: Params { horizon, ..params },
+            optimum: Optimum::new(horizon),
+            program: Program::new(&stages, settings()),
+            stages,
             solution: Vec::with_capacity(horizon + 1),
             solved_at: None,
             steering_rad: 0.0,
@@ -285,7 +297,7 @@ impl Mpc {
 
     /// The problem that the solver was given last, for inspection and comparison.
     pub fn problem(&self) -> Problem {
-        self.program.problem()
+        self.program.problem(&self.stages)
     }
 
     /// Commands for the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to
@@ -293,20 +305,14 @@ impl Mpc {
     pub fn step(&mut self, now: Time, start: &State, knots: &[Knot]) -> Step {
         let usable = knots.len() == self.params.horizon + 1;
         let (ending, iterations) = if usable && start.is_finite() && knots.iter().all(Knot::is_finite) {
-            self.program.fill(start, knots);
-            let (status, iterations) = self.program.solve();
-            (ending(status), iterations)
+            self.stages.fill(start, knots);
+            self.solve()
         } else {
             (Ending::Refused, 0)
         };
         if matches!(ending, Ending::Solved | Ending::AlmostSolved) {
-            self.solution.clear();
-            self.solution.push(*start);
-            for (k, knot) in knots.iter().enumerate().skip(1) {
-                self.solution.push(model::deviated(&knot.state, self.program.deviation(k)));
-            }
-            self.solved_at = Some(now);
-            let slack_max_m = self.program.slack_max_m();
+            self.keep(now, start, knots);
+            let slack_max_m = self.optimum.slack_max_m();
             return self.command(now, Report { source: Source::Solution, ending, iterations, slack_max_m });
         }
         let shift_max = Span::from_secs(self.params.shift_max_s);
@@ -315,6 +321,29 @@ impl Mpc {
             _ => Source::Brake,
         };
         self.command(now, Report { source, ending, iterations, slack_max_m: 0.0 })
+    }
+
+    /// Stores the optimum as the last solution.
+    fn keep(&mut self, now: Time, start: &State, knots: &[Knot]) {
+        self.solution.clear();
+        self.solution.push(*start);
+        let deviations = knots[1..].iter().zip(self.optimum.solution());
+        let deviated = deviations.map(|(knot, (values, _))| model::deviated(&knot.state, &values.states));
+        self.solution.extend(deviated);
+        self.solved_at = Some(now);
+    }
+
+    /// Solves the program in `stages`.
+    fn solve(&mut self) -> (Ending, u32) {
+        if self.optimum.unbounded(&self.stages) {
+            return (Ending::Solved, 0);
+        }
+        if let Some(iterations) = self.optimum.bounded(&self.stages) {
+            return (Ending::Solved, iterations);
+        }
+        let (status, iterations) = self.program.solve(&self.stages);
+        self.optimum.adopt(self.program.solution());
+        (ending(status), iterations)
     }
 
     /// The command out of the last solution at `now` plus the lead, or the brake.
@@ -340,10 +369,9 @@ impl Mpc {
     }
 }
 
-/// Settings under which data can be updated and the number of iterations depends on the problem alone.
+/// Settings under which Clarabel's data can be updated and the number of its iterations depends on the problem alone.
 ///
-/// Tolerances are what a vehicle can tell apart: with them, angles and accelerations agree with tighter ones to
-/// about 1e-4. Refining each linear solve to 1e-8 instead of 1e-13 saves a quarter of the time.
+/// With these tolerances angles and accelerations agree with tighter ones to about 1e-4.
 fn settings() -> DefaultSettings<f64> {
     DefaultSettings {
         verbose: false,

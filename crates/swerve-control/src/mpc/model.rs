@@ -42,12 +42,57 @@ pub(crate) const N_INPUTS: usize = 2;
 /// A step linearised between two knots of a path.
 ///
 /// With `z` the deviation of the state from a knot, its first two entries along and to the left of the knot's
-/// heading: `z_next = a z + b u + c`, where `u` are the rates themselves.
+/// heading: `z_next = a z + b u + c`, where `u` are the rates themselves. The methods use which entries are always 0
+/// or 1: heading, speed, steering and acceleration do not depend on the place, the last two only on themselves and
+/// the rates.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Linear {
     pub(crate) a: [[f64; N_STATES]; N_STATES],
     pub(crate) b: [[f64; N_INPUTS]; N_STATES],
     pub(crate) c: [f64; N_STATES],
+}
+
+impl Linear {
+    /// `a z + b u`: the next state without the constant.
+    pub(crate) fn next(&self, z: &[f64; N_STATES], u: &[f64; N_INPUTS]) -> [f64; N_STATES] {
+        let Self { a, b, .. } = self;
+        let place = |i: usize| {
+            a[i][0] * z[0]
+                + a[i][1] * z[1]
+                + a[i][2] * z[2]
+                + a[i][3] * z[3]
+                + a[i][4] * z[4]
+                + a[i][5] * z[5]
+        };
+        [
+            place(0) + b[0][0] * u[0],
+            place(1) + b[1][0] * u[0],
+            z[2] + a[2][3] * z[3] + a[2][4] * z[4] + a[2][5] * z[5] + b[2][0] * u[0],
+            z[3] + a[3][5] * z[5] + b[3][1] * u[1],
+            z[4] + b[4][0] * u[0],
+            z[5] + b[5][1] * u[1],
+        ]
+    }
+
+    /// The transpose of `a` times `p`.
+    pub(crate) fn transposed(&self, p: &[f64; N_STATES]) -> [f64; N_STATES] {
+        let a = &self.a;
+        let by_place = |j: usize| a[0][j] * p[0] + a[1][j] * p[1];
+        [
+            by_place(0),
+            by_place(1),
+            by_place(2) + p[2],
+            by_place(3) + a[2][3] * p[2] + p[3],
+            by_place(4) + a[2][4] * p[2] + p[4],
+            by_place(5) + a[2][5] * p[2] + a[3][5] * p[3] + p[5],
+        ]
+    }
+
+    /// The transpose of `b` times `p`.
+    pub(crate) fn transposed_inputs(&self, p: &[f64; N_STATES]) -> [f64; N_INPUTS] {
+        let b = &self.b;
+        [b[0][0] * p[0] + b[1][0] * p[1] + b[2][0] * p[2] + b[4][0] * p[4], b[3][1] * p[3] + b[5][1] * p[5]]
+    }
 }
 
 /// Midpoint quantities of one step.
@@ -203,6 +248,27 @@ mod tests {
         for (i, base) in base.into_iter().enumerate() {
             let at_knot = linear.c[i] + linear.b[i][0] * 0.2 + linear.b[i][1] * 5.0;
             assert!((at_knot - base).abs() < 1e-12, "c[{i}]");
+        }
+    }
+
+    #[test]
+    fn sparse_products_equal_dense_ones() {
+        let (from, to) = knots();
+        let Linear { a, b, .. } = linearise(&from, &to, L, DT);
+        let linear = linearise(&from, &to, L, DT);
+        let (z, u) = ([0.3, -0.7, 0.2, 1.1, -0.4, 0.9], [0.6, -1.3]);
+        let next = linear.next(&z, &u);
+        let (transposed, by_inputs) = (linear.transposed(&z), linear.transposed_inputs(&z));
+        for i in 0..N_STATES {
+            let row: f64 = (0..N_STATES).map(|j| a[i][j] * z[j]).sum();
+            let inputs: f64 = (0..N_INPUTS).map(|j| b[i][j] * u[j]).sum();
+            assert!((next[i] - row - inputs).abs() < 1e-14, "row {i}");
+            let column: f64 = (0..N_STATES).map(|j| a[j][i] * z[j]).sum();
+            assert!((transposed[i] - column).abs() < 1e-14, "column {i}");
+        }
+        for j in 0..N_INPUTS {
+            let column: f64 = (0..N_STATES).map(|i| b[i][j] * z[i]).sum();
+            assert!((by_inputs[j] - column).abs() < 1e-14, "input {j}");
         }
     }
 

@@ -229,13 +229,15 @@ fn numbers_that_are_not_finite_never_reach_the_solver() {
 #[test]
 fn a_failed_solve_goes_on_with_the_last_solution_and_then_brakes() {
     let mut mpc = mpc(Params { lead_s: 0.1, ..Params::default() });
+    // Outside the corridor: a bound is active, and the solver iterates.
     let knots = straight(20);
-    let first = mpc.step(Time::from_ms(1000), &at(0.8, 9.0), &knots);
+    let first = mpc.step(Time::from_ms(1000), &at(1.6, 9.0), &knots);
     assert_eq!(first.report.source, Source::Solution);
     let planned = mpc.solution().to_vec();
+    mpc.optimum.limit_iterations(1);
     mpc.program.limit_iterations(1);
     for (ms, k) in [(1100, 2), (1300, 4), (1500, 6)] {
-        let step = mpc.step(Time::from_ms(ms), &at(0.8, 9.0), &knots);
+        let step = mpc.step(Time::from_ms(ms), &at(1.6, 9.0), &knots);
         assert_eq!((step.report.source, step.report.ending), (Source::Shifted, Ending::Stalled));
         let State { steering_rad, accel_mps2, .. } = planned[k];
         assert!(
@@ -243,11 +245,12 @@ fn a_failed_solve_goes_on_with_the_last_solution_and_then_brakes() {
         );
     }
     let held = planned[6].steering_rad;
-    let step = mpc.step(Time::from_ms(1501), &at(0.8, 9.0), &knots);
+    let step = mpc.step(Time::from_ms(1501), &at(1.6, 9.0), &knots);
     assert_eq!((step.report.source, step.accel_mps2), (Source::Brake, -5.0));
     assert!((step.steering_rad - held).abs() < 1e-9, "the wheels stay where they were");
+    mpc.optimum.limit_iterations(30);
     mpc.program.limit_iterations(50);
-    assert_eq!(mpc.step(Time::from_ms(1510), &at(0.8, 9.0), &knots).report.source, Source::Solution);
+    assert_eq!(mpc.step(Time::from_ms(1510), &at(1.6, 9.0), &knots).report.source, Source::Solution);
 }
 
 #[test]
