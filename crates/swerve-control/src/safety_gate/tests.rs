@@ -178,7 +178,7 @@ fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
     assert_eq!(bench.gate.refusals(), Refusals::default(), "none of its commands was refused");
     // A car that stands is asked for the same as long as it stands.
     let mut bench = Bench::driving();
-    bench.gate.params.repeat_max_s = 1.0;
+    bench.gate.params.repeat_max_s = 2.0;
     for _ in 0..200 {
         bench.report().speed_mps = 0.0;
         assert_eq!(bench.tick().mode, GateMode::Driving);
@@ -349,7 +349,7 @@ fn wishes_beyond_the_limits_are_brought_within() {
 }
 
 #[test]
-fn a_car_that_rolls_backwards_is_braked_forwards() {
+fn a_car_that_rolls_backwards_is_stopped_by_the_brake() {
     let mut bench = Bench::driving();
     bench.stack = false;
     for _ in 0..40 {
@@ -359,7 +359,10 @@ fn a_car_that_rolls_backwards_is_braked_forwards() {
     bench.report().speed_mps = -3.0;
     let stopping = bench.tick();
     assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
-    assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (1.5, 0.0));
+    assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (-1.5, 0.0));
+    // The same pedals as forwards: a brake acts against the motion of the wheels.
+    let vehicle = VehicleParams::default();
+    assert_eq!(pedals(&vehicle, &stopping, -3.0), pedals(&vehicle, &stopping, 3.0));
 }
 
 #[test]
@@ -430,7 +433,7 @@ proptest! {
                 VehicleReport { stamp: at(stamp), speed_mps, steering_rad, driver_active }
             });
             sound.extend(command.filter(|c| c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite()).map(|c| c.stamp));
-            let output = gate.step(&GateInput { now, command, origin: None, report, enable, emergency, alarm: None });
+            let output = gate.step(&GateInput { now, command, report, enable, emergency, ..GateInput::default() });
             let c = output.command;
             prop_assert!(c.steering_rad.is_finite() && c.speed_mps.is_finite() && c.accel_mps2.is_finite(), "{output:?}");
             prop_assert!(c.steering_rad.abs() <= p.steering_max_rad);
