@@ -455,4 +455,6 @@ fn plan_is_finite(plan: &Plan) -> bool {
 #[cfg(test)]
 mod slip_tests;
 #[cfg(test)]
+mod stop_tests;
+#[cfg(test)]
 mod tests;

@@ -7,8 +7,8 @@
 //! ```text
 //!            rising edge of `enable`, all well
 //!   Manual ------------------------------------> Driving
-//!     ^                                             |
-//!     | driver takes over: from everywhere,         | no command for 0.5 s, no report for 0.5 s, `enable` released
+//!     ^                                             | no command for 0.5 s, no report for 0.5 s, `enable` released,
+//!     | driver takes over: from everywhere,         | pose lost, or moving otherwise than the wheels
 //!     | latched until `enable` falls and rises      v
 //!     +------------------------------------- Stopping ----> Holding (standstill)
 //!                                                ^             |
@@ -17,24 +17,29 @@
 //!                    before standstill                      Driving
 //! ```
 //!
+//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the mode
+//! and of what was sent before. No report enters it: not its sign, its noise or its absence.
+//!
 //! The rules are those of Autoware's `vehicle_cmd_gate` and of drive-by-wire kits: an outdated command is a stop,
 //! not the last command for ever; the driver always wins; enabling is an act, not a state.
 //!
 //! Pure: the instant is an input.
 
 mod params;
+mod pose_check;
 mod standstill;
 
 use swerve_core::param::ParamError;
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 use swerve_msg::{
-    GateMode, GateOutput, Longitudinal, MotionCommand, PoseMode, PoseQuality, Refusal, Refusals, StopCause,
-    VehicleReport,
+    EgoState, GateMode, GateOutput, Longitudinal, MotionCommand, PoseMode, PoseQuality, Refusal, Refusals,
+    StopCause, VehicleReport,
 };
 use swerve_vehicle::{Pedals, VehicleParams, brake_for_decel, pedals_for_accel};
 
 pub use params::GateParams;
+use pose_check::PoseCheck;
 use standstill::Standstill;
 
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
@@ -65,6 +70,8 @@ pub struct GateInput {
     pub alarm: Option<StopCause>,
     /// The newest quality of the pose, where localization reports one.
     pub quality: Option<PoseQuality>,
+    /// The newest pose that the stack drives by.
+    pub pose: Option<EgoState>,
 }
 
 /// The state machine: see the module's page.
@@ -81,6 +88,7 @@ pub struct SafetyGate {
     given_refusal: Option<Refusal>,
     report: Option<VehicleReport>,
     standstill: Standstill,
+    pose: PoseCheck,
     /// Angle and acceleration sent last.
     sent: Option<(f64, f64)>,
     enable_before: bool,
@@ -105,6 +113,7 @@ impl SafetyGate {
             given_refusal: None,
             report: None,
             standstill: Standstill::default(),
+            pose: PoseCheck::default(),
             sent: None,
             enable_before: true,
             now: None,
@@ -126,6 +135,9 @@ impl SafetyGate {
         self.now = Some(now);
         let refused = self.take_command(input, now);
         self.take_report(input.report, now);
+        if let Some(pose) = &input.pose {
+            self.pose.take_pose(pose, input.quality.as_ref(), &self.params);
+        }
         self.mode = self.next_mode(input, now);
         self.enable_before = input.enable;
         self.heartbeat = self.heartbeat.wrapping_add(1);
@@ -194,6 +206,7 @@ impl SafetyGate {
         if finite && !ahead && !older {
             self.report = Some(report);
             self.standstill.take(&report);
+            self.pose.take_report(&report, &self.params);
         }
     }
 
@@ -213,6 +226,7 @@ impl SafetyGate {
             () if input.quality.is_some_and(|quality| quality.mode == PoseMode::Lost) => {
                 Some(StopCause::PoseLost)
             }
+            () if self.pose.is_implausible() => Some(StopCause::PoseImplausible),
             () if !command => Some(StopCause::CommandTimeout),
             () if hangs => Some(StopCause::CommandFrozen),
             () => None,
@@ -331,5 +345,7 @@ fn is_fresh(stamp: Time, now: Time, timeout_s: f64) -> bool {
     stamp.saturating_add(Span::from_secs(timeout_s)) >= now
 }
 
+#[cfg(test)]
+mod properties;
 #[cfg(test)]
 mod tests;

@@ -46,7 +46,13 @@ pub struct GateParams {
     pub emergency_decel_mps2: f64,
     /// Deceleration that is asked for at standstill, so that the car stays where it is, m/s² (positive).
     pub hold_decel_mps2: f64,
+    /// Room to either side of the car in its lane, metres: how far an error of the pose may take a car aside before it
+    /// stands. Bounds how far the pose may move otherwise than the wheels; 0 for no comparison of the two.
+    pub lane_margin_m: f64,
 }
+
+/// Width of a narrow lane of a road with two directions, metres.
+const LANE_WIDTH_M: f64 = 3.5;
 
 impl Default for GateParams {
     fn default() -> Self {
@@ -68,6 +74,7 @@ impl Default for GateParams {
             stop_decel_mps2: 1.5,
             emergency_decel_mps2: 5.0,
             hold_decel_mps2: 1.5,
+            lane_margin_m: 0.0,
         }
     }
 }
@@ -97,6 +104,7 @@ impl GateParams {
             jerk_max_mps3: (brakes_mps2 / build_up_s).min(1000.0),
             stop_decel_mps2: 3.0,
             emergency_decel_mps2: limits.brake_max_mps2,
+            lane_margin_m: (0.5 * (LANE_WIDTH_M - vehicle.shape.width_m)).max(0.2),
             ..Self::default()
         }
     }
@@ -126,6 +134,7 @@ impl GateParams {
             ("stop_decel_mps2", self.stop_decel_mps2, 0.1, 20.0),
             ("emergency_decel_mps2", self.emergency_decel_mps2, 0.1, 20.0),
             ("hold_decel_mps2", self.hold_decel_mps2, 0.1, 20.0),
+            ("lane_margin_m", self.lane_margin_m, 0.0, 10.0),
         ];
         checks.into_iter().try_for_each(|(key, value, min, max)| require_within(key, value, [min, max]))
     }
