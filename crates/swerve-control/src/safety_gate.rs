@@ -28,19 +28,21 @@
 mod params;
 mod pose_check;
 mod standstill;
+mod stop_path;
 
 use swerve_core::param::ParamError;
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 use swerve_msg::{
-    EgoState, GateMode, GateOutput, Longitudinal, MotionCommand, PoseMode, PoseQuality, Refusal, Refusals,
-    StopCause, VehicleReport,
+    EgoState, GateMode, GateOutput, Longitudinal, MotionCommand, Plan, PoseMode, PoseQuality, Refusal,
+    Refusals, StopCause, VehicleReport,
 };
 use swerve_vehicle::{Pedals, VehicleParams, brake_for_decel, pedals_for_accel};
 
 pub use params::GateParams;
 use pose_check::PoseCheck;
 use standstill::Standstill;
+use stop_path::StopPath;
 
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
 const STEP_MAX: Span = Span::from_ms(100);
@@ -53,7 +55,7 @@ const TOO_FAST_MPS: f64 = 2.0;
 
 /// Input of the gate at one instant: always the newest of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct GateInput {
+pub struct GateInput<'a> {
     /// The instant.
     pub now: Time,
     /// The newest command of the stack.
@@ -72,6 +74,8 @@ pub struct GateInput {
     pub quality: Option<PoseQuality>,
     /// The newest pose that the stack drives by.
     pub pose: Option<EgoState>,
+    /// The newest plan: the path of a stop, should one begin now.
+    pub plan: Option<&'a Plan>,
 }
 
 /// The state machine: see the module's page.
@@ -89,6 +93,7 @@ pub struct SafetyGate {
     report: Option<VehicleReport>,
     standstill: Standstill,
     pose: PoseCheck,
+    stop_path: Option<StopPath>,
     /// Angle and acceleration sent last.
     sent: Option<(f64, f64)>,
     enable_before: bool,
@@ -114,6 +119,7 @@ impl SafetyGate {
             report: None,
             standstill: Standstill::default(),
             pose: PoseCheck::default(),
+            stop_path: None,
             sent: None,
             enable_before: true,
             now: None,
@@ -128,7 +134,7 @@ impl SafetyGate {
     }
 
     /// The command that may reach the vehicle now.
-    pub fn step(&mut self, input: &GateInput) -> GateOutput {
+    pub fn step(&mut self, input: &GateInput<'_>) -> GateOutput {
         // Time that runs backwards is time that stands: nothing gets younger by it.
         let now = self.now.map_or(input.now, |before| before.max(input.now));
         let dt_s = self.now.map_or(Span::ZERO, |before| (now - before).min(STEP_MAX)).as_secs();
@@ -138,7 +144,11 @@ impl SafetyGate {
         if let Some(pose) = &input.pose {
             self.pose.take_pose(pose, input.quality.as_ref(), &self.params);
         }
-        self.mode = self.next_mode(input, now);
+        let mode = self.next_mode(input, now);
+        if self.mode == GateMode::Driving && mode.brakes() {
+            self.stop_path = StopPath::new(input.plan, &self.pose);
+        }
+        self.mode = mode;
         self.enable_before = input.enable;
         self.heartbeat = self.heartbeat.wrapping_add(1);
         let (command, limited) = self.output(now, dt_s);
@@ -154,7 +164,7 @@ impl SafetyGate {
         }
     }
 
-    fn take_command(&mut self, input: &GateInput, now: Time) -> Option<Refusal> {
+    fn take_command(&mut self, input: &GateInput<'_>, now: Time) -> Option<Refusal> {
         let command = input.command?;
         if self.given.is_some_and(|before| same(&before, &command)) {
             return self.given_refusal;
@@ -210,7 +220,7 @@ impl SafetyGate {
         }
     }
 
-    fn next_mode(&self, input: &GateInput, now: Time) -> GateMode {
+    fn next_mode(&self, input: &GateInput<'_>, now: Time) -> GateMode {
         let driver = input.report.is_some_and(|report| report.driver_active);
         if driver {
             return GateMode::Manual;
@@ -281,10 +291,22 @@ impl SafetyGate {
         (command, limited)
     }
 
-    /// The command of a stop, and whether the deceleration is still building up. A function of the mode and of what
-    /// was sent before, and of no measurement: the wheel is held, the speed is 0, the acceleration is never above 0.
-    fn brake(&self, now: Time, (steering_rad, accel_before): (f64, f64), dt_s: f64) -> (MotionCommand, bool) {
+    /// The command of a stop, and whether the deceleration is still building up. The deceleration is a function of the
+    /// mode and of what was sent before, and of no measurement: the speed is 0, the acceleration is never above 0.
+    /// The wheels are turned along the path of the stop; they are held where there is none, and at standstill.
+    fn brake(
+        &self,
+        now: Time,
+        (steering_before, accel_before): (f64, f64),
+        dt_s: f64,
+    ) -> (MotionCommand, bool) {
         let p = &self.params;
+        let path = self.stop_path.as_ref().filter(|_| !self.standstill.stands());
+        let steering_rad = path.and_then(|path| path.steering_rad(&self.pose, now, p.wheelbase_m));
+        let steering_rad = match steering_rad {
+            Some(wanted_rad) => self.steered(wanted_rad, steering_before, dt_s),
+            None => steering_before,
+        };
         let before = (-accel_before).max(0.0);
         let (wanted, most) = match self.mode {
             GateMode::Holding(_) => (p.hold_decel_mps2, p.hold_decel_mps2),
@@ -296,6 +318,16 @@ impl SafetyGate {
         (MotionCommand { stamp: now, steering_rad, speed_mps: 0.0, accel_mps2: 0.0 - decel }, decel < wanted)
     }
 
+    /// An angle of the wheels within limits at the reported speed, and within the rate.
+    fn steered(&self, wanted_rad: f64, before_rad: f64, dt_s: f64) -> f64 {
+        let p = &self.params;
+        let speed_mps = self.report.map_or(0.0, |report| report.speed_mps);
+        let bend_max = p.lateral_accel_max_mps2 * p.wheelbase_m / (speed_mps * speed_mps).max(1e-3);
+        let most_rad = p.steering_max_rad.min(math::atan(bend_max));
+        let turn = p.steering_rate_max_radps * dt_s;
+        wanted_rad.clamp(-most_rad, most_rad).clamp(before_rad - turn, before_rad + turn)
+    }
+
     /// The wish of the stack, within limits and rates.
     fn drive(
         &self,
@@ -305,12 +337,7 @@ impl SafetyGate {
         dt_s: f64,
     ) -> MotionCommand {
         let p = &self.params;
-        let bend_max = p.lateral_accel_max_mps2 * p.wheelbase_m / (speed_mps * speed_mps).max(1e-3);
-        let most_rad = p.steering_max_rad.min(math::atan(bend_max));
-        let turn = p.steering_rate_max_radps * dt_s;
-        let wanted_rad = wish.steering_rad.clamp(-most_rad, most_rad);
-        let steering_rad = wanted_rad.clamp(steering_before - turn, steering_before + turn);
-
+        let steering_rad = self.steered(wish.steering_rad, steering_before, dt_s);
         let wanted_mps = wish.speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
         // Faster than allowed, it does not get faster still, whatever is asked for.
         // Nor where the command itself wants it slower: an old command under new stamps is held by that.

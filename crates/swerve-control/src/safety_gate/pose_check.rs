@@ -39,13 +39,13 @@ const SIGMAS: f64 = 3.0;
 
 /// Dead reckoning by the reports up to a stamp.
 #[derive(Clone, Copy, Debug)]
-struct Reckoned {
+pub(super) struct Reckoned {
     stamp: Time,
     pose: Pose2<Map>,
     /// Way so far, metres; forwards and backwards both count.
     way_m: f64,
-    speed_mps: f64,
-    yaw_rate_radps: f64,
+    pub(super) speed_mps: f64,
+    pub(super) yaw_rate_radps: f64,
 }
 
 impl Reckoned {
@@ -79,6 +79,15 @@ pub(super) struct PoseCheck {
     pairs: VecDeque<Pair>,
     newest: Option<Time>,
     implausible: bool,
+    /// How often dead reckoning began anew.
+    epoch: u32,
+}
+
+/// A pose that was plausible, as the origin of dead reckoning.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Anchor {
+    pair: Pair,
+    epoch: u32,
 }
 
 impl PoseCheck {
@@ -133,7 +142,22 @@ impl PoseCheck {
         self.implausible
     }
 
+    /// The oldest pose of the window: from before a fault that has just been found.
+    pub(super) fn anchor(&self) -> Option<Anchor> {
+        self.pairs.front().map(|pair| Anchor { pair: *pair, epoch: self.epoch })
+    }
+
+    /// Where the car is by dead reckoning from `anchor`, in the map, and how it moves. `None` where reports are missing.
+    pub(super) fn place_since(&self, anchor: &Anchor, now: Time) -> Option<(Pose2<Map>, Reckoned)> {
+        let reckoned = self.reckoned_at(now).filter(|_| anchor.epoch == self.epoch)?;
+        let Pair { pose, reckoned: then, .. } = anchor.pair;
+        let place = pose.from_local(then.pose.to_local::<Map>(reckoned.pose.point()));
+        let turn_rad = angle_between(then.pose.heading_rad, reckoned.pose.heading_rad);
+        Some((Pose2::new(place.x_m, place.y_m, pose.heading_rad + turn_rad), reckoned))
+    }
+
     fn clear(&mut self) {
+        self.epoch = self.epoch.wrapping_add(1);
         self.reckoned.clear();
         self.pairs.clear();
         self.implausible = false;

@@ -122,7 +122,7 @@ proptest! {
             let pose = pose.map(|[x_m, y_m, heading_rad]| {
                 EgoState { stamp: now, pose: swerve_geom::Pose2::new(x_m, y_m, heading_rad), ..EgoState::default() }
             });
-            let input = GateInput { now, command, report, enable, emergency, alarm, quality, pose, origin: None };
+            let input = GateInput { now, command, report, enable, emergency, alarm, quality, pose, ..GateInput::default() };
             let output = gate.step(&input);
             let takes_over = report.is_some_and(|report| report.driver_active);
             let acts = enable && !enable_before && !emergency && alarm.is_none();

@@ -6,7 +6,7 @@ const TICK_MS: i64 = 20;
 struct Bench {
     gate: SafetyGate,
     now_ms: i64,
-    input: GateInput,
+    input: GateInput<'static>,
     /// Whether the stack and the vehicle go on talking.
     stack: bool,
     vehicle: bool,
