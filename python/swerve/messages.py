@@ -68,6 +68,10 @@ class StopCause(str, Enum):
     """Commands come from somebody else than from who drove."""
     TRANSPORT_LOST = "transport_lost"
     """The process that carries commands and reports is gone."""
+    POSE_LOST = "pose_lost"
+    """Localization reports that the pose is lost."""
+    POSE_IMPLAUSIBLE = "pose_implausible"
+    """The pose does not move as the wheels do."""
 
 
 class Refusal(str, Enum):
@@ -95,7 +99,7 @@ class Encoding(str, Enum):
 
 
 class PoseMode(str, Enum):
-    """Whether a pose can be driven by."""
+    """Whether a pose can be driven by; the worse the greater."""
     GOOD = "good"
     """What tells the place comes and is believed."""
     COASTING = "coasting"

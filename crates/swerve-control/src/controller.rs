@@ -147,6 +147,7 @@ impl Controller {
         let change = self.steering_change_rad(input, status, &here, dt_s);
         self.steering_rad =
             steering_rad.clamp(self.steering_rad - change, self.steering_rad + change).clamp(-max, max);
+        let drive = self.braked(drive, input.now);
         let Pedals { throttle, brake } = drive.pedals;
         let command = Command { steering_rad: self.steering_rad, throttle, brake };
         let Drive { speed_mps, accel_mps2, .. } = drive;
@@ -392,6 +393,20 @@ impl Controller {
         math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
     }
 
+    /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
+    /// at least what holds it.
+    fn braked(&self, drive: Drive, now: Time) -> Drive {
+        let Some((since, from_mps)) = self.stopping else { return drive };
+        let rests = self.stop_target(since, from_mps, now).speed_mps <= 0.0;
+        let hold_mps2 = if rests { self.params.speed.hold_mps2 } else { 0.0 };
+        let hold = if rests { self.drive.pedals(-hold_mps2, 0.0).brake } else { 0.0 };
+        Drive {
+            pedals: Pedals { throttle: 0.0, brake: drive.pedals.brake.max(hold) },
+            accel_mps2: drive.accel_mps2.map(|accel_mps2| accel_mps2.min(-hold_mps2)),
+            ..drive
+        }
+    }
+
     fn stop_target(&self, since: Time, from_mps: f64, instant: Time) -> Target {
         let decel = self.params.stop.decel_mps2;
         let left = (from_mps - decel * (instant - since).as_secs()).max(0.0);
@@ -447,5 +462,7 @@ fn plan_is_finite(plan: &Plan) -> bool {
 
 #[cfg(test)]
 mod slip_tests;
+#[cfg(test)]
+mod stop_tests;
 #[cfg(test)]
 mod tests;

@@ -29,8 +29,8 @@ pub struct PoseQuality {
     pub covariance: [f64; 6],
 }
 
-/// Whether a pose can be driven by.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+/// Whether a pose can be driven by; the worse the greater.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseMode {
     /// What tells the place comes and is believed.

@@ -81,7 +81,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)
-        .with::<report::Report>()
+        .with_kind(report::Reports)
         .with::<reported_odometry::ReportedOdometry>()
         .with_kind(switch::EnableSwitch)
         .with::<gate::Gate>()

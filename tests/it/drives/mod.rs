@@ -4,6 +4,7 @@ mod agent;
 mod deadlines;
 mod faults;
 mod gate;
+mod gate_stops;
 mod lost;
 mod perception;
 mod prediction;
