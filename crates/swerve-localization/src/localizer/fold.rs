@@ -27,6 +27,8 @@ const STEERED_SHARE: f64 = 0.1;
 /// A steering angle or a speed by the wheels holds for this long, seconds.
 const WHEELS_HOLD_S: f64 = 0.4;
 
+/// How long a slip of the rear axle lasts, seconds: as long as a manoeuvre.
+const SLIP_LASTS_S: f64 = 0.5;
 /// A car has its heading for this way, metres.
 const HEADING_HOLDS_M: f64 = 2.0;
 
@@ -413,7 +415,8 @@ impl Fold {
         let square = |x: f64| x * x;
         let usual = square(params.non_holonomic_mps);
         let mut noise = SMatrix::<f64, 2, 2>::identity() * usual;
-        noise[(0, 0)] += square(slip_mps);
+        // It lasts: many readings of one slip say no more than a few.
+        noise[(0, 0)] += square(slip_mps) * (2.0 * SLIP_LASTS_S / params.constraint_period_s).max(1.0);
         let residual = [-velocity.y, -velocity.z].into();
         let linear = Linear { residual, rows: all.fixed_rows::<2>(1).into_owned(), noise };
         self.followed(params, Source::NonHolonomic, &linear, None);
