@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
+use swerve_geom::{Odom, Pose2};
 
 /// Place and heading of the ego by what a lidar sees: on a map, or on from its own turns before.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -40,6 +41,39 @@ pub enum PoseMode {
     /// Not to be driven by: no pose is told.
     #[default]
     Lost,
+}
+
+/// Pose of the odometry frame in the map, as localization estimates it: ROS REP 105's transform from `map` to `odom`.
+///
+/// The ego moves through the odometry frame without jumps. A correction by a satellite fix or a scan match moves this pose
+/// and leaves the motion that control follows as it is.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct MapFromOdom {
+    /// Instant that this describes.
+    pub stamp: Time,
+    /// Origin and heading of the odometry frame in the map.
+    pub pose: Pose2,
+}
+
+impl MapFromOdom {
+    /// The transform by which an ego at `odom` in the odometry frame is at `map` in the map.
+    pub fn of(stamp: Time, map: Pose2, odom: Pose2<Odom>) -> Self {
+        let turned = Pose2::new(0.0, 0.0, map.heading_rad - odom.heading_rad);
+        let origin = map.point() - (turned.from_local(odom.point()) - turned.point());
+        Self { stamp, pose: Pose2::new(origin.x_m, origin.y_m, turned.heading_rad) }
+    }
+
+    /// A pose of the map in the odometry frame.
+    pub fn odom(&self, map: Pose2) -> Pose2<Odom> {
+        let point = self.pose.to_local::<Odom>(map.point());
+        Pose2::new(point.x_m, point.y_m, map.heading_rad - self.pose.heading_rad)
+    }
+
+    /// A pose of the odometry frame in the map.
+    pub fn map(&self, odom: Pose2<Odom>) -> Pose2 {
+        let point = self.pose.from_local(odom.point());
+        Pose2::new(point.x_m, point.y_m, odom.heading_rad + self.pose.heading_rad)
+    }
 }
 
 impl PoseQuality {

@@ -21,6 +21,7 @@ mod localizer;
 mod monitor;
 mod objects_now;
 mod obstacles;
+mod odom;
 mod odometry;
 mod pedals;
 mod planner;

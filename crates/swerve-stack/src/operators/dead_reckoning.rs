@@ -6,7 +6,8 @@ use swerve_flow::{At, Context, Inputs, Operator, Window};
 use swerve_geom::Pose2;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
-use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+use swerve_localization::ndt::Isometry3;
+use swerve_msg::{EgoState, Imu, MapFromOdom, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
 use super::scan_matcher::{pose_of, readings};
@@ -90,10 +91,11 @@ impl Operator for Carried {
             return;
         };
         let map_from_ego = pose_of(found.at_m, found.heading_rad) * moved;
-        let at = map_from_ego.translation.vector;
+        let pose = flat(&map_from_ego);
+        out.odom.send(MapFromOdom::of(stamp, pose, flat(&self.car.pose_at(stamp))));
         out.state.send(EgoState {
             stamp,
-            pose: Pose2::new(at.x, at.y, yaw_rad(&map_from_ego.rotation)),
+            pose,
             speed_mps: self.car.speed_mps(),
             accel_mps2: imu.accel_mps2[0],
             lateral_accel_mps2: imu.accel_mps2[1],
@@ -108,4 +110,9 @@ impl Operator for Carried {
         let covariance = [xx + grown_m2, xy, yy + grown_m2, 0.0, 0.0, heading];
         out.quality.send(PoseQuality { stamp, mode, covariance });
     }
+}
+
+/// Place on the ground and heading.
+fn flat<F>(pose: &Isometry3<f64>) -> Pose2<F> {
+    Pose2::new(pose.translation.x, pose.translation.y, yaw_rad(&pose.rotation))
 }

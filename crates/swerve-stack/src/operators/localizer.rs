@@ -15,9 +15,10 @@ use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, MapFromOdom, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_sim::sense::GnssParams;
 
+use super::odom::Odometer;
 use super::scan_matcher::pose_of;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node};
@@ -41,6 +42,7 @@ pub(super) struct Filter {
     started: Option<Time>,
     await_match_s: f64,
     steering_rad: f64,
+    odometer: Odometer,
 }
 
 /// All that says how it moves, and where it is.
@@ -63,6 +65,8 @@ pub(super) struct Out {
     pub(super) state: Port<EgoState>,
     /// How good that is.
     pub(super) quality: Port<PoseQuality>,
+    /// The odometry frame in the map, with each state.
+    pub(super) odom: Port<MapFromOdom>,
 }
 
 /// What is known of a satellite receiver, and of the lane that the car is on.
@@ -235,6 +239,7 @@ impl Kind for Filter {
             started: None,
             await_match_s: table.await_match_s,
             steering_rad: 0.0,
+            odometer: Odometer::default(),
         })
     }
 }
@@ -267,8 +272,12 @@ impl Operator for Filter {
         if self.awaits_match(input.matches.is_some(), estimate.stamp) {
             quality.mode = PoseMode::Lost;
         }
+        let velocity_mps = [estimate.velocity_mps.x, estimate.velocity_mps.y];
+        let odom = self.odometer.advance(estimate.stamp, velocity_mps, estimate.yaw_rate_radps);
         if quality.mode != PoseMode::Lost {
-            out.state.send(self.state(&estimate));
+            let state = self.state(&estimate);
+            out.odom.send(MapFromOdom::of(state.stamp, state.pose, odom));
+            out.state.send(state);
         }
         out.quality.send(quality);
     }

@@ -8,13 +8,14 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
-use swerve_msg::{EgoState, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
+use swerve_msg::{EgoState, MapFromOdom, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
 use swerve_planning::collision::within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
 use super::ladder::{on_ladder, take};
+use super::odom::{OdomFrame, carried, carried_plan};
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
@@ -33,6 +34,8 @@ struct In {
     poses: Window<EgoState, POSES>,
     /// How sure that is.
     quality: Option<Latest<PoseQuality>>,
+    /// The odometry frame, in which one plan goes on from the other.
+    odom: Option<Window<MapFromOdom, POSES>>,
 }
 
 /// The newest of both, at each tick.
@@ -46,6 +49,8 @@ struct PeriodicIn {
     ego: Latest<EgoState>,
     /// How sure that is.
     quality: Option<Latest<PoseQuality>>,
+    /// The odometry frame, in which one plan goes on from the other.
+    odom: Option<Window<MapFromOdom, POSES>>,
 }
 
 /// A plan, and how it came about.
@@ -141,6 +146,9 @@ struct PlannerOperator {
     /// Moved on by this where the start is predicted.
     expected: Option<Span>,
     previous: Option<Arc<Plan>>,
+    odom: OdomFrame,
+    /// The transform of the previous plan.
+    previous_odom: Option<MapFromOdom>,
 }
 
 impl PlannerOperator {
@@ -161,6 +169,8 @@ impl PlannerOperator {
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
             expected,
             previous: None,
+            odom: OdomFrame::default(),
+            previous_odom: None,
         })
     }
 }
@@ -178,8 +188,13 @@ fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
 }
 
 impl PlannerOperator {
-    /// Takes into account how sure the pose is; while it is lost, the last that was told counts.
-    fn slow_by(&mut self, quality: Option<&Latest<PoseQuality>>) {
+    /// Takes in the accuracy of the pose, the last one while it is lost, and the odometry frame.
+    fn localized(
+        &mut self,
+        quality: Option<&Latest<PoseQuality>>,
+        odom: Option<&Window<MapFromOdom, POSES>>,
+    ) {
+        self.odom.take(odom.map_or(&[], |odom| odom.get()));
         let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
         if let Some(quality) = quality {
             self.speed_share = speed_share(quality.sigma_m(), self.slow_by_sigma_m);
@@ -195,11 +210,16 @@ impl PlannerOperator {
         ahead: Option<Span>,
         chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
+        let stamp = predictions.stamp;
+        let odom = self.odom.at(stamp);
+        let pose = carried(measured.pose, self.odom.at(measured.stamp), odom);
+        let measured = &EgoState { pose, ..*measured };
+        let moved = self.previous.as_deref().and_then(|plan| carried_plan(plan, self.previous_odom, odom));
+        let previous = moved.as_ref().or(self.previous.as_deref());
         let start = match ahead {
             None => *measured,
-            Some(ahead) => predicted_start(measured, self.previous.as_deref(), ahead),
+            Some(ahead) => predicted_start(measured, previous, ahead),
         };
-        let stamp = predictions.stamp;
         let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
             true => Cow::Borrowed(&predictions.predictions),
             false => {
@@ -219,7 +239,7 @@ impl PlannerOperator {
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
-            previous: self.previous.as_deref(),
+            previous,
             seed: cx.rng().bits(),
         };
         let plan = match chosen {
@@ -228,7 +248,7 @@ impl PlannerOperator {
             None => self.planner.plan(&request, &mut Metered(cx)),
         };
         let plan = Arc::new(plan);
-        self.previous = Some(plan.clone());
+        (self.previous, self.previous_odom) = (Some(plan.clone()), odom);
         plan
     }
 }
@@ -249,7 +269,7 @@ impl Operator for PlannerOperator {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let expected = self.expected;
-        self.slow_by(input.quality.as_ref());
+        self.localized(input.quality.as_ref(), input.odom.as_ref());
         out.forward(self.plan(cx, predictions, measured, expected, None));
     }
 }
@@ -268,7 +288,7 @@ impl Operator for LadderPlanner {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let (planner, taken) = take(&mut self.rungs, cx);
-        self.operator.slow_by(input.quality.as_ref());
+        self.operator.localized(input.quality.as_ref(), input.odom.as_ref());
         // What passed since the frame is known, and so is what the rung takes.
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
         out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, Some(&mut **planner)));
@@ -294,7 +314,7 @@ impl Operator for PeriodicPlanner {
         let Some(measured) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
         let taken = self.rung.as_mut().map(|rung| take(core::slice::from_mut(rung), cx));
         let (planner, taken) = taken.map_or((None, None), |(planner, taken)| (Some(planner), Some(taken)));
-        self.operator.slow_by(input.quality.as_ref());
+        self.operator.localized(input.quality.as_ref(), input.odom.as_ref());
         let lasts = taken.as_ref().map_or(self.usual, |taken| taken.run_time);
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + lasts);
         let planner = planner.map(|planner| &mut **planner as &mut dyn Planner);
