@@ -149,7 +149,9 @@ impl Controller {
     /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
     /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
     fn steering_change_rad(&self, input: &Input<'_>, status: Status, here: &Here, dt_s: f64) -> f64 {
-        let comfortable = input.plan.is_some_and(|plan| plan.status == PlanStatus::Comfortable);
+        let is_gentle =
+            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
+        let comfortable = input.plan.is_some_and(is_gentle);
         if status != Status::Plan || !comfortable || self.params.law == Law::Pid {
             return f64::INFINITY;
         }

@@ -23,6 +23,9 @@ pub struct PlanCounts {
     /// A path within the limits of comfort was found.
     #[serde(default)]
     pub comfortable: u64,
+    /// A stop, since the pose was too uncertain for the lane.
+    #[serde(default)]
+    pub pose_uncertain: u64,
 }
 
 /// Plan counts, and when the planner itself first found a path.
@@ -32,6 +35,9 @@ pub struct PlanMetrics {
     pub counts: PlanCounts,
     /// Stamp of the first path found that is not within the limits of comfort, seconds.
     pub first_found_s: Option<f64>,
+    /// Stamp since which all plans up to the end stop for an uncertain pose, seconds.
+    #[serde(default)]
+    pub pose_uncertain_since_s: Option<f64>,
 }
 
 impl PlanMetrics {
@@ -46,7 +52,13 @@ impl PlanMetrics {
             PlanStatus::Stop => &mut counts.stop,
             PlanStatus::GaveUp => &mut counts.gave_up,
             PlanStatus::Comfortable => &mut counts.comfortable,
+            PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
         } += 1;
+        if plan.status == PlanStatus::PoseUncertain {
+            self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
+        } else {
+            self.pose_uncertain_since_s = None;
+        }
         if plan.status == PlanStatus::Found {
             self.first_found_s.get_or_insert(seconds(plan.stamp));
         }

@@ -93,11 +93,6 @@ impl DeadReckoning {
         moved_on(&pose, &forward, &exp(&turn))
     }
 
-    /// The ego origin at an instant in the frame of the start, for as long as the way is kept. Goes on without jumps.
-    pub fn pose_at(&self, at: Time) -> Isometry3<f64> {
-        self.at(at)
-    }
-
     fn at(&self, at: Time) -> Isometry3<f64> {
         let next = self.way.partition_point(|(stamp, _)| *stamp < at);
         let Some(&(after, to)) = self.way.get(next) else { return self.ahead(at) };

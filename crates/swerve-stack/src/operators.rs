@@ -26,6 +26,7 @@ mod odometry;
 mod pedals;
 mod planner;
 mod pose;
+mod pose_trust;
 mod predictor;
 mod python;
 mod radar;

@@ -6,10 +6,10 @@ use swerve_flow::{At, Context, Inputs, Operator, Window};
 use swerve_geom::Pose2;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
-use swerve_localization::ndt::Isometry3;
-use swerve_msg::{EgoState, Imu, MapFromOdom, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
+use super::odom::Odometer;
 use super::scan_matcher::{pose_of, readings};
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
@@ -24,6 +24,7 @@ const DRIFT_RADPS: f64 = 0.002;
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
+    odometer: Odometer,
     taken: [u64; 2],
 }
 
@@ -66,7 +67,7 @@ impl Kind for Carried {
     }
 
     fn new(keys: Keys, _: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self { keys, car: DeadReckoning::new(), taken: [0; 2] })
+        Ok(Self { keys, car: DeadReckoning::new(), odometer: Odometer::default(), taken: [0; 2] })
     }
 }
 
@@ -91,17 +92,18 @@ impl Operator for Carried {
             return;
         };
         let map_from_ego = pose_of(found.at_m, found.heading_rad) * moved;
-        let pose = flat(&map_from_ego);
-        out.odom.send(MapFromOdom::of(stamp, pose, flat(&self.car.pose_at(stamp))));
-        out.state.send(EgoState {
+        let at = map_from_ego.translation.vector;
+        let state = EgoState {
             stamp,
-            pose,
+            pose: Pose2::new(at.x, at.y, yaw_rad(&map_from_ego.rotation)),
             speed_mps: self.car.speed_mps(),
             accel_mps2: imu.accel_mps2[0],
             lateral_accel_mps2: imu.accel_mps2[1],
             yaw_rate_radps: imu.gyro_radps[2],
             steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
-        });
+        };
+        out.local.send(self.odometer.advance(&state));
+        out.state.send(state);
         let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
         let [xx, xy, yy] = found.covariance_m2;
         let (drift_m, drift_rad) = (DRIFT * moved.translation.vector.norm(), DRIFT_RADPS * age_s);
@@ -110,9 +112,4 @@ impl Operator for Carried {
         let covariance = [xx + grown_m2, xy, yy + grown_m2, 0.0, 0.0, heading];
         out.quality.send(PoseQuality { stamp, mode, covariance });
     }
-}
-
-/// Place on the ground and heading.
-fn flat<F>(pose: &Isometry3<f64>) -> Pose2<F> {
-    Pose2::new(pose.translation.x, pose.translation.y, yaw_rad(&pose.rotation))
 }

@@ -15,7 +15,7 @@ use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, MapFromOdom, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_sim::sense::GnssParams;
 
 use super::odom::Odometer;
@@ -65,8 +65,8 @@ pub(super) struct Out {
     pub(super) state: Port<EgoState>,
     /// How good that is.
     pub(super) quality: Port<PoseQuality>,
-    /// The odometry frame in the map, with each state.
-    pub(super) odom: Port<MapFromOdom>,
+    /// The pose for control, with each state.
+    pub(super) local: Port<LocalPose>,
 }
 
 /// What is known of a satellite receiver, and of the lane that the car is on.
@@ -272,11 +272,9 @@ impl Operator for Filter {
         if self.awaits_match(input.matches.is_some(), estimate.stamp) {
             quality.mode = PoseMode::Lost;
         }
-        let velocity_mps = [estimate.velocity_mps.x, estimate.velocity_mps.y];
-        let odom = self.odometer.advance(estimate.stamp, velocity_mps, estimate.yaw_rate_radps);
         if quality.mode != PoseMode::Lost {
             let state = self.state(&estimate);
-            out.odom.send(MapFromOdom::of(state.stamp, state.pose, odom));
+            out.local.send(self.odometer.advance(&state));
             out.state.send(state);
         }
         out.quality.send(quality);
