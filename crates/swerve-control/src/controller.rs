@@ -157,8 +157,19 @@ impl Controller {
     /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
     /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
     fn steering_change_rad(&self, input: &Input<'_>, status: Status, here: &Here, dt_s: f64) -> f64 {
-        let comfortable = input.plan.is_some_and(|plan| plan.status == PlanStatus::Comfortable);
-        if status != Status::Plan || !comfortable || self.params.law == Law::Pid {
+        let is_gentle =
+            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
+        let comfortable = input.plan.is_some_and(is_gentle);
+        if self.params.law == Law::Pid {
+            return f64::INFINITY;
+        }
+        let v = input.ego.speed_mps.abs().max(SLOW_MPS);
+        let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
+        // Before the first plan nothing is known that would be worth a swerve.
+        if status == Status::Route {
+            return gentle;
+        }
+        if status != Status::Plan || !comfortable {
             return f64::INFINITY;
         }
         let (ego, beside) = (input.ego, self.at(here.s_m).pose);
@@ -167,8 +178,7 @@ impl Controller {
         if off_m > ON_PLAN_M || off_rad > ON_PLAN_RAD {
             return f64::INFINITY;
         }
-        let v = ego.speed_mps.abs().max(SLOW_MPS);
-        self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s
+        gentle
     }
 
     /// Decides what to follow and loads it as the reference.

@@ -8,6 +8,7 @@ use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Pl
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
 use crate::traffic::{Norm, Traffic, TrafficMetrics};
+use crate::verdict::STANDS_MPS;
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
     Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes,
@@ -98,6 +99,8 @@ pub enum DecidedBy<'a> {
     Gate(GateStop),
     /// A red light, at which the ego waited at the end; its name.
     Light(&'a str),
+    /// The accuracy of the pose, for which the planner stopped the ego: since this instant, seconds.
+    Pose(f64),
     /// Nobody: there was no other.
     Nobody,
 }
@@ -115,6 +118,9 @@ impl Metrics {
         }
         match &self.waits_at_light {
             Some(light) if self.stands_before.is_none() => DecidedBy::Light(light),
+            _ if self.verdict == Verdict::Stopped && self.stands_before.is_none() => {
+                self.plans.pose_uncertain_since_s.map_or_else(actor, DecidedBy::Pose)
+            }
             _ => actor(),
         }
     }
@@ -175,6 +181,8 @@ pub struct Evaluation {
     outcome: Outcome,
     clearances: Clearances,
     drive: Drive,
+    /// Lateral specific force at the centre of gravity in the newest world state.
+    felt_mps2: Option<(Time, f64)>,
     jerk: LateralJerk,
     comfort: Comfort,
     traffic: Traffic,
@@ -195,6 +203,7 @@ impl Evaluation {
             outcome: Outcome::new(params.ego, params.route, params.lights),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
+            felt_mps2: None,
             jerk: LateralJerk::default(),
             comfort: Comfort::default(),
             plans: PlanMetrics::default(),
@@ -217,6 +226,7 @@ impl Evaluation {
             self.comfort.take(&world.ego.state);
             self.traffic.take(world);
         }
+        self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));
         self.response.world_step(world.stamp);
         self.localization.truth(&world.ego.state);
     }
@@ -231,10 +241,12 @@ impl Evaluation {
         self.localization.quality(quality);
     }
 
-    /// A reading of the inertial measurement unit, after the world state of its stamp.
+    /// A reading of the inertial measurement unit, after the world state of its stamp. Its instants are those of the jerk;
+    /// in a simulated world the acceleration is the true one, without the sensor's noise.
     pub fn imu(&mut self, imu: &Imu) {
         if self.counts_for_comfort(imu.stamp) {
-            self.jerk.take(imu.stamp, imu.accel_mps2[1]);
+            let felt = self.felt_mps2.filter(|(at, _)| *at == imu.stamp);
+            self.jerk.take(imu.stamp, felt.map_or(imu.accel_mps2[1], |(_, lateral)| lateral));
         }
     }
 
@@ -288,7 +300,7 @@ impl Evaluation {
         let nearest = self.clearances.smallest();
         let impact = self.outcome.impact();
         Metrics {
-            verdict: self.outcome.verdict(),
+            verdict: self.verdict(),
             end: self.outcome.end(),
             min_distance_m: nearest.map(|c| c.distance_m),
             min_distance_actor: nearest.map(|c| c.actor),
@@ -314,6 +326,15 @@ impl Evaluation {
             gate: self.gate.metrics(),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
+        }
+    }
+
+    /// The outcome's verdict; an ego at rest that the planner stopped for its pose did not run out of time.
+    fn verdict(&self) -> Verdict {
+        let rests = self.drive.metrics().speed_end_mps.abs() <= STANDS_MPS;
+        match self.outcome.verdict() {
+            Verdict::Timeout if rests && self.plans.pose_uncertain_since_s.is_some() => Verdict::Stopped,
+            verdict => verdict,
         }
     }
 

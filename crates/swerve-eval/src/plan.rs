@@ -23,13 +23,16 @@ pub struct PlanCounts {
     /// A path within the limits of comfort was found.
     #[serde(default)]
     pub comfortable: u64,
+    /// A stop, since the pose was too uncertain for the lane.
+    #[serde(default)]
+    pub pose_uncertain: u64,
 }
 
 impl PlanCounts {
     /// How many there are.
     pub fn all(&self) -> u64 {
-        let Self { route, found, kept, brake, stop, gave_up, comfortable } = self;
-        route + found + kept + brake + stop + gave_up + comfortable
+        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain } = self;
+        route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain
     }
 }
 
@@ -43,6 +46,9 @@ pub struct PlanMetrics {
     /// Share of the plans that the comfortable layer made, 0 to 1; the planner itself made the others. Null without a plan.
     #[serde(default)]
     pub comfortable_share: Option<f64>,
+    /// Stamp since which all plans up to the end stop for an uncertain pose, seconds.
+    #[serde(default)]
+    pub pose_uncertain_since_s: Option<f64>,
 }
 
 impl PlanMetrics {
@@ -57,7 +63,13 @@ impl PlanMetrics {
             PlanStatus::Stop => &mut counts.stop,
             PlanStatus::GaveUp => &mut counts.gave_up,
             PlanStatus::Comfortable => &mut counts.comfortable,
+            PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
         } += 1;
+        if plan.status == PlanStatus::PoseUncertain {
+            self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
+        } else {
+            self.pose_uncertain_since_s = None;
+        }
         if plan.status == PlanStatus::Found {
             self.first_found_s.get_or_insert(seconds(plan.stamp));
         }

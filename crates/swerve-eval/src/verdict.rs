@@ -9,7 +9,7 @@ use crate::gate::stop_cause;
 use crate::{LightCourse, Outline, seconds};
 
 /// Below this the ego stands, m/s.
-const STANDS_MPS: f64 = 0.1;
+pub(crate) const STANDS_MPS: f64 = 0.1;
 /// As far ahead as this something is in the way of an ego that stands, metres.
 const IN_THE_WAY_M: f64 = 25.0;
 /// As far beyond a stop line, with its front, an ego still waits at it, metres.

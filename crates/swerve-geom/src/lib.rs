@@ -26,7 +26,7 @@ pub mod simd;
 pub use angle::{angle_between, wrap_angle};
 pub use area::{hull_area_m2, shared_area_m2};
 pub use assignment::heaviest_pairs;
-pub use frame::{Camera, Ego, Lidar, Map, Point, Transform, Vector};
+pub use frame::{Camera, Ego, Lidar, Map, Odom, Point, Transform, Vector};
 pub use obb::Obb;
 pub use planar::{Point2, Pose2, Vector2};
 pub use polyline::{FrenetPoint, Polyline, PolylineError, PolylinePoint};

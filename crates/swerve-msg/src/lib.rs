@@ -41,7 +41,7 @@ pub use gate::{
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use lane::{LaneLine, Lanes};
-pub use localization::{PoseMatch, PoseMode, PoseQuality};
+pub use localization::{LocalPose, PoseMatch, PoseMode, PoseQuality};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
     Track, TrackList,

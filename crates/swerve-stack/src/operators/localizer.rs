@@ -15,9 +15,10 @@ use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_sim::sense::GnssParams;
 
+use super::odom::Odometer;
 use super::scan_matcher::pose_of;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
@@ -48,6 +49,7 @@ pub(super) struct Filter {
     /// Stamp of the newest pose, and how long after it the next one is due where the inertial unit is silent.
     newest: Time,
     due_after: Span,
+    odometer: Odometer,
 }
 
 /// All that says how it moves, and where it is.
@@ -72,6 +74,8 @@ pub(super) struct Out {
     pub(super) state: Port<EgoState>,
     /// How good that is.
     pub(super) quality: Port<PoseQuality>,
+    /// The pose for control, with each state.
+    pub(super) local: Port<LocalPose>,
 }
 
 /// What is known of a satellite receiver, and of the lane that the car is on.
@@ -247,6 +251,7 @@ impl Kind for Filter {
             steering_rad: 0.0,
             newest: Time::ZERO,
             due_after: span_of_ms(config.sensing.imu_period_ms * SILENT),
+            odometer: Odometer::default(),
         })
     }
 
@@ -296,7 +301,9 @@ impl Operator for Filter {
             quality.mode = PoseMode::Lost;
         }
         if quality.mode != PoseMode::Lost {
-            out.state.send(self.state(&estimate));
+            let state = self.state(&estimate);
+            out.local.send(self.odometer.advance(&state));
+            out.state.send(state);
         }
         out.quality.send(quality);
     }

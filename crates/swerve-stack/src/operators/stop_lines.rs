@@ -1,6 +1,7 @@
 //! Stop lines of red lights, as what no plan may go over.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::Time;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{
@@ -85,7 +86,8 @@ impl Operator for StopLines {
             let front_s_m = self.route.project(ego.pose.point()).s_m + to_front_m;
             self.hold(&lights.lights, front_s_m, ego.speed_mps);
             for (k, line_s_m) in self.held.iter().enumerate() {
-                list.predictions.push(self.wall(LAST_ID - k as u32, *line_s_m, &list));
+                let id = ActorId(LAST_ID - k as u32);
+                list.predictions.push(wall(id, *line_s_m, &self.route, list.stamp));
             }
         }
         out.send(list);
@@ -116,20 +118,20 @@ impl StopLines {
         now.extend(self.held.iter().filter(gone));
         self.held = now;
     }
+}
 
-    /// Something that stands across the drivable ground, from the line on, as long as anything is predicted.
-    fn wall(&self, id: u32, line_s_m: f64, list: &PredictionList) -> Prediction {
-        let [length_m, height_m] = WALL_M;
-        let s_m = line_s_m + 0.5 * length_m;
-        let [left_m, right_m] = [self.route.left_m(s_m), self.route.right_m(s_m)];
-        let at = self.route.unproject(FrenetPoint { s_m, d_m: 0.5 * (left_m - right_m) });
-        let pose = Pose2::new(at.x_m, at.y_m, self.route.line().at(s_m).pose.heading_rad);
-        Prediction {
-            id: ActorId(id),
-            kind: ActorKind::Static,
-            extent: Extent { length_m, width_m: left_m + right_m, height_m },
-            probability: 1.0,
-            path: vec![PredictedPose { at: list.stamp, pose }],
-        }
+/// An obstacle across the drivable ground, from arc length `line_s_m` of the route on, for as long as anything is predicted.
+pub(super) fn wall(id: ActorId, line_s_m: f64, route: &Route, at: Time) -> Prediction {
+    let [length_m, height_m] = WALL_M;
+    let s_m = line_s_m + 0.5 * length_m;
+    let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
+    let middle = route.unproject(FrenetPoint { s_m, d_m: 0.5 * (left_m - right_m) });
+    let pose = Pose2::new(middle.x_m, middle.y_m, route.line().at(s_m).pose.heading_rad);
+    Prediction {
+        id,
+        kind: ActorKind::Static,
+        extent: Extent { length_m, width_m: left_m + right_m, height_m },
+        probability: 1.0,
+        path: vec![PredictedPose { at, pose }],
     }
 }
