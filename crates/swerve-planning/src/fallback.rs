@@ -6,7 +6,7 @@ use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use crate::brake::{brake, brake_along, way_ahead};
-use crate::collision::Obstacles;
+use crate::collision::{Obstacles, contact_mps};
 use crate::fot::curvature_max_1pm;
 use crate::fot::poly::Quintic;
 use crate::path::points::{Measured, PathPoint, with_curvature};
@@ -14,33 +14,37 @@ use crate::path::route::PATH_STEP_M;
 use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};
 use crate::request::Request;
 
-/// The previous plan while it is free of collision by `clearance_m`, else full brake along it; where that would end in the
-/// lane of oncoming traffic, a stop in the ego's own lane if one is free.
+/// The previous plan while it is free of collision by `clearance_m`, else full brake along it; where that ends in the lane of
+/// oncoming traffic, a stop in the ego's own lane if that does no more harm.
 pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Plan {
     kept(request, obstacles, clearance_m).unwrap_or_else(|| {
         let full = brake(request);
-        let stays = full.points.last().is_none_or(|end| request.may_rest_at(end.pose));
-        let in_lane = if stays { None } else { stop_in_lane(request, obstacles, clearance_m) };
-        in_lane.unwrap_or(full)
+        if rests_in_lane(request, &full) {
+            return full;
+        }
+        // Negative: it touches nothing.
+        let harm = |plan: &Plan| contact_mps(request, obstacles, plan, clearance_m).unwrap_or(-1.0);
+        let in_lane = SHARES.into_iter().map(|share| stop_on_way_back(request, share));
+        let stops = in_lane.filter(|plan| rests_in_lane(request, plan)).chain([full.clone()]);
+        stops.min_by(|a, b| harm(a).total_cmp(&harm(b))).unwrap_or(full)
     })
 }
 
-/// The hardest braking on the way back to the ego's lane that ends in it, free of collision; none where there is no such.
-fn stop_in_lane(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
-    SHARES.into_iter().find_map(|share| {
-        let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
-        let limits = Limits { brake_max_mps2: share * brake_max_mps2, ..*request.limits };
-        // The friction circle: what braking leaves for turning.
-        let path = with_curvature(&way_back(request, lateral_accel_max_mps2 * (1.0 - share * share).sqrt()));
-        let plan = brake_along(&Request { limits: &limits, ..*request }, &path, PlanStatus::Brake);
-        let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
-        let free = obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
-        let ends = plan.points.last().is_some_and(|end| request.may_rest_at(end.pose));
-        (free && ends).then_some(plan)
-    })
+/// Whether a plan ends where the ego may come to rest.
+fn rests_in_lane(request: &Request<'_>, plan: &Plan) -> bool {
+    plan.points.last().is_none_or(|end| request.may_rest_at(end.pose))
 }
 
-/// Shares of the deceleration that are tried on the way back to the ego's lane.
+/// A share of full brake on the way back to the ego's lane.
+fn stop_on_way_back(request: &Request<'_>, share: f64) -> Plan {
+    let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
+    let limits = Limits { brake_max_mps2: share * brake_max_mps2, ..*request.limits };
+    // The friction circle: what braking leaves for turning.
+    let path = with_curvature(&way_back(request, lateral_accel_max_mps2 * (1.0 - share * share).sqrt()));
+    brake_along(&Request { limits: &limits, ..*request }, &path, PlanStatus::Brake)
+}
+
+/// Shares of full brake that are tried on the way back to the ego's lane, the hardest first.
 const SHARES: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
 
 /// Back to the line: a quintic offset over arc length (Werling 2010, section V.C), as short as the lateral acceleration and
@@ -73,7 +77,7 @@ const QUINTIC_PEAK: f64 = 5.773_502_691_896_258;
 /// oncoming traffic.
 pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
     let previous = request.previous?;
-    if stops(Some(previous)) && !previous.points.last().is_some_and(|end| request.may_rest_at(end.pose)) {
+    if stops(Some(previous)) && !rests_in_lane(request, previous) {
         return None;
     }
     let from = request.start.stamp;
@@ -157,13 +161,13 @@ pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) 
     if way_m > 0.0 && brake_max_mps2 <= request.limits.brake_max_mps2 {
         let limits = Limits { brake_max_mps2, ..*request.limits };
         let plan = stop_after(request, &path, way_m, &limits);
-        if free(&plan, clearance_m) {
+        if free(&plan, clearance_m) && rests_in_lane(request, &plan) {
             return Some(plan);
         }
     }
     // A stop that is under way is not given up for less than a touch.
     let needed_m = if stops(request.previous) { 0.0 } else { clearance_m };
-    Some(brake(request)).filter(|plan| free(plan, needed_m))
+    Some(brake(request)).filter(|plan| free(plan, needed_m) && rests_in_lane(request, plan))
 }
 
 /// Limits for a plan that gives way, or goes round all that walkers may do: not all of the brakes, so that what is late
@@ -234,7 +238,7 @@ mod tests {
     /// At 10 m/s, 3 m to the left of the line, an oncoming truck ahead. Half of 8 m/s² stops after 100 / 8 = 12.5 m; the way
     /// back with what the friction circle leaves, 6.9 m/s², is √(5.77 * 3 m * 100 / 6.9) = 15.8 m long: 0.2 m are left then.
     #[test]
-    fn no_stop_ends_in_the_oncoming_lane_where_the_own_lane_is_free() {
+    fn no_stop_ends_in_the_oncoming_lane_where_the_own_lane_does_no_more_harm() {
         let mut world = World::straight(10.0);
         world.limits.lateral_accel_max_mps2 = 8.0;
         world.start.pose = Pose2::new(0.0, 3.0, 0.0);
@@ -251,7 +255,7 @@ mod tests {
         let (clearance_m, hardest, end) = stop(&oncoming);
         assert!(clearance_m > 0.15 && (hardest + 4.0).abs() < 1e-9, "{clearance_m} {hardest}");
         assert!((end.x_m - 12.5).abs() < 0.3 && (end.y_m - 0.2).abs() < 0.15, "{end:?}");
-        // Somebody in the own lane: full brake, straight ahead.
+        // The truck would reach the ego at rest there, too; a person in the own lane would be hit at speed.
         let blocked = oncoming.with_person((9.0, 0.0), (0.0, 0.0));
         let (_, hardest, end) = stop(&blocked);
         assert!((hardest + 8.0).abs() < 1e-9 && (end.y_m - 3.0).abs() < 1e-6, "{hardest} {end:?}");

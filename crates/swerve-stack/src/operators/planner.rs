@@ -9,7 +9,7 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_msg::{EgoState, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::collision::within_risk;
+use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
@@ -207,10 +207,6 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
-        let predictions = match self.risk_max {
-            Some(risk_max) => Cow::Owned(within_risk(&predictions, risk_max)),
-            None => predictions,
-        };
         let request = Request {
             stamp,
             start,
@@ -222,10 +218,15 @@ impl PlannerOperator {
             previous: self.previous.as_deref(),
             seed: cx.rng().bits(),
         };
-        let plan = match chosen {
+        let (mut unlimited, mut metered) = (Unlimited::default(), Metered(cx));
+        let (planner, budget): (&mut dyn Planner, &mut dyn Budget) = match chosen {
             // What it takes was spent when it was chosen.
-            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
-            None => self.planner.plan(&request, &mut Metered(cx)),
+            Some(planner) => (planner, &mut unlimited),
+            None => (&mut *self.planner, &mut metered),
+        };
+        let plan = match self.risk_max {
+            Some(risk_max) => plan_within_risk(planner, &request, risk_max, budget),
+            None => planner.plan(&request, budget),
         };
         let plan = Arc::new(plan);
         self.previous = Some(plan.clone());
