@@ -76,13 +76,14 @@ fn oncoming_car_keeps_its_lane_in_a_bend() {
             }
         }
     }
-    // On the map its tangent leads out of the bend: 30 m on it is at a radius of √(76² + 30²) = 81.7 m, in the ego's lane.
+    // On the map the chord of the last half second, 2.5 / 76 rad off the tangent, leads out of the bend: 30 m on it is at a
+    // radius of √(77² + 30²) = 82.6 m, beyond the ego's lane.
     let tracks = oncoming(&route, ActorKind::Car, 10.0, 4.0);
     let [(_, [low_m, _])] = offsets(PredictorName::ConstantVelocity, &tracks, Ground::Open, &route)[..]
     else {
         panic!("one mode");
     };
-    assert!((low_m - (80.0 - 81.7)).abs() < 0.4, "{low_m}");
+    assert!((low_m - (80.0 - 82.6)).abs() < 0.1, "{low_m}");
 }
 
 /// A filter sees the same motion on the straightened road and on a straight one, so that turning off weighs the same.
@@ -98,8 +99,6 @@ fn modes_weigh_as_much_in_a_bend_as_on_a_straight_road() {
     for (a, b) in weights(&bend, Ground::Road(&bend)).iter().zip(&wanted) {
         assert!((a - b).abs() < 0.01, "{a} {b}");
     }
-    // On the map the filter that turns explains the bend, and going straight on loses most of its weight.
-    assert!(weights(&bend, Ground::Open)[0] < 0.5 * wanted[0]);
 }
 
 #[test]
