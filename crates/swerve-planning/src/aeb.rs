@@ -119,7 +119,7 @@ impl Aeb {
 
 impl Planner for Aeb {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        self.obstacles.set(request.predictions, self.params.collision);
+        self.obstacles.set(request.predictions, self.params.collision.in_order()[0]);
         let braking = request.previous.is_some_and(|p| p.status == PlanStatus::Brake);
         let factor = if braking { self.params.release_factor } else { 1.0 };
         let within_s = self.params.time_to_collision_s * factor;

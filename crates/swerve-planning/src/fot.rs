@@ -12,7 +12,7 @@ pub mod line;
 pub mod motion;
 mod nearness;
 mod params;
-mod poly;
+pub(crate) mod poly;
 pub mod search;
 
 pub use params::Params;
@@ -272,6 +272,7 @@ fn checks<'a>(
         steering_rate_max_radps: limits.steering_rate_max_radps,
         road,
         road_margin_m: params.road_margin_m,
+        rest_left_m: request.rest_left_m(request.route.project(request.start.pose.point()).s_m),
     };
     let tightest = curvature_max_1pm(limits, request.shape);
     Checks {

@@ -1,6 +1,7 @@
 //! The planner's interface: request in, plan out, within a budget.
 
 use swerve_core::Time;
+use swerve_geom::Pose2;
 use swerve_msg::{EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -28,7 +29,23 @@ pub struct Request<'a> {
     pub seed: u64,
 }
 
+/// A stop may end this far over the left border of the ego's lane, metres.
+const OVER_M: f64 = 0.3;
+
 impl Request<'_> {
+    /// Offset of the line up to which the ego may come to rest at arc length `s_m`, metres: to its left is the lane of oncoming
+    /// traffic. The line is the centre of the ego's lane, so that the lane's border is no farther than either edge of the
+    /// ground.
+    pub(crate) fn rest_left_m(&self, s_m: f64) -> f64 {
+        self.route.left_m(s_m).min(self.route.right_m(s_m)) - 0.5 * self.shape.width_m + OVER_M
+    }
+
+    /// Whether the ego may come to rest with its origin here: not in the lane of oncoming traffic.
+    pub(crate) fn may_rest_at(&self, pose: Pose2) -> bool {
+        let place = self.route.project(pose.point());
+        place.d_m <= self.rest_left_m(place.s_m)
+    }
+
     /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.
     pub fn obstacle_in_range(&self, range_m: f64) -> bool {
         let start = self.start.pose.point();

@@ -125,13 +125,17 @@ impl Expectation {
     /// In what way a run differs from what is expected; empty when it is as expected. `value` gives the
     /// metrics of the run, `None` for one that it does not have, which breaks its bound. Exceptions: a run that hits nothing
     /// is within every upper bound on how fast it may hit; one that is never on the way to a collision, or has no lead, is
-    /// within every lower bound on time to collision and headway.
+    /// within every lower bound on time to collision and headway. A red light that is passed breaks every expectation
+    /// without a bound on [`Metric::RedLightsPassed`].
     pub fn broken_by(&self, verdict: Verdict, value: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
         if verdict != self.verdict && verdict.old_name() != self.verdict {
             broken.push(format!("expected the verdict {}, got {verdict}", self.verdict));
         }
-        for bound in &self.bounds {
+        let passed = Metric::RedLightsPassed;
+        let none_passed = Bound { metric: passed, min: None, max: Some(0.0) };
+        let is_bounded = self.bounds.iter().any(|bound| bound.metric == passed) || value(passed).is_none();
+        for bound in self.bounds.iter().chain((!is_bounded).then_some(&none_passed)) {
             let name = bound.metric.name();
             match value(bound.metric) {
                 None if bound.metric.is_kept_without(bound) => {}
@@ -198,7 +202,8 @@ mod tests {
             ..expectation.clone()
         };
         assert_eq!(at_most.broken_by(Verdict::Avoided, |_| None), Vec::<String>::new());
-        assert_eq!(at_most.broken_by(Verdict::Avoided, |_| Some(9.0)).len(), 1);
+        let hits = |metric| (metric == Metric::ImpactSpeedMps).then_some(9.0);
+        assert_eq!(at_most.broken_by(Verdict::Avoided, hits).len(), 1);
         for metric in [Metric::MinTtcS, Metric::MinHeadwayS] {
             for (max, broken) in [(None, 0), (Some(5.0), 1)] {
                 let bounds = vec![bound(metric, Some(1.5), max)];
@@ -207,5 +212,20 @@ mod tests {
                 assert_eq!(near.broken_by(Verdict::Avoided, |_| Some(1.4)).len(), 1, "{}", metric.name());
             }
         }
+    }
+
+    #[test]
+    fn red_light_passed_is_not_as_expected_unless_bounded() {
+        let mut expectation = Expectation { pipeline: None, verdict: Verdict::Completed, bounds: Vec::new() };
+        let passed = |n: f64| move |metric| (metric == Metric::RedLightsPassed).then_some(n);
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(0.0)), Vec::<String>::new());
+        assert_eq!(
+            expectation.broken_by(Verdict::Completed, passed(1.0)),
+            ["expected red_lights_passed of at most 0, got 1"]
+        );
+        let allowed = Bound { metric: Metric::RedLightsPassed, min: None, max: Some(1.0) };
+        expectation.bounds.push(allowed);
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(1.0)), Vec::<String>::new());
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(2.0)).len(), 1);
     }
 }

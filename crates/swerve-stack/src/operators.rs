@@ -17,6 +17,7 @@ mod ladder;
 mod lanes;
 mod lidar;
 mod lidar_objects;
+mod light_sensor;
 mod localizer;
 mod monitor;
 mod objects_now;
@@ -62,6 +63,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<events::CollisionSensor>()
         .with::<events::LaneInvasions>()
         .with::<events::RedLights>()
+        .with::<light_sensor::LightSensor>()
         .with_kind(radar::Radars)
         .with_kind(camera::Cameras)
         .with_kind(lidar::Lidars)

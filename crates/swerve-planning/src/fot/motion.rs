@@ -170,6 +170,8 @@ pub struct Drivable<'a> {
     pub road: &'a Road,
     /// Distance to keep from its edge, metres.
     pub road_margin_m: f64,
+    /// Offset up to which a motion may end at rest, metres: to its left is the lane of oncoming traffic.
+    pub rest_left_m: f64,
 }
 
 /// Largest time between two looks at the limits, seconds.
@@ -187,6 +189,9 @@ const EXACT_M: f64 = 2e-4;
 
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
+
+/// A motion that ends slower than this ends at rest, m/s.
+const RESTS_MPS: f64 = 1.0;
 
 /// Who is nearer than the clearance by this much at any instant is found too near wherever the looks lie: no less than what
 /// moves between two of them (`RESOLUTION_M` of motions), metres.
@@ -211,7 +216,7 @@ impl Hints {
 impl Checks<'_> {
     /// Whether `motion` may be driven from 0 to `last_s`; `hints` are those of the motions before it.
     pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hints: &mut Hints) -> bool {
-        if self.fails_too(line, motion, last_s, hints) {
+        if self.rests_among_oncoming(motion) || self.fails_too(line, motion, last_s, hints) {
             return false;
         }
         let end_s = last_s + self.tail_s;
@@ -243,6 +248,13 @@ impl Checks<'_> {
         let near_s = self.first_near(line, motion, end_s, &peaks, grace.clearance_m);
         near_s.into_iter().for_each(|t_s| hints.add(t_s));
         near_s.is_none()
+    }
+
+    /// Whether `motion` ends at rest in the lane of oncoming traffic.
+    fn rests_among_oncoming(&self, motion: &Motion) -> bool {
+        let Some(drivable) = &self.drivable else { return false };
+        motion.longitudinal.at(motion.end_s).v < RESTS_MPS
+            && motion.lateral.at(motion.end_s).x > drivable.rest_left_m
     }
 
     /// Whether `motion` is sure to fail, where those before it came too near to something.

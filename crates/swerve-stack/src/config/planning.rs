@@ -114,7 +114,7 @@ pub struct PlanningConfig {
     /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way: slow
     /// or stop while that suffices, else go by where they are predicted to be), `risk` (as `may_stop`, but the least
     /// likely modes of a predictor are not kept clear of, up to `risk_max`), or the original's `swept_static`; when
-    /// absent `may_stop`, under the preset `paper` the original's.
+    /// absent `risk`, under the preset `paper` the original's.
     pub collision: Option<CollisionMode>,
     /// With `collision = "risk"`: probability that a plan may touch anybody, as far as predictions are right.
     pub risk_max: f64,
@@ -219,7 +219,7 @@ impl PlanningConfig {
     pub fn collision(&self) -> CollisionMode {
         self.collision.unwrap_or(match self.preset {
             Preset::Paper => CollisionMode::SweptStatic,
-            Preset::Best => CollisionMode::MayStop,
+            Preset::Best => CollisionMode::Risk,
         })
     }
 

@@ -9,7 +9,7 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_msg::{EgoState, LocalPose, Plan, PoseQuality, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::collision::within_risk;
+use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
@@ -205,10 +205,6 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
-        let predictions = match self.risk_max {
-            Some(risk_max) => Cow::Owned(within_risk(&predictions, risk_max)),
-            None => predictions,
-        };
         let predictions = match self.trust.wall(measured, &self.route) {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
@@ -224,10 +220,15 @@ impl PlannerOperator {
             previous,
             seed: cx.rng().bits(),
         };
-        let plan = match chosen {
+        let (mut unlimited, mut metered) = (Unlimited::default(), Metered(cx));
+        let (planner, budget): (&mut dyn Planner, &mut dyn Budget) = match chosen {
             // What it takes was spent when it was chosen.
-            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
-            None => self.planner.plan(&request, &mut Metered(cx)),
+            Some(planner) => (planner, &mut unlimited),
+            None => (&mut *self.planner, &mut metered),
+        };
+        let plan = match self.risk_max {
+            Some(risk_max) => plan_within_risk(planner, &request, risk_max, budget),
+            None => planner.plan(&request, budget),
         };
         let plan = Arc::new(self.trust.explained(plan));
         (self.previous, self.previous_local) = (Some(plan.clone()), local);
