@@ -7,6 +7,7 @@
 
 pub mod candidate;
 mod follow;
+mod lateral;
 pub mod lattice;
 pub mod line;
 pub mod motion;
@@ -29,9 +30,10 @@ use crate::path::route::PATH_STEP_M;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
 use candidate::{Candidate, Outcome};
+pub use lateral::FrenetState;
 use lattice::Lattice;
 use line::{Line, OnLine, RouteLine};
-use motion::{Checks, Drivable, FrenetState, Place};
+use motion::{Checks, Drivable, Place};
 use search::{Search, Task};
 use swerve_core::param::ParamError;
 
@@ -40,6 +42,15 @@ const POINT_STEP_S: f64 = 0.1;
 
 /// How far a way goes on beyond the plan that it continues, metres.
 const WAY_ON_M: f64 = 100.0;
+
+/// Below this speed lateral motion is a function of arc length, m/s.
+const LOW_MPS: f64 = 4.0;
+
+/// Below this speed the curvature of the ego's way is that of its wheels: a yaw rate says nothing, m/s.
+const WHEELS_MPS: f64 = 1.0;
+
+/// Cosine of the largest angle to the line from which lateral motion is a function of arc length.
+const COS_MIN: f64 = 0.3;
 
 /// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
 #[derive(Clone, Debug)]
@@ -106,12 +117,23 @@ impl Fot {
         let turning = s1 * (node.bend_1pm2 * s1 * d_m + 2.0 * node.curvature_1pm * d1);
         let s2 = (accel_t + turning) / stretch;
         let d2 = accel_n - node.curvature_1pm * s1 * s1 * stretch;
-        FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2] }
+        let d_by_s = if speed_mps < LOW_MPS && cos > COS_MIN {
+            // Heading and curvature as derivatives by arc length: those of the path, whatever the speed.
+            let slope = stretch * sin / cos;
+            let length = stretch / cos;
+            let curvature = standing_curvature_1pm(request, speed_mps);
+            let narrows = node.bend_1pm2 * d_m + 2.0 * node.curvature_1pm * slope;
+            let bend = (curvature * length * length * length - slope * narrows) / stretch;
+            Some([d_m, slope, bend - node.curvature_1pm * stretch])
+        } else {
+            None
+        };
+        FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2], d_by_s }
     }
 
     /// The speed to aim for: no more change than the limits give within the earliest end.
     fn target(&self, request: &Request<'_>) -> f64 {
-        let target_mps = request.target_speed_mps;
+        let target_mps = request.target_speed_mps.min(self.params.max_speed_mps);
         // From and to zero acceleration a quartic peaks at 1.5 times its mean.
         let within_s = 0.9 * self.params.horizon_min_s / 1.5;
         let v = request.start.speed_mps.max(0.0);
@@ -281,12 +303,26 @@ fn checks<'a>(
         clearance_m: params.clearance_m,
         exact: false,
         curvature_max_1pm: params.max_curvature_1pm.min(tightest),
+        speed_max_mps: params.max_speed_mps,
+        accel_max_mps2: params.max_accel_mps2,
         offset_m: (f64::NEG_INFINITY, f64::INFINITY),
         smooth: true,
         drivable: Some(drivable),
         heading: (cos, sin),
         tail_s: params.tail_s,
     }
+}
+
+/// Curvature of the way of an ego that is slow, 1/m.
+fn standing_curvature_1pm(request: &Request<'_>, speed_mps: f64) -> f64 {
+    let start = &request.start;
+    let tightest = curvature_max_1pm(request.limits, request.shape);
+    let curvature = if speed_mps < WHEELS_MPS {
+        math::tan(start.steering_rad) / request.shape.wheelbase_m
+    } else {
+        start.yaw_rate_radps / speed_mps
+    };
+    curvature.clamp(-tightest, tightest)
 }
 
 /// Curvature at full lock, 1/m.
