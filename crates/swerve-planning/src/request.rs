@@ -1,6 +1,7 @@
 //! The planner's interface: request in, plan out, within a budget.
 
 use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Point2};
 use swerve_msg::{EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -14,6 +15,9 @@ pub struct Request<'a> {
     pub start: EgoState,
     /// Where to go and what ground may be used.
     pub route: &'a Route,
+    /// Arc length of the route near the start, metres: on a road that meets itself the nearest place may be another.
+    /// `None`: the nearest place with the start's direction.
+    pub along_m: Option<f64>,
     /// Speed to hold when nothing is in the way, m/s.
     pub target_speed_mps: f64,
     /// Motions of the others, ordered by identity.
@@ -28,7 +32,25 @@ pub struct Request<'a> {
     pub seed: u64,
 }
 
+/// Reach of the search for places near the start, metres.
+const START_REACH_M: f64 = 15.0;
+
 impl Request<'_> {
+    /// The place of the start along the route.
+    pub fn place(&self) -> FrenetPoint {
+        let pose = self.start.pose;
+        match self.along_m {
+            Some(s_m) => self.route.project_near(pose.point(), s_m, START_REACH_M),
+            None => self.route.line().project_pose(pose),
+        }
+    }
+
+    /// The place of a point that is near the start or up to `ahead_m` further along the route.
+    pub fn place_of(&self, point: Point2, ahead_m: f64) -> FrenetPoint {
+        let half_m = 0.5 * ahead_m.max(0.0);
+        self.route.project_near(point, self.place().s_m + half_m, half_m + START_REACH_M)
+    }
+
     /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.
     pub fn obstacle_in_range(&self, range_m: f64) -> bool {
         let start = self.start.pose.point();

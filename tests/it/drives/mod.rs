@@ -7,6 +7,8 @@ mod gate;
 mod lost;
 mod perception;
 mod prediction;
+mod roads;
 mod sensors;
+mod setting_off;
 mod story;
 mod traffic_lights;

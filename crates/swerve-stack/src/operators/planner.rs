@@ -8,6 +8,7 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
+use swerve_geom::LineTracker;
 use swerve_msg::{EgoState, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
 use swerve_planning::collision::within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
@@ -141,6 +142,8 @@ struct PlannerOperator {
     /// Moved on by this where the start is predicted.
     expected: Option<Span>,
     previous: Option<Arc<Plan>>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 impl PlannerOperator {
@@ -161,6 +164,7 @@ impl PlannerOperator {
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
             expected,
             previous: None,
+            place: LineTracker::default(),
         })
     }
 }
@@ -199,6 +203,9 @@ impl PlannerOperator {
             None => *measured,
             Some(ahead) => predicted_start(measured, self.previous.as_deref(), ahead),
         };
+        let here = self.place.locate(self.route.line(), measured.pose);
+        let reach_m = measured.pose.point().distance(start.pose.point()) + 1.0;
+        let place = self.route.project_near(start.pose.point(), here.s_m, reach_m);
         let stamp = predictions.stamp;
         let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
             true => Cow::Borrowed(&predictions.predictions),
@@ -215,6 +222,7 @@ impl PlannerOperator {
             stamp,
             start,
             route: &self.route,
+            along_m: Some(place.s_m),
             target_speed_mps: self.target_speed_mps * self.speed_share,
             predictions: &predictions,
             shape: &self.shape,

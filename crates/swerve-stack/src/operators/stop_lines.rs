@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
-use swerve_geom::{FrenetPoint, Pose2};
+use swerve_geom::{FrenetPoint, LineTracker, Pose2};
 use swerve_msg::{
     ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, PredictionList, Route, Signal,
     TrafficLight, TrafficLights,
@@ -28,6 +28,8 @@ pub(super) struct StopLines {
     shape: Shape,
     /// Lines at which the ego stops, by where they are.
     held: Vec<f64>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 /// Its keys.
@@ -68,7 +70,13 @@ impl Kind for StopLines {
 
     fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
-        Ok(Self { table, route: around.route.clone(), shape: around.vehicle.shape, held: Vec::new() })
+        Ok(Self {
+            table,
+            route: around.route.clone(),
+            shape: around.vehicle.shape,
+            held: Vec::new(),
+            place: LineTracker::default(),
+        })
     }
 }
 
@@ -82,7 +90,7 @@ impl Operator for StopLines {
         let ego = input.poses.get().iter().rev().find(|pose| pose.stamp <= list.stamp);
         if let (Some(lights), Some(ego)) = (input.lights.get(), ego.filter(|ego| ego.is_plausible())) {
             let to_front_m = self.shape.length_m - self.shape.rear_overhang_m;
-            let front_s_m = self.route.project(ego.pose.point()).s_m + to_front_m;
+            let front_s_m = self.place.locate(self.route.line(), ego.pose).s_m + to_front_m;
             self.hold(&lights.lights, front_s_m, ego.speed_mps);
             for (k, line_s_m) in self.held.iter().enumerate() {
                 list.predictions.push(self.wall(LAST_ID - k as u32, *line_s_m, &list));
