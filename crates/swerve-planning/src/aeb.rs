@@ -89,7 +89,7 @@ impl Aeb {
     ) -> Option<f64> {
         let line = request.route.line();
         let start = &request.start;
-        let FrenetPoint { s_m, d_m } = line.project(start.pose.point());
+        let FrenetPoint { s_m, d_m } = request.place();
         let speed_mps = start.speed_mps.max(0.0);
         let outline = |t_s: f64| {
             let on_line = line.at(s_m + speed_mps * t_s).pose;
@@ -126,7 +126,7 @@ impl Planner for Aeb {
         let mut counted = Counted::new(budget);
         let plan = match self.time_to_collision_s(request, within_s, &mut counted) {
             Some(_) => {
-                let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
+                let path = route_path(request.route.line(), request.place().s_m, brake_length_m(request));
                 brake_along(request, &path, PlanStatus::Brake)
             }
             None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),

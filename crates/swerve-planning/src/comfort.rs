@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive, require_within};
 use swerve_core::{Span, Time};
-use swerve_geom::{Pose2, angle_between};
+use swerve_geom::{Pose2, angle_between, math};
 use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
@@ -129,11 +129,19 @@ impl Comfort {
         let easy = Request { start, limits: &limits, ..*request };
         let curves_mps = before_curves_mps(self.gentle.along(&easy), &easy);
         let target_speed_mps = request.target_speed_mps.min(curves_mps);
-        let found = self.gentle.found(&Request { target_speed_mps, ..easy }, budget);
-        let plan = found.or_else(|| stop(&easy, &self.gentle, &self.params))?;
+        let slowed = Request { target_speed_mps, ..easy };
+        let plan = match self.gentle.found(&slowed, budget) {
+            Some(plan) => plan,
+            // An ego at rest that could not set off with nobody there does not wait for anybody.
+            None if start.speed_mps < REST_MPS && !self.gentle.finds_alone(&slowed, budget) => return None,
+            None => stop(&easy, &self.gentle, &self.params)?,
+        };
         Some(Plan { status: PlanStatus::Comfortable, ..plan })
     }
 }
+
+/// Slower than this the ego is at rest, m/s.
+const REST_MPS: f64 = 0.1;
 
 /// A lateral acceleration beyond this share of the limit is not that of a comfortable plan.
 const SWERVE_SHARE: f64 = 1.1;
@@ -143,7 +151,10 @@ const SWERVE_SHARE: f64 = 1.1;
 /// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
 fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
     let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
-    let path = with_curvature(&gentle.way_on(request));
+    // As far as the gentlest steady braking takes.
+    let v = request.start.speed_mps.max(0.0);
+    let further_m = v * v * f64::from(BRAKE_STEPS) / (2.0 * brake_max_mps2) + v * SETTLE_S;
+    let path = with_curvature(&gentle.way_on(request, further_m));
     let path = Measured::new(&path);
     let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
     let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
@@ -158,6 +169,9 @@ fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
             continue;
         }
         let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        if !gentle.keeps_road(request, &poses) {
+            continue;
+        }
         if free(&poses, STOP_GAP_M.max(params.clearance_m)) {
             return Some(plan);
         }
@@ -194,6 +208,9 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan 
 /// Distance left before what is stopped for, where there is room, metres.
 const STOP_GAP_M: f64 = 1.5;
 
+/// Time that a deceleration takes to grow, seconds.
+const SETTLE_S: f64 = 2.0;
+
 /// Steady decelerations that are tried, up to the limit of comfort.
 const BRAKE_STEPS: u32 = 7;
 
@@ -228,6 +245,8 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
         time_step_s: 0.5,
         speed_step_mps: 0.5,
         speed_steps: 1,
+        // The target speed is the only one.
+        max_speed_mps: SPEED_MAX_MPS,
         horizon_min_s: 3.0,
         horizon_max_s: 7.0,
         slower_speeds: 12,
@@ -245,6 +264,9 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
         }
     }
 }
+
+/// More than any vehicle's speed, m/s.
+const SPEED_MAX_MPS: f64 = 1e3;
 
 /// An ego nearer to its plan than this, in place, speed and heading, takes it up where it should be by now.
 const ON_PLAN_M: f64 = 0.5;
@@ -268,6 +290,7 @@ fn taken_up(request: &Request<'_>) -> EgoState {
         pose: p.pose,
         speed_mps: p.speed_mps,
         accel_mps2: p.accel_mps2,
+        steering_rad: math::atan(request.shape.wheelbase_m * p.curvature_1pm),
         yaw_rate_radps,
         lateral_accel_mps2: p.speed_mps * yaw_rate_radps,
         ..start
@@ -297,7 +320,7 @@ fn before_curves_mps((line, s_m): (&Line, f64), request: &Request<'_>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use swerve_geom::{Point2, math};
+    use swerve_geom::Point2;
     use swerve_msg::Prediction;
 
     use super::*;

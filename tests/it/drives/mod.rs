@@ -8,6 +8,8 @@ mod gate_stops;
 mod lost;
 mod perception;
 mod prediction;
+mod roads;
 mod sensors;
+mod setting_off;
 mod story;
 mod traffic_lights;

@@ -2,6 +2,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, Verdict, Why};
+use swerve_geom::LineTracker;
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Signal};
 use swerve_stack::pipeline::Pipeline;
@@ -57,9 +58,10 @@ impl<'a> Way<'a> {
         let lights = light_courses(&pipeline.scenario, pipeline.until);
         let shape = &pipeline.vehicle.shape;
         let front_m = shape.center_ahead_m() + 0.5 * shape.length_m;
-        let front = |state: &EgoState| pipeline.route.project(state.pose.ahead(front_m).point()).s_m;
+        let mut place = LineTracker::default();
+        let mut front = |state: &EgoState| place.locate(pipeline.route.line(), state.pose.ahead(front_m)).s_m;
         // Where there is no line, nobody asks.
-        let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(front).collect() };
+        let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(&mut front).collect() };
         Ok(Self { metrics, states, front_s_m, lights })
     }
 

@@ -8,6 +8,7 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
+use swerve_geom::LineTracker;
 use swerve_msg::{EgoState, LocalPose, Plan, PoseQuality, Prediction, PredictionList, Route, RungTaken};
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
@@ -148,6 +149,8 @@ struct PlannerOperator {
     local: LocalPoses,
     /// The pose for control of the previous plan's stamp.
     previous_local: Option<LocalPose>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 impl PlannerOperator {
@@ -169,6 +172,7 @@ impl PlannerOperator {
             previous: None,
             local: LocalPoses::default(),
             previous_local: None,
+            place: LineTracker::default(),
         })
     }
 }
@@ -198,6 +202,9 @@ impl PlannerOperator {
             None => *measured,
             Some(ahead) => predicted_start(measured, previous, ahead),
         };
+        let here = self.place.locate(self.route.line(), measured.pose);
+        let reach_m = measured.pose.point().distance(start.pose.point()) + 1.0;
+        let place = self.route.project_near(start.pose.point(), here.s_m, reach_m);
         let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
             true => Cow::Borrowed(&predictions.predictions),
             false => {
@@ -213,6 +220,7 @@ impl PlannerOperator {
             stamp,
             start,
             route: &self.route,
+            along_m: Some(place.s_m),
             target_speed_mps: self.target_speed_mps * self.trust.speed_share(),
             predictions: &predictions,
             shape: &self.shape,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
-use swerve_geom::{FrenetPoint, Pose2};
+use swerve_geom::{FrenetPoint, LineTracker, Pose2};
 use swerve_msg::{
     ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, PredictionList, Route, Signal,
     TrafficLight, TrafficLights,
@@ -34,6 +34,8 @@ pub(super) struct StopLines {
     held: Vec<f64>,
     /// Lines of yellow lights, and since when they are yellow.
     yellow: Vec<(f64, Time)>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 /// Its keys.
@@ -97,7 +99,7 @@ impl Operator for StopLines {
         let ego = input.poses.get().iter().rev().find(|pose| pose.stamp <= list.stamp);
         if let (Some(lights), Some(ego)) = (input.lights.get(), ego.filter(|ego| ego.is_plausible())) {
             let to_front_m = self.shape.length_m - self.shape.rear_overhang_m;
-            let front_s_m = self.route.project(ego.pose.point()).s_m + to_front_m;
+            let front_s_m = self.place.locate(self.route.line(), ego.pose).s_m + to_front_m;
             self.hold(lights, front_s_m, ego.speed_mps);
             for (k, line_s_m) in self.held.iter().enumerate() {
                 let id = ActorId(LAST_ID - k as u32);
@@ -111,7 +113,15 @@ impl Operator for StopLines {
 impl StopLines {
     fn on(table: Table, route: Route, vehicle: &VehicleParams) -> Self {
         let brake_max_mps2 = vehicle.limits.brake_max_mps2;
-        Self { table, route, shape: vehicle.shape, brake_max_mps2, held: Vec::new(), yellow: Vec::new() }
+        Self {
+            table,
+            route,
+            shape: vehicle.shape,
+            brake_max_mps2,
+            held: Vec::new(),
+            yellow: Vec::new(),
+            place: LineTracker::default(),
+        }
     }
 
     /// Updates the lines at which the ego stops: of red lights, of yellow ones as [`stops_at_yellow`](Self::stops_at_yellow)
