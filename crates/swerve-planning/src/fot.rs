@@ -12,7 +12,7 @@ pub mod line;
 pub mod motion;
 mod nearness;
 mod params;
-mod poly;
+pub(crate) mod poly;
 pub mod search;
 
 pub use params::Params;
@@ -147,6 +147,36 @@ impl Fot {
         (self.line.line(), self.line.locate(request.start.pose).s_m)
     }
 
+    /// Where the request starts beside the route's line.
+    pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
+        self.line.follow(request.route.line());
+        self.line.locate(request.start.pose)
+    }
+
+    /// The route's line as followed last.
+    pub(crate) fn line(&self) -> &Line {
+        self.line.line()
+    }
+
+    /// Candidates end between these offsets, metres: to the left of the line, and to its right.
+    pub(crate) fn set_offsets(&mut self, left_m: f64, right_m: f64) {
+        (self.params.left_m, self.params.right_m) = (left_m, right_m);
+    }
+
+    /// The cheapest valid plan at about the target speed, by the first of the collision modes; no fallback.
+    pub(crate) fn at_speed(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, _| {
+            search.run(task, lattice, Some(&mut *budget), &mut 0).found()
+        })
+    }
+
+    /// The cheapest valid plan behind what is in the way, or slower than the target; no fallback.
+    pub(crate) fn slower(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, other| behind(search, task, lattice, other, budget))
+    }
+
     /// The obstacles that were asked about last.
     pub(crate) fn obstacles(&self) -> &Obstacles {
         &self.obstacles
@@ -163,15 +193,6 @@ impl Fot {
             Pose2::new(x_m, y_m, math::atan2(node.sin, node.cos))
         }));
         poses
-    }
-
-    /// The cheapest valid plan, by the first of the collision modes; no fallback.
-    pub(crate) fn found(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
-        self.set_world(request, self.params.collision.in_order()[0]);
-        self.search(request, |search, task, lattice, other| {
-            let all = search.run(task, lattice, Some(&mut *budget), &mut 0);
-            all.found().or_else(|| behind(search, task, lattice, other, budget))
-        })
     }
 
     /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.

@@ -1,0 +1,77 @@
+//! Braking steadily along a way until the ego stands.
+
+use swerve_core::{Span, Time};
+use swerve_geom::Pose2;
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
+
+use crate::collision::Obstacles;
+use crate::path::points::{Measured, PathPoint, with_curvature};
+use crate::request::Request;
+
+/// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by `gap_m`, or by
+/// `clearance_m` where none keeps that. `brakes_mps2` are tried in their order.
+///
+/// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
+pub(crate) fn stop(
+    request: &Request<'_>,
+    way: &[Pose2],
+    obstacles: &Obstacles,
+    brakes_mps2: impl Iterator<Item = f64>,
+    [gap_m, clearance_m]: [f64; 2],
+) -> Option<Plan> {
+    let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
+    let path = with_curvature(way);
+    let path = Measured::new(&path);
+    let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+    let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
+        obstacles.path_free(|pose| request.shape.footprint(pose), poses, clearance_m)
+    };
+    let mut too_near = Vec::new();
+    for brake_mps2 in brakes_mps2 {
+        let plan = braking(request, &path, brake_mps2);
+        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
+            continue;
+        }
+        let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        if free(&poses, gap_m.max(clearance_m)) {
+            return Some(plan);
+        }
+        too_near.push((plan, poses));
+    }
+    too_near.into_iter().find(|(_, poses)| free(poses, clearance_m)).map(|(plan, _)| plan)
+}
+
+/// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];
+/// standing after that.
+fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan {
+    let start = &request.start;
+    let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
+    let mut accel_mps2 = start.accel_mps2.clamp(-brake_mps2, request.limits.accel_max_mps2);
+    let mut points = Vec::new();
+    let mut at = start.stamp;
+    let mut standing = 0;
+    while standing < STAND_STEPS {
+        let PathPoint { pose, curvature_1pm } = path.at(s_m);
+        points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
+        // So hard that it can die away until the ego stands, and never so gently that it creeps.
+        let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);
+        let next = wanted.max(accel_mps2 - JERK_MPS3 * STEP_S);
+        let next_mps = (speed_mps + 0.5 * (accel_mps2 + next) * STEP_S).max(0.0);
+        s_m += 0.5 * (speed_mps + next_mps) * STEP_S;
+        accel_mps2 = if next_mps > 0.0 { next } else { 0.0 };
+        standing += u32::from(next_mps == 0.0);
+        speed_mps = next_mps;
+        at += Span::from_secs(STEP_S);
+    }
+    Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
+}
+
+/// How fast a steady deceleration grows, m/s³.
+const JERK_MPS3: f64 = 5.0;
+
+/// Least deceleration of a stop, m/s².
+const CREEP_BRAKE_MPS2: f64 = 0.3;
+
+/// Time between the points of a stop, seconds, and how many of them it stands at its end.
+pub(crate) const STEP_S: f64 = 0.1;
+const STAND_STEPS: u32 = 20;
