@@ -20,7 +20,7 @@ const GAP_GAIN_1PS2: f64 = 0.1;
 const OPENING_MPS2: f64 = 1.0;
 
 /// Hardest braking to keep the time gap: so much more for each speed with which the gap closes, 1/s.
-const FIRM_1PS: f64 = 0.25;
+const FIRM_1PS: f64 = 0.4;
 
 /// A deceleration that is needed begins to count at the first of these and counts in full from the second on, m/s²:
 /// approaching brakes late and steadily, not early and hardly at all.
@@ -200,32 +200,40 @@ impl Follower<'_> {
                 return -CREEP_MPS2.max(needed_mps2(v, 0.0, 0.0, room_m.max(0.1)).min(self.accel.brake_mps2));
             }
         }
-        let error_m = gap_m - standing_m - self.gaps.time_s * v;
-        let keeps_mps2 = (SPEED_GAIN_1PS * (lead_mps - v) + GAP_GAIN_1PS2 * error_m).max(-OPENING_MPS2);
-        // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
+        // To a slower lead the gap that its speed needs.
+        let error_m = gap_m - standing_m - self.gaps.time_s * v.min(lead_mps);
         let closing_mps = (v - lead_mps).max(0.0);
+        let keeps_mps2 = (SPEED_GAIN_1PS * (lead_mps - v) + GAP_GAIN_1PS2 * error_m).max(-OPENING_MPS2);
+        // It is not crept up to more slowly than by the steady deceleration that ends there.
+        let steady_mps2 =
+            if error_m > 0.0 { closing_mps * closing_mps / (2.0 * error_m) } else { f64::INFINITY };
+        let keeps_mps2 = keeps_mps2.max(-steady_mps2);
+        // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
         let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
-        let in_time = counted(needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps));
-        keeps_mps2.min(-in_time.min(firm_mps2)).min(-self.braking(v, lead_mps, brake_mps2, gap_m, room_m))
+        let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
+        keeps_mps2
+            .min(self.counted(in_time.min(firm_mps2)))
+            .min(self.braking(v, lead_mps, brake_mps2, gap_m, room_m))
     }
 
-    /// The deceleration for a gap that closes, m/s².
+    /// The bound on the acceleration for a gap that closes, m/s².
     fn braking(&self, v: f64, lead_mps: f64, brake_mps2: f64, gap_m: f64, room_m: f64) -> f64 {
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
             // Beyond comfort the standstill gap is given up for less braking.
             let least = needed_mps2(v, lead_mps, brake_mps2, gap_m - LEAST_GAP_M.min(0.5 * gap_m));
-            return needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
+            return -needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
         }
-        counted(needed)
+        self.counted(needed)
     }
-}
 
-/// What counts of a deceleration that is needed, m/s².
-fn counted(needed_mps2: f64) -> f64 {
-    let [from, full] = NEEDED_MPS2;
-    needed_mps2 * ((needed_mps2 - from) / (full - from)).clamp(0.0, 1.0)
+    /// The bound on the acceleration by a deceleration that is needed: none at all to all of it, m/s².
+    fn counted(&self, needed_mps2: f64) -> f64 {
+        let [from, full] = NEEDED_MPS2;
+        let share = ((needed_mps2 - from) / (full - from)).clamp(0.0, 1.0);
+        (1.0 - share) * self.accel.most_mps2 - share * needed_mps2
+    }
 }
 
 /// The least constant deceleration with which an ego at `v` comes no nearer than `room_m` allows to a lead at `lead_mps`

@@ -50,9 +50,6 @@ impl Lane<'_> {
 }
 
 /// Points along the line at the steps of a profile, from beside it back to its centre.
-///
-/// The offset is a quintic over arc length, so that it does not depend on the speed and holds at standstill (Werling 2010,
-/// section V.C); headings and curvatures are those of the motion (ibid., appendix I).
 pub(crate) fn back_to_centre(
     line: &Line,
     place: &OnLine,
@@ -60,15 +57,40 @@ pub(crate) fn back_to_centre(
     steps: &[Step],
     shape: &Shape,
 ) -> Vec<PlanPoint> {
+    let length_m = (RETURN_S * start.speed_mps.max(0.0))
+        .max(RETURN_MIN_M)
+        .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt());
+    aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
+}
+
+/// A change of the offset.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Aside {
+    /// Offset at its end, metres to the left.
+    pub(crate) to_m: f64,
+    /// Length along the line, metres.
+    pub(crate) length_m: f64,
+}
+
+/// Points along the line at the steps of a profile, from where the ego is to another offset.
+///
+/// The offset is a quintic over arc length, so that it does not depend on the speed and holds at standstill (Werling 2010,
+/// section V.C); headings and curvatures are those of the motion (ibid., appendix I).
+pub(crate) fn aside(
+    line: &Line,
+    place: &OnLine,
+    start: &EgoState,
+    steps: &[Step],
+    (shape, Aside { to_m, length_m }): (&Shape, Aside),
+) -> Vec<PlanPoint> {
     let speed_mps = start.speed_mps.max(0.0);
-    let length_m = (RETURN_S * speed_mps).max(RETURN_MIN_M).max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt());
     let curvature_1pm =
         if speed_mps > TURNS_MPS { start.yaw_rate_radps / speed_mps } else { place.node.curvature_1pm };
     let tightest_1pm = 1.0 / shape.wheelbase_m;
     let stretch = (1.0 - place.node.curvature_1pm * place.d_m).max(0.1);
     let slope = stretch * math::tan(place.turn_rad.clamp(-1.0, 1.0));
     let bend_1pm = curvature_1pm.clamp(-tightest_1pm, tightest_1pm) - place.node.curvature_1pm;
-    let offset = Quintic::new([place.d_m, slope, bend_1pm], [0.0; 3], length_m);
+    let offset = Quintic::new([place.d_m, slope, bend_1pm], [to_m, 0.0, 0.0], length_m);
     let point = |(k, step): (usize, &Step)| {
         let d = offset.at((step.s_m - place.s_m).clamp(0.0, length_m));
         let node = line.at(step.s_m);

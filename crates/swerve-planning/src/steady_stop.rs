@@ -7,6 +7,16 @@ use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use crate::collision::Obstacles;
 use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::request::Request;
+use swerve_vehicle::Shape;
+
+/// Distances that a stop keeps, metres.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Demands {
+    /// Ahead, where there is room.
+    pub(crate) gap_m: f64,
+    /// To everybody.
+    pub(crate) clearance_m: f64,
+}
 
 /// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by `gap_m`, or by
 /// `clearance_m` where none keeps that. `brakes_mps2` are tried in their order.
@@ -17,14 +27,16 @@ pub(crate) fn stop(
     way: &[Pose2],
     obstacles: &Obstacles,
     brakes_mps2: impl Iterator<Item = f64>,
-    [gap_m, clearance_m]: [f64; 2],
+    Demands { gap_m, clearance_m }: Demands,
 ) -> Option<Plan> {
     let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
     let path = with_curvature(way);
     let path = Measured::new(&path);
     let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
-    let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
-        obstacles.path_free(|pose| request.shape.footprint(pose), poses, clearance_m)
+    // The gap is kept ahead alone: who passes beside the ego is nearer.
+    let free = |poses: &[(Pose2, Time)], gap_m: f64| {
+        let longer = Shape { length_m: request.shape.length_m + gap_m - clearance_m, ..*request.shape };
+        obstacles.path_free(|pose| longer.footprint(pose), poses, clearance_m)
     };
     let mut too_near = Vec::new();
     for brake_mps2 in brakes_mps2 {
