@@ -175,6 +175,8 @@ fn is_vehicle(kind: ActorKind) -> bool {
 pub(crate) struct Traffic {
     /// Predictions, those of vehicles continued until [`HORIZON_S`].
     pub(crate) predictions: Vec<Prediction>,
+    /// Of each whether it drives along the line, in its direction.
+    drives_along: Vec<bool>,
     pub(crate) movers: Vec<Mover>,
 }
 
@@ -185,10 +187,26 @@ impl Traffic {
         let until = request.start.stamp + Span::from_secs(HORIZON_S);
         for one in request.predictions {
             let one = continued(one, until, request.route, s_m);
-            traffic.movers.extend(mover(&one, request, line, s_m));
+            let mover = mover(&one, request, line, s_m);
+            let drives_along =
+                |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
+            traffic.drives_along.push(mover.as_ref().is_some_and(drives_along));
+            traffic.movers.extend(mover);
             traffic.predictions.push(one);
         }
         traffic
+    }
+}
+
+impl Traffic {
+    /// Of `predictions`, from which this was made, those that do not drive along the line, in its direction.
+    pub(crate) fn without_leads(&self, predictions: &[Prediction]) -> Vec<Prediction> {
+        predictions
+            .iter()
+            .zip(&self.drives_along)
+            .filter(|(_, ahead)| !**ahead)
+            .map(|(one, _)| one.clone())
+            .collect()
     }
 }
 

@@ -58,7 +58,10 @@ impl Comfort {
         let mut profile = self.profile(scene, possible, |one| !passed(one));
         if !profile.is_led {
             self.gentle.set_offsets(own.0, own.1);
-            let plan = self.gentle.at_speed(request, budget);
+            // All places of a lead at once would be a wall.
+            let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
+            let predictions = swept.as_deref().unwrap_or(request.predictions);
+            let plan = self.gentle.at_speed(&Request { predictions, ..*request }, budget);
             if let Some(plan) = plan.filter(|plan| self.returns_clear(scene, plan)) {
                 return Some(comfortable(plan));
             }

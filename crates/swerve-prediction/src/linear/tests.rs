@@ -176,7 +176,10 @@ fn noise_and_acceleration_are_no_braking() {
         let mut rng = Rng::keyed(seed, "noise", &[]);
         let noisy = vehicle(ActorKind::Car, 0.6, |t| 12.0 * t + 0.05 * rng.normal());
         let path = only(&noisy, &Params::default()).path;
-        let [first, last] = [path[1].pose.point().x_m - path[0].pose.point().x_m, path[40].pose.point().x_m - path[39].pose.point().x_m];
+        let [first, last] = [
+            path[1].pose.point().x_m - path[0].pose.point().x_m,
+            path[40].pose.point().x_m - path[39].pose.point().x_m,
+        ];
         braking += i32::from(first - last > 1e-6);
     }
     // Three deviations to one side are one of 740; twelve residuals' own deviation is less certain than that.
