@@ -51,7 +51,7 @@ const SHARES: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
 /// full lock allow at the present speed, and on along the line.
 fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     let (route, start) = (request.route, &request.start);
-    let FrenetPoint { s_m, d_m } = route.project(start.pose.point());
+    let FrenetPoint { s_m, d_m } = request.place();
     let off_rad = angle_between(route.line().at(s_m).pose.heading_rad, start.pose.heading_rad);
     let speed_mps = start.speed_mps.max(0.0);
     let tightest_1pm = curvature_max_1pm(request.limits, request.shape);

@@ -173,6 +173,37 @@ impl Fot {
         (self.line.line(), self.line.locate_from(request.start.pose, request.place().s_m).s_m)
     }
 
+    /// Where the request starts beside the route's line.
+    pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
+        self.line.follow(request.route.line());
+        self.road.set(request.route);
+        self.line.locate_from(request.start.pose, request.place().s_m)
+    }
+
+    /// The route's line as followed last.
+    pub(crate) fn line(&self) -> &Line {
+        self.line.line()
+    }
+
+    /// Candidates end between these offsets, metres: to the left of the line, and to its right.
+    pub(crate) fn set_offsets(&mut self, left_m: f64, right_m: f64) {
+        (self.params.left_m, self.params.right_m) = (left_m, right_m);
+    }
+
+    /// The cheapest valid plan at about the target speed, by the first of the collision modes; no fallback.
+    pub(crate) fn at_speed(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, _| {
+            search.run(task, lattice, Some(&mut *budget), &mut 0).found()
+        })
+    }
+
+    /// The cheapest valid plan behind what is in the way, or slower than the target; no fallback.
+    pub(crate) fn slower(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, other| behind(search, task, lattice, other, budget))
+    }
+
     /// The obstacles that were asked about last.
     pub(crate) fn obstacles(&self) -> &Obstacles {
         &self.obstacles
@@ -208,20 +239,6 @@ impl Fot {
         let start_m = poses.first().map_or(0.0, |first| self.road.margin_m(&solid(first.0)));
         let needed_m = self.params.road_margin_m.min(start_m - 0.02);
         poses.iter().all(|&(pose, _)| self.road.keeps(&solid(pose), needed_m))
-    }
-
-    /// Whether a plan would be found among no obstacles at all.
-    pub(crate) fn finds_alone(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> bool {
-        self.found(&Request { predictions: &[], ..*request }, budget).is_some()
-    }
-
-    /// The cheapest valid plan, by the first of the collision modes; no fallback.
-    pub(crate) fn found(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
-        self.set_world(request, self.params.collision.in_order()[0]);
-        self.search(request, |search, task, lattice, other| {
-            let all = search.run(task, lattice, Some(&mut *budget), &mut 0);
-            all.found().or_else(|| behind(search, task, lattice, other, budget))
-        })
     }
 
     /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.

@@ -57,14 +57,12 @@ impl Request<'_> {
         self.route.project_near(point, self.place().s_m + half_m, half_m + START_REACH_M)
     }
 
-    /// Offset of the line up to which the ego may come to rest at arc length `s_m`, metres: to its left is the lane of oncoming
-    /// traffic. The line is the centre of the ego's lane, so that the lane's border is no farther than either edge of the
-    /// ground.
+    /// Offset of the line up to which the ego may come to rest at arc length `s_m`, metres: to its left is another lane.
     pub(crate) fn rest_left_m(&self, s_m: f64) -> f64 {
-        self.route.left_m(s_m).min(self.route.right_m(s_m)) - 0.5 * self.shape.width_m + OVER_M
+        self.route.lane().left_m(s_m) - 0.5 * self.shape.width_m + OVER_M
     }
 
-    /// Whether the ego may come to rest with its origin here: not in the lane of oncoming traffic.
+    /// Whether the ego may come to rest with its origin here: not in another lane to the left.
     pub(crate) fn may_rest_at(&self, pose: Pose2) -> bool {
         let place = self.place_of(pose.point(), REST_AHEAD_M);
         place.d_m <= self.rest_left_m(place.s_m)

@@ -151,7 +151,9 @@ impl Road {
     /// # Panics
     /// As [`line`](Self::line).
     pub fn route(&self) -> Route {
-        Route::uniform(self.line(), self.left_m, self.right_m)
+        let half_m = 0.5 * self.lane_width_m;
+        let lane = Borders::constant(half_m.min(self.left_m), half_m.min(self.right_m));
+        Route::uniform(self.line(), self.left_m, self.right_m).in_lane(lane)
     }
 
     /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width and

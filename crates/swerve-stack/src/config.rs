@@ -293,7 +293,8 @@ pub struct PredictionConfig {
     pub predictor: PredictorName,
     /// With one sighting: the reported velocity (`best`), or standing still (`paper`). Of `linear`.
     pub preset: Preset,
-    /// Sightings that the straight line is fitted to.
+    /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also looks for braking over the
+    /// last 0.6 s: a vehicle that brakes is predicted to go on braking until it stops.
     pub past_steps: usize,
     /// How far ahead, ms.
     pub horizon_ms: f64,
@@ -313,6 +314,8 @@ pub struct PredictionConfig {
 
 /// Sightings that are kept for predictors that look further back than a line: 3.2 s at 20 Hz.
 const LONG_PAST: usize = 64;
+/// Sightings that are kept to estimate braking: 0.6 s at 20 Hz.
+const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
     /// Whether who drives along the road is predicted along it.
@@ -323,6 +326,7 @@ impl PredictionConfig {
     /// Sightings that tracks have to hold.
     pub fn sightings(&self) -> usize {
         match self.predictor {
+            PredictorName::Linear if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
             PredictorName::Linear => self.past_steps,
             _ => self.past_steps.max(LONG_PAST),
         }

@@ -269,8 +269,8 @@ impl Checks<'_> {
     /// Whether `motion` ends at rest in the lane of oncoming traffic.
     fn rests_among_oncoming(&self, motion: &Motion) -> bool {
         let Some(drivable) = &self.drivable else { return false };
-        motion.longitudinal.at(motion.end_s).v < RESTS_MPS
-            && motion.lateral.at(motion.end_s).x > drivable.rest_left_m
+        let end = motion.longitudinal.at(motion.end_s);
+        end.v < RESTS_MPS && motion.lateral.at(motion.end_s, &end).x > drivable.rest_left_m
     }
 
     /// Whether `motion` is sure to fail, where those before it came too near to something.
