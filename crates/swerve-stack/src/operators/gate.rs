@@ -72,7 +72,7 @@ impl Operator for Gate {
             emergency: switches.iter().any(switch(|s| s.emergency)),
             alarm: alarms.iter().find_map(|alarm| alarm.get()?.cause),
             quality: quality.iter().filter_map(|quality| Some(**quality.get()?)).max_by_key(|q| q.mode),
-            plan: plan.as_ref().and_then(|plan| Some(&***plan.get()?)),
+            plan: plan.as_ref().and_then(|plan| Some(&**plan.get()?)),
             pose: pose.as_ref().and_then(|pose| Some(**pose.get()?)),
         }));
     }
