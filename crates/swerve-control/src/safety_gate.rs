@@ -47,6 +47,9 @@ use stop_path::StopPath;
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
 const STEP_MAX: Span = Span::from_ms(100);
 
+/// A localizer that begins anew is lost for a moment: a pose that was known this long ago is not lost yet, seconds.
+const LOST_MAX_S: f64 = 0.15;
+
 /// A car that rolls backwards by less than this is not faster than it may reverse, m/s.
 const REVERSE_MARGIN_MPS: f64 = 0.1;
 
@@ -94,6 +97,8 @@ pub struct SafetyGate {
     standstill: Standstill,
     pose: PoseCheck,
     stop_path: Option<StopPath>,
+    /// Stamp of the newest quality that is not lost.
+    pose_known: Time,
     /// Angle and acceleration sent last.
     sent: Option<(f64, f64)>,
     enable_before: bool,
@@ -120,6 +125,7 @@ impl SafetyGate {
             standstill: Standstill::default(),
             pose: PoseCheck::default(),
             stop_path: None,
+            pose_known: Time::MIN,
             sent: None,
             enable_before: true,
             now: None,
@@ -141,6 +147,9 @@ impl SafetyGate {
         self.now = Some(now);
         let refused = self.take_command(input, now);
         self.take_report(input.report, now);
+        if let Some(quality) = input.quality.filter(|quality| quality.mode != PoseMode::Lost) {
+            self.pose_known = quality.stamp;
+        }
         if let Some(pose) = &input.pose {
             self.pose.take_pose(pose, input.quality.as_ref(), &self.params);
         }
@@ -233,9 +242,7 @@ impl SafetyGate {
             () if input.emergency => Some(StopCause::Emergency),
             () if input.alarm.is_some() => input.alarm,
             () if !report => Some(StopCause::ReportTimeout),
-            () if input.quality.is_some_and(|quality| quality.mode == PoseMode::Lost) => {
-                Some(StopCause::PoseLost)
-            }
+            () if self.is_lost(input, now) => Some(StopCause::PoseLost),
             () if self.pose.is_implausible() => Some(StopCause::PoseImplausible),
             () if !command => Some(StopCause::CommandTimeout),
             () if hangs => Some(StopCause::CommandFrozen),
@@ -259,6 +266,12 @@ impl SafetyGate {
             GateMode::Holding(cause) if report && !self.standstill.stands() => GateMode::Stopping(cause),
             GateMode::Holding(cause) => GateMode::Holding(cause),
         }
+    }
+
+    /// Whether localization reports a lost pose, for longer than a moment.
+    fn is_lost(&self, input: &GateInput<'_>, now: Time) -> bool {
+        let lost = input.quality.is_some_and(|quality| quality.mode == PoseMode::Lost);
+        lost && !is_fresh(self.pose_known, now, LOST_MAX_S)
     }
 
     /// Whether commands come that say the same for too long.
