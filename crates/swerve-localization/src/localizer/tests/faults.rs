@@ -240,7 +240,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// Whatever befalls one sensor, whenever and for how long: never good for longer than a second at a place that is off by more
-    /// than five deviations. (Steps of fixes that noise explains are not seen by anything.)
+    /// than five deviations. Steps of fixes within their noise cannot be seen, and a biased gyroscope shows as fast as fixes are
+    /// good: it gets corrected ones.
     #[test]
     fn it_is_never_good_and_wrong_for_long(
         seed in 0_u64..1000,
@@ -249,7 +250,7 @@ proptest! {
         usual in any::<bool>(),
         size in 0.2_f64..1.0,
     ) {
-        let mut drive = Drive { fix_sigma_m: if usual { 0.3 } else { 0.02 }, ..corrected(seed) };
+        let mut drive = Drive { fix_sigma_m: if usual && kind != 3 { 0.3 } else { 0.02 }, ..corrected(seed) };
         let localizer = drive.localizer();
         let (mut rng, mut kept) = (Rng::keyed(seed, "fault", &[]), None);
         let (seen, _) = drive_on(&mut drive, localizer, 20, |t_s, what| {
