@@ -9,6 +9,7 @@
 //! The state after a measurement depends on those of earlier stamps alone, and of equal stamps in one order that their
 //! contents give. So every order of arrival within `horizon_s` ends with the same bits.
 
+mod bridge;
 mod fold;
 mod start;
 mod trust;

@@ -117,7 +117,7 @@ impl Front {
         for (stamp, reading) in readings(imu, wheels, &mut self.taken) {
             self.motion.car.take(stamp, reading);
         }
-        let cloud = points.get()?;
+        let cloud: &PointCloud = points.get()?;
         Some((cloud, self.motion.turn(cloud.stamp)?))
     }
 

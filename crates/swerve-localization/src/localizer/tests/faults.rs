@@ -235,3 +235,41 @@ fn steps_of_any_size_do_not_pull_the_filter_along() {
         assert_mended(&seen, "step");
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Whatever befalls one sensor, whenever and for how long: never good for longer than a second at a place that is off by more
+    /// than five deviations. Steps of fixes within their noise cannot be seen, and a biased gyroscope shows as fast as fixes are
+    /// good: it gets corrected ones.
+    #[test]
+    fn it_is_never_good_and_wrong_for_long(
+        seed in 0_u64..1000,
+        kind in 0_u8..5,
+        (from_s, lasts_s) in (6.0_f64..12.0, 0.3_f64..4.0),
+        usual in any::<bool>(),
+        size in 0.2_f64..1.0,
+    ) {
+        let mut drive = Drive { fix_sigma_m: if usual && kind != 3 { 0.3 } else { 0.02 }, ..corrected(seed) };
+        let localizer = drive.localizer();
+        let (mut rng, mut kept) = (Rng::keyed(seed, "fault", &[]), None);
+        let (seen, _) = drive_on(&mut drive, localizer, 20, |t_s, what| {
+            if !(from_s..from_s + lasts_s).contains(&t_s) {
+                return true;
+            }
+            match (kind, what) {
+                (0, what @ Sensed::Imu { .. }) => *what = *kept.get_or_insert(*what),
+                (1, Sensed::Imu { .. }) => return false,
+                (2, Sensed::Imu { accel_mps2, gyro_radps }) => {
+                    *accel_mps2 = accel_mps2.map(|x| x + 30.0 * size * rng.normal());
+                    *gyro_radps = gyro_radps.map(|x| x + size * rng.normal());
+                }
+                (3, Sensed::Imu { gyro_radps, .. }) => gyro_radps[2] += size,
+                (4, Sensed::Fix { at_m, .. }) => at_m[0] += 40.0 * size,
+                _ => {}
+            }
+            true
+        });
+        prop_assert!(seen.deceived_s <= 1.0, "kind {}: good and wrong for {} s", kind, seen.deceived_s);
+    }
+}
