@@ -7,6 +7,7 @@ mod gate;
 mod lost;
 mod perception;
 mod prediction;
+mod ride;
 mod sensors;
 mod story;
 mod traffic_lights;

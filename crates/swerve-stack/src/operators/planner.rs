@@ -161,7 +161,7 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
-            trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.stop_by_sigmas(), vehicle.shape),
+            trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
@@ -209,6 +209,7 @@ impl PlannerOperator {
             Some(risk_max) => Cow::Owned(within_risk(&predictions, risk_max)),
             None => predictions,
         };
+        let speed_share = self.trust.speed_share();
         let predictions = match self.trust.wall(measured, &self.route) {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
@@ -216,8 +217,8 @@ impl PlannerOperator {
         let request = Request {
             stamp,
             start,
-            route: &self.route,
-            target_speed_mps: self.target_speed_mps * self.trust.speed_share(),
+            route: self.trust.ground(measured, &self.route),
+            target_speed_mps: self.target_speed_mps * speed_share,
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
