@@ -187,7 +187,7 @@ impl PlannerOperator {
         predictions: &PredictionList,
         measured: &EgoState,
         ahead: Option<Span>,
-        chosen: Option<&mut dyn Planner>,
+        mut chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
         let stamp = predictions.stamp;
         let local = self.local.at(stamp);
@@ -214,10 +214,11 @@ impl PlannerOperator {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
         };
+        let ground = self.trust.ground(measured, &self.route);
         let request = Request {
             stamp,
             start,
-            route: self.trust.ground(measured, &self.route),
+            route: ground,
             target_speed_mps: self.target_speed_mps * speed_share,
             predictions: &predictions,
             shape: &self.shape,
@@ -225,11 +226,16 @@ impl PlannerOperator {
             previous,
             seed: cx.rng().bits(),
         };
-        let plan = match chosen {
+        let mut plan_for = |request: &Request<'_>| match &mut chosen {
             // What it takes was spent when it was chosen.
-            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
-            None => self.planner.plan(&request, &mut Metered(cx)),
+            Some(planner) => planner.plan(request, &mut Unlimited::default()),
+            None => self.planner.plan(request, &mut Metered(cx)),
         };
+        let mut plan = plan_for(&request);
+        if plan.status.is_fallback() && !core::ptr::eq(ground, &self.route) {
+            // In an emergency all of the ground counts.
+            plan = plan_for(&Request { route: &self.route, ..request });
+        }
         let plan = Arc::new(self.trust.explained(plan));
         (self.previous, self.previous_local) = (Some(plan.clone()), local);
         plan
