@@ -104,6 +104,14 @@ impl Route {
         Ok(Self { line: Polyline::new(&points)?, borders, lane, stretches })
     }
 
+    /// The same way with less ground on either side, by `by_m` metres.
+    #[must_use]
+    pub fn narrowed(&self, by_m: f64) -> Self {
+        let less = Border::constant(-by_m);
+        let borders = Borders::new(self.borders.left().plus(&less), self.borders.right().plus(&less));
+        Self { borders, ..self.clone() }
+    }
+
     /// The centre line of the lanes that it goes over.
     pub fn line(&self) -> &Polyline {
         &self.line

@@ -8,6 +8,7 @@ mod gate_stops;
 mod lost;
 mod perception;
 mod prediction;
+mod ride;
 mod roads;
 mod sensors;
 mod setting_off;

@@ -123,10 +123,11 @@ pub struct PlanningConfig {
     /// deviations and over one; under the preset `paper` it never does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_by_sigma_m: Option<[f64; 2]>,
-    /// Standard deviations of the lateral position that must fit between the car and the edge of its lane. Where they do
-    /// not, the car stops. It goes on when 1.1 times as many fit. 0 never stops. When absent 2, under the preset `paper` 0.
+    /// Standard deviations of the lateral position that plans keep from the edges of the road. Where so many do not fit
+    /// between the car and the edge of its lane it stops, and goes on when 1.1 times as many fit. 0 keeps none and never
+    /// stops. When absent 2, under the preset `paper` 0.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub stop_by_sigmas: Option<f64>,
+    pub lane_sigmas: Option<f64>,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
@@ -171,7 +172,7 @@ impl Default for PlanningConfig {
             collision: None,
             risk_max: 0.05,
             slow_by_sigma_m: None,
-            stop_by_sigmas: None,
+            lane_sigmas: None,
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
@@ -231,9 +232,9 @@ impl PlanningConfig {
         })
     }
 
-    /// Deviations of the lateral position that must fit beside the car.
-    pub fn stop_by_sigmas(&self) -> f64 {
-        self.stop_by_sigmas.unwrap_or(match self.preset {
+    /// Deviations of the lateral position that are kept from the edges of the road.
+    pub fn lane_sigmas(&self) -> f64 {
+        self.lane_sigmas.unwrap_or(match self.preset {
             Preset::Paper => 0.0,
             Preset::Best => 2.0,
         })

@@ -164,7 +164,7 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
-            trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.stop_by_sigmas(), vehicle.shape),
+            trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
@@ -191,7 +191,7 @@ impl PlannerOperator {
         predictions: &PredictionList,
         measured: &EgoState,
         ahead: Option<Span>,
-        chosen: Option<&mut dyn Planner>,
+        mut chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
         let stamp = predictions.stamp;
         let local = self.local.at(stamp);
@@ -212,16 +212,18 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
+        let speed_share = self.trust.speed_share();
         let predictions = match self.trust.wall(measured, &self.route) {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
         };
+        let ground = self.trust.ground(measured, &self.route);
         let request = Request {
             stamp,
             start,
-            route: &self.route,
+            route: ground,
             along_m: Some(place.s_m),
-            target_speed_mps: self.target_speed_mps * self.trust.speed_share(),
+            target_speed_mps: self.target_speed_mps * speed_share,
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
@@ -234,10 +236,15 @@ impl PlannerOperator {
             Some(planner) => (planner, &mut unlimited),
             None => (&mut *self.planner, &mut metered),
         };
-        let plan = match self.risk_max {
-            Some(risk_max) => plan_within_risk(planner, &request, risk_max, budget),
-            None => planner.plan(&request, budget),
+        let mut plan_for = |request: &Request<'_>| match self.risk_max {
+            Some(risk_max) => plan_within_risk(planner, request, risk_max, budget),
+            None => planner.plan(request, budget),
         };
+        let mut plan = plan_for(&request);
+        if plan.status.is_fallback() && !core::ptr::eq(ground, &self.route) {
+            // In an emergency all of the ground counts.
+            plan = plan_for(&Request { route: &self.route, ..request });
+        }
         let plan = Arc::new(self.trust.explained(plan));
         (self.previous, self.previous_local) = (Some(plan.clone()), local);
         plan

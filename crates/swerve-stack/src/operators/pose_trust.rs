@@ -1,4 +1,5 @@
-//! Speed by the accuracy of the pose: slower where it is poor, and a stop where it does not suffice for the lane.
+//! Motion by the accuracy of the pose: slower and further from the edges where it is poor, and a stop where it does not
+//! suffice for the lane.
 
 use swerve_flow::Latest;
 use swerve_msg::{ActorId, EgoState, Plan, PlanStatus, PoseMode, PoseQuality, Prediction, Route};
@@ -19,20 +20,33 @@ const STOP_GAP_M: f64 = 2.0;
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
 const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
 
+/// The ground is narrowed in steps of this, and at least so much is left beside a car in the middle of its lane, metres.
+const NARROWED_M: f64 = 0.1;
+const LEFT_M: f64 = 0.25;
+
+/// Room beside the car in its lane.
+struct Room {
+    s_m: f64,
+    room_m: f64,
+    needed_m: f64,
+}
+
 /// The accuracy of the pose, and the motion that it allows.
 pub(super) struct PoseTrust {
     quality: Option<PoseQuality>,
     slow_by_sigma_m: [f64; 2],
-    /// Standard deviations that must fit beside the car; 0 for none.
-    stop_by_sigmas: f64,
+    /// Standard deviations of the lateral position that are kept from the edges of the road; 0 for none.
+    lane_sigmas: f64,
     shape: Shape,
+    /// The route with so many steps of [`NARROWED_M`] less ground on either side.
+    narrowed: Option<(u32, Route)>,
     /// Arc length of the line that is not passed, while the ego stops for its pose.
     stop_s_m: Option<f64>,
 }
 
 impl PoseTrust {
-    pub(super) fn new(slow_by_sigma_m: [f64; 2], stop_by_sigmas: f64, shape: Shape) -> Self {
-        Self { quality: None, slow_by_sigma_m, stop_by_sigmas, shape, stop_s_m: None }
+    pub(super) fn new(slow_by_sigma_m: [f64; 2], lane_sigmas: f64, shape: Shape) -> Self {
+        Self { quality: None, slow_by_sigma_m, lane_sigmas, shape, narrowed: None, stop_s_m: None }
     }
 
     /// Takes the newest accuracy; while localization is lost, the one before counts.
@@ -46,14 +60,34 @@ impl PoseTrust {
         self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m))
     }
 
-    /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
-    pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let quality = self.quality.filter(|_| self.stop_by_sigmas > 0.0)?;
+    /// Room beside the car in the middle of its lane at the arc length of `ego`, and the deviations that have to fit there,
+    /// metres. `None` where they need not.
+    fn room(&self, ego: &EgoState, route: &Route) -> Option<Room> {
+        let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
         let s_m = route.project(ego.pose.point()).s_m;
         let room_m = route.left_m(s_m).min(route.right_m(s_m)) - 0.5 * self.shape.width_m;
         let sigma_m = quality.across_sigma_m(route.line().at(s_m).pose.heading_rad);
+        Some(Room { s_m, room_m, needed_m: self.lane_sigmas * sigma_m })
+    }
+
+    /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car.
+    pub(super) fn ground<'a>(&'a mut self, ego: &EgoState, route: &'a Route) -> &'a Route {
+        let Some(Room { room_m, needed_m, .. }) = self.room(ego, route) else { return route };
+        let steps = (needed_m.min(room_m - LEFT_M) / NARROWED_M).max(0.0) as u32;
+        if steps == 0 {
+            return route;
+        }
+        if self.narrowed.as_ref().is_none_or(|(known, _)| *known != steps) {
+            self.narrowed = Some((steps, route.narrowed(f64::from(steps) * NARROWED_M)));
+        }
+        self.narrowed.as_ref().map_or(route, |(_, narrowed)| narrowed)
+    }
+
+    /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
+    pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
+        let Room { s_m, room_m, needed_m } = self.room(ego, route)?;
         let spare = if self.stop_s_m.is_some() { RESUME } else { 1.0 };
-        if self.stop_by_sigmas * sigma_m * spare <= room_m {
+        if needed_m * spare <= room_m {
             self.stop_s_m = None;
             return None;
         }
@@ -101,9 +135,9 @@ mod tests {
         Route::uniform(line, 4.0, 2.0)
     }
 
-    fn trust(stop_by_sigmas: f64) -> PoseTrust {
+    fn trust(lane_sigmas: f64) -> PoseTrust {
         let shape = Shape { width_m: 1.9, length_m: 5.0, rear_overhang_m: 1.0, ..Shape::default() };
-        PoseTrust::new([9.0, 9.0], stop_by_sigmas, shape)
+        PoseTrust::new([9.0, 9.0], lane_sigmas, shape)
     }
 
     /// The obstacle ahead of an ego at 50 m with 6 m/s, on a road along x of 4 m to the left and 2 m to the right.
@@ -130,6 +164,20 @@ mod tests {
         // 1.1 times two deviations fit from 0.477 m on.
         assert!(ahead(&mut trust, 0.1, 0.48).is_some() && ahead(&mut trust, 0.1, 0.47).is_none());
         assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::Comfortable);
+    }
+
+    #[test]
+    fn ground_is_narrowed_by_the_deviations_of_the_pose() {
+        let mut trust = trust(2.0);
+        let mut right_m = |sigma_m: f64| {
+            let _ = ahead(&mut trust, 3.0, sigma_m);
+            let pose = Pose2::new(50.0, 0.0, 0.0);
+            trust.ground(&EgoState { pose, ..EgoState::default() }, &route()).right_m(50.0)
+        };
+        // Two deviations in steps of 0.1 m; of the 1.05 m beside the car 0.25 m are left.
+        for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.35, 1.3), (0.5, 1.2)] {
+            assert!((right_m(sigma_m) - left_m).abs() < 1e-9, "{sigma_m}: {}", right_m(sigma_m));
+        }
     }
 
     #[test]
