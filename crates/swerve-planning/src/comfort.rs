@@ -14,7 +14,6 @@ use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use crate::collision::CollisionMode;
-use crate::fallback::{rests_in_lane, way_back};
 use crate::fot::line::Line;
 use crate::fot::{self, Fot};
 use crate::path::points::{Measured, PathPoint, with_curvature};
@@ -144,8 +143,8 @@ const SWERVE_SHARE: f64 = 1.1;
 /// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
 fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
     let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
-    let paths = [gentle.way_on(request), way_back(request, LATERAL_SHARE * lateral_accel_max_mps2)];
-    let paths = paths.map(|poses| with_curvature(&poses));
+    let path = with_curvature(&gentle.way_on(request));
+    let path = Measured::new(&path);
     let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
     let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
         gentle.obstacles().path_free(|pose| request.shape.footprint(pose), poses, clearance_m)
@@ -153,10 +152,9 @@ fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
     let mut too_near = Vec::new();
     for k in 1..=BRAKE_STEPS {
         let brake_mps2 = brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS);
-        // A way on that leads into the lane of oncoming traffic is no place to stop.
-        let mut plans = paths.iter().map(|path| braking(request, &Measured::new(path), brake_mps2));
-        let Some(plan) = plans.find(|plan| rests_in_lane(request, plan)) else { continue };
-        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
+        let plan = braking(request, &path, brake_mps2);
+        let rests_in_lane = plan.points.last().is_none_or(|end| request.may_rest_at(end.pose));
+        if !rests_in_lane || !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
             continue;
         }
         let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
@@ -192,9 +190,6 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan 
     }
     Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
 }
-
-/// Share of the lateral acceleration that a way back to the line is laid out for.
-const LATERAL_SHARE: f64 = 0.5;
 
 /// Distance left before what is stopped for, where there is room, metres.
 const STOP_GAP_M: f64 = 1.5;

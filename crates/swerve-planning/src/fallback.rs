@@ -31,7 +31,7 @@ pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: 
 }
 
 /// Whether a plan ends where the ego may come to rest.
-pub(crate) fn rests_in_lane(request: &Request<'_>, plan: &Plan) -> bool {
+fn rests_in_lane(request: &Request<'_>, plan: &Plan) -> bool {
     plan.points.last().is_none_or(|end| request.may_rest_at(end.pose))
 }
 
@@ -49,18 +49,15 @@ const SHARES: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
 
 /// Back to the line: a quintic offset over arc length (Werling 2010, section V.C), as short as the lateral acceleration and
 /// full lock allow at the present speed, and on along the line.
-pub(crate) fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
+fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     let (route, start) = (request.route, &request.start);
     let FrenetPoint { s_m, d_m } = route.project(start.pose.point());
     let off_rad = angle_between(route.line().at(s_m).pose.heading_rad, start.pose.heading_rad);
     let speed_mps = start.speed_mps.max(0.0);
     let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
     let radius_m = (speed_mps * speed_mps / lateral_mps2).max(1.0 / tightest_1pm);
-    let back_m = (QUINTIC_PEAK * d_m.abs() * radius_m).sqrt().max(BACK_MIN_M);
-    let yaw_rate_radps = if speed_mps > TURNS_MPS { start.yaw_rate_radps } else { 0.0 };
-    let bend_1pm = (yaw_rate_radps / speed_mps.max(TURNS_MPS)).clamp(-tightest_1pm, tightest_1pm)
-        - route.line().at(s_m).curvature_1pm;
-    let offset = Quintic::new([d_m, math::tan(off_rad.clamp(-1.0, 1.0)), bend_1pm], [0.0; 3], back_m);
+    let back_m = (QUINTIC_PEAK * d_m.abs() * radius_m).sqrt().max(PATH_STEP_M);
+    let offset = Quintic::new([d_m, math::tan(off_rad.clamp(-1.0, 1.0)), 0.0], [0.0; 3], back_m);
     let length_m = back_m.max(speed_mps * speed_mps / (2.0 * SHARES[3] * request.limits.brake_max_mps2));
     let steps = (length_m / PATH_STEP_M).ceil() as usize;
     let beside = |k: usize| {
@@ -72,12 +69,6 @@ pub(crate) fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     };
     core::iter::once(start.pose).chain((1..=steps).map(beside)).collect()
 }
-
-/// Shortest way back, metres: a heading beside the line is turned back over it.
-const BACK_MIN_M: f64 = 5.0;
-
-/// Slower than this a yaw rate tells no curvature, m/s.
-const TURNS_MPS: f64 = 1.0;
 
 /// Largest second derivative of a quintic from rest to rest, for a way and a duration of 1: 10 / sqrt(3).
 const QUINTIC_PEAK: f64 = 5.773_502_691_896_258;
