@@ -153,8 +153,7 @@ fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
     for k in 1..=BRAKE_STEPS {
         let brake_mps2 = brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS);
         let plan = braking(request, &path, brake_mps2);
-        let rests_in_lane = plan.points.last().is_none_or(|end| request.may_rest_at(end.pose));
-        if !rests_in_lane || !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
+        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
             continue;
         }
         let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
