@@ -132,9 +132,12 @@ impl Comfort {
         let slowed = Request { target_speed_mps, ..easy };
         let plan = match self.gentle.found(&slowed, budget) {
             Some(plan) => plan,
-            // An ego at rest that could not set off with nobody there does not wait for anybody.
-            None if start.speed_mps < REST_MPS && !self.gentle.finds_alone(&slowed, budget) => return None,
-            None => stop(&easy, &self.gentle, &self.params)?,
+            None => {
+                let stop = stop(&easy, &self.gentle, &self.params)?;
+                // An ego at rest waits for obstacles only: without them it must be able to set off.
+                let waits = start.speed_mps >= REST_MPS || self.gentle.finds_alone(&slowed, budget);
+                waits.then_some(stop)?
+            }
         };
         Some(Plan { status: PlanStatus::Comfortable, ..plan })
     }

@@ -26,7 +26,7 @@ impl FrenetState {
 
 /// Shortest arc length that a lateral motion over arc length is laid out for, metres: a stop before it ends part of the
 /// way.
-const ARC_MIN_M: f64 = 4.0;
+const ARC_MIN_M: f64 = 6.0;
 
 /// The offset from the line during a motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
