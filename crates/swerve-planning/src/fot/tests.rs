@@ -149,6 +149,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             stamp: now,
             start,
             route: &route,
+            along_m: None,
             target_speed_mps: speed_mps,
             predictions: &predictions,
             shape: &shape,
