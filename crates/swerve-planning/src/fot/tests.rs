@@ -322,6 +322,7 @@ proptest! {
     ) {
         let mut world = if bent == 1 { World::bend(20.0, 0.0) } else { World::straight(0.0) };
         world.target_speed_mps = 6.0;
+        world.route = Route::uniform(world.route.line().clone(), 6.0, 4.0);
         world.start.pose = Pose2::new(0.0, offset, heading);
         world.start.steering_rad = steering;
         let plan = plan(&world, Params::fast());
