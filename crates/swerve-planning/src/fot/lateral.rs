@@ -17,12 +17,14 @@ pub struct FrenetState {
 impl FrenetState {
     /// The lateral motion to offset `d_m` at `t_s`, when `longitudinal` ends.
     pub(super) fn lateral(&self, longitudinal: &Quintic, d_m: f64, t_s: f64) -> Lateral {
-        let Some(from) = self.d_by_s else {
+        let end = longitudinal.at(t_s);
+        let sets_off = end.v >= self.s[1] || self.s[1] < STILL_MPS;
+        let Some(from) = self.d_by_s.filter(|_| sets_off) else {
             return Lateral::OverTime(Quintic::new(self.d, [d_m, 0.0, 0.0], t_s));
         };
-        // A shorter way leads as much less aside: a stop does not turn the wheels for an offset that it never reaches.
-        let way_m = longitudinal.at(t_s).x - self.s[0];
-        let share = (way_m / APPROACH_M).clamp(0.0, 1.0);
+        // A shorter way leads as much less aside: the wheels are not turned for an offset that is never reached.
+        let way_m = end.x - self.s[0];
+        let share = (way_m / ARC_MIN_M).clamp(0.0, 1.0);
         let to = [from[0] + (d_m - from[0]) * share, 0.0, 0.0];
         let end_m = way_m.max(ARC_MIN_M);
         Lateral::OverArc { offset: Quintic::new(from, to, end_m), from_m: self.s[0], end_m }
@@ -33,8 +35,9 @@ impl FrenetState {
 /// beginning.
 const ARC_MIN_M: f64 = 6.0;
 
-/// Arc length over which an end offset is approached in full, metres: about that of a lane change at walking pace.
-const APPROACH_M: f64 = 15.0;
+/// Slower than this all lateral motion is over arc length; from faster starts only that of motions that do not slow down:
+/// a stop holds its offset, m/s.
+const STILL_MPS: f64 = 0.5;
 
 /// The offset from the line during a motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
