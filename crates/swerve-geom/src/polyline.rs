@@ -55,6 +55,9 @@ pub enum PolylineError {
     },
 }
 
+/// Cosine of the largest angle between a pose and a line that runs in its direction.
+const ALONG_COS: f64 = 0.5;
+
 /// Places farther than the nearest by more are not considered for a pose, metres.
 const BRANCHES_M: f64 = 5.0;
 
@@ -172,12 +175,15 @@ impl Polyline {
         self.project_between(point, first, last)
     }
 
-    /// The nearest place to a pose among those where the line runs in its direction, within a right angle; of places
+    /// The nearest place to a pose among those where the line runs in its direction, within 60 degrees; of places
     /// about equally near the first. Without any about as near as the nearest of all, that one.
     pub fn project_pose(&self, pose: Pose2) -> FrenetPoint {
         let (point, direction) = (pose.point(), pose.direction());
         let nearest = self.project(point);
-        let runs_along = |i: usize| (self.points[i + 1] - self.points[i]).dot(direction) > 0.0;
+        let runs_along = |i: usize| {
+            let along = self.points[i + 1] - self.points[i];
+            along.dot(direction) > ALONG_COS * along.norm()
+        };
         let segments = self.points.len() - 1;
         let mut best: Option<FrenetPoint> = None;
         let mut i = 0;

@@ -17,16 +17,27 @@ pub struct FrenetState {
 impl FrenetState {
     /// The lateral motion to offset `d_m` at `t_s`, when `longitudinal` ends.
     pub(super) fn lateral(&self, longitudinal: &Quintic, d_m: f64, t_s: f64) -> Lateral {
-        let to = [d_m, 0.0, 0.0];
-        let Some(from) = self.d_by_s else { return Lateral::OverTime(Quintic::new(self.d, to, t_s)) };
-        let end_m = (longitudinal.at(t_s).x - self.s[0]).max(ARC_MIN_M);
+        let end = longitudinal.at(t_s);
+        let sets_off = end.v >= self.s[1] || self.s[1] < STILL_MPS;
+        let Some(from) = self.d_by_s.filter(|_| sets_off) else {
+            return Lateral::OverTime(Quintic::new(self.d, [d_m, 0.0, 0.0], t_s));
+        };
+        // A shorter way leads as much less aside: the wheels are not turned for an offset that is never reached.
+        let way_m = end.x - self.s[0];
+        let share = (way_m / ARC_MIN_M).clamp(0.0, 1.0);
+        let to = [from[0] + (d_m - from[0]) * share, 0.0, 0.0];
+        let end_m = way_m.max(ARC_MIN_M);
         Lateral::OverArc { offset: Quintic::new(from, to, end_m), from_m: self.s[0], end_m }
     }
 }
 
-/// Shortest arc length that a lateral motion over arc length is laid out for, metres: a stop before it ends part of the
-/// way.
-const ARC_MIN_M: f64 = 4.0;
+/// Shortest arc length that a lateral motion over arc length is laid out for, metres: a shorter motion drives its
+/// beginning.
+const ARC_MIN_M: f64 = 6.0;
+
+/// Slower than this all lateral motion is over arc length; from faster starts only that of motions that do not slow down:
+/// a stop holds its offset, m/s.
+const STILL_MPS: f64 = 0.5;
 
 /// The offset from the line during a motion.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -149,6 +149,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             stamp: now,
             start,
             route: &route,
+            along_m: None,
             target_speed_mps: speed_mps,
             predictions: &predictions,
             shape: &shape,
@@ -321,6 +322,7 @@ proptest! {
     ) {
         let mut world = if bent == 1 { World::bend(20.0, 0.0) } else { World::straight(0.0) };
         world.target_speed_mps = 6.0;
+        world.route = Route::uniform(world.route.line().clone(), 6.0, 4.0);
         world.start.pose = Pose2::new(0.0, offset, heading);
         world.start.steering_rad = steering;
         let plan = plan(&world, Params::fast());
