@@ -150,11 +150,10 @@ impl Comfort {
     }
 }
 
-/// Offsets of candidates: their distance, and the furthest, metres. At the right edge of its lane the ego would have less
-/// room left for a swerve.
+/// Offsets of candidates: their distance, and the furthest, metres.
 const LATERAL_STEP_M: f64 = 0.25;
 const LEFT_MAX_M: f64 = 4.0;
-const RIGHT_MAX_M: f64 = 0.5;
+const RIGHT_MAX_M: f64 = 1.0;
 
 /// Obstacles that never come within this are left out, metres.
 const OBSTACLES_M: f64 = 100.0;
