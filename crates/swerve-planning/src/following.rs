@@ -112,7 +112,7 @@ pub(crate) struct Step {
 }
 
 /// A motion along the line.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub(crate) struct Profile {
     /// Every [`STEP_S`].
     pub(crate) steps: Vec<Step>,
@@ -139,7 +139,7 @@ pub(crate) struct Follower<'a> {
 impl Follower<'_> {
     /// The profile from `start` on, until the ego stands for a while or for [`AHEAD_S`].
     pub(crate) fn profile(&self, start: Step) -> Profile {
-        let mut profile = Profile { steps: Vec::new(), brake_mps2: 0.0, is_led: false };
+        let mut profile = Profile::default();
         let mut now = start;
         let count = (AHEAD_S.min(HORIZON_S) / STEP_S) as usize;
         for k in 0..=count {

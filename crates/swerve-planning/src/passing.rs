@@ -145,6 +145,13 @@ impl<'a> Passing<'a> {
         over_since_s.is_none()
     }
 
+    /// Whether the ego, over the line, is beside what it passes, or before it, a second from now: it does not draw nearer yet.
+    pub(crate) fn is_beside(&self, place: &OnLine, speed_mps: f64) -> bool {
+        let over = place.d_m + 0.5 * self.shape.width_m > self.lane.borders.left_m(place.s_m) + OVER_LINE_M;
+        let rear_m = place.s_m + speed_mps - self.shape.rear_overhang_m;
+        over && self.blocking.iter().any(|one| one.at(1.0).to_m > rear_m)
+    }
+
     /// Whether it is passed by the way that is looked at.
     pub(crate) fn passes(&self, one: &Mover) -> bool {
         self.blocking.iter().any(|blocking| core::ptr::eq(*blocking, one))

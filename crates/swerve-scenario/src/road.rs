@@ -278,6 +278,11 @@ mod tests {
             for s_m in [0.0, 50.0, 99.0] {
                 assert!((stated.left_m(s_m) - over_map.left_m(s_m)).abs() < 1e-12);
                 assert!((stated.right_m(s_m) - over_map.right_m(s_m)).abs() < 1e-12);
+                // The ego's lane is two metres to either side, or as far as the ground goes.
+                for route in [&stated, &over_map] {
+                    assert_eq!(route.lane().left_m(s_m), left_m.min(2.0));
+                    assert_eq!(route.lane().right_m(s_m), right_m.min(2.0));
+                }
             }
         }
     }

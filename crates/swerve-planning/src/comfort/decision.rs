@@ -55,8 +55,9 @@ impl Comfort {
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
         let waits = self.manner == Manner::Waits;
         let own = if waits { (0.0, 0.0) } else { own_offsets_m(request, &place) };
-        let mut profile = self.profile(scene, possible, |one| !passed(one));
-        if !profile.is_led {
+        let mut profile = self.led(scene, possible, |one| !passed(one));
+        let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
+        if !profile.is_led && open.filter(beside).is_none() {
             self.gentle.set_offsets(own.0, own.1);
             // All places of a lead at once would be a wall.
             let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
@@ -75,7 +76,7 @@ impl Comfort {
             if let Some(plan) = plan.filter(may).or_else(|| self.steer_out(scene, open)) {
                 return Some(comfortable(plan));
             }
-            profile = self.profile(scene, possible, |_| true);
+            profile = self.led(scene, possible, |_| true);
         }
         let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
         self.behind(scene, (own, standing_m), &profile, budget)
@@ -171,7 +172,7 @@ impl Comfort {
             let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
             let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
             let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
-            let profile = self.profile(&Scene { request: &slow, ..*scene }, true, |one| !open.passes(one));
+            let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
             let way = Aside { to_m, length_m };
             let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
             let plan = self.checked(scene, points, self.params.clearance_m)?;
@@ -224,15 +225,32 @@ impl Comfort {
         true
     }
 
-    /// The speed along the line behind lead vehicles, those of them that `counts` says.
-    fn profile(&self, scene: &Scene<'_>, steers_out: bool, counts: impl Fn(&Mover) -> bool) -> Profile {
-        let Scene { request, place, traffic, vehicle } = *scene;
+    /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.
+    fn led(&self, scene: &Scene<'_>, steers_out: bool, counts: impl Fn(&Mover) -> bool) -> Profile {
+        let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
+        let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
+        let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);
+        let leads: Vec<_> = leads.map(|one| (one, steers_out && one.stands())).collect();
+        if leads.is_empty() {
+            return Profile::default();
+        }
+        self.profile(scene, leads)
+    }
+
+    /// Lead vehicles that are not passed.
+    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<(&'a Mover, bool)> {
+        let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
+        others.map(|one| (one, false)).collect()
+    }
+
+    /// The speed along the line behind `leads`, each with whether the ego stops where it can steer out.
+    fn profile(&self, scene: &Scene<'_>, leads: Vec<(&Mover, bool)>) -> Profile {
+        let Scene { request, place, vehicle, .. } = *scene;
         let (line, limits, start) = (self.gentle.line(), request.limits, &request.start);
         let lane = self.lane(request);
         let in_way = |knot: &Knot| lane.is_blocked(knot);
         let brake_mps2 = BRAKE_SHARE * limits.brake_max_mps2;
         let lateral_mps2 = CURVE_SHARE * limits.lateral_accel_max_mps2;
-        let leads = traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one));
         let follower = Follower {
             gaps: Gaps {
                 standstill_m: self.params.standstill_gap_m,
@@ -247,7 +265,7 @@ impl Comfort {
             target_mps: request.target_speed_mps,
             curves: &SpeedTable::new(line, place.s_m, TABLE_M, lateral_mps2, brake_mps2),
             front_m: request.shape.length_m - request.shape.rear_overhang_m,
-            leads: leads.map(|one| (one, steers_out && one.stands())).collect(),
+            leads,
             in_way: &in_way,
         };
         follower.profile(Step {
