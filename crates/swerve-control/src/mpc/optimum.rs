@@ -12,7 +12,7 @@
 use super::riccati::{Sweep, slope_max};
 use super::stages::{ACCEL, ACROSS, INEQUALITIES, SPEED, STEERING, Stage, Stages, Values, left_sides};
 
-/// Most iterations; bounded programs need 6 to 14.
+/// Most iterations; bounded programs need 6 to 17.
 const ITERATIONS_MAX: u32 = 30;
 /// Largest mean product of distance and price at a solution, in the unit of the cost.
 const GAP_MAX: f64 = 1e-9;
