@@ -68,6 +68,10 @@ class StopCause(str, Enum):
     """Commands come from somebody else than from who drove."""
     TRANSPORT_LOST = "transport_lost"
     """The process that carries commands and reports is gone."""
+    POSE_LOST = "pose_lost"
+    """Localization reports that the pose is lost."""
+    POSE_IMPLAUSIBLE = "pose_implausible"
+    """The pose does not move as the wheels do."""
 
 
 class Refusal(str, Enum):
@@ -95,7 +99,7 @@ class Encoding(str, Enum):
 
 
 class PoseMode(str, Enum):
-    """Whether a pose can be driven by."""
+    """Whether a pose can be driven by; the worse the greater."""
     GOOD = "good"
     """What tells the place comes and is believed."""
     COASTING = "coasting"
@@ -136,6 +140,8 @@ class PlanStatus(str, Enum):
     """Nothing found: the route is followed regardless."""
     COMFORTABLE = "comfortable"
     """The comfortable layer found this path."""
+    POSE_UNCERTAIN = "pose_uncertain"
+    """A stop: the pose is too uncertain for the lane."""
 
 
 class InfractionKind(str, Enum):
@@ -685,6 +691,20 @@ class PoseQuality(Message):
 
 
 @dataclass(slots=True)
+class LocalPose(Message):
+    """Pose of the ego for control, in the odometry frame of ROS REP 105, and the transform to the map that
+    goes with it. `odom` moves as the car moves, without jumps. A correction by a satellite fix or a scan
+    match changes `map_from_odom` alone, at a bounded rate.
+    """
+    stamp: Time
+    """Instant that this describes."""
+    odom: Pose2
+    """Ego origin in the odometry frame."""
+    map_from_odom: Pose2
+    """Origin of the odometry frame in the map."""
+
+
+@dataclass(slots=True)
 class Extent(Message):
     """Full size of a box, metres."""
     length_m: float
@@ -1063,6 +1083,7 @@ __all__ = [
     "LaneInvasions",
     "LaneLine",
     "Lanes",
+    "LocalPose",
     "Message",
     "Mode",
     "MotionCommand",

@@ -10,7 +10,7 @@ use crate::common::{config, root};
 
 fn files() -> Vec<PathBuf> {
     let files = swerve_report::files::toml_files(&root().join("scenarios")).unwrap();
-    assert!(files.len() >= 7, "only {} scenarios found", files.len());
+    assert!(files.len() >= 34, "only {} scenarios found", files.len());
     files
 }
 
@@ -56,6 +56,18 @@ fn every_pipeline_that_a_scenario_names_does_as_it_expects() {
     }
     assert!(all_broken.is_empty(), "{}", all_broken.join("\n"));
     assert!(runs >= 7, "only {runs} expectations name a pipeline");
+}
+
+/// Each file of `scenarios/everyday/` states what is right of any planner.
+#[test]
+fn everyday_scenarios_hold_under_every_planner() {
+    let everyday: Vec<PathBuf> =
+        files().into_iter().filter(|file| file.parent().unwrap().ends_with("everyday")).collect();
+    assert!(everyday.len() >= 24, "only {} everyday scenarios found", everyday.len());
+    let planners = ["rrt_star", "hybrid_astar", "waypoint"].map(named);
+    let all = everyday.iter().flat_map(|file| planners.iter().flat_map(|config| broken(file, config)));
+    let broken: Vec<String> = all.collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
 #[test]

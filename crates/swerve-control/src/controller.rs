@@ -5,7 +5,7 @@ mod params;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{FrenetPoint, Pose2, angle_between, math};
+use swerve_geom::{FrenetPoint, LineTracker, Pose2, angle_between, math};
 use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -87,6 +87,9 @@ pub struct Controller {
     before: Option<Time>,
     steering_rad: f64,
     mpc: Option<Predictive>,
+    /// The ego's place along the route, and the arc length of it, metres.
+    place: LineTracker,
+    route_m: f64,
 }
 
 /// The model predictive law and its last input.
@@ -117,6 +120,8 @@ impl Controller {
             stopping: None,
             before: None,
             steering_rad: 0.0,
+            place: LineTracker::default(),
+            route_m: 0.0,
         }
     }
 
@@ -135,6 +140,7 @@ impl Controller {
             let accel_mps2 = None;
             return Output { command, speed_mps: 0.0, accel_mps2, status: Status::Blind, mpc: None };
         }
+        self.route_m = self.place.locate(input.route.line(), input.ego.pose).s_m;
         let status = self.load(input);
         let here = self.here(input, status);
         let mut report = None;
@@ -147,6 +153,7 @@ impl Controller {
         let change = self.steering_change_rad(input, status, &here, dt_s);
         self.steering_rad =
             steering_rad.clamp(self.steering_rad - change, self.steering_rad + change).clamp(-max, max);
+        let drive = self.braked(drive, input.now);
         let Pedals { throttle, brake } = drive.pedals;
         let command = Command { steering_rad: self.steering_rad, throttle, brake };
         let Drive { speed_mps, accel_mps2, .. } = drive;
@@ -156,8 +163,19 @@ impl Controller {
     /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
     /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
     fn steering_change_rad(&self, input: &Input<'_>, status: Status, here: &Here, dt_s: f64) -> f64 {
-        let comfortable = input.plan.is_some_and(|plan| plan.status == PlanStatus::Comfortable);
-        if status != Status::Plan || !comfortable || self.params.law == Law::Pid {
+        let is_gentle =
+            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
+        let comfortable = input.plan.is_some_and(is_gentle);
+        if self.params.law == Law::Pid {
+            return f64::INFINITY;
+        }
+        let v = input.ego.speed_mps.abs().max(SLOW_MPS);
+        let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
+        // Before the first plan nothing is known that would be worth a swerve.
+        if status == Status::Route {
+            return gentle;
+        }
+        if status != Status::Plan || !comfortable {
             return f64::INFINITY;
         }
         let (ego, beside) = (input.ego, self.at(here.s_m).pose);
@@ -166,8 +184,7 @@ impl Controller {
         if off_m > ON_PLAN_M || off_rad > ON_PLAN_RAD {
             return f64::INFINITY;
         }
-        let v = ego.speed_mps.abs().max(SLOW_MPS);
-        self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s
+        gentle
     }
 
     /// Decides what to follow and loads it as the reference.
@@ -185,7 +202,7 @@ impl Controller {
             (Status::Plan | Status::Stopping(StopReason::PlanExpired), Some(plan)) => {
                 self.reference.load_plan(plan);
             }
-            _ => self.reference.load_route(route, ego.pose, route_speed, now),
+            _ => self.reference.load_route(route, self.route_m, route_speed, now),
         }
         if let Status::Stopping(_) = status {
             self.stopping.get_or_insert((now, ego.speed_mps.max(0.0)));
@@ -208,7 +225,7 @@ impl Controller {
             self.reference.project(point)
         };
         let until_m = s_m.max(0.0) + self.reach_m(ego.speed_mps);
-        self.reference.extend(route, until_m);
+        self.reference.extend(route, self.route_m, until_m);
         if !by_time && s_m >= 0.0 {
             // Beyond the end of the plan the ego is on its continuation.
             s_m = self.reference.project(point);
@@ -331,7 +348,7 @@ impl Controller {
             let on_path = self.at(s_m);
             let wanted = self.wanted(input, status, now + dt * k, s_m);
             let change = (wanted.speed_mps - speed_mps).clamp(slowest, fastest);
-            let (left_m, right_m) = self.room(route, &on_path);
+            let (left_m, right_m) = self.room(route, &on_path, s_m - here.s_m);
             knots.push(Knot {
                 state: State {
                     pose: on_path.pose,
@@ -376,10 +393,11 @@ impl Controller {
         }
     }
 
-    /// Room for the ego origin to the left and right of a point of the path: the corridor within the road.
-    fn room(&self, route: &Route, on_path: &PlanPoint) -> (f64, f64) {
+    /// Room for the ego origin to the left and right of a point of the path `ahead_m` of the ego: the corridor within the road.
+    fn room(&self, route: &Route, on_path: &PlanPoint, ahead_m: f64) -> (f64, f64) {
         let mpc::Params { corridor_m, edge_m, .. } = self.params.mpc;
-        let FrenetPoint { s_m, d_m } = route.project(on_path.pose.point());
+        let point = on_path.pose.point();
+        let FrenetPoint { s_m, d_m } = route.project_near(point, self.route_m + ahead_m, ROOM_REACH_M);
         let aside_m = 0.5 * self.shape.width_m + edge_m;
         let left_m = (route.left_m(s_m) - d_m - aside_m).min(corridor_m);
         let right_m = (route.right_m(s_m) + d_m - aside_m).min(corridor_m);
@@ -392,6 +410,20 @@ impl Controller {
         math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
     }
 
+    /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
+    /// at least what holds it.
+    fn braked(&self, drive: Drive, now: Time) -> Drive {
+        let Some((since, from_mps)) = self.stopping else { return drive };
+        let rests = self.stop_target(since, from_mps, now).speed_mps <= 0.0;
+        let hold_mps2 = if rests { self.params.speed.hold_mps2 } else { 0.0 };
+        let hold = if rests { self.drive.pedals(-hold_mps2, 0.0).brake } else { 0.0 };
+        Drive {
+            pedals: Pedals { throttle: 0.0, brake: drive.pedals.brake.max(hold) },
+            accel_mps2: drive.accel_mps2.map(|accel_mps2| accel_mps2.min(-hold_mps2)),
+            ..drive
+        }
+    }
+
     fn stop_target(&self, since: Time, from_mps: f64, instant: Time) -> Target {
         let decel = self.params.stop.decel_mps2;
         let left = (from_mps - decel * (instant - since).as_secs()).max(0.0);
@@ -402,6 +434,9 @@ impl Controller {
         self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
     }
 }
+
+/// Reach of the search for a point of the path along the route, metres.
+const ROOM_REACH_M: f64 = 20.0;
 
 /// Slower than this the wheels are turned no faster than at it while that is comfortable, m/s.
 const SLOW_MPS: f64 = 6.0;
@@ -447,5 +482,7 @@ fn plan_is_finite(plan: &Plan) -> bool {
 
 #[cfg(test)]
 mod slip_tests;
+#[cfg(test)]
+mod stop_tests;
 #[cfg(test)]
 mod tests;

@@ -7,6 +7,9 @@ use swerve_msg::{Plan, PlanPoint, Route};
 /// Spacing of the points that continue a plan along the route, metres.
 const ROUTE_STEP_M: f64 = 1.0;
 
+/// Reach of the search for the place of a path's end along the route, metres.
+const ROUTE_REACH_M: f64 = 15.0;
+
 /// A path by arc length. Before its first and beyond its last point it goes on straight.
 ///
 /// Buffers are kept between loads, so that a steady state allocates nothing.
@@ -28,23 +31,25 @@ impl Reference {
         self.planned = self.points.len();
     }
 
-    /// Takes the route at `speed_mps` from beside `pose`, which is reached at `now`.
-    pub(crate) fn load_route(&mut self, route: &Route, pose: Pose2, speed_mps: f64, now: Time) {
+    /// Takes the route at `speed_mps` from arc length `s_m` on, which is reached at `now`.
+    pub(crate) fn load_route(&mut self, route: &Route, s_m: f64, speed_mps: f64, now: Time) {
         self.clear();
-        let s_m = route.project(pose.point()).s_m;
         self.push(on_route(route, s_m, 0.0, speed_mps, now));
         self.planned = 1;
     }
 
     /// Appends points along the route, at the distance from its line at which the path ends, until the path
-    /// reaches at least `until_m`; they keep the last speed.
-    pub(crate) fn extend(&mut self, route: &Route, until_m: f64) {
+    /// reaches at least `until_m`; they keep the last speed. `route_m` is the arc length of the route near the path's
+    /// beginning.
+    pub(crate) fn extend(&mut self, route: &Route, route_m: f64, until_m: f64) {
         let Some(&last) = self.points.last() else { return };
-        let from = route.project(last.pose.point());
         let missing_m = until_m - self.length();
         if missing_m <= 0.0 {
             return;
         }
+        // The path's end is no further along the route than the path is long, but for what bends spare it.
+        let half_m = 0.6 * self.length();
+        let from = route.project_near(last.pose.point(), route_m + half_m, half_m + ROUTE_REACH_M);
         let speed = last.speed_mps.max(0.0);
         let per_step = Span::from_secs(ROUTE_STEP_M / speed.max(0.1));
         let steps = (missing_m / ROUTE_STEP_M).ceil() as i64;
@@ -221,7 +226,7 @@ mod tests {
     #[test]
     fn goes_on_along_the_route_at_the_same_offset() {
         let mut reference = loaded(6);
-        reference.extend(&route(), 50.0);
+        reference.extend(&route(), 10.0, 50.0);
         assert!(reference.length() >= 50.0 - 1e-9);
         let at = reference.at(45.5).unwrap();
         assert!((at.pose.x_m - 55.5).abs() < 1e-9 && (at.pose.y_m - 1.0).abs() < 1e-9);

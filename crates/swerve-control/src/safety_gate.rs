@@ -7,8 +7,8 @@
 //! ```text
 //!            rising edge of `enable`, all well
 //!   Manual ------------------------------------> Driving
-//!     ^                                             |
-//!     | driver takes over: from everywhere,         | no command for 0.5 s, no report for 0.5 s, `enable` released
+//!     ^                                             | no command for 0.5 s, no report for 0.5 s, `enable` released,
+//!     | driver takes over: from everywhere,         | pose lost, or moving otherwise than the wheels
 //!     | latched until `enable` falls and rises      v
 //!     +------------------------------------- Stopping ----> Holding (standstill)
 //!                                                ^             |
@@ -17,157 +17,48 @@
 //!                    before standstill                      Driving
 //! ```
 //!
+//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the mode
+//! and of what was sent before. No report enters it: not its sign, its noise or its absence.
+//!
 //! The rules are those of Autoware's `vehicle_cmd_gate` and of drive-by-wire kits: an outdated command is a stop,
 //! not the last command for ever; the driver always wins; enabling is an act, not a state.
 //!
 //! Pure: the instant is an input.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
+mod params;
+mod pose_check;
+mod standstill;
+mod stop_path;
+
+use swerve_core::param::ParamError;
 use swerve_core::{Span, Time};
 use swerve_geom::math;
-use swerve_msg::{GateMode, GateOutput, MotionCommand, Refusal, Refusals, StopCause, VehicleReport};
-use swerve_vehicle::VehicleParams;
+use swerve_msg::{
+    EgoState, GateMode, GateOutput, Longitudinal, MotionCommand, Plan, PoseMode, PoseQuality, Refusal,
+    Refusals, StopCause, VehicleReport,
+};
+use swerve_vehicle::{Pedals, VehicleParams, brake_for_decel, pedals_for_accel};
+
+pub use params::GateParams;
+use pose_check::PoseCheck;
+use standstill::Standstill;
+use stop_path::StopPath;
 
 /// Longest step that rates are applied over: a gate that was not called for long does not leap.
 const STEP_MAX: Span = Span::from_ms(100);
 
-/// Slower than this is standing, m/s.
-const STANDSTILL_MPS: f64 = 0.1;
+/// A localizer that begins anew is lost for a moment: a pose that was known this long ago is not lost yet, seconds.
+const LOST_MAX_S: f64 = 0.15;
+
+/// A car that rolls backwards by less than this is not faster than it may reverse, m/s.
+const REVERSE_MARGIN_MPS: f64 = 0.1;
 
 /// A car that is faster than its command wants it by more than this is not accelerated, m/s.
 const TOO_FAST_MPS: f64 = 2.0;
 
-/// Limits and times of a [`SafetyGate`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct GateParams {
-    /// A command older than this is none, seconds (Autoware: 0.5).
-    pub command_timeout_s: f64,
-    /// A report of the vehicle older than this is none, seconds.
-    pub report_timeout_s: f64,
-    /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
-    /// bound. A controller that measures never says the same for long, as ours does not; what is known to say only what it
-    /// wants, such as a constant speed along a straight lane, may.
-    pub repeat_max_s: f64,
-    /// A command is refused whose newest sensor frame is older than this, seconds; 0 for no bound. What follows a plan
-    /// of long ago is new itself, and blind.
-    pub origin_timeout_s: f64,
-    /// How far the stamp of a command may be ahead of now, seconds: clocks differ a little.
-    pub ahead_max_s: f64,
-    /// Largest angle of the front road wheels, radians.
-    pub steering_max_rad: f64,
-    /// Largest rate of that angle, rad/s.
-    pub steering_rate_max_radps: f64,
-    /// Largest lateral acceleration of a car without slip, m/s²: limits the angle at speed (Autoware: 4 to 5).
-    pub lateral_accel_max_mps2: f64,
-    /// Distance between the axles, metres.
-    pub wheelbase_m: f64,
-    /// Highest speed, m/s (Autoware: 25).
-    pub speed_max_mps: f64,
-    /// Highest speed backwards, m/s (positive); 0 for none.
-    pub reverse_max_mps: f64,
-    /// Largest acceleration, m/s².
-    pub accel_max_mps2: f64,
-    /// Largest deceleration that the stack may ask for, m/s² (positive).
-    pub decel_max_mps2: f64,
-    /// Largest rate at which the acceleration changes while driving, m/s³.
-    pub jerk_max_mps3: f64,
-    /// Deceleration of a controlled stop, m/s² (positive; Autoware: 1.5).
-    pub stop_decel_mps2: f64,
-    /// Deceleration of an emergency stop, m/s² (positive).
-    pub emergency_decel_mps2: f64,
-    /// Deceleration that is asked for at standstill, so that the car stays where it is, m/s² (positive).
-    pub hold_decel_mps2: f64,
-}
-
-impl Default for GateParams {
-    fn default() -> Self {
-        Self {
-            command_timeout_s: 0.5,
-            report_timeout_s: 0.5,
-            repeat_max_s: 0.0,
-            origin_timeout_s: 0.0,
-            ahead_max_s: 0.1,
-            steering_max_rad: 0.61,
-            steering_rate_max_radps: 0.7,
-            lateral_accel_max_mps2: 5.0,
-            wheelbase_m: 2.85,
-            speed_max_mps: 25.0,
-            reverse_max_mps: 0.0,
-            accel_max_mps2: 3.0,
-            decel_max_mps2: 8.0,
-            jerk_max_mps3: 40.0,
-            stop_decel_mps2: 1.5,
-            emergency_decel_mps2: 5.0,
-            hold_decel_mps2: 1.5,
-        }
-    }
-}
-
-impl GateParams {
-    /// Those of a car whose own numbers are known.
-    ///
-    /// A gate is no second planner: its limits stand where the car itself ends, so that what a sound stack asks for
-    /// in an emergency passes, and only what no sound stack asks for is cut. Angle, its rate and the brakes are the
-    /// actuators' own (full brakes as fast as they build up); a tyre holds about 1 g to the side; comfort is not
-    /// the gate's. A stop without a stack is blind, so it is a firm one: 3 m/s² (UN R157 allows a minimal risk
-    /// manoeuvre 4); an emergency stop is the most that a plan may ask for.
-    pub fn new(vehicle: &VehicleParams) -> Self {
-        let brakes_mps2 =
-            vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
-        let limits = &vehicle.limits;
-        let build_up_s = vehicle.brakes.build_up_s.max(0.02);
-        Self {
-            repeat_max_s: 1.0,
-            origin_timeout_s: 1.0,
-            steering_max_rad: limits.steering_max_rad,
-            steering_rate_max_radps: limits.steering_rate_max_radps,
-            lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
-            wheelbase_m: vehicle.shape.wheelbase_m,
-            accel_max_mps2: limits.accel_max_mps2,
-            decel_max_mps2: brakes_mps2.min(20.0),
-            jerk_max_mps3: (brakes_mps2 / build_up_s).min(1000.0),
-            stop_decel_mps2: 3.0,
-            emergency_decel_mps2: limits.brake_max_mps2,
-            ..Self::default()
-        }
-    }
-}
-
-impl GateParams {
-    /// Whether all of them are finite and of a plausible size.
-    ///
-    /// # Errors
-    /// The first that is not.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        let checks = [
-            ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
-            ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
-            ("repeat_max_s", self.repeat_max_s, 0.0, 60.0),
-            ("origin_timeout_s", self.origin_timeout_s, 0.0, 60.0),
-            ("ahead_max_s", self.ahead_max_s, 0.0, 10.0),
-            ("steering_max_rad", self.steering_max_rad, 0.01, 1.5),
-            ("steering_rate_max_radps", self.steering_rate_max_radps, 0.01, 10.0),
-            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, 0.1, 30.0),
-            ("wheelbase_m", self.wheelbase_m, 0.1, 20.0),
-            ("speed_max_mps", self.speed_max_mps, 0.1, 150.0),
-            ("reverse_max_mps", self.reverse_max_mps, 0.0, 20.0),
-            ("accel_max_mps2", self.accel_max_mps2, 0.1, 20.0),
-            ("decel_max_mps2", self.decel_max_mps2, 0.1, 20.0),
-            ("jerk_max_mps3", self.jerk_max_mps3, 0.1, 1000.0),
-            ("stop_decel_mps2", self.stop_decel_mps2, 0.1, 20.0),
-            ("emergency_decel_mps2", self.emergency_decel_mps2, 0.1, 20.0),
-            ("hold_decel_mps2", self.hold_decel_mps2, 0.0, 20.0),
-        ];
-        checks.into_iter().try_for_each(|(key, value, min, max)| require_within(key, value, [min, max]))
-    }
-}
-
 /// Input of the gate at one instant: always the newest of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct GateInput {
+pub struct GateInput<'a> {
     /// The instant.
     pub now: Time,
     /// The newest command of the stack.
@@ -182,6 +73,12 @@ pub struct GateInput {
     pub emergency: bool,
     /// Why the car is to be stopped whatever the command says: who hears commands found something wrong.
     pub alarm: Option<StopCause>,
+    /// The newest quality of the pose, where localization reports one.
+    pub quality: Option<PoseQuality>,
+    /// The newest pose that the stack drives by.
+    pub pose: Option<EgoState>,
+    /// The newest plan: the path of a stop, should one begin now.
+    pub plan: Option<&'a Plan>,
 }
 
 /// The state machine: see the module's page.
@@ -197,6 +94,11 @@ pub struct SafetyGate {
     given: Option<MotionCommand>,
     given_refusal: Option<Refusal>,
     report: Option<VehicleReport>,
+    standstill: Standstill,
+    pose: PoseCheck,
+    stop_path: Option<StopPath>,
+    /// Stamp of the newest quality that is not lost.
+    pose_known: Time,
     /// Angle and acceleration sent last.
     sent: Option<(f64, f64)>,
     enable_before: bool,
@@ -220,6 +122,10 @@ impl SafetyGate {
             given: None,
             given_refusal: None,
             report: None,
+            standstill: Standstill::default(),
+            pose: PoseCheck::default(),
+            stop_path: None,
+            pose_known: Time::MIN,
             sent: None,
             enable_before: true,
             now: None,
@@ -234,14 +140,24 @@ impl SafetyGate {
     }
 
     /// The command that may reach the vehicle now.
-    pub fn step(&mut self, input: &GateInput) -> GateOutput {
+    pub fn step(&mut self, input: &GateInput<'_>) -> GateOutput {
         // Time that runs backwards is time that stands: nothing gets younger by it.
         let now = self.now.map_or(input.now, |before| before.max(input.now));
         let dt_s = self.now.map_or(Span::ZERO, |before| (now - before).min(STEP_MAX)).as_secs();
         self.now = Some(now);
         let refused = self.take_command(input, now);
         self.take_report(input.report, now);
-        self.mode = self.next_mode(input, now);
+        if let Some(quality) = input.quality.filter(|quality| quality.mode != PoseMode::Lost) {
+            self.pose_known = quality.stamp;
+        }
+        if let Some(pose) = &input.pose {
+            self.pose.take_pose(pose, input.quality.as_ref(), &self.params);
+        }
+        let mode = self.next_mode(input, now);
+        if self.mode == GateMode::Driving && mode.brakes() {
+            self.stop_path = StopPath::new(input.plan, &self.pose);
+        }
+        self.mode = mode;
         self.enable_before = input.enable;
         self.heartbeat = self.heartbeat.wrapping_add(1);
         let (command, limited) = self.output(now, dt_s);
@@ -257,7 +173,7 @@ impl SafetyGate {
         }
     }
 
-    fn take_command(&mut self, input: &GateInput, now: Time) -> Option<Refusal> {
+    fn take_command(&mut self, input: &GateInput<'_>, now: Time) -> Option<Refusal> {
         let command = input.command?;
         if self.given.is_some_and(|before| same(&before, &command)) {
             return self.given_refusal;
@@ -308,10 +224,12 @@ impl SafetyGate {
         let older = self.report.is_some_and(|before| report.stamp < before.stamp);
         if finite && !ahead && !older {
             self.report = Some(report);
+            self.standstill.take(&report);
+            self.pose.take_report(&report, &self.params);
         }
     }
 
-    fn next_mode(&self, input: &GateInput, now: Time) -> GateMode {
+    fn next_mode(&self, input: &GateInput<'_>, now: Time) -> GateMode {
         let driver = input.report.is_some_and(|report| report.driver_active);
         if driver {
             return GateMode::Manual;
@@ -324,6 +242,8 @@ impl SafetyGate {
             () if input.emergency => Some(StopCause::Emergency),
             () if input.alarm.is_some() => input.alarm,
             () if !report => Some(StopCause::ReportTimeout),
+            () if self.is_lost(input, now) => Some(StopCause::PoseLost),
+            () if self.pose.is_implausible() => Some(StopCause::PoseImplausible),
             () if !command => Some(StopCause::CommandTimeout),
             () if hangs => Some(StopCause::CommandFrozen),
             () => None,
@@ -336,85 +256,122 @@ impl SafetyGate {
                 let fault = fault.or((!input.enable).then_some(StopCause::Released));
                 fault.map_or(GateMode::Driving, GateMode::Stopping)
             }
-            GateMode::Stopping(cause) if report && self.stands() => {
+            GateMode::Stopping(cause) if report && self.standstill.stands() => {
                 GateMode::Holding(if input.emergency { StopCause::Emergency } else { cause })
             }
             GateMode::Stopping(_) if input.emergency => GateMode::Stopping(StopCause::Emergency),
             GateMode::Stopping(cause) => GateMode::Stopping(cause),
             GateMode::Holding(_) if may_start => GateMode::Driving,
             // It rolls: brake it again.
-            GateMode::Holding(cause) if report && !self.stands() => GateMode::Stopping(cause),
+            GateMode::Holding(cause) if report && !self.standstill.stands() => GateMode::Stopping(cause),
             GateMode::Holding(cause) => GateMode::Holding(cause),
         }
+    }
+
+    /// Whether localization reports a lost pose, for longer than a moment.
+    fn is_lost(&self, input: &GateInput<'_>, now: Time) -> bool {
+        let lost = input.quality.is_some_and(|quality| quality.mode == PoseMode::Lost);
+        lost && !is_fresh(self.pose_known, now, LOST_MAX_S)
     }
 
     /// Whether commands come that say the same for too long.
     fn hangs(&self, now: Time) -> bool {
         let most_s = self.params.repeat_max_s;
-        most_s > 0.0 && !self.stands() && !is_fresh(self.same_since, now, most_s)
-    }
-
-    fn stands(&self) -> bool {
-        self.report.is_some_and(|report| report.speed_mps.abs() < STANDSTILL_MPS)
+        most_s > 0.0 && !self.standstill.stands() && !is_fresh(self.same_since, now, most_s)
     }
 
     fn output(&mut self, now: Time, dt_s: f64) -> (MotionCommand, bool) {
         let p = &self.params;
-        let speed_mps = self.report.map_or(0.0, |report| report.speed_mps);
-        let measured_rad = self.report.map_or(0.0, |report| report.steering_rad);
-        let measured_rad = measured_rad.clamp(-p.steering_max_rad, p.steering_max_rad);
-        if self.mode == GateMode::Manual {
-            self.sent = None;
-            let speed_mps = speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
-            return (
-                MotionCommand { stamp: now, steering_rad: measured_rad, speed_mps, accel_mps2: 0.0 },
-                false,
-            );
-        }
-        let (steering_before, accel_before) = self.sent.unwrap_or((measured_rad, 0.0));
-        // Against the way that it rolls; forwards where it stands.
-        let back = if speed_mps < -STANDSTILL_MPS { -1.0 } else { 1.0 };
-        let stop = |decel: f64| MotionCommand {
-            stamp: now,
-            steering_rad: steering_before,
-            speed_mps: 0.0,
-            accel_mps2: -back * decel,
+        let VehicleReport { speed_mps, steering_rad, .. } = self.report.unwrap_or_default();
+        let measured_rad = steering_rad.clamp(-p.steering_max_rad, p.steering_max_rad);
+        let before = self.sent.unwrap_or((measured_rad, 0.0));
+        let (command, limited) = match (self.mode, self.command) {
+            (GateMode::Driving, Some(wish)) => {
+                let command = self.drive(&wish, before, speed_mps, dt_s);
+                let limited = !same(&MotionCommand { stamp: wish.stamp, ..command }, &wish);
+                (MotionCommand { stamp: now, ..command }, limited)
+            }
+            (GateMode::Stopping(_) | GateMode::Holding(_), _) => self.brake(now, before, dt_s),
+            // Driving without a command does not exist: it would be a time-out.
+            (GateMode::Manual | GateMode::Driving, _) => {
+                self.sent = None;
+                let speed_mps = speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
+                let steering_rad = measured_rad;
+                return (MotionCommand { stamp: now, steering_rad, speed_mps, accel_mps2: 0.0 }, false);
+            }
         };
-        let (wish, decel_max, jerk_max) = match self.mode {
-            GateMode::Driving => {
-                let wish = self.command.expect("driving needs a command that is not too old");
-                (wish, p.decel_max_mps2, Some(p.jerk_max_mps3))
-            }
-            GateMode::Holding(_) => (stop(p.hold_decel_mps2), p.hold_decel_mps2, None),
-            GateMode::Stopping(StopCause::Emergency) => {
-                (stop(p.emergency_decel_mps2), p.emergency_decel_mps2, None)
-            }
+        self.sent = Some((command.steering_rad, command.accel_mps2));
+        (command, limited)
+    }
+
+    /// The command of a stop, and whether the deceleration is still building up. The deceleration is a function of the
+    /// mode and of what was sent before, and of no measurement: the speed is 0, the acceleration is never above 0.
+    /// The wheels are turned along the path of the stop; they are held where there is none, and at standstill.
+    fn brake(
+        &self,
+        now: Time,
+        (steering_before, accel_before): (f64, f64),
+        dt_s: f64,
+    ) -> (MotionCommand, bool) {
+        let p = &self.params;
+        let path = self.stop_path.as_ref().filter(|_| !self.standstill.stands());
+        let steering_rad = path.and_then(|path| path.steering_rad(&self.pose, now, p.wheelbase_m));
+        let steering_rad = match steering_rad {
+            Some(wanted_rad) => self.steered(wanted_rad, steering_before, dt_s),
+            None => steering_before,
+        };
+        let before = (-accel_before).max(0.0);
+        let (wanted, most) = match self.mode {
+            GateMode::Holding(_) => (p.hold_decel_mps2, p.hold_decel_mps2),
+            GateMode::Stopping(StopCause::Emergency) => (p.emergency_decel_mps2, p.emergency_decel_mps2),
             // Who asked for hard braking last may have had a reason: a stop never brakes less.
-            _ => (stop(p.stop_decel_mps2.max(-back * accel_before)), p.decel_max_mps2, Some(p.jerk_max_mps3)),
+            _ => (p.stop_decel_mps2.max(before), before + p.jerk_max_mps3 * dt_s),
         };
+        let decel = wanted.min(most);
+        (MotionCommand { stamp: now, steering_rad, speed_mps: 0.0, accel_mps2: 0.0 - decel }, decel < wanted)
+    }
+
+    /// An angle of the wheels within limits at the reported speed, and within the rate.
+    fn steered(&self, wanted_rad: f64, before_rad: f64, dt_s: f64) -> f64 {
+        let p = &self.params;
+        let speed_mps = self.report.map_or(0.0, |report| report.speed_mps);
         let bend_max = p.lateral_accel_max_mps2 * p.wheelbase_m / (speed_mps * speed_mps).max(1e-3);
         let most_rad = p.steering_max_rad.min(math::atan(bend_max));
         let turn = p.steering_rate_max_radps * dt_s;
-        let wanted_rad = wish.steering_rad.clamp(-most_rad, most_rad);
-        let steering_rad = wanted_rad.clamp(steering_before - turn, steering_before + turn);
+        wanted_rad.clamp(-most_rad, most_rad).clamp(before_rad - turn, before_rad + turn)
+    }
 
+    /// The wish of the stack, within limits and rates.
+    fn drive(
+        &self,
+        wish: &MotionCommand,
+        (steering_before, accel_before): (f64, f64),
+        speed_mps: f64,
+        dt_s: f64,
+    ) -> MotionCommand {
+        let p = &self.params;
+        let steering_rad = self.steered(wish.steering_rad, steering_before, dt_s);
         let wanted_mps = wish.speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
         // Faster than allowed, it does not get faster still, whatever is asked for.
         // Nor where the command itself wants it slower: an old command under new stamps is held by that.
         let too_fast = speed_mps > p.speed_max_mps.min(wanted_mps.max(0.0) + TOO_FAST_MPS)
-            || speed_mps < -p.reverse_max_mps - STANDSTILL_MPS;
-        let accel_max = if too_fast { 0.0 } else { p.accel_max_mps2 };
-        let (least, most) = if back > 0.0 { (-decel_max, accel_max) } else { (-accel_max, decel_max) };
-        let mut accel_mps2 = wish.accel_mps2.clamp(least, most);
-        if let Some(jerk_max) = jerk_max {
-            // Back within limits is reached even where that is a leap.
-            let change = jerk_max * dt_s;
-            accel_mps2 = accel_mps2.clamp(accel_before - change, accel_before + change).clamp(least, most);
-        }
-        self.sent = Some((steering_rad, accel_mps2));
-        let command = MotionCommand { stamp: now, steering_rad, speed_mps: wanted_mps, accel_mps2 };
-        let limited = !same(&MotionCommand { stamp: wish.stamp, ..command }, &wish);
-        (command, limited)
+            || speed_mps < -p.reverse_max_mps - REVERSE_MARGIN_MPS;
+        let most = if too_fast { 0.0 } else { p.accel_max_mps2 };
+        let change = p.jerk_max_mps3 * dt_s;
+        // Back within limits is reached even where that is a leap.
+        let accel_mps2 = wish.accel_mps2.clamp(-p.decel_max_mps2, most);
+        let accel_mps2 =
+            accel_mps2.clamp(accel_before - change, accel_before + change).clamp(-p.decel_max_mps2, most);
+        MotionCommand { stamp: wish.stamp, steering_rad, speed_mps: wanted_mps, accel_mps2 }
+    }
+}
+
+/// The pedals of `vehicle` for an output of the gate, at a measured speed. While the car is stopped or held these are
+/// the brake alone, and the measured speed has no effect.
+pub fn pedals(vehicle: &VehicleParams, output: &GateOutput, speed_mps: f64) -> Pedals {
+    match output.longitudinal() {
+        Longitudinal::Accel(accel_mps2) => pedals_for_accel(vehicle, speed_mps, accel_mps2),
+        Longitudinal::Brake(decel_mps2) => brake_for_decel(vehicle, decel_mps2),
     }
 }
 
@@ -428,5 +385,7 @@ fn is_fresh(stamp: Time, now: Time, timeout_s: f64) -> bool {
     stamp.saturating_add(Span::from_secs(timeout_s)) >= now
 }
 
+#[cfg(test)]
+mod properties;
 #[cfg(test)]
 mod tests;

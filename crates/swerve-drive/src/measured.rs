@@ -1,7 +1,7 @@
 //! The measures of a run, from what the engine tells.
 
 use swerve_core::Span;
-use swerve_eval::{Evaluation, Outline};
+use swerve_eval::{Evaluation, Norm, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
@@ -51,6 +51,15 @@ pub(crate) fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
+/// The lane and the speed that a scenario asks the ego to keep.
+pub(crate) fn norm(pipeline: &Pipeline) -> Norm {
+    let scenario = &pipeline.scenario;
+    Norm {
+        lane_width_m: Some(scenario.road.lane_width_m),
+        target_speed_mps: Some(scenario.ego.target_speed_mps),
+    }
+}
+
 impl Measured {
     pub(crate) fn new(pipeline: &Pipeline) -> anyhow::Result<Self> {
         let shape = pipeline.vehicle.shape;
@@ -61,8 +70,15 @@ impl Measured {
         let actors = pipeline.scenario.actors.iter().map(|actor| actor.name.clone()).collect();
         let route = Some(pipeline.route.clone());
         let lights = light_courses(&pipeline.scenario, pipeline.until);
-        let params =
-            swerve_eval::Params { ego, dead_time, operators: operators.clone(), actors, route, lights };
+        let params = swerve_eval::Params {
+            ego,
+            dead_time,
+            operators: operators.clone(),
+            actors,
+            route,
+            lights,
+            norm: norm(pipeline),
+        };
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,

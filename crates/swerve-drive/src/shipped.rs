@@ -43,6 +43,38 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/street.toml"
     "scenarios/traffic_jam.toml"
     "scenarios/traffic_light.toml"
+    "scenarios/everyday/car_behind_closes_fast.toml"
+    "scenarios/everyday/closed_circle.toml"
+    "scenarios/everyday/crossing_car_from_left.toml"
+    "scenarios/everyday/crossing_car_from_right.toml"
+    "scenarios/everyday/cut_in_from_left.toml"
+    "scenarios/everyday/cut_in_from_right.toml"
+    "scenarios/everyday/cyclist_swerves.toml"
+    "scenarios/everyday/fast_bend.toml"
+    "scenarios/everyday/figure_of_eight.toml"
+    "scenarios/everyday/lead_brakes_gently.toml"
+    "scenarios/everyday/lead_brakes_hard.toml"
+    "scenarios/everyday/lead_emergency_stop.toml"
+    "scenarios/everyday/lead_same_speed.toml"
+    "scenarios/everyday/lead_slow_oncoming.toml"
+    "scenarios/everyday/lead_slow_overtake.toml"
+    "scenarios/everyday/lead_slow_single_lane.toml"
+    "scenarios/everyday/lead_stop_and_go.toml"
+    "scenarios/everyday/lead_too_close.toml"
+    "scenarios/everyday/narrow_gap.toml"
+    "scenarios/everyday/obstacle_lane_free.toml"
+    "scenarios/everyday/obstacle_oncoming_car.toml"
+    "scenarios/everyday/oncoming_over_the_line.toml"
+    "scenarios/everyday/parked_at_the_edge.toml"
+    "scenarios/everyday/pedestrian_runs.toml"
+    "scenarios/everyday/pedestrian_stops.toml"
+    "scenarios/everyday/pedestrian_turns_back.toml"
+    "scenarios/everyday/red_light_cross_traffic.toml"
+    "scenarios/everyday/road_crosses_itself.toml"
+    "scenarios/everyday/start_at_light.toml"
+    "scenarios/everyday/start_beside_the_line.toml"
+    "scenarios/everyday/start_in_jam.toml"
+    "scenarios/everyday/start_on_bend.toml"
     "configs/camera_objects.toml"
     "configs/deadlines.toml"
     "configs/detector.toml"
@@ -82,6 +114,8 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/planners_skip_to_latest.toml"
     "configs/studies/planners_this_host.toml"
     "configs/studies/prediction.toml"
+    "configs/studies/robustness.toml"
+    "configs/studies/robustness_images.toml"
     "configs/studies/table1.toml"
     "configs/studies/table1_ablation.toml"
     "configs/studies/table1_jerk.toml"
@@ -142,13 +176,30 @@ impl Kind {
         if self == Self::Problems { ".json" } else { ".toml" }
     }
 
-    /// The shipped files of this kind with their names, in order.
+    /// The shipped files of this kind with their names, in order. A scenario in a folder of `scenarios/` is named with
+    /// it: `everyday/start_in_jam`. The folders of `configs/` hold other kinds.
     pub fn all(self) -> impl Iterator<Item = (&'static str, &'static Shipped)> {
         FILES.iter().filter_map(move |file| {
             let name =
                 file.path.strip_prefix(self.folder())?.strip_prefix('/')?.strip_suffix(self.ending())?;
-            (!name.contains('/')).then_some((name, file))
+            (self == Self::Scenario || !name.contains('/')).then_some((name, file))
         })
+    }
+
+    /// The names of the shipped files of this kind in a folder, such as `everyday`; empty where there is no such folder.
+    pub fn in_folder(self, folder: &Path) -> Vec<&'static str> {
+        let Some(folder) = plain(folder) else { return Vec::new() };
+        let folder = folder.strip_prefix(self.folder()).map_or(&*folder, |rest| rest.trim_start_matches('/'));
+        let is_in = |name: &&str| name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
+        self.all().map(|(name, _)| name).filter(is_in).collect()
+    }
+
+    /// The shipped name whose last part is nearest to that of `given`.
+    fn nearest(self, given: &Path) -> Option<&'static str> {
+        let last = |name: &'static str| name.rsplit('/').next().unwrap_or(name);
+        let stem = given.file_stem().unwrap_or_default().to_string_lossy();
+        let near = nearest(&stem, self.all().map(|(name, _)| last(name)))?;
+        self.all().map(|(name, _)| name).find(|name| last(name) == near)
     }
 
     /// The shipped file that `given` names.
@@ -186,8 +237,7 @@ impl Kind {
                 problem.message = other.in_place_of(self);
                 return Err(problem);
             }
-            let stem = given.file_stem().unwrap_or_default().to_string_lossy();
-            problem.message += &match nearest(&stem, self.all().map(|(name, _)| name)) {
+            problem.message += &match self.nearest(given) {
                 Some(near) => format!(" (did you mean the {} `{near}` that is in the program?)", self.noun()),
                 None => {
                     let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
@@ -353,6 +403,20 @@ mod tests {
     }
 
     #[test]
+    fn scenarios_in_a_folder_are_listed_with_it_and_suggested() {
+        let names: Vec<&str> = Kind::Scenario.all().map(|(name, _)| name).collect();
+        let everyday = Kind::Scenario.in_folder(Path::new("everyday"));
+        assert!(everyday.len() >= 24 && everyday.iter().all(|name| names.contains(name)), "{everyday:?}");
+        assert_eq!(Kind::Scenario.in_folder(Path::new("./scenarios/everyday/")), everyday);
+        for other in ["every", "", "lane", "/everyday"] {
+            assert_eq!(Kind::Scenario.in_folder(Path::new(other)), Vec::<&str>::new(), "{other}");
+        }
+        assert!(Kind::Config.all().all(|(name, _)| !name.contains('/')), "its folders hold other kinds");
+        let said = Kind::Scenario.text(Path::new("everyday/start_in_jamm")).unwrap_err().to_string();
+        assert!(said.contains("did you mean the scenario `everyday/start_in_jam`"), "{said}");
+    }
+
+    #[test]
     fn a_name_is_found_however_it_is_written() {
         let path = |kind: Kind, given: &str| kind.find(Path::new(given)).map(|file| file.path);
         let lane = Some("scenarios/lane.toml");
@@ -372,6 +436,11 @@ mod tests {
         for given in ["detour", "detour.json", "configs/problems/detour.json"] {
             assert_eq!(path(Kind::Problems, given), Some("configs/problems/detour.json"), "{given}");
         }
+        let jam = Some("scenarios/everyday/start_in_jam.toml");
+        for given in ["everyday/start_in_jam", "scenarios/everyday/start_in_jam.toml"] {
+            assert_eq!(path(Kind::Scenario, given), jam, "{given}");
+        }
+        assert_eq!(path(Kind::Scenario, "start_in_jam"), None, "the folder is part of the name");
         for given in ["", "lan", "../lane", "/scenarios/lane.toml", "configs/paper.toml.toml"] {
             assert_eq!(path(Kind::Scenario, given), None, "{given}");
         }

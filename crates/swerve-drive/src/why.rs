@@ -33,7 +33,7 @@ pub use command::{WhyArgs, of_run, run};
 
 use crate::lights::light_courses;
 use crate::load::problems_error;
-use crate::measured::outline;
+use crate::measured::{norm, outline};
 use crate::page::log_so_far;
 use sightings::Sightings;
 use timeline::{Seen, Timeline};
@@ -166,6 +166,7 @@ impl Logged {
             actors: names().map(str::to_owned).collect(),
             route: Some(pipeline.route.clone()),
             lights: light_courses(&pipeline.scenario, pipeline.until),
+            norm: norm(&pipeline),
         });
         if let Some(gate) = pipeline.assembly.publisher::<GateOutput>() {
             for publication in self.log.publications(gate) {

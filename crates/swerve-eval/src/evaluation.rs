@@ -7,6 +7,8 @@ use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Pl
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
+use crate::traffic::{Norm, Traffic, TrafficMetrics};
+use crate::verdict::STANDS_MPS;
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
     Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes,
@@ -28,6 +30,8 @@ pub struct Params {
     pub route: Option<Route>,
     /// The traffic lights of that way.
     pub lights: Vec<LightCourse>,
+    /// The lane and the speed that the ego is to keep.
+    pub norm: Norm,
 }
 
 /// The result of a run; `metrics.json` is this struct.
@@ -65,6 +69,9 @@ pub struct Metrics {
     pub lateral_jerk: JerkMetrics,
     /// Comfort as nuPlan defines it; null for a drive of less than 0.4 s.
     pub comfort: Option<ComfortMetrics>,
+    /// Driving among others: time to collision, headway, the other lane.
+    #[serde(default)]
+    pub traffic: TrafficMetrics,
     /// The drive; its accelerations and turn rates are those before the first contact.
     pub drive: DriveMetrics,
     /// Response times; null when no command took effect.
@@ -92,6 +99,8 @@ pub enum DecidedBy<'a> {
     Gate(GateStop),
     /// A red light, at which the ego waited at the end; its name.
     Light(&'a str),
+    /// The accuracy of the pose, for which the planner stopped the ego: since this instant, seconds.
+    Pose(f64),
     /// Nobody: there was no other.
     Nobody,
 }
@@ -109,6 +118,9 @@ impl Metrics {
         }
         match &self.waits_at_light {
             Some(light) if self.stands_before.is_none() => DecidedBy::Light(light),
+            _ if self.verdict == Verdict::Stopped && self.stands_before.is_none() => {
+                self.plans.pose_uncertain_since_s.map_or_else(actor, DecidedBy::Pose)
+            }
             _ => actor(),
         }
     }
@@ -169,8 +181,11 @@ pub struct Evaluation {
     outcome: Outcome,
     clearances: Clearances,
     drive: Drive,
+    /// Lateral specific force at the centre of gravity in the newest world state.
+    felt_mps2: Option<(Time, f64)>,
     jerk: LateralJerk,
     comfort: Comfort,
+    traffic: Traffic,
     plans: PlanMetrics,
     sights: Vec<Sight>,
     response: ResponseTimes,
@@ -184,9 +199,11 @@ impl Evaluation {
     /// Nothing taken in yet.
     pub fn new(params: Params) -> Self {
         Self {
+            traffic: Traffic::new(params.ego, params.route.clone(), params.norm),
             outcome: Outcome::new(params.ego, params.route, params.lights),
             clearances: Clearances::new(params.ego),
             drive: Drive::default(),
+            felt_mps2: None,
             jerk: LateralJerk::default(),
             comfort: Comfort::default(),
             plans: PlanMetrics::default(),
@@ -207,7 +224,9 @@ impl Evaluation {
         self.drive.take(&world.ego.state, comfort);
         if comfort {
             self.comfort.take(&world.ego.state);
+            self.traffic.take(world);
         }
+        self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));
         self.response.world_step(world.stamp);
         self.localization.truth(&world.ego.state);
     }
@@ -222,10 +241,12 @@ impl Evaluation {
         self.localization.quality(quality);
     }
 
-    /// A reading of the inertial measurement unit, after the world state of its stamp.
+    /// A reading of the inertial measurement unit, after the world state of its stamp. Its instants are those of the jerk;
+    /// in a simulated world the acceleration is the true one, without the sensor's noise.
     pub fn imu(&mut self, imu: &Imu) {
         if self.counts_for_comfort(imu.stamp) {
-            self.jerk.take(imu.stamp, imu.accel_mps2[1]);
+            let felt = self.felt_mps2.filter(|(at, _)| *at == imu.stamp);
+            self.jerk.take(imu.stamp, felt.map_or(imu.accel_mps2[1], |(_, lateral)| lateral));
         }
     }
 
@@ -279,7 +300,7 @@ impl Evaluation {
         let nearest = self.clearances.smallest();
         let impact = self.outcome.impact();
         Metrics {
-            verdict: self.outcome.verdict(),
+            verdict: self.verdict(),
             end: self.outcome.end(),
             min_distance_m: nearest.map(|c| c.distance_m),
             min_distance_actor: nearest.map(|c| c.actor),
@@ -297,6 +318,7 @@ impl Evaluation {
                 smooth_max_mps3: self.jerk.smooth_max_mps3(),
             },
             comfort: self.comfort.metrics(),
+            traffic: self.traffic.metrics(),
             drive: self.drive.metrics(),
             response: self.response.summary(),
             actors: self.actors(),
@@ -304,6 +326,15 @@ impl Evaluation {
             gate: self.gate.metrics(),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
+        }
+    }
+
+    /// The outcome's verdict; an ego at rest that the planner stopped for its pose did not run out of time.
+    fn verdict(&self) -> Verdict {
+        let rests = self.drive.metrics().speed_end_mps.abs() <= STANDS_MPS;
+        match self.outcome.verdict() {
+            Verdict::Timeout if rests && self.plans.pose_uncertain_since_s.is_some() => Verdict::Stopped,
+            verdict => verdict,
         }
     }
 
@@ -346,6 +377,7 @@ mod tests {
             actors: vec!["parked truck".into(), "person".into()],
             route: None,
             lights: Vec::new(),
+            norm: Norm::default(),
         })
     }
 

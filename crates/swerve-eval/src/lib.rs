@@ -30,6 +30,7 @@ mod runtime;
 mod segmentation;
 pub mod timely;
 mod tracking;
+mod traffic;
 mod trajectory;
 mod verdict;
 mod why;
@@ -54,6 +55,7 @@ pub use segmentation::{Confusion, UnknownClass};
 pub use swerve_geom::image_iou;
 pub use swerve_msg::truth::Verdict;
 pub use tracking::{ClearMot, Hota, IdentityScore, SIMILARITY_MIN, TrackingFrame, TrackingMetrics};
+pub use traffic::{Norm, TrafficMetrics};
 pub use trajectory::{
     Alignment, PoseErrors, SpacePose, TrajectoryErrors, absolute_errors, aligned, relative_errors,
 };

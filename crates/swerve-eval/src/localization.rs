@@ -49,12 +49,17 @@ pub struct QualityMetrics {
     pub sigma_mean_m: f64,
     /// Mean square of the error of x, y and heading over its covariance; 3 where it knows how good it is.
     pub nees: f64,
+    /// Longest time in which the mode was good although the place was off by more than five standard deviations, seconds.
+    #[serde(default)]
+    pub false_good_max_s: f64,
     /// Share of the time by inertia and wheels alone.
     pub coasting_share: f64,
     /// Share of the time without a pose to be driven by.
     pub lost_share: f64,
 }
 
+/// A place that is off by more standard deviations than this is wrong.
+const FALSE_SIGMAS: f64 = 5.0;
 /// True states that are kept: more than a pose takes to be published.
 const KEPT: usize = 512;
 
@@ -75,6 +80,9 @@ pub struct Localization {
     told: u64,
     sigma_sum: f64,
     nees_sum: f64,
+    /// Since when the mode is good and the place is wrong, and for how long that was at most, seconds.
+    false_good_since: Option<Time>,
+    false_good_max_s: f64,
     coasting: u64,
     lost: u64,
 }
@@ -129,6 +137,20 @@ impl Localization {
         self.told += 1;
         self.sigma_sum += quality.sigma_m();
         self.nees_sum += off.dot(&weighed);
+        self.false_good(quality, &off);
+    }
+
+    /// Counts how long a pose is told to be good although it is wrong.
+    fn false_good(&mut self, quality: &PoseQuality, off: &Vector3<f64>) {
+        let [xx, xy, yy, ..] = quality.covariance;
+        let determinant = xx * yy - xy * xy;
+        let square = (off.x * off.x * yy - 2.0 * off.x * off.y * xy + off.y * off.y * xx) / determinant;
+        if quality.mode == PoseMode::Good && square > FALSE_SIGMAS * FALSE_SIGMAS {
+            let since = *self.false_good_since.get_or_insert(quality.stamp);
+            self.false_good_max_s = self.false_good_max_s.max((quality.stamp - since).as_secs());
+        } else {
+            self.false_good_since = None;
+        }
     }
 
     /// The figures so far; none where every pose is the true one, as the simulator tells it.
@@ -160,6 +182,7 @@ impl Localization {
             quality: (self.qualities > 0).then(|| QualityMetrics {
                 sigma_mean_m: mean(self.sigma_sum),
                 nees: mean(self.nees_sum),
+                false_good_max_s: self.false_good_max_s,
                 coasting_share: share(self.coasting),
                 lost_share: share(self.lost),
             }),
@@ -204,6 +227,22 @@ mod tests {
     }
 
     #[test]
+    fn good_modes_at_wrong_places_are_timed() {
+        let mut localization = Localization::default();
+        for k in 0..=300 {
+            let stamp = Time::from_ms(10 * k);
+            localization.truth(&ego(10 * k, 0.0, 0.0, 0.0));
+            // Six deviations off from 1 to 1.5 s and from 2 to 3 s; in the second half of the latter it is coasting.
+            let is_wrong = (100..=150).contains(&k) || k >= 200;
+            localization.pose(&ego(10 * k, if is_wrong { 0.6 } else { 0.4 }, 0.0, 0.0));
+            let mode = if k > 270 { PoseMode::Coasting } else { PoseMode::Good };
+            localization.quality(&PoseQuality { stamp, mode, covariance: [0.01, 0.0, 0.01, 0.0, 0.0, 1e-4] });
+        }
+        let quality = localization.metrics().unwrap().quality.unwrap();
+        assert!((quality.false_good_max_s - 0.7).abs() < 1e-12, "{}", quality.false_good_max_s);
+    }
+
+    #[test]
     fn silence_and_what_it_says_of_itself_count() {
         let mut localization = Localization::default();
         for k in 0..=300 {
@@ -220,6 +259,8 @@ mod tests {
         let quality = metrics.quality.unwrap();
         assert!((metrics.silent_max_s - 1.0).abs() < 1e-12);
         assert!((quality.nees - 3.0).abs() < 1e-9 && (quality.sigma_mean_m - 0.2).abs() < 1e-12);
+        // 0.2 m and 0.1 m of 0.2 m and 0.1 m deviation: the square is 2.
+        assert!(quality.false_good_max_s == 0.0);
         assert!((quality.lost_share - 100.0 / 301.0).abs() < 1e-12 && quality.coasting_share == 0.0);
     }
 }

@@ -23,6 +23,17 @@ pub struct PlanCounts {
     /// A path within the limits of comfort was found.
     #[serde(default)]
     pub comfortable: u64,
+    /// A stop, since the pose was too uncertain for the lane.
+    #[serde(default)]
+    pub pose_uncertain: u64,
+}
+
+impl PlanCounts {
+    /// How many there are.
+    pub fn all(&self) -> u64 {
+        let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain } = self;
+        route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain
+    }
 }
 
 /// Plan counts, and when the planner itself first found a path.
@@ -32,6 +43,12 @@ pub struct PlanMetrics {
     pub counts: PlanCounts,
     /// Stamp of the first path found that is not within the limits of comfort, seconds.
     pub first_found_s: Option<f64>,
+    /// Share of the plans that the comfortable layer made, 0 to 1; the planner itself made the others. Null without a plan.
+    #[serde(default)]
+    pub comfortable_share: Option<f64>,
+    /// Stamp since which all plans up to the end stop for an uncertain pose, seconds.
+    #[serde(default)]
+    pub pose_uncertain_since_s: Option<f64>,
 }
 
 impl PlanMetrics {
@@ -46,10 +63,17 @@ impl PlanMetrics {
             PlanStatus::Stop => &mut counts.stop,
             PlanStatus::GaveUp => &mut counts.gave_up,
             PlanStatus::Comfortable => &mut counts.comfortable,
+            PlanStatus::PoseUncertain => &mut counts.pose_uncertain,
         } += 1;
+        if plan.status == PlanStatus::PoseUncertain {
+            self.pose_uncertain_since_s.get_or_insert(seconds(plan.stamp));
+        } else {
+            self.pose_uncertain_since_s = None;
+        }
         if plan.status == PlanStatus::Found {
             self.first_found_s.get_or_insert(seconds(plan.stamp));
         }
+        self.comfortable_share = Some(self.counts.comfortable as f64 / self.counts.all() as f64);
     }
 }
 
@@ -76,5 +100,11 @@ mod tests {
             PlanCounts { route: 1, found: 2, kept: 1, gave_up: 1, ..Default::default() }
         );
         assert_eq!(metrics.first_found_s, Some(0.1));
+        assert_eq!((metrics.counts.all(), metrics.comfortable_share), (5, Some(0.0)));
+        for _ in 0..15 {
+            metrics.take(&Plan { status: PlanStatus::Comfortable, ..Plan::default() });
+        }
+        assert_eq!(metrics.comfortable_share, Some(0.75));
+        assert_eq!(PlanMetrics::default().comfortable_share, None);
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
+use swerve_geom::LineTracker;
 use swerve_msg::truth::{Actor, EndReason, InfractionKind, Verdict, WorldState};
 use swerve_msg::{ActorId, GateMode, Route, Signal};
 
@@ -9,9 +10,12 @@ use crate::gate::stop_cause;
 use crate::{LightCourse, Outline, seconds};
 
 /// Below this the ego stands, m/s.
-const STANDS_MPS: f64 = 0.1;
+pub(crate) const STANDS_MPS: f64 = 0.1;
 /// As far ahead as this something is in the way of an ego that stands, metres.
 const IN_THE_WAY_M: f64 = 25.0;
+
+/// Reach of the search for places beside the ego along the route, metres.
+const FRONT_REACH_M: f64 = 15.0;
 /// As far beyond a stop line, with its front, an ego still waits at it, metres.
 const BEYOND_LINE_M: f64 = 1.0;
 /// And as far beside the outline, metres.
@@ -52,6 +56,9 @@ pub struct Outcome {
     is_held: bool,
     /// Where the front was along the route, where there are lights.
     front_s_m: Option<f64>,
+    /// The ego's place along the route, and the arc length of it, metres.
+    place: LineTracker,
+    ego_s_m: Option<f64>,
     red_lights_passed: usize,
 }
 
@@ -72,6 +79,8 @@ impl Outcome {
             waits_at: None,
             is_held: false,
             front_s_m: None,
+            place: LineTracker::default(),
+            ego_s_m: None,
             red_lights_passed: 0,
         }
     }
@@ -102,6 +111,8 @@ impl Outcome {
                 }
             }
         }
+        self.ego_s_m =
+            self.route.as_ref().map(|route| self.place.locate(route.line(), world.ego.state.pose).s_m);
         self.pass_lights(world);
         self.is_alone &= world.actors.is_empty();
         let stands = world.ego.state.speed_mps.abs() <= STANDS_MPS;
@@ -110,7 +121,7 @@ impl Outcome {
             self.end = world.ended;
             // One that never set off was not brought to rest by anything.
             if stands && self.has_driven {
-                self.stands_before = in_the_way(world, self.ego, self.route.as_ref());
+                self.stands_before = in_the_way(world, self.ego, self.route.as_ref().zip(self.ego_s_m));
                 self.waits_at = self.light_ahead(world);
                 self.is_held = stop_cause(self.gate).is_some();
             }
@@ -165,9 +176,11 @@ impl Outcome {
         self.red_lights_passed
     }
 
+    /// Arc length of the ego's front along the route, metres.
     fn front_s_m(&self, world: &WorldState) -> Option<f64> {
         let front_m = self.ego.center_ahead_m + 0.5 * self.ego.length_m;
-        Some(self.route.as_ref()?.project(world.ego.state.pose.ahead(front_m).point()).s_m)
+        let front = world.ego.state.pose.ahead(front_m).point();
+        Some(self.route.as_ref()?.project_near(front, self.ego_s_m? + front_m, FRONT_REACH_M).s_m)
     }
 
     fn pass_lights(&mut self, world: &WorldState) {
@@ -205,7 +218,7 @@ impl Outcome {
 }
 
 /// The nearest actor in the way of an ego that stands: ahead of its outline, or on its route, or nearly.
-fn in_the_way(world: &WorldState, ego: Outline, route: Option<&Route>) -> Option<ActorId> {
+fn in_the_way(world: &WorldState, ego: Outline, route: Option<(&Route, f64)>) -> Option<ActorId> {
     let state = &world.ego.state;
     let lane = Outline {
         length_m: IN_THE_WAY_M,
@@ -214,8 +227,9 @@ fn in_the_way(world: &WorldState, ego: Outline, route: Option<&Route>) -> Option
     };
     let (lane, outline) = (lane.footprint(state.pose), ego.footprint(state.pose));
     let is_on_route = |actor: &Actor| {
-        let Some(route) = route else { return false };
-        let (own, other) = (route.project(outline.center.point()), route.project(actor.pose.point()));
+        let Some((route, s_m)) = route else { return false };
+        let near = |point| route.project_near(point, s_m, IN_THE_WAY_M + ego.length_m + FRONT_REACH_M);
+        let (own, other) = (near(outline.center.point()), near(actor.pose.point()));
         let beside_m = 0.5 * (ego.width_m + actor.extent.width_m) + BESIDE_M;
         let ahead_m = other.s_m - own.s_m - 0.5 * ego.length_m;
         (-0.5 * ego.length_m..=IN_THE_WAY_M).contains(&ahead_m) && other.d_m.abs() <= beside_m

@@ -5,7 +5,6 @@ use prost::Message;
 use prost::bytes::BufMut;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
-use swerve_geom::{Obb, Vector2};
 
 /// Figures that a drive is judged by, over time; one that there is none of is not a number.
 #[derive(Clone, PartialEq, prost::Message)]
@@ -96,59 +95,9 @@ impl Encode for Figures {
     }
 }
 
-/// When two rectangles that move without turning first meet, seconds from now; zero where they do already,
-/// `None` where they never will. They are apart as long as they are along one of their four axes.
-pub(crate) fn time_to_contact_s(a: &Obb, b: &Obb, b_relative_mps: Vector2) -> Option<f64> {
-    let apart = b.center.point() - a.center.point();
-    let half = |of: &Obb, axis: Vector2| {
-        let ahead = of.center.direction();
-        of.half_length_m * ahead.dot(axis).abs() + of.half_width_m * ahead.left().dot(axis).abs()
-    };
-    let (mut enter_s, mut leave_s) = (0.0_f64, f64::INFINITY);
-    for of in [a, b] {
-        for axis in [of.center.direction(), of.center.direction().left()] {
-            let (distance, speed) = (apart.dot(axis), b_relative_mps.dot(axis));
-            let reach = half(a, axis) + half(b, axis);
-            if speed == 0.0 {
-                if distance.abs() > reach {
-                    return None;
-                }
-                continue;
-            }
-            let (one, other) = ((-reach - distance) / speed, (reach - distance) / speed);
-            enter_s = enter_s.max(one.min(other));
-            leave_s = leave_s.min(one.max(other));
-        }
-    }
-    (enter_s <= leave_s).then_some(enter_s)
-}
-
 #[cfg(test)]
 mod tests {
-    use swerve_geom::Pose2;
-
     use super::*;
-
-    fn car(x_m: f64, y_m: f64, heading_rad: f64) -> Obb {
-        Obb::new(Pose2::new(x_m, y_m, heading_rad), 4.0, 2.0)
-    }
-
-    #[test]
-    fn contact_comes_after_gap_over_closing_speed() {
-        let still = car(0.0, 0.0, 0.0);
-        let time = |b: &Obb, x, y| time_to_contact_s(&still, b, Vector2::new(x, y));
-        assert_eq!(time(&car(24.0, 0.0, 0.0), -10.0, 0.0), Some(2.0));
-        assert_eq!(time(&car(24.0, 1.9, 0.0), -10.0, 0.0), Some(2.0));
-        assert_eq!(time(&car(24.0, 2.1, 0.0), -10.0, 0.0), None);
-        assert_eq!(time(&car(24.0, 0.0, 0.0), 10.0, 0.0), None);
-        assert_eq!(time(&car(3.0, 0.0, 0.0), 10.0, 0.0), Some(0.0));
-        // From the side: 12 m off with half widths and lengths of 1 and 2 m between.
-        let crossing = car(0.0, -12.0, core::f64::consts::FRAC_PI_2);
-        let time_s = time(&crossing, 0.0, 3.0).unwrap();
-        assert!((time_s - 3.0).abs() < 1e-12, "{time_s}");
-        // It comes from the side and is past before it is there.
-        assert_eq!(time(&crossing, 3.0, 3.0), None);
-    }
 
     #[test]
     fn the_schema_has_the_fields_of_the_message() {

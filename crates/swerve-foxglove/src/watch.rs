@@ -18,7 +18,7 @@ use swerve_vehicle::Shape;
 
 use crate::camera::{self, Believed, Header, ImageForm};
 use crate::cloud::{self, Motion, Sensor};
-use crate::figures::{Figures, time_to_contact_s};
+use crate::figures::Figures;
 use crate::form::{MAP, Outbox, When, name_of, timestamp};
 use crate::words::Line;
 use crate::{scene, words};
@@ -283,10 +283,8 @@ impl Watch {
         let outline = self.setup.shape.footprint(world.ego.state.pose);
         let ego = world.ego.velocity_mps.coords;
         let gaps = world.actors.iter().map(|actor| actor.gap_m(&outline));
-        let contacts = world.actors.iter().filter_map(|actor| {
-            let v = actor.velocity_mps;
-            time_to_contact_s(&outline, &actor.footprint(), Vector2::new(v.x - ego.x, v.y - ego.y))
-        });
+        let velocity = Vector2::new(ego.x, ego.y);
+        let contacts = world.actors.iter().filter_map(|actor| actor.time_to_contact_s(&outline, velocity));
         let or_nan = |least: f64| if least.is_finite() { least } else { f64::NAN };
         Figures {
             distance_m: or_nan(gaps.fold(f64::INFINITY, f64::min)),

@@ -72,6 +72,7 @@ pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
         PlanStatus::Stop => "no path found: speed zero along the route",
         PlanStatus::GaveUp => "no path found: along the route regardless",
         PlanStatus::Comfortable => "within the limits of comfort",
+        PlanStatus::PoseUncertain => "stopping: the pose is too uncertain for the lane",
     };
     let level = if status.is_fallback() { Level::Warning } else { Level::Info };
     Line::new(stamp, level, operator, words)

@@ -11,6 +11,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Map;
 
+/// The odometry frame (ROS REP 105 `odom`): the ego moves through it without jumps, and it drifts over the map.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Odom;
+
 /// The ego vehicle: x forward, y left, z up, origin at the centre of the rear axle on the ground.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Ego;

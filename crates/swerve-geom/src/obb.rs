@@ -89,6 +89,71 @@ impl<F: Copy> Obb<F> {
         };
         nearest(self, other).min(nearest(other, self))
     }
+
+    /// Time until `other`, which moves at `relative_mps` as seen from this rectangle, first touches it, seconds; zero where
+    /// it does already, `None` where it never will. Neither turns. They are apart as long as they are along one of their
+    /// four axes (separating axis theorem).
+    pub fn time_to_contact_s(&self, other: &Self, relative_mps: Vector2<F>) -> Option<f64> {
+        let between = other.center.point() - self.center.point();
+        let (a, b) = (self.center.direction(), other.center.direction());
+        let reach = |obb: &Self, ahead: Vector2<F>, axis: Vector2<F>| {
+            obb.half_length_m * ahead.dot(axis).abs() + obb.half_width_m * ahead.left().dot(axis).abs()
+        };
+        let slabs = [a, a.left(), b, b.left()].map(|axis| {
+            (between.dot(axis), relative_mps.dot(axis), reach(self, a, axis) + reach(other, b, axis))
+        });
+        entry_s(slabs)
+    }
+
+    /// As [`time_to_contact_s`](Self::time_to_contact_s), with a circle.
+    pub fn time_to_circle_s(
+        &self,
+        center: Point2<F>,
+        radius_m: f64,
+        relative_mps: Vector2<F>,
+    ) -> Option<f64> {
+        let (ahead, between) = (self.center.direction(), center - self.center.point());
+        let along = (between.dot(ahead), relative_mps.dot(ahead));
+        let across = (between.dot(ahead.left()), relative_mps.dot(ahead.left()));
+        // The rectangle grown by the radius has round corners: it is two rectangles and four circles.
+        let slab = |(distance_m, speed_mps): (f64, f64), reach_m: f64| (distance_m, speed_mps, reach_m);
+        let rectangles = [(radius_m, 0.0), (0.0, radius_m)].map(|(length_m, width_m)| {
+            entry_s([slab(along, self.half_length_m + length_m), slab(across, self.half_width_m + width_m)])
+        });
+        let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| {
+            let from = (along.0 - x * self.half_length_m, across.0 - y * self.half_width_m);
+            time_to_radius_s(from, (along.1, across.1), radius_m)
+        });
+        rectangles.into_iter().chain(corners).flatten().reduce(f64::min)
+    }
+}
+
+/// When a point is first within all slabs, each given by its distance, its speed and the slab's half width; from now on.
+fn entry_s<const N: usize>(slabs: [(f64, f64, f64); N]) -> Option<f64> {
+    let (mut enter_s, mut leave_s) = (0.0_f64, f64::INFINITY);
+    for (distance_m, speed_mps, reach_m) in slabs {
+        if speed_mps == 0.0 {
+            if distance_m.abs() > reach_m {
+                return None;
+            }
+            continue;
+        }
+        let (one, other) = ((-reach_m - distance_m) / speed_mps, (reach_m - distance_m) / speed_mps);
+        enter_s = enter_s.max(one.min(other));
+        leave_s = leave_s.min(one.max(other));
+    }
+    (enter_s <= leave_s).then_some(enter_s)
+}
+
+/// When a point that moves is first within `radius_m` of the origin; from now on.
+fn time_to_radius_s((x, y): (f64, f64), (vx, vy): (f64, f64), radius_m: f64) -> Option<f64> {
+    let beyond = x * x + y * y - radius_m * radius_m;
+    if beyond <= 0.0 {
+        return Some(0.0);
+    }
+    let (speed_squared, closing) = (vx * vx + vy * vy, -(x * vx + y * vy));
+    let root = closing * closing - speed_squared * beyond;
+    (closing > 0.0 && root >= 0.0).then(|| (closing - root.sqrt()) / speed_squared)
 }
 
 #[cfg(test)]
@@ -110,8 +175,64 @@ mod tests {
         assert_eq!(obb(0.0, 0.0, 0.0).distance_to_point(Point2::new(5.0, 5.0)), 5.0);
     }
 
+    #[test]
+    fn contact_comes_after_gap_over_closing_speed() {
+        let still = obb(0.0, 0.0, 0.0);
+        let time = |b: &Obb, x, y| still.time_to_contact_s(b, Vector2::new(x, y));
+        assert_eq!(time(&obb(24.0, 0.0, 0.0), -10.0, 0.0), Some(2.0));
+        assert_eq!(time(&obb(24.0, 1.9, 0.0), -10.0, 0.0), Some(2.0));
+        assert_eq!(time(&obb(24.0, 2.1, 0.0), -10.0, 0.0), None);
+        assert_eq!(time(&obb(24.0, 0.0, 0.0), 10.0, 0.0), None);
+        assert_eq!(time(&obb(3.0, 0.0, 0.0), 10.0, 0.0), Some(0.0));
+        // From the side: 12 m off with half widths and lengths of 1 and 2 m between.
+        let crossing = obb(0.0, -12.0, core::f64::consts::FRAC_PI_2);
+        let time_s = time(&crossing, 0.0, 3.0).unwrap();
+        assert!((time_s - 3.0).abs() < 1e-12, "{time_s}");
+        // It comes from the side and is past before it is there.
+        assert_eq!(time(&crossing, 3.0, 3.0), None);
+    }
+
+    #[test]
+    fn a_circle_meets_sides_at_their_distance_and_corners_later() {
+        let still = obb(0.0, 0.0, 0.0);
+        let time = |x, y, vx| still.time_to_circle_s(Point2::new(x, y), 0.5, Vector2::new(vx, 0.0));
+        // To the front at 2 m, and past the side at 1.5 m.
+        assert_eq!(time(12.5, 0.0, -5.0), Some(2.0));
+        assert_eq!(time(12.5, 1.6, -5.0), None);
+        assert_eq!(time(12.5, 0.0, 5.0), None);
+        assert_eq!(time(2.4, 0.0, 5.0), Some(0.0));
+        // At 1.3 m across it touches the corner (2, 1) from 0.4 m ahead of it: 0.5 is 0.3 and 0.4.
+        let time_s = time(12.4, 1.3, -5.0).unwrap();
+        assert!((time_s - 2.0).abs() < 1e-12, "{time_s}");
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+        #[test]
+        fn at_the_time_to_contact_the_distance_ends(
+            x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, vx in -5.0..5.0, vy in -5.0..5.0,
+        ) {
+            let (still, other, moves) = (obb(0.0, 0.0, 0.4), obb(x, y, h), Vector2::new(vx, vy));
+            let after = |s: f64| Obb { center: Pose2::new(x + vx * s, y + vy * s, h), ..other };
+            let steps = (0..200).map(|k| 0.05 * f64::from(k));
+            match still.time_to_contact_s(&other, moves) {
+                Some(time_s) => {
+                    prop_assert!(still.distance(&after(time_s)) < 1e-9);
+                    prop_assert!(steps.take_while(|s| *s < time_s - 1e-9).all(|s| still.distance(&after(s)) > 0.0));
+                }
+                None => prop_assert!(steps.map(after).all(|other| still.distance(&other) > 0.0)),
+            }
+            let gap_m = |s: f64| still.distance_to_point(Point2::new(x + vx * s, y + vy * s)) - 0.5;
+            let steps = (0..200).map(|k| 0.05 * f64::from(k));
+            match still.time_to_circle_s(Point2::new(x, y), 0.5, moves) {
+                Some(time_s) => {
+                    prop_assert!(gap_m(time_s) < 1e-9);
+                    prop_assert!(steps.take_while(|s| *s < time_s - 1e-9).all(|s| gap_m(s) > 0.0));
+                }
+                None => prop_assert!(steps.map(gap_m).all(|gap_m| gap_m > 0.0)),
+            }
+        }
+
         #[test]
         fn distance_is_symmetric_and_agrees_with_overlap(
             x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, g in -3.0..3.0,

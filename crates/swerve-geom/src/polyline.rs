@@ -55,6 +55,15 @@ pub enum PolylineError {
     },
 }
 
+/// Cosine of the largest angle between a pose and a line that runs in its direction.
+const ALONG_COS: f64 = 0.5;
+
+/// Places farther than the nearest by more are not considered for a pose, metres.
+const BRANCHES_M: f64 = 5.0;
+
+/// Places of a line that differ less in their distance are equally near, metres.
+const EQUALLY_NEAR_M: f64 = 0.5;
+
 /// Points of a line sampled anew, at the most: 250 km at every quarter of a metre.
 const SAMPLES_MAX: f64 = 1e6;
 
@@ -164,6 +173,62 @@ impl Polyline {
         let first = self.segment(near_s_m - reach_m);
         let last = self.segment(near_s_m + reach_m) + 1;
         self.project_between(point, first, last)
+    }
+
+    /// The nearest place to a pose among those where the line runs in its direction, within 60 degrees; of places
+    /// about equally near the first. Without any about as near as the nearest of all, that one.
+    pub fn project_pose(&self, pose: Pose2) -> FrenetPoint {
+        let (point, direction) = (pose.point(), pose.direction());
+        let nearest = self.project(point);
+        let runs_along = |i: usize| {
+            let along = self.points[i + 1] - self.points[i];
+            along.dot(direction) > ALONG_COS * along.norm()
+        };
+        let segments = self.points.len() - 1;
+        let mut best: Option<FrenetPoint> = None;
+        let mut i = 0;
+        while i < segments {
+            let first = i;
+            while i < segments && runs_along(i) == runs_along(first) {
+                i += 1;
+            }
+            if !runs_along(first) {
+                continue;
+            }
+            // The nearest place of each branch: a stretch of the line that stays near.
+            for place in self.branches(point, first, i) {
+                let is_beside = place.d_m.abs() <= nearest.d_m.abs() + BRANCHES_M;
+                if is_beside && best.is_none_or(|best| place.d_m.abs() < best.d_m.abs() - EQUALLY_NEAR_M) {
+                    best = Some(place);
+                }
+            }
+        }
+        best.unwrap_or(nearest)
+    }
+
+    /// The nearest place of each part of the segments from `first` to `last` whose distance from `point` has a minimum.
+    fn branches(&self, point: Point2, first: usize, last: usize) -> impl Iterator<Item = FrenetPoint> {
+        let distance_m = move |i: usize| self.project_between(point, i, i + 1).d_m.abs();
+        let mut i = first;
+        core::iter::from_fn(move || {
+            if i >= last {
+                return None;
+            }
+            let from = i;
+            let mut before_m = distance_m(i);
+            let mut rises = false;
+            while i + 1 < last {
+                let next_m = distance_m(i + 1);
+                if rises && next_m < before_m {
+                    break;
+                }
+                rises |= next_m > before_m;
+                before_m = next_m;
+                i += 1;
+            }
+            i += 1;
+            Some(self.project_between(point, from, i))
+        })
     }
 
     fn project_between(&self, point: Point2, first: usize, last: usize) -> FrenetPoint {

@@ -167,8 +167,8 @@ impl Sink<'_> {
         let before = state.last.command;
         let change = jerk_max_mps3 * PERIOD.as_secs_f64();
         // Who asked for hard braking last may have had a reason: a stop never brakes less.
-        let wanted = (-stop_decel_mps2).min(before.accel_mps2);
-        let accel_mps2 = wanted.max(before.accel_mps2 - change);
+        let accel_before = before.accel_mps2.min(0.0);
+        let accel_mps2 = (-stop_decel_mps2).min(accel_before).max(accel_before - change);
         state.last.mode = GateMode::Stopping(StopCause::CommandTimeout);
         state.last.command = MotionCommand { stamp: now, speed_mps: 0.0, accel_mps2, ..before };
         state.last.heartbeat = state.last.heartbeat.wrapping_add(1);

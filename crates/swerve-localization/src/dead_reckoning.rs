@@ -134,12 +134,14 @@ pub struct Turned {
     pub period_s: f64,
     /// The same as a whole, in the frame at its begin.
     pub over_turn: Isometry3<f64>,
-    /// Whether there was a turn before, at whose end it began.
+    /// Whether there was no turn right before it, at whose end it began.
     pub is_first: bool,
 }
 
 /// How long the first turn is taken to be, seconds.
 const FIRST_TURN_S: f64 = 0.1;
+/// After a longer time than this without one a turn is as the first: how the car moved meanwhile is not known by then, seconds.
+const GAP_S: f64 = 0.5;
 /// Pieces that a turn is taken in: a car's turn rate changes within one.
 const PIECES: i64 = 8;
 
@@ -156,6 +158,7 @@ impl LidarMotion {
             return None;
         }
         self.last = Some(end);
+        let last = last.filter(|last| (end - *last).as_secs() <= GAP_S);
         let period_s = last.map_or(FIRST_TURN_S, |last| (end - last).as_secs());
         let begin = end - Span::from_secs(period_s);
         let at = |k: i64| self.moved(begin, begin + Span::from_secs(period_s * k as f64 / PIECES as f64));
@@ -231,5 +234,11 @@ mod tests {
         assert!(motion.turn(at(200)).is_none() && motion.turn(at(150)).is_none(), "stamps do not go back");
         let late = motion.turn(at(400)).unwrap();
         assert!((late.period_s - 0.2).abs() < 1e-12, "a turn that was missed counts with the next");
+        let after_a_gap = motion.turn(at(3400)).unwrap();
+        assert_eq!(
+            (after_a_gap.is_first, after_a_gap.period_s),
+            (true, 0.1),
+            "a turn takes no three seconds"
+        );
     }
 }

@@ -77,34 +77,62 @@ impl Eskf {
         gyro_radps: &Vector3<f64>,
         dt_s: f64,
     ) {
-        let n = &mut self.nominal;
+        let n = &self.nominal;
         let force = accel_mps2 - n.accel_bias_mps2;
-        let turned_rad = (gyro_radps - n.gyro_bias_radps) * dt_s;
-        let turn = exp(&turned_rad);
         let rotation = n.attitude.to_rotation_matrix().into_inner();
         let accel = rotation * force - Vector3::new(0.0, 0.0, params.gravity_mps2);
+        // The paper's Jacobian has the acceleration in the map where the specific force of the vehicle belongs.
+        let turned_by = match params.gravity_free_jacobian {
+            false => -skew(&force),
+            true => -skew(&accel) * rotation,
+        };
+        let turned_rad = (gyro_radps - n.gyro_bias_radps) * dt_s;
+        self.step(params, &Motion { rotation, accel, turned_by, turned_rad, by_unit: true }, dt_s);
+    }
+
+    /// Moves on by `dt_s` under an acceleration (m/s²) and a turn rate (rad/s) along and about the vehicle's axes that are
+    /// not of the inertial unit: gravity and the unit's biases have no part in them, and are not learnt from what follows.
+    pub(crate) fn predict_without_unit(
+        &mut self,
+        params: &Params,
+        accel_mps2: &Vector3<f64>,
+        turn_radps: &Vector3<f64>,
+        dt_s: f64,
+    ) {
+        let rotation = self.nominal.attitude.to_rotation_matrix().into_inner();
+        let motion = Motion {
+            rotation,
+            accel: rotation * accel_mps2,
+            turned_by: -skew(accel_mps2),
+            turned_rad: turn_radps * dt_s,
+            by_unit: false,
+        };
+        self.step(params, &motion, dt_s);
+    }
+
+    fn step(&mut self, params: &Params, motion: &Motion, dt_s: f64) {
+        let Motion { rotation, accel, turned_rad, .. } = motion;
+        let n = &mut self.nominal;
+        let turn = exp(turned_rad);
         n.position_m += n.velocity_mps * dt_s + accel * (0.5 * dt_s * dt_s);
         n.velocity_mps += accel * dt_s;
         n.attitude = unit(n.attitude * turn);
-        // The paper's Jacobian has the acceleration in the map where the specific force of the vehicle belongs.
-        let by_attitude = match params.gravity_free_jacobian {
-            false => rotation * -skew(&force) * dt_s,
-            true => rotation * -skew(&accel) * rotation * dt_s,
-        };
         let forget = match params.offset_time_s > 0.0 {
             true => math::exp(-dt_s / params.offset_time_s),
             false => 1.0,
         };
         n.offset_m = n.offset_m.map(|x| x * forget);
+        let bias_dt_s = if motion.by_unit { dt_s } else { 0.0 };
         let step = Step {
             dt_s,
-            velocity_by_attitude: by_attitude,
-            velocity_by_bias: rotation * -dt_s,
+            bias_dt_s,
+            velocity_by_attitude: rotation * motion.turned_by * dt_s,
+            velocity_by_bias: rotation * -bias_dt_s,
             attitude: turn.to_rotation_matrix().into_inner().transpose(),
             forget,
         };
         step.spread(&mut self.covariance);
-        self.add_noise(params, &rotation, &turned_rad, dt_s, forget);
+        self.add_noise(params, rotation, turned_rad, dt_s, forget);
     }
 
     fn add_noise(
@@ -195,9 +223,25 @@ impl Eskf {
     }
 }
 
+/// What moves the nominal state.
+struct Motion {
+    /// From the vehicle's axes to the map's, before.
+    rotation: Matrix3<f64>,
+    /// In the map, m/s².
+    accel: Vector3<f64>,
+    /// Acceleration along the vehicle's axes by the error of the attitude, m/s².
+    turned_by: Matrix3<f64>,
+    /// About the vehicle's axes, radians.
+    turned_rad: Vector3<f64>,
+    /// Whether the inertial unit measured it, with its biases.
+    by_unit: bool,
+}
+
 /// The transition of one step, by its blocks that are not those of the identity.
 struct Step {
     dt_s: f64,
+    /// The same for biases of the inertial unit, 0 without it.
+    bias_dt_s: f64,
     velocity_by_attitude: Matrix3<f64>,
     velocity_by_bias: Matrix3<f64>,
     attitude: Matrix3<f64>,
@@ -230,7 +274,7 @@ impl Step {
         }
         let old = [columns[ATTITUDE], columns[ATTITUDE + 1], columns[ATTITUDE + 2]];
         for i in 0..3 {
-            columns[ATTITUDE + i] = columns[GYRO_BIAS + i].map(|x| -self.dt_s * x);
+            columns[ATTITUDE + i] = columns[GYRO_BIAS + i].map(|x| -self.bias_dt_s * x);
             for (j, old) in old.iter().enumerate() {
                 add(&mut columns[ATTITUDE + i], old, self.attitude[(i, j)]);
             }

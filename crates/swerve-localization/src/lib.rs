@@ -28,5 +28,5 @@ pub mod voxels;
 
 pub use eskf::{Eskf, Innovation};
 pub use grid::downsampled;
-pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Taken, Tally};
+pub use localizer::{Estimate, Initial, Localizer, Mode, Sensed, Source, Taken, Tally, UnitHealth};
 pub use params::{Hold, Params};

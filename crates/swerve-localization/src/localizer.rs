@@ -9,8 +9,12 @@
 //! The state after a measurement depends on those of earlier stamps alone, and of equal stamps in one order that their
 //! contents give. So every order of arrival within `horizon_s` ends with the same bits.
 
+mod bridge;
 mod fold;
 mod start;
+mod trust;
+mod unit;
+mod window;
 
 use std::collections::VecDeque;
 
@@ -19,6 +23,7 @@ use swerve_core::{ParamError, Span, Time};
 
 use crate::params::Params;
 use fold::Fold;
+pub use unit::UnitHealth;
 
 /// What a sensor says.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -55,8 +60,13 @@ pub enum Sensed {
         /// Standard deviations of height (m) and heading (rad).
         sigma: [f64; 2],
     },
-    /// Speed of the rear axle by the wheels, the mean since the reading before, m/s.
-    Wheels(f64),
+    /// Odometry of the wheels.
+    Wheels {
+        /// Speed of the rear axle, the mean since the reading before, m/s.
+        speed_mps: f64,
+        /// Curvature of the way by the steering angle, 1/m, positive to the left; none where it is not measured.
+        curvature_1pm: Option<f64>,
+    },
 }
 
 /// A kind of measurement that innovations are counted for.
@@ -85,6 +95,10 @@ pub struct Tally {
     pub refused: u64,
     /// Sum of the squares of those that were taken, each over its covariance.
     pub nis_sum: f64,
+    /// Refused in a row by now.
+    pub refused_in_a_row: u32,
+    /// Moving average of the squares per number, refused ones included: 1 where the filter knows how good it is.
+    pub recent_nis: f64,
 }
 
 /// What became of a measurement.
@@ -105,9 +119,9 @@ pub enum Taken {
 pub enum Mode {
     /// Fixes come and are believed.
     Good,
-    /// By inertia and wheels alone for now.
+    /// By inertia and wheels alone for now, or by fixes and wheels without inertia, or fixes are contested.
     Coasting,
-    /// Not to be driven by: not started, too uncertain, or without an inertial unit.
+    /// Not to be driven by: not started, too uncertain, or in contradiction with the sensors.
     #[default]
     Lost,
 }
@@ -171,7 +185,7 @@ impl Entry {
     fn key(&self) -> (Time, u8, [u64; 9]) {
         let rank = match self.what {
             Sensed::Imu { .. } => 0,
-            Sensed::Wheels(_) => 1,
+            Sensed::Wheels { .. } => 1,
             Sensed::Fix { .. } => 2,
             Sensed::Place { .. } => 3,
             Sensed::Pose { .. } => 4,
@@ -189,7 +203,9 @@ impl Sensed {
             Self::Pose { at_m: [a, b, c], heading_rad, covariance_m2: [d, e, f], sigma: [g, h] } => {
                 [a, b, c, heading_rad, d, e, f, g, h]
             }
-            Self::Wheels(speed_mps) => [speed_mps, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            Self::Wheels { speed_mps, curvature_1pm } => {
+                [speed_mps, curvature_1pm.unwrap_or(0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+            }
         }
     }
 
@@ -206,7 +222,9 @@ impl Sensed {
                 let sigmas = sigma.iter().all(|s| (1e-5..=1e4).contains(s));
                 within(at_m, 1e7) && heading_rad.abs() <= 100.0 && is_covariance && sigmas
             }
-            Self::Wheels(speed_mps) => speed_mps.abs() <= 150.0,
+            Self::Wheels { speed_mps, curvature_1pm } => {
+                speed_mps.abs() <= 150.0 && curvature_1pm.is_none_or(|curvature| curvature.abs() <= 1.0)
+            }
         }
     }
 }
@@ -312,6 +330,20 @@ impl Localizer {
     /// The newest estimate; none before there was a start.
     pub fn estimate(&self) -> Option<Estimate> {
         self.newest().estimate(&self.params)
+    }
+
+    /// The newest estimate carried on to an instant after it, as if no measurement came.
+    pub fn estimate_at(&self, at: Time) -> Option<Estimate> {
+        let mut fold = self.newest().clone();
+        fold.filter()?;
+        fold.advance(&self.params, at, None);
+        fold.estimate(&self.params)
+    }
+
+    /// Condition of the inertial unit after the newest measurement.
+    pub fn unit_health(&self) -> UnitHealth {
+        let at = self.entries.back().map(|entry| entry.stamp).or(self.base_stamp);
+        self.newest().unit.health(&self.params, at.unwrap_or(Time::ZERO))
     }
 
     /// How good the newest estimate is.

@@ -74,6 +74,11 @@ impl Matcher {
         (self.at, self.searches, self.missed) = (guess, 0, None);
     }
 
+    /// Where others know it to be: at the next turn it looks there, with poses drawn by that deviation.
+    pub fn suppose_at(&mut self, prior: Guess) {
+        (self.at, self.missed) = (prior, None);
+    }
+
     /// Where it is, or is taken to be.
     pub fn pose(&self) -> Isometry3<f64> {
         self.at.map_from_lidar

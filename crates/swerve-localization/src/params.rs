@@ -68,10 +68,14 @@ pub struct Params {
     pub gate_one_in: u32,
     /// How late a measurement may come, seconds.
     pub horizon_s: f64,
-    /// Without a reading of the inertial unit for longer than this the vehicle is lost, seconds.
+    /// Without a reading of the inertial unit for longer than this it is silent, seconds. Steering angle, wheels and fixes
+    /// carry the pose then; without one of them the vehicle is lost.
     pub imu_timeout_s: f64,
     /// Without an accepted fix for longer than this it is coasting, seconds.
     pub coasting_after_s: f64,
+    /// Places that are refused for this long, and agree with each other, are believed in the place of the filter, seconds:
+    /// reflections of satellite signals last for less.
+    pub believed_after_s: f64,
     /// Above this deviation of the position, along the worst direction, it is lost, metres.
     pub lost_sigma_m: f64,
     /// Deviation of roll and pitch at a start in motion, radians.
@@ -111,6 +115,7 @@ impl Default for Params {
             horizon_s: 1.0,
             imu_timeout_s: 0.2,
             coasting_after_s: 2.0,
+            believed_after_s: 10.0,
             lost_sigma_m: 2.0,
             level_rad: 0.03,
             degrees_error: false,
@@ -192,6 +197,7 @@ impl Params {
             ("horizon_s", self.horizon_s, [0.0, 10.0]),
             ("imu_timeout_s", self.imu_timeout_s, [0.001, 10.0]),
             ("coasting_after_s", self.coasting_after_s, [0.01, 1000.0]),
+            ("believed_after_s", self.believed_after_s, [0.1, 1000.0]),
             ("lost_sigma_m", self.lost_sigma_m, [0.01, 1000.0]),
             ("level_rad", self.level_rad, [1e-4, 1.0]),
         ];

@@ -14,6 +14,9 @@ pub struct Route {
     line: Polyline,
     #[serde(flatten)]
     borders: Borders,
+    /// Borders of the lanes that it goes over; `None`: all of the ground is one lane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lane: Option<Borders>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     stretches: Vec<Stretch>,
 }
@@ -55,7 +58,13 @@ pub enum RouteError {
 impl Route {
     /// A way along `line` between `borders`, on no map.
     pub const fn new(line: Polyline, borders: Borders) -> Self {
-        Self { line, borders, stretches: Vec::new() }
+        Self { line, borders, lane: None, stretches: Vec::new() }
+    }
+
+    /// The same way in a lane with these borders: the drivable ground beyond them is not the ego's lane.
+    #[must_use]
+    pub fn in_lane(self, lane: Borders) -> Self {
+        Self { lane: Some(lane), ..self }
     }
 
     /// A way along `line` with the same ground to its left and right (positive) everywhere, metres; on no map.
@@ -78,16 +87,29 @@ impl Route {
         // Where lanes join, the end of the one stands for the beginning of the next.
         lanes[1..].iter().for_each(|lane| points.extend(&lane.line.points()[1..]));
         let (mut stretches, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut own_left, mut own_right) = (Vec::new(), Vec::new());
         let mut begin_m = 0.0;
         for lane in &lanes {
             let borders = drivable(map, lane);
             stretches.push(Stretch { lane: lane.id, begin_m, speed_limit_mps: lane.speed_limit_mps });
             left.push((begin_m, borders.left().along(begin_m, 1.0)));
             right.push((begin_m, borders.right().along(begin_m, 1.0)));
+            own_left.push((begin_m, lane.borders.left().along(begin_m, 1.0)));
+            own_right.push((begin_m, lane.borders.right().along(begin_m, 1.0)));
             begin_m += lane.line.length();
         }
         let borders = Borders::new(Border::joined(&left, begin_m), Border::joined(&right, begin_m));
-        Ok(Self { line: Polyline::new(&points)?, borders, stretches })
+        let lane =
+            Some(Borders::new(Border::joined(&own_left, begin_m), Border::joined(&own_right, begin_m)));
+        Ok(Self { line: Polyline::new(&points)?, borders, lane, stretches })
+    }
+
+    /// The same way with less ground on either side, by `by_m` metres.
+    #[must_use]
+    pub fn narrowed(&self, by_m: f64) -> Self {
+        let less = Border::constant(-by_m);
+        let borders = Borders::new(self.borders.left().plus(&less), self.borders.right().plus(&less));
+        Self { borders, ..self.clone() }
     }
 
     /// The centre line of the lanes that it goes over.
@@ -98,6 +120,11 @@ impl Route {
     /// The borders of the drivable ground beside the line.
     pub fn borders(&self) -> &Borders {
         &self.borders
+    }
+
+    /// The borders of the ego's lane beside the line: those of the drivable ground where no lane is known.
+    pub fn lane(&self) -> &Borders {
+        self.lane.as_ref().unwrap_or(&self.borders)
     }
 
     /// The lanes that it goes over, in order; none for a route on no map.

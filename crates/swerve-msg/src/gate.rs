@@ -49,6 +49,23 @@ pub enum GateMode {
     Holding(StopCause),
 }
 
+impl GateMode {
+    /// Whether the brake brings the car to a standstill or keeps it there.
+    pub fn brakes(self) -> bool {
+        matches!(self, Self::Stopping(_) | Self::Holding(_))
+    }
+}
+
+/// Longitudinal part of a command that may reach a vehicle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Longitudinal {
+    /// Acceleration along the heading, m/s²: by either pedal.
+    Accel(f64),
+    /// Deceleration by the brake alone, m/s², within 0 and [`GateOutput::DECEL_MAX_MPS2`]. A brake acts against the
+    /// motion of the wheels and holds wheels that stand, so no measured speed is needed to apply it.
+    Brake(f64),
+}
+
 /// Why the car is stopped.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -67,6 +84,10 @@ pub enum StopCause {
     SecondWriter,
     /// The process that carries commands and reports is gone.
     TransportLost,
+    /// Localization reports that the pose is lost.
+    PoseLost,
+    /// The pose does not move as the wheels do.
+    PoseImplausible,
 }
 
 impl StopCause {
@@ -80,6 +101,8 @@ impl StopCause {
             Self::CommandFrozen => "the command is frozen",
             Self::SecondWriter => "commands of a second writer",
             Self::TransportLost => "the transport was lost",
+            Self::PoseLost => "the pose is lost",
+            Self::PoseImplausible => "the pose does not move as the wheels do",
         }
     }
 }
@@ -135,4 +158,63 @@ pub struct GateOutput {
     pub refusals: Refusals,
     /// Whether the command had to be changed to be within limits or rates.
     pub limited: bool,
+}
+
+impl GateOutput {
+    /// Largest deceleration of a stop, m/s².
+    pub const DECEL_MAX_MPS2: f64 = 20.0;
+
+    /// Longitudinal part of the command. While the car is stopped or held this is always [`Longitudinal::Brake`],
+    /// whatever `command` holds; a number that is not finite is the largest deceleration.
+    ///
+    /// Every consumer that works pedals reads this and not `command`.
+    pub fn longitudinal(&self) -> Longitudinal {
+        let accel_mps2 = self.command.accel_mps2;
+        match (self.mode.brakes(), accel_mps2.is_finite()) {
+            (false, _) => Longitudinal::Accel(accel_mps2),
+            (true, true) => Longitudinal::Brake(accel_mps2.abs().min(Self::DECEL_MAX_MPS2)),
+            (true, false) => Longitudinal::Brake(Self::DECEL_MAX_MPS2),
+        }
+    }
+
+    /// The command for a vehicle with a speed or acceleration controller of its own. While the car is stopped or held,
+    /// the speed is 0 and the acceleration is not above 0, whatever `command` holds.
+    pub fn motion(&self) -> MotionCommand {
+        match self.longitudinal() {
+            Longitudinal::Accel(_) => self.command,
+            Longitudinal::Brake(decel) => {
+                MotionCommand { speed_mps: 0.0, accel_mps2: 0.0 - decel, ..self.command }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_is_a_brake_whatever_the_command_holds() {
+        let brakes = [GateMode::Stopping(StopCause::Emergency), GateMode::Holding(StopCause::Released)];
+        for mode in brakes {
+            for (accel_mps2, decel) in [
+                (-3.0, 3.0),
+                (3.0, 3.0),
+                (0.0, 0.0),
+                (1e9, 20.0),
+                (f64::NAN, 20.0),
+                (f64::NEG_INFINITY, 20.0),
+            ] {
+                let command = MotionCommand { speed_mps: 9.0, accel_mps2, ..MotionCommand::default() };
+                let output = GateOutput { mode, command, ..GateOutput::default() };
+                assert_eq!(output.longitudinal(), Longitudinal::Brake(decel), "{accel_mps2}");
+                assert_eq!((output.motion().speed_mps, output.motion().accel_mps2), (0.0, -decel));
+            }
+        }
+        for mode in [GateMode::Manual, GateMode::Driving] {
+            let command = MotionCommand { speed_mps: 9.0, accel_mps2: 1.0, ..MotionCommand::default() };
+            let output = GateOutput { mode, command, ..GateOutput::default() };
+            assert_eq!((output.longitudinal(), output.motion()), (Longitudinal::Accel(1.0), command));
+        }
+    }
 }

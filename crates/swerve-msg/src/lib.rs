@@ -35,11 +35,13 @@ pub use event::{
     RedLightEvents, RoadLine, Side, Signal,
 };
 pub use forecast::{Forecast, ForecastList, ForecastPose, Mode};
-pub use gate::{GateMode, GateOutput, Refusal, Refusals, StopCause, Switch, VehicleReport, WireAlarm};
+pub use gate::{
+    GateMode, GateOutput, Longitudinal, Refusal, Refusals, StopCause, Switch, VehicleReport, WireAlarm,
+};
 pub use health::SensorHealth;
 pub use image::{CameraInfo, Encoding, Image, ImageError, Intrinsics, Pixels};
 pub use lane::{LaneLine, Lanes};
-pub use localization::{PoseMatch, PoseMode, PoseQuality};
+pub use localization::{LocalPose, PoseMatch, PoseMode, PoseQuality};
 pub use obstacle::{
     ActorId, ActorKind, Extent, Obstacle, ObstacleList, PredictedPose, Prediction, PredictionList, Sighting,
     Track, TrackList,

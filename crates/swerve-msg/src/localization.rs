@@ -1,5 +1,6 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
+use swerve_geom::{Odom, Pose2, math};
 
 /// Place and heading of the ego by what a lidar sees: on a map, or on from its own turns before.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
@@ -29,8 +30,8 @@ pub struct PoseQuality {
     pub covariance: [f64; 6],
 }
 
-/// Whether a pose can be driven by.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+/// Whether a pose can be driven by; the worse the greater.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseMode {
     /// What tells the place comes and is believed.
@@ -42,12 +43,54 @@ pub enum PoseMode {
     Lost,
 }
 
+/// Pose of the ego for control, in the odometry frame of ROS REP 105, and the transform to the map that goes with it.
+///
+/// `odom` moves as the car moves, without jumps. A correction by a satellite fix or a scan match changes `map_from_odom`
+/// alone, at a bounded rate.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct LocalPose {
+    /// Instant that this describes.
+    pub stamp: Time,
+    /// Ego origin in the odometry frame.
+    pub odom: Pose2<Odom>,
+    /// Origin of the odometry frame in the map.
+    pub map_from_odom: Pose2,
+}
+
+impl LocalPose {
+    /// An ego at `odom` in the odometry frame, and at `map` in the map.
+    pub fn new(stamp: Time, odom: Pose2<Odom>, map: Pose2) -> Self {
+        let turn = Pose2::<swerve_geom::Map>::new(0.0, 0.0, map.heading_rad - odom.heading_rad);
+        let origin = map.point() - (turn.from_local(odom.point()) - turn.point());
+        Self { stamp, odom, map_from_odom: Pose2::new(origin.x_m, origin.y_m, turn.heading_rad) }
+    }
+
+    /// Transforms a pose from the map to the odometry frame.
+    pub fn to_odom(&self, map: Pose2) -> Pose2<Odom> {
+        let point = self.map_from_odom.to_local::<Odom>(map.point());
+        Pose2::new(point.x_m, point.y_m, map.heading_rad - self.map_from_odom.heading_rad)
+    }
+
+    /// Transforms a pose from the odometry frame to the map.
+    pub fn to_map(&self, odom: Pose2<Odom>) -> Pose2 {
+        let point = self.map_from_odom.from_local(odom.point());
+        Pose2::new(point.x_m, point.y_m, odom.heading_rad + self.map_from_odom.heading_rad)
+    }
+}
+
 impl PoseQuality {
     /// Standard deviation of the place on the ground along its worst direction, metres.
     pub fn sigma_m(&self) -> f64 {
         let [xx, xy, yy, ..] = self.covariance;
         let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
         (mean + (half * half + xy * xy).sqrt()).max(0.0).sqrt()
+    }
+
+    /// Standard deviation of the place across a heading, metres.
+    pub fn across_sigma_m(&self, heading_rad: f64) -> f64 {
+        let [xx, xy, yy, ..] = self.covariance;
+        let (sin, cos) = math::sin_cos(heading_rad);
+        (sin * sin * xx - 2.0 * sin * cos * xy + cos * cos * yy).max(0.0).sqrt()
     }
 }
 
@@ -61,5 +104,31 @@ mod tests {
         let covariance = [0.05, 0.04, 0.05, 0.0, 0.0, 1e-4];
         let quality = PoseQuality { covariance, ..PoseQuality::default() };
         assert!((quality.sigma_m() - 0.3).abs() < 1e-12, "{}", quality.sigma_m());
+    }
+
+    #[test]
+    fn across_sigma_is_of_the_heading() {
+        // The same ellipse: who drives along its long axis sees the short one across, and the other way round.
+        let quality =
+            PoseQuality { covariance: [0.05, 0.04, 0.05, 0.0, 0.0, 1e-4], ..PoseQuality::default() };
+        let diagonal = core::f64::consts::FRAC_PI_4;
+        assert!((quality.across_sigma_m(diagonal) - 0.1).abs() < 1e-12);
+        assert!((quality.across_sigma_m(-diagonal) - 0.3).abs() < 1e-12);
+        assert!((quality.across_sigma_m(0.0) - f64::sqrt(0.05)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn local_pose_transforms_between_map_and_odometry_frame() {
+        // The odometry frame begins where the map has (10, 5), turned by a quarter to the left.
+        let odom = Pose2::<Odom>::new(3.0, 1.0, 0.2);
+        let map = Pose2::new(9.0, 8.0, 0.2 + core::f64::consts::FRAC_PI_2);
+        let local = LocalPose::new(Time::ZERO, odom, map);
+        let origin = local.map_from_odom;
+        assert!((origin.x_m - 10.0).abs() < 1e-12 && (origin.y_m - 5.0).abs() < 1e-12, "{origin:?}");
+        assert!((origin.heading_rad - core::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        let there = local.to_map(odom);
+        assert!(there.point().distance(map.point()) < 1e-12);
+        let back = local.to_odom(there);
+        assert!(back.point().distance(odom.point()) < 1e-12 && (back.heading_rad - 0.2).abs() < 1e-12);
     }
 }

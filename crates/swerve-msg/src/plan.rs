@@ -51,6 +51,8 @@ pub enum PlanStatus {
     GaveUp,
     /// The comfortable layer found this path.
     Comfortable,
+    /// A stop: the pose is too uncertain for the lane.
+    PoseUncertain,
 }
 
 impl PlanStatus {

@@ -74,6 +74,17 @@ impl Actor {
             rectangle.distance(&self.footprint())
         }
     }
+
+    /// Time until its body touches a rectangle that moves at `velocity_mps`, seconds, if both keep their velocities and
+    /// headings; zero where they touch, `None` where they never will.
+    pub fn time_to_contact_s(&self, rectangle: &Obb, velocity_mps: Vector2) -> Option<f64> {
+        let relative_mps = self.velocity_mps - velocity_mps;
+        if self.is_round() {
+            rectangle.time_to_circle_s(self.pose.point(), 0.5 * self.extent.width_m, relative_mps)
+        } else {
+            rectangle.time_to_contact_s(&self.footprint(), relative_mps)
+        }
+    }
 }
 
 /// The ego touched something.

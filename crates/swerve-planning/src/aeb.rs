@@ -89,7 +89,7 @@ impl Aeb {
     ) -> Option<f64> {
         let line = request.route.line();
         let start = &request.start;
-        let FrenetPoint { s_m, d_m } = line.project(start.pose.point());
+        let FrenetPoint { s_m, d_m } = request.place();
         let speed_mps = start.speed_mps.max(0.0);
         let outline = |t_s: f64| {
             let on_line = line.at(s_m + speed_mps * t_s).pose;
@@ -119,14 +119,14 @@ impl Aeb {
 
 impl Planner for Aeb {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
-        self.obstacles.set(request.predictions, self.params.collision);
+        self.obstacles.set(request.predictions, self.params.collision.in_order()[0]);
         let braking = request.previous.is_some_and(|p| p.status == PlanStatus::Brake);
         let factor = if braking { self.params.release_factor } else { 1.0 };
         let within_s = self.params.time_to_collision_s * factor;
         let mut counted = Counted::new(budget);
         let plan = match self.time_to_collision_s(request, within_s, &mut counted) {
             Some(_) => {
-                let path = route_path(request.route.line(), request.start.pose, brake_length_m(request));
+                let path = route_path(request.route.line(), request.place().s_m, brake_length_m(request));
                 brake_along(request, &path, PlanStatus::Brake)
             }
             None => follow_route(request, SpeedProfile::Limited, self.params.horizon_s, PlanStatus::Route),

@@ -19,7 +19,8 @@ use swerve_msg::{ActorKind, Prediction};
 use walked::Walked;
 
 pub use motion::between;
-pub use risk::within_risk;
+pub(crate) use risk::contact_mps;
+pub use risk::{plan_within_risk, within_risk};
 pub use solid::Solid;
 
 /// How predicted motion enters the collision check.

@@ -8,16 +8,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive, require_within};
-use swerve_core::{Span, Time};
-use swerve_geom::{Pose2, angle_between};
-use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
+use swerve_geom::{angle_between, math};
+use swerve_msg::{EgoState, Plan};
 use swerve_vehicle::Limits;
 
-use crate::collision::CollisionMode;
+use crate::collision::{CollisionMode, Obstacles};
 use crate::fot::line::Line;
 use crate::fot::{self, Fot};
-use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::request::{Budget, Counted, Planner, Request};
+use crate::traffic::without_followers;
+
+mod decision;
+#[cfg(test)]
+mod drives;
 
 /// Limits of comfort; the vehicle's are kept too.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -35,6 +38,19 @@ pub struct Params {
     pub clearance_m: f64,
     /// Corners of the line are eased over this much before and after each place, metres.
     pub ease_m: f64,
+    /// Time gap to a lead vehicle, seconds. Source: ISO 15622 has 1.0 to 2.2.
+    pub time_gap_s: f64,
+    /// Gap to a lead vehicle at standstill, metres. Source: Treiber, Hennecke and Helbing 2000.
+    pub standstill_gap_m: f64,
+    /// Gap to what stands in the lane where the other lane leads past it, metres: from here the ego can steer out.
+    pub steer_out_gap_m: f64,
+    /// The other lane is entered only with at least this time to collision with everybody in it, until the ego is back,
+    /// seconds.
+    pub other_lane_ttc_s: f64,
+    /// A moving vehicle is overtaken only where it is slower than the target speed by at least this, m/s.
+    pub overtake_gain_mps: f64,
+    /// Longest time over the line of the own lane, seconds.
+    pub over_line_max_s: f64,
 }
 
 impl Default for Params {
@@ -46,6 +62,12 @@ impl Default for Params {
             brake_max_mps2: 3.5,
             clearance_m: 0.5,
             ease_m: 4.0,
+            time_gap_s: 1.5,
+            standstill_gap_m: 2.0,
+            steer_out_gap_m: 7.0,
+            other_lane_ttc_s: 4.0,
+            overtake_gain_mps: 3.0,
+            over_line_max_s: 12.0,
         }
     }
 }
@@ -58,7 +80,13 @@ impl Params {
         require_positive("accel_max_mps2", self.accel_max_mps2)?;
         require_positive("brake_max_mps2", self.brake_max_mps2)?;
         require_not_negative("clearance_m", self.clearance_m)?;
-        require_within("ease_m", self.ease_m, [0.0, EASE_MAX_M])
+        require_within("ease_m", self.ease_m, [0.0, EASE_MAX_M])?;
+        require_within("time_gap_s", self.time_gap_s, [0.5, 10.0])?;
+        require_within("standstill_gap_m", self.standstill_gap_m, [0.5, 50.0])?;
+        require_within("steer_out_gap_m", self.steer_out_gap_m, [0.5, 50.0])?;
+        require_not_negative("other_lane_ttc_s", self.other_lane_ttc_s)?;
+        require_not_negative("overtake_gain_mps", self.overtake_gain_mps)?;
+        require_not_negative("over_line_max_s", self.over_line_max_s)
     }
 
     /// The vehicle's limits where these are not narrower.
@@ -102,7 +130,9 @@ pub enum Manner {
 /// A planner with a comfortable layer above it.
 pub struct Comfort {
     params: Params,
+    manner: Manner,
     gentle: Fot,
+    obstacles: Obstacles,
     planner: Box<dyn Planner>,
 }
 
@@ -115,101 +145,30 @@ impl Comfort {
         planner: Box<dyn Planner>,
     ) -> Result<Self, ParamError> {
         params.validate()?;
-        Ok(Self { params, gentle: Fot::eased(gentle(&params, collision, manner), params.ease_m)?, planner })
-    }
-
-    /// A plan within the limits of comfort, if one is free.
-    fn comfortable(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
-        let limits = self.params.within(request);
-        let start = taken_up(request);
-        // Out of a swerve that is not comfortable only the planner below leads.
-        if (start.speed_mps * start.yaw_rate_radps).abs() > SWERVE_SHARE * limits.lateral_accel_max_mps2 {
-            return None;
-        }
-        let easy = Request { start, limits: &limits, ..*request };
-        let curves_mps = before_curves_mps(self.gentle.along(&easy), &easy);
-        let target_speed_mps = request.target_speed_mps.min(curves_mps);
-        let found = self.gentle.found(&Request { target_speed_mps, ..easy }, budget);
-        let plan = found.or_else(|| stop(&easy, &self.gentle, &self.params))?;
-        Some(Plan { status: PlanStatus::Comfortable, ..plan })
+        let gentle = Fot::eased(gentle(&params, collision, manner), params.ease_m)?;
+        Ok(Self { params, manner, gentle, obstacles: Obstacles::default(), planner })
     }
 }
+
+/// Offsets of candidates: their distance, and the furthest, metres.
+const LATERAL_STEP_M: f64 = 0.25;
+const LEFT_MAX_M: f64 = 4.0;
+const RIGHT_MAX_M: f64 = 1.0;
+
+/// Obstacles that never come within this are left out, metres.
+const OBSTACLES_M: f64 = 100.0;
 
 /// A lateral acceleration beyond this share of the limit is not that of a comfortable plan.
 const SWERVE_SHARE: f64 = 1.1;
 
-/// The gentlest steady braking along the way ahead that comes to rest before what is in it, if one is free.
-///
-/// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
-fn stop(request: &Request<'_>, gentle: &Fot, params: &Params) -> Option<Plan> {
-    let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
-    let path = with_curvature(&gentle.way_on(request));
-    let path = Measured::new(&path);
-    let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
-    let free = |poses: &[(Pose2, Time)], clearance_m: f64| {
-        gentle.obstacles().path_free(|pose| request.shape.footprint(pose), poses, clearance_m)
-    };
-    let mut too_near = Vec::new();
-    for k in 1..=BRAKE_STEPS {
-        let brake_mps2 = brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS);
-        let plan = braking(request, &path, brake_mps2);
-        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
-            continue;
-        }
-        let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
-        if free(&poses, STOP_GAP_M.max(params.clearance_m)) {
-            return Some(plan);
-        }
-        too_near.push((plan, poses));
-    }
-    too_near.into_iter().find(|(_, poses)| free(poses, params.clearance_m)).map(|(plan, _)| plan)
-}
-
-/// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];
-/// standing after that.
-fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan {
-    let start = &request.start;
-    let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
-    let mut accel_mps2 = start.accel_mps2.clamp(-brake_mps2, request.limits.accel_max_mps2);
-    let mut points = Vec::new();
-    let mut at = start.stamp;
-    let mut standing = 0;
-    while standing < STAND_STEPS {
-        let PathPoint { pose, curvature_1pm } = path.at(s_m);
-        points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
-        // So hard that it can die away until the ego stands, and never so gently that it creeps.
-        let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);
-        let next = wanted.max(accel_mps2 - JERK_MPS3 * STEP_S);
-        let next_mps = (speed_mps + 0.5 * (accel_mps2 + next) * STEP_S).max(0.0);
-        s_m += 0.5 * (speed_mps + next_mps) * STEP_S;
-        accel_mps2 = if next_mps > 0.0 { next } else { 0.0 };
-        standing += u32::from(next_mps == 0.0);
-        speed_mps = next_mps;
-        at += Span::from_secs(STEP_S);
-    }
-    Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
-}
-
-/// Distance left before what is stopped for, where there is room, metres.
-const STOP_GAP_M: f64 = 1.5;
-
-/// Steady decelerations that are tried, up to the limit of comfort.
-const BRAKE_STEPS: u32 = 7;
-
-/// How fast a steady deceleration grows, m/s³.
-const JERK_MPS3: f64 = 5.0;
-
-/// Least deceleration of a stop, m/s².
-const CREEP_BRAKE_MPS2: f64 = 0.3;
-
-/// Time between the points of a stop, seconds, and how many of them it stands at its end.
-const STEP_S: f64 = 0.1;
-const STAND_STEPS: u32 = 20;
-
 impl Planner for Comfort {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let mut counted = Counted::new(budget);
-        let comfortable = self.comfortable(request, &mut counted);
+        let Request { route, start, shape, .. } = *request;
+        let (predictions, follower) =
+            without_followers(request.predictions, (route, request.place(), shape), start.speed_mps);
+        let request = &Request { predictions: &predictions, ..*request };
+        let comfortable = self.comfortable(request, follower, &mut counted);
         let plan = comfortable.unwrap_or_else(|| self.planner.plan(request, &mut counted));
         Plan { work: counted.spent, ..plan }
     }
@@ -220,13 +179,15 @@ impl Planner for Comfort {
 fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Params {
     let round = fot::Params {
         collision,
-        obstacle_range_m: 100.0,
+        obstacle_range_m: OBSTACLES_M,
         clearance_m: params.clearance_m,
-        left_m: 4.0,
-        lateral_step_m: 0.25,
+        left_m: LEFT_MAX_M,
+        lateral_step_m: LATERAL_STEP_M,
         time_step_s: 0.5,
         speed_step_mps: 0.5,
         speed_steps: 1,
+        // The target speed is the only one.
+        max_speed_mps: SPEED_MAX_MPS,
         horizon_min_s: 3.0,
         horizon_max_s: 7.0,
         slower_speeds: 12,
@@ -244,6 +205,9 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
         }
     }
 }
+
+/// More than any vehicle's speed, m/s.
+const SPEED_MAX_MPS: f64 = 1e3;
 
 /// An ego nearer to its plan than this, in place, speed and heading, takes it up where it should be by now.
 const ON_PLAN_M: f64 = 0.5;
@@ -267,6 +231,7 @@ fn taken_up(request: &Request<'_>) -> EgoState {
         pose: p.pose,
         speed_mps: p.speed_mps,
         accel_mps2: p.accel_mps2,
+        steering_rad: math::atan(request.shape.wheelbase_m * p.curvature_1pm),
         yaw_rate_radps,
         lateral_accel_mps2: p.speed_mps * yaw_rate_radps,
         ..start
@@ -296,12 +261,14 @@ fn before_curves_mps((line, s_m): (&Line, f64), request: &Request<'_>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use swerve_geom::{Point2, math};
-    use swerve_msg::Prediction;
+    use swerve_core::{Span, Time};
+    use swerve_geom::{Point2, Pose2};
+    use swerve_msg::{PlanPoint, PlanStatus, Prediction};
 
     use super::*;
-    use crate::collision::Obstacles;
+
     use crate::request::Unlimited;
+    use crate::steady_stop::STEP_S;
     use crate::testing::World;
 
     /// Says that it was asked.

@@ -154,7 +154,8 @@ struct Ego {
 impl Ego {
     fn new(params: &Params, situation: &Situation<'_>) -> Self {
         let Situation { ego, route, shape, .. } = situation;
-        let center = route.project(shape.center(ego.pose));
+        let middle = shape.center(ego.pose);
+        let center = route.line().project_pose(Pose2::new(middle.x_m, middle.y_m, ego.pose.heading_rad));
         Self {
             front_m: center.s_m + 0.5 * shape.length_m,
             d_m: center.d_m,

@@ -1,25 +1,85 @@
 //! The plan where a search finds none, and the plan that gives way to pedestrians.
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Ego, Point2, Pose2};
+use swerve_geom::{Ego, FrenetPoint, Point2, Pose2, angle_between, math};
 use swerve_msg::{EgoState, Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use crate::brake::{brake, brake_along, way_ahead};
-use crate::collision::Obstacles;
+use crate::collision::{Obstacles, contact_mps};
+use crate::fot::curvature_max_1pm;
+use crate::fot::poly::Quintic;
 use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::path::route::PATH_STEP_M;
 use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};
 use crate::request::Request;
 
-/// The previous plan while it is free of collision by `clearance_m`, else full brake along it.
+/// The previous plan while it is free of collision by `clearance_m`, else full brake along it; where that ends in the lane of
+/// oncoming traffic, a stop in the ego's own lane if that does no more harm.
 pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Plan {
-    kept(request, obstacles, clearance_m).unwrap_or_else(|| brake(request))
+    kept(request, obstacles, clearance_m).unwrap_or_else(|| {
+        let full = brake(request);
+        if rests_in_lane(request, &full) {
+            return full;
+        }
+        // Negative: it touches nothing.
+        let harm = |plan: &Plan| contact_mps(request, obstacles, plan, clearance_m).unwrap_or(-1.0);
+        let in_lane = SHARES.into_iter().map(|share| stop_on_way_back(request, share));
+        let stops = in_lane.filter(|plan| rests_in_lane(request, plan)).chain([full.clone()]);
+        stops.min_by(|a, b| harm(a).total_cmp(&harm(b))).unwrap_or(full)
+    })
 }
 
-/// The rest of the previous plan, if it is still free of collision and the ego is on it.
+/// Whether a plan ends where the ego may come to rest.
+fn rests_in_lane(request: &Request<'_>, plan: &Plan) -> bool {
+    plan.points.last().is_none_or(|end| request.may_rest_at(end.pose))
+}
+
+/// A share of full brake on the way back to the ego's lane.
+fn stop_on_way_back(request: &Request<'_>, share: f64) -> Plan {
+    let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
+    let limits = Limits { brake_max_mps2: share * brake_max_mps2, ..*request.limits };
+    // The friction circle: what braking leaves for turning.
+    let path = with_curvature(&way_back(request, lateral_accel_max_mps2 * (1.0 - share * share).sqrt()));
+    brake_along(&Request { limits: &limits, ..*request }, &path, PlanStatus::Brake)
+}
+
+/// Shares of full brake that are tried on the way back to the ego's lane, the hardest first.
+const SHARES: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
+
+/// Back to the line: a quintic offset over arc length (Werling 2010, section V.C), as short as the lateral acceleration and
+/// full lock allow at the present speed, and on along the line.
+fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
+    let (route, start) = (request.route, &request.start);
+    let FrenetPoint { s_m, d_m } = request.place();
+    let off_rad = angle_between(route.line().at(s_m).pose.heading_rad, start.pose.heading_rad);
+    let speed_mps = start.speed_mps.max(0.0);
+    let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
+    let radius_m = (speed_mps * speed_mps / lateral_mps2).max(1.0 / tightest_1pm);
+    let back_m = (QUINTIC_PEAK * d_m.abs() * radius_m).sqrt().max(PATH_STEP_M);
+    let offset = Quintic::new([d_m, math::tan(off_rad.clamp(-1.0, 1.0)), 0.0], [0.0; 3], back_m);
+    let length_m = back_m.max(speed_mps * speed_mps / (2.0 * SHARES[3] * request.limits.brake_max_mps2));
+    let steps = (length_m / PATH_STEP_M).ceil() as usize;
+    let beside = |k: usize| {
+        let ahead_m = k as f64 * PATH_STEP_M;
+        let to = offset.at(ahead_m.min(back_m));
+        let at = route.unproject(FrenetPoint { s_m: s_m + ahead_m, d_m: to.x });
+        let heading_rad = route.line().at(s_m + ahead_m).pose.heading_rad + math::atan(to.v);
+        Pose2::new(at.x_m, at.y_m, heading_rad)
+    };
+    core::iter::once(start.pose).chain((1..=steps).map(beside)).collect()
+}
+
+/// Largest second derivative of a quintic from rest to rest, for a way and a duration of 1: 10 / sqrt(3).
+const QUINTIC_PEAK: f64 = 5.773_502_691_896_258;
+
+/// The rest of the previous plan, if it is still free of collision and the ego is on it; none that ends at rest in the lane of
+/// oncoming traffic.
 pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
     let previous = request.previous?;
+    if stops(Some(previous)) && !rests_in_lane(request, previous) {
+        return None;
+    }
     let from = request.start.stamp;
     if previous.end() <= from {
         return None;
@@ -101,13 +161,13 @@ pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) 
     if way_m > 0.0 && brake_max_mps2 <= request.limits.brake_max_mps2 {
         let limits = Limits { brake_max_mps2, ..*request.limits };
         let plan = stop_after(request, &path, way_m, &limits);
-        if free(&plan, clearance_m) {
+        if free(&plan, clearance_m) && rests_in_lane(request, &plan) {
             return Some(plan);
         }
     }
     // A stop that is under way is not given up for less than a touch.
     let needed_m = if stops(request.previous) { 0.0 } else { clearance_m };
-    Some(brake(request)).filter(|plan| free(plan, needed_m))
+    Some(brake(request)).filter(|plan| free(plan, needed_m) && rests_in_lane(request, plan))
 }
 
 /// Limits for a plan that gives way, or goes round all that walkers may do: not all of the brakes, so that what is late
@@ -150,6 +210,7 @@ mod tests {
     use crate::collision::CollisionMode;
     use crate::path::route::follow_route;
     use crate::testing::World;
+    use swerve_msg::ActorKind;
 
     #[test]
     fn a_free_plan_is_kept_and_a_blocked_one_braked_along() {
@@ -172,6 +233,52 @@ mod tests {
         let last = plan.points[plan.points.len() - 1];
         assert!(last.speed_mps == 0.0);
         assert!((last.pose.x_m - (3.5 + 100.0 / 16.0)).abs() < 0.01, "{last:?}");
+    }
+
+    /// At 10 m/s, 3 m to the left of the line, an oncoming truck ahead. Half of 8 m/s² stops after 100 / 8 = 12.5 m, 12.1 m of
+    /// them ahead; the way back with what the friction circle leaves, 6.9 m/s², is √(5.77 * 3 m * 100 / 6.9) = 15.8 m long:
+    /// 0.26 m are left then.
+    #[test]
+    fn no_stop_ends_in_the_oncoming_lane_where_the_own_lane_does_no_more_harm() {
+        let mut world = World::straight(10.0);
+        world.limits.lateral_accel_max_mps2 = 8.0;
+        world.start.pose = Pose2::new(0.0, 3.0, 0.0);
+        let stop = |world: &World| {
+            let obstacles = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);
+            let plan = keep_or_brake(&world.request(), &obstacles, 0.2);
+            assert_eq!(plan.status, PlanStatus::Brake);
+            let (hardest, end) = (plan.points[0].accel_mps2, plan.points[plan.points.len() - 1]);
+            assert!(end.speed_mps < 1e-9);
+            (world.clearance_m(&plan, CollisionMode::TimeIndexed), hardest, end.pose)
+        };
+        let truck = |world: World| world.with(ActorKind::Truck, (8.0, 2.5), (45.0, 4.0), (-10.0, 0.0));
+        let oncoming = truck(world);
+        let (clearance_m, hardest, end) = stop(&oncoming);
+        assert!(clearance_m > 0.15 && (hardest + 4.0).abs() < 1e-9, "{clearance_m} {hardest}");
+        assert!((end.x_m - 12.1).abs() < 0.1 && (end.y_m - 0.26).abs() < 0.05, "{end:?}");
+        // The truck would reach the ego at rest there, too; a person in the own lane would be hit at speed.
+        let blocked = oncoming.with_person((9.0, 0.0), (0.0, 0.0));
+        let (_, hardest, end) = stop(&blocked);
+        assert!((hardest + 8.0).abs() < 1e-9 && (end.y_m - 3.0).abs() < 1e-6, "{hardest} {end:?}");
+    }
+
+    #[test]
+    fn plan_that_ends_at_rest_in_the_oncoming_lane_is_not_kept() {
+        let world = World::straight(2.0);
+        let clear = Obstacles::new(&[], CollisionMode::TimeIndexed);
+        let at = |ms: i64, x_m: f64, y_m: f64, speed_mps: f64| PlanPoint {
+            at: world.start.stamp + Span::from_ms(ms),
+            pose: Pose2::new(x_m, y_m, 0.0),
+            speed_mps,
+            ..PlanPoint::default()
+        };
+        let ends_at = |y_m: f64| {
+            let points = vec![at(0, 0.0, 0.0, 2.0), at(2000, 2.0, y_m, 0.0)];
+            let previous = Plan { points, ..Plan::default() };
+            kept(&Request { previous: Some(&previous), ..world.request() }, &clear, 0.2).is_some()
+        };
+        // The lane ends at 2 m, the outline reaches 0.93 m aside, 0.3 m over the border are allowed.
+        assert!(ends_at(1.3) && !ends_at(1.5));
     }
 
     #[test]

@@ -7,39 +7,54 @@
 
 pub mod candidate;
 mod follow;
+mod lateral;
 pub mod lattice;
 pub mod line;
 pub mod motion;
 mod nearness;
 mod params;
-mod poly;
+pub(crate) mod poly;
 pub mod search;
 
 pub use params::Params;
 
-use swerve_core::Span;
+use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::brake::way_ahead;
-use crate::collision::{CollisionMode, Obstacles};
+use crate::collision::{CollisionMode, Obstacles, Solid};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::path::route::PATH_STEP_M;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
 use candidate::{Candidate, Outcome};
+pub use lateral::FrenetState;
 use lattice::Lattice;
 use line::{Line, OnLine, RouteLine};
-use motion::{Checks, Drivable, FrenetState, Place};
+use motion::{Checks, Drivable, Place};
+use poly::Quintic;
 use search::{Search, Task};
 use swerve_core::param::ParamError;
 
 /// Largest time between two points of a plan, seconds.
 const POINT_STEP_S: f64 = 0.1;
 
-/// How far a way goes on beyond the plan that it continues, metres.
-const WAY_ON_M: f64 = 100.0;
+/// A way that goes on beyond a plan's end turns into the line's direction over this distance, metres.
+const TURN_IN_M: f64 = 15.0;
+
+/// Largest angle to the line that such a way turns in from, radians.
+const TURN_MAX_RAD: f64 = 0.5;
+
+/// Below this speed lateral motion is a function of arc length, m/s.
+const LOW_MPS: f64 = 4.0;
+
+/// Below this speed the curvature of the ego's way is that of its wheels: a yaw rate says nothing, m/s.
+const WHEELS_MPS: f64 = 1.0;
+
+/// Cosine of the largest angle to the line from which lateral motion is a function of arc length.
+const COS_MIN: f64 = 0.3;
 
 /// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
 #[derive(Clone, Debug)]
@@ -89,7 +104,7 @@ impl Fot {
     /// The start in the Frenet frame.
     fn frenet(&self, request: &Request<'_>) -> FrenetState {
         let start = &request.start;
-        let OnLine { s_m, d_m, node, turn_rad } = self.line.locate(start.pose);
+        let OnLine { s_m, d_m, node, turn_rad } = self.line.locate_from(start.pose, request.place().s_m);
         let (sin, cos) = math::sin_cos(turn_rad);
         let speed_mps = start.speed_mps.max(0.0);
         let limits = request.limits;
@@ -106,12 +121,23 @@ impl Fot {
         let turning = s1 * (node.bend_1pm2 * s1 * d_m + 2.0 * node.curvature_1pm * d1);
         let s2 = (accel_t + turning) / stretch;
         let d2 = accel_n - node.curvature_1pm * s1 * s1 * stretch;
-        FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2] }
+        let d_by_s = if speed_mps < LOW_MPS && cos > COS_MIN {
+            // Heading and curvature as derivatives by arc length: those of the path, whatever the speed.
+            let slope = stretch * sin / cos;
+            let length = stretch / cos;
+            let curvature = standing_curvature_1pm(request, speed_mps);
+            let narrows = node.bend_1pm2 * d_m + 2.0 * node.curvature_1pm * slope;
+            let bend = (curvature * length * length * length - slope * narrows) / stretch;
+            Some([d_m, slope, bend - node.curvature_1pm * stretch])
+        } else {
+            None
+        };
+        FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2], d_by_s }
     }
 
     /// The speed to aim for: no more change than the limits give within the earliest end.
     fn target(&self, request: &Request<'_>) -> f64 {
-        let target_mps = request.target_speed_mps;
+        let target_mps = request.target_speed_mps.min(self.params.max_speed_mps);
         // From and to zero acceleration a quartic peaks at 1.5 times its mean.
         let within_s = 0.9 * self.params.horizon_min_s / 1.5;
         let v = request.start.speed_mps.max(0.0);
@@ -144,7 +170,38 @@ impl Fot {
     /// The route's line, and where on it the request starts.
     pub(crate) fn along(&mut self, request: &Request<'_>) -> (&Line, f64) {
         self.line.follow(request.route.line());
-        (self.line.line(), self.line.locate(request.start.pose).s_m)
+        (self.line.line(), self.line.locate_from(request.start.pose, request.place().s_m).s_m)
+    }
+
+    /// Where the request starts beside the route's line.
+    pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
+        self.line.follow(request.route.line());
+        self.road.set(request.route);
+        self.line.locate_from(request.start.pose, request.place().s_m)
+    }
+
+    /// The route's line as followed last.
+    pub(crate) fn line(&self) -> &Line {
+        self.line.line()
+    }
+
+    /// Candidates end between these offsets, metres: to the left of the line, and to its right.
+    pub(crate) fn set_offsets(&mut self, left_m: f64, right_m: f64) {
+        (self.params.left_m, self.params.right_m) = (left_m, right_m);
+    }
+
+    /// The cheapest valid plan at about the target speed, by the first of the collision modes; no fallback.
+    pub(crate) fn at_speed(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, _| {
+            search.run(task, lattice, Some(&mut *budget), &mut 0).found()
+        })
+    }
+
+    /// The cheapest valid plan behind what is in the way, or slower than the target; no fallback.
+    pub(crate) fn slower(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
+        self.set_world(request, self.params.collision.in_order()[0]);
+        self.search(request, |search, task, lattice, other| behind(search, task, lattice, other, budget))
     }
 
     /// The obstacles that were asked about last.
@@ -152,26 +209,36 @@ impl Fot {
         &self.obstacles
     }
 
-    /// The rest of the previous plan's path from the start on, and from its end on beside the line as far as a stop takes.
-    pub(crate) fn way_on(&self, request: &Request<'_>) -> Vec<Pose2> {
+    /// The rest of the previous plan's path from the start on, and from its end on beside the line for `further_m`,
+    /// into whose direction it turns over [`TURN_IN_M`].
+    pub(crate) fn way_on(&self, request: &Request<'_>, further_m: f64) -> Vec<Pose2> {
         let mut poses = way_ahead(request);
-        let end = self.line.locate(*poses.last().unwrap_or(&request.start.pose));
-        let steps = (WAY_ON_M / PATH_STEP_M).ceil() as usize;
+        let last = *poses.last().unwrap_or(&request.start.pose);
+        let way_m: f64 = poses.windows(2).map(|two| two[0].point().distance(two[1].point())).sum();
+        let end = self.line.locate_from(last, request.place_of(last.point(), way_m).s_m);
+        let stretch = (1.0 - end.node.curvature_1pm * end.d_m).max(0.1);
+        let slope = stretch * math::tan(end.turn_rad.clamp(-TURN_MAX_RAD, TURN_MAX_RAD));
+        // Half of the way that it would go aside on its own.
+        let to_m = end.d_m + 0.5 * TURN_IN_M * slope;
+        let offset = Quintic::new([end.d_m, slope, 0.0], [to_m, 0.0, 0.0], TURN_IN_M);
+        let steps = (further_m / PATH_STEP_M).ceil() as usize;
         poses.extend((1..=steps).map(|k| {
-            let node = self.line.line().at(end.s_m + k as f64 * PATH_STEP_M);
-            let (x_m, y_m) = (node.x_m - node.sin * end.d_m, node.y_m + node.cos * end.d_m);
-            Pose2::new(x_m, y_m, math::atan2(node.sin, node.cos))
+            let along_m = k as f64 * PATH_STEP_M;
+            let node = self.line.line().at(end.s_m + along_m);
+            let aside = offset.at(along_m.min(TURN_IN_M));
+            let (x_m, y_m) = (node.x_m - node.sin * aside.x, node.y_m + node.cos * aside.x);
+            let turn_rad = math::atan2(aside.v, 1.0 - node.curvature_1pm * aside.x);
+            Pose2::new(x_m, y_m, math::atan2(node.sin, node.cos) + turn_rad)
         }));
         poses
     }
 
-    /// The cheapest valid plan, by the first of the collision modes; no fallback.
-    pub(crate) fn found(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
-        self.set_world(request, self.params.collision.in_order()[0]);
-        self.search(request, |search, task, lattice, other| {
-            let all = search.run(task, lattice, Some(&mut *budget), &mut 0);
-            all.found().or_else(|| behind(search, task, lattice, other, budget))
-        })
+    /// Whether the ego stays on the drivable ground at each of `poses`, by what a plan keeps or the first of them has.
+    pub(crate) fn keeps_road(&self, request: &Request<'_>, poses: &[(Pose2, Time)]) -> bool {
+        let solid = |pose: Pose2| Solid::from(&request.shape.footprint(pose));
+        let start_m = poses.first().map_or(0.0, |first| self.road.margin_m(&solid(first.0)));
+        let needed_m = self.params.road_margin_m.min(start_m - 0.02);
+        poses.iter().all(|&(pose, _)| self.road.keeps(&solid(pose), needed_m))
     }
 
     /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.
@@ -272,6 +339,7 @@ fn checks<'a>(
         steering_rate_max_radps: limits.steering_rate_max_radps,
         road,
         road_margin_m: params.road_margin_m,
+        rest_left_m: request.rest_left_m(request.place().s_m),
     };
     let tightest = curvature_max_1pm(limits, request.shape);
     Checks {
@@ -281,12 +349,26 @@ fn checks<'a>(
         clearance_m: params.clearance_m,
         exact: false,
         curvature_max_1pm: params.max_curvature_1pm.min(tightest),
+        speed_max_mps: params.max_speed_mps,
+        accel_max_mps2: params.max_accel_mps2,
         offset_m: (f64::NEG_INFINITY, f64::INFINITY),
         smooth: true,
         drivable: Some(drivable),
         heading: (cos, sin),
         tail_s: params.tail_s,
     }
+}
+
+/// Curvature of the way of an ego that is slow, 1/m.
+fn standing_curvature_1pm(request: &Request<'_>, speed_mps: f64) -> f64 {
+    let start = &request.start;
+    let tightest = curvature_max_1pm(request.limits, request.shape);
+    let curvature = if speed_mps < WHEELS_MPS {
+        math::tan(start.steering_rad) / request.shape.wheelbase_m
+    } else {
+        start.yaw_rate_radps / speed_mps
+    };
+    curvature.clamp(-tightest, tightest)
 }
 
 /// Curvature at full lock, 1/m.

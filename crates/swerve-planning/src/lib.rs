@@ -11,18 +11,24 @@ pub mod collision;
 pub mod comfort;
 pub mod deadline;
 pub mod fallback;
+mod following;
 pub mod fot;
 pub mod hybrid_astar;
+mod lane;
+mod passing;
 pub mod path;
 mod request;
 mod road;
 pub mod rrt_star;
 mod start;
+mod steady_stop;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+mod traffic;
 pub mod waypoint;
 
 pub use collision::{CollisionMode, Obstacles, Solid};
 pub use request::{Budget, Counted, Planner, Progress, Request, Unlimited};
 pub use road::Road;
 pub use start::predicted_start;
+pub use traffic::Ahead;

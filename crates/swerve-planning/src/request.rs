@@ -1,6 +1,7 @@
 //! The planner's interface: request in, plan out, within a budget.
 
 use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Point2, Pose2};
 use swerve_msg::{EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
@@ -14,6 +15,9 @@ pub struct Request<'a> {
     pub start: EgoState,
     /// Where to go and what ground may be used.
     pub route: &'a Route,
+    /// Arc length of the route near the start, metres: on a road that meets itself the nearest place may be another.
+    /// `None`: the nearest place with the start's direction.
+    pub along_m: Option<f64>,
     /// Speed to hold when nothing is in the way, m/s.
     pub target_speed_mps: f64,
     /// Motions of the others, ordered by identity.
@@ -28,7 +32,42 @@ pub struct Request<'a> {
     pub seed: u64,
 }
 
+/// A stop may end this far over the left border of the ego's lane, metres.
+const OVER_M: f64 = 0.3;
+
+/// A stop ends at most this far ahead of the start, metres.
+const REST_AHEAD_M: f64 = 150.0;
+
+/// Reach of the search for places near the start, metres.
+const START_REACH_M: f64 = 15.0;
+
 impl Request<'_> {
+    /// The place of the start along the route.
+    pub fn place(&self) -> FrenetPoint {
+        let pose = self.start.pose;
+        match self.along_m {
+            Some(s_m) => self.route.project_near(pose.point(), s_m, START_REACH_M),
+            None => self.route.line().project_pose(pose),
+        }
+    }
+
+    /// The place of a point that is near the start or up to `ahead_m` further along the route.
+    pub fn place_of(&self, point: Point2, ahead_m: f64) -> FrenetPoint {
+        let half_m = 0.5 * ahead_m.max(0.0);
+        self.route.project_near(point, self.place().s_m + half_m, half_m + START_REACH_M)
+    }
+
+    /// Offset of the line up to which the ego may come to rest at arc length `s_m`, metres: to its left is another lane.
+    pub(crate) fn rest_left_m(&self, s_m: f64) -> f64 {
+        self.route.lane().left_m(s_m) - 0.5 * self.shape.width_m + OVER_M
+    }
+
+    /// Whether the ego may come to rest with its origin here: not in another lane to the left.
+    pub(crate) fn may_rest_at(&self, pose: Pose2) -> bool {
+        let place = self.place_of(pose.point(), REST_AHEAD_M);
+        place.d_m <= self.rest_left_m(place.s_m)
+    }
+
     /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.
     pub fn obstacle_in_range(&self, range_m: f64) -> bool {
         let start = self.start.pose.point();

@@ -73,12 +73,8 @@ impl Road {
         }
     }
 
-    /// The nearest place of the line; before and beyond its ends it goes on straight.
-    pub fn project(&self, point: Point2) -> FrenetPoint {
-        self.project_from(self.nearest_chunk(point), point).1
-    }
-
-    /// The same, with the chunk that holds it: looked for from a chunk that may be the one.
+    /// The nearest place of the line, before and beyond its ends on its straight continuation, with the chunk that holds
+    /// it: searched for from a chunk that may be the one.
     fn project_from(&self, likely: usize, point: Point2) -> (usize, FrenetPoint) {
         let mut best = (f64::INFINITY, FrenetPoint::default());
         if let [only] = self.pieces.as_slice() {

@@ -113,6 +113,7 @@ impl World {
             stamp: self.start.stamp,
             start: self.start,
             route: &self.route,
+            along_m: None,
             target_speed_mps: self.target_speed_mps,
             predictions: &self.predictions,
             shape: &self.shape,

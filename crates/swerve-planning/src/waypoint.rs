@@ -11,13 +11,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive};
-use swerve_geom::{Polyline, angle_between, math};
+use swerve_geom::{angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
 
 use crate::brake::brake_along;
 use crate::path::points::PathPoint;
-use crate::path::route::{PATH_STEP_M, route_path, route_pose_ahead};
+use crate::path::route::{PATH_STEP_M, route_path};
 use crate::path::speed::{SpeedProfile, timed_points};
 use crate::request::{Budget, Planner, Progress, Request};
 
@@ -158,18 +158,18 @@ impl Waypoint {
     /// the ego's corridor, and on for as long as the obstacle, braking fully from then on, would go itself. `None`
     /// where it is never in the corridor ahead of the ego.
     fn way_before_m(&self, request: &Request<'_>, prediction: &Prediction) -> Option<f64> {
-        let (line, shape) = (request.route.line(), request.shape);
+        let shape = request.shape;
         let half_m = 0.5 * shape.width_m + self.params.corridor_margin_m;
-        let front_m = line.project(request.start.pose.point()).s_m + shape.length_m - shape.rear_overhang_m;
+        let front_m = request.place().s_m + shape.length_m - shape.rear_overhang_m;
         let in_the_way = |k: &usize| {
-            Extents::new(line, prediction, *k).is_some_and(|e| e.right_m < half_m && e.left_m > -half_m)
+            Extents::new(request, prediction, *k).is_some_and(|e| e.right_m < half_m && e.left_m > -half_m)
         };
         let first = (0..prediction.path.len()).find(in_the_way)?;
-        let at = Extents::new(line, prediction, first)?;
+        let at = Extents::new(request, prediction, first)?;
         if at.to_m <= front_m {
             return None;
         }
-        let speed_mps = Extents::new(line, prediction, first + 1).map_or(0.0, |next| {
+        let speed_mps = Extents::new(request, prediction, first + 1).map_or(0.0, |next| {
             let dt_s = (prediction.path[first + 1].at - prediction.path[first].at).as_secs();
             ((next.from_m - at.from_m) / dt_s.max(1e-3)).max(0.0)
         });
@@ -185,7 +185,7 @@ impl Waypoint {
             return brake_along(request, path, PlanStatus::Route);
         }
         let line = request.route.line();
-        let end = line.at(line.project(request.start.pose.point()).s_m + way_m);
+        let end = line.at(request.place().s_m + way_m);
         let before = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
         let mut path = path[..before.min(path.len())].to_vec();
         path.push(PathPoint { pose: end.pose, curvature_1pm: end.curvature_1pm });
@@ -197,6 +197,9 @@ impl Waypoint {
     }
 }
 
+/// Obstacles are searched for along the route as far as the ego goes in this time, seconds.
+const LOOK_AHEAD_S: f64 = 8.0;
+
 /// Ground that an obstacle covers along and beside the route.
 struct Extents {
     from_m: f64,
@@ -207,9 +210,11 @@ struct Extents {
 
 impl Extents {
     /// Of the place `k` of a prediction; `None` beyond its last.
-    fn new(line: &Polyline, prediction: &Prediction, k: usize) -> Option<Self> {
+    fn new(request: &Request<'_>, prediction: &Prediction, k: usize) -> Option<Self> {
         let pose = prediction.path.get(k)?.pose;
-        let at = line.project(pose.point());
+        let line = request.route.line();
+        let at = request
+            .place_of(pose.point(), LOOK_AHEAD_S * request.start.speed_mps.max(request.target_speed_mps));
         let (sin, cos) = math::sin_cos(pose.heading_rad - line.at(at.s_m).pose.heading_rad);
         let (length_m, width_m) = (prediction.extent.length_m, prediction.extent.width_m);
         let along_m = 0.5 * (length_m * cos.abs() + width_m * sin.abs());
@@ -226,7 +231,7 @@ impl Extents {
 impl Planner for Waypoint {
     fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
         let line = request.route.line();
-        let target = route_pose_ahead(line, request.start.pose, self.params.direction_ahead_m);
+        let target = line.at(request.place().s_m + self.params.direction_ahead_m).pose;
         let direction_rad = (target.point() - request.start.pose.point()).heading();
         let (mut factor, mut work) = (1.0_f64, 0);
         for prediction in request.predictions {
@@ -238,7 +243,7 @@ impl Planner for Waypoint {
         }
         let speed_mps = request.target_speed_mps.max(0.0) * factor;
         let fastest_mps = speed_mps.max(request.start.speed_mps).max(1.0);
-        let path = route_path(line, request.start.pose, fastest_mps * self.params.horizon_s);
+        let path = route_path(line, request.place().s_m, fastest_mps * self.params.horizon_s);
         if factor < self.params.stop_below {
             return Plan { work, ..brake_along(request, &path, PlanStatus::Route) };
         }

@@ -37,6 +37,9 @@ pub struct Params {
     pub heading_speed_min_mps: f64,
     /// Treatment of an obstacle with one sighting.
     pub single_sighting: SingleSighting,
+    /// Sightings over this time are searched for braking, seconds: a vehicle that brakes is predicted to go on braking
+    /// until it stops. 0: everything keeps its speed, as in Pylot.
+    pub brake_window_s: f64,
 }
 
 impl Default for Params {
@@ -47,6 +50,7 @@ impl Default for Params {
             step_s: 0.05,
             heading_speed_min_mps: 0.1,
             single_sighting: SingleSighting::Velocity,
+            brake_window_s: 0.6,
         }
     }
 }
@@ -58,7 +62,8 @@ impl Params {
         require("past_steps", past_steps, past_steps >= 1, "at least 1")?;
         require("future_steps", future_steps, future_steps <= 10_000, "at most 10000")?;
         require_within("step_s", step_s, [1e-3, 10.0])?;
-        require_not_negative("heading_speed_min_mps", heading_speed_min_mps)
+        require_not_negative("heading_speed_min_mps", heading_speed_min_mps)?;
+        require_within("brake_window_s", self.brake_window_s, [0.0, 10.0])
     }
 }
 
@@ -81,13 +86,16 @@ fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
             SingleSighting::Static => Vector2::default(),
         },
     });
+    let braking = Braking::of(track, stamp, params.brake_window_s);
+    let line = braking.map_or(line, |braking| braking.line);
     let moves = line.velocity_mps.norm() > params.heading_speed_min_mps;
     let heading_rad = if moves { line.velocity_mps.heading() } else { track.pose.heading_rad };
     let step = Span::from_secs(params.step_s);
     let path = (0..=params.future_steps as i64)
         .map(|k| {
             let ahead = step * k;
-            let point = line.point + line.velocity_mps * ahead.as_secs();
+            let ahead_s = ahead.as_secs();
+            let point = line.point + line.velocity_mps * braking.map_or(ahead_s, |b| b.driven_s(ahead_s));
             PredictedPose { at: stamp + ahead, pose: Pose2::new(point.x_m, point.y_m, heading_rad) }
         })
         .collect();
@@ -95,6 +103,7 @@ fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
 }
 
 /// A motion at constant velocity.
+#[derive(Clone, Copy)]
 struct Line {
     /// Where it is at the stamp.
     point: Point2,
@@ -126,6 +135,10 @@ impl Line {
         Some(Self { point: Point2::new(x_mean, y_mean) + velocity_mps * -t_mean, velocity_mps })
     }
 }
+
+mod braking;
+
+use braking::Braking;
 
 #[cfg(test)]
 mod tests;

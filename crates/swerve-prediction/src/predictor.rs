@@ -1,5 +1,6 @@
 //! Predictors by name: each turns tracks into ways in which their actors may go on.
 
+mod along_road;
 #[cfg(test)]
 mod any_tracks;
 mod drawn;
@@ -116,7 +117,7 @@ impl Horizon {
     }
 }
 
-/// What drivers keep to, as far as it is known ([`PredictorName::LaneIdm`]).
+/// What drivers keep to, as far as it is known.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Ground<'a> {
     /// Nothing: straight ahead is the lane.
@@ -152,8 +153,10 @@ pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
     plausible.map(|track| Seen { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
-/// How every track may go on, in the map frame. `ground` is what [`PredictorName::LaneIdm`] keeps to.
+/// How every track may go on, in the map frame.
 ///
+/// [`PredictorName::LaneIdm`] keeps to `ground`. On [`Ground::Road`] all others predict vehicles that drive along the road
+/// in its coordinates, without the modes that leave its ground; no other ground changes them.
 /// Tracks know nothing of [`PredictorName::Truth`], which goes on as [`PredictorName::ConstantVelocity`] here. Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
 /// vehicles as recorded (docs/prediction.md), not of these actors.
 pub fn forecast(
@@ -162,6 +165,16 @@ pub fn forecast(
     horizon: &Horizon,
     ground: Ground<'_>,
 ) -> ForecastList {
+    match ground {
+        Ground::Road(route) if name != PredictorName::LaneIdm => {
+            along_road::forecasts(tracks, route, |tracks| on_ground(name, tracks, horizon, Ground::Open))
+        }
+        _ => on_ground(name, tracks, horizon, ground),
+    }
+}
+
+/// The forecasts in the coordinates in which the tracks are.
+fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
     let stamp = tracks.stamp;
     let seen = seen(tracks);
     let forecasts = match name {

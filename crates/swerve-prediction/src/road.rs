@@ -13,7 +13,7 @@ const SPEED_MIN_MPS: f64 = 1.0;
 /// Who moves along the road moves within this of its heading, radians.
 const ALONG_RAD: f64 = 0.5;
 /// He is on it, or this far beside, metres.
-const BESIDE_M: f64 = 1.0;
+pub(crate) const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
 

@@ -130,7 +130,7 @@ pub(crate) fn nothing_found(request: &Request<'_>, rules: &Rules) -> Plan {
 fn along_route(request: &Request<'_>, rules: &Rules, speed_mps: f64, status: PlanStatus) -> Plan {
     let line = request.route.line();
     let first = line.at(first_m(line.project(planned(request, rules).point()).s_m, rules)).pose;
-    let path = route_path(line, first, (ROUTE_POINTS - 1) as f64);
+    let path = route_path(line, line.project(first.point()).s_m, (ROUTE_POINTS - 1) as f64);
     let poses: Vec<Pose2> = path.iter().map(|p| p.pose).collect();
     through(request, rules, &poses, (speed_mps, status))
 }

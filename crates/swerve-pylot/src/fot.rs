@@ -5,10 +5,11 @@ use swerve_core::Span;
 use swerve_core::param::ParamError;
 use swerve_geom::{Point2, Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
+use swerve_planning::fot::FrenetState;
 use swerve_planning::fot::candidate::{Candidate, Judge};
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{OnLine, RouteLine};
-use swerve_planning::fot::motion::{Checks, FrenetState, Place};
+use swerve_planning::fot::motion::{Checks, Place};
 use swerve_planning::fot::search::{Search, Task};
 use swerve_planning::fot::{Params, places};
 use swerve_planning::{Budget, CollisionMode, Counted, Obstacles, Planner, Progress, Request, Solid};
@@ -74,7 +75,11 @@ impl Fot {
         let speed_mps = request.start.speed_mps.max(0.0);
         let swing_mps = request.start.yaw_rate_radps * planned_ahead_m(request, &self.rules);
         let (sin, cos) = math::sin_cos(turn_rad);
-        FrenetState { s: [s_m, speed_mps, 0.0], d: [d_m, speed_mps * sin + swing_mps * cos, 0.0] }
+        FrenetState {
+            s: [s_m, speed_mps, 0.0],
+            d: [d_m, speed_mps * sin + swing_mps * cos, 0.0],
+            d_by_s: None,
+        }
     }
 
     /// The candidate's motion as a plan of the ego origin.
@@ -132,6 +137,8 @@ fn checks<'a>(params: &Params, request: &Request<'a>, obstacles: &'a Obstacles) 
         clearance_m: params.clearance_m,
         exact: false,
         curvature_max_1pm: params.max_curvature_1pm,
+        speed_max_mps: f64::INFINITY,
+        accel_max_mps2: f64::INFINITY,
         offset_m: (f64::NEG_INFINITY, f64::INFINITY),
         smooth: false,
         drivable: None,

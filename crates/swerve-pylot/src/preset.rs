@@ -26,11 +26,14 @@ impl Preset {
         }
     }
 
-    /// Parameters of the linear predictor: the original takes newcomers for standing still.
+    /// Parameters of the linear predictor: the original takes newcomers for standing still, and everything else for
+    /// keeping its speed.
     pub fn linear(self) -> linear::Params {
         let best = linear::Params::default();
         match self {
-            Self::Paper => linear::Params { single_sighting: SingleSighting::Static, ..best },
+            Self::Paper => {
+                linear::Params { single_sighting: SingleSighting::Static, brake_window_s: 0.0, ..best }
+            }
             Self::Best => best,
         }
     }

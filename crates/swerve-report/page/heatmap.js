@@ -10,6 +10,7 @@ const MEASURES = {
   "lateral jerk, m/s³": median((cell) => cell.lateral_jerk_max, true),
   "response p50, ms": median((cell) => cell.response_p50_ms, true),
   "response p99, ms": median((cell) => cell.response_p99_ms, true),
+  "comfortable plans, share": median((cell) => cell.comfortable_share),
   "missed deadlines": median((cell) => cell.misses, true),
   "latency budget, ms": { ...median((cell) => cell.budget_ms), fromZero: true },
 };

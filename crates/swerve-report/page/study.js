@@ -5,7 +5,8 @@ function showStudy(page) {
   const done = page.cells.filter((cell) => cell.verdict != null).length;
   document.getElementById("page").append(
     el("header", {}, el("h1", {}, page.title),
-      el("p", { class: "soft" }, `Swerve ${page.version} · study ${page.name} · ${done} of ${page.cells.length} cells · ${verdicts(page.cells)}`)),
+      el("p", { class: "soft" }, `Swerve ${page.version} · study ${page.name} · ${done} of ${page.cells.length} cells · ${verdicts(page.cells)}`),
+      page.note ? el("p", {}, page.note) : ""),
     view.filterBar(),
     section("heat", "Heat map", view.heatBar, view.heat, view.detail),
     section("plot", "Over an axis", view.plotBar, view.plot),

@@ -27,11 +27,21 @@ pub enum Metric {
     RoadMarginM,
     /// Stop lines that the ego's front went over at a red light.
     RedLightsPassed,
+    /// Least time to collision, seconds.
+    MinTtcS,
+    /// Least time headway to the lead in the own lane, seconds.
+    MinHeadwayS,
+    /// Way with part of the outline outside the own lane, metres.
+    DistanceOverLineM,
+    /// Time with part of the outline to the left of the own lane, seconds.
+    TimeInOncomingLaneS,
+    /// Largest excess of the speed over the target speed, m/s.
+    SpeedOverTargetMps,
 }
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 16] = [
         Self::MinDistanceM,
         Self::ImpactSpeedMps,
         Self::ClosingSpeedMps,
@@ -43,11 +53,21 @@ impl Metric {
         Self::ComfortShare,
         Self::RoadMarginM,
         Self::RedLightsPassed,
+        Self::MinTtcS,
+        Self::MinHeadwayS,
+        Self::DistanceOverLineM,
+        Self::TimeInOncomingLaneS,
+        Self::SpeedOverTargetMps,
     ];
 
-    /// Whether a run has this metric only if it hit something.
-    fn is_of_impact(self) -> bool {
-        matches!(self, Self::ImpactSpeedMps | Self::ClosingSpeedMps)
+    /// Whether a run without this metric is within a bound: one that hits nothing within how fast it may hit, one that
+    /// closes in on nobody, or follows nobody, within how near in time it may come.
+    fn is_kept_without(self, bound: &Bound) -> bool {
+        match self {
+            Self::ImpactSpeedMps | Self::ClosingSpeedMps => bound.min.is_none_or(|min| min <= 0.0),
+            Self::MinTtcS | Self::MinHeadwayS => bound.max.is_none(),
+            _ => false,
+        }
     }
 
     /// The name in scenario files.
@@ -64,6 +84,11 @@ impl Metric {
             Self::ComfortShare => "comfort_share",
             Self::RoadMarginM => "road_margin_m",
             Self::RedLightsPassed => "red_lights_passed",
+            Self::MinTtcS => "min_ttc_s",
+            Self::MinHeadwayS => "min_headway_s",
+            Self::DistanceOverLineM => "distance_over_line_m",
+            Self::TimeInOncomingLaneS => "time_in_oncoming_lane_s",
+            Self::SpeedOverTargetMps => "speed_over_target_mps",
         }
     }
 }
@@ -98,17 +123,22 @@ impl Expectation {
     }
 
     /// In what way a run differs from what is expected; empty when it is as expected. `value` gives the
-    /// metrics of the run, `None` for one that it does not have, which breaks its bound; only what hits nothing is within
-    /// every upper bound on how fast it may hit.
+    /// metrics of the run, `None` for one that it does not have, which breaks its bound. Exceptions: a run that hits nothing
+    /// is within every upper bound on how fast it may hit; one that is never on the way to a collision, or has no lead, is
+    /// within every lower bound on time to collision and headway. A red light that is passed breaks every expectation
+    /// without a bound on [`Metric::RedLightsPassed`].
     pub fn broken_by(&self, verdict: Verdict, value: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
         if verdict != self.verdict && verdict.old_name() != self.verdict {
             broken.push(format!("expected the verdict {}, got {verdict}", self.verdict));
         }
-        for bound in &self.bounds {
+        let passed = Metric::RedLightsPassed;
+        let none_passed = Bound { metric: passed, min: None, max: Some(0.0) };
+        let is_bounded = self.bounds.iter().any(|bound| bound.metric == passed) || value(passed).is_none();
+        for bound in self.bounds.iter().chain((!is_bounded).then_some(&none_passed)) {
             let name = bound.metric.name();
             match value(bound.metric) {
-                None if bound.metric.is_of_impact() && bound.min.is_none_or(|min| min <= 0.0) => {}
+                None if bound.metric.is_kept_without(bound) => {}
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
                     // What rounding leaves of nothing is nothing.
@@ -172,6 +202,30 @@ mod tests {
             ..expectation.clone()
         };
         assert_eq!(at_most.broken_by(Verdict::Avoided, |_| None), Vec::<String>::new());
-        assert_eq!(at_most.broken_by(Verdict::Avoided, |_| Some(9.0)).len(), 1);
+        let hits = |metric| (metric == Metric::ImpactSpeedMps).then_some(9.0);
+        assert_eq!(at_most.broken_by(Verdict::Avoided, hits).len(), 1);
+        for metric in [Metric::MinTtcS, Metric::MinHeadwayS] {
+            for (max, broken) in [(None, 0), (Some(5.0), 1)] {
+                let bounds = vec![bound(metric, Some(1.5), max)];
+                let near = Expectation { bounds, ..expectation.clone() };
+                assert_eq!(near.broken_by(Verdict::Avoided, |_| None).len(), broken, "{}", metric.name());
+                assert_eq!(near.broken_by(Verdict::Avoided, |_| Some(1.4)).len(), 1, "{}", metric.name());
+            }
+        }
+    }
+
+    #[test]
+    fn red_light_passed_is_not_as_expected_unless_bounded() {
+        let mut expectation = Expectation { pipeline: None, verdict: Verdict::Completed, bounds: Vec::new() };
+        let passed = |n: f64| move |metric| (metric == Metric::RedLightsPassed).then_some(n);
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(0.0)), Vec::<String>::new());
+        assert_eq!(
+            expectation.broken_by(Verdict::Completed, passed(1.0)),
+            ["expected red_lights_passed of at most 0, got 1"]
+        );
+        let allowed = Bound { metric: Metric::RedLightsPassed, min: None, max: Some(1.0) };
+        expectation.bounds.push(allowed);
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(1.0)), Vec::<String>::new());
+        assert_eq!(expectation.broken_by(Verdict::Completed, passed(2.0)).len(), 1);
     }
 }

@@ -151,7 +151,9 @@ impl Road {
     /// # Panics
     /// As [`line`](Self::line).
     pub fn route(&self) -> Route {
-        Route::uniform(self.line(), self.left_m, self.right_m)
+        let half_m = 0.5 * self.lane_width_m;
+        let lane = Borders::constant(half_m.min(self.left_m), half_m.min(self.right_m));
+        Route::uniform(self.line(), self.left_m, self.right_m).in_lane(lane)
     }
 
     /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width and
@@ -276,6 +278,11 @@ mod tests {
             for s_m in [0.0, 50.0, 99.0] {
                 assert!((stated.left_m(s_m) - over_map.left_m(s_m)).abs() < 1e-12);
                 assert!((stated.right_m(s_m) - over_map.right_m(s_m)).abs() < 1e-12);
+                // The ego's lane is two metres to either side, or as far as the ground goes.
+                for route in [&stated, &over_map] {
+                    assert_eq!(route.lane().left_m(s_m), left_m.min(2.0));
+                    assert_eq!(route.lane().right_m(s_m), right_m.min(2.0));
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Scripted motion in closed form: where an actor is and how fast, so many seconds after it was set off.
 
-use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, Vector2};
+use swerve_geom::{FrenetPoint, LineTracker, Point2, Polyline, Pose2, Vector2};
 use swerve_scenario::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint};
 
 /// Pose and velocity of an actor at one moment.
@@ -42,8 +42,9 @@ impl Script {
         let mut script = Self { start, legs: Vec::new() };
         let mut at = start;
         let mut begins_s = 0.0;
+        let mut place = LineTracker::starting_at(actor.s_m, start.point());
         for motion in &actor.motion {
-            for (course, speeds, lasts_s) in courses(motion, at, line) {
+            for (course, speeds, lasts_s) in courses(motion, at, place.locate(line, at), line) {
                 let leg = Leg { begins_s, lasts_s, course, speeds };
                 at = leg.moment(lasts_s.min(1e9), line).pose;
                 begins_s += lasts_s;
@@ -100,13 +101,18 @@ impl Leg {
     }
 }
 
-/// The courses of one motion from `at`, each with its speeds and duration (seconds).
-fn courses(motion: &Motion, at: Pose2, line: &Polyline) -> Vec<(Course, Vec<SpeedPoint>, f64)> {
+/// The courses of one motion from `at`, at that place along the road, each with its speeds and duration (seconds).
+fn courses(
+    motion: &Motion,
+    at: Pose2,
+    place: FrenetPoint,
+    line: &Polyline,
+) -> Vec<(Course, Vec<SpeedPoint>, f64)> {
     let steady = |speed_mps| vec![SpeedPoint { at_s: 0.0, speed_mps }];
     match motion {
         Motion::Wait { for_s } => vec![(Course::Straight(at), steady(0.0), *for_s)],
         Motion::Walk { speed_mps, distance_m, direction } => {
-            let road = line.at(line.project(at.point()).s_m).pose.heading_rad;
+            let road = line.at(place.s_m).pose.heading_rad;
             let quarter = core::f64::consts::FRAC_PI_2;
             let turn = match direction {
                 Direction::Ahead => 0.0,
@@ -119,17 +125,16 @@ fn courses(motion: &Motion, at: Pose2, line: &Polyline) -> Vec<(Course, Vec<Spee
         }
         Motion::Drive { along, speeds, distance_m } => {
             let lasts_s = distance_m.map_or_else(|| ends(speeds), |way_m| time_for(speeds, way_m));
-            vec![(course(*along, at, line), speeds.clone(), lasts_s)]
+            vec![(course(*along, at, place, line), speeds.clone(), lasts_s)]
         }
         Motion::Path { speed_mps, points } => path(*speed_mps, points, at.point(), line),
     }
 }
 
-fn course(along: Along, at: Pose2, line: &Polyline) -> Course {
+fn course(along: Along, at: Pose2, from: FrenetPoint, line: &Polyline) -> Course {
     match along {
         Along::Heading => Course::Straight(at),
         Along::Road => {
-            let from = line.project(at.point());
             let turn_rad = swerve_geom::angle_between(line.at(from.s_m).pose.heading_rad, at.heading_rad);
             let against = turn_rad.abs() > core::f64::consts::FRAC_PI_2;
             Course::Road { from, sign: if against { -1.0 } else { 1.0 }, turn_rad }

@@ -8,6 +8,7 @@
 mod events;
 mod gnss;
 mod imu;
+mod lights;
 mod motion;
 mod obstacles;
 mod odometry;
@@ -17,6 +18,7 @@ mod timing;
 pub use events::*;
 pub use gnss::*;
 pub use imu::*;
+pub use lights::*;
 pub use motion::*;
 pub use obstacles::*;
 pub use odometry::*;

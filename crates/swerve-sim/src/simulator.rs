@@ -157,7 +157,7 @@ impl Simulator {
         for (i, actor) in self.scenario.actors.iter().enumerate() {
             let script = Script::new(actor, self.route.line());
             let moment = script.at(None, self.route.line());
-            let at = self.route.line().project(moment.pose.point());
+            let at = self.route.line().project_near(moment.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
                 id: Scenario::id(i),
                 kind: actor.kind,

@@ -211,7 +211,7 @@ impl TargetPlanner {
 
     fn plan(&self, ego: &EgoState, target: Target) -> Plan {
         let line = self.route.line();
-        let start = line.project(ego.pose.point());
+        let start = line.project_pose(ego.pose);
         let accel = if target.speed_mps >= ego.speed_mps {
             Self::EASE * self.limits.accel_max_mps2
         } else {

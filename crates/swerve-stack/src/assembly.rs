@@ -19,7 +19,7 @@ use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
 use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::nearest;
 
-pub(crate) use base::{pipeline_names, scheduled_operator, sensor_operators};
+pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;
 

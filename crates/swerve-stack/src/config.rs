@@ -240,6 +240,11 @@ pub struct SensingConfig {
     pub range_person_m: Option<f64>,
     /// Where the obstacle sensor sits; the middle of the roof, 1.9 m up, when absent.
     pub mount: Option<SensorMount>,
+    /// Sees traffic lights of the scenario as the obstacle sensor sees actors, and stops at red ones; an operator of the kind
+    /// `traffic_lights` takes the sensor's place, one of the kind `stop_lines` turns both off. When absent with the planning
+    /// preset `best`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic_lights: Option<bool>,
     /// Period of the pose sensor, ms.
     pub pose_period_ms: f64,
     /// Period of the inertial sensor, ms.
@@ -267,6 +272,7 @@ impl Default for SensingConfig {
             fov_deg: 360.0,
             range_person_m: None,
             mount: None,
+            traffic_lights: None,
             pose_period_ms: 10.0,
             imu_period_ms: 10.0,
             gnss_period_ms: 100.0,
@@ -287,14 +293,15 @@ pub struct PredictionConfig {
     pub predictor: PredictorName,
     /// With one sighting: the reported velocity (`best`), or standing still (`paper`). Of `linear`.
     pub preset: Preset,
-    /// Sightings that the straight line is fitted to.
+    /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also looks for braking over the
+    /// last 0.6 s: a vehicle that brakes is predicted to go on braking until it stops.
     pub past_steps: usize,
     /// How far ahead, ms.
     pub horizon_ms: f64,
     /// Between predicted poses, ms.
     pub step_ms: f64,
-    /// Whether who drives along the road is predicted to go on along it, and not straight on; when absent by `linear` with the
-    /// preset `best`, and by no other. `lane_idm` always does, and `truth` knows.
+    /// Predicts that road users that drive along the road follow it, in the road's coordinates; when absent with the preset
+    /// `best`. `lane_idm` always does; `truth` ignores it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub along_road: Option<bool>,
     /// Of `truth`: how far ahead it knows what will happen, ms; everybody goes straight on after that. When absent as far as
@@ -307,20 +314,19 @@ pub struct PredictionConfig {
 
 /// Sightings that are kept for predictors that look further back than a line: 3.2 s at 20 Hz.
 const LONG_PAST: usize = 64;
+/// Sightings that are kept to estimate braking: 0.6 s at 20 Hz.
+const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
     /// Whether who drives along the road is predicted along it.
     pub fn follows_road(&self) -> bool {
-        match self.predictor {
-            PredictorName::Linear => self.along_road.unwrap_or(self.preset == Preset::Best),
-            PredictorName::LaneIdm => true,
-            _ => self.along_road.unwrap_or(false),
-        }
+        self.predictor == PredictorName::LaneIdm || self.along_road.unwrap_or(self.preset == Preset::Best)
     }
 
     /// Sightings that tracks have to hold.
     pub fn sightings(&self) -> usize {
         match self.predictor {
+            PredictorName::Linear if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
             PredictorName::Linear => self.past_steps,
             _ => self.past_steps.max(LONG_PAST),
         }
@@ -357,6 +363,11 @@ pub enum ControllerName {
 }
 
 impl Config {
+    /// Whether the simulated stack sees the lights of a road and stops at red ones.
+    pub(crate) fn stops_at_lights(&self) -> bool {
+        self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
+    }
+
     /// The controller that follows the plans.
     pub fn controller(&self) -> ControllerName {
         self.control.controller.unwrap_or(match self.planning.preset {

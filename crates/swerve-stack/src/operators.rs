@@ -17,14 +17,17 @@ mod ladder;
 mod lanes;
 mod lidar;
 mod lidar_objects;
+mod light_sensor;
 mod localizer;
 mod monitor;
 mod objects_now;
 mod obstacles;
+mod odom;
 mod odometry;
 mod pedals;
 mod planner;
 mod pose;
+mod pose_trust;
 mod predictor;
 mod python;
 mod radar;
@@ -60,6 +63,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with::<events::CollisionSensor>()
         .with::<events::LaneInvasions>()
         .with::<events::RedLights>()
+        .with::<light_sensor::LightSensor>()
         .with_kind(radar::Radars)
         .with_kind(camera::Cameras)
         .with_kind(lidar::Lidars)
@@ -81,7 +85,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(deadlines::DeadlinePolicy)
         .with_kind(planner::Planners)
         .with_kind(controller::Controllers)
-        .with::<report::Report>()
+        .with_kind(report::Reports)
         .with::<reported_odometry::ReportedOdometry>()
         .with_kind(switch::EnableSwitch)
         .with::<gate::Gate>()

@@ -11,7 +11,7 @@ use swerve_scenario::Scenario;
 use swerve_vehicle::VehicleParams;
 
 use crate::agent::Agent;
-use crate::assembly::{Assembly, Placed};
+use crate::assembly::{Assembly, Placed, on_road};
 use crate::config::Config;
 use crate::config::clock::Clock;
 use crate::config::execution::{parse_policy, span_ms};
@@ -71,6 +71,8 @@ impl Pipeline {
     /// # Errors
     /// As [`build`](Self::build).
     pub fn build_without_stage(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
+        let config = on_road(config, &scenario.road);
+        let config = &*config;
         let scenario = drawn(config, scenario);
         let assembly = Assembly::new(config)?;
         let (route, vehicle) = (scenario.road.route(), config.sim.vehicle.clone());

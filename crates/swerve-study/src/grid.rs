@@ -11,11 +11,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_drive::shipped::Kind;
 use swerve_report::output::quoted;
-use swerve_text::{Document, Problem, Problems, is_within, list, number};
+use swerve_text::{Document, Problem, Problems, number};
 
 pub use forms::{Files, Values};
 use forms::{label_of, name_of};
 use left_out::{check_left_out, left_out};
+pub(crate) use places::{no_axis, overridden};
 
 use super::curve::Curve;
 use super::ranking::Ranking;
@@ -99,6 +100,9 @@ pub struct Setting {
     pub name: String,
     /// Scenario file, relative to the study's folder, in the place of the base's.
     pub scenario: Option<PathBuf>,
+    /// Configuration file, relative to the study's folder, over the base's, or several.
+    #[serde(default)]
+    pub config: Files,
     /// Keys and values.
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, serde_json::Value>")]
@@ -209,12 +213,14 @@ pub struct Study {
 pub type Sets = Vec<(String, toml::Value)>;
 
 /// One step of an axis.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Default)]
 pub struct Step {
     /// What stands in the table.
     pub label: String,
     /// The scenario, where it names one.
     pub scenario: Option<PathBuf>,
+    /// Configuration files over the base's.
+    pub config: Vec<PathBuf>,
     /// What it sets.
     pub sets: Sets,
 }
@@ -228,6 +234,8 @@ pub struct Cell {
     pub labels: Vec<String>,
     /// The scenario, where it is not the base's.
     pub scenario: Option<PathBuf>,
+    /// Configuration files, the later over the earlier.
+    pub config: Vec<PathBuf>,
     /// Keys set on top of the base configuration, in order.
     pub sets: Sets,
 }
@@ -310,7 +318,8 @@ impl Study {
     /// Makes the cells.
     #[must_use]
     pub fn expand(mut self) -> Self {
-        let mut cells = vec![Cell { index: 0, labels: Vec::new(), scenario: None, sets: self.base.clone() }];
+        let (config, sets) = (self.config.clone(), self.base.clone());
+        let mut cells = vec![Cell { index: 0, labels: Vec::new(), scenario: None, config, sets }];
         for steps in &self.steps {
             cells = cells.iter().flat_map(|cell| steps.iter().map(move |step| cell.and(step))).collect();
         }
@@ -333,6 +342,19 @@ impl Study {
         named.chain([self.scenario.as_path()]).collect()
     }
 
+    /// All combinations of configuration files, each once.
+    pub fn configs(&self) -> BTreeSet<Vec<PathBuf>> {
+        let mut all = BTreeSet::from([self.config.clone()]);
+        for steps in &self.steps {
+            let over = |base: &Vec<PathBuf>| {
+                let base = base.clone();
+                steps.iter().map(move |step| [base.as_slice(), &step.config].concat()).collect::<Vec<_>>()
+            };
+            all = all.iter().flat_map(over).collect();
+        }
+        all
+    }
+
     /// What is wrong with a file that the study names, where it is named.
     pub fn unread(&self, path: &Path, problem: Problem) -> Problem {
         let named = |at: &Problem| Problem { message: problem.to_string(), ..at.clone() };
@@ -342,7 +364,7 @@ impl Study {
     /// The command line that repeats one cell.
     pub fn command(&self, cell: &Cell) -> String {
         let mut line = format!("swerve run {}", quoted(&self.scenario(cell).display().to_string()));
-        for config in &self.config {
+        for config in &cell.config {
             line += &format!(" -c {}", quoted(&config.display().to_string()));
         }
         for (key, value) in &cell.sets {
@@ -350,29 +372,6 @@ impl Study {
         }
         line
     }
-}
-
-/// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
-pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
-    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
-    let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
-    Some(Problem {
-        file: "--set".to_owned(),
-        line: None,
-        key: key.clone(),
-        message: format!("the axis `{axis}` of the study varies it"),
-    })
-}
-
-/// What is said of an axis that a study does not have.
-pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
-    let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
-    let expected = if axes.is_empty() {
-        "the study has none".into()
-    } else {
-        format!("expected one of {}", list(&axes))
-    };
-    format!("no axis of the name `{name}`; {expected}")
 }
 
 /// Names and steps of the axes; what is wrong with them goes to `problems`.
@@ -396,7 +395,7 @@ fn read_axes(
             }
         };
         if file.budget.as_ref().and_then(|b| b.limit.as_ref()) == Some(&name) {
-            steps.push(Step { label: LIMIT.into(), scenario: None, sets: Vec::new() });
+            steps.push(Step { label: LIMIT.into(), ..Step::default() });
         }
         if axes.contains(&name) {
             wrong(format!(
@@ -419,6 +418,7 @@ impl Cell {
         let mut cell = self.clone();
         cell.labels.push(step.label.clone());
         cell.scenario = step.scenario.clone().or(cell.scenario);
+        cell.config.extend(step.config.iter().cloned());
         cell.sets.extend(step.sets.iter().cloned());
         cell
     }
@@ -437,15 +437,17 @@ impl Axis {
                 let file = value.as_str().ok_or("expected scenario files")?;
                 let stem = Path::new(file).file_stem().map_or(file.into(), |stem| stem.to_string_lossy());
                 let scenario = places::beside(folder, Path::new(file), Kind::Scenario);
-                return Ok(Step { label: stem.into_owned(), scenario: Some(scenario), sets: Vec::new() });
+                return Ok(Step { label: stem.into_owned(), scenario: Some(scenario), ..Step::default() });
             }
-            Ok(Step { label: label_of(value), scenario: None, sets: vec![(key, value.clone())] })
+            Ok(Step { label: label_of(value), sets: vec![(key, value.clone())], ..Step::default() })
         });
         let from_settings = self.settings.iter().map(|setting| {
             let mut sets = Vec::new();
             flatten("", &setting.set, &mut sets);
             let scenario = setting.scenario.as_ref().map(|path| places::beside(folder, path, Kind::Scenario));
-            Ok(Step { label: setting.name.clone(), scenario, sets })
+            let config =
+                setting.config.0.iter().map(|path| places::beside(folder, path, Kind::Config)).collect();
+            Ok(Step { label: setting.name.clone(), scenario, config, sets })
         });
         let steps: Vec<Step> = from_values.chain(from_settings).collect::<Result<_, &str>>()?;
         if steps.is_empty() {

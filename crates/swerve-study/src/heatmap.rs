@@ -30,6 +30,7 @@ const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME
 
 const COUNTS: &str = "in a square: runs without a collision, runs that stayed on the road, median impact (of how many), other ends; 95 % intervals";
 const STOPS: &str = "of the square's width: share of runs that stopped safely";
+const LAYER: &str = "comfortable: plans that the comfortable layer made; the planner itself made the others";
 const BEYOND: &str =
     "more than the row or column `limit`: what one swerve or braking from first sight can do";
 
@@ -190,6 +191,10 @@ fn legend(grid: &Grid) -> Vec<Meaning> {
     if budget_max.is_none() && any(|square| square.stopped > 0) {
         lines.push((|canvas, at| stopped_area(canvas, at, SIGN), SIGN.0 + 8.0, STOPS.to_owned()));
     }
+    if any(|square| square.plans.all > 0) {
+        lines.push((|_, _| {}, 0.0, LAYER.to_owned()));
+    }
+    lines.extend(grid.note.iter().map(|note| -> Meaning { (|_, _| {}, 0.0, note.clone()) }));
     if any(|square| square.beyond_limit) {
         let sign = |canvas: &mut Canvas, at: At| canvas.rect(at, SIGN, beyond_rim(color::INK));
         lines.push((sign, SIGN.0 + 8.0, BEYOND.to_owned()));
@@ -245,6 +250,7 @@ mod tests {
             columns: vec!["12".into(), "14".into()],
             squares: vec![long, Square { runs: 5, no_collision: 5, good: 5, ..Square::default() }],
             good: "avoided",
+            note: None,
         };
         let svg = draw(&grid, "t").svg();
         let (squares, texts) = (squares(&svg), texts(&svg));

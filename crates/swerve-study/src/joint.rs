@@ -28,16 +28,17 @@ const JOINT: [&[&str]; 5] = [
 /// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
 pub(super) fn problems(
     study: &Study,
-    base: &Document,
+    bases: &BTreeMap<Vec<PathBuf>, Document>,
     scenarios: &BTreeMap<PathBuf, Scenario>,
     registry: &Registry,
 ) -> Problems {
-    // The file's own faults are told with their lines; what is left is a fault of what cells set.
-    if let Err(problems) = Config::from_document_with(registry, base, &[]) {
+    // The files' own faults are told with their lines; what is left is a fault of what cells set.
+    let own = bases.values().find_map(|base| Config::from_document_with(registry, base, &[]).err());
+    if let Some(problems) = own {
         return problems;
     }
     let classes = classes(&study.steps);
-    let mut found = Found { study, base, scenarios, first: BTreeMap::new() };
+    let mut found = Found { study, bases, scenarios, first: BTreeMap::new() };
     // A value of a wrong form is one in every combination: once told, it needs no combining.
     let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
     for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
@@ -64,12 +65,20 @@ pub(super) fn problems(
 /// The faults so far, each with the first cell that has it.
 struct Found<'a> {
     study: &'a Study,
-    base: &'a Document,
+    bases: &'a BTreeMap<Vec<PathBuf>, Document>,
     scenarios: &'a BTreeMap<PathBuf, Scenario>,
     first: BTreeMap<Problem, usize>,
 }
 
 impl Found<'_> {
+    /// The configuration files of the first cell with these steps.
+    fn files(&self, chosen: &[(usize, usize)]) -> Vec<PathBuf> {
+        let step_of = |axis| chosen.iter().find(|(a, _)| *a == axis).map_or(0, |(_, step)| *step);
+        let steps = self.study.steps.iter().enumerate();
+        let over = steps.flat_map(|(axis, steps)| steps[step_of(axis)].config.iter());
+        self.study.config.iter().chain(over).cloned().collect()
+    }
+
     /// Looks at one combination of axes and steps; whether nothing is wrong with it.
     fn look(
         &mut self,
@@ -81,11 +90,12 @@ impl Found<'_> {
             chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
         );
         let (of_scenario, of_config) = split_sets(&sets);
-        let mut problems = read(self.base, &of_config).err().unwrap_or_default();
+        // One that cannot be read is told by whoever reads it.
+        let base = self.bases.get(&self.files(chosen));
+        let mut problems = base.and_then(|base| read(base, &of_config).err()).unwrap_or_default();
         let mut named =
             chosen.iter().filter_map(|&(axis, step)| self.study.steps[axis][step].scenario.as_deref());
         let file = named.next_back().unwrap_or(&self.study.scenario);
-        // One that cannot be read is told by whoever reads it.
         if let Some(scenario) = self.scenarios.get(file) {
             problems.extend(changed(file, scenario, &of_scenario).err().into_iter().flatten());
         }
@@ -142,12 +152,19 @@ fn are_joint(a: &[Step], b: &[Step]) -> bool {
     if a.iter().any(is_of_scenario) && b.iter().any(is_of_scenario) {
         return true;
     }
+    let has_files = |steps: &[Step]| steps.iter().any(|step| !step.config.is_empty());
+    let (a_files, b_files) = (has_files(a), has_files(b));
     let (a, b) = (keys(a), keys(b));
     let related = |a: &str, b: &str| is_within(a, b) || is_within(b, a);
     let touches = |keys: &[&str], group: &[&str]| {
         keys.iter().any(|key| group.iter().any(|pattern| is_on_the_way(key, pattern)))
     };
-    a.iter().any(|a| b.iter().any(|b| related(a, b)))
+    // Files may set anything: they have to do with all whose values depend on other keys.
+    let depends = |keys: &[&str]| JOINT.iter().any(|group| touches(keys, group));
+    (a_files && b_files)
+        || (a_files && depends(&b))
+        || (b_files && depends(&a))
+        || a.iter().any(|a| b.iter().any(|b| related(a, b)))
         || JOINT.iter().any(|group| touches(&a, group) && touches(&b, group))
 }
 
@@ -238,23 +255,25 @@ mod tests {
         values = [0.5, 9.0]
     "#;
 
-    fn study() -> (Study, Document) {
+    fn study() -> (Study, BTreeMap<Vec<PathBuf>, Document>) {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("s.toml");
         std::fs::write(&file, STUDY).unwrap();
-        (Study::read(&file, &[]).unwrap(), Document::parse("defaults", String::new()).unwrap())
+        let defaults = Document::parse("defaults", String::new()).unwrap();
+        (Study::read(&file, &[]).unwrap(), BTreeMap::from([(Vec::new(), defaults)]))
     }
 
     #[test]
     fn as_much_is_found_as_by_looking_at_every_cell() {
-        let (study, base) = study();
-        let by_class = problems(&study, &base, &BTreeMap::new(), &Registry::standard());
+        let (study, bases) = study();
+        let by_class = problems(&study, &bases, &BTreeMap::new(), &Registry::standard());
         let expanded = study.clone().expand();
         assert_eq!(expanded.cells.len(), 216);
         let mut by_cell: Vec<Problem> = Vec::new();
         for cell in &expanded.cells {
-            let problems =
-                Config::with_sets(&Registry::standard(), &base, &cell.sets).err().unwrap_or_default();
+            let problems = Config::with_sets(&Registry::standard(), &bases[&cell.config], &cell.sets)
+                .err()
+                .unwrap_or_default();
             by_cell.extend(problems.into_iter().map(|p| located(&study, p)));
         }
         let bare = |p: &Problem| (p.key.clone(), p.message.split(", in the cell").next().unwrap().to_owned());
@@ -274,9 +293,25 @@ mod tests {
     }
 
     #[test]
+    fn files_are_combined_with_what_depends_on_other_keys() {
+        let step = |config: &[&str], key: Option<&str>| Step {
+            config: config.iter().map(PathBuf::from).collect(),
+            sets: key.map(|key| (key.to_owned(), 1.into())).into_iter().collect(),
+            ..Step::default()
+        };
+        let axes = [
+            vec![step(&[], None), step(&["localizer"], None)],
+            vec![step(&[], Some("seed"))],
+            vec![step(&[], Some("fault.silent.stream"))],
+            vec![step(&[], Some("scenario.ego.d_m"))],
+        ];
+        assert_eq!(classes(&axes), [vec![1], vec![0, 2], vec![3]]);
+    }
+
+    #[test]
     fn the_first_cell_with_a_fault_is_named() {
-        let (study, base) = study();
-        let said: Vec<String> = problems(&study, &base, &BTreeMap::new(), &Registry::standard())
+        let (study, bases) = study();
+        let said: Vec<String> = problems(&study, &bases, &BTreeMap::new(), &Registry::standard())
             .iter()
             .map(Problem::to_string)
             .collect();

@@ -9,6 +9,7 @@ pub mod dataset;
 pub mod evaluate;
 mod folder;
 mod joint;
+pub mod layer;
 mod limit;
 
 pub mod cells;
@@ -177,7 +178,8 @@ pub struct Bench {
     pub study: Study,
     /// Each by its file.
     scenarios: BTreeMap<PathBuf, Scenario>,
-    base: Document,
+    /// Each by its files.
+    bases: BTreeMap<Vec<PathBuf>, Document>,
     registry: Registry,
     /// The program itself: what another build finished is not taken for its result.
     program: Digest,
@@ -221,25 +223,14 @@ impl Bench {
                 Err(error) => unread.push(error.to_string()),
             }
         }
-        let unread_config = study.config.iter().find_map(|path| Some((path, Kind::Config.text(path).err()?)));
-        let base = match unread_config {
-            Some((path, problem)) => Err(study.unread(path, problem)),
-            None => Kind::Config.layers(&study.config),
-        };
+        let bases = bases(&study, &mut unread);
         // What is wrong is told before the first cell runs.
-        let problems = match &base {
-            Ok(base) => joint::problems(&study, base, &scenarios, registry),
-            Err(problem) => problem.clone().into(),
-        };
-        match base {
-            Ok(base) if problems.is_empty() && unread.is_empty() => {
-                Ok(Self { study, scenarios, base, registry: registry.clone(), program: program()? })
-            }
-            _ => {
-                let problems = problems.iter().map(Problem::to_string);
-                Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
-            }
+        let problems = joint::problems(&study, &bases, &scenarios, registry);
+        if problems.is_empty() && unread.is_empty() {
+            return Ok(Self { study, scenarios, bases, registry: registry.clone(), program: program()? });
         }
+        let problems = problems.iter().map(Problem::to_string);
+        Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
     }
 
     /// The scenario of a cell.
@@ -251,7 +242,7 @@ impl Bench {
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
         let (_, sets) = split_sets(&cell.sets);
-        Config::from_document_with(&self.registry, &self.base, &sets)
+        Config::from_document_with(&self.registry, &self.bases[&cell.config], &sets)
             .map_err(|problems| in_cell(cell, &problems))
     }
 
@@ -377,6 +368,24 @@ impl Bench {
     }
 }
 
+/// The configurations of a study, by their files; what is wrong with one goes to `unread`.
+fn bases(study: &Study, unread: &mut Vec<String>) -> BTreeMap<Vec<PathBuf>, Document> {
+    let mut bases = BTreeMap::new();
+    for files in study.configs() {
+        let missing = files.iter().find_map(|path| Some((path, Kind::Config.text(path).err()?)));
+        let read = match missing {
+            Some((path, problem)) => Err(study.unread(path, problem)),
+            None => Kind::Config.layers(&files),
+        };
+        match read {
+            Ok(document) => drop(bases.insert(files, document)),
+            Err(problem) => unread.push(problem.to_string()),
+        }
+    }
+    unread.dedup();
+    bases
+}
+
 /// Reads a study's file; `sets` apply to every cell, before the axes.
 fn read(file: &Path, sets: &[String]) -> anyhow::Result<Study> {
     let sets = swerve_text::parse_assignments(sets);
@@ -454,7 +463,7 @@ fn report(
     }
     write_whole(
         &out.join(REPORT),
-        page::page(study, results, (&commands, reports), drawn).html().as_bytes(),
+        page::page(study, results, (&commands, reports), drawn, grid.note.clone()).html().as_bytes(),
     )?;
     let mut ranked = study.curve.map_or_else(String::new, |curve| curve.text(study, results) + "\n");
     if let Some(ranking) = &study.ranking {

@@ -26,6 +26,8 @@ pub struct StudyPage {
     pub cells: Vec<PageCell>,
     /// Pictures as SVG, each with its title.
     pub pictures: Vec<(String, String)>,
+    /// What is to be known of the study as a whole; none where nothing is.
+    pub note: Option<String>,
 }
 
 /// A cell and what it came to.
@@ -59,6 +61,8 @@ pub struct PageCell {
     pub response_p99_ms: Option<f64>,
     /// Deadlines missed.
     pub misses: Option<u64>,
+    /// Share of the plans that the comfortable layer made, 0 to 1.
+    pub comfortable_share: Option<f64>,
     /// Largest added latency that still avoids.
     pub budget_ms: Option<f64>,
     /// Digest of the run.
@@ -71,6 +75,7 @@ pub(super) fn page(
     results: &[Option<CellResult>],
     (commands, reports): (&[String], Vec<Option<String>>),
     pictures: Vec<(String, String)>,
+    note: Option<String>,
 ) -> Page<StudyPage> {
     let columns = Columns::of(study, results);
     let cells = study.cells.iter().zip(results).zip(commands).zip(reports);
@@ -98,6 +103,7 @@ pub(super) fn page(
             .collect(),
         columns: columns.names(),
         pictures,
+        note,
     };
     Page::new("study", title, of)
 }
@@ -118,6 +124,7 @@ fn page_cell(labels: &[String], result: Option<&CellResult>, command: &str) -> P
         response_p50_ms: result.response_p50_ms.map(rounded),
         response_p99_ms: result.response_p99_ms.map(rounded),
         misses: Some(result.misses),
+        comfortable_share: result.figures.get("plans.comfortable_share").copied().map(rounded),
         budget_ms: result.budget_ms.map(rounded),
         digest: result.digest.map(|digest| digest.to_string()),
         ..blank

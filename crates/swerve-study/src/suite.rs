@@ -23,7 +23,8 @@ use crate::{Bench, How, finish, folder};
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
 pub struct SuiteArgs {
-    /// Scenario files (TOML), folders of them, or names of those that are in the program [default: all of these]
+    /// Scenario files (TOML), folders of them, or names of those that are in the program, such as lane or the folder
+    /// everyday [default: all of these]
     #[arg(value_name = "SCENARIO|DIR")]
     scenarios: Vec<PathBuf>,
     /// Configuration file (TOML), or the name of one that is in the program, such as paper; several: the later over the
@@ -111,13 +112,13 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
     let sets = swerve_text::parse_assignments(&args.set);
     let (base, seed) = (sets?, "seed".to_owned());
     let of_seed =
-        |n: &i64| Step { label: n.to_string(), scenario: None, sets: vec![(seed.clone(), (*n).into())] };
+        |n: &i64| Step { label: n.to_string(), sets: vec![(seed.clone(), (*n).into())], ..Step::default() };
     let seeds: Vec<Step> = args.seeds.0.iter().map(of_seed).collect();
     if let Some(problem) = overridden(&base, &seeds, &seed) {
         return Err(problems_error(&[Problem { message: "expected in --seeds".into(), ..problem }]));
     }
     let first = scenarios[0].1.clone();
-    let of_scenario = |(label, path)| Step { label, scenario: Some(path), sets: Vec::new() };
+    let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
     Ok(Study {
         file: "swerve suite".into(),
         lines: BTreeMap::new(),
@@ -146,8 +147,14 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
 fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     let mut paths: Vec<PathBuf> = Vec::new();
     for path in given {
-        let found = if path.is_dir() { scenarios_in(path)? } else { vec![path.clone()] };
-        paths.extend(found);
+        let shipped = || Kind::Scenario.in_folder(path).into_iter().map(PathBuf::from).collect::<Vec<_>>();
+        match path.is_dir() {
+            true => paths.extend(scenarios_in(path)?),
+            false => match shipped() {
+                in_folder if !path.exists() && !in_folder.is_empty() => paths.extend(in_folder),
+                _ => paths.push(path.clone()),
+            },
+        }
     }
     if given.is_empty() {
         paths.extend(Kind::Scenario.all().map(|(name, _)| PathBuf::from(name)));
@@ -273,6 +280,9 @@ mod tests {
             [path(&a), path(&b), "street".into()]
         );
         assert_eq!(labels(&[]).len(), Kind::Scenario.all().count());
+        let everyday = labels(&["everyday".into()]);
+        assert!(everyday.len() >= 24 && everyday.contains(&"start_in_jam".into()), "{everyday:?}");
+        assert_eq!(labels(&["scenarios/everyday/".into()]), everyday);
         let empty = tempfile::tempdir().unwrap();
         let said = named_scenarios(&[empty.path().into()]).unwrap_err().to_string();
         assert!(said.contains("no scenario"), "{said}");

@@ -9,6 +9,7 @@ use swerve_report::output::align;
 use super::cells::CellResult;
 use super::chance::interval;
 use super::grid::{LIMIT, SCENARIO, Study};
+use super::layer::{self, Plans};
 
 /// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
 const DRIVE: [&str; 10] = [
@@ -185,6 +186,8 @@ pub struct Grid {
     pub squares: Vec<Square>,
     /// What is a good drive, for the legend.
     pub good: &'static str,
+    /// What is to be known of the study as a whole; none where nothing is.
+    pub note: Option<String>,
 }
 
 /// One square of the grid: all seeds of one combination.
@@ -214,6 +217,8 @@ pub struct Square {
     pub budget_bounds: usize,
     /// Whether the median budget is above that of the vehicle's own limit beside it.
     pub beyond_limit: bool,
+    /// Plans of the runs; none where the comfortable layer made no plan of the whole study.
+    pub plans: Plans,
 }
 
 impl Grid {
@@ -239,6 +244,7 @@ impl Grid {
                 (false, true) => "avoided or left the road without a collision",
                 (true, true) => "ended without a collision",
             },
+            note: layer::note(study, results),
         };
         grid.squares = vec![Square::default(); grid.rows.len() * grid.columns.len()];
         for result in results.iter().flatten() {
@@ -249,7 +255,11 @@ impl Grid {
                 grid.squares[at].add(result, study);
             }
         }
+        let has_layer = grid.squares.iter().any(|square| square.plans.comfortable > 0);
         for square in &mut grid.squares {
+            if !has_layer {
+                square.plans = Plans::default();
+            }
             square.impact_mps.sort_by(f64::total_cmp);
             square.budget_ms.sort_by(f64::total_cmp);
         }
@@ -297,6 +307,9 @@ impl Grid {
         if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
             text += "without a collision, on the road, median impact (of how many), what else came of it; 95 % intervals\n";
         }
+        if let Some(note) = &self.note {
+            text += &format!("{note}\n");
+        }
         text
     }
 }
@@ -311,6 +324,7 @@ impl Square {
         self.avoided += usize::from(result.avoided());
         self.no_collision += usize::from(result.no_collision);
         self.on_road += usize::from(result.on_road);
+        self.plans.add(Plans::of(result));
         let good = match result.verdict.as_str() {
             "stopped" | "timeout" => study.timeout_is_good,
             "left_road" => study.off_road_is_good,
@@ -327,12 +341,14 @@ impl Square {
         self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
     }
 
-    /// What the two counts do not tell: verdicts other than `left_road` with their intervals, and failures, which are no
-    /// runs.
+    /// What the two counts do not tell: verdicts other than `left_road` with their intervals, failures, which are no runs,
+    /// and the share of the comfortable layer.
     pub(super) fn rest(&self) -> impl Iterator<Item = String> {
         let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
         let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
-        rest.map(|(verdict, n)| format!("{n} {verdict} {}", interval(*n, self.runs))).chain(failed)
+        rest.map(|(verdict, n)| format!("{n} {verdict} {}", interval(*n, self.runs)))
+            .chain(failed)
+            .chain(self.plans.text())
     }
 
     /// The median impact speed, and of how many.
@@ -408,4 +424,4 @@ fn unique(items: impl Iterator<Item = String>) -> Vec<String> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -30,7 +30,7 @@ pub use params::{
     AbsParams, AeroParams, BodyParams, BrakeParams, DrivetrainParams, SuspensionParams, TyreParams,
     VehicleParams, WheelParams,
 };
-pub use pedals::{Pedals, accel_for_pedals, pedals_for_accel};
+pub use pedals::{Pedals, accel_for_pedals, brake_for_decel, pedals_for_accel};
 pub use pitch::Pitch;
 pub use shape::{Limits, Shape};
 pub use single_track::{SingleTrack, SingleTrackState};

@@ -32,6 +32,17 @@ pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64)
     }
 }
 
+/// The pedals that brake with `decel_mps2` (0 or more) on level ground, whichever way the car moves and at any speed.
+///
+/// The brake alone, and independent of any measured speed: air and rolling resistance come on top of it. The
+/// accelerator is never pressed; a deceleration that is not finite is full brake.
+pub fn brake_for_decel(params: &VehicleParams, decel_mps2: f64) -> Pedals {
+    let torque_nm = params.effective_mass_kg() * decel_mps2 * params.wheel.radius_m;
+    let share = torque_nm / params.brakes.torque_max_nm;
+    let brake = if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 };
+    Pedals { throttle: 0.0, brake }
+}
+
 /// The acceleration that the pedals give at `speed_mps` on level ground: the other way round than
 /// [`pedals_for_accel`].
 pub fn accel_for_pedals(params: &VehicleParams, speed_mps: f64, pedals: Pedals) -> f64 {
@@ -48,6 +59,25 @@ pub fn accel_for_pedals(params: &VehicleParams, speed_mps: f64, pedals: Pedals) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_brake_decelerates_at_least_as_asked_and_never_accelerates() {
+        let params = VehicleParams::default();
+        for decel in [0.0, 0.5, 1.5, 3.0, 8.0] {
+            let pedals = brake_for_decel(&params, decel);
+            assert_eq!(pedals.throttle, 0.0);
+            // Resistance at 20 m/s comes on top.
+            let resistance = params.resistance_n(20.0) / params.effective_mass_kg();
+            if decel > 0.0 {
+                let reached = -accel_for_pedals(&params, 20.0, pedals);
+                assert!((reached - decel - resistance).abs() < 1e-9, "{decel}: {reached}");
+            }
+        }
+        for decel in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e9] {
+            assert_eq!(brake_for_decel(&params, decel), Pedals { throttle: 0.0, brake: 1.0 }, "{decel}");
+        }
+        assert_eq!(brake_for_decel(&params, -1.0), Pedals::default());
+    }
 
     #[test]
     fn force_balance_gives_back_the_acceleration() {

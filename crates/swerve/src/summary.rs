@@ -161,6 +161,7 @@ impl Summary {
         {
             row("minimum distance", format!("{distance:.2} m at {at:.2} s, to {to}"));
         }
+        traffic_rows(m, &mut row);
         let jerk = |j: Option<f64>| j.map_or_else(|| "-".into(), |j| format!("{j:.1}"));
         let (raw, smooth) = (jerk(m.lateral_jerk.raw_max_mps3), jerk(m.lateral_jerk.smooth_max_mps3));
         row("lateral jerk", format!("{raw} m/s3 raw, {smooth} m/s3 low-passed"));
@@ -214,6 +215,28 @@ fn operators(of: &[OperatorMetrics]) -> String {
         vec![o.operator.clone(), steps, ms(o.p50_ms), ms(o.p99_ms), misses, drops]
     });
     align(&std::iter::once(head).chain(lines).collect::<Vec<_>>())
+}
+
+/// How near in time others were, what of the other lane was used, and how many plans the comfortable layer made.
+fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
+    let traffic = &m.traffic;
+    if let (Some(ttc_s), Some(at_s)) = (traffic.min_ttc_s, traffic.min_ttc_at_s) {
+        let to = m.actors.iter().find(|actor| Some(actor.actor) == traffic.min_ttc_actor);
+        let to = to.map_or_else(String::new, |actor| format!(", with {}", actor.name));
+        row("time to collision", format!("{ttc_s:.2} s at {at_s:.2} s{to}"));
+    }
+    if let (Some(headway_s), Some(at_s)) = (traffic.min_headway_s, traffic.min_headway_at_s) {
+        row("time headway", format!("{headway_s:.2} s at {at_s:.2} s"));
+    }
+    if let Some(over_m) = traffic.distance_over_line_m.filter(|over_m| *over_m > 0.0) {
+        let left_s = traffic.time_in_oncoming_lane_s.unwrap_or(0.0);
+        row("over the line", format!("{over_m:.1} m, in the oncoming lane for {left_s:.2} s"));
+    }
+    let counts = &m.plans.counts;
+    if let Some(share) = m.plans.comfortable_share.filter(|share| *share > 0.0) {
+        let (made, all) = (counts.comfortable, counts.all());
+        row("comfortable layer", format!("{made} of {all} plans ({:.0} %)", 100.0 * share));
+    }
 }
 
 /// What the safety gate did.

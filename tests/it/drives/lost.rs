@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_drive::why::Logged;
 use swerve_eval::{Milestone, Verdict};
 use swerve_log::Log;
-use swerve_msg::{GateMode, GateOutput, MotionCommand, PoseMode, PoseQuality, StopCause};
+use swerve_msg::{GateMode, GateOutput, PoseMode, PoseQuality, StopCause};
 use swerve_stack::Registry;
 
 use crate::common;
@@ -49,28 +49,30 @@ fn a_car_that_is_lost_is_stopped_by_its_gate() {
         // The place is told until it is not known any more.
         let modes = log.publications("localizer.quality").map(|p| p.decode::<PoseQuality>().unwrap());
         let modes: Vec<_> = modes.map(|quality| (quality.stamp, quality.mode)).collect();
-        let (known, mode) = *modes.iter().rfind(|(_, mode)| *mode != PoseMode::Lost).unwrap();
+        // A localizer that begins anew at its second fix is lost for a moment: the loss is that after coasting.
+        let is_loss =
+            |pair: &&[(Time, PoseMode)]| pair[0].1 == PoseMode::Coasting && pair[1].1 == PoseMode::Lost;
+        let (known, mode) = modes.windows(2).find(is_loss).expect("it is lost")[0];
         assert!(mode == PoseMode::Coasting && known > Time::from_ms(4000), "{silence}: {known:?}");
-        assert!(modes.last().unwrap().0 > Time::from_ms(15_900), "it goes on to say that it is lost");
-        assert_eq!(log.publications("localizer.state").last().unwrap().header.stamp, known, "{silence}");
-        // What is asked for since is of that place, and too old for the gate.
-        let asked = log.publications("controller").map(|p| p.decode::<MotionCommand>().unwrap().stamp);
-        assert_eq!(asked.max(), Some(known), "{silence}");
-        let refused = outcome.metrics.gate.as_ref().unwrap().refused.stale;
-        assert!(refused > 500, "{silence}: {refused}");
-        // Half a second later the gate stops the car; whether it stands then nobody tells, as its report is of that place.
+        let told: Vec<Time> = log.publications("localizer.state").map(|p| p.header.stamp).collect();
+        let lost = modes.iter().filter(|(_, mode)| *mode == PoseMode::Lost);
+        assert!(
+            lost.clone().count() > 10 && lost.clone().all(|(stamp, _)| !told.contains(stamp)),
+            "{silence}"
+        );
+        // The gate stops the car 0.15 s after the last pose; the wheels tell that it stands.
         let gate =
             log.publications("gate").map(|p| (p.header.visible_at, p.decode::<GateOutput>().unwrap().mode));
         let gate: Vec<_> = gate.collect();
-        let stopping = GateMode::Stopping(StopCause::ReportTimeout);
+        let stopping = GateMode::Stopping(StopCause::PoseLost);
         let (stops, _) = *gate.iter().find(|(_, mode)| *mode == stopping).expect("it stops");
         let waited = stops - known;
-        assert!(waited >= Span::from_ms(500) && waited <= Span::from_ms(530), "{silence}: {waited:?}");
-        assert_eq!(gate.last().unwrap().1, stopping, "{silence}");
+        assert!(waited > Span::from_ms(150) && waited <= Span::from_ms(180), "{silence}: {waited:?}");
+        assert_eq!(gate.last().unwrap().1, GateMode::Holding(StopCause::PoseLost), "{silence}");
         assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{silence}");
         assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{silence}");
         let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
-        let told = format!("the safety gate stopped it from {:.2} s on (no sound report", stops.as_secs());
+        let told = format!("the safety gate stopped it from {:.2} s on (the pose is lost", stops.as_secs());
         assert!(why.verdict == Verdict::Stopped && why.sentence.contains(&told), "{}", why.sentence);
         let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
         assert_eq!(steps, [Milestone::GateStop, Milestone::Effect, Milestone::Standstill], "{silence}");

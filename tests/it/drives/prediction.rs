@@ -1,4 +1,4 @@
-//! A predictor that is told the truth tells it.
+//! Drives with other predictors than the default: the one that is told the truth, and all of them in bends.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,10 @@ use swerve_drive::{drive_observed, read_scenario};
 use swerve_flow::Event;
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{ActorId, PredictionList};
+use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
+
+use crate::common;
 
 /// Largest and mean distance between what was told of those who move and where they were then, up to 2 s ahead, and how
 /// many places that is of.
@@ -66,4 +69,64 @@ fn a_vehicle_has_nobody_who_knows_what_will_happen() {
     let problems = Config::from_document(&document, &truth).err().unwrap_or_default();
     let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
     assert!(told.iter().any(|told| told.contains("operator.predictor.reads.worlds")), "{told:?}");
+}
+
+/// A truck and a car come through bends: on the map their straight modes lead through the ego's lane.
+const BENDS: &str = r#"
+name = "oncoming_in_bends"
+description = "A truck and a car come towards the ego through a bend to the right and one to the left."
+
+[road]
+segments = [{ length_m = 60.0 }, { length_m = 70.0, curvature_1pm = -0.011 }, { length_m = 70.0, curvature_1pm = 0.0125 }, { length_m = 40.0 }]
+lane_width_m = 3.8
+left_m = 5.7
+right_m = 1.9
+
+[ego]
+target_speed_mps = 12.0
+end_m = 215.0
+
+[[actor]]
+name = "truck"
+kind = "truck"
+s_m = 195.0
+d_m = 3.9
+heading_rad = 3.14159
+motion = [{ path = { speed_mps = 10.0, points = [
+  [185.0, 3.9], [175.0, 3.9], [165.0, 3.9], [155.0, 3.9], [145.0, 3.9], [135.0, 3.9], [125.0, 3.9], [115.0, 3.9],
+  [105.0, 3.9], [95.0, 3.9], [85.0, 3.9], [75.0, 3.9], [65.0, 3.9], [0.0, 3.9],
+] } }]
+
+[[actor]]
+name = "car"
+kind = "car"
+s_m = 225.0
+d_m = 3.9
+heading_rad = 3.14159
+motion = [{ path = { speed_mps = 10.0, points = [
+  [205.0, 3.9], [195.0, 3.9], [185.0, 3.9], [175.0, 3.9], [165.0, 3.9], [155.0, 3.9], [145.0, 3.9], [135.0, 3.9],
+  [125.0, 3.9], [115.0, 3.9], [105.0, 3.9], [95.0, 3.9], [85.0, 3.9], [75.0, 3.9], [65.0, 3.9], [0.0, 3.9],
+] } }]
+
+# The truck is 2.5 m wide: 3.9 - 1.25 - 0.93 = 1.7 m from an ego in the middle of its lane.
+[expect]
+verdict = "avoided"
+min_distance_m = { min = 0.8 }
+duration_s = { max = 24.0 }
+deceleration_max_mps2 = { max = 4.0 }
+"#;
+
+/// Whoever predicts, the ego passes oncoming traffic in its own lane: no swerve, no stop, no hard braking.
+#[test]
+fn oncoming_traffic_in_bends_is_passed_in_the_own_lane_with_every_predictor() {
+    let scenario = Scenario::parse("bends", BENDS).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let kinematic =
+        ["linear", "constant_velocity", "kalman", "ctra", "imm", "social_force", "orca", "lane_idm"];
+    let all = kinematic.into_iter().chain(["multipath", "mfp", "r2p2"]);
+    for (predictor, seed) in all.flat_map(|name| [(name, 1), (name, 2)]) {
+        let config = common::config(&[&format!("prediction.predictor={predictor}"), &format!("seed={seed}")]);
+        let outcome = swerve_drive::drive(&config, &scenario).unwrap();
+        let broken = outcome.broken(scenario.expectation("fot").unwrap());
+        assert_eq!(broken, Vec::<String>::new(), "{predictor}, seed {seed}");
+    }
 }

@@ -142,3 +142,123 @@ fn the_ego_waits_at_the_line_of_a_red_light() {
     assert!(truths.into_iter().all(|(stamp, signal)| signal == Some(light.signal(stamp))));
     assert!(seen.lights.iter().any(|lights| lights.lights.iter().any(|one| one.signal == Some(Signal::Red))));
 }
+
+/// A road of its own: red for the first 14 s, the line 80 m ahead.
+const RED: &str = r#"
+name = "red"
+description = "A light that is red when the ego comes."
+
+[road]
+segments = [{ length_m = 240.0 }]
+lane_width_m = 3.6
+left_m = 5.4
+right_m = 1.8
+
+[[road.light]]
+name = "crossing"
+stop_s_m = 80.0
+s_m = 96.0
+green_s = 20.0
+yellow_s = 3.0
+red_s = 15.0
+offset_s = 24.0
+
+[ego]
+target_speed_mps = 12.0
+end_m = 140.0
+
+[expect]
+verdict = "completed"
+"#;
+
+/// Drives `text` with the default stack under some settings.
+fn drive_by_default(text: &str, sets: &[&str]) -> (Seen, Outcome, Scenario) {
+    let scenario = Scenario::parse("own", text).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let config = common::config(&[sets, &["log.sensors=[\"red_lights\"]"]].concat());
+    let mut seen = Seen::default();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+    (seen, outcome, scenario)
+}
+
+/// Distance of the front to the line of 80 m where the ego was slowest, and how slow that was.
+fn rest(seen: &Seen) -> [f64; 2] {
+    // The front is 3.89 m ahead of the rear axle.
+    let [rest_m, speed_mps] = *seen.ego.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
+    [80.0 - rest_m - 3.89, speed_mps]
+}
+
+#[test]
+fn default_stack_waits_at_red_with_every_planner_and_controller() {
+    let planners = ["fot", "rrt_star", "hybrid_astar", "waypoint", "aeb"];
+    for planner in planners {
+        for controller in ["stanley", "pure_pursuit", "mpc", "pid"] {
+            let sets = [format!("planning.planner={planner}"), format!("control.controller={controller}")];
+            let (seen, outcome, scenario) = drive_by_default(RED, &[&sets[0], &sets[1]]);
+            let expected = scenario.expectation(planner).unwrap();
+            assert_eq!(outcome.broken(expected), Vec::<String>::new(), "{planner} {controller}");
+            assert_eq!(seen.passed, 0, "{planner} {controller}");
+            // The paper's controller does not follow a plan's speed closely, and the last resort brakes as late as it can.
+            if controller == "pid" || planner == "aeb" {
+                continue;
+            }
+            let ([ahead_m, speed_mps], drive) = (rest(&seen), &outcome.metrics.drive);
+            assert!(speed_mps < 0.1, "{planner} {controller}: {speed_mps}");
+            assert!((0.5..=2.0).contains(&ahead_m), "{planner} {controller}: {ahead_m} m before the line");
+            assert!(drive.deceleration_max_mps2 < 4.0, "{planner} {controller}: {drive:?}");
+        }
+        // Without the comfortable layer, too.
+        let sets = [&format!("planning.planner={planner}"), "planning.comfort.enabled=false"];
+        let (seen, outcome, _) = drive_by_default(RED, &sets);
+        assert_eq!((outcome.metrics.red_lights_passed, seen.passed), (0, 0), "{planner} alone");
+        assert!(rest(&seen)[1] < 0.1, "{planner} alone: {:?}", rest(&seen));
+    }
+}
+
+#[test]
+fn red_light_that_is_passed_is_not_as_expected_unless_the_scenario_says_so() {
+    let blind = ["sensing.traffic_lights=false"];
+    let (seen, outcome, scenario) = drive_by_default(RED, &blind);
+    assert_eq!((seen.passed, outcome.metrics.red_lights_passed), (1, 1));
+    let broken = outcome.broken(scenario.expectation("fot").unwrap());
+    assert_eq!(broken, ["expected red_lights_passed of at most 0, got 1"]);
+    let allowed = format!("{RED}red_lights_passed = {{ max = 1 }}\n");
+    let (_, outcome, scenario) = drive_by_default(&allowed, &blind);
+    assert_eq!(outcome.broken(scenario.expectation("fot").unwrap()), Vec::<String>::new());
+}
+
+/// The operators for lights are part of a pipeline on a road with lights alone, and not of the paper's.
+#[test]
+fn only_roads_with_lights_have_operators_for_them() {
+    let dark = RED[..RED.find("[[road.light]]").unwrap()].to_owned() + &RED[RED.find("[ego]").unwrap()..];
+    let has = |text: &str, sets: &[&str]| {
+        let scenario = Scenario::parse("own", text).unwrap();
+        let assembly = Pipeline::build(&common::config(sets), &scenario).unwrap().assembly;
+        (assembly.has("lights"), assembly.has("stop_lines"))
+    };
+    assert_eq!(has(RED, &[]), (true, true));
+    assert_eq!(has(&dark, &[]), (false, false));
+    assert_eq!(has(RED, &["planning.preset=\"paper\""]), (false, false));
+    assert_eq!(has(RED, &["sensing.traffic_lights=false"]), (false, false));
+    // A camera's operator takes the place of the sensor, whatever its name.
+    let eyes = ["camera.front={}", "operator.eyes.kind=traffic_lights"];
+    assert_eq!(has(RED, &eyes), (false, true));
+}
+
+/// From each distance at which a light can turn yellow the ego stops comfortably or passes before red.
+#[test]
+fn no_yellow_light_is_a_dilemma() {
+    for (speed_mps, offset_s) in (0..12).flat_map(|k| [9.0, 13.9, 17.0].map(|v| (v, 0.4 * f64::from(k)))) {
+        let text = RED
+            .replace("target_speed_mps = 12.0", &format!("target_speed_mps = {speed_mps}"))
+            .replace("green_s = 20.0", "green_s = 5.5")
+            .replace("red_s = 15.0", "red_s = 6.0")
+            .replace("offset_s = 24.0", &format!("offset_s = {offset_s}"));
+        let (seen, outcome, scenario) = drive_by_default(&text, &["sim.draws=false"]);
+        let what = format!("{speed_mps} m/s, {offset_s} s");
+        assert_eq!(seen.passed, 0, "{what}");
+        assert_eq!(outcome.broken(scenario.expectation("fot").unwrap()), Vec::<String>::new(), "{what}");
+        let brakes_mps2 = outcome.metrics.drive.deceleration_max_mps2;
+        assert!(brakes_mps2 < 4.0, "{what}: {brakes_mps2}");
+    }
+}

@@ -225,7 +225,7 @@ fn the_corridor_ends_where_the_road_narrows() {
     let aside_m = 0.5 * Shape::default().width_m + 0.1;
     for (x_m, wanted_m) in [(10.0, 6.0), (30.0, 4.0), (50.0, 2.0)] {
         let on_path = PlanPoint { pose: Pose2::new(x_m, 0.5, 0.0), ..PlanPoint::default() };
-        let (left_m, right_m) = controller.room(&route, &on_path);
+        let (left_m, right_m) = controller.room(&route, &on_path, x_m);
         assert!((left_m - (wanted_m - 0.5 - aside_m)).abs() < 1e-12, "{x_m}: {left_m}");
         assert!((right_m - (2.5 - aside_m)).abs() < 1e-12, "{x_m}: {right_m}");
     }

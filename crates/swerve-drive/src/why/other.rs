@@ -2,6 +2,7 @@
 
 use swerve_core::{Span, Time};
 use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, Verdict, Why};
+use swerve_geom::LineTracker;
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Signal};
 use swerve_stack::pipeline::Pipeline;
@@ -33,6 +34,7 @@ pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> a
     let way = Way::new(logged, pipeline, metrics)?;
     let (sentence, mut steps) = match metrics.decided_by() {
         DecidedBy::Gate(stop) => way.gate(stop),
+        DecidedBy::Pose(since_s) => way.uncertain(since_s),
         _ => way.lights_and_end(),
     };
     steps.sort_by_key(|(_, at, _)| *at);
@@ -56,9 +58,10 @@ impl<'a> Way<'a> {
         let lights = light_courses(&pipeline.scenario, pipeline.until);
         let shape = &pipeline.vehicle.shape;
         let front_m = shape.center_ahead_m() + 0.5 * shape.length_m;
-        let front = |state: &EgoState| pipeline.route.project(state.pose.ahead(front_m).point()).s_m;
+        let mut place = LineTracker::default();
+        let mut front = |state: &EgoState| place.locate(pipeline.route.line(), state.pose.ahead(front_m)).s_m;
         // Where there is no line, nobody asks.
-        let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(front).collect() };
+        let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(&mut front).collect() };
         Ok(Self { metrics, states, front_s_m, lights })
     }
 
@@ -91,6 +94,20 @@ impl<'a> Way<'a> {
             || "; there was nobody else".into(),
             |(away_m, name)| format!("; {name} was nearest, {away_m:.2} m away"),
         );
+        (text, steps)
+    }
+
+    /// The planner stopped the car, since its pose was too uncertain.
+    fn uncertain(&self, since_s: f64) -> (String, Vec<Step>) {
+        let since = Time::ZERO + Span::from_secs(since_s);
+        let mut text = format!(
+            "it stopped because its pose was too uncertain for the lane: the planner braked from {since_s:.2} s on"
+        );
+        let mut steps = vec![(Milestone::Planned, since, String::new())];
+        if let Some(stands) = self.states.iter().find(|state| state.stamp >= since && is_still(state)) {
+            text += &format!(" and it stood from {:.2} s on", stands.stamp.as_secs());
+            steps.push((Milestone::Standstill, stands.stamp, "braking".into()));
+        }
         (text, steps)
     }
 
@@ -207,6 +224,7 @@ mod tests {
             actors: Vec::new(),
             route: None,
             lights: Vec::new(),
+            norm: swerve_eval::Norm::default(),
         };
         let metrics = swerve_eval::Evaluation::new(params).metrics();
         // 10 m/s for 6 s, 4 s before the line at 62 m, then on over the line at 101 m.

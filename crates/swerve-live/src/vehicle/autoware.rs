@@ -37,7 +37,7 @@ impl VehicleInterface for Autoware {
 
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let stamp = outgoing.epoch.stamp(outgoing.now);
-        outgoing.push(Role::Command, AnyMessage::Control(control_to_ros(&gate.command, outgoing.epoch)));
+        outgoing.push(Role::Command, AnyMessage::Control(control_to_ros(&gate.motion(), outgoing.epoch)));
         let gear = if gate.engaged { GearReport::DRIVE } else { GearReport::NONE };
         outgoing.push(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
         let indicators = TurnIndicatorsCommand { stamp, command: OFF };

@@ -1,3 +1,4 @@
+use swerve_control::safety_gate;
 use swerve_msg::{Command, GateMode, GateOutput};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{
@@ -8,7 +9,7 @@ use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::std_msgs::Empty;
 use swerve_stack::config::Config;
 use swerve_stack::config::live::Longitudinal;
-use swerve_vehicle::{VehicleParams, pedals_for_accel};
+use swerve_vehicle::VehicleParams;
 
 use super::{Facts, Outgoing, VehicleInterface};
 
@@ -61,7 +62,7 @@ impl VehicleInterface for DataspeedInterface {
         self.engaged_before = gate.engaged;
         let steering = car.steering(outgoing.now, gate.command.steering_rad, enable, clear);
         outgoing.push(Role::SteeringCommand, AnyMessage::DataspeedSteeringCmd(steering));
-        let mut motion = gate.command;
+        let mut motion = gate.motion();
         match self.longitudinal {
             Longitudinal::Speed => {
                 // A stop asks for a speed of zero: what the vehicle said of its speed may be out of date.
@@ -76,7 +77,7 @@ impl VehicleInterface for DataspeedInterface {
                 outgoing.push(Role::SpeedCommand, AnyMessage::DataspeedUlcCmd(speed));
             }
             Longitudinal::Pedals => {
-                let pedals = pedals_for_accel(&self.vehicle, outgoing.speed_mps, motion.accel_mps2);
+                let pedals = safety_gate::pedals(&self.vehicle, gate, outgoing.speed_mps);
                 let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
                 let (throttle, brake) = car.pedals(outgoing.now, &command, enable, clear);
                 outgoing.push(Role::ThrottleCommand, AnyMessage::DataspeedThrottleCmd(throttle));

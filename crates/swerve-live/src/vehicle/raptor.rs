@@ -1,10 +1,11 @@
+use swerve_control::safety_gate;
 use swerve_msg::{Command, GateOutput};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{Raptor, driver_active, raptor_speed_from_ros};
 use swerve_ros2::mapping::Role;
 use swerve_ros2::msg::raptor_dbw_msgs::{Gear, GearCmd, GlobalEnableCmd};
 use swerve_stack::config::Config;
-use swerve_vehicle::{VehicleParams, pedals_for_accel};
+use swerve_vehicle::VehicleParams;
 
 use super::{Facts, Outgoing, VehicleInterface};
 
@@ -46,7 +47,7 @@ impl VehicleInterface for RaptorInterface {
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing) {
         let (enable, counter) = (gate.engaged, u32::from(gate.heartbeat));
         let steering = self.raptor.steering(gate.command.steering_rad, enable, counter);
-        let pedals = pedals_for_accel(&self.vehicle, outgoing.speed_mps, gate.command.accel_mps2);
+        let pedals = safety_gate::pedals(&self.vehicle, gate, outgoing.speed_mps);
         let command = Command { steering_rad: 0.0, throttle: pedals.throttle, brake: pedals.brake };
         let (accelerator, brake) = self.raptor.pedals(&command, enable, counter);
         outgoing.push(Role::SteeringCommand, AnyMessage::RaptorSteeringCmd(steering));

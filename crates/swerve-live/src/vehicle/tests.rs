@@ -106,6 +106,61 @@ fn pedals_are_never_pressed_together() {
 }
 
 #[test]
+fn no_vehicle_is_accelerated_while_the_gate_stops_or_holds_it() {
+    let cars = [
+        (Vehicle::Autoware, ""),
+        (Vehicle::Dataspeed, ""),
+        (Vehicle::Dataspeed, "longitudinal = \"pedals\"\n"),
+        (Vehicle::Raptor, ""),
+    ];
+    let modes = [
+        GateMode::Stopping(StopCause::CommandTimeout),
+        GateMode::Stopping(StopCause::Emergency),
+        GateMode::Holding(StopCause::Released),
+    ];
+    for (vehicle, live) in cars {
+        let mut car = interface(vehicle, &config(live));
+        for mode in modes {
+            // What the gate never says is a stop all the same.
+            for accel in [-3.0, 2.0] {
+                for speed_mps in [0.0, -7.0, 8.0, 90.0, 1e9, f64::NAN] {
+                    let output = GateOutput { mode, ..gate(accel) };
+                    let mut outgoing = Outgoing::new(Time::from_ms(1500), Epoch { ns: 0 }, speed_mps);
+                    car.command(&output, &mut outgoing);
+                    let messages = outgoing.messages.iter().map(|(_, message)| message);
+                    let brakes = messages.filter(|message| match message {
+                        AnyMessage::Control(control) => {
+                            let along = &control.longitudinal;
+                            assert!(along.velocity == 0.0 && along.acceleration < 0.0, "{along:?}");
+                            true
+                        }
+                        AnyMessage::DataspeedUlcCmd(cmd) => {
+                            assert_eq!(cmd.cmd, 0.0, "{speed_mps}");
+                            true
+                        }
+                        AnyMessage::DataspeedThrottleCmd(ds_dbw_msgs::ThrottleCmd { cmd, .. })
+                        | AnyMessage::RaptorAcceleratorPedalCmd(raptor_dbw_msgs::AcceleratorPedalCmd {
+                            pedal_cmd: cmd,
+                            ..
+                        }) => {
+                            assert_eq!(*cmd, 0.0, "{vehicle:?} {speed_mps}");
+                            false
+                        }
+                        AnyMessage::DataspeedBrakeCmd(ds_dbw_msgs::BrakeCmd { cmd, .. })
+                        | AnyMessage::RaptorBrakeCmd(raptor_dbw_msgs::BrakeCmd { pedal_cmd: cmd, .. }) => {
+                            assert!(*cmd > 10.0, "{vehicle:?} {speed_mps}");
+                            true
+                        }
+                        _ => false,
+                    });
+                    assert_eq!(brakes.count(), 1, "{vehicle:?} {mode:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn raptors_counters_are_the_gates_heartbeat() {
     let mut car = interface(Vehicle::Raptor, &config(""));
     let sent = messages(&mut *car, &gate(0.0));

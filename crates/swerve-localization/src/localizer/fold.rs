@@ -5,6 +5,9 @@ use swerve_core::{Span, Time};
 use swerve_geom::wrap_angle;
 
 use super::start::{Begin, Start};
+use super::trust::{CONFIRMED, Judged};
+use super::unit::{Unit, UnitHealth};
+use super::window::{Fixes, Way};
 use super::{Entry, Estimate, Initial, Mode, Sensed, Source, Tally};
 use crate::eskf::{
     ACCEL_BIAS, ATTITUDE, Covariance, Eskf, GYRO_BIAS, Linear, OFFSET, POSITION, SCALE, STATES, VELOCITY,
@@ -12,30 +15,34 @@ use crate::eskf::{
 };
 use crate::params::{Hold, Params};
 
-/// Noise of a vehicle whose inertial unit is silent: m/s²/√Hz and rad/s/√Hz, as hard as a car can brake and turn.
-const BLIND_ACCEL: f64 = 5.0;
-const BLIND_GYRO: f64 = 0.5;
+/// How long a slip of the rear axle lasts, seconds: as long as a manoeuvre.
+const SLIP_LASTS_S: f64 = 0.5;
+/// A car has its heading for this way, metres.
+const HEADING_HOLDS_M: f64 = 2.0;
 
 /// A refused fix among the first few may be right, and the start wrong.
 const TRIED_FIXES: u64 = 3;
 
 /// One reading of the inertial unit.
 #[derive(Clone, Copy, Debug)]
-struct Reading {
+pub(super) struct Reading {
     stamp: Time,
-    accel_mps2: Vector3<f64>,
-    gyro_radps: Vector3<f64>,
+    pub(super) accel_mps2: Vector3<f64>,
+    pub(super) gyro_radps: Vector3<f64>,
 }
 
 /// The wheels, and what the filter moved meanwhile.
 #[derive(Clone, Copy, Debug, Default)]
-struct Wheels {
+pub(super) struct Wheels {
     /// Stamp of the newest reading, and of the one that `wheel_m` counts from.
-    last: Option<Time>,
+    pub(super) last: Option<Time>,
     since: Option<Time>,
     wheel_m: f64,
     filter_m: f64,
     standing_since: Option<Time>,
+    /// Speed as told last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
+    pub(super) speed_mps: f64,
+    pub(super) curvature_1pm: Option<(Time, f64)>,
 }
 
 /// Filter and all that goes with it.
@@ -45,14 +52,27 @@ pub(super) struct Fold {
     start: Option<Start>,
     /// What is known of the heading beforehand.
     heading: Option<[f64; 2]>,
-    filter: Eskf,
+    pub(super) filter: Eskf,
     /// Instant of the filter's state.
-    at: Time,
-    imu: Option<Reading>,
-    wheels: Wheels,
+    pub(super) at: Time,
+    /// The newest reading of a unit that was sound.
+    pub(super) imu: Option<Reading>,
+    pub(super) unit: Unit,
+    /// Whether it moves on without the inertial unit.
+    pub(super) is_bridging: bool,
+    pub(super) wheels: Wheels,
+    /// The way by wheels and gyroscope, and by wheels and steering angle.
+    pub(super) ways: [Way; 2],
+    /// The newest satellite fixes, and the newest places by other means.
+    pub(super) fixes: [Fixes; 2],
+    /// Places that were accepted since the filter was last aligned anew, and when that was.
+    pub(super) confirmed: u32,
+    pub(super) realigned: Option<Time>,
     /// When the car was last supposed to be one.
     constrained: Time,
-    last_fix: Option<Time>,
+    /// When a place was accepted last, and of which source.
+    pub(super) last_fix: Option<Time>,
+    pub(super) fixed_by: Source,
     tallies: [Tally; 6],
 }
 
@@ -65,9 +85,16 @@ impl Fold {
             filter: Begin::default().filter(&Params::default()),
             at: Time::ZERO,
             imu: None,
+            unit: Unit::default(),
+            is_bridging: false,
             wheels: Wheels::default(),
+            ways: [Way::default(); 2],
+            fixes: [Fixes::default(); 2],
+            confirmed: CONFIRMED,
+            realigned: None,
             constrained: Time::ZERO,
             last_fix: None,
+            fixed_by: Source::Fix,
             tallies: [Tally::default(); 6],
         }
     }
@@ -92,14 +119,23 @@ impl Fold {
 
     /// The next measurement, not before the last.
     pub(super) fn take(&mut self, params: &Params, entry: &Entry) {
+        if let Sensed::Imu { accel_mps2, gyro_radps } = entry.what {
+            let stands = self.wheels.standing_since.is_some();
+            let before = self.unit.health(params, self.at);
+            self.unit.take(params, entry.stamp, [accel_mps2, gyro_radps], stands);
+            let after = self.unit.health(params, self.at);
+            if before != UnitHealth::Noisy && after == UnitHealth::Noisy {
+                self.open_leaked(params);
+            }
+        }
         if let Some(start) = &mut self.start {
             if let Some(begin) = start.take(params, self.heading, entry) {
                 self.begin(params, entry.stamp, &begin);
             }
-            self.remember(entry);
+            self.remember(params, entry);
             return;
         }
-        self.advance(params, entry);
+        self.advance(params, entry.stamp, Some(&entry.what));
         match entry.what {
             Sensed::Imu { .. } => self.constrain(params, entry.stamp),
             Sensed::Fix { at_m, sigma_m } => self.fix(params, entry.stamp, at_m, sigma_m),
@@ -108,67 +144,73 @@ impl Fold {
                 let covariance = Matrix3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, up * up);
                 self.pose(params, entry.stamp, at_m, &covariance, [heading_rad, turn]);
             }
-            Sensed::Wheels(speed_mps) => self.wheels(params, entry.stamp, speed_mps),
+            Sensed::Wheels { speed_mps, curvature_1pm } => {
+                self.wheels(params, entry.stamp, speed_mps, curvature_1pm);
+                if self.is_bridging {
+                    self.constrain(params, entry.stamp);
+                }
+            }
         }
-        self.remember(entry);
+        self.remember(params, entry);
     }
 
-    fn begin(&mut self, params: &Params, stamp: Time, begin: &Begin) {
+    pub(super) fn begin(&mut self, params: &Params, stamp: Time, begin: &Begin) {
         self.filter = begin.filter(params);
         (self.at, self.constrained, self.last_fix) = (stamp, stamp, Some(stamp));
-        self.wheels = Wheels::default();
+        let Wheels { speed_mps, curvature_1pm, last, .. } = self.wheels;
+        self.wheels = Wheels { speed_mps, curvature_1pm, last, ..Wheels::default() };
         self.start = None;
     }
 
-    fn remember(&mut self, entry: &Entry) {
-        if let Sensed::Imu { accel_mps2, gyro_radps } = entry.what {
+    /// Waits for fixes to begin again. The heading that was known beforehand is that of the place where it was known.
+    fn restart(&mut self) {
+        let heading = self.heading.filter(|_| self.ways[0].length_m() < HEADING_HOLDS_M);
+        let Self { imu, unit, ways, .. } = *self;
+        *self = Self { imu, unit, ways, ..Self::waiting(heading) };
+    }
+
+    fn remember(&mut self, params: &Params, entry: &Entry) {
+        let is_sound = || self.unit.health(params, entry.stamp) == UnitHealth::Sound;
+        if let Sensed::Imu { accel_mps2, gyro_radps } = entry.what
+            && is_sound()
+        {
             let (accel_mps2, gyro_radps) = (Vector3::from(accel_mps2), Vector3::from(gyro_radps));
             self.imu = Some(Reading { stamp: entry.stamp, accel_mps2, gyro_radps });
         }
     }
 
     /// Moves the filter on to a stamp, by the last reading of the inertial unit for as long as that may hold.
-    fn advance(&mut self, params: &Params, entry: &Entry) {
-        let dt_s = (entry.stamp - self.at).as_secs();
+    pub(super) fn advance(&mut self, params: &Params, stamp: Time, what: Option<&Sensed>) {
+        let dt_s = (stamp - self.at).as_secs();
         if dt_s <= 0.0 {
             return;
         }
         let before_mps = self.axle_mps().x;
         let mut held_s = 0.0;
-        if let Some(Reading { stamp, accel_mps2, gyro_radps }) = self.imu {
-            let held = stamp + Span::from_secs(params.imu_timeout_s) - self.at;
+        let usable = self.imu.filter(|_| self.unit.health(params, self.at) == UnitHealth::Sound);
+        if let Some(Reading { stamp: read, accel_mps2, gyro_radps }) = usable {
+            let held = read + Span::from_secs(self.unit.hold_s(params)) - self.at;
             held_s = held.as_secs().clamp(0.0, dt_s);
             let (mut accel, mut gyro) = (accel_mps2, gyro_radps);
-            if let (Hold::Mean, Sensed::Imu { accel_mps2, gyro_radps }) = (params.hold, entry.what) {
-                accel = (accel + Vector3::from(accel_mps2)) * 0.5;
-                gyro = (gyro + Vector3::from(gyro_radps)) * 0.5;
+            if let (Hold::Mean, Some(Sensed::Imu { accel_mps2, gyro_radps })) = (params.hold, what) {
+                accel = (accel + Vector3::from(*accel_mps2)) * 0.5;
+                gyro = (gyro + Vector3::from(*gyro_radps)) * 0.5;
             }
             if held_s > 0.0 {
                 self.filter.predict(params, &accel, &gyro, held_s);
             }
         }
-        if held_s < dt_s {
-            self.advance_blind(params, dt_s - held_s);
+        self.is_bridging = held_s < dt_s;
+        if self.is_bridging {
+            self.bridge(params, dt_s - held_s);
         }
         self.wheels.filter_m += 0.5 * (before_mps + self.axle_mps().x) * dt_s;
-        self.at = entry.stamp;
-    }
-
-    /// Moves on without an inertial unit: as fast as now, straight on, and not sure of either.
-    fn advance_blind(&mut self, params: &Params, dt_s: f64) {
-        let n = self.filter.nominal;
-        let up = Vector3::new(0.0, 0.0, params.gravity_mps2);
-        let accel = n.attitude.inverse() * up + n.accel_bias_mps2;
-        let blind = Params { accel_noise: [BLIND_ACCEL; 3], gyro_noise: [BLIND_GYRO; 3], ..*params };
-        self.filter.predict(&blind, &accel, &n.gyro_bias_radps, dt_s);
-    }
-
-    fn turn_radps(&self) -> Vector3<f64> {
-        self.imu.map_or(Vector3::zeros(), |imu| imu.gyro_radps - self.filter.nominal.gyro_bias_radps)
+        self.at = stamp;
+        self.go(dt_s);
     }
 
     /// Velocity of the rear axle along the ego's axes, m/s; the lever arm is that of the newest parameters.
-    fn axle_mps(&self) -> Vector3<f64> {
+    pub(super) fn axle_mps(&self) -> Vector3<f64> {
         let n = &self.filter.nominal;
         n.attitude.inverse() * n.velocity_mps
     }
@@ -182,17 +224,24 @@ impl Fold {
                 linear.rows[(axis, OFFSET + axis)] = 1.0;
             }
         }
-        self.followed(params, Source::Fix, &linear, Some(stamp));
+        let accepted = self.followed(params, Source::Fix, &linear, Some(stamp));
+        self.question(
+            params,
+            &Judged { stamp, source: Source::Fix, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted },
+        );
         let tally = self.tally(Source::Fix);
         if !self.filter.is_sound() || (tally.taken < TRIED_FIXES && tally.refused > 0) {
-            let (heading, imu) = (self.heading, self.imu);
-            *self = Self { imu, ..Self::waiting(heading) };
+            self.restart();
         }
     }
 
     fn place(&mut self, params: &Params, stamp: Time, at_m: [f64; 3], sigma_m: [f64; 3]) {
         let linear = self.position(at_m, sigma_m, &Vector3::zeros());
-        self.followed(params, Source::Place, &linear, Some(stamp));
+        let accepted = self.followed(params, Source::Place, &linear, Some(stamp));
+        // Of the inertial unit: as good a point of the car as any, for a few seconds.
+        let judged =
+            Judged { stamp, source: Source::Place, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted };
+        self.question(params, &judged);
     }
 
     /// Place of the ego origin, then its heading.
@@ -206,7 +255,9 @@ impl Fold {
     ) {
         let lever = -Vector3::from(params.imu_at_m);
         let linear = Linear { noise: *covariance, ..self.position(at_m, [1.0; 3], &lever) };
-        self.followed(params, Source::Place, &linear, Some(stamp));
+        let accepted = self.followed(params, Source::Place, &linear, Some(stamp));
+        let sigma_m = covariance[(0, 0)].max(covariance[(1, 1)]).sqrt();
+        self.question(params, &Judged { stamp, source: Source::Place, at_m, sigma_m, accepted });
         let n = &self.filter.nominal;
         let mut rows = SMatrix::<f64, 1, STATES>::zeros();
         let up = n.attitude.to_rotation_matrix().into_inner().row(2).into_owned();
@@ -241,10 +292,13 @@ impl Fold {
     }
 
     /// One more reading of the wheels; a measurement when there is time enough in them.
-    fn wheels(&mut self, params: &Params, stamp: Time, speed_mps: f64) {
+    fn wheels(&mut self, params: &Params, stamp: Time, speed_mps: f64, curvature_1pm: Option<f64>) {
         if params.wheel_noise_mps <= 0.0 {
             return;
         }
+        self.wheels.speed_mps = speed_mps;
+        self.wheels.curvature_1pm =
+            curvature_1pm.map(|curvature| (stamp, curvature)).or(self.wheels.curvature_1pm);
         let Wheels { last, since, .. } = self.wheels;
         self.wheels.last = Some(stamp);
         self.wheels.standing_since = (speed_mps == 0.0).then(|| self.wheels.standing_since.unwrap_or(stamp));
@@ -295,7 +349,8 @@ impl Fold {
         let square = |x: f64| x * x;
         let usual = square(params.non_holonomic_mps);
         let mut noise = SMatrix::<f64, 2, 2>::identity() * usual;
-        noise[(0, 0)] += square(slip_mps);
+        // It lasts: many readings of one slip say no more than a few.
+        noise[(0, 0)] += square(slip_mps) * (2.0 * SLIP_LASTS_S / params.constraint_period_s).max(1.0);
         let residual = [-velocity.y, -velocity.z].into();
         let linear = Linear { residual, rows: all.fixed_rows::<2>(1).into_owned(), noise };
         self.followed(params, Source::NonHolonomic, &linear, None);
@@ -308,7 +363,9 @@ impl Fold {
         let noise = Matrix3::identity() * (params.zero_velocity_mps * params.zero_velocity_mps);
         let linear = Linear { residual: -self.filter.nominal.velocity_mps, rows, noise };
         self.followed(params, Source::Standing, &linear, None);
-        let Some(imu) = self.imu.filter(|_| params.gyro_bias_radps > 0.0) else { return };
+        let Some(imu) = self.imu.filter(|_| params.gyro_bias_radps > 0.0 && !self.is_bridging) else {
+            return;
+        };
         let mut rows = SMatrix::<f64, 3, STATES>::zeros();
         rows.fixed_view_mut::<3, 3>(0, GYRO_BIAS).copy_from(&Matrix3::identity());
         // One reading of a unit that is read a hundred times a second.
@@ -324,20 +381,18 @@ impl Fold {
         source: Source,
         linear: &Linear<M>,
         fix: Option<Time>,
-    ) {
+    ) -> bool {
         let before_mps = self.axle_mps().x;
         let innovation = self.filter.update(linear, params.gate(M), params.degrees_error);
         // What the speed was off by now it was since the wheels were last looked at: they correct it once.
         let counted = self.wheels.since.map_or(0.0, |since| (self.at - since).as_secs());
         self.wheels.filter_m += (self.axle_mps().x - before_mps) * counted;
         let tally = &mut self.tallies[source as usize];
-        if innovation.accepted {
-            tally.taken += 1;
-            tally.nis_sum += innovation.nis;
-            self.last_fix = fix.or(self.last_fix);
-        } else {
-            tally.refused += 1;
+        tally.follow(&innovation, M);
+        if innovation.accepted && fix.is_some() {
+            (self.last_fix, self.fixed_by) = (fix, source);
         }
+        innovation.accepted
     }
 
     /// What is to be told of it.
@@ -346,8 +401,6 @@ impl Fold {
         let n = &filter.nominal;
         let rotation = n.attitude.to_rotation_matrix().into_inner();
         let lever = -Vector3::from(params.imu_at_m);
-        let force = self.imu.map_or(Vector3::zeros(), |imu| imu.accel_mps2 - n.accel_bias_mps2);
-        let down = rotation.transpose() * Vector3::new(0.0, 0.0, -params.gravity_mps2);
         let (position_covariance, covariance) = spread(&filter.covariance, &rotation, &lever);
         let mut estimate = Estimate {
             stamp: self.at,
@@ -355,7 +408,7 @@ impl Fold {
             attitude: n.attitude,
             heading_rad: yaw_rad(&n.attitude),
             velocity_mps: self.axle(params).0,
-            accel_mps2: self.imu.map_or(Vector3::zeros(), |_| force + down),
+            accel_mps2: self.accel_mps2(params, &rotation),
             yaw_rate_radps: self.turn_radps().z,
             covariance,
             position_covariance,
@@ -363,20 +416,6 @@ impl Fold {
         };
         estimate.mode = self.mode(params, &estimate);
         Some(estimate)
-    }
-
-    fn mode(&self, params: &Params, estimate: &Estimate) -> Mode {
-        let silent = |imu: Reading| (self.at - imu.stamp).as_secs() > params.imu_timeout_s;
-        let since_fix = self.last_fix.map(|last| (self.at - last).as_secs());
-        // What is no number is lost, too.
-        let is_sure = estimate.sigma_m() <= params.lost_sigma_m;
-        if !is_sure || self.imu.is_none_or(silent) || !self.filter.is_sound() {
-            Mode::Lost
-        } else if since_fix.is_none_or(|s| s > params.coasting_after_s) {
-            Mode::Coasting
-        } else {
-            Mode::Good
-        }
     }
 }
 

@@ -22,13 +22,13 @@ const STANDSTILL_MPS: f64 = 0.05;
 /// A state to begin with, and how sure each of its nine numbers is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Begin {
-    position_m: Vector3<f64>,
-    velocity_mps: Vector3<f64>,
-    attitude: UnitQuaternion<f64>,
+    pub(super) position_m: Vector3<f64>,
+    pub(super) velocity_mps: Vector3<f64>,
+    pub(super) attitude: UnitQuaternion<f64>,
     /// Standard deviations: position (without the offset of fixes), velocity, attitude.
-    sigma: [[f64; 3]; 3],
+    pub(super) sigma: [[f64; 3]; 3],
     /// Whether the position is by a fix, and so off by what all fixes are.
-    by_fix: bool,
+    pub(super) by_fix: bool,
 }
 
 impl Default for Begin {
@@ -126,7 +126,7 @@ impl Start {
                 self.last_turn = Some((entry.stamp, gyro_radps[2]));
                 None
             }
-            Sensed::Wheels(speed_mps) => {
+            Sensed::Wheels { speed_mps, .. } => {
                 self.wheels_mps = Some(speed_mps);
                 if speed_mps.abs() > STANDSTILL_MPS {
                     (self.accel_sum_mps2, self.readings) = (Vector3::zeros(), 0);

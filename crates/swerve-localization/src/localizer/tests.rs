@@ -15,6 +15,8 @@ struct Drive {
     accel_bias: [f64; 3],
     gyro_bias: [f64; 3],
     scale: f64,
+    /// Whether the steering angle is measured.
+    steers: bool,
 }
 
 const LEVER_M: f64 = 1.4;
@@ -29,7 +31,17 @@ impl Drive {
         let gyro_bias = [(); 3].map(|()| draw(params.gyro_bias_radps));
         let scale = draw(params.wheel_scale);
         let params = Params { imu_at_m: [LEVER_M, 0.0, 0.0], ..params };
-        Self { params, rng, speed_mps: 14.0, fix_sigma_m: 0.5, offset_m, accel_bias, gyro_bias, scale }
+        Self {
+            params,
+            rng,
+            speed_mps: 14.0,
+            fix_sigma_m: 0.5,
+            offset_m,
+            accel_bias,
+            gyro_bias,
+            scale,
+            steers: false,
+        }
     }
 
     /// Heading, its rate and the rate of that.
@@ -70,7 +82,7 @@ impl Drive {
             all.push((stamp, Sensed::Imu { accel_mps2, gyro_radps }));
             if k % 10 == 0 {
                 let noise = p.wheel_noise_mps * self.rng.normal();
-                all.push((stamp, Sensed::Wheels(self.speed_mps * (1.0 + self.scale) + noise)));
+                all.push((stamp, self.wheels(Self::turn(t_s)[1] / self.speed_mps, noise)));
                 if p.offset_time_s > 0.0 && k > 0 {
                     let kept = math::exp(-0.1 / p.offset_time_s);
                     let drawn_m = p.offset_m * (1.0 - kept * kept).sqrt();
@@ -84,10 +96,20 @@ impl Drive {
         all
     }
 
+    /// A reading of the wheels on a curve.
+    fn wheels(&self, curvature_1pm: f64, noise_mps: f64) -> Sensed {
+        let speed_mps = self.speed_mps * (1.0 + self.scale) + noise_mps;
+        Sensed::Wheels { speed_mps, curvature_1pm: self.steers.then_some(curvature_1pm) }
+    }
+
     fn localizer(&mut self) -> Localizer {
         let sigma = 0.05;
         Localizer::new(self.params, Some([Self::turn(0.0)[0] + sigma * self.rng.normal(), sigma])).unwrap()
     }
+}
+
+fn wheels(speed_mps: f64) -> Sensed {
+    Sensed::Wheels { speed_mps, curvature_1pm: None }
 }
 
 fn is_fix(what: &Sensed) -> bool {
@@ -127,7 +149,7 @@ fn a_start_at_a_wrong_speed_settles_and_refuses_nothing() {
                 _ if ms % 20 == 5 => {
                     let teeth = (0.022 * ms as f64 / TOOTH_M + phase).floor();
                     if let Some(before) = before.replace(teeth) {
-                        localizer.take(stamp, Sensed::Wheels((teeth - before) * TOOTH_M / 0.02));
+                        localizer.take(stamp, wheels((teeth - before) * TOOTH_M / 0.02));
                     }
                 }
                 _ => {}
@@ -284,7 +306,7 @@ fn it_starts_at_rest_on_a_slope_and_stays_there() {
     for k in 0..1000 {
         let stamp = Time::ZERO + Span::from_ms(10 * k);
         localizer.take(stamp, Sensed::Imu { accel_mps2: up.into(), gyro_radps: [0.0, 0.0, 0.001] });
-        localizer.take(stamp, Sensed::Wheels(0.0));
+        localizer.take(stamp, wheels(0.0));
         if k % 100 == 50 {
             localizer.take(stamp, Sensed::Fix { at_m: [5.0, 6.0, 0.0], sigma_m: [0.5; 3] });
         }
@@ -389,7 +411,7 @@ proptest! {
                 1 => Sensed::Fix { at_m: a, sigma_m: b.map(f64::abs) },
                 2 => Sensed::Place { at_m: a, sigma_m: b.map(f64::abs) },
                 3 => Sensed::Pose { at_m: a, heading_rad: b[0], covariance_m2: b, sigma: [b[1], b[2]] },
-                _ => Sensed::Wheels(a[0]),
+                _ => Sensed::Wheels { speed_mps: a[0], curvature_1pm: Some(a[1]) },
             };
             localizer.take(Time::ZERO + Span::from_ms(ms), what);
             if let Some(estimate) = localizer.estimate() && estimate.mode != Mode::Lost {
@@ -399,4 +421,5 @@ proptest! {
     }
 }
 
+mod faults;
 mod matched;

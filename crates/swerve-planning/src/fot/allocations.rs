@@ -28,6 +28,7 @@ fn a_plan_allocates_its_points_only() {
         stamp: Time::ZERO,
         start: EgoState { pose: Pose2::new(30.0, 0.0, 0.0), speed_mps: 14.0, ..EgoState::default() },
         route: &route,
+        along_m: None,
         target_speed_mps: 14.0,
         predictions: &[person],
         shape: &Shape::default(),

@@ -201,9 +201,13 @@ impl RouteLine {
         &self.line
     }
 
-    /// The place of `pose` beside the line.
+    /// The place of `pose` beside the line: the nearest of all.
     pub fn locate(&self, pose: Pose2) -> OnLine {
-        let guess_m = self.route.as_ref().map_or(0.0, |route| route.project(pose.point()).s_m);
+        self.locate_from(pose, self.route.as_ref().map_or(0.0, |route| route.project(pose.point()).s_m))
+    }
+
+    /// The place of `pose` beside the line, near arc length `guess_m` of the route.
+    pub fn locate_from(&self, pose: Pose2, guess_m: f64) -> OnLine {
         let (s_m, d_m) = self.line.project(pose.point(), guess_m);
         let node = self.line.at(s_m);
         let turn_rad = angle_between(math::atan2(node.sin, node.cos), pose.heading_rad);

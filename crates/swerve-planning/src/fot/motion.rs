@@ -4,24 +4,16 @@ use swerve_core::{Span, Time};
 use swerve_geom::math;
 use swerve_vehicle::Shape;
 
+use super::lateral::{FrenetState, Lateral};
 use super::line::{Line, Node};
 use super::poly::Quintic;
 use crate::collision::{Obstacles, Solid};
 use crate::road::Road;
 
-/// Where the ego starts in the Frenet frame.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct FrenetState {
-    /// Arc length and its derivatives: m, m/s, m/s².
-    pub s: [f64; 3],
-    /// Offset and its derivatives: m, m/s, m/s².
-    pub d: [f64; 3],
-}
-
 /// A motion between two Frenet states; after its end it goes on along the line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Motion {
-    lateral: Quintic,
+    lateral: Lateral,
     longitudinal: Quintic,
     end_s: f64,
 }
@@ -59,7 +51,7 @@ const STANDSTILL_MPS: f64 = 1e-3;
 impl Motion {
     /// To offset `d_m` at `t_s`, when `longitudinal` ends.
     pub(crate) fn new(start: &FrenetState, longitudinal: Quintic, d_m: f64, t_s: f64) -> Self {
-        Self { lateral: Quintic::new(start.d, [d_m, 0.0, 0.0], t_s), longitudinal, end_s: t_s }
+        Self { lateral: start.lateral(&longitudinal, d_m, t_s), longitudinal, end_s: t_s }
     }
 
     /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).
@@ -75,8 +67,9 @@ impl Motion {
     #[inline(always)]
     fn place<const WHOLE: bool>(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         let inside_s = t_s.min(self.end_s);
-        let (mut s, d) = (self.longitudinal.at(inside_s), self.lateral.at(inside_s));
+        let mut s = self.longitudinal.at(inside_s);
         s.x += s.v * (t_s - inside_s);
+        let d = self.lateral.at(inside_s, &s);
         let node = line.at(s.x);
         // With the line's tangent and normal t' = κ s' n and n' = -κ s' t, differentiating
         // p = r(s) + d n twice gives velocity and acceleration along and across the line.
@@ -96,6 +89,17 @@ impl Motion {
             along_mps: s.v,
             ..Place::default()
         };
+        if let Lateral::OverArc { .. } = self.lateral {
+            // The path's own direction and curvature, at standstill too: derivatives by arc length, as above.
+            let by_s = self.lateral.by_arc(s.x);
+            let length = math::hypot(stretch, by_s.v);
+            let (cos, sin) = (stretch / length, by_s.v / length);
+            (place.cos, place.sin) = turned(&node, cos, sin);
+            place.accel_mps2 = cos * accel_along + sin * accel_across;
+            let (along, across) = (-(kp * d.x + 2.0 * k * by_s.v), by_s.a + k * stretch);
+            place.curvature_1pm = (cos * across - sin * along) / (length * length);
+            return place;
+        }
         if speed < STANDSTILL_MPS {
             (place.cos, place.sin) = still;
             place.accel_mps2 = accel_along;
@@ -143,6 +147,10 @@ pub struct Checks<'a> {
     pub exact: bool,
     /// Largest curvature, 1/m.
     pub curvature_max_1pm: f64,
+    /// Largest speed in the map, m/s; infinite: that along the line counts alone.
+    pub speed_max_mps: f64,
+    /// Largest acceleration in the map, along and across together, m/s²; infinite: that along the line counts alone.
+    pub accel_max_mps2: f64,
     /// Range that the ego origin's offset stays in; infinite: not looked at.
     pub offset_m: (f64, f64),
     /// Whether the heading goes on from the ego's without a kink.
@@ -170,6 +178,8 @@ pub struct Drivable<'a> {
     pub road: &'a Road,
     /// Distance to keep from its edge, metres.
     pub road_margin_m: f64,
+    /// Offset up to which a motion may end at rest, metres: to its left is the lane of oncoming traffic.
+    pub rest_left_m: f64,
 }
 
 /// Largest time between two looks at the limits, seconds.
@@ -177,6 +187,12 @@ const LOOK_S: f64 = 0.1;
 
 /// A start that breaks a limit may go on doing so, less and less, for this long, seconds.
 const GRACE_S: f64 = 1.0;
+
+/// A start faster than the largest speed may exceed its own by this factor before it slows: its acceleration dies away.
+pub(super) const OVERSPEED: f64 = 1.02;
+
+/// Share by which rounding may exceed a limit.
+const ROUNDING: f64 = 1e-6;
 
 /// Heading may change by this more than the curvature limit allows between two looks, radians: what the
 /// finite step leaves.
@@ -187,6 +203,9 @@ const EXACT_M: f64 = 2e-4;
 
 /// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
 const CRAWL_MPS: f64 = 0.3;
+
+/// A motion that ends slower than this ends at rest, m/s.
+const RESTS_MPS: f64 = 1.0;
 
 /// Who is nearer than the clearance by this much at any instant is found too near wherever the looks lie: no less than what
 /// moves between two of them (`RESOLUTION_M` of motions), metres.
@@ -211,7 +230,7 @@ impl Hints {
 impl Checks<'_> {
     /// Whether `motion` may be driven from 0 to `last_s`; `hints` are those of the motions before it.
     pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hints: &mut Hints) -> bool {
-        if self.fails_too(line, motion, last_s, hints) {
+        if self.rests_among_oncoming(motion) || self.fails_too(line, motion, last_s, hints) {
             return false;
         }
         let end_s = last_s + self.tail_s;
@@ -221,14 +240,16 @@ impl Checks<'_> {
         let mut place = motion.at(line, 0.0, self.heading);
         let grace = *hints.grace.get_or_insert_with(|| Grace::new(self, &place));
         let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..place };
-        let mut peaks = Peaks::default();
+        let (mut peaks, mut total) = (Peaks::default(), Total::default());
         for k in 0..=steps as usize {
             let t_s = k as f64 * step_s;
             if k > 0 {
                 place = motion.at(line, t_s, (before.cos, before.sin));
             }
             let body = outline(self.shape, &place);
-            if !self.limits_hold((&before, &place), &body, (t_s, step_s), &grace) {
+            if !self.limits_hold((&before, &place), &body, (t_s, step_s), &grace)
+                || !self.total_holds(&place, t_s, &mut total, &grace)
+            {
                 return false;
             }
             // Most of what hits something does so at one of the looks: the closer check below is dearer.
@@ -243,6 +264,13 @@ impl Checks<'_> {
         let near_s = self.first_near(line, motion, end_s, &peaks, grace.clearance_m);
         near_s.into_iter().for_each(|t_s| hints.add(t_s));
         near_s.is_none()
+    }
+
+    /// Whether `motion` ends at rest in the lane of oncoming traffic.
+    fn rests_among_oncoming(&self, motion: &Motion) -> bool {
+        let Some(drivable) = &self.drivable else { return false };
+        let end = motion.longitudinal.at(motion.end_s);
+        end.v < RESTS_MPS && motion.lateral.at(motion.end_s, &end).x > drivable.rest_left_m
     }
 
     /// Whether `motion` is sure to fail, where those before it came too near to something.
@@ -286,6 +314,21 @@ impl Checks<'_> {
         }
         let look = Look { before, place, body, share, step_s };
         self.drivable.is_none_or(|limits| self.drivable_holds(&limits, &look, grace))
+    }
+
+    /// Whether speed and acceleration in the map keep their limits at `place`, `t_s` from the start.
+    fn total_holds(&self, place: &Place, t_s: f64, total: &mut Total, grace: &Grace) -> bool {
+        if place.speed_mps > self.speed_max_mps.max(grace.speed_mps) * (1.0 + ROUNDING) {
+            return false;
+        }
+        // As along the line, the start's own acceleration is not looked at.
+        if t_s == 0.0 || self.accel_max_mps2 == f64::INFINITY {
+            return true;
+        }
+        let lateral = place.curvature_1pm * place.speed_mps * place.speed_mps;
+        let share = (1.0 - t_s / GRACE_S).max(0.0);
+        let peak = total.peak(math::hypot(place.accel_mps2, lateral));
+        peak <= self.accel_max_mps2.max(grace.total_mps2 * share) * (1.0 + ROUNDING)
     }
 
     /// Whether the heading turns no more between two looks than the curvature limit lets it.
@@ -378,6 +421,24 @@ struct Look<'a> {
     step_s: f64,
 }
 
+/// Accelerations in the map at the last two looks, m/s².
+#[derive(Default)]
+struct Total([Option<f64>; 2]);
+
+impl Total {
+    /// The largest acceleration up to this look since the one before the last: of the parabola through all three where
+    /// the middle one is the largest.
+    fn peak(&mut self, now: f64) -> f64 {
+        let [before, last] = self.0;
+        self.0 = [last, Some(now)];
+        let (Some(a), Some(b)) = (before, last) else { return now };
+        if b < a || b < now || 2.0 * b - a - now < 1e-12 {
+            return now;
+        }
+        b + (now - a) * (now - a) / (8.0 * (2.0 * b - a - now))
+    }
+}
+
 /// Peaks over the looks at a motion.
 #[derive(Default)]
 struct Peaks {
@@ -391,6 +452,8 @@ struct Grace {
     curvature_1pm: f64,
     lateral_mps2: f64,
     accel_mps2: f64,
+    total_mps2: f64,
+    speed_mps: f64,
     offset_m: f64,
     margin_m: f64,
     clearance_m: f64,
@@ -404,6 +467,8 @@ impl Grace {
             curvature_1pm: 0.0,
             lateral_mps2: 0.0,
             accel_mps2: 0.0,
+            total_mps2: 0.0,
+            speed_mps: 0.0,
             offset_m: 1.1 * offset_m,
             margin_m: f64::INFINITY,
             clearance_m: checks.clearance_m,
@@ -413,6 +478,8 @@ impl Grace {
             grace.curvature_1pm = 1.1 * first.curvature_1pm.abs();
             grace.lateral_mps2 = 1.1 * first.curvature_1pm.abs() * first.speed_mps * first.speed_mps;
             grace.accel_mps2 = 1.1 * first.accel_mps2;
+            grace.total_mps2 = math::hypot(grace.accel_mps2, grace.lateral_mps2);
+            grace.speed_mps = OVERSPEED * first.speed_mps;
             grace.margin_m = drivable.road.margin_m(&body) - 0.02;
             let now_m = checks.obstacles.distance_below(&body, checks.at, checks.clearance_m);
             grace.clearance_m = checks.clearance_m.min(0.95 * now_m);

@@ -19,9 +19,10 @@ use entry::{Arena, Entry, Lon, NONE};
 use swerve_geom::simd::widest;
 
 use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
+use super::lateral::FrenetState;
 use super::lattice::Lattice;
 use super::line::Line;
-use super::motion::{Checks, FrenetState, Hints, Motion};
+use super::motion::{Checks, Hints, Motion, OVERSPEED};
 use super::nearness::{Beside, Corners, Points, sum_nearness};
 use super::params::Params;
 use super::poly::Quintic;
@@ -56,14 +57,16 @@ pub struct Task<'a> {
 /// The search with its storage, which is kept from call to call.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
-    /// End time x end offset.
+    /// Row of lateral motions x end offset.
     lateral_cost: Vec<f64>,
-    /// End time x sample: offset of the motion to end offset 0, and how much of the end offset is added.
+    /// Row x sample: offset of the motion to end offset 0, and how much of the end offset is added.
     base_m: Vec<f64>,
     basis: Vec<f64>,
+    /// Whether lateral motions have a row for each pair of end time and speed, or for each end time.
+    rows_of_pairs: bool,
     /// End time x end speed.
     lons: Vec<Lon>,
-    /// End time: the least of the lateral costs.
+    /// Row: the least of the lateral costs.
     least_lateral: Vec<f64>,
     arena: Arena,
     corners: Corners,
@@ -207,7 +210,7 @@ impl Search {
                 if self.lons[lon as usize].count >= 2 {
                     let entry = Entry { bound: 0.0, leaf: true, refined: false, low, high: low, lon };
                     let bound = self.cost(task, lattice, &entry);
-                    let row = self.time_index(lattice, &entry) * lattice.d_m.len();
+                    let row = self.row(lattice, entry.lon as usize) * lattice.d_m.len();
                     let lateral = self.lateral_cost[row + low as usize];
                     let candidate = self.candidate(task, lattice, &Entry { bound, ..entry });
                     all.push(Priced { candidate, lateral, longitudinal: self.lons[lon as usize].cost });
@@ -220,8 +223,8 @@ impl Search {
     /// Fills the tables and puts one range for each valid pair on the heap.
     fn prepare(&mut self, task: &Task<'_>, lattice: &Lattice, known_cost: f64) {
         self.corners.set(task.checks.obstacles, task.checks.at, task.params.clearance_m, &lattice.samples_s);
-        self.lateral(task, lattice);
         self.longitudinal(task, lattice);
+        self.lateral(task, lattice);
         self.alive_before.clear();
         self.later.clear();
         let mut entries = core::mem::take(&mut self.heap).into_vec();
@@ -231,7 +234,7 @@ impl Search {
             if lon.count < 2 {
                 continue;
             }
-            let lateral = self.least_lateral[index / lattice.speeds()];
+            let lateral = self.least_lateral[self.row(lattice, index)];
             let bound = smooth(task.params, lateral, lon.cost) * (1.0 - BOUND_SLACK);
             let entry = Entry { bound, leaf: false, refined: false, low: 0, high, lon: index as u32 };
             if bound > known_cost { self.later.push(entry) } else { entries.push(entry) }
@@ -239,26 +242,36 @@ impl Search {
         self.heap = entries.into();
     }
 
-    /// Lateral cost of all end times and offsets (sums of absolute values over the samples).
+    /// Lateral cost of all rows and offsets (sums of absolute values over the samples).
     fn lateral(&mut self, task: &Task<'_>, lattice: &Lattice) {
         let (n, offsets, p) = (lattice.samples_s.len(), lattice.d_m.len(), task.params);
-        self.lateral_cost.clear();
-        self.lateral_cost.resize(lattice.t_s.len() * offsets, 0.0);
-        self.base_m.clear();
-        self.base_m.resize(lattice.t_s.len() * n, 0.0);
-        self.basis.clear();
-        self.basis.resize(lattice.t_s.len() * n, 0.0);
+        self.rows_of_pairs = task.start.d_by_s.is_some();
+        let rows = if self.rows_of_pairs { self.lons.len() } else { lattice.t_s.len() };
+        for (table, size) in [
+            (&mut self.lateral_cost, rows * offsets),
+            (&mut self.base_m, rows * n),
+            (&mut self.basis, rows * n),
+        ] {
+            table.clear();
+            table.resize(size, 0.0);
+        }
         self.least_lateral.clear();
-        for (i, &t_s) in lattice.t_s.iter().enumerate() {
-            let base = Quintic::new(task.start.d, [0.0; 3], t_s);
-            let unit = Quintic::new([0.0; 3], [1.0, 0.0, 0.0], t_s);
+        // Lateral motion is linear in the end offset, also as a function of arc length.
+        let from_line =
+            FrenetState { s: task.start.s, d: [0.0; 3], d_by_s: task.start.d_by_s.map(|_| [0.0; 3]) };
+        for i in 0..rows {
+            let time = if self.rows_of_pairs { i / lattice.speeds() } else { i };
+            let along = if self.rows_of_pairs { self.lons[i].motion } else { Quintic::default() };
+            let base = task.start.lateral(&along, 0.0, lattice.t_s[time]);
+            let unit = from_line.lateral(&along, 1.0, lattice.t_s[time]);
             let costs = &mut self.lateral_cost[i * offsets..(i + 1) * offsets];
             let (base_m, basis) = (&mut self.base_m[i * n..], &mut self.basis[i * n..]);
             widest(
                 #[inline(always)]
                 || {
-                    for (k, &sample_s) in lattice.samples_s[..lattice.counts[i]].iter().enumerate() {
-                        let (b, u) = (base.at(sample_s), unit.at(sample_s));
+                    for (k, &sample_s) in lattice.samples_s[..lattice.counts[time]].iter().enumerate() {
+                        let s = along.at(sample_s);
+                        let (b, u) = (base.at(sample_s, &s), unit.at(sample_s, &s));
                         (base_m[k], basis[k]) = (b.x, u.x);
                         for (cost, d) in costs.iter_mut().zip(&lattice.d_m) {
                             *cost += p.weight_offset * (b.x + u.x * d).abs()
@@ -306,6 +319,9 @@ impl Search {
         off: impl Fn(f64) -> f64,
     ) {
         let p = task.params;
+        // A driven ego that is too fast already slows down.
+        let is_driven = task.checks.drivable.is_some();
+        let fastest_mps = p.max_speed_mps.max(if is_driven { OVERSPEED * task.start.s[1] } else { 0.0 });
         let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
         let (mut count, mut valid) = (0, true);
         for (k, &sample_s) in lattice.samples_s[..lattice.counts[time]].iter().enumerate() {
@@ -315,7 +331,7 @@ impl Search {
             last_mps = jet.v;
             count += usize::from(count == k && jet.x < task.cut_m);
             let held = sample_s == 0.0 || jet.a.abs() <= p.max_accel_mps2;
-            valid &= held && jet.v <= p.max_speed_mps && jet.v >= -1e-3;
+            valid &= held && jet.v <= fastest_mps && jet.v >= -1e-3;
         }
         let cost = p.weight_accel * accel
             + p.weight_jerk * jerk
@@ -329,9 +345,14 @@ impl Search {
         entry.lon as usize / lattice.speeds()
     }
 
+    /// The row of the lateral motions of a pair.
+    fn row(&self, lattice: &Lattice, lon: usize) -> usize {
+        if self.rows_of_pairs { lon } else { lon / lattice.speeds() }
+    }
+
     /// The least lateral cost of the range with the longitudinal cost: a bound without obstacles.
     fn smooth_cost(&self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
-        let row = self.time_index(lattice, entry) * lattice.d_m.len();
+        let row = self.row(lattice, entry.lon as usize) * lattice.d_m.len();
         let costs = &self.lateral_cost[row + entry.low as usize..=row + entry.high as usize];
         smooth(task.params, least(costs), self.lons[entry.lon as usize].cost)
     }
@@ -449,7 +470,7 @@ impl Search {
     ) -> f64 {
         self.place(task, lattice, entry.lon as usize);
         let Lon { count: n, places, .. } = self.lons[entry.lon as usize];
-        let row = self.time_index(lattice, entry) * lattice.samples_s.len();
+        let row = self.row(lattice, entry.lon as usize) * lattice.samples_s.len();
         let beside = Beside {
             x: &self.arena.x[places..places + n],
             y: &self.arena.y[places..places + n],

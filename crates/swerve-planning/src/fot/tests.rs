@@ -149,6 +149,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             stamp: now,
             start,
             route: &route,
+            along_m: None,
             target_speed_mps: speed_mps,
             predictions: &predictions,
             shape: &shape,
@@ -282,5 +283,59 @@ proptest! {
             Outcome::Nothing | Outcome::Stopped => None,
         };
         prop_assert_eq!(got, want);
+    }
+}
+
+/// Largest speed and acceleration of a motion through points at equal times, by differences: m/s, m/s².
+fn moved(plan: &Plan) -> [f64; 2] {
+    let points = &plan.points;
+    let dt_s = (points[1].at - points[0].at).as_secs();
+    let velocity = |p: &[PlanPoint]| (p[1].pose.point() - p[0].pose.point()) * (1.0 / dt_s);
+    let speeds = points.windows(2).map(|p| velocity(p).norm());
+    let accels = points.windows(3).map(|p| (velocity(&p[1..]) - velocity(&p[..2])).norm() / dt_s);
+    [speeds.fold(0.0, f64::max), accels.fold(0.0, f64::max)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #[test]
+    fn limits_hold_for_the_motion_in_the_map(
+        speed in 0.0..14.0, target in 3.0..30.0, offset in -30.0..30.0, heading in -0.4..0.4, bent in 0..2,
+    ) {
+        let mut world = if bent == 1 { World::bend(60.0, speed) } else { World::straight(speed) };
+        world.route = Route::uniform(world.route.line().clone(), 60.0, 60.0);
+        world.target_speed_mps = target;
+        world.start.pose = Pose2::new(0.0, offset, heading);
+        let params = Params { max_accel_mps2: 3.0, max_speed_mps: 15.0, left_m: 30.0, right_m: 30.0, ..Params::fast() };
+        let plan = plan(&world, params);
+        if plan.status == PlanStatus::Found {
+            let [speed_mps, accel_mps2] = moved(&plan);
+            prop_assert!(speed_mps <= 15.0 * 1.001 && accel_mps2 <= 3.0 * 1.01, "{speed_mps} {accel_mps2}");
+        }
+    }
+
+    /// From rest the motion leaves in the ego's direction with the curvature of its wheels, and its heading and curvature
+    /// go on without a leap.
+    #[test]
+    fn a_motion_from_rest_begins_as_the_ego_stands(
+        offset in -0.9..0.9, heading in -0.2..0.2, steering in -0.1..0.1, bent in 0..2,
+    ) {
+        let mut world = if bent == 1 { World::bend(20.0, 0.0) } else { World::straight(0.0) };
+        world.target_speed_mps = 6.0;
+        world.route = Route::uniform(world.route.line().clone(), 6.0, 4.0);
+        world.start.pose = Pose2::new(0.0, offset, heading);
+        world.start.steering_rad = steering;
+        let plan = plan(&world, Params::fast());
+        prop_assert_eq!(plan.status, PlanStatus::Found);
+        let (first, last) = (&plan.points[0], &plan.points[plan.points.len() - 1]);
+        prop_assert!((first.pose.heading_rad - heading).abs() < 1e-9 && first.pose.y_m - offset < 1e-6);
+        let wheels = math::tan(steering) / world.shape.wheelbase_m;
+        prop_assert!((first.curvature_1pm - wheels).abs() < 1e-6, "{} {wheels}", first.curvature_1pm);
+        prop_assert!(last.pose.point().distance(first.pose.point()) > 3.0);
+        for two in plan.points.windows(2) {
+            let way_m = two[0].pose.point().distance(two[1].pose.point());
+            let turned = (two[1].pose.heading_rad - two[0].pose.heading_rad).abs();
+            prop_assert!(turned <= way_m * curvature_max_1pm(&world.limits, &world.shape) + 1e-6, "{turned} {way_m}");
+        }
     }
 }

@@ -119,7 +119,7 @@ impl Replanner {
     /// The route itself, if the ego is on it and nothing is in the way.
     fn follow(&self, settings: &Settings, request: &Request<'_>) -> Option<Plan> {
         let start = request.start.pose;
-        let FrenetPoint { s_m, d_m } = self.road.project(start.point());
+        let FrenetPoint { s_m, d_m } = request.place();
         let off_rad = angle_between(request.route.line().at(s_m).pose.heading_rad, start.heading_rad);
         if d_m.abs() > 0.1 || off_rad.abs() > 0.02 {
             return None;
@@ -142,7 +142,7 @@ impl Replanner {
         let outline = own_outline(request);
         let Margins { clearance_m, edge_m } = self.margins(settings, request, &outline)?;
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
-        let from_s_m = self.road.project(request.start.pose.point()).s_m;
+        let from_s_m = request.place().s_m;
         // Full braking is not undone for a way that passes more closely than asked for.
         let braking = request.previous.is_some_and(|plan| plan.status == PlanStatus::Brake);
         let exactly = braking || !last;

@@ -146,13 +146,15 @@ impl PathSearch for TreeSearch {
         pieces: &mut Vec<Piece>,
     ) -> bool {
         let p = self.params;
-        let line = task.request.route.line();
         let space = RoadSpace {
             ground,
             route: task.request.route,
             radius_m: task.radius_m,
-            from_s_m: line.project(task.start.point()).s_m,
-            to_s_m: line.project(task.goal.point()).s_m,
+            from_s_m: task.request.place().s_m,
+            to_s_m: task
+                .request
+                .place_of(task.goal.point(), 2.0 * task.start.point().distance(task.goal.point()))
+                .s_m,
             half_width_m: ground.outline.half_width_m,
         };
         let growth = Growth {
@@ -197,7 +199,7 @@ impl TreeSearch {
     /// turned to that side: what moves across is cleared where it is worst, at the front or at the rear.
     fn place_guides(&mut self, space: &RoadSpace<'_>, ground: &Ground<'_>, task: &Task<'_>) {
         self.guides.clear();
-        let line = task.request.route.line();
+        let around_m = |point| task.request.place_of(point, space.to_s_m - space.from_s_m);
         let outline = &ground.outline;
         let beside_m = outline.half_width_m + ground.clearance_m + GUIDE_SPARE_M;
         for prediction in task.request.predictions {
@@ -205,12 +207,12 @@ impl TreeSearch {
             let passing_m = outline.half_length_m + half_m;
             let (mut s_m, mut d_m) = (space.from_s_m, [0.0; 2]);
             // Twice suffices: where it is now tells when the ego comes by, and that tells where it will be then.
-            let mut at = line.project(prediction.path[0].pose.point());
+            let mut at = around_m(prediction.path[0].pose.point());
             for _ in 0..2 {
                 s_m = at.s_m - outline.center_ahead_m;
                 let then = |further_m: f64| {
                     let travelled_m = (s_m + further_m - space.from_s_m).max(0.0);
-                    line.project(prediction.pose_at(ground.clock.at(travelled_m)).point())
+                    around_m(prediction.pose_at(ground.clock.at(travelled_m)).point())
                 };
                 at = then(0.0);
                 d_m = [then(-passing_m).d_m, then(passing_m).d_m];

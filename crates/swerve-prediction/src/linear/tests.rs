@@ -139,3 +139,52 @@ fn parameters_out_of_range_are_named() {
     assert!(Params { past_steps: 0, ..Params::default() }.validate().is_err());
     assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::default() }.validate().is_err());
 }
+
+/// A vehicle seen every 50 ms over `window_s`: `m(t)` along x at `t` seconds before now (negative).
+fn vehicle(kind: ActorKind, window_s: f64, mut m: impl FnMut(f64) -> f64) -> TrackList {
+    let count = (window_s / 0.05).round() as i64;
+    let seen: Vec<(i64, f64, f64)> =
+        (0..=count).map(|k| (1000 + 50 * k, m(-0.05 * (count - k) as f64), 0.0)).collect();
+    let mut tracks = track(&seen);
+    tracks.tracks[0].kind = kind;
+    tracks
+}
+
+#[test]
+fn a_braking_vehicle_is_predicted_to_stop_and_stay() {
+    // 8 m/s and 4 m/s² now: it stands after 2 s and 8 m.
+    let place_m = |t: f64| 8.0 * t - 2.0 * t * t;
+    let at = |prediction: &Prediction, s: f64| prediction.path[(s / 0.05).round() as usize].pose.point().x_m;
+    let params = Params { future_steps: 80, ..Params::default() };
+    for kind in [ActorKind::Car, ActorKind::Truck, ActorKind::Motorcycle, ActorKind::Cyclist] {
+        let prediction = only(&vehicle(kind, 0.6, place_m), &params);
+        for (s, wanted_m) in [(0.0, 0.0), (1.0, 6.0), (2.0, 8.0), (4.0, 8.0)] {
+            assert!((at(&prediction, s) - wanted_m).abs() < 1e-6, "{kind:?} {s}: {}", at(&prediction, s));
+        }
+    }
+    // A pedestrian keeps the speed of the last five sightings, and so does everything in the paper's predictor.
+    let paper = Params { brake_window_s: 0.0, ..params };
+    for (kind, params) in [(ActorKind::Pedestrian, params), (ActorKind::Car, paper)] {
+        assert!(at(&only(&vehicle(kind, 0.6, place_m), &params), 4.0) > 30.0, "{kind:?}");
+    }
+}
+
+#[test]
+fn noise_and_acceleration_are_no_braking() {
+    let mut braking = 0;
+    for seed in 0..200 {
+        let mut rng = Rng::keyed(seed, "noise", &[]);
+        let noisy = vehicle(ActorKind::Car, 0.6, |t| 12.0 * t + 0.05 * rng.normal());
+        let path = only(&noisy, &Params::default()).path;
+        let [first, last] = [
+            path[1].pose.point().x_m - path[0].pose.point().x_m,
+            path[40].pose.point().x_m - path[39].pose.point().x_m,
+        ];
+        braking += i32::from(first - last > 1e-6);
+    }
+    // Three deviations to one side are one of 740; twelve residuals' own deviation is less certain than that.
+    assert!(braking <= 6, "{braking} of 200");
+    let faster = only(&vehicle(ActorKind::Car, 0.6, |t| 8.0 * t + 2.0 * t * t), &Params::default());
+    let steps: Vec<f64> = faster.path.windows(2).map(|p| p[1].pose.x_m - p[0].pose.x_m).collect();
+    assert!(steps.iter().all(|step| (step - steps[0]).abs() < 1e-9));
+}

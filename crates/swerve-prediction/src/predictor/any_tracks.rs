@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use swerve_core::{Span, Time};
-use swerve_geom::{Point2, Pose2, Vector2};
-use swerve_msg::{ActorId, ActorKind, Extent, Sighting, Track, TrackList};
+use swerve_geom::{Point2, Polyline, Pose2, Vector2, math};
+use swerve_msg::{ActorId, ActorKind, Extent, Route, Sighting, Track, TrackList};
 
 use super::{Ground, Horizon, PredictorName, forecast};
 
@@ -45,6 +45,15 @@ fn track() -> impl Strategy<Value = Track> {
         })
 }
 
+/// A road through the middle of all tracks, with a bend of 60 m.
+fn bend() -> Route {
+    let at = |k: i32| {
+        let (sin, cos) = math::sin_cos(f64::from(k) / 60.0);
+        Point2::new(60.0 * sin, 60.0 * (1.0 - cos))
+    };
+    Route::uniform(Polyline::new(&(-60..=60).map(at).collect::<Vec<_>>()).unwrap(), 6.0, 2.0)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
@@ -56,8 +65,10 @@ proptest! {
         let horizon = Horizon { steps: 12, step: Span::from_ms(250) };
         let plausible: Vec<ActorId> =
             list.tracks.iter().filter(|track| track.is_plausible()).map(|track| track.id).collect();
-        for name in PredictorName::ALL.into_iter().chain([PredictorName::Truth]) {
-            let found = forecast(name, &list, &horizon, Ground::Open);
+        let road = bend();
+        let named = PredictorName::ALL.into_iter().chain([PredictorName::Truth]);
+        for (name, ground) in named.flat_map(|name| [Ground::Open, Ground::Road(&road)].map(|ground| (name, ground))) {
+            let found = forecast(name, &list, &horizon, ground);
             let ids: Vec<ActorId> = found.forecasts.iter().map(|one| one.id).collect();
             prop_assert_eq!(&ids, &plausible, "{:?}", name);
             for mode in found.forecasts.iter().flat_map(|one| &one.modes) {

@@ -2,10 +2,11 @@
 
 use swerve_core::{ParamError, Time};
 use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
+use swerve_planning::fot::FrenetState;
 use swerve_planning::fot::candidate::Candidate;
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{Line, smoothed};
-use swerve_planning::fot::motion::{Checks, FrenetState};
+use swerve_planning::fot::motion::Checks;
 use swerve_planning::fot::search::{Search, Task};
 use swerve_planning::fot::{Params, anytime, curvature_max_1pm, places};
 use swerve_planning::{CollisionMode, Obstacles, Unlimited};
@@ -153,6 +154,8 @@ impl Posed {
             clearance_m: p.clearance_m,
             exact: true,
             curvature_max_1pm: if best { p.max_curvature_1pm.min(tightest) } else { p.max_curvature_1pm },
+            speed_max_mps: if best { p.max_speed_mps } else { f64::INFINITY },
+            accel_max_mps2: if best { p.max_accel_mps2 } else { f64::INFINITY },
             offset_m: if best { (-p.right_m, p.left_m) } else { (f64::NEG_INFINITY, f64::INFINITY) },
             smooth: best,
             drivable: None,
@@ -178,7 +181,7 @@ fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<Fren
     };
     if let Some([s, s1, d, d1, d2]) = problem.frenet_ic {
         finite(&[s, s1, d, d1, d2])?;
-        return Ok(FrenetState { s: [s, s1, 0.0], d: [d, d1, d2] });
+        return Ok(FrenetState { s: [s, s1, 0.0], d: [d, d1, d2], d_by_s: None });
     }
     let (Some(pos), Some(vel)) = (problem.pos, problem.vel) else {
         return Err("a start needs pos and vel, or frenet_ic".to_owned());
@@ -188,7 +191,7 @@ fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<Fren
     let (s_m, d_m) = line.project(point, polyline.project(point).s_m);
     let node = line.at(s_m);
     let across_mps = node.cos * vel[1] - node.sin * vel[0];
-    Ok(FrenetState { s: [s_m, math::hypot(vel[0], vel[1]), 0.0], d: [d_m, across_mps, 0.0] })
+    Ok(FrenetState { s: [s_m, math::hypot(vel[0], vel[1]), 0.0], d: [d_m, across_mps, 0.0], d_by_s: None })
 }
 
 /// Solves one problem. The call's time is for the caller to measure.

@@ -147,15 +147,15 @@ pub fn fixed_points(actor: &Actor) -> [Point<Map>; 9] {
 }
 
 /// A sensor in the world.
-struct View {
-    eye: Point<Map>,
+pub(super) struct View {
+    pub(super) eye: Point<Map>,
     axis_rad: f64,
     half_fov_rad: f64,
     all_round: bool,
 }
 
 impl View {
-    fn new(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> Self {
+    pub(super) fn new(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> Self {
         let eye = world.ego.map_from_ego * Point::<Ego>::new(mount.x_m, mount.y_m, mount.z_m);
         Self {
             eye,
@@ -179,7 +179,7 @@ impl View {
         points.iter().filter(seen).count() as f64 / points.len() as f64
     }
 
-    fn in_field(&self, point: Point<Map>) -> bool {
+    pub(super) fn in_field(&self, point: Point<Map>) -> bool {
         if self.all_round {
             return true;
         }

@@ -1,7 +1,9 @@
 //! The pipeline's own text, part by part, with what a configuration changes.
 
+use std::borrow::Cow;
 use std::sync::LazyLock;
 
+use swerve_scenario::Road;
 use toml::de::DeTable;
 
 use crate::config::execution::Runtime;
@@ -24,6 +26,7 @@ static OUTSIDE: Part = part!("outside.toml");
 static VEHICLE: Part = part!("vehicle.toml");
 static OBJECTS: Part = part!("objects.toml");
 static GATE: Part = part!("gate.toml");
+static LIGHTS: Part = part!("lights.toml");
 
 /// The operators of a text in the order in which they stand there.
 fn read(text: &str) -> Vec<(String, OperatorConfig)> {
@@ -76,6 +79,25 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
     entries
 }
 
+/// The configuration on this road. Where it has traffic lights, the simulated stack sees them and stops at red ones; an
+/// operator that reads them in images takes the place of the sensor, and one that is set up to stop for them that of all.
+pub(crate) fn on_road<'a>(config: &'a Config, road: &Road) -> Cow<'a, Config> {
+    let has = |kind: &str| config.operator.values().any(|own| own.kind.as_deref() == Some(kind));
+    let is_simulated = config.live.is_none() && !config.is_driven_over_ros2();
+    let plans =
+        config.operator.get("planner").is_none_or(|own| own.kind.is_none() && own.enabled != Some(false));
+    let is_asked = config.stops_at_lights() && is_simulated && plans;
+    if road.lights.is_empty() || !is_asked || has("stop_lines") {
+        return Cow::Borrowed(config);
+    }
+    let mut config = config.clone();
+    for (name, own) in LIGHTS.0.iter().filter(|(name, _)| name != "lights" || !has("traffic_lights")) {
+        let set = config.operator.get(name).map_or_else(|| own.clone(), |set| changed(own, set));
+        config.operator.insert(name.clone(), set);
+    }
+    Cow::Owned(config)
+}
+
 /// An operator of the pipeline with what a configuration sets; one of another kind reads other streams.
 fn changed(base: &OperatorConfig, set: &OperatorConfig) -> OperatorConfig {
     let same_kind = set.kind.is_none() || set.kind == base.kind;
@@ -101,7 +123,7 @@ fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
 
 /// The names of the pipeline's own operators, in whatever corner it runs.
 pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
-    let parts: [&'static Part; 7] = [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE];
+    let parts: [&'static Part; 8] = [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE, &LIGHTS];
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 

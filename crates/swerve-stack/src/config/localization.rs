@@ -93,6 +93,12 @@ impl Config {
                 format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
             faults.push(("planning.slow_by_sigma_m".into(), message));
         }
+        if let Some(sigmas) = self.planning.lane_sigmas
+            && !(0.0..=10.0).contains(&sigmas)
+        {
+            let message = format!("expected 0 to 10, found {sigmas}");
+            faults.push(("planning.lane_sigmas".into(), message));
+        }
         if self.localization.estimates() && self.is_driven_over_ros2() {
             let message = "expected \"truth\": who drives over ROS 2 has poses of its own";
             faults.push(("localization.localizer".into(), message.into()));
@@ -184,6 +190,8 @@ mod tests {
     #[test]
     fn deviations_by_which_it_slows_are_in_order() {
         assert!(config("", &["planning.slow_by_sigma_m=[0.2, 0.2]"]).is_ok());
+        let said = config("", &["planning.lane_sigmas=-1.0"]).unwrap_err();
+        assert!(said.contains("planning.lane_sigmas: expected 0 to 10, found -1"), "{said}");
         for wrong in ["[0.4, 0.2]", "[-1, 2]", "[0, nan]"] {
             let said = config("", &[&format!("planning.slow_by_sigma_m={wrong}")]).unwrap_err();
             assert!(said.contains("planning.slow_by_sigma_m: expected two deviations in order"), "{said}");

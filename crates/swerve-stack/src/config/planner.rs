@@ -8,7 +8,7 @@ use swerve_planning::fot::{self, Fot};
 use swerve_planning::hybrid_astar::{self, HybridAstar};
 use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::waypoint::Waypoint;
-use swerve_planning::{CollisionMode, Planner};
+use swerve_planning::{Ahead, CollisionMode, Planner};
 use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams, Rules};
 
 use super::{Fineness, PlannerName, PlanningConfig};
@@ -17,7 +17,7 @@ use super::{Fineness, PlannerName, PlanningConfig};
 pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
     let planner = below(planning, params)?;
     if !planning.has_comfort() {
-        return Ok(planner);
+        return Ok(if planning.preset == Preset::Best { Box::new(Ahead(planner)) } else { planner });
     }
     let collision = planning.collision();
     let manner = match planning.planner {

@@ -114,7 +114,7 @@ pub struct PlanningConfig {
     /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way: slow
     /// or stop while that suffices, else go by where they are predicted to be), `risk` (as `may_stop`, but the least
     /// likely modes of a predictor are not kept clear of, up to `risk_max`), or the original's `swept_static`; when
-    /// absent `may_stop`, under the preset `paper` the original's.
+    /// absent `risk`, under the preset `paper` the original's.
     pub collision: Option<CollisionMode>,
     /// With `collision = "risk"`: probability that a plan may touch anybody, as far as predictions are right.
     pub risk_max: f64,
@@ -123,6 +123,11 @@ pub struct PlanningConfig {
     /// deviations and over one; under the preset `paper` it never does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_by_sigma_m: Option<[f64; 2]>,
+    /// Standard deviations of the lateral position that plans keep from the edges of the road. Where so many do not fit
+    /// between the car and the edge of its lane it stops, and goes on when 1.1 times as many fit. 0 keeps none and never
+    /// stops. When absent 2, under the preset `paper` 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lane_sigmas: Option<f64>,
     /// Where a plan starts; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
@@ -167,6 +172,7 @@ impl Default for PlanningConfig {
             collision: None,
             risk_max: 0.05,
             slow_by_sigma_m: None,
+            lane_sigmas: None,
             start: None,
             expected_ms: None,
             params: toml::Table::new(),
@@ -214,7 +220,7 @@ impl PlanningConfig {
     pub fn collision(&self) -> CollisionMode {
         self.collision.unwrap_or(match self.preset {
             Preset::Paper => CollisionMode::SweptStatic,
-            Preset::Best => CollisionMode::MayStop,
+            Preset::Best => CollisionMode::Risk,
         })
     }
 
@@ -223,6 +229,14 @@ impl PlanningConfig {
         self.slow_by_sigma_m.unwrap_or(match self.preset {
             Preset::Paper => [f64::MAX; 2],
             Preset::Best => [0.4, 1.0],
+        })
+    }
+
+    /// Deviations of the lateral position that are kept from the edges of the road.
+    pub fn lane_sigmas(&self) -> f64 {
+        self.lane_sigmas.unwrap_or(match self.preset {
+            Preset::Paper => 0.0,
+            Preset::Best => 2.0,
         })
     }
 

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use swerve_control::{Controller, Input, Law, Output, Params, Pedals};
 use swerve_core::{Span, Time};
 use swerve_flow::{
-    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, every,
+    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
+    every,
 };
-use swerve_msg::{Command, EgoState, MotionCommand, Plan, Route, Supervision};
+use swerve_msg::{Command, EgoState, LocalPose, MotionCommand, Plan, Route, Supervision};
 use swerve_pylot::{Follower, Preset, Rules};
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
+use super::odom::LocalPoses;
 use crate::config::{Config, ControllerName};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
@@ -27,9 +29,14 @@ struct In {
     ego: Latest<EgoState>,
     /// Where it is to be when.
     plan: Latest<Plan>,
+    /// The same for control: ego and plan are compared in the odometry frame.
+    local: Option<Window<LocalPose, LOCAL_POSES>>,
     /// Who of the run's processes is gone.
     processes: Vec<Latest<Supervision>>,
 }
+
+/// Poses for control read at each tick: more than come between two.
+const LOCAL_POSES: usize = 16;
 
 /// Whether what it asks for is motion.
 fn asks_for_motion(config: &Config) -> bool {
@@ -75,6 +82,9 @@ struct PlanFollower {
     route: Route,
     /// The newest plan that a car can follow. Its time runs out where none comes after it.
     plan: Option<Arc<Plan>>,
+    local: LocalPoses,
+    /// The pose for control of that plan's stamp.
+    plan_local: Option<LocalPose>,
     /// Where the ego comes to a stop, while it has to.
     stop_along: Option<Plan>,
 }
@@ -96,6 +106,8 @@ impl PlanFollower {
             vehicle,
             route: route.clone(),
             plan: None,
+            local: LocalPoses::default(),
+            plan_local: None,
             stop_along: None,
         }
     }
@@ -104,9 +116,16 @@ impl PlanFollower {
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
         // What no car can do is no measurement and no plan: better none.
         let ego = input.ego.get().filter(|ego| ego.is_plausible())?;
+        self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
         if let Some(plan) = input.plan.get().filter(|plan| plan.is_plausible()) {
+            if self.plan.as_ref().is_none_or(|known| known.stamp != plan.stamp) {
+                self.plan_local = self.local.at(plan.stamp);
+            }
             self.plan = Some(plan.shared());
         }
+        // In the map as the plan knew it: a correction since then moves the ego as little as the plan.
+        let known = self.plan_local.or_else(|| self.local.at(ego.stamp));
+        let ego = &self.local.state(ego, known);
         let plan = self.plan.as_deref();
         let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
         if input.processes.iter().any(gone) {
@@ -118,12 +137,12 @@ impl PlanFollower {
         if self.stop_along.is_none()
             && let Some(original) = &mut self.original
         {
-            return Some((**ego, original.step(now, ego, plan)));
+            return Some((*ego, original.step(now, ego, plan)));
         }
         let plan = self.stop_along.as_ref().or(plan);
         let input = Input { now, ego, plan, route: &self.route };
         let output = self.controller.step(&input);
-        Some((**ego, output))
+        Some((*ego, output))
     }
 }
 

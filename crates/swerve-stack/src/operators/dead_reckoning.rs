@@ -9,6 +9,7 @@ use swerve_localization::eskf::yaw_rad;
 use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
+use super::odom::Odometer;
 use super::scan_matcher::{pose_of, readings};
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
@@ -23,6 +24,7 @@ const DRIFT_RADPS: f64 = 0.002;
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
+    odometer: Odometer,
     taken: [u64; 2],
 }
 
@@ -65,7 +67,7 @@ impl Kind for Carried {
     }
 
     fn new(keys: Keys, _: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self { keys, car: DeadReckoning::new(), taken: [0; 2] })
+        Ok(Self { keys, car: DeadReckoning::new(), odometer: Odometer::default(), taken: [0; 2] })
     }
 }
 
@@ -91,7 +93,7 @@ impl Operator for Carried {
         };
         let map_from_ego = pose_of(found.at_m, found.heading_rad) * moved;
         let at = map_from_ego.translation.vector;
-        out.state.send(EgoState {
+        let state = EgoState {
             stamp,
             pose: Pose2::new(at.x, at.y, yaw_rad(&map_from_ego.rotation)),
             speed_mps: self.car.speed_mps(),
@@ -99,7 +101,9 @@ impl Operator for Carried {
             lateral_accel_mps2: imu.accel_mps2[1],
             yaw_rate_radps: imu.gyro_radps[2],
             steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
-        });
+        };
+        out.local.send(self.odometer.advance(&state));
+        out.state.send(state);
         let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
         let [xx, xy, yy] = found.covariance_m2;
         let (drift_m, drift_rad) = (DRIFT * moved.translation.vector.norm(), DRIFT_RADPS * age_s);

@@ -7,7 +7,7 @@
 
 use swerve_control::safety_gate::{GateInput, SafetyGate};
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
-use swerve_msg::{GateOutput, MotionCommand, Switch, VehicleReport, WireAlarm};
+use swerve_msg::{EgoState, GateOutput, MotionCommand, Plan, PoseQuality, Switch, VehicleReport, WireAlarm};
 
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
@@ -28,6 +28,12 @@ pub(super) struct In {
     switches: Vec<Latest<Switch>>,
     /// What is wrong with the wires by which commands come, where they come by wire.
     alarms: Vec<Latest<WireAlarm>>,
+    /// How good the pose is, where localization reports that.
+    quality: Vec<Latest<PoseQuality>>,
+    /// The pose that the stack drives by.
+    pose: Option<Latest<EgoState>>,
+    /// The newest plan: the path of a stop.
+    plan: Option<Latest<Plan>>,
 }
 
 impl Kind for Gate {
@@ -55,7 +61,7 @@ impl Operator for Gate {
     type Out = Port<GateOutput>;
 
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let In { command, report, switches, alarms, .. } = input;
+        let In { command, report, switches, alarms, quality, pose, plan, .. } = input;
         let switch = |of: fn(&Switch) -> bool| move |s: &Latest<Switch>| s.get().is_some_and(|s| of(s));
         out.loan().send(self.0.step(&GateInput {
             now: cx.now(),
@@ -65,6 +71,9 @@ impl Operator for Gate {
             enable: !switches.is_empty() && switches.iter().all(switch(|s| s.enable)),
             emergency: switches.iter().any(switch(|s| s.emergency)),
             alarm: alarms.iter().find_map(|alarm| alarm.get()?.cause),
+            quality: quality.iter().filter_map(|quality| Some(**quality.get()?)).max_by_key(|q| q.mode),
+            plan: plan.as_ref().and_then(|plan| Some(&**plan.get()?)),
+            pose: pose.as_ref().and_then(|pose| Some(**pose.get()?)),
         }));
     }
 }

@@ -9,22 +9,26 @@
 use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
-use swerve_flow::{At, Context, Inputs, Message, Operator, Outputs, Port, Window};
+use swerve_core::{Span, Time};
+use swerve_flow::{At, Context, Every, Inputs, Message, Operator, Outputs, Port, Timer, Window, every};
 use swerve_geom::{Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
-use swerve_msg::{EgoState, Gnss, Imu, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_sim::sense::GnssParams;
 
+use super::odom::Odometer;
 use super::scan_matcher::pose_of;
 use crate::config::{Config, SensingConfig};
-use crate::kind::{KeyProblems, Kind, Node};
+use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
 
 /// Messages kept of each sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
+
+/// Periods of the inertial unit after which a pose is due without it.
+const SILENT: f64 = 2.0;
 
 /// A filter over inertial unit, satellite fixes and wheels, and over what a lidar finds.
 pub(super) struct Filter {
@@ -40,12 +44,19 @@ pub(super) struct Filter {
     /// Stamp of the first fix, by which it starts.
     started: Option<Time>,
     await_match_s: f64,
+    wheelbase_m: f64,
     steering_rad: f64,
+    /// Stamp of the newest pose, and how long after it the next one is due where the inertial unit is silent.
+    newest: Time,
+    due_after: Span,
+    odometer: Odometer,
 }
 
 /// All that says how it moves, and where it is.
 #[derive(Inputs)]
 pub(super) struct In {
+    /// When a pose is due although the inertial unit is silent.
+    tick: Every,
     /// Accelerations and turn rates: each makes a pose.
     imu: At<Imu>,
     /// Satellite fixes.
@@ -63,6 +74,8 @@ pub(super) struct Out {
     pub(super) state: Port<EgoState>,
     /// How good that is.
     pub(super) quality: Port<PoseQuality>,
+    /// The pose for control, with each state.
+    pub(super) local: Port<LocalPose>,
 }
 
 /// What is known of a satellite receiver, and of the lane that the car is on.
@@ -234,8 +247,16 @@ impl Kind for Filter {
             taken: [0; 3],
             started: None,
             await_match_s: table.await_match_s,
+            wheelbase_m: config.sim.vehicle.shape.wheelbase_m,
             steering_rad: 0.0,
+            newest: Time::ZERO,
+            due_after: span_of_ms(config.sensing.imu_period_ms * SILENT),
+            odometer: Odometer::default(),
         })
+    }
+
+    fn timer(_: &Keys, settings: &Settings<'_>) -> Option<Timer> {
+        Some(every(span_of_ms(settings.config.sensing.imu_period_ms * SILENT)))
     }
 }
 
@@ -243,13 +264,21 @@ impl Operator for Filter {
     type In = In;
     type Out = Out;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let Some(imu) = input.imu.get() else { return };
-        let Imu { accel_mps2, gyro_radps, .. } = **imu;
-        self.localizer.take(imu.stamp, Sensed::Imu { accel_mps2, gyro_radps });
+    fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+        let is_due = cx.stamp() - self.newest >= self.due_after;
+        let stamp = match input.imu.get() {
+            Some(imu) => {
+                let Imu { accel_mps2, gyro_radps, .. } = **imu;
+                self.localizer.take(imu.stamp, Sensed::Imu { accel_mps2, gyro_radps });
+                imu.stamp
+            }
+            None if is_due => cx.stamp(),
+            None => return,
+        };
+        self.newest = stamp;
         for wheels in new(input.wheels.get(), &mut self.taken[0]) {
-            self.steering_rad = wheels.steering_rad;
-            self.localizer.take(wheels.stamp, Sensed::Wheels(wheels.speed_mps));
+            let sensed = self.wheels(wheels);
+            self.localizer.take(wheels.stamp, sensed);
         }
         for fix in new(input.fixes.get(), &mut self.taken[1]) {
             self.fix(fix);
@@ -259,8 +288,12 @@ impl Operator for Filter {
             let sensed = self.matched(found);
             self.localizer.take(found.stamp, sensed);
         }
-        let Some(estimate) = self.localizer.estimate() else {
-            out.quality.send(PoseQuality { stamp: imu.stamp, ..PoseQuality::default() });
+        let estimate = match input.imu.get() {
+            Some(_) => self.localizer.estimate(),
+            None => self.localizer.estimate_at(stamp),
+        };
+        let Some(estimate) = estimate else {
+            out.quality.send(PoseQuality { stamp, ..PoseQuality::default() });
             return;
         };
         let mut quality = quality(&estimate);
@@ -268,7 +301,9 @@ impl Operator for Filter {
             quality.mode = PoseMode::Lost;
         }
         if quality.mode != PoseMode::Lost {
-            out.state.send(self.state(&estimate));
+            let state = self.state(&estimate);
+            out.local.send(self.odometer.advance(&state));
+            out.state.send(state);
         }
         out.quality.send(quality);
     }
@@ -296,6 +331,13 @@ pub(super) fn new<'a, T>(
 }
 
 impl Filter {
+    /// Speed and steering angle as a measurement.
+    fn wheels(&mut self, wheels: &WheelOdometry) -> Sensed {
+        self.steering_rad = wheels.steering_rad;
+        let curvature_1pm = Some(math::tan(wheels.steering_rad) / self.wheelbase_m);
+        Sensed::Wheels { speed_mps: wheels.speed_mps, curvature_1pm }
+    }
+
     fn fix(&mut self, fix: &Gnss) {
         let Some(at_m) = self.receiver.place(fix) else { return };
         if self.started.is_none() {

@@ -21,22 +21,13 @@ pub struct ObstacleSight {
 impl ObstacleSight {
     /// What the obstacle sensor can see or, where `camera` is given, what that camera can.
     pub fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
-        let sensing = &config.sensing;
-        let (mut mount, mut fov_deg) = (sensing.mount, sensing.fov_deg);
+        let (mut mount, mut params) = sight(config);
         if let Some(camera) = camera {
             let ([x_m, y_m, z_m], yaw_rad) = (camera.at_m, camera.yaw_deg.to_radians());
-            mount = Some(SensorMount { x_m, y_m, z_m, yaw_rad });
-            fov_deg = camera.fov_across_deg();
+            mount = SensorMount { x_m, y_m, z_m, yaw_rad };
+            params.fov_rad = camera.fov_across_deg().to_radians();
         }
-        Self {
-            mount: mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape)),
-            params: SensorParams {
-                range_m: sensing.range_m,
-                range_person_m: sensing.range_person_m,
-                fov_rad: fov_deg.to_radians(),
-                occlusion: sensing.source == Source::Truth,
-            },
-        }
+        Self { mount, params }
     }
 
     fn obstacles(&self, world: &WorldState) -> ObstacleList {
@@ -48,6 +39,19 @@ impl ObstacleSight {
         let ObstacleList { stamp, obstacles } = self.obstacles(world);
         Surroundings { stamp, ego: world.ego.state.pose, obstacles }
     }
+}
+
+/// Where the obstacle sensor sits, and the limits of its sight.
+pub(super) fn sight(config: &Config) -> (SensorMount, SensorParams) {
+    let sensing = &config.sensing;
+    let mount = sensing.mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape));
+    let params = SensorParams {
+        range_m: sensing.range_m,
+        range_person_m: sensing.range_person_m,
+        fov_rad: sensing.fov_deg.to_radians(),
+        occlusion: sensing.source == Source::Truth,
+    };
+    (mount, params)
 }
 
 /// The newest state of the world, at each tick.

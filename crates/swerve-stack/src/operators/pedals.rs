@@ -1,8 +1,9 @@
 //! The pedals of the simulated car behind a safety gate.
 
+use swerve_control::safety_gate;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
-use swerve_msg::{Command, GateMode, GateOutput, MotionCommand, VehicleReport};
-use swerve_vehicle::{VehicleParams, pedals_for_accel};
+use swerve_msg::{Command, GateMode, GateOutput, VehicleReport};
+use swerve_vehicle::VehicleParams;
 
 use crate::kind::{Kind, NoKeys, Node, Settings};
 use crate::site::Site;
@@ -50,15 +51,14 @@ impl Operator for PedalsOperator {
         if let Some(report) = report.get().filter(|report| report.speed_mps.is_finite()) {
             self.speed_mps = report.speed_mps;
         }
-        let MotionCommand { steering_rad, accel_mps2, .. } = gate.command;
         if gate.mode == GateMode::Manual {
             // Without any report there is nothing to hold yet.
             let Some(report) = report.get() else { return };
             self.steering_rad = self.steering_rad.or(Some(report.steering_rad).filter(|x| x.is_finite()));
         } else {
-            self.steering_rad = Some(steering_rad);
+            self.steering_rad = Some(gate.command.steering_rad);
         }
-        let pedals = pedals_for_accel(&self.vehicle, self.speed_mps, accel_mps2);
+        let pedals = safety_gate::pedals(&self.vehicle, gate, self.speed_mps);
         let steering_rad = self.steering_rad.unwrap_or(0.0);
         out.loan().send(Command { steering_rad, throttle: pedals.throttle, brake: pedals.brake });
     }

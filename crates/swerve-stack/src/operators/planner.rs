@@ -8,13 +8,16 @@ use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
 };
-use swerve_msg::{EgoState, Plan, PoseMode, PoseQuality, Prediction, PredictionList, Route, RungTaken};
-use swerve_planning::collision::within_risk;
+use swerve_geom::LineTracker;
+use swerve_msg::{EgoState, LocalPose, Plan, PoseQuality, Prediction, PredictionList, Route, RungTaken};
+use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
 use super::ladder::{on_ladder, take};
+use super::odom::{LocalPoses, carried};
+use super::pose_trust::PoseTrust;
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
@@ -33,6 +36,8 @@ struct In {
     poses: Window<EgoState, POSES>,
     /// How sure that is.
     quality: Option<Latest<PoseQuality>>,
+    /// The same for control: one plan goes on from the other in the odometry frame.
+    local: Option<Window<LocalPose, POSES>>,
 }
 
 /// The newest of both, at each tick.
@@ -46,6 +51,8 @@ struct PeriodicIn {
     ego: Latest<EgoState>,
     /// How sure that is.
     quality: Option<Latest<PoseQuality>>,
+    /// The same for control: one plan goes on from the other in the odometry frame.
+    local: Option<Window<LocalPose, POSES>>,
 }
 
 /// A plan, and how it came about.
@@ -131,9 +138,7 @@ struct PlannerOperator {
     planner: Box<dyn Planner>,
     route: Route,
     target_speed_mps: f64,
-    /// Share of that which the deviation of the pose allows for, 1 where nobody tells one.
-    speed_share: f64,
-    slow_by_sigma_m: [f64; 2],
+    trust: PoseTrust,
     shape: Shape,
     limits: Limits,
     /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
@@ -141,6 +146,11 @@ struct PlannerOperator {
     /// Moved on by this where the start is predicted.
     expected: Option<Span>,
     previous: Option<Arc<Plan>>,
+    local: LocalPoses,
+    /// The pose for control of the previous plan's stamp.
+    previous_local: Option<LocalPose>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 impl PlannerOperator {
@@ -154,36 +164,24 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
-            speed_share: 1.0,
-            slow_by_sigma_m: planning.slow_by_sigma_m(),
+            trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
             risk_max: (planning.collision() == CollisionMode::Risk).then_some(planning.risk_max),
             expected,
             previous: None,
+            local: LocalPoses::default(),
+            previous_local: None,
+            place: LineTracker::default(),
         })
     }
 }
 
-/// Slower than this share of its target nobody drives for want of a better pose: standing, nothing makes it better.
-const SLOWEST: f64 = 0.3;
-
-/// Share of the target speed at a deviation of the pose, metres.
-fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
-    if sigma_m <= from_m {
-        return 1.0;
-    }
-    let slowed = ((sigma_m - from_m) / (to_m - from_m)).min(1.0);
-    1.0 - (1.0 - SLOWEST) * slowed
-}
-
 impl PlannerOperator {
-    /// Takes into account how sure the pose is; while it is lost, the last that was told counts.
-    fn slow_by(&mut self, quality: Option<&Latest<PoseQuality>>) {
-        let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
-        if let Some(quality) = quality {
-            self.speed_share = speed_share(quality.sigma_m(), self.slow_by_sigma_m);
-        }
+    /// Takes in the accuracy of the pose, and the poses for control.
+    fn localized(&mut self, quality: Option<&Latest<PoseQuality>>, local: Option<&Window<LocalPose, POSES>>) {
+        self.trust.take(quality);
+        self.local.take(local.map_or(&[], |local| local.get()));
     }
 
     /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
@@ -193,13 +191,20 @@ impl PlannerOperator {
         predictions: &PredictionList,
         measured: &EgoState,
         ahead: Option<Span>,
-        chosen: Option<&mut dyn Planner>,
+        mut chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
+        let stamp = predictions.stamp;
+        let local = self.local.at(stamp);
+        let measured = &self.local.state(measured, local);
+        let moved = self.previous.as_deref().and_then(|plan| carried(plan, self.previous_local, local));
+        let previous = moved.as_ref().or(self.previous.as_deref());
         let start = match ahead {
             None => *measured,
-            Some(ahead) => predicted_start(measured, self.previous.as_deref(), ahead),
+            Some(ahead) => predicted_start(measured, previous, ahead),
         };
-        let stamp = predictions.stamp;
+        let here = self.place.locate(self.route.line(), measured.pose);
+        let reach_m = measured.pose.point().distance(start.pose.point()) + 1.0;
+        let place = self.route.project_near(start.pose.point(), here.s_m, reach_m);
         let predictions = match predictions.predictions.iter().all(Prediction::is_plausible) {
             true => Cow::Borrowed(&predictions.predictions),
             false => {
@@ -207,28 +212,41 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
-        let predictions = match self.risk_max {
-            Some(risk_max) => Cow::Owned(within_risk(&predictions, risk_max)),
+        let speed_share = self.trust.speed_share();
+        let predictions = match self.trust.wall(measured, &self.route) {
+            Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
         };
+        let ground = self.trust.ground(measured, &self.route);
         let request = Request {
             stamp,
             start,
-            route: &self.route,
-            target_speed_mps: self.target_speed_mps * self.speed_share,
+            route: ground,
+            along_m: Some(place.s_m),
+            target_speed_mps: self.target_speed_mps * speed_share,
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
-            previous: self.previous.as_deref(),
+            previous,
             seed: cx.rng().bits(),
         };
-        let plan = match chosen {
+        let (mut unlimited, mut metered) = (Unlimited::default(), Metered(cx));
+        let (planner, budget): (&mut dyn Planner, &mut dyn Budget) = match chosen {
             // What it takes was spent when it was chosen.
-            Some(planner) => planner.plan(&request, &mut Unlimited::default()),
-            None => self.planner.plan(&request, &mut Metered(cx)),
+            Some(planner) => (planner, &mut unlimited),
+            None => (&mut *self.planner, &mut metered),
         };
-        let plan = Arc::new(plan);
-        self.previous = Some(plan.clone());
+        let mut plan_for = |request: &Request<'_>| match self.risk_max {
+            Some(risk_max) => plan_within_risk(planner, request, risk_max, budget),
+            None => planner.plan(request, budget),
+        };
+        let mut plan = plan_for(&request);
+        if plan.status.is_fallback() && !core::ptr::eq(ground, &self.route) {
+            // In an emergency all of the ground counts.
+            plan = plan_for(&Request { route: &self.route, ..request });
+        }
+        let plan = Arc::new(self.trust.explained(plan));
+        (self.previous, self.previous_local) = (Some(plan.clone()), local);
         plan
     }
 }
@@ -249,7 +267,7 @@ impl Operator for PlannerOperator {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let expected = self.expected;
-        self.slow_by(input.quality.as_ref());
+        self.localized(input.quality.as_ref(), input.local.as_ref());
         out.forward(self.plan(cx, predictions, measured, expected, None));
     }
 }
@@ -268,7 +286,7 @@ impl Operator for LadderPlanner {
         let measured = measured_at(cx.stamp(), &input.poses);
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let (planner, taken) = take(&mut self.rungs, cx);
-        self.operator.slow_by(input.quality.as_ref());
+        self.operator.localized(input.quality.as_ref(), input.local.as_ref());
         // What passed since the frame is known, and so is what the rung takes.
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
         out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, Some(&mut **planner)));
@@ -294,7 +312,7 @@ impl Operator for PeriodicPlanner {
         let Some(measured) = input.ego.get().filter(|ego| ego.is_plausible()) else { return };
         let taken = self.rung.as_mut().map(|rung| take(core::slice::from_mut(rung), cx));
         let (planner, taken) = taken.map_or((None, None), |(planner, taken)| (Some(planner), Some(taken)));
-        self.operator.slow_by(input.quality.as_ref());
+        self.operator.localized(input.quality.as_ref(), input.local.as_ref());
         let lasts = taken.as_ref().map_or(self.usual, |taken| taken.run_time);
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + lasts);
         let planner = planner.map(|planner| &mut **planner as &mut dyn Planner);
@@ -314,20 +332,5 @@ impl Budget for Metered<'_, '_> {
             swerve_flow::Progress::Continue => Progress::Continue,
             swerve_flow::Progress::Stop => Progress::Stop,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn who_is_less_sure_of_the_place_drives_slower() {
-        let share = |sigma_m: f64| speed_share(sigma_m, [0.4, 1.0]);
-        for (sigma_m, share_of_speed) in [(0.0, 1.0), (0.4, 1.0), (0.7, 0.65), (1.0, 0.3), (50.0, 0.3)] {
-            assert!((share(sigma_m) - share_of_speed).abs() < 1e-12, "{sigma_m}");
-        }
-        assert_eq!(speed_share(1e9, [f64::MAX; 2]), 1.0, "the paper's planners do not");
-        assert!((speed_share(0.5, [0.4, 0.4]) - SLOWEST).abs() < 1e-12);
     }
 }

@@ -113,7 +113,7 @@ impl Predictor {
     fn lines(&self, tracks: &TrackList) -> PredictionList {
         let mut list = linear::predict(tracks, &self.params);
         if let Some(route) = &self.road {
-            road::follow(&mut list.predictions, route);
+            road::follow_shaped(&mut list.predictions, route);
         }
         list
     }
@@ -131,11 +131,7 @@ impl Operator for Predictor {
                     let linear::Params { future_steps: steps, step_s, .. } = self.params;
                     let horizon = Horizon { steps, step: Span::from_secs(step_s) };
                     let ground = Ground::road(self.road.as_ref());
-                    let mut list = PredictionList::from(&forecast(name, tracks, &horizon, ground));
-                    if let (Some(route), false) = (&self.road, name == PredictorName::LaneIdm) {
-                        road::follow_shaped(&mut list.predictions, route);
-                    }
-                    list
+                    PredictionList::from(&forecast(name, tracks, &horizon, ground))
                 }
             });
         }

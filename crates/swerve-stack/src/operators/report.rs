@@ -1,45 +1,99 @@
-//! The simulated car's reports.
+//! The simulated car's reports: speed and steering angle by its own sensors, never by localization.
 
-use swerve_flow::{At, Context, Inputs, Operator, Port};
-use swerve_msg::{EgoState, VehicleReport};
+use std::collections::VecDeque;
 
-use crate::kind::{Kind, NoKeys, Node, Settings};
+use swerve_flow::{At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo};
+use swerve_msg::{EgoState, VehicleReport, WheelOdometry};
+
+use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
-/// What the simulated car says of itself. Its driver keeps the hands off.
-pub(super) struct Report;
+/// Readings of the encoders that a reported speed is the mean of: 0.1 s at the default period. One reading of 96 counts
+/// per turn has steps of half a metre per second.
+const MEAN_OF: usize = 5;
 
-/// What its own sensors measure.
+/// Reports of the simulated car. Its driver keeps the hands off.
+pub(super) struct Reports;
+
+impl OperatorKind for Reports {
+    fn node(&self) -> Node {
+        Node::new("vehicle_report", "what the simulated car says of itself")
+            .only_with("gate.enabled = true")
+            .stays("it is the vehicle's side of the safety gate")
+    }
+
+    fn is_there(&self, settings: &Settings<'_>) -> bool {
+        settings.config.gate.enabled
+    }
+
+    fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {
+        <Port<VehicleReport> as NamedOutputs>::ports()
+    }
+
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        // The state that a localizer estimates is no report of the vehicle: it may be wrong or missing.
+        if settings.config.localization.estimates() { ByWheels::ports() } else { ByPose::ports() }
+    }
+
+    fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
+        if site.config().localization.estimates() {
+            site.add(WheelReport::default(), None)
+        } else {
+            site.add(PoseReport, None)
+        }
+    }
+}
+
+/// Speed and steering angle as the simulator's pose sensor measures them.
 #[derive(Inputs)]
-pub(super) struct In {
+struct ByPose {
     /// Speed and steering angle, before the faults that befall localization.
     #[port(raw)]
     pose: At<EgoState>,
 }
 
-impl Kind for Report {
-    const NODE: Node = Node::new("vehicle_report", "what the simulated car says of itself")
-        .only_with("gate.enabled = true")
-        .stays("it is the vehicle's side of the safety gate");
-    type Table = NoKeys;
-
-    fn is_there(settings: &Settings<'_>) -> bool {
-        settings.config.gate.enabled
-    }
-
-    fn new(_: NoKeys, _: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self)
-    }
+/// Speed and steering angle as the sensors at the wheels measure them.
+#[derive(Inputs)]
+struct ByWheels {
+    /// Speed and steering angle, before the faults that befall localization.
+    #[port(raw)]
+    wheels: At<WheelOdometry>,
 }
 
-impl Operator for Report {
-    type In = In;
+/// Reports by the pose sensor.
+struct PoseReport;
+
+impl Operator for PoseReport {
+    type In = ByPose;
     type Out = Port<VehicleReport>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
+    fn step(&mut self, _: &mut Context<'_>, input: &ByPose, out: &mut Self::Out) {
         if let Some(ego) = input.pose.get() {
             let EgoState { stamp, speed_mps, steering_rad, .. } = **ego;
             out.loan().send(VehicleReport { stamp, speed_mps, steering_rad, driver_active: false });
         }
+    }
+}
+
+/// Reports by the encoders of the wheels.
+#[derive(Default)]
+struct WheelReport {
+    /// The newest speeds, m/s.
+    speeds_mps: VecDeque<f64>,
+}
+
+impl Operator for WheelReport {
+    type In = ByWheels;
+    type Out = Port<VehicleReport>;
+
+    fn step(&mut self, _: &mut Context<'_>, input: &ByWheels, out: &mut Self::Out) {
+        let Some(wheels) = input.wheels.get() else { return };
+        let WheelOdometry { stamp, speed_mps, steering_rad, .. } = **wheels;
+        self.speeds_mps.push_back(speed_mps);
+        if self.speeds_mps.len() > MEAN_OF {
+            self.speeds_mps.pop_front();
+        }
+        let speed_mps = self.speeds_mps.iter().sum::<f64>() / self.speeds_mps.len() as f64;
+        out.loan().send(VehicleReport { stamp, speed_mps, steering_rad, driver_active: false });
     }
 }

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, ensure};
 use swerve_core::{Rng, Time};
-use swerve_flow::{At, Context, Inputs, Message, Operator, Port, RuntimeModel, Window};
+use swerve_flow::{At, Context, Inputs, Latest, Message, Operator, Port, RuntimeModel, Window};
 use swerve_geom::math;
 use swerve_localization::dead_reckoning::{LidarMotion, Reading, Turned};
 use swerve_localization::eskf::yaw_rad;
@@ -21,7 +21,7 @@ use swerve_localization::map_file::MapFile;
 use swerve_localization::matcher::{Guess, Matcher};
 use swerve_localization::ndt::{Isometry3, Matched, Vector3};
 use swerve_localization::odometry::Odometry;
-use swerve_msg::{Gnss, Imu, PointCloud, PoseMatch, WheelOdometry};
+use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::{Receiver, new};
 use crate::config::execution::Runtime;
@@ -36,6 +36,11 @@ const FIXES: usize = 16;
 const PARTICLES: u32 = 200;
 /// Deviation of the heading that the lane tells at first, radians.
 const LANE_SIGMA_RAD: f64 = 0.09;
+/// A pose of the localizer this old is none of now, seconds; and how sure one is taken to be at best and at worst: metres and
+/// radians.
+const PRIOR_AGE_S: f64 = 0.5;
+const PRIOR_SIGMA_M: [f64; 2] = [0.3, 10.0];
+const PRIOR_SIGMA_RAD: [f64; 2] = [0.03, 1.0];
 /// What a way without a map goes off by: metres in its first turns, which have little to be matched with, a share of the
 /// way, and radians per metre.
 const BEGIN_M: f64 = 0.3;
@@ -58,6 +63,25 @@ pub(super) struct In {
     wheels: Window<WheelOdometry, READINGS>,
     /// Satellite fixes.
     fixes: Window<Gnss, FIXES>,
+}
+
+/// The same, and where the localizer is by all that it hears.
+#[derive(Inputs)]
+pub(super) struct MatcherIn {
+    /// The points.
+    points: At<PointCloud>,
+    /// Turn rates.
+    imu: Window<Imu, READINGS>,
+    /// Speeds by the wheels.
+    wheels: Window<WheelOdometry, READINGS>,
+    /// Satellite fixes.
+    fixes: Window<Gnss, FIXES>,
+    /// Where the ego was before: where a lidar that lost its way is looked for.
+    #[port(feedback)]
+    state: Latest<EgoState>,
+    /// How sure that is.
+    #[port(feedback)]
+    quality: Latest<PoseQuality>,
 }
 
 /// A lidar on its way.
@@ -83,13 +107,18 @@ impl Front {
         Ok((Self { motion, ego_from_lidar, receiver, taken: [0; 2] }, lidar))
     }
 
-    /// End of a turn, and how the lidar moved over it.
-    fn turn(&mut self, input: &In) -> Option<(Time, Turned)> {
-        for (stamp, reading) in readings(input.imu.get(), input.wheels.get(), &mut self.taken) {
+    /// A turn, and how the lidar moved over it.
+    fn turn<'a>(
+        &mut self,
+        points: &'a At<PointCloud>,
+        imu: &[Message<Imu>],
+        wheels: &[Message<WheelOdometry>],
+    ) -> Option<(&'a PointCloud, Turned)> {
+        for (stamp, reading) in readings(imu, wheels, &mut self.taken) {
             self.motion.car.take(stamp, reading);
         }
-        let cloud = input.points.get()?;
-        Some((cloud.stamp, self.motion.turn(cloud.stamp)?))
+        let cloud: &PointCloud = points.get()?;
+        Some((cloud, self.motion.turn(cloud.stamp)?))
     }
 
     /// Where the lidar is at an instant, by the newest fix and the heading of the lane there.
@@ -211,27 +240,52 @@ impl Kind for ScanMatcher {
     }
 }
 
+impl ScanMatcher {
+    /// Where the lidar is at the end of a turn by the localizer; where that knows nothing, by a fix and the lane.
+    fn prior(&self, input: &MatcherIn, end: Time) -> Option<Guess> {
+        let by_fix = || {
+            let map_from_lidar = self.front.guess(input.fixes.get(), end)?;
+            Some((map_from_lidar, self.front.receiver.sigma_m(), LANE_SIGMA_RAD))
+        };
+        let (mut map_from_lidar, sigma_m, sigma_rad) = self.fused(input, end).or_else(by_fix)?;
+        // The map knows better how high the ground is.
+        let at = &mut map_from_lidar.translation.vector;
+        if let Some(ground_m) = self.map.ground_m([at.x, at.y]) {
+            at.z = ground_m + self.front.ego_from_lidar.translation.vector.z;
+        }
+        Some(Guess { map_from_lidar, sigma_m, sigma_rad, particles: PARTICLES })
+    }
+
+    /// The localizer's pose, carried on to the end of a turn, and its deviations.
+    fn fused(&self, input: &MatcherIn, end: Time) -> Option<(Isometry3<f64>, f64, f64)> {
+        let (state, quality) = (input.state.get()?, input.quality.get()?);
+        let is_fresh = (end - state.stamp).as_secs() <= PRIOR_AGE_S && quality.mode != PoseMode::Lost;
+        let car = self.front.motion.car.between(state.stamp, end).filter(|_| is_fresh)?;
+        let map_from_ego = pose_of([state.pose.x_m, state.pose.y_m, 0.0], state.pose.heading_rad);
+        let clamped = |sigma: f64, [least, most]: [f64; 2]| sigma.clamp(least, most);
+        let [.., heading_variance] = quality.covariance;
+        let sigma_rad = clamped(heading_variance.max(0.0).sqrt(), PRIOR_SIGMA_RAD);
+        let sigma_m = clamped(quality.sigma_m(), PRIOR_SIGMA_M);
+        Some((map_from_ego * car * self.front.ego_from_lidar, sigma_m, sigma_rad))
+    }
+}
+
 impl Operator for ScanMatcher {
-    type In = In;
+    type In = MatcherIn;
     type Out = Port<PoseMatch>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let (Some((end, turn)), Some(cloud)) = (self.front.turn(input), input.points.get()) else { return };
-        let still = Isometry3::identity();
-        let (matcher, since_last) = match &mut self.matcher {
-            Some(matcher) => (matcher, turn.over_turn),
-            None => {
-                let Some(mut map_from_lidar) = self.front.guess(input.fixes.get(), end) else { return };
-                // The map knows better how high the ground is.
-                let at = &mut map_from_lidar.translation.vector;
-                if let Some(ground_m) = self.map.ground_m([at.x, at.y]) {
-                    at.z = ground_m + self.front.ego_from_lidar.translation.vector.z;
-                }
-                let (sigma_m, sigma_rad) = (self.front.receiver.sigma_m(), LANE_SIGMA_RAD);
-                let guess = Guess { map_from_lidar, sigma_m, sigma_rad, particles: PARTICLES };
-                (self.matcher.insert(Matcher::new(&self.map, self.seed, guess)), still)
-            }
-        };
+    fn step(&mut self, _: &mut Context<'_>, input: &MatcherIn, out: &mut Self::Out) {
+        let MatcherIn { points: cloud, imu, wheels, .. } = input;
+        let Some((cloud, turn)) = self.front.turn(cloud, imu.get(), wheels.get()) else { return };
+        let end = cloud.stamp;
+        let is_followed = !turn.is_first && self.matcher.as_ref().is_some_and(Matcher::is_found);
+        let mut since_last = turn.over_turn;
+        if !is_followed && let Some(prior) = self.prior(input, end) {
+            since_last = Isometry3::identity();
+            let new = || Matcher::new(&self.map, self.seed, prior);
+            self.matcher.get_or_insert_with(new).suppose_at(prior);
+        }
+        let Some(matcher) = &mut self.matcher else { return };
         let found = matcher.take(&points(cloud, turn.period_s), &turn.sweep, &since_last);
         if let Some(found) = found {
             out.send(self.front.told(end, &found.map_from_scan, &Spread::of(&found)));
@@ -269,7 +323,9 @@ impl Operator for LidarOdometry {
     type Out = Port<PoseMatch>;
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        let (Some((end, turn)), Some(cloud)) = (self.front.turn(input), input.points.get()) else { return };
+        let In { points: cloud, imu, wheels, .. } = input;
+        let Some((cloud, turn)) = self.front.turn(cloud, imu.get(), wheels.get()) else { return };
+        let end = cloud.stamp;
         let guess = || self.front.guess(input.fixes.get(), end);
         let Some(start) = self.start.or_else(guess) else { return };
         self.start = Some(start);

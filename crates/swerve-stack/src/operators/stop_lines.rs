@@ -1,13 +1,14 @@
 //! Stop lines of red lights, as what no plan may go over.
 
 use serde::{Deserialize, Serialize};
+use swerve_core::Time;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port, Window};
-use swerve_geom::{FrenetPoint, Pose2};
+use swerve_geom::{FrenetPoint, LineTracker, Pose2};
 use swerve_msg::{
     ActorId, ActorKind, EgoState, Extent, PredictedPose, Prediction, PredictionList, Route, Signal,
     TrafficLight, TrafficLights,
 };
-use swerve_vehicle::Shape;
+use swerve_vehicle::{Shape, VehicleParams};
 
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
@@ -20,27 +21,38 @@ const LAST_ID: u32 = u32::MAX;
 const PASSED_M: f64 = 0.5;
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
+/// Every light is yellow for at least this long, seconds. Source: MUTCD (2009), section 4D.26.
+const YELLOW_MIN_S: f64 = 3.0;
 
 /// Adds a wall on the stop line of each light at which the ego is to stop to what is predicted.
 pub(super) struct StopLines {
     table: Table,
     route: Route,
     shape: Shape,
+    brake_max_mps2: f64,
     /// Lines at which the ego stops, by where they are.
     held: Vec<f64>,
+    /// Lines of yellow lights, and since when they are yellow.
+    yellow: Vec<(f64, Time)>,
+    /// The ego's place along the route.
+    place: LineTracker,
 }
 
 /// Its keys.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
-    /// At a yellow light the ego stops where it can by this, m/s²; at a red one always.
+    /// Deceleration by which the ego stops at a yellow light, m/s²: where it takes more, the ego goes on if it is at the line
+    /// before the light can be red. Source: 10 ft/s² (ITE, Guidelines for Determining Traffic Signal Change and Clearance
+    /// Intervals, 2020).
     brake_mps2: f64,
+    /// Time from the signal to the brakes, seconds. ITE has 1 s for people.
+    reaction_s: f64,
 }
 
 impl Default for Table {
     fn default() -> Self {
-        Self { brake_mps2: 3.0 }
+        Self { brake_mps2: 3.0, reaction_s: 0.5 }
     }
 }
 
@@ -61,14 +73,19 @@ impl Kind for StopLines {
     type Table = Table;
 
     fn problems(table: &Table) -> KeyProblems {
-        let told = (!(0.1..=20.0).contains(&table.brake_mps2))
-            .then(|| ("brake_mps2".to_owned(), format!("expected 0.1 to 20, found {}", table.brake_mps2)));
-        told.into_iter().collect()
+        let ranges =
+            [("brake_mps2", table.brake_mps2, [0.1, 20.0]), ("reaction_s", table.reaction_s, [0.0, 5.0])];
+        let wrong = ranges.into_iter().filter(|(_, value, [least, most])| !(*least..=*most).contains(value));
+        wrong
+            .map(|(key, value, [least, most])| {
+                (key.to_owned(), format!("expected {least} to {most}, found {value}"))
+            })
+            .collect()
     }
 
     fn new(table: Table, site: &Site<'_>) -> anyhow::Result<Self> {
         let around = site.surroundings();
-        Ok(Self { table, route: around.route.clone(), shape: around.vehicle.shape, held: Vec::new() })
+        Ok(Self::on(table, around.route.clone(), &around.vehicle))
     }
 }
 
@@ -82,10 +99,11 @@ impl Operator for StopLines {
         let ego = input.poses.get().iter().rev().find(|pose| pose.stamp <= list.stamp);
         if let (Some(lights), Some(ego)) = (input.lights.get(), ego.filter(|ego| ego.is_plausible())) {
             let to_front_m = self.shape.length_m - self.shape.rear_overhang_m;
-            let front_s_m = self.route.project(ego.pose.point()).s_m + to_front_m;
-            self.hold(&lights.lights, front_s_m, ego.speed_mps);
+            let front_s_m = self.place.locate(self.route.line(), ego.pose).s_m + to_front_m;
+            self.hold(lights, front_s_m, ego.speed_mps);
             for (k, line_s_m) in self.held.iter().enumerate() {
-                list.predictions.push(self.wall(LAST_ID - k as u32, *line_s_m, &list));
+                let id = ActorId(LAST_ID - k as u32);
+                list.predictions.push(wall(id, *line_s_m, &self.route, list.stamp));
             }
         }
         out.send(list);
@@ -93,16 +111,31 @@ impl Operator for StopLines {
 }
 
 impl StopLines {
-    /// Which lines hold: those of red lights, of yellow ones where there is room, and of those that held and show
-    /// nothing now; never one that is behind.
-    fn hold(&mut self, lights: &[TrafficLight], front_s_m: f64, speed_mps: f64) {
-        let room_m = 0.5 * speed_mps * speed_mps / self.table.brake_mps2;
+    fn on(table: Table, route: Route, vehicle: &VehicleParams) -> Self {
+        let brake_max_mps2 = vehicle.limits.brake_max_mps2;
+        Self {
+            table,
+            route,
+            shape: vehicle.shape,
+            brake_max_mps2,
+            held: Vec::new(),
+            yellow: Vec::new(),
+            place: LineTracker::default(),
+        }
+    }
+
+    /// Updates the lines at which the ego stops: of red lights, of yellow ones as [`stops_at_yellow`](Self::stops_at_yellow)
+    /// decides, and of those that held and show nothing now; none that is behind, and none that full brake does not reach.
+    fn hold(&mut self, lights: &TrafficLights, front_s_m: f64, speed_mps: f64) {
+        let TrafficLights { stamp, ref lights, .. } = *lights;
+        self.watch_yellow(lights, stamp);
+        let can_stop = |line_s_m: f64| front_s_m + way_m(speed_mps, self.brake_max_mps2) < line_s_m;
         let holds = |light: &TrafficLight| {
             let line_s_m = light.stop_s_m.filter(|line_s_m| front_s_m < line_s_m + PASSED_M)?;
             let held = self.held.contains(&line_s_m);
             let stops = match light.signal {
-                Some(Signal::Red) => true,
-                Some(Signal::Yellow) => held || front_s_m + room_m < line_s_m,
+                Some(Signal::Red) => held || can_stop(line_s_m),
+                Some(Signal::Yellow) => held || self.stops_at_yellow(line_s_m, stamp, [front_s_m, speed_mps]),
                 Some(Signal::Green) => false,
                 None => held,
             };
@@ -117,19 +150,60 @@ impl StopLines {
         self.held = now;
     }
 
-    /// Something that stands across the drivable ground, from the line on, as long as anything is predicted.
-    fn wall(&self, id: u32, line_s_m: f64, list: &PredictionList) -> Prediction {
-        let [length_m, height_m] = WALL_M;
-        let s_m = line_s_m + 0.5 * length_m;
-        let [left_m, right_m] = [self.route.left_m(s_m), self.route.right_m(s_m)];
-        let at = self.route.unproject(FrenetPoint { s_m, d_m: 0.5 * (left_m - right_m) });
-        let pose = Pose2::new(at.x_m, at.y_m, self.route.line().at(s_m).pose.heading_rad);
-        Prediction {
-            id: ActorId(id),
-            kind: ActorKind::Static,
-            extent: Extent { length_m, width_m: left_m + right_m, height_m },
-            probability: 1.0,
-            path: vec![PredictedPose { at: list.stamp, pose }],
+    /// Keeps since when lights are yellow.
+    fn watch_yellow(&mut self, lights: &[TrafficLight], stamp: Time) {
+        let is_yellow = |line_s_m: f64| {
+            let shows = |light: &TrafficLight| {
+                light.stop_s_m == Some(line_s_m) && light.signal == Some(Signal::Yellow)
+            };
+            lights.iter().any(shows)
+        };
+        self.yellow.retain(|(line_s_m, _)| is_yellow(*line_s_m));
+        for line_s_m in
+            lights.iter().filter_map(|light| light.stop_s_m).filter(|line_s_m| is_yellow(*line_s_m))
+        {
+            if !self.yellow.iter().any(|(known, _)| *known == line_s_m) {
+                self.yellow.push((line_s_m, stamp));
+            }
         }
     }
+
+    /// Whether the ego stops at a yellow light: comfortably where there is room; else only if it cannot reach the line in
+    /// the least time that a light is yellow, and full brake suffices. So no place is left from which the ego can neither
+    /// stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
+    fn stops_at_yellow(&self, line_s_m: f64, stamp: Time, [front_s_m, speed_mps]: [f64; 2]) -> bool {
+        let Table { brake_mps2, reaction_s } = self.table;
+        let ahead_m = line_s_m - front_s_m;
+        if way_m(speed_mps, brake_mps2) + speed_mps * reaction_s < ahead_m {
+            return true;
+        }
+        let since =
+            self.yellow.iter().find(|(known, _)| *known == line_s_m).map_or(stamp, |(_, since)| *since);
+        let left_s = YELLOW_MIN_S - (stamp - since).as_secs();
+        speed_mps * left_s < ahead_m && way_m(speed_mps, self.brake_max_mps2) < ahead_m
+    }
 }
+
+/// An obstacle across the drivable ground, from arc length `line_s_m` of the route on, for as long as anything is predicted.
+pub(super) fn wall(id: ActorId, line_s_m: f64, route: &Route, at: Time) -> Prediction {
+    let [length_m, height_m] = WALL_M;
+    let s_m = line_s_m + 0.5 * length_m;
+    let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
+    let middle = route.unproject(FrenetPoint { s_m, d_m: 0.5 * (left_m - right_m) });
+    let pose = Pose2::new(middle.x_m, middle.y_m, route.line().at(s_m).pose.heading_rad);
+    Prediction {
+        id,
+        kind: ActorKind::Static,
+        extent: Extent { length_m, width_m: left_m + right_m, height_m },
+        probability: 1.0,
+        path: vec![PredictedPose { at, pose }],
+    }
+}
+
+/// Way to standstill, metres.
+fn way_m(speed_mps: f64, brake_mps2: f64) -> f64 {
+    0.5 * speed_mps * speed_mps / brake_mps2
+}
+
+#[cfg(test)]
+mod tests;

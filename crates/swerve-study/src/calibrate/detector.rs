@@ -173,9 +173,10 @@ fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
     Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
 }
 
-/// Those in a folder in which there is somebody to be found.
+/// Those in a folder, without its folders, in which there is somebody to be found.
 fn scenarios(folder: &Path) -> anyhow::Result<Vec<Scenario>> {
-    let files = swerve_report::files::toml_files(folder)?;
+    let mut files = swerve_report::files::toml_files(folder)?;
+    files.retain(|file| file.parent() == Some(folder));
     let all: Vec<Scenario> = files.iter().map(|file| read_scenario(file)).collect::<Result<_, _>>()?;
     let peopled: Vec<Scenario> = all.into_iter().filter(|scenario| !scenario.actors.is_empty()).collect();
     ensure!(!peopled.is_empty(), "{}: no scenarios with actors", folder.display());

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
 use swerve_drive::shipped::Kind;
-use swerve_text::{Document, Problem};
+use swerve_text::{Document, Problem, is_within, list};
 
-use super::{SCENARIO, StudyFile, flatten};
+use super::{SCENARIO, Step, StudyFile, flatten};
 
 /// The lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
@@ -44,6 +44,8 @@ pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTr
         for (j, setting) in axis.settings.iter().enumerate() {
             let key = format!("axis[{i}].settings[{j}].scenario");
             named.push((key, setting.scenario.as_ref(), Kind::Scenario));
+            let key = format!("axis[{i}].settings[{j}].config");
+            named.extend(setting.config.0.iter().map(|path| (key.clone(), Some(path), Kind::Config)));
         }
         if axis.key.as_deref() == Some(SCENARIO) {
             let key = format!("axis[{i}].values");
@@ -75,4 +77,27 @@ pub(super) fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
     // Through a symbolic link, `a/..` may be elsewhere.
     let same = joined.canonicalize().ok() == short.canonicalize().ok();
     kind.meant(path, if same { short } else { joined })
+}
+
+/// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
+pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
+    let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
+    let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
+    Some(Problem {
+        file: "--set".to_owned(),
+        line: None,
+        key: key.clone(),
+        message: format!("the axis `{axis}` of the study varies it"),
+    })
+}
+
+/// What is said of an axis that a study does not have.
+pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
+    let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
+    let expected = if axes.is_empty() {
+        "the study has none".into()
+    } else {
+        format!("expected one of {}", list(&axes))
+    };
+    format!("no axis of the name `{name}`; {expected}")
 }

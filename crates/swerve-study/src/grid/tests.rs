@@ -77,6 +77,23 @@ fn an_axis_can_be_over_scenarios_and_a_base_of_several_configurations() {
 }
 
 #[test]
+fn a_setting_lays_configurations_over_those_of_the_base() {
+    let text = "base = { scenario = \"lane\", config = \"ros2\" }\n\
+                [[axis]]\nname = \"pose\"\n\
+                settings = [{ name = \"truth\" }, { name = \"rtk\", config = \"localizer\", set = { seed = 7 } }]\n\
+                [[axis]]\nkey = \"planning.added_latency_ms\"\nvalues = [0, 100]\n";
+    let study = study(text).unwrap();
+    let commands: Vec<String> = study.cells.iter().map(|cell| study.command(cell)).collect();
+    assert_eq!(commands[1], "swerve run lane -c ros2 --set planning.added_latency_ms=100");
+    assert_eq!(
+        commands[2],
+        "swerve run lane -c ros2 -c localizer --set seed=7 --set planning.added_latency_ms=0"
+    );
+    let files = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+    assert_eq!(study.configs(), BTreeSet::from([files(&["ros2"]), files(&["ros2", "localizer"])]));
+}
+
+#[test]
 fn nonsense_names_its_place() {
     let wrong = |text: &str| {
         let problems = study(text).expect_err("wrong on purpose");

@@ -1,7 +1,7 @@
 use super::*;
 use crate::grid::{Budget, Cell};
 
-fn study() -> Study {
+pub(crate) fn study() -> Study {
     let label = |p: &str, v: &str, s: &str| vec![p.to_owned(), v.to_owned(), s.to_owned()];
     let cells =
         [label("fot", "16", "1"), label("fot", "16", "2"), label("fot", "18", "1"), label("fot", "18", "2")];
@@ -19,7 +19,7 @@ fn study() -> Study {
         cells: cells
             .into_iter()
             .enumerate()
-            .map(|(index, labels)| Cell { index, labels, scenario: None, sets: vec![] })
+            .map(|(index, labels)| Cell { index, labels, scenario: None, config: vec![], sets: vec![] })
             .collect(),
         budget: None,
         timeout_is_good: false,
@@ -163,4 +163,34 @@ fn a_budget_up_to_which_nothing_failed_is_a_lower_bound() {
         let wanted = format!("fot,16,1,{},{},avoided", first.unwrap(), first == Some(300.0));
         assert_eq!(csv.lines().nth(1), Some(wanted.as_str()));
     }
+}
+
+#[test]
+fn squares_state_the_share_of_comfortable_plans_where_the_layer_drives_at_all() {
+    let study = study();
+    let with = |cell: &Cell, comfortable: f64, found: f64| {
+        let counts = [("comfortable", comfortable), ("found", found)];
+        let figures = counts.map(|(name, n)| (format!("plans.counts.{name}"), n)).into();
+        result(cell, "avoided", None).map(|result| CellResult { figures, ..result })
+    };
+    let grid = |plans: [(f64, f64); 4]| {
+        let results = study.cells.iter().zip(plans).map(|(cell, (made, found))| with(cell, made, found));
+        Grid::of(&study, &results.collect::<Vec<_>>())
+    };
+    // Both seeds of a square together: 40 of 50 and 20 of 30 plans.
+    let shared = grid([(40.0, 10.0), (20.0, 10.0), (0.0, 30.0), (0.0, 30.0)]);
+    assert!(
+        shared.squares[0].text().ends_with(", 75 % of plans comfortable"),
+        "{}",
+        shared.squares[0].text()
+    );
+    assert!(shared.squares[1].text().ends_with(", no plan comfortable"), "{}", shared.squares[1].text());
+    let picture = crate::heatmap::draw(&shared, "t").svg();
+    assert!(
+        picture.contains("75 % of plans comfortable") && picture.contains("comfortable layer"),
+        "{picture}"
+    );
+    let without = grid([(0.0, 30.0); 4]);
+    assert!(!without.text().contains("comfortable"), "{}", without.text());
+    assert!(!crate::heatmap::draw(&without, "t").svg().contains("comfortable"));
 }

@@ -10,6 +10,7 @@ use serde_json::Value;
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Map, Point, Pose2, Transform};
 use swerve_localization::map_file::MapFile;
+use swerve_log::{Log, Record};
 use swerve_msg::{EgoState, LidarPoint, PointCloud};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::cdr;
@@ -105,6 +106,68 @@ fn a_drive_by_a_lidar_is_repeated_from_its_log() {
         assert!(row[1].parse::<u32>().unwrap() >= 10, "{said}");
         assert_eq!(row[2..], ["0", "0", "0"], "{said}");
     }
+}
+
+/// Two bends by corrected fixes; the inertial unit fails in the first.
+const BENDS: &str = r#"name = "bends"
+description = "Two bends."
+
+[road]
+segments = [{ length_m = 20.0 }, { length_m = 90.0, curvature_1pm = 0.025 }, { length_m = 40.0, curvature_1pm = -0.02 }, { length_m = 30.0 }]
+lane_width_m = 4.0
+
+[ego]
+target_speed_mps = 8.0
+end_m = 165.0
+
+[end]
+timeout_s = 40.0
+"#;
+
+/// A unit that is silent, frozen or noisy for three seconds: steering angle, wheels and fixes carry the pose, the mode is never
+/// good and wrong for longer than a second, and the car stays in its lane.
+#[test]
+fn a_drive_goes_on_over_a_failing_inertial_unit() {
+    let bench = Bench::new();
+    bench.write("bends.toml", BENDS);
+    for harm in ["drop = true", "freeze_ms = 3000", "noise = 20"] {
+        let until_ms = if harm.starts_with("freeze") { 6010 } else { 9000 };
+        let fault =
+            format!("fault.unit={{ stream = \"imu\", {harm}, from_ms = 6000, until_ms = {until_ms} }}");
+        let said = bench.good(&["run", "bends.toml", "-c", "localizer", "--set", &fault, "--json"]);
+        let metrics: Value = serde_json::from_str(&said).unwrap();
+        let number = |key: &str| metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap();
+        println!("{harm}: {}", metrics["localization"]);
+        assert_eq!(metrics["verdict"].as_str(), Some("completed"), "{harm}: {metrics}");
+        assert!(number("quality/false_good_max_s") <= 1.0, "{harm}");
+        // A corrected fix is off by 2 cm; a tenth of the yaw rate for three seconds turns a way of 24 m by 3.4 degrees.
+        assert!(number("max_m") < 0.5 && number("heading_rms_deg") < 3.4, "{harm}");
+        assert!((0.03..0.3).contains(&number("quality/coasting_share")), "{harm}");
+    }
+}
+
+/// A lidar that sees nothing for three seconds of a drive is on the map again within a second of its first turn.
+#[test]
+fn a_lidar_that_was_blind_is_found_where_the_filter_is() {
+    let bench = bench();
+    let fault = "fault.blind={ stream = \"roof.points\", drop = true, from_ms = 3000, until_ms = 6000 }";
+    let set = ["--set", "localization.localizer=eskf_ndt", "--set", fault, "--out", "out"];
+    bench.good(&[&["run", "street", "-c", "lidar.toml"], &set[..]].concat());
+    let log = Log::read(&bench.path("out/log.mcap")).unwrap();
+    let matched: Vec<i64> = log
+        .records
+        .iter()
+        .filter_map(|record| match record {
+            Record::Publication(of) if of.stream.stream == "scan_matcher" => Some(of.header.stamp),
+            _ => None,
+        })
+        .map(|stamp| (stamp - Time::ZERO).ns() / 1_000_000)
+        .collect();
+    let within =
+        |from_ms: i64, until_ms: i64| matched.iter().filter(|ms| (from_ms..until_ms).contains(ms)).count();
+    assert!(within(2000, 3000) >= 9, "{matched:?}");
+    assert_eq!(within(3200, 6000), 0, "{matched:?}");
+    assert!(within(6000, 7000) >= 8 && within(7000, 8000) >= 9, "{matched:?}");
 }
 
 #[test]

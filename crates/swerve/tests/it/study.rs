@@ -98,6 +98,31 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
 }
 
 #[test]
+fn a_comparison_of_planners_states_where_the_comfortable_layer_drove() {
+    let bench = Bench::new();
+    bench.write(
+        "planners.toml",
+        "base = { scenario = \"lane\", set = { \"scenario.ego.end_m\" = 30 } }\n\
+         axis = [{ key = \"planning.planner\", values = [\"fot\", \"rrt_star\"] }]\n",
+    );
+    let said = "made every plan of 2 of 2 drives";
+    let key = "planning.comfort.enabled=false";
+    let table = bench.good(&["study", "planners.toml", "--out", "o"]);
+    for text in [table, bench.read("o/heatmap.svg"), bench.read("o/report.html")] {
+        assert!(text.contains(said) && text.contains(key), "{text}");
+    }
+    assert!(bench.read("o/cells.csv").contains(",plans.comfortable_share,"));
+    let without = bench.good(&["study", "planners.toml", "--out", "without", "--set", key]);
+    assert!(!without.contains("comfortable"), "{without}");
+    let one = ["run", "lane", "--set", "scenario.ego.end_m=30", "--out", "one"];
+    let run = bench.good(&one);
+    assert!(
+        run.lines().any(|line| line.trim().starts_with("comfortable layer") && line.ends_with("(100 %)")),
+        "{run}"
+    );
+}
+
+#[test]
 fn commands_of_a_budget_drive_it() {
     let bench = Bench::new();
     bench.write(

@@ -357,3 +357,40 @@ fn the_car_drives_what_is_found() {
     }
     println!("furthest off its path: {worst:?}");
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #[test]
+    fn solutions_from_far_aside_keep_the_problems_limits(
+        aside in -80.0..80.0, speed in 0.0..20.0, across in -4.0..4.0, target in 2.0..25.0, max_accel in 3.0..10.0,
+    ) {
+        let mut config = config(0.3, 0.5);
+        (config.max_accel, config.max_speed) = (max_accel, 28.0);
+        let text = format!(
+            r#"{{ "id": "a", "waypoints": [[0, 0], [40, 0], [90, 15], [200, 60]], "pos": [30, {aside}],
+                "vel": [{speed}, {across}], "target_speed": {target}, "obstacles": [] }}"#
+        );
+        let problem: FotProblem = serde_json::from_str(&text).unwrap();
+        let posed = Posed::new(&problem, &config, Preset::Best).unwrap();
+        let task = posed.task();
+        let mut lattice = Lattice::default();
+        lattice.set(&posed.params, task.target_mps);
+        let found = Search::default().run(&task, &lattice, None, &mut 0).found();
+        if let Some(candidate) = found {
+            let step_s = 0.01;
+            let path: Vec<Point2> = (0..=(candidate.last_s / step_s) as usize)
+                .map(|k| candidate.motion.at(&posed.line, k as f64 * step_s, posed.heading()))
+                .map(|place| Point2::new(place.x_m, place.y_m))
+                .collect();
+            let velocity = |p: &[Point2]| (p[1] - p[0]) * (1.0 / step_s);
+            let fastest = path.windows(2).map(|p| velocity(p).norm()).fold(0.0, f64::max);
+            // Over a tenth of a second: the line between its entries is a chord.
+            let accels = (0..path.len().saturating_sub(20)).map(|k| {
+                let (a, b, c) = (path[k], path[k + 10], path[k + 20]);
+                ((c - b) - (b - a)).norm() / 0.01
+            });
+            let hardest = accels.fold(0.0, f64::max);
+            prop_assert!(fastest <= 28.0 * 1.01 && hardest <= max_accel * 1.03, "{fastest} {hardest}");
+        }
+    }
+}

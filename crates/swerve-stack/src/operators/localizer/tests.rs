@@ -89,7 +89,9 @@ impl Drive {
                 localizer.take(world.stamp, Sensed::Imu { accel_mps2, gyro_radps });
                 let speeds = rolling_speeds_radps(&world.ego, vehicle);
                 if let Some(turned) = (ms % 20 == 0).then(|| wheels.sense(&world, speeds)).flatten() {
-                    localizer.take(world.stamp, Sensed::Wheels(turned.speed_mps));
+                    let curvature_1pm = Some(math::tan(turned.steering_rad) / vehicle.shape.wheelbase_m);
+                    let speed_mps = turned.speed_mps;
+                    localizer.take(world.stamp, Sensed::Wheels { speed_mps, curvature_1pm });
                 }
                 if ms % 100 == 0 {
                     let fix = gnss.sense(&world).and_then(|fix| receiver.sensed(&fix, told.offset_m));

@@ -1,0 +1,286 @@
+//! Driving among others: time to collision, time headway, use of the ground beside the own lane, speed over the target.
+//!
+//! The own lane is the strip of the lane's width around the route; what is to the left of it counts as the oncoming lane,
+//! whatever its direction. Places along the route are sought near the one before, so that a road may cross itself.
+
+use serde::{Deserialize, Serialize};
+use swerve_core::{Span, Time};
+use swerve_geom::{FrenetPoint, Obb, Point2, Vector2, angle_between};
+use swerve_msg::truth::{Actor, WorldState};
+use swerve_msg::{ActorId, ActorKind, Route};
+
+use crate::{Outline, seconds};
+
+/// Between two states that are looked at; nuPlan's metrics look every 100 ms.
+const PERIOD: Span = Span::from_ms(50);
+/// No longer headways than this are looked for, metres.
+const AHEAD_M: f64 = 100.0;
+/// The ego and its corners are this near to its place one period before, metres.
+const NEAR_M: f64 = 20.0;
+/// A lead has the lane's direction within this, radians (45 degrees): a crossing car is not followed.
+const ALONG_RAD: f64 = core::f64::consts::FRAC_PI_4;
+/// An ego that is slower has no headway, m/s.
+const STANDS_MPS: f64 = 0.1;
+
+/// The lane and the speed that the ego is to keep, as far as they are known.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Norm {
+    /// Width of the own lane, metres.
+    pub lane_width_m: Option<f64>,
+    /// The speed it is to drive at, m/s.
+    pub target_speed_mps: Option<f64>,
+}
+
+/// How the ego drove among others, until its first contact.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct TrafficMetrics {
+    /// Least time to collision, seconds: until the outlines of the ego and an actor touch if both keep velocity and heading
+    /// (Hayward 1972; as in nuPlan's `time_to_collision_within_bound`, without its horizon). Absent where the ego was never
+    /// on the way to touch anybody.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_ttc_s: Option<f64>,
+    /// The actor of that time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_ttc_actor: Option<ActorId>,
+    /// Its instant, seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_ttc_at_s: Option<f64>,
+    /// Least time headway, seconds: the distance along the route from the ego's front to the rear of the lead, over the ego's
+    /// speed (time gap of ISO 15622). The lead is the nearest vehicle ahead with its centre in the own lane and at most 45
+    /// degrees to its direction. Absent where there never was one within 100 m while the ego drove in its lane.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_headway_s: Option<f64>,
+    /// Its instant, seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_headway_at_s: Option<f64>,
+    /// Way of the ego origin while part of the outline was outside the own lane, to either side, metres. Absent where the
+    /// lane is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_over_line_m: Option<f64>,
+    /// Time during which part of the outline was to the left of the own lane, seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_in_oncoming_lane_s: Option<f64>,
+    /// Largest excess of the speed over the target speed, m/s; zero where it never was above. Absent where no target speed
+    /// is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_over_target_mps: Option<f64>,
+}
+
+/// Takes in the states of a drive.
+#[derive(Clone, Debug)]
+pub(crate) struct Traffic {
+    ego: Outline,
+    norm: Norm,
+    route: Option<Route>,
+    next: Option<Time>,
+    last: Option<(Time, Point2)>,
+    s_m: Option<f64>,
+    figures: TrafficMetrics,
+}
+
+impl Traffic {
+    /// For an ego of this outline on its way along a route.
+    pub(crate) fn new(ego: Outline, route: Option<Route>, norm: Norm) -> Self {
+        let figures = TrafficMetrics::default();
+        Self { ego, norm, route, next: None, last: None, s_m: None, figures }
+    }
+
+    /// Takes in the state of the world after one step.
+    pub(crate) fn take(&mut self, world: &WorldState) {
+        let next = *self.next.get_or_insert(world.stamp);
+        if world.stamp < next {
+            return;
+        }
+        self.next = Some(next + PERIOD);
+        let outline = self.ego.footprint(world.ego.state.pose);
+        self.time_to_collision(world, &outline);
+        self.speed(world.ego.state.speed_mps);
+        if let (Some(route), Some(width_m)) = (self.route.take(), self.norm.lane_width_m) {
+            self.lane(world, &outline, (&route, 0.5 * width_m));
+            self.route = Some(route);
+        }
+        self.last = Some((world.stamp, world.ego.state.pose.point()));
+    }
+
+    /// The figures so far.
+    pub(crate) fn metrics(&self) -> TrafficMetrics {
+        self.figures
+    }
+
+    fn time_to_collision(&mut self, world: &WorldState, outline: &Obb) {
+        let own = world.ego.velocity_mps.coords;
+        let own = Vector2::new(own.x, own.y);
+        for actor in &world.actors {
+            let Some(time_s) = actor.time_to_contact_s(outline, own) else { continue };
+            if self.figures.min_ttc_s.is_none_or(|least_s| time_s < least_s) {
+                self.figures.min_ttc_s = Some(time_s);
+                self.figures.min_ttc_actor = Some(actor.id);
+                self.figures.min_ttc_at_s = Some(seconds(world.stamp));
+            }
+        }
+    }
+
+    fn speed(&mut self, speed_mps: f64) {
+        if let Some(target_mps) = self.norm.target_speed_mps {
+            let over_mps = self.figures.speed_over_target_mps.get_or_insert(0.0);
+            *over_mps = over_mps.max(speed_mps - target_mps);
+        }
+    }
+
+    fn lane(&mut self, world: &WorldState, outline: &Obb, lane: (&Route, f64)) {
+        let (route, half_m) = lane;
+        let center = outline.center.point();
+        let place = match self.s_m {
+            Some(s_m) => route.project_near(center, s_m, NEAR_M),
+            None => route.project(center),
+        };
+        self.s_m = Some(place.s_m);
+        let corners = outline.corners().map(|corner| route.project_near(corner, place.s_m, NEAR_M).d_m);
+        let is_left = corners.iter().any(|d_m| *d_m > half_m);
+        let is_outside = is_left || corners.iter().any(|d_m| *d_m < -half_m);
+        let (since, from) = self.last.unwrap_or((world.stamp, world.ego.state.pose.point()));
+        let over_m = self.figures.distance_over_line_m.get_or_insert(0.0);
+        *over_m += if is_outside { from.distance(world.ego.state.pose.point()) } else { 0.0 };
+        let oncoming_s = self.figures.time_in_oncoming_lane_s.get_or_insert(0.0);
+        *oncoming_s += if is_left { (world.stamp - since).as_secs() } else { 0.0 };
+        if place.d_m.abs() <= half_m && world.ego.state.speed_mps > STANDS_MPS {
+            self.headway(world, place.s_m, lane);
+        }
+    }
+
+    fn headway(&mut self, world: &WorldState, s_m: f64, (route, half_m): (&Route, f64)) {
+        let gap_m = |actor: &Actor| {
+            let place = lead_place(actor, route, s_m).filter(|place| place.d_m.abs() <= half_m)?;
+            Some(place.s_m - s_m - 0.5 * (actor.extent.length_m + self.ego.length_m))
+        };
+        let Some(gap_m) = world.actors.iter().filter_map(gap_m).reduce(f64::min) else { return };
+        let headway_s = gap_m.max(0.0) / world.ego.state.speed_mps;
+        if self.figures.min_headway_s.is_none_or(|least_s| headway_s < least_s) {
+            self.figures.min_headway_s = Some(headway_s);
+            self.figures.min_headway_at_s = Some(seconds(world.stamp));
+        }
+    }
+}
+
+/// The place along the route of a vehicle that is ahead of `s_m` and goes or faces along the lane.
+fn lead_place(actor: &Actor, route: &Route, s_m: f64) -> Option<FrenetPoint> {
+    if matches!(actor.kind, ActorKind::Pedestrian | ActorKind::Static) {
+        return None;
+    }
+    let place = route.project_near(actor.pose.point(), s_m, AHEAD_M);
+    let lane_rad = route.line().at(place.s_m).pose.heading_rad;
+    let is_along = angle_between(lane_rad, actor.pose.heading_rad).abs() <= ALONG_RAD;
+    (is_along && place.s_m > s_m && place.s_m - s_m <= AHEAD_M).then_some(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verdict::tests::{actor, world};
+    use swerve_geom::{Polyline, Pose2, Vector};
+
+    /// The centre of its outline is its origin: its front is 2.5 m ahead of that.
+    const EGO: Outline = Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 0.0 };
+
+    fn traffic() -> Traffic {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(900.0, 0.0)]).unwrap();
+        let norm = Norm { lane_width_m: Some(4.0), target_speed_mps: Some(10.0) };
+        Traffic::new(EGO, Some(Route::uniform(line, 6.0, 2.0)), norm)
+    }
+
+    fn at(ms: i64, (x_m, y_m): (f64, f64), speed_mps: f64, actors: Vec<Actor>) -> WorldState {
+        let mut state = world(ms, x_m);
+        state.ego.state.pose = Pose2::new(x_m, y_m, 0.0);
+        state.ego.state.speed_mps = speed_mps;
+        state.ego.velocity_mps = Vector::new(speed_mps, 0.0, 0.0);
+        state.actors = actors;
+        state
+    }
+
+    fn car(id: u32, (x_m, y_m, heading_rad): (f64, f64, f64), speed_mps: f64) -> Actor {
+        let pose = Pose2::new(x_m, y_m, heading_rad);
+        let mut car = actor(id, ActorKind::Car, pose, 4.0, 2.0);
+        car.velocity_mps = pose.direction() * speed_mps;
+        car
+    }
+
+    #[test]
+    fn ttc_is_gap_over_closing_speed_and_absent_when_not_closing() {
+        let mut drive = traffic();
+        // 20.5 m between the bumpers; the lead is faster, as fast, then slower by 4 m/s.
+        for (k, lead_mps) in [(0, 12.0), (1, 10.0)] {
+            drive.take(&at(50 * k, (0.0, 0.0), 10.0, vec![car(1, (25.0, 0.0, 0.0), lead_mps)]));
+            assert_eq!(drive.metrics().min_ttc_s, None);
+        }
+        drive.take(&at(100, (0.0, 0.0), 10.0, vec![car(1, (25.0, 0.0, 0.0), 6.0)]));
+        drive.take(&at(150, (0.0, 0.0), 10.0, vec![car(1, (35.0, 0.0, 0.0), 6.0)]));
+        let found = drive.metrics();
+        assert_eq!(found.min_ttc_s, Some(20.5 / 4.0));
+        assert_eq!((found.min_ttc_actor, found.min_ttc_at_s), (Some(ActorId(1)), Some(0.1)));
+        // An oncoming car in the next lane is passed, one in the own lane is met.
+        let half_turn = core::f64::consts::PI;
+        drive.take(&at(200, (0.0, 0.0), 10.0, vec![car(2, (44.5, 4.0, half_turn), 10.0)]));
+        assert_eq!(drive.metrics().min_ttc_s, Some(20.5 / 4.0));
+        drive.take(&at(250, (0.0, 0.0), 10.0, vec![car(2, (44.5, 0.5, half_turn), 10.0)]));
+        assert!((drive.metrics().min_ttc_s.unwrap() - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn headway_is_to_the_nearest_vehicle_ahead_in_the_own_lane() {
+        let mut drive = traffic();
+        let quarter_turn = core::f64::consts::FRAC_PI_2;
+        let person = actor(5, ActorKind::Pedestrian, Pose2::new(6.0, 0.0, 0.0), 0.5, 0.5);
+        let others = vec![
+            car(1, (24.5, 1.9, 0.0), 8.0),
+            car(2, (12.0, 4.0, 0.0), 8.0),
+            car(3, (-12.0, 0.0, 0.0), 8.0),
+            car(4, (12.0, 0.0, quarter_turn), 8.0),
+            person,
+        ];
+        // 20 m between the bumpers at 10 m/s.
+        drive.take(&at(0, (0.0, 0.0), 10.0, others.clone()));
+        assert_eq!(drive.metrics().min_headway_s, Some(2.0));
+        // Who stands, or is not in the lane, follows nobody.
+        drive.take(&at(50, (10.0, 0.0), 0.05, others.clone()));
+        drive.take(&at(100, (10.0, 2.1), 10.0, others[..1].to_vec()));
+        assert_eq!(drive.metrics().min_headway_s, Some(2.0));
+        drive.take(&at(150, (10.0, 0.0), 10.0, others[..1].to_vec()));
+        let found = drive.metrics();
+        assert_eq!((found.min_headway_s, found.min_headway_at_s), (Some(1.0), Some(0.15)));
+        assert_eq!(traffic().metrics(), TrafficMetrics::default(), "absent without a state");
+    }
+
+    #[test]
+    fn the_way_over_a_line_and_the_time_left_of_it_count_part_of_the_outline() {
+        let mut drive = traffic();
+        // 1 m on either side of the ego's middle is its own: over a line from 1 m aside on.
+        for k in 0..400_i64 {
+            let d_m = match k {
+                100..140 => 1.1,
+                200..260 => -1.1,
+                300..400 => 0.9,
+                _ => 0.0,
+            };
+            drive.take(&at(5 * k, (0.05 * k as f64, d_m), 10.0, Vec::new()));
+        }
+        let found = drive.metrics();
+        // Looked at every 50 ms, 0.5 m: 4 times to the left, 6 times to the right, of which the first of each moves across.
+        let wanted_m = 2.0 * swerve_geom::math::hypot(0.5, 1.1) + 8.0 * 0.5;
+        assert!((found.time_in_oncoming_lane_s.unwrap() - 0.2).abs() < 1e-9, "{found:?}");
+        assert!((found.distance_over_line_m.unwrap() - wanted_m).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.min_headway_s, None, "nobody is ahead");
+    }
+
+    #[test]
+    fn speed_over_the_target_is_zero_below_it() {
+        let mut drive = traffic();
+        drive.take(&at(0, (0.0, 0.0), 8.0, Vec::new()));
+        assert_eq!(drive.metrics().speed_over_target_mps, Some(0.0));
+        drive.take(&at(50, (0.0, 0.0), 11.5, Vec::new()));
+        drive.take(&at(100, (0.0, 0.0), 9.0, Vec::new()));
+        assert_eq!(drive.metrics().speed_over_target_mps, Some(1.5));
+        let mut unknown = Traffic::new(EGO, None, Norm::default());
+        unknown.take(&at(0, (0.0, 0.0), 8.0, Vec::new()));
+        assert_eq!(unknown.metrics(), TrafficMetrics::default());
+    }
+}

@@ -1,0 +1,85 @@
+//! How a filter moves on without an inertial unit: by wheels and steering angle.
+
+use nalgebra::{Matrix3, Vector3};
+use swerve_geom::math;
+
+use super::fold::Fold;
+use crate::eskf::{ATTITUDE, VELOCITY};
+use crate::params::Params;
+
+/// Noise of a vehicle without an inertial unit: m/s²/√Hz as hard as a car can brake, slide and bounce, rad/s/√Hz as far as it
+/// rolls and pitches, and as hard as it can turn where no steering angle is known either.
+const BLIND_ACCEL: [f64; 3] = [5.0, 2.0, 1.0];
+const BLIND_ROLL: f64 = 0.03;
+const BLIND_YAW: f64 = 0.5;
+/// Error of the yaw rate by the steering angle: rad/s, and as a share (understeer, and the play of the gear). It lasts for about a
+/// second.
+const STEERED_RADPS: f64 = 0.02;
+const STEERED_SHARE: f64 = 0.1;
+/// A steering angle or a speed by the wheels holds for this long, seconds.
+const WHEELS_HOLD_S: f64 = 0.4;
+
+impl Fold {
+    /// Opens what a noisy unit spoilt before it was known to be one.
+    pub(super) fn open_leaked(&mut self, params: &Params) {
+        let [velocity, attitude] = self.unit.leaked(params);
+        for axis in 0..3 {
+            self.filter.covariance[(VELOCITY + axis, VELOCITY + axis)] += velocity;
+            self.filter.covariance[(ATTITUDE + axis, ATTITUDE + axis)] += attitude;
+        }
+    }
+
+    /// Moves on without an inertial unit: as fast as now, along the circle that the front wheels lead on, and not sure of either.
+    pub(super) fn bridge(&mut self, params: &Params, dt_s: f64) {
+        let steered = self.steered_radps();
+        let rate_radps = steered.unwrap_or(0.0);
+        let yaw_noise = match steered {
+            Some(rate) => core::f64::consts::SQRT_2 * math::hypot(STEERED_RADPS, STEERED_SHARE * rate),
+            None => BLIND_YAW,
+        };
+        let gyro_noise = [BLIND_ROLL, BLIND_ROLL, yaw_noise];
+        let blind = Params { accel_noise: BLIND_ACCEL, gyro_noise, gyro_scale: 0.0, ..*params };
+        let accel = Vector3::new(0.0, rate_radps * self.axle_mps().x, 0.0);
+        let turn = Vector3::new(0.0, 0.0, rate_radps);
+        self.filter.predict_without_unit(&blind, &accel, &turn, dt_s);
+    }
+
+    /// Yaw rate by the steering angle at the filter's speed, rad/s; none without a fresh angle.
+    pub(super) fn steered_radps(&self) -> Option<f64> {
+        let (stamp, curvature_1pm) = self.wheels.curvature_1pm?;
+        let is_fresh = (self.at - stamp).as_secs() <= WHEELS_HOLD_S;
+        is_fresh.then(|| curvature_1pm * self.axle_mps().x)
+    }
+
+    /// Goes on along both ways by odometry.
+    pub(super) fn go(&mut self, dt_s: f64) {
+        let speed_mps = self.speed_mps();
+        let gyro_radps = self.imu.map_or(0.0, |imu| imu.gyro_radps.z - self.filter.nominal.gyro_bias_radps.z);
+        let steered = self.wheels.curvature_1pm.map_or(gyro_radps, |(_, curvature)| curvature * speed_mps);
+        for (way, rate_radps) in self.ways.iter_mut().zip([gyro_radps, steered]) {
+            way.go(speed_mps * dt_s, rate_radps * dt_s);
+        }
+    }
+
+    /// Speed by the wheels while they are heard, else the filter's, m/s.
+    pub(super) fn speed_mps(&self) -> f64 {
+        let is_heard = self.wheels.last.is_some_and(|last| (self.at - last).as_secs() <= WHEELS_HOLD_S);
+        if is_heard { self.wheels.speed_mps } else { self.axle_mps().x }
+    }
+
+    pub(super) fn turn_radps(&self) -> Vector3<f64> {
+        match self.imu.filter(|_| !self.is_bridging) {
+            Some(imu) => imu.gyro_radps - self.filter.nominal.gyro_bias_radps,
+            None => Vector3::new(0.0, 0.0, self.steered_radps().unwrap_or(0.0)),
+        }
+    }
+
+    /// Acceleration along the ego's axes: by the unit, or what keeps the car on its circle.
+    pub(super) fn accel_mps2(&self, params: &Params, rotation: &Matrix3<f64>) -> Vector3<f64> {
+        let Some(imu) = self.imu.filter(|_| !self.is_bridging) else {
+            return Vector3::new(0.0, self.turn_radps().z * self.axle_mps().x, 0.0);
+        };
+        let down = rotation.transpose() * Vector3::new(0.0, 0.0, -params.gravity_mps2);
+        imu.accel_mps2 - self.filter.nominal.accel_bias_mps2 + down
+    }
+}

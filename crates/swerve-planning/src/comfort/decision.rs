@@ -1,0 +1,405 @@
+//! The decision flow of the comfortable layer: on in the own lane, past what blocks it, or behind that.
+
+use swerve_core::Time;
+use swerve_geom::Pose2;
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
+use swerve_vehicle::Limits;
+
+use super::{
+    BRAKE_SHARE, CURVE_SHARE, Comfort, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, RIGHT_MAX_M,
+    SWERVE_SHARE, before_curves_mps, taken_up,
+};
+use crate::collision::CollisionMode;
+use crate::following::{Accel, Follower, Gaps, Profile, SpeedTable, Step};
+use crate::fot::curvature_max_1pm;
+use crate::fot::line::OnLine;
+use crate::lane::{Aside, Lane, aside, back_to_centre};
+use crate::passing::{self, Passing};
+use crate::request::{Counted, Request};
+use crate::steady_stop::{self, Demands};
+use crate::traffic::{Behind, Knot, Mover, Traffic};
+
+impl Comfort {
+    /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
+    /// that suffices for a vehicle is more.
+    pub(super) fn comfortable(
+        &mut self,
+        request: &Request<'_>,
+        follower: Option<Behind>,
+        budget: &mut Counted<'_>,
+    ) -> Option<Plan> {
+        let limits = self.params.within(request);
+        let start = taken_up(request);
+        // Out of a swerve that is not comfortable only the planner below leads.
+        if (start.speed_mps * start.yaw_rate_radps).abs() > SWERVE_SHARE * limits.lateral_accel_max_mps2 {
+            return None;
+        }
+        let easy = Request { start, limits: &limits, ..*request };
+        let curves_mps = before_curves_mps(self.gentle.along(&easy), &easy);
+        let hurried_mps = hurried_mps(request.target_speed_mps, start.speed_mps, follower);
+        let place = self.gentle.place(&easy);
+        let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
+        let predictions =
+            if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
+        let easy = Request { target_speed_mps: hurried_mps.min(curves_mps), predictions, ..easy };
+        let scene = Scene { request: &easy, place, traffic: &traffic, vehicle: request.limits };
+        self.free_in(&scene, budget)
+    }
+
+    /// The first free plan of: on in the own lane, past what blocks it, behind that.
+    fn free_in(&mut self, scene: &Scene<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
+        let Scene { request, place, .. } = *scene;
+        let passing = self.passing(scene);
+        let open = passing.as_ref().filter(|passing| passing.may_open(&request.start, &place));
+        let possible = passing.as_ref().is_some_and(Passing::is_possible);
+        let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
+        let waits = self.manner == Manner::Waits;
+        let own = if waits { (0.0, 0.0) } else { own_offsets_m(request, &place) };
+        let mut profile = self.led(scene, possible, |one| !passed(one));
+        let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
+        if !profile.is_led && open.filter(beside).is_none() {
+            self.gentle.set_offsets(own.0, own.1);
+            // All places of a lead at once would be a wall.
+            let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
+            let predictions = swept.as_deref().unwrap_or(request.predictions);
+            let plan = self.gentle.at_speed(&Request { predictions, ..*request }, budget);
+            if let Some(plan) = plan.filter(|plan| self.returns_clear(scene, plan)) {
+                return Some(comfortable(plan));
+            }
+        }
+        if let Some(open) = open {
+            self.gentle.set_offsets(stepped_up_m(open.offset_m), own.1);
+            let led_mps = profile.steps.last().map_or(0.0, |step| step.speed_mps);
+            let target_speed_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
+            let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget);
+            let may = |plan: &Plan| open.may(plan, self.gentle.line(), &request.start, &place);
+            if let Some(plan) = plan.filter(may).or_else(|| self.steer_out(scene, open)) {
+                return Some(comfortable(plan));
+            }
+            profile = self.led(scene, possible, |_| true);
+        }
+        let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
+        self.behind(scene, (own, standing_m), &profile, budget)
+    }
+
+    /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
+    fn behind(
+        &mut self,
+        scene: &Scene<'_>,
+        (own, standing_m): ((f64, f64), f64),
+        profile: &Profile,
+        budget: &mut Counted<'_>,
+    ) -> Option<Plan> {
+        let request = scene.request;
+        if profile.is_led
+            && let Some(plan) = self.follow(scene, profile)
+        {
+            return Some(plan);
+        }
+        // Where something else is in the way, too, it is gone round no faster than the lead allows.
+        let led_mps = profile.steps.last().filter(|_| profile.is_led).map(|step| step.speed_mps);
+        let target_speed_mps = request.target_speed_mps.min(led_mps.unwrap_or(f64::INFINITY));
+        let slower = Request { target_speed_mps, ..*request };
+        self.gentle.set_offsets(own.0, own.1);
+        let found = if profile.is_led { self.gentle.at_speed(&slower, budget) } else { None };
+        let found = found.or_else(|| self.gentle.slower(&slower, budget));
+        if let Some(plan) = found.filter(|plan| !ends_beside(plan, request)) {
+            return Some(comfortable(plan));
+        }
+        // An ego at rest that could not set off with nobody there does not wait for anybody.
+        let v = request.start.speed_mps.max(0.0);
+        let alone = Request { predictions: &[], ..slower };
+        if v < REST_MPS
+            && self.gentle.at_speed(&alone, budget).or_else(|| self.gentle.slower(&alone, budget)).is_none()
+        {
+            return None;
+        }
+        self.stop(scene, standing_m)
+    }
+
+    /// The gentlest steady braking along the way ahead, on the road and to rest in the own lane.
+    fn stop(&self, scene: &Scene<'_>, standing_m: f64) -> Option<Plan> {
+        let request = scene.request;
+        let v = request.start.speed_mps.max(0.0);
+        // As far as the gentlest steady braking takes.
+        let further_m = v * v * f64::from(BRAKE_STEPS) / (2.0 * request.limits.brake_max_mps2) + v * SETTLE_S;
+        let way = self.gentle.way_on(request, further_m);
+        let clearance_m = self.params.clearance_m;
+        let usable = |poses: &[(Pose2, Time)]| {
+            poses.last().is_none_or(|end| request.may_rest_at(end.0))
+                && self.gentle.keeps_road(request, poses)
+        };
+        let stop = |brakes_mps2: [f64; 2]| {
+            let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
+            let brakes = steps.map(|share| brakes_mps2[0] + share * (brakes_mps2[1] - brakes_mps2[0]));
+            let demands = Demands { gap_m: standing_m, clearance_m };
+            steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
+        };
+        let comfort_mps2 = request.limits.brake_max_mps2;
+        if let Some(plan) = stop([0.0, comfort_mps2]) {
+            return Some(comfortable(plan));
+        }
+        // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
+        let plan = if self.only_vehicles_in_way(scene) {
+            stop([comfort_mps2, scene.vehicle.brake_max_mps2])
+        } else {
+            None
+        };
+        plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// Whether all that is or comes into the own lane are vehicles.
+    fn only_vehicles_in_way(&self, scene: &Scene<'_>) -> bool {
+        let lane = self.lane(scene.request);
+        let mut in_way =
+            scene.traffic.movers.iter().filter(|one| {
+                one.knots.iter().any(|knot| knot.to_m > scene.place.s_m && lane.is_blocked(knot))
+            });
+        in_way.all(Mover::is_vehicle)
+    }
+
+    /// Out to the passing offset at a speed that the turn takes, for an ego that hardly moves: lateral motions in time do not
+    /// begin at standstill.
+    fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
+        let request = scene.request;
+        let (start, shape, limits) = (&request.start, request.shape, request.limits);
+        if start.speed_mps > STEERS_OUT_MPS {
+            return None;
+        }
+        let to_m = stepped_up_m(open.offset_m);
+        let tightest_1pm = CURVE_SHARE * curvature_max_1pm(limits, shape);
+        STEER_OUT_M.into_iter().find_map(|length_m| {
+            let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
+            let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
+            let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
+            let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
+            let way = Aside { to_m, length_m };
+            let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
+            let plan = self.checked(scene, points, self.params.clearance_m)?;
+            let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
+            (turns && open.may(&plan, self.gentle.line(), start, &scene.place)).then_some(plan)
+        })
+    }
+
+    /// What blocks the lane and can be passed by the ground beside it.
+    fn passing<'a>(&self, scene: &Scene<'a>) -> Option<Passing<'a>> {
+        let Scene { request, place, traffic, .. } = *scene;
+        let half_m = 0.5 * request.shape.width_m;
+        let beyond = place.d_m + half_m > request.route.lane().left_m(place.s_m) + passing::OVER_LINE_M;
+        let rules = passing::Rules {
+            // A way that is under way is not given up for less than a part of the margin.
+            ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
+            gain_min_mps: if beyond { 0.0 } else { self.params.overtake_gain_mps },
+            over_line_max_s: self.params.over_line_max_s,
+        };
+        if self.manner == Manner::Waits {
+            return None;
+        }
+        let ground = (request.route, request.shape);
+        Passing::new(rules, self.lane(request), ground, traffic, place.s_m, request.target_speed_mps)
+    }
+
+    /// Whether a plan that comes back into the lane leaves a gap to whoever moves there behind the ego.
+    fn returns_clear(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
+        let Scene { request, place, traffic, .. } = *scene;
+        let half_m = 0.5 * request.shape.width_m;
+        let lane = self.lane(request);
+        if place.d_m + half_m <= lane.borders.left_m(place.s_m) + passing::OVER_LINE_M {
+            return true;
+        }
+        let line = self.gentle.line();
+        let mut s_m = place.s_m;
+        for p in plan.points.iter().step_by(2) {
+            let (at_m, d_m) = line.project(p.pose.point(), s_m);
+            s_m = at_m;
+            if d_m + half_m > lane.borders.left_m(s_m) + passing::OVER_LINE_M {
+                continue;
+            }
+            let t_s = (p.at - request.start.stamp).as_secs();
+            let rear_m = s_m - request.shape.rear_overhang_m;
+            return traffic.movers.iter().filter(|one| one.is_vehicle() && !one.stands()).all(|one| {
+                let at = one.at(t_s);
+                !lane.is_blocked(&at) || at.from_m > rear_m || at.to_m + passing::RETURN_GAP_M <= rear_m
+            });
+        }
+        true
+    }
+
+    /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.
+    fn led(&self, scene: &Scene<'_>, steers_out: bool, counts: impl Fn(&Mover) -> bool) -> Profile {
+        let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
+        let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
+        let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);
+        let leads: Vec<_> = leads.map(|one| (one, steers_out && one.stands())).collect();
+        if leads.is_empty() {
+            return Profile::default();
+        }
+        self.profile(scene, leads)
+    }
+
+    /// Lead vehicles that are not passed.
+    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<(&'a Mover, bool)> {
+        let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
+        others.map(|one| (one, false)).collect()
+    }
+
+    /// The speed along the line behind `leads`, each with whether the ego stops where it can steer out.
+    fn profile(&self, scene: &Scene<'_>, leads: Vec<(&Mover, bool)>) -> Profile {
+        let Scene { request, place, vehicle, .. } = *scene;
+        let (line, limits, start) = (self.gentle.line(), request.limits, &request.start);
+        let lane = self.lane(request);
+        let in_way = |knot: &Knot| lane.is_blocked(knot);
+        let brake_mps2 = BRAKE_SHARE * limits.brake_max_mps2;
+        let lateral_mps2 = CURVE_SHARE * limits.lateral_accel_max_mps2;
+        let follower = Follower {
+            gaps: Gaps {
+                standstill_m: self.params.standstill_gap_m,
+                steer_out_m: self.params.steer_out_gap_m,
+                time_s: self.params.time_gap_s,
+            },
+            accel: Accel {
+                most_mps2: limits.accel_max_mps2,
+                brake_mps2: limits.brake_max_mps2,
+                hardest_mps2: vehicle.brake_max_mps2,
+            },
+            target_mps: request.target_speed_mps,
+            curves: &SpeedTable::new(line, place.s_m, TABLE_M, lateral_mps2, brake_mps2),
+            front_m: request.shape.length_m - request.shape.rear_overhang_m,
+            leads,
+            in_way: &in_way,
+        };
+        follower.profile(Step {
+            s_m: place.s_m,
+            speed_mps: start.speed_mps.max(0.0),
+            accel_mps2: start.accel_mps2.clamp(-vehicle.brake_max_mps2, limits.accel_max_mps2),
+        })
+    }
+
+    /// The ego's lane.
+    fn lane<'a>(&self, request: &Request<'a>) -> Lane<'a> {
+        Lane {
+            borders: request.route.lane(),
+            width_m: request.shape.width_m,
+            clearance_m: self.params.clearance_m,
+            on_line: self.manner == Manner::Waits,
+        }
+    }
+
+    /// The plan along a profile, if it is free.
+    fn follow(&mut self, scene: &Scene<'_>, profile: &Profile) -> Option<Plan> {
+        let Scene { request, place, .. } = *scene;
+        let points =
+            back_to_centre(self.gentle.line(), &place, &request.start, &profile.steps, request.shape);
+        let hard = profile.brake_mps2 > request.limits.brake_max_mps2 + HARDER_MPS2;
+        let wanted_m = self.params.clearance_m;
+        let plan =
+            self.checked(scene, points, if hard { HARD_CLEARANCE_M.min(wanted_m) } else { wanted_m })?;
+        let status = if hard { PlanStatus::Found } else { PlanStatus::Comfortable };
+        Some(Plan { status, ..plan })
+    }
+
+    /// The plan of these points, if it is free and no harder across than comfort, or than its beginning.
+    fn checked(&mut self, scene: &Scene<'_>, points: Vec<PlanPoint>, clearance_m: f64) -> Option<Plan> {
+        let request = scene.request;
+        let center = request.start.pose.point();
+        self.obstacles.set_near(&scene.traffic.predictions, CollisionMode::MayStop, center, OBSTACLES_M);
+        let lateral_mps2 = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+        let first_mps2 = points.first().map_or(0.0, lateral_mps2);
+        let most_mps2 = request.limits.lateral_accel_max_mps2.max(SWERVE_SHARE * first_mps2);
+        let poses: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();
+        let holds = points.iter().all(|p| lateral_mps2(p) <= most_mps2)
+            && self.gentle.keeps_road(request, &poses)
+            && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
+        holds.then_some(Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 })
+    }
+}
+
+/// Faster than this a lateral motion in time leads out, m/s.
+const STEERS_OUT_MPS: f64 = 5.0;
+
+/// Lengths over which a slow ego steers out, metres.
+const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
+
+/// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
+const QUINTIC_BEND: f64 = 5.78;
+
+/// What the layer plans in.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    /// From where the plan takes the ego up, within the limits of comfort.
+    request: &'a Request<'a>,
+    /// There along the line.
+    place: OnLine,
+    traffic: &'a Traffic,
+    /// Limits of the vehicle.
+    vehicle: &'a Limits,
+}
+
+fn comfortable(plan: Plan) -> Plan {
+    Plan { status: PlanStatus::Comfortable, ..plan }
+}
+
+/// The target speed, or where somebody behind is about to run into the ego their speed, up to a share more.
+fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64 {
+    let Some(Behind { gap_m, speed_mps: behind_mps }) = follower else { return target_mps };
+    let closing_mps = behind_mps - speed_mps.min(target_mps);
+    if closing_mps * HURRIED_BEFORE_S < gap_m {
+        return target_mps;
+    }
+    behind_mps.clamp(target_mps, HURRIED_SHARE * target_mps.max(0.0))
+}
+
+/// An ego that is run into within this time, seconds, hurries to at most this share of its target speed.
+const HURRIED_BEFORE_S: f64 = 4.0;
+const HURRIED_SHARE: f64 = 1.2;
+
+/// Share of the time to collision in the other lane that is enough once the ego is in it.
+const UNDER_WAY: f64 = 0.6;
+
+/// Offsets that keep the ego in its lane, metres: to the left of the line, and to its right.
+fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
+    let lane = request.route.lane();
+    let ahead = [place.s_m, place.s_m + LANE_AHEAD_M];
+    let room_m = |border_m: f64| {
+        let room_m = border_m - 0.5 * request.shape.width_m - LANE_EDGE_M;
+        (room_m / LATERAL_STEP_M).floor().max(0.0) * LATERAL_STEP_M
+    };
+    let [left_m, right_m] = [lane.left(), lane.right()].map(|border| room_m(border.min_between_m(ahead)));
+    (left_m.min(LEFT_MAX_M), right_m.min(RIGHT_MAX_M))
+}
+
+/// The next offset of the lattice that is no less, metres.
+fn stepped_up_m(offset_m: f64) -> f64 {
+    ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
+}
+
+/// Whether a plan ends at rest beyond the own lane.
+fn ends_beside(plan: &Plan, request: &Request<'_>) -> bool {
+    let end = plan.points.last().filter(|p| p.speed_mps < AT_REST_MPS);
+    end.is_some_and(|end| !request.may_rest_at(end.pose))
+}
+
+/// Slower than this the ego is at rest, m/s.
+const AT_REST_MPS: f64 = 0.5;
+
+/// Slower than this the ego has not set off, m/s.
+const REST_MPS: f64 = 0.1;
+
+/// Time that a deceleration takes to grow, seconds.
+const SETTLE_S: f64 = 2.0;
+
+/// The lane's borders are looked at this far ahead, and kept away from by this much, metres.
+const LANE_AHEAD_M: f64 = 60.0;
+const LANE_EDGE_M: f64 = 0.05;
+
+/// Steady decelerations that are tried, up to a limit.
+const BRAKE_STEPS: u32 = 7;
+
+/// Curves are looked at this far ahead of a profile, metres.
+const TABLE_M: f64 = 160.0;
+
+/// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
+const HARDER_MPS2: f64 = 0.1;
+
+/// Distance from obstacles that is enough where comfort is not, metres.
+const HARD_CLEARANCE_M: f64 = 0.3;

@@ -1,0 +1,255 @@
+//! Following a lead vehicle: speed along the line with a time gap, and the least deceleration that keeps a standstill gap.
+//!
+//! Three bounds on the acceleration, the least of which counts, with a bounded rate:
+//! - towards the speed that target and curves allow;
+//! - a constant time gap: linear in relative speed and gap error, where it brakes never harder than [`OPENING_MPS2`], so
+//!   that the gap behind a vehicle that cuts in opens over seconds;
+//! - the constant deceleration that keeps the standstill gap to a lead that goes on as it does now: the constant-acceleration
+//!   heuristic of Kesting, Treiber and Helbing ("Enhanced intelligent driver model", Phil. Trans. R. Soc. A 368, 2010,
+//!   equation 2.4), with the lead braking until it stands as in the safe distance of Shalev-Shwartz et al. ("On a formal
+//!   model of safe and scalable self-driving cars", 2017, definition 1).
+
+use crate::fot::line::Line;
+use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS};
+
+/// Gains of the time gap: on the relative speed, 1/s, and on the gap's error, 1/s².
+const SPEED_GAIN_1PS: f64 = 0.6;
+const GAP_GAIN_1PS2: f64 = 0.1;
+
+/// Hardest braking to open a gap that is safe, m/s².
+const OPENING_MPS2: f64 = 1.0;
+
+/// Hardest braking to keep the time gap: so much more for each speed with which the gap closes, 1/s.
+const FIRM_1PS: f64 = 0.4;
+
+/// A deceleration that is needed begins to count at the first of these and counts in full from the second on, m/s²:
+/// approaching brakes late and steadily, not early and hardly at all.
+const NEEDED_MPS2: [f64; 2] = [0.8, 1.3];
+
+/// Kept beyond the standstill gap, for what the vehicle is off its plan, metres.
+const SPARE_M: f64 = 0.3;
+
+/// Gap that is left where keeping the standstill gap takes more than comfort, metres.
+const LEAST_GAP_M: f64 = 1.0;
+
+/// Change of speed towards the target in proportion to what is missing, seconds.
+const SETTLES_S: f64 = 0.8;
+
+/// Rates of the acceleration, m/s³: in comfort, and where more is needed.
+const JERK_MPS3: f64 = 5.0;
+const HARD_JERK_MPS3: f64 = 20.0;
+
+/// Time between the steps, seconds.
+pub(crate) const STEP_S: f64 = 0.1;
+
+/// Distance between the entries of a table of speeds, metres.
+const TABLE_M: f64 = 2.0;
+
+/// Least deceleration of a stop whose place is reached, m/s², and the way from which on an ego at rest drives up, metres.
+const CREEP_MPS2: f64 = 0.3;
+const DRIVE_UP_M: f64 = 1.0;
+
+/// Lead vehicles are looked for until this long after the start, seconds.
+const AHEAD_S: f64 = 8.0;
+
+/// Speeds that curves allow along the line from `from_m` on.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct SpeedTable {
+    from_m: f64,
+    speeds_mps: Vec<f64>,
+}
+
+impl SpeedTable {
+    /// For `length_m` from `from_m` on: the largest speed at which curves take `lateral_mps2`, and each is reached by
+    /// `brake_mps2`.
+    pub(crate) fn new(line: &Line, from_m: f64, length_m: f64, lateral_mps2: f64, brake_mps2: f64) -> Self {
+        let count = (length_m / TABLE_M).ceil() as usize;
+        let curve_mps = |k: usize| {
+            let curvature_1pm = line.at(from_m + k as f64 * TABLE_M).curvature_1pm.abs().max(1e-9);
+            (lateral_mps2 / curvature_1pm).sqrt()
+        };
+        let mut speeds_mps: Vec<f64> = (0..=count).map(curve_mps).collect();
+        for k in (0..count).rev() {
+            let reached_mps = (speeds_mps[k + 1] * speeds_mps[k + 1] + 2.0 * brake_mps2 * TABLE_M).sqrt();
+            speeds_mps[k] = speeds_mps[k].min(reached_mps);
+        }
+        Self { from_m, speeds_mps }
+    }
+
+    fn at(&self, s_m: f64) -> f64 {
+        let k = ((s_m - self.from_m) / TABLE_M).max(0.0) as usize;
+        self.speeds_mps[k.min(self.speeds_mps.len() - 1)]
+    }
+}
+
+/// Distances to lead vehicles.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Gaps {
+    /// At rest, metres.
+    pub(crate) standstill_m: f64,
+    /// At rest behind what stands and may be passed later, metres.
+    pub(crate) steer_out_m: f64,
+    /// Added per speed, seconds.
+    pub(crate) time_s: f64,
+}
+
+/// Bounds on the acceleration, m/s².
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Accel {
+    pub(crate) most_mps2: f64,
+    /// Deceleration within comfort.
+    pub(crate) brake_mps2: f64,
+    /// Deceleration of the vehicle.
+    pub(crate) hardest_mps2: f64,
+}
+
+/// One instant of a profile along the line.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Step {
+    pub(crate) s_m: f64,
+    pub(crate) speed_mps: f64,
+    pub(crate) accel_mps2: f64,
+}
+
+/// A motion along the line.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(crate) struct Profile {
+    /// Every [`STEP_S`].
+    pub(crate) steps: Vec<Step>,
+    /// Largest deceleration, m/s².
+    pub(crate) brake_mps2: f64,
+    /// Whether a lead vehicle slows it at any time.
+    pub(crate) is_led: bool,
+}
+
+/// What a profile is computed from.
+pub(crate) struct Follower<'a> {
+    pub(crate) gaps: Gaps,
+    pub(crate) accel: Accel,
+    pub(crate) target_mps: f64,
+    pub(crate) curves: &'a SpeedTable,
+    /// Distance from the ego origin to its front, metres.
+    pub(crate) front_m: f64,
+    /// Lead vehicles, each with whether it can be passed where it stands.
+    pub(crate) leads: Vec<(&'a Mover, bool)>,
+    /// Whether a road user at this place is in the ego's way.
+    pub(crate) in_way: &'a dyn Fn(&Knot) -> bool,
+}
+
+impl Follower<'_> {
+    /// The profile from `start` on, until the ego stands for a while or for [`AHEAD_S`].
+    pub(crate) fn profile(&self, start: Step) -> Profile {
+        let mut profile = Profile::default();
+        let mut now = start;
+        let count = (AHEAD_S.min(HORIZON_S) / STEP_S) as usize;
+        for k in 0..=count {
+            let (wanted_mps2, is_led, hard) = self.wanted(&now, k as f64 * STEP_S);
+            profile.is_led |= is_led;
+            let jerk_mps3 = if hard { HARD_JERK_MPS3 } else { JERK_MPS3 };
+            let next_mps2 =
+                wanted_mps2.clamp(now.accel_mps2 - jerk_mps3 * STEP_S, now.accel_mps2 + jerk_mps3 * STEP_S);
+            let next_mps = (now.speed_mps + 0.5 * (now.accel_mps2 + next_mps2) * STEP_S).max(0.0);
+            let next_mps2 = if next_mps > 0.0 { next_mps2 } else { 0.0 };
+            profile.brake_mps2 = profile.brake_mps2.max(-next_mps2);
+            profile.steps.push(now);
+            let s_m = now.s_m + 0.5 * (now.speed_mps + next_mps) * STEP_S;
+            now = Step { s_m, speed_mps: next_mps, accel_mps2: next_mps2 };
+        }
+        profile
+    }
+
+    /// The acceleration to aim for `t_s` after the start, whether a lead vehicle bounds it, and whether it takes more than
+    /// comfort.
+    fn wanted(&self, now: &Step, t_s: f64) -> (f64, bool, bool) {
+        let free_mps = self.target_mps.min(self.curves.at(now.s_m));
+        let free_mps2 =
+            ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
+        let mut least_mps2 = free_mps2;
+        for &(lead, passable) in &self.leads {
+            let knot = lead.at(t_s);
+            if knot.to_m < now.s_m || !(self.in_way)(&knot) || lead.crosses(t_s) {
+                continue;
+            }
+            let (speed_mps, brake_mps2) = lead.motion(t_s);
+            let standing_m = if passable && speed_mps < STANDS_MPS {
+                self.gaps.steer_out_m
+            } else {
+                self.gaps.standstill_m
+            };
+            let gap_m = knot.from_m - now.s_m - self.front_m;
+            least_mps2 =
+                least_mps2.min(self.behind(now, gap_m, standing_m, (speed_mps.max(0.0), brake_mps2)));
+        }
+        let is_led = least_mps2 < free_mps2 - 0.05;
+        // It dies away until the ego stands.
+        let dies_mps2 = -(2.0 * JERK_MPS3 * now.speed_mps).sqrt().max(CREEP_MPS2);
+        let hard = least_mps2 < -self.accel.brake_mps2 - 0.05;
+        (if hard { least_mps2 } else { least_mps2.max(dies_mps2) }, is_led, hard)
+    }
+
+    /// The acceleration behind one lead, by its speed and deceleration.
+    fn behind(&self, now: &Step, gap_m: f64, standing_m: f64, (lead_mps, brake_mps2): (f64, f64)) -> f64 {
+        let v = now.speed_mps;
+        let room_m = gap_m - standing_m - SPARE_M;
+        if lead_mps < STANDS_MPS && room_m < DRIVE_UP_M {
+            // At rest it stays, and what is left is not crept over.
+            if v == 0.0 {
+                return 0.0;
+            }
+            if room_m < 0.5 * DRIVE_UP_M && v < 1.0 {
+                return -CREEP_MPS2.max(needed_mps2(v, 0.0, 0.0, room_m.max(0.1)).min(self.accel.brake_mps2));
+            }
+        }
+        // To a slower lead the gap that its speed needs.
+        let error_m = gap_m - standing_m - self.gaps.time_s * v.min(lead_mps);
+        let closing_mps = (v - lead_mps).max(0.0);
+        let keeps_mps2 = (SPEED_GAIN_1PS * (lead_mps - v) + GAP_GAIN_1PS2 * error_m).max(-OPENING_MPS2);
+        // It is not crept up to more slowly than by the steady deceleration that ends there.
+        let steady_mps2 =
+            if error_m > 0.0 { closing_mps * closing_mps / (2.0 * error_m) } else { f64::INFINITY };
+        let keeps_mps2 = keeps_mps2.max(-steady_mps2);
+        // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
+        let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
+        let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
+        keeps_mps2
+            .min(self.counted(in_time.min(firm_mps2)))
+            .min(self.braking(v, lead_mps, brake_mps2, gap_m, room_m))
+    }
+
+    /// The bound on the acceleration for a gap that closes, m/s².
+    fn braking(&self, v: f64, lead_mps: f64, brake_mps2: f64, gap_m: f64, room_m: f64) -> f64 {
+        let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
+        let comfort = self.accel.brake_mps2;
+        if needed > comfort {
+            // Beyond comfort the standstill gap is given up for less braking.
+            let least = needed_mps2(v, lead_mps, brake_mps2, gap_m - LEAST_GAP_M.min(0.5 * gap_m));
+            return -needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
+        }
+        self.counted(needed)
+    }
+
+    /// The bound on the acceleration by a deceleration that is needed: none at all to all of it, m/s².
+    fn counted(&self, needed_mps2: f64) -> f64 {
+        let [from, full] = NEEDED_MPS2;
+        let share = ((needed_mps2 - from) / (full - from)).clamp(0.0, 1.0);
+        (1.0 - share) * self.accel.most_mps2 - share * needed_mps2
+    }
+}
+
+/// The least constant deceleration with which an ego at `v` comes no nearer than `room_m` allows to a lead at `lead_mps`
+/// that brakes with `brake_mps2` until it stands, m/s².
+pub(crate) fn needed_mps2(v: f64, lead_mps: f64, brake_mps2: f64, room_m: f64) -> f64 {
+    let room_m = room_m.max(0.05);
+    let closing_mps = (v - lead_mps).max(0.0);
+    if brake_mps2 <= 0.0 {
+        return closing_mps * closing_mps / (2.0 * room_m);
+    }
+    let stop_s = lead_mps / brake_mps2;
+    // Braking harder than the lead: nearest while both move.
+    let moving = brake_mps2 + closing_mps * closing_mps / (2.0 * room_m);
+    if closing_mps > 0.0 && closing_mps / (moving - brake_mps2) <= stop_s {
+        return moving;
+    }
+    let lead_m = lead_mps * lead_mps / (2.0 * brake_mps2);
+    v * v / (2.0 * (room_m + lead_m))
+}

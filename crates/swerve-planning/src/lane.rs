@@ -1,0 +1,116 @@
+//! The ego's own lane: what blocks it, and the way back to its centre.
+
+use swerve_core::Span;
+use swerve_geom::{Pose2, math};
+use swerve_map::Borders;
+use swerve_msg::{EgoState, PlanPoint};
+use swerve_vehicle::Shape;
+
+use crate::following::{STEP_S, Step};
+use crate::fot::line::{Line, OnLine};
+use crate::fot::poly::Quintic;
+use crate::traffic::Knot;
+
+/// The way back to the centre takes this long, seconds, and at least this far, metres.
+const RETURN_S: f64 = 4.0;
+const RETURN_MIN_M: f64 = 10.0;
+
+/// It is so much longer for each square root of a metre that the ego is beside the centre: bounds its curvature.
+const RETURN_PER_ROOT_M: f64 = 12.0;
+
+/// Slower than this a yaw rate says nothing of the curvature, m/s.
+const TURNS_MPS: f64 = 0.5;
+
+/// The ego's lane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lane<'a> {
+    /// Its borders beside the line.
+    pub(crate) borders: &'a Borders,
+    /// Width of the ego, metres.
+    pub(crate) width_m: f64,
+    /// Distance to keep from what is passed, metres.
+    pub(crate) clearance_m: f64,
+    /// Whether the ego keeps to the line.
+    pub(crate) on_line: bool,
+}
+
+impl Lane<'_> {
+    /// Whether a road user there leaves no room to pass it within the lane.
+    pub(crate) fn is_blocked(&self, knot: &Knot) -> bool {
+        let needed_m = self.width_m + self.clearance_m;
+        if self.on_line {
+            let half_m = 0.5 * self.width_m + self.clearance_m;
+            return knot.right_m < half_m && knot.left_m > -half_m;
+        }
+        let s_m = 0.5 * (knot.from_m + knot.to_m);
+        let (left_m, right_m) = (self.borders.left_m(s_m), self.borders.right_m(s_m));
+        let overlaps = knot.right_m < left_m && knot.left_m > -right_m;
+        overlaps && (left_m - knot.left_m).max(knot.right_m + right_m) < needed_m
+    }
+}
+
+/// Points along the line at the steps of a profile, from beside it back to its centre.
+pub(crate) fn back_to_centre(
+    line: &Line,
+    place: &OnLine,
+    start: &EgoState,
+    steps: &[Step],
+    shape: &Shape,
+) -> Vec<PlanPoint> {
+    let length_m = (RETURN_S * start.speed_mps.max(0.0))
+        .max(RETURN_MIN_M)
+        .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt());
+    aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
+}
+
+/// A change of the offset.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Aside {
+    /// Offset at its end, metres to the left.
+    pub(crate) to_m: f64,
+    /// Length along the line, metres.
+    pub(crate) length_m: f64,
+}
+
+/// Points along the line at the steps of a profile, from where the ego is to another offset.
+///
+/// The offset is a quintic over arc length, so that it does not depend on the speed and holds at standstill (Werling 2010,
+/// section V.C); headings and curvatures are those of the motion (ibid., appendix I).
+pub(crate) fn aside(
+    line: &Line,
+    place: &OnLine,
+    start: &EgoState,
+    steps: &[Step],
+    (shape, Aside { to_m, length_m }): (&Shape, Aside),
+) -> Vec<PlanPoint> {
+    let speed_mps = start.speed_mps.max(0.0);
+    let curvature_1pm =
+        if speed_mps > TURNS_MPS { start.yaw_rate_radps / speed_mps } else { place.node.curvature_1pm };
+    let tightest_1pm = 1.0 / shape.wheelbase_m;
+    let stretch = (1.0 - place.node.curvature_1pm * place.d_m).max(0.1);
+    let slope = stretch * math::tan(place.turn_rad.clamp(-1.0, 1.0));
+    let bend_1pm = curvature_1pm.clamp(-tightest_1pm, tightest_1pm) - place.node.curvature_1pm;
+    let offset = Quintic::new([place.d_m, slope, bend_1pm], [to_m, 0.0, 0.0], length_m);
+    let point = |(k, step): (usize, &Step)| {
+        let d = offset.at((step.s_m - place.s_m).clamp(0.0, length_m));
+        let node = line.at(step.s_m);
+        let stretch = (1.0 - node.curvature_1pm * d.x).max(0.1);
+        let tan = d.v / stretch;
+        let cos = 1.0 / (1.0 + tan * tan).sqrt();
+        let turning = node.bend_1pm2 * d.x + node.curvature_1pm * d.v;
+        let curvature_1pm =
+            ((d.a + turning * tan) * cos * cos / stretch + node.curvature_1pm) * cos / stretch;
+        PlanPoint {
+            at: start.stamp + Span::from_secs(k as f64 * STEP_S),
+            pose: Pose2::new(
+                node.x_m - node.sin * d.x,
+                node.y_m + node.cos * d.x,
+                math::atan2(node.sin, node.cos) + math::atan(tan),
+            ),
+            curvature_1pm,
+            speed_mps: step.speed_mps * stretch / cos,
+            accel_mps2: step.accel_mps2 * stretch / cos,
+        }
+    };
+    steps.iter().enumerate().map(point).collect()
+}

@@ -1,0 +1,248 @@
+//! Leaving the own lane to pass what blocks it: whether that is worth it, how far out, and whether the other lane is free
+//! until the ego is back.
+
+use swerve_core::{Span, Time};
+use swerve_msg::{ActorKind, EgoState, Plan, Route};
+use swerve_vehicle::Shape;
+
+use crate::fot::line::{Line, OnLine};
+use crate::lane::Lane;
+use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
+
+/// When the other lane may be used.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Rules {
+    /// Least time to collision with anybody in it, seconds.
+    pub(crate) ttc_min_s: f64,
+    /// A lead vehicle is passed only where the ego gains at least this, m/s.
+    pub(crate) gain_min_mps: f64,
+    /// Longest time over the line, seconds.
+    pub(crate) over_line_max_s: f64,
+}
+
+/// Beyond the line by more than this is in the other lane, metres.
+pub(crate) const OVER_LINE_M: f64 = 0.1;
+
+/// Gap to what was passed before the ego returns, metres, and by its speed, seconds.
+pub(crate) const RETURN_GAP_M: f64 = 4.0;
+const RETURN_GAP_S: f64 = 0.3;
+
+/// The ego is over the line for this long while it returns, seconds.
+const RETURN_S: f64 = 2.5;
+
+/// Acceleration towards the target after the end of a plan, m/s².
+const ACCEL_MPS2: f64 = 1.0;
+
+/// The next vehicle is passed together with the one before it where the gap between them is less than this and the ego's
+/// length, metres.
+const BETWEEN_M: f64 = 12.0;
+
+/// Only what blocks the lane within this time at the target speed is passed, seconds.
+const AHEAD_S: f64 = 7.0;
+
+/// Time between two looks, seconds.
+const LOOK_S: f64 = 0.25;
+
+/// What blocks the own lane, and the way past it.
+#[derive(Clone, Debug)]
+pub(crate) struct Passing<'a> {
+    rules: Rules,
+    lane: Lane<'a>,
+    route: &'a Route,
+    shape: &'a Shape,
+    /// What is passed, the nearest first.
+    blocking: Vec<&'a Mover>,
+    /// Everybody else.
+    others: Vec<&'a Mover>,
+    target_mps: f64,
+    /// Offset to the left at which everything is passed, metres.
+    pub(crate) offset_m: f64,
+}
+
+impl<'a> Passing<'a> {
+    /// Past the first of what blocks the lane ahead; `None` where nothing does, where there is no room, or where it is
+    /// hardly slower than the ego.
+    pub(crate) fn new(
+        rules: Rules,
+        lane: Lane<'a>,
+        (route, shape): (&'a Route, &'a Shape),
+        traffic: &'a Traffic,
+        s_m: f64,
+        target_mps: f64,
+    ) -> Option<Self> {
+        let front_m = shape.length_m - shape.rear_overhang_m;
+        let reach_m = front_m + AHEAD_S * target_mps.max(5.0);
+        let rear_m = s_m - shape.rear_overhang_m;
+        let blocks = |one: &&Mover| {
+            let now = one.knots[0];
+            now.to_m > rear_m
+                && now.from_m < s_m + reach_m
+                && one.knots.iter().any(|knot| lane.is_blocked(knot))
+        };
+        let mut blocking: Vec<&Mover> = traffic.movers.iter().filter(blocks).collect();
+        blocking.sort_by(|a, b| a.knots[0].from_m.total_cmp(&b.knots[0].from_m));
+        let near =
+            |pair: &[&Mover]| pair[1].knots[0].from_m - pair[0].knots[0].to_m < BETWEEN_M + shape.length_m;
+        let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
+        blocking.truncate(together);
+        let slowest = blocking.first()?;
+        let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);
+        if slowest.is_vehicle() && !slowest.stands() && gain_mps < rules.gain_min_mps {
+            return None;
+        }
+        let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
+        let others = others.collect();
+        let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane)).fold(0.0, f64::max);
+        let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
+        (offset_m <= room_m).then_some(Self {
+            rules,
+            lane,
+            route,
+            shape,
+            blocking,
+            others,
+            target_mps,
+            offset_m,
+        })
+    }
+
+    /// Whether going out now may do, whatever the plan: a look without a search.
+    pub(crate) fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
+        let next = Place { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
+        self.is_open(Motion { plan: None, next, target_mps: self.target_mps }, start)
+    }
+
+    /// Whether the plan may be driven: everybody in the other lane keeps the time to collision from when the ego is over
+    /// the line until it is back, and that is soon.
+    pub(crate) fn may(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
+        let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
+        self.is_open(Motion { plan: Some((plan, line)), next, target_mps: self.target_mps }, start)
+    }
+
+    fn is_open(&self, mut motion: Motion<'_>, start: &EgoState) -> bool {
+        let (mut over_since_s, mut widest_m, mut passed_s) = (None, f64::NEG_INFINITY, None::<f64>);
+        let count = ((HORIZON_S + self.rules.over_line_max_s) / LOOK_S) as usize;
+        for k in 0..=count {
+            let t_s = k as f64 * LOOK_S;
+            let at = motion.next(start.stamp + Span::from_secs(t_s));
+            let left_m = at.d_m + 0.5 * self.shape.width_m;
+            widest_m = widest_m.max(left_m);
+            if over_since_s.is_none() && left_m > self.lane.borders.left_m(at.s_m) + OVER_LINE_M {
+                over_since_s = Some(t_s);
+            }
+            let Some(since_s) = over_since_s else { continue };
+            if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
+                return false;
+            }
+            if passed_s.is_none() && self.is_past(&at, t_s) {
+                passed_s = Some(t_s);
+            }
+            if passed_s.is_some_and(|passed_s| t_s > passed_s + RETURN_S) {
+                return t_s - since_s <= self.rules.over_line_max_s;
+            }
+        }
+        // In the own lane throughout.
+        over_since_s.is_none()
+    }
+
+    /// Whether the ego, over the line, is beside what it passes, or before it, a second from now: it does not draw nearer yet.
+    pub(crate) fn is_beside(&self, place: &OnLine, speed_mps: f64) -> bool {
+        let over = place.d_m + 0.5 * self.shape.width_m > self.lane.borders.left_m(place.s_m) + OVER_LINE_M;
+        let rear_m = place.s_m + speed_mps - self.shape.rear_overhang_m;
+        over && self.blocking.iter().any(|one| one.at(1.0).to_m > rear_m)
+    }
+
+    /// Whether it is passed by the way that is looked at.
+    pub(crate) fn passes(&self, one: &Mover) -> bool {
+        self.blocking.iter().any(|blocking| core::ptr::eq(*blocking, one))
+    }
+
+    /// Whether nothing stands beside what blocks the lane: a way past it may come free.
+    pub(crate) fn is_possible(&self) -> bool {
+        let (Some(first), Some(last)) = (self.blocking.first(), self.blocking.last()) else { return false };
+        let (from_m, to_m) = (first.knots[0].from_m - BETWEEN_M, last.knots[0].to_m + BETWEEN_M);
+        let strip_m = [-self.lane.borders.right_m(from_m), self.offset_m + 0.5 * self.shape.width_m];
+        !self.others.iter().any(|one| {
+            let now = one.knots[0];
+            let beside = now.to_m > from_m && now.from_m < to_m;
+            one.stands() && beside && now.right_m < strip_m[1] && now.left_m > strip_m[0]
+        })
+    }
+
+    /// Whether all that blocks the lane is behind the ego by the gap that it returns with.
+    fn is_past(&self, ego: &Place, t_s: f64) -> bool {
+        let rear_m = ego.s_m - self.shape.rear_overhang_m;
+        self.blocking.iter().all(|one| {
+            let speed_mps = one.motion(t_s).0.max(0.0);
+            rear_m > one.at(t_s).to_m + RETURN_GAP_M + RETURN_GAP_S * speed_mps
+        })
+    }
+
+    /// Whether somebody is beside the ego in the strip that it uses, or nearer than the time to collision.
+    fn is_near(&self, other: &Knot, other_mps: f64, ego: &Place, widest_m: f64) -> bool {
+        let beyond_m = self.lane.borders.left_m(ego.s_m);
+        let (stands, reach_m) = (other_mps.abs() < STANDS_MPS, widest_m + self.lane.clearance_m.min(0.3));
+        // Whoever moves has the whole lane, what stands the place where it stands.
+        let strip_m = if stands { reach_m } else { self.route.left_m(ego.s_m) };
+        if other.left_m < beyond_m || other.right_m > strip_m {
+            return false;
+        }
+        let rear_m = ego.s_m - self.shape.rear_overhang_m;
+        let front_m = rear_m + self.shape.length_m;
+        let (gap_m, closing_mps) = if other.from_m > front_m {
+            (other.from_m - front_m, ego.speed_mps - other_mps)
+        } else if other.to_m < rear_m {
+            (rear_m - other.to_m, other_mps - ego.speed_mps)
+        } else {
+            return true;
+        };
+        // What stands beyond the place of the return is not come near to.
+        !stands && closing_mps > 0.0 && gap_m < self.rules.ttc_min_s * closing_mps
+    }
+}
+
+/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too.
+fn clear_offset_m(one: &Mover, lane: &Lane<'_>) -> f64 {
+    if one.kind == ActorKind::Pedestrian {
+        return PEDESTRIAN_OFFSET_M;
+    }
+    let blocking = one.knots.iter().filter(|knot| lane.is_blocked(knot));
+    blocking.map(|knot| knot.left_m + lane.clearance_m + 0.5 * lane.width_m + SPARE_M).fold(0.0, f64::max)
+}
+
+/// Furthest that a pedestrian is gone round, metres.
+const PEDESTRIAN_OFFSET_M: f64 = 4.0;
+
+/// Added to an offset, for the lattice's own step and the turn of the outline, metres.
+const SPARE_M: f64 = 0.2;
+
+/// The ego along the line at one instant.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Place {
+    s_m: f64,
+    d_m: f64,
+    speed_mps: f64,
+}
+
+/// Where the ego is along the line at instants [`LOOK_S`] apart: as planned, and on after the end towards the target speed.
+struct Motion<'a> {
+    plan: Option<(&'a Plan, &'a Line)>,
+    next: Place,
+    target_mps: f64,
+}
+
+impl Motion<'_> {
+    /// The place at the next instant, which is `at`.
+    fn next(&mut self, at: Time) -> Place {
+        let mut now = self.next;
+        if let Some((plan, line)) = self.plan
+            && let Some(p) = plan.at(at).filter(|_| at <= plan.end())
+        {
+            let (s_m, d_m) = line.project(p.pose.point(), now.s_m);
+            now = Place { s_m, d_m, speed_mps: p.speed_mps };
+        }
+        let faster_mps = (now.speed_mps + ACCEL_MPS2 * LOOK_S).min(self.target_mps.max(now.speed_mps));
+        self.next = Place { s_m: now.s_m + faster_mps * LOOK_S, speed_mps: faster_mps, ..now };
+        now
+    }
+}

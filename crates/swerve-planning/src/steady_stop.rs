@@ -1,0 +1,93 @@
+//! Braking steadily along a way until the ego stands.
+
+use swerve_core::{Span, Time};
+use swerve_geom::Pose2;
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
+
+use crate::collision::Obstacles;
+use crate::path::points::{Measured, PathPoint, with_curvature};
+use crate::request::Request;
+use swerve_vehicle::Shape;
+
+/// Distances that a stop keeps, metres.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Demands {
+    /// Ahead, where there is room.
+    pub(crate) gap_m: f64,
+    /// To everybody.
+    pub(crate) clearance_m: f64,
+}
+
+/// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by `gap_m`, or by
+/// `clearance_m` where none keeps that. `brakes_mps2` are tried in their order; `usable` holds of the poses of each plan
+/// that is returned.
+///
+/// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
+pub(crate) fn stop(
+    request: &Request<'_>,
+    way: &[Pose2],
+    obstacles: &Obstacles,
+    brakes_mps2: impl Iterator<Item = f64>,
+    (Demands { gap_m, clearance_m }, usable): (Demands, &dyn Fn(&[(Pose2, Time)]) -> bool),
+) -> Option<Plan> {
+    let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
+    let path = with_curvature(way);
+    let path = Measured::new(&path);
+    let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
+    // The gap is kept ahead alone: who passes beside the ego is nearer.
+    let free = |poses: &[(Pose2, Time)], gap_m: f64| {
+        let longer = Shape { length_m: request.shape.length_m + gap_m - clearance_m, ..*request.shape };
+        obstacles.path_free(|pose| longer.footprint(pose), poses, clearance_m)
+    };
+    let mut too_near = Vec::new();
+    for brake_mps2 in brakes_mps2 {
+        let plan = braking(request, &path, brake_mps2);
+        if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
+            continue;
+        }
+        let poses: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
+        if !usable(&poses) {
+            continue;
+        }
+        if free(&poses, gap_m.max(clearance_m)) {
+            return Some(plan);
+        }
+        too_near.push((plan, poses));
+    }
+    too_near.into_iter().find(|(_, poses)| free(poses, clearance_m)).map(|(plan, _)| plan)
+}
+
+/// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];
+/// standing after that.
+fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan {
+    let start = &request.start;
+    let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
+    let mut accel_mps2 = start.accel_mps2.clamp(-brake_mps2, request.limits.accel_max_mps2);
+    let mut points = Vec::new();
+    let mut at = start.stamp;
+    let mut standing = 0;
+    while standing < STAND_STEPS {
+        let PathPoint { pose, curvature_1pm } = path.at(s_m);
+        points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
+        // So hard that it can die away until the ego stands, and never so gently that it creeps.
+        let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);
+        let next = wanted.max(accel_mps2 - JERK_MPS3 * STEP_S);
+        let next_mps = (speed_mps + 0.5 * (accel_mps2 + next) * STEP_S).max(0.0);
+        s_m += 0.5 * (speed_mps + next_mps) * STEP_S;
+        accel_mps2 = if next_mps > 0.0 { next } else { 0.0 };
+        standing += u32::from(next_mps == 0.0);
+        speed_mps = next_mps;
+        at += Span::from_secs(STEP_S);
+    }
+    Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
+}
+
+/// How fast a steady deceleration grows, m/s³.
+const JERK_MPS3: f64 = 5.0;
+
+/// Least deceleration of a stop, m/s².
+const CREEP_BRAKE_MPS2: f64 = 0.3;
+
+/// Time between the points of a stop, seconds, and how many of them it stands at its end.
+pub(crate) const STEP_S: f64 = 0.1;
+const STAND_STEPS: u32 = 20;

@@ -1,0 +1,304 @@
+//! Other road users along a line over time, and which of them are behind the ego.
+
+use std::borrow::Cow;
+
+use swerve_core::{Span, Time};
+use swerve_geom::{FrenetPoint, Point2, Pose2, angle_between, math};
+use swerve_msg::{ActorKind, Plan, PredictedPose, Prediction, Route};
+use swerve_vehicle::Shape;
+
+use crate::fot::line::Line;
+use crate::request::{Budget, Planner, Request};
+
+/// Time between the instants at which a road user is projected onto the line, seconds.
+const KNOT_S: f64 = 0.5;
+
+/// Predictions of vehicles are continued until this long after the request's stamp, seconds.
+pub(crate) const HORIZON_S: f64 = 9.0;
+
+/// Final motion of a prediction is measured over this time, seconds.
+const END_S: f64 = 0.5;
+
+/// Slower than this a vehicle stands, m/s.
+pub(crate) const STANDS_MPS: f64 = 0.3;
+
+/// Only road users within this distance along the line are projected, metres.
+const REACH_M: f64 = 200.0;
+
+/// The largest angle between a motion along the road and the road, radians.
+const ALONG_RAD: f64 = 0.5;
+
+/// A road user behind the ego in its own lane.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Behind {
+    /// From its front to the ego's rear, metres.
+    pub(crate) gap_m: f64,
+    /// Along the road, m/s.
+    pub(crate) speed_mps: f64,
+}
+
+/// Who follows the ego: behind it and in its strip of the road now.
+fn behind(one: &Prediction, route: &Route, place: FrenetPoint, shape: &Shape) -> Option<Behind> {
+    let first = one.path.first()?;
+    let at = route.project_near(first.pose.point(), place.s_m, REACH_M);
+    let road = route.line().at(at.s_m).pose;
+    let (along_m, across_m) = half_sizes(one, angle_between(road.heading_rad, first.pose.heading_rad));
+    let gap_m = place.s_m - shape.rear_overhang_m - at.s_m - along_m;
+    let overlaps = (at.d_m - place.d_m).abs() < 0.5 * shape.width_m + across_m;
+    let speed_mps = one.path.get(1).map_or(0.0, |next| {
+        (next.pose.point() - first.pose.point()).dot(road.direction()) / (next.at - first.at).as_secs()
+    });
+    (gap_m > 0.0 && overlaps).then_some(Behind { gap_m, speed_mps })
+}
+
+/// The predictions without those of road users behind the ego in its own lane, which keep their distance themselves, and
+/// the one of those that would be first to reach an ego at `speed_mps`.
+pub(crate) fn without_followers<'a>(
+    predictions: &'a [Prediction],
+    (route, place, shape): (&Route, FrenetPoint, &Shape),
+    speed_mps: f64,
+) -> (Cow<'a, [Prediction]>, Option<Behind>) {
+    let follows = |one: &Prediction| behind(one, route, place, shape);
+    let reaches_s = |one: &Behind| one.gap_m / (one.speed_mps - speed_mps).max(1e-3);
+    let first = predictions.iter().filter_map(follows).min_by(|a, b| reaches_s(a).total_cmp(&reaches_s(b)));
+    match first {
+        Some(_) => {
+            let ahead = predictions.iter().filter(|one| follows(one).is_none());
+            (Cow::Owned(ahead.cloned().collect()), first)
+        }
+        None => (Cow::Borrowed(predictions), None),
+    }
+}
+
+/// A planner that does not brake for road users behind the ego in its own lane.
+pub struct Ahead(pub Box<dyn Planner>);
+
+impl Planner for Ahead {
+    fn plan(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Plan {
+        let Request { route, start, shape, .. } = *request;
+        let (predictions, _) =
+            without_followers(request.predictions, (route, request.place(), shape), start.speed_mps);
+        self.0.plan(&Request { predictions: &predictions, ..*request }, budget)
+    }
+}
+
+/// Half sizes of a footprint turned by `turn_rad` against the line: along and across it, metres.
+fn half_sizes(one: &Prediction, turn_rad: f64) -> (f64, f64) {
+    let (sin, cos) = math::sin_cos(turn_rad);
+    let (length_m, width_m) = (one.extent.length_m, one.extent.width_m);
+    (0.5 * (length_m * cos.abs() + width_m * sin.abs()), 0.5 * (length_m * sin.abs() + width_m * cos.abs()))
+}
+
+/// A road user along the line at one instant.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(crate) struct Knot {
+    /// Since the beginning of the plan, seconds.
+    pub(crate) t_s: f64,
+    /// Rear and front along the line, metres.
+    pub(crate) from_m: f64,
+    pub(crate) to_m: f64,
+    /// Right and left edge beside the line, metres to its left.
+    pub(crate) right_m: f64,
+    pub(crate) left_m: f64,
+}
+
+/// A road user's predicted motion along the line.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Mover {
+    pub(crate) kind: ActorKind,
+    /// At increasing instants, evenly apart.
+    pub(crate) knots: Vec<Knot>,
+}
+
+impl Mover {
+    /// Whether it is a vehicle.
+    pub(crate) fn is_vehicle(&self) -> bool {
+        is_vehicle(self.kind)
+    }
+
+    /// The knot before `t_s`.
+    fn index(&self, t_s: f64) -> usize {
+        ((t_s / KNOT_S).max(0.0) as usize).min(self.knots.len() - 2)
+    }
+
+    /// Where it is at `t_s`; its last motion goes on.
+    pub(crate) fn at(&self, t_s: f64) -> Knot {
+        let k = self.index(t_s);
+        let (a, b) = (&self.knots[k], &self.knots[k + 1]);
+        let u = (t_s - a.t_s) / (b.t_s - a.t_s);
+        let mix = |from: f64, to: f64| from + (to - from) * u;
+        Knot {
+            t_s,
+            from_m: mix(a.from_m, b.from_m),
+            to_m: mix(a.to_m, b.to_m),
+            right_m: mix(a.right_m, b.right_m),
+            left_m: mix(a.left_m, b.left_m),
+        }
+    }
+
+    /// Speed of its rear along the line, m/s, and its deceleration where it goes forwards, m/s² (not negative).
+    pub(crate) fn motion(&self, t_s: f64) -> (f64, f64) {
+        let k = self.index(t_s);
+        let speed_mps = |k: usize| (self.knots[k + 1].from_m - self.knots[k].from_m) / KNOT_S;
+        // Speeds of the neighbouring intervals are those of their middles.
+        let (before, after) = if k + 2 < self.knots.len() { (k, k + 1) } else { (k.max(1) - 1, k) };
+        let accel_mps2 = (speed_mps(after) - speed_mps(before)) / KNOT_S;
+        let middle_s = self.knots[k].t_s + 0.5 * KNOT_S;
+        let now_mps = speed_mps(k) + accel_mps2 * (t_s - middle_s).clamp(-0.5 * KNOT_S, 0.5 * KNOT_S);
+        if now_mps <= 0.0 { (now_mps.min(0.0), 0.0) } else { (now_mps, (-accel_mps2).max(0.0)) }
+    }
+
+    /// Whether it moves across the line rather than along it.
+    pub(crate) fn crosses(&self, t_s: f64) -> bool {
+        let k = self.index(t_s);
+        let (a, b) = (&self.knots[k], &self.knots[k + 1]);
+        let across_m = (b.left_m + b.right_m - a.left_m - a.right_m).abs();
+        let along_m = (b.from_m + b.to_m - a.from_m - a.to_m).abs();
+        across_m > (2.0 * STANDS_MPS * KNOT_S).max(along_m)
+    }
+
+    /// Whether it stands all the time.
+    pub(crate) fn stands(&self) -> bool {
+        let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);
+        (last.from_m - first.from_m).abs() < STANDS_MPS * (last.t_s - first.t_s)
+            && (last.left_m - first.left_m).abs() < STANDS_MPS * (last.t_s - first.t_s)
+    }
+}
+
+fn is_vehicle(kind: ActorKind) -> bool {
+    !matches!(kind, ActorKind::Pedestrian | ActorKind::Static)
+}
+
+/// Everybody near the ego: as predicted and continued, and along the line.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub(crate) struct Traffic {
+    /// Predictions, those of vehicles continued until [`HORIZON_S`].
+    pub(crate) predictions: Vec<Prediction>,
+    /// Of each whether it drives along the line, in its direction.
+    drives_along: Vec<bool>,
+    pub(crate) movers: Vec<Mover>,
+}
+
+impl Traffic {
+    /// Around an ego at `s_m` of `line`.
+    pub(crate) fn new(request: &Request<'_>, line: &Line, s_m: f64) -> Self {
+        let mut traffic = Self::default();
+        let until = request.start.stamp + Span::from_secs(HORIZON_S);
+        for one in request.predictions {
+            let one = continued(one, until, request.route, s_m);
+            let mover = mover(&one, request, line, s_m);
+            let drives_along =
+                |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
+            traffic.drives_along.push(mover.as_ref().is_some_and(drives_along));
+            traffic.movers.extend(mover);
+            traffic.predictions.push(one);
+        }
+        traffic
+    }
+}
+
+impl Traffic {
+    /// Of `predictions`, from which this was made, those that do not drive along the line, in its direction.
+    pub(crate) fn without_leads(&self, predictions: &[Prediction]) -> Vec<Prediction> {
+        predictions
+            .iter()
+            .zip(&self.drives_along)
+            .filter(|(_, ahead)| !**ahead)
+            .map(|(one, _)| one.clone())
+            .collect()
+    }
+}
+
+/// A vehicle's prediction continued until `until` with its final speed, or its final deceleration until it stands: along
+/// the road where it moves along the road, else straight on.
+fn continued(one: &Prediction, until: Time, route: &Route, s_m: f64) -> Prediction {
+    let mut one = one.clone();
+    let Some((end, speed_mps, accel_mps2)) = final_motion(&one).filter(|_| is_vehicle(one.kind)) else {
+        return one;
+    };
+    if speed_mps < STANDS_MPS {
+        return one;
+    }
+    let place = route.project_near(end.pose.point(), s_m, 2.0 * REACH_M);
+    let turn_rad = angle_between(route.line().at(place.s_m).pose.heading_rad, end.pose.heading_rad);
+    let against = turn_rad.abs() > core::f64::consts::FRAC_PI_2;
+    let off_rad = if against { core::f64::consts::PI - turn_rad.abs() } else { turn_rad.abs() };
+    let stop_s = if accel_mps2 < 0.0 { -speed_mps / accel_mps2 } else { f64::INFINITY };
+    let mut at = end.at;
+    while at < until {
+        at += Span::from_secs(KNOT_S);
+        let t_s = (at - end.at).as_secs().min(stop_s);
+        let driven_m = speed_mps * t_s + 0.5 * accel_mps2 * t_s * t_s;
+        let pose = if off_rad < ALONG_RAD {
+            let s_m = place.s_m + if against { -driven_m } else { driven_m };
+            let point = route.unproject(FrenetPoint { s_m, d_m: place.d_m });
+            let road_rad = route.line().at(s_m).pose.heading_rad;
+            Pose2::new(point.x_m, point.y_m, road_rad + if against { core::f64::consts::PI } else { 0.0 })
+        } else {
+            end.pose.ahead(driven_m)
+        };
+        one.path.push(PredictedPose { at, pose });
+    }
+    one
+}
+
+/// The last pose of a prediction, the speed there and the deceleration (negative, or zero), m/s and m/s².
+fn final_motion(one: &Prediction) -> Option<(PredictedPose, f64, f64)> {
+    let end = *one.path.last()?;
+    let before = |t_s: f64| one.path.iter().rev().find(|p| (end.at - p.at).as_secs() >= t_s - 1e-6);
+    let (half, whole) = (before(0.5 * END_S)?, before(END_S)?);
+    let mean_mps = |a: &PredictedPose, b: &PredictedPose| {
+        a.pose.point().distance(b.pose.point()) / (b.at - a.at).as_secs()
+    };
+    let (earlier_mps, later_mps) = (mean_mps(whole, half), mean_mps(half, &end));
+    let accel_mps2 = ((later_mps - earlier_mps) / (0.5 * (end.at - whole.at).as_secs())).min(0.0);
+    // A straight line as computed does not brake.
+    let accel_mps2 = if accel_mps2 > -0.05 { 0.0 } else { accel_mps2 };
+    let speed_mps = later_mps + 0.5 * accel_mps2 * (end.at - half.at).as_secs();
+    Some((end, speed_mps.max(0.0), accel_mps2))
+}
+
+/// The road user along the line; `None` where it is far away.
+fn mover(one: &Prediction, request: &Request<'_>, line: &Line, s_m: f64) -> Option<Mover> {
+    let first = one.path.first()?;
+    let start = request.start;
+    if first.pose.point().distance(start.pose.point()) > REACH_M {
+        return None;
+    }
+    let mut guess_m = request.route.project_near(first.pose.point(), s_m, REACH_M).s_m;
+    let mut next = 0;
+    let count = (HORIZON_S / KNOT_S) as usize;
+    let mut knots = Vec::with_capacity(count + 1);
+    for k in 0..=count {
+        let t_s = k as f64 * KNOT_S;
+        let at = start.stamp + Span::from_secs(t_s);
+        while next < one.path.len() && one.path[next].at < at {
+            next += 1;
+        }
+        let pose = pose_at(&one.path, next, at);
+        let (at_m, d_m) = line.project(Point2::new(pose.x_m, pose.y_m), guess_m);
+        guess_m = at_m;
+        let node = line.at(at_m);
+        let turn_rad = pose.heading_rad - math::atan2(node.sin, node.cos);
+        let (along_m, across_m) = half_sizes(one, turn_rad);
+        knots.push(Knot {
+            t_s,
+            from_m: at_m - along_m,
+            to_m: at_m + along_m,
+            right_m: d_m - across_m,
+            left_m: d_m + across_m,
+        });
+    }
+    Some(Mover { kind: one.kind, knots })
+}
+
+/// The pose at `at`; `next` is the first place that is not before it. Held before the first and after the last.
+fn pose_at(path: &[PredictedPose], next: usize, at: Time) -> Pose2 {
+    match (path.get(next.wrapping_sub(1)), path.get(next)) {
+        (Some(a), Some(b)) => {
+            crate::collision::between(a.pose, b.pose, (at - a.at).as_secs() / (b.at - a.at).as_secs())
+        }
+        (None, Some(only)) | (Some(only), None) => only.pose,
+        (None, None) => Pose2::default(),
+    }
+}

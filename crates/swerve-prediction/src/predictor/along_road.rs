@@ -1,0 +1,139 @@
+//! Predictors that know no road, in the coordinates of one.
+//!
+//! In a bend a straight line leads through the lanes beside a car's own, and a filter that has seen the car turn predicts
+//! that it leaves the bend on a tangent. Both are artefacts of the map's coordinates. In those of the road (Frenet: arc
+//! length and offset, as Werling et al. 2010, section II) who keeps to a lane goes straight on, and every predictor says
+//! so with the weight that it gives to going straight on.
+
+use swerve_core::Time;
+use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
+use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, Track, TrackList};
+
+use super::straight::VELOCITY_WINDOW_S;
+use super::{Seen, seen};
+use crate::road::{BESIDE_M, SETTLES_S, share_along};
+
+/// Least length along the road's line in which the sighting before is looked for, metres.
+const NEAR_M: f64 = 5.0;
+/// A metre beside the road's line is at least this long on the line: nearer to the middle of a bend there is no way along it.
+const SHARE_MIN: f64 = 0.1;
+
+/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road.
+pub(super) fn forecasts(
+    tracks: &TrackList,
+    route: &Route,
+    predict: impl Fn(&TrackList) -> ForecastList,
+) -> ForecastList {
+    let drives: Vec<bool> = seen(tracks).iter().map(|seen| drives_along(seen, tracks.stamp, route)).collect();
+    if !drives.contains(&true) {
+        return predict(tracks);
+    }
+    let straightened = TrackList {
+        stamp: tracks.stamp,
+        tracks: tracks
+            .tracks
+            .iter()
+            .filter(|track| track.is_plausible())
+            .map(|track| straightened(track, route))
+            .collect(),
+    };
+    let mut along = predict(&straightened);
+    // Far inside of a bend numbers may come to be out of every range.
+    if along.forecasts.len() != drives.len() {
+        return predict(tracks);
+    }
+    for (forecast, _) in along.forecasts.iter_mut().zip(&drives).filter(|(_, drives)| **drives) {
+        along.joint &= !leave_out_off_road(&mut forecast.modes, route);
+        forecast.modes.iter_mut().for_each(|mode| bend(mode, route));
+    }
+    if drives.contains(&false) {
+        let others = predict(tracks).forecasts.into_iter().zip(&mut along.forecasts).zip(&drives);
+        others.filter(|(_, drives)| !**drives).for_each(|((other, forecast), _)| *forecast = other);
+    }
+    along
+}
+
+/// Whether this is a vehicle that moves along the road, either way.
+fn drives_along(seen: &Seen, stamp: Time, route: &Route) -> bool {
+    let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
+    let place = route.project(seen.past.now(stamp, velocity_mps));
+    seen.past.kind != ActorKind::Pedestrian && share_along(route, place, velocity_mps).is_some()
+}
+
+/// A track in the coordinates of the road: arc length for x, offset for y.
+fn straightened(track: &Track, route: &Route) -> Track {
+    let place = route.project(track.pose.point());
+    let beside = route.line().at(place.s_m);
+    let velocity_mps: Vector2 = track.velocity_mps;
+    let share = (1.0 - beside.curvature_1pm * place.d_m).max(SHARE_MIN);
+    let forwards = beside.pose.direction();
+    let mut near_m = place.s_m;
+    let mut after = track.pose.point();
+    let at = |sighting: &Sighting| {
+        let reach_m = 2.0 * after.distance(sighting.point) + NEAR_M;
+        let place = route.project_near(sighting.point, near_m, reach_m);
+        (near_m, after) = (place.s_m, sighting.point);
+        Sighting { at: sighting.at, point: Point2::new(place.s_m, place.d_m) }
+    };
+    let mut history: Vec<Sighting> = track.history.iter().rev().map(at).collect();
+    history.reverse();
+    Track {
+        pose: Pose2::new(
+            place.s_m,
+            place.d_m,
+            angle_between(beside.pose.heading_rad, track.pose.heading_rad),
+        ),
+        velocity_mps: Vector2::new(velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left())),
+        history,
+        ..track.clone()
+    }
+}
+
+/// Leaves out modes that leave the ground of the road, where others do not: the others share their probability. Whether
+/// there were any.
+fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
+    let is_on = |one: &ForecastPose| {
+        let Pose2 { x_m: s_m, y_m: d_m, .. } = one.pose;
+        (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m)
+    };
+    let stays: Vec<bool> = modes.iter().map(|mode| mode.path.iter().all(is_on)).collect();
+    let left: f64 =
+        modes.iter().zip(&stays).filter(|(_, stays)| **stays).map(|(mode, _)| mode.probability).sum();
+    if left <= 0.0 || !stays.contains(&false) {
+        return false;
+    }
+    let mut stays = stays.into_iter();
+    modes.retain(|_| stays.next() == Some(true));
+    modes.iter_mut().for_each(|mode| mode.probability /= left);
+    true
+}
+
+/// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].
+fn bend(mode: &mut Mode, route: &Route) {
+    let [first, ..] = mode.path[..] else { return };
+    for one in &mut mode.path {
+        let ahead_s = (one.at - first.at).as_secs();
+        let settled =
+            if ahead_s > 0.0 { SETTLES_S / ahead_s * (1.0 - math::exp(-ahead_s / SETTLES_S)) } else { 1.0 };
+        let s_m = one.pose.x_m;
+        let at = route
+            .unproject(FrenetPoint { s_m, d_m: first.pose.y_m + settled * (one.pose.y_m - first.pose.y_m) });
+        let road_rad = route.line().at(s_m).pose.heading_rad;
+        let turned_rad = if math::cos(first.pose.heading_rad) < 0.0 { core::f64::consts::PI } else { 0.0 };
+        one.pose = Pose2::new(at.x_m, at.y_m, road_rad + turned_rad);
+        one.covariance_m2 = turned(one.covariance_m2, road_rad);
+    }
+}
+
+/// A covariance xx, xy, yy whose axes are turned by this angle.
+fn turned([xx, xy, yy]: [f64; 3], by_rad: f64) -> [f64; 3] {
+    let (sin, cos) = math::sin_cos(by_rad);
+    [
+        xx * cos * cos - 2.0 * xy * sin * cos + yy * sin * sin,
+        (xx - yy) * sin * cos + xy * (cos * cos - sin * sin),
+        xx * sin * sin + 2.0 * xy * sin * cos + yy * cos * cos,
+    ]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,62 @@
+//! Which traffic lights a sensor on the ego sees, and what they show: the visibility rule of obstacles.
+
+use swerve_geom::{FrenetPoint, Map, Point, Point2, Vector2};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{TrafficLight, TrafficLights};
+use swerve_scenario::{Road, TrafficLight as Light};
+
+use super::obstacles::{SensorMount, SensorParams, View, blocks};
+
+/// Height of the middle of a head over the road, metres: heads are 1 m high with their tops at 3.4 m.
+const MIDDLE_M: f64 = 2.9;
+
+/// Perfect perception of traffic lights.
+///
+/// A light is listed, in the order of the road, with the signal that it shows, when the middle of its head is within range
+/// on the ground and in the field of view, faces the sensor, and no actor's body is between.
+#[derive(Clone, Debug)]
+pub struct TrafficLightSensor {
+    /// Each with the middle of its head and the direction of those who see its face.
+    lights: Vec<(Light, Point<Map>, Vector2)>,
+}
+
+impl TrafficLightSensor {
+    /// For the lights of this road (of a checked scenario).
+    pub fn new(road: &Road) -> Self {
+        let line = road.line();
+        let placed = |light: &Light| {
+            let at: Point2 = line.to_map(FrenetPoint { s_m: light.s_m, d_m: light.d_m });
+            let towards = line.at(light.s_m).pose.direction();
+            (light.clone(), Point::new(at.x_m, at.y_m, MIDDLE_M), towards)
+        };
+        Self { lights: road.lights.iter().map(placed).collect() }
+    }
+
+    /// The lights that are seen in this state. Positions in the image are zero.
+    pub fn sense(&self, world: &WorldState, mount: &SensorMount, params: &SensorParams) -> TrafficLights {
+        let view = View::new(world, mount, params);
+        let eye = Point2::new(view.eye.coords.x, view.eye.coords.y);
+        let seen = |(light, head, towards): &(Light, Point<Map>, Vector2)| {
+            let at = Point2::new(head.coords.x, head.coords.y);
+            let is_blocked = || world.actors.iter().any(|actor| blocks(actor, view.eye, *head));
+            let is_seen = eye.distance(at) <= params.range_m
+                && (at - eye).dot(*towards) > 0.0
+                && view.in_field(*head)
+                && !(params.occlusion && is_blocked());
+            let signal = Some(light.signal(world.stamp));
+            is_seen.then(|| TrafficLight {
+                name: Some(light.name.clone()),
+                signal,
+                seen: signal,
+                score: 1.0,
+                distance_m: world.ego.state.pose.point().distance(at),
+                stop_s_m: Some(light.stop_s_m),
+                ..TrafficLight::default()
+            })
+        };
+        TrafficLights { stamp: world.stamp, lights: self.lights.iter().filter_map(seen).collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,123 @@
+//! The odometry frame (ROS REP 105): motion without jumps for control, while localization corrects the pose in the map.
+//!
+//! ```text
+//! localizer --EgoState (map)----------> tracker, predictor, ...
+//!           --LocalPose (odom, map)---> planner: carries its previous plan to the map of now and goes on from it
+//!                                       controller: compares ego and plan in the odometry frame
+//! ```
+//!
+//! A correction of the pose moves neither ego nor plan in the odometry frame. It enters by the route, which the next plans
+//! lead back to within their limits.
+
+use std::collections::VecDeque;
+
+use swerve_core::{Span, Time};
+use swerve_flow::Message;
+use swerve_geom::{Ego, Odom, Point2, Pose2, Vector2, angle_between, math};
+use swerve_msg::{EgoState, LocalPose, Plan};
+
+use super::localizer::new;
+
+/// Longest step of the odometry, seconds: beyond it the motion since the state before is unknown.
+const STEP_MAX_S: f64 = 0.2;
+
+/// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
+const CORRECTION_S: f64 = 0.5;
+
+/// The pose for control is at most this far from the estimate, metres and radians: a larger correction enters at once.
+/// A third of the room that a car has beside it on a lane of 3.5 m.
+const LAG_MAX_M: f64 = 0.3;
+const LAG_MAX_RAD: f64 = 0.03;
+
+/// Makes poses for control of the states that localization estimates.
+///
+/// The odometry integrates speed and yaw rate. The lateral velocity of the rear axle is left out: the estimate of it is
+/// mostly an error of the heading.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Odometer {
+    odom: Pose2<Odom>,
+    /// The state before, and the pose in the map for control then.
+    before: Option<(EgoState, Pose2)>,
+}
+
+impl Odometer {
+    /// The pose for control of a state.
+    pub(super) fn advance(&mut self, state: &EgoState) -> LocalPose {
+        let mut map = state.pose;
+        if let Some((before, smooth)) = self.before {
+            let dt_s = (state.stamp - before.stamp).as_secs().clamp(0.0, STEP_MAX_S);
+            let (ahead_m, turn_rad) = (before.speed_mps * dt_s, before.yaw_rate_radps * dt_s);
+            self.odom = moved(self.odom, ahead_m, turn_rad);
+            map = corrected(moved(smooth, ahead_m, turn_rad), state.pose, dt_s);
+        }
+        self.before = Some((*state, map));
+        LocalPose::new(state.stamp, self.odom, map)
+    }
+}
+
+/// A pose further along an arc.
+fn moved<F>(pose: Pose2<F>, ahead_m: f64, turn_rad: f64) -> Pose2<F> {
+    let chord = Vector2::from_heading(pose.heading_rad + 0.5 * turn_rad) * ahead_m;
+    let to = pose.point() + chord;
+    Pose2::new(to.x_m, to.y_m, pose.heading_rad + turn_rad)
+}
+
+/// A pose led towards an estimate for a time.
+fn corrected(pose: Pose2, estimate: Pose2, dt_s: f64) -> Pose2 {
+    let off: Point2<Ego> = pose.to_local(estimate.point());
+    let off_rad = angle_between(pose.heading_rad, estimate.heading_rad);
+    let left = math::exp(-dt_s / CORRECTION_S);
+    let lag = |off: f64, most: f64| (off * left).clamp(-most, most);
+    let point = pose
+        .from_local(Point2::<Ego>::new(off.x_m - lag(off.x_m, LAG_MAX_M), off.y_m - lag(off.y_m, LAG_MAX_M)));
+    Pose2::new(point.x_m, point.y_m, pose.heading_rad + off_rad - lag(off_rad, LAG_MAX_RAD))
+}
+
+/// Poses for control are kept for this long: plans older than that are expired.
+const KEPT: Span = Span::from_ms(5000);
+
+/// The poses for control of the last seconds.
+#[derive(Debug, Default)]
+pub(super) struct LocalPoses {
+    kept: VecDeque<LocalPose>,
+    /// Messages that were taken.
+    taken: u64,
+}
+
+impl LocalPoses {
+    /// Takes the new messages of a window.
+    pub(super) fn take(&mut self, window: &[Message<LocalPose>]) {
+        let is_finite = |local: &LocalPose| local.odom.is_finite() && local.map_from_odom.is_finite();
+        let new = new(window, &mut self.taken).map(|local| **local);
+        self.kept.extend(new.filter(is_finite));
+        let newest = self.kept.back().map(|local| local.stamp);
+        while newest.zip(self.kept.front()).is_some_and(|(newest, oldest)| newest - oldest.stamp > KEPT) {
+            self.kept.pop_front();
+        }
+    }
+
+    /// The newest that is not younger than an instant, else the oldest. `None` without localization.
+    pub(super) fn at(&self, stamp: Time) -> Option<LocalPose> {
+        let until = self.kept.partition_point(|local| local.stamp <= stamp);
+        self.kept.get(until.saturating_sub(1)).copied()
+    }
+
+    /// A measured state with its pose for control, in the map as known by `known`.
+    pub(super) fn state(&self, measured: &EgoState, known: Option<LocalPose>) -> EgoState {
+        let local = self.at(measured.stamp).zip(known);
+        let pose = local.map_or(measured.pose, |(local, known)| known.to_map(local.odom));
+        EgoState { pose, ..*measured }
+    }
+}
+
+/// A plan made in the map as known by `then`, at the same place of the odometry frame in the map as known by `now`.
+/// `None` where it stays as it is.
+pub(super) fn carried(plan: &Plan, then: Option<LocalPose>, now: Option<LocalPose>) -> Option<Plan> {
+    let (then, now) = then.zip(now).filter(|(then, now)| then.map_from_odom != now.map_from_odom)?;
+    let mut plan = plan.clone();
+    plan.points.iter_mut().for_each(|point| point.pose = now.to_map(then.to_odom(point.pose)));
+    Some(plan)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,69 @@
+use swerve_msg::PlanPoint;
+
+use super::*;
+
+const SPEED_MPS: f64 = 8.0;
+
+/// A state on the way along x at 10 ms steps, `off_m` to the left of it.
+fn state(step: i64, off_m: f64) -> EgoState {
+    let x_m = SPEED_MPS * 0.01 * step as f64;
+    let pose = Pose2::new(x_m, off_m, 0.0);
+    EgoState { stamp: Time::from_ms(10 * step), pose, speed_mps: SPEED_MPS, ..EgoState::default() }
+}
+
+/// Poses for control of a second without error and `steps` with one.
+fn with_step(off_m: f64, steps: i64) -> Vec<LocalPose> {
+    let mut odometer = Odometer::default();
+    let off_m = |step: i64| if step < 100 { 0.0 } else { off_m };
+    (0..100 + steps).map(|step| odometer.advance(&state(step, off_m(step)))).collect()
+}
+
+#[test]
+fn odometry_has_no_jump_where_the_pose_has_one() {
+    for pair in with_step(0.3, 100).windows(2) {
+        let moved = pair[1].odom.point() - pair[0].odom.point();
+        assert!((moved.x - 0.08).abs() < 1e-12 && moved.y.abs() < 1e-12, "{pair:?}");
+    }
+}
+
+#[test]
+fn a_correction_enters_with_its_time_constant() {
+    let poses = with_step(0.2, 100);
+    let off_m = |step: usize| poses[step].to_map(poses[step].odom).y_m;
+    // One step of 10 ms, then half a second: 1 - exp(-t / 0.5 s) of it.
+    assert!((off_m(100) - 0.2 * (1.0 - f64::exp(-0.02))).abs() < 1e-9);
+    assert!((off_m(149) - 0.2 * (1.0 - f64::exp(-1.0))).abs() < 1e-9);
+}
+
+#[test]
+fn a_large_correction_leaves_no_more_than_the_largest_lag() {
+    let first = with_step(3.0, 1).pop().unwrap();
+    assert!((first.to_map(first.odom).y_m - (3.0 - LAG_MAX_M)).abs() < 1e-9);
+}
+
+#[test]
+fn ego_and_plan_keep_their_distance_over_a_correction() {
+    let poses = with_step(0.3, 50);
+    let (then, now) = (poses[99], poses[120]);
+    let point = PlanPoint { pose: Pose2::new(9.0, 0.1, 0.02), ..PlanPoint::default() };
+    let plan = Plan { points: vec![point], ..Plan::default() };
+    let mut kept = LocalPoses::default();
+    kept.kept.extend(&poses);
+    // The ego at `now`, in the map as the plan knew it, is where dead reckoning has it: on the line.
+    let ego = kept.state(&state(120, 0.3), Some(then));
+    assert!((ego.pose.x_m - 9.6).abs() < 1e-9 && ego.pose.y_m.abs() < 1e-9, "{ego:?}");
+    // The plan in the map of `now` is beside it as it was.
+    let carried = carried(&plan, Some(then), Some(now)).unwrap();
+    let beside: Point2<Ego> = now.to_map(now.odom).to_local(carried.points[0].pose.point());
+    let before: Point2<Ego> = ego.pose.to_local(point.pose.point());
+    assert!(beside.distance(before) < 1e-9 && (carried.points[0].pose.heading_rad - 0.02).abs() < 1e-9);
+}
+
+#[test]
+fn without_localization_nothing_changes() {
+    let measured = state(7, 0.25);
+    assert_eq!(LocalPoses::default().state(&measured, None), measured);
+    assert_eq!(carried(&Plan::default(), None, None), None);
+    let known = with_step(0.0, 1).pop();
+    assert_eq!(carried(&Plan::default(), known, known), None);
+}

@@ -1,0 +1,189 @@
+//! Motion by the accuracy of the pose: slower and further from the edges where it is poor, and a stop where it does not
+//! suffice for the lane.
+
+use swerve_flow::Latest;
+use swerve_msg::{ActorId, EgoState, Plan, PlanStatus, PoseMode, PoseQuality, Prediction, Route};
+use swerve_vehicle::Shape;
+
+use super::stop_lines::wall;
+
+/// Share of the target speed that is driven with the poorest pose that suffices for the lane.
+const SLOWEST: f64 = 0.3;
+
+/// Goes on after a stop when the deviations fit with this much to spare, as a share.
+const RESUME: f64 = 1.1;
+
+/// The stop is as gentle as this deceleration, m/s², and ends this far behind the line that is not passed, metres.
+const STOP_MPS2: f64 = 1.5;
+const STOP_GAP_M: f64 = 2.0;
+
+/// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
+const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
+
+/// The ground is narrowed in steps of this, and at least so much is left beside a car in the middle of its lane, metres.
+const NARROWED_M: f64 = 0.1;
+const LEFT_M: f64 = 0.25;
+
+/// Room beside the car in its lane.
+struct Room {
+    s_m: f64,
+    room_m: f64,
+    needed_m: f64,
+}
+
+/// The accuracy of the pose, and the motion that it allows.
+pub(super) struct PoseTrust {
+    quality: Option<PoseQuality>,
+    slow_by_sigma_m: [f64; 2],
+    /// Standard deviations of the lateral position that are kept from the edges of the road; 0 for none.
+    lane_sigmas: f64,
+    shape: Shape,
+    /// The route with so many steps of [`NARROWED_M`] less ground on either side.
+    narrowed: Option<(u32, Route)>,
+    /// Arc length of the line that is not passed, while the ego stops for its pose.
+    stop_s_m: Option<f64>,
+}
+
+impl PoseTrust {
+    pub(super) fn new(slow_by_sigma_m: [f64; 2], lane_sigmas: f64, shape: Shape) -> Self {
+        Self { quality: None, slow_by_sigma_m, lane_sigmas, shape, narrowed: None, stop_s_m: None }
+    }
+
+    /// Takes the newest accuracy; while localization is lost, the one before counts.
+    pub(super) fn take(&mut self, quality: Option<&Latest<PoseQuality>>) {
+        let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
+        self.quality = quality.map(|quality| **quality).or(self.quality);
+    }
+
+    /// Share of the target speed; 1 without localization.
+    pub(super) fn speed_share(&self) -> f64 {
+        self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m))
+    }
+
+    /// Room beside the car in the middle of its lane at the arc length of `ego`, and the deviations that have to fit there,
+    /// metres. `None` where they need not.
+    fn room(&self, ego: &EgoState, route: &Route) -> Option<Room> {
+        let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
+        let s_m = route.project(ego.pose.point()).s_m;
+        let room_m = route.left_m(s_m).min(route.right_m(s_m)) - 0.5 * self.shape.width_m;
+        let sigma_m = quality.across_sigma_m(route.line().at(s_m).pose.heading_rad);
+        Some(Room { s_m, room_m, needed_m: self.lane_sigmas * sigma_m })
+    }
+
+    /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car.
+    pub(super) fn ground<'a>(&'a mut self, ego: &EgoState, route: &'a Route) -> &'a Route {
+        let Some(Room { room_m, needed_m, .. }) = self.room(ego, route) else { return route };
+        let steps = (needed_m.min(room_m - LEFT_M) / NARROWED_M).max(0.0) as u32;
+        if steps == 0 {
+            return route;
+        }
+        if self.narrowed.as_ref().is_none_or(|(known, _)| *known != steps) {
+            self.narrowed = Some((steps, route.narrowed(f64::from(steps) * NARROWED_M)));
+        }
+        self.narrowed.as_ref().map_or(route, |(_, narrowed)| narrowed)
+    }
+
+    /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
+    pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
+        let Room { s_m, room_m, needed_m } = self.room(ego, route)?;
+        let spare = if self.stop_s_m.is_some() { RESUME } else { 1.0 };
+        if needed_m * spare <= room_m {
+            self.stop_s_m = None;
+            return None;
+        }
+        let front_m = self.shape.length_m - self.shape.rear_overhang_m;
+        let way_m = 0.5 * ego.speed_mps * ego.speed_mps / STOP_MPS2 + STOP_GAP_M;
+        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + way_m);
+        Some(wall(WALL_ID, stop_s_m, route, ego.stamp))
+    }
+
+    /// The plan, with the reason for which it stops.
+    pub(super) fn explained(&self, plan: Plan) -> Plan {
+        let led = matches!(plan.status, PlanStatus::Comfortable | PlanStatus::Found | PlanStatus::Route);
+        let status = if self.stop_s_m.is_some() && led { PlanStatus::PoseUncertain } else { plan.status };
+        Plan { status, ..plan }
+    }
+}
+
+/// Share of the target speed at a deviation of the pose, metres.
+fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
+    if sigma_m <= from_m {
+        return 1.0;
+    }
+    let slowed = ((sigma_m - from_m) / (to_m - from_m)).min(1.0);
+    1.0 - (1.0 - SLOWEST) * slowed
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_geom::{Point2, Polyline, Pose2};
+
+    use super::*;
+
+    #[test]
+    fn speed_falls_with_the_deviation_of_the_pose() {
+        let share = |sigma_m: f64| speed_share(sigma_m, [0.4, 1.0]);
+        for (sigma_m, share_of_speed) in [(0.0, 1.0), (0.4, 1.0), (0.7, 0.65), (1.0, 0.3), (50.0, 0.3)] {
+            assert!((share(sigma_m) - share_of_speed).abs() < 1e-12, "{sigma_m}");
+        }
+        assert_eq!(speed_share(1e9, [f64::MAX; 2]), 1.0, "the paper's planners do not");
+        assert!((speed_share(0.5, [0.4, 0.4]) - SLOWEST).abs() < 1e-12);
+    }
+
+    fn route() -> Route {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
+        Route::uniform(line, 4.0, 2.0)
+    }
+
+    fn trust(lane_sigmas: f64) -> PoseTrust {
+        let shape = Shape { width_m: 1.9, length_m: 5.0, rear_overhang_m: 1.0, ..Shape::default() };
+        PoseTrust::new([9.0, 9.0], lane_sigmas, shape)
+    }
+
+    /// The obstacle ahead of an ego at 50 m with 6 m/s, on a road along x of 4 m to the left and 2 m to the right.
+    fn ahead(trust: &mut PoseTrust, along_m: f64, across_m: f64) -> Option<Prediction> {
+        let covariance = [along_m * along_m, 0.0, across_m * across_m, 0.0, 0.0, 0.0];
+        trust.quality = Some(PoseQuality { covariance, ..PoseQuality::default() });
+        let pose = Pose2::new(50.0, 0.0, 0.0);
+        trust.wall(&EgoState { pose, speed_mps: 6.0, ..EgoState::default() }, &route())
+    }
+
+    #[test]
+    fn stops_where_two_deviations_do_not_fit_beside_the_car() {
+        let mut trust = trust(2.0);
+        // 2 - 0.95 = 1.05 m to the nearer edge: two deviations of 0.525 m fit.
+        assert!([0.1, 0.52].iter().all(|&sigma_m| ahead(&mut trust, 0.1, sigma_m).is_none()));
+        assert!(ahead(&mut trust, 3.0, 0.1).is_none(), "a place that is open along the lane is in the lane");
+        let wall = ahead(&mut trust, 0.1, 0.53).unwrap();
+        // The front is 4 m ahead of the origin, 6 m/s stop within 12 m by 1.5 m/s2, and 2 m are left.
+        let near_m = wall.path[0].pose.x_m - 0.5 * wall.extent.length_m;
+        assert!((near_m - 68.0).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
+        let status = |trust: &PoseTrust, status| trust.explained(Plan { status, ..Plan::default() }).status;
+        assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::PoseUncertain);
+        assert_eq!(status(&trust, PlanStatus::Brake), PlanStatus::Brake, "an emergency is one");
+        // 1.1 times two deviations fit from 0.477 m on.
+        assert!(ahead(&mut trust, 0.1, 0.48).is_some() && ahead(&mut trust, 0.1, 0.47).is_none());
+        assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::Comfortable);
+    }
+
+    #[test]
+    fn ground_is_narrowed_by_the_deviations_of_the_pose() {
+        let mut trust = trust(2.0);
+        let mut right_m = |sigma_m: f64| {
+            let _ = ahead(&mut trust, 3.0, sigma_m);
+            let pose = Pose2::new(50.0, 0.0, 0.0);
+            trust.ground(&EgoState { pose, ..EgoState::default() }, &route()).right_m(50.0)
+        };
+        // Two deviations in steps of 0.1 m; of the 1.05 m beside the car 0.25 m are left.
+        for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.35, 1.3), (0.5, 1.2)] {
+            assert!((right_m(sigma_m) - left_m).abs() < 1e-9, "{sigma_m}: {}", right_m(sigma_m));
+        }
+    }
+
+    #[test]
+    fn zero_deviations_and_the_true_pose_never_stop() {
+        assert!(ahead(&mut trust(0.0), 0.1, 5.0).is_none());
+        assert!(trust(2.0).wall(&EgoState::default(), &route()).is_none());
+        assert_eq!(trust(2.0).speed_share(), 1.0);
+    }
+}

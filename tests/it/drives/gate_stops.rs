@@ -1,0 +1,172 @@
+//! Stops by the gate under faults of commands, reports, and sensors of the pose: the brake alone, and for good.
+
+use std::path::Path;
+
+use swerve_core::{Span, Time};
+use swerve_drive::{drive_pipeline, read_scenario};
+use swerve_eval::Verdict;
+use swerve_flow::{Event, Observer};
+use swerve_msg::truth::WorldState;
+use swerve_msg::{Command, GateMode, GateOutput, StopCause};
+use swerve_stack::pipeline::Pipeline;
+
+use crate::common;
+
+const STRAIGHT: &str = r#"name = "straight"
+
+[road]
+segments = [{ length_m = 260.0 }]
+lane_width_m = 4.0
+
+[ego]
+target_speed_mps = 9.0
+end_m = 250.0
+
+[end]
+timeout_s = 20.0
+"#;
+
+const BEND: &str = r#"name = "bend"
+
+[road]
+segments = [{ length_m = 25.0 }, { length_m = 150.0, curvature_1pm = 0.04 }, { length_m = 40.0 }]
+lane_width_m = 4.0
+
+[ego]
+target_speed_mps = 7.0
+end_m = 210.0
+
+[end]
+timeout_s = 26.0
+"#;
+
+/// A receiver with corrections and an inertial unit of a car.
+const LOCALIZER: [&str; 3] = [
+    "localization.localizer=eskf",
+    "sensing.gnss={ noise_m = 0.02, bias_m = 0 }",
+    "sensing.imu={ accel_noise_mps2 = 0.05, accel_bias_mps2 = 0.02, gyro_noise_radps = 0.002, gyro_bias_radps = 0.0005 }",
+];
+
+/// Pedals by the mode of the gate, and the motion of the car.
+#[derive(Default)]
+struct Seen {
+    mode: GateMode,
+    /// When the gate first stopped the car, and why.
+    stop: Option<(Time, StopCause)>,
+    /// Commands to the pedals while the gate stopped or held the car, and those of them with throttle.
+    braked: usize,
+    throttled: usize,
+    /// Stamp, place and speed.
+    motion: Vec<(Time, f64, f64, f64)>,
+    /// Modes of the gate, each once.
+    modes: Vec<GateMode>,
+}
+
+impl Observer for Seen {
+    fn event(&mut self, event: &Event<'_>) {
+        let Event::Publication(publication) = event else { return };
+        let Some(payload) = publication.payload else { return };
+        if let Some(gate) = payload.downcast_ref::<GateOutput>() {
+            self.mode = gate.mode;
+            if self.modes.last() != Some(&gate.mode) {
+                self.modes.push(gate.mode);
+            }
+            if let (None, GateMode::Stopping(cause)) = (self.stop, gate.mode) {
+                self.stop = Some((publication.visible_at, cause));
+            }
+        } else if let Some(command) = payload.downcast_ref::<Command>() {
+            let brakes = self.mode.brakes();
+            self.braked += usize::from(brakes);
+            self.throttled += usize::from(brakes && command.throttle > 0.0);
+        } else if let Some(world) = payload.downcast_ref::<WorldState>() {
+            let state = &world.ego.state;
+            self.motion.push((world.stamp, state.pose.x_m, state.pose.y_m, state.speed_mps));
+        }
+    }
+}
+
+/// Drives `text` with a gate; checks that it stops by the brake alone and stays where it stopped.
+fn stops(text: &str, sets: &[&str]) -> (Seen, Verdict) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("road.toml");
+    std::fs::write(&file, text).unwrap();
+    let config = common::config(&[&["gate.enabled=true"], sets].concat());
+    let pipeline = Pipeline::build(&config, &read_scenario(Path::new(&file)).unwrap()).unwrap();
+    let mut seen = Seen::default();
+    let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
+    assert!(seen.stop.is_some() && seen.braked > 500, "{sets:?}: {} commands", seen.braked);
+    assert_eq!(seen.throttled, 0, "{sets:?}: of {} commands", seen.braked);
+    assert!(!seen.modes[2..].contains(&GateMode::Driving), "{sets:?}: {:?}", seen.modes);
+    // 9 m/s at 3 m/s² are 3 s and 14 m; with lags never more than 5 s.
+    let (since, _) = seen.stop.unwrap();
+    let rest = seen.motion.iter().filter(|(stamp, ..)| *stamp >= since + Span::from_ms(5000));
+    let rest: Vec<_> = rest.collect();
+    let (_, x_m, y_m, _) = *rest[0];
+    for (stamp, x, y, speed_mps) in rest {
+        assert!(speed_mps.abs() < 0.05, "{sets:?}: {speed_mps} m/s at {stamp:?}");
+        assert!((x - x_m).hypot(y - y_m) < 0.05, "{sets:?}: it left its place at {stamp:?}");
+    }
+    (seen, outcome.metrics.verdict)
+}
+
+#[test]
+fn a_noisy_report_never_presses_the_accelerator_of_a_stop() {
+    let silent = "fault.a={ stream = \"controller\", drop = true, from_ms = 3000 }";
+    for noise in ["0.1", "0.5", "2.0"] {
+        let noisy = format!("fault.b={{ stream = \"report\", noise = {noise}, from_ms = 3000 }}");
+        let (seen, verdict) = stops(STRAIGHT, &[silent, &noisy]);
+        assert_eq!(verdict, Verdict::Stopped, "{noise}");
+        // Half a second of silence, unless the report is found out before.
+        let (at, _) = seen.stop.unwrap();
+        assert!(at > Time::from_ms(3000) && at <= Time::from_ms(3530), "{noise}: {at:?}");
+    }
+}
+
+#[test]
+fn other_faults_of_a_report_change_nothing_of_a_stop() {
+    let released = "gate.release_at_ms=3000";
+    for what in [
+        "drop = true",
+        "nan = true",
+        "freeze_ms = 60000",
+        "delay_ms = 2000",
+        "noise = 0.5, probability = 0.3",
+    ] {
+        let fault = format!("fault.b={{ stream = \"report\", {what}, from_ms = 2900 }}");
+        let (_, verdict) = stops(STRAIGHT, &[released, &fault]);
+        assert_eq!(verdict, Verdict::Stopped, "{what}");
+    }
+}
+
+#[test]
+fn a_wrong_pose_does_not_move_a_car_that_stopped() {
+    // The inertial unit is silent for 3 s on a bend: the localizer comes back with a wrong heading.
+    let silent = "fault.a={ stream = \"imu\", drop = true, from_ms = 8000, until_ms = 11000 }";
+    for noise in ["0", "0.1", "0.5"] {
+        let noisy = format!("fault.b={{ stream = \"report\", noise = {noise}, from_ms = 8000 }}");
+        let (seen, verdict) = stops(BEND, &[&LOCALIZER[..], &[silent, &noisy]].concat());
+        assert_eq!(verdict, Verdict::Stopped, "{noise}");
+        let (at, _) = seen.stop.unwrap();
+        assert!(at > Time::from_ms(8000) && at <= Time::from_ms(8530), "{noise}: {at:?}");
+    }
+}
+
+#[test]
+fn a_pose_that_moves_otherwise_than_the_wheels_stops_the_car_on_the_road() {
+    // Frozen before the bend, the unit reports straight on where the wheels turn by 0.28 rad/s: 0.09 rad, the bound at
+    // 7 m/s, after 0.4 s of a bend that begins at 3.7 s.
+    let frozen = ("freeze_ms = 3000, from_ms = 3200, until_ms = 6200", BEND, 4500);
+    // An accelerometer with noise of 20 m/s² at 100 Hz is off by metres within two seconds.
+    let noisy = ("noise = 20, from_ms = 9000, until_ms = 12000", STRAIGHT, 11_500);
+    for (what, road, latest_ms) in [frozen, noisy] {
+        let fault = format!("fault.a={{ stream = \"imu\", {what} }}");
+        for seed in ["seed=1", "seed=2", "seed=3"] {
+            let (seen, verdict) = stops(road, &[&LOCALIZER[..], &[&fault, seed]].concat());
+            let (at, cause) = seen.stop.unwrap();
+            let is_pose = matches!(cause, StopCause::PoseLost | StopCause::PoseImplausible);
+            assert!(is_pose, "{what} {seed}: {cause:?}");
+            assert!(at <= Time::from_ms(latest_ms), "{what} {seed}: {at:?}");
+            assert_eq!(verdict, Verdict::Stopped, "{what} {seed}: {cause:?} at {at:?}");
+        }
+    }
+}

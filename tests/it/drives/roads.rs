@@ -1,0 +1,66 @@
+//! Roads that meet themselves, and bends that are too fast.
+
+use swerve_drive::drive;
+use swerve_eval::Verdict;
+use swerve_msg::truth::EndReason;
+use swerve_scenario::Scenario;
+
+use crate::common::config;
+
+/// A lane over segments of (length, curvature), driven to 5 m before its end.
+fn road(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64) -> Scenario {
+    let length_m: f64 = segments.iter().map(|segment| segment.0).sum();
+    let one = |&(length_m, curvature_1pm): &(f64, f64)| {
+        format!("{{ length_m = {length_m:?}, curvature_1pm = {curvature_1pm:?} }}")
+    };
+    let segments = segments.iter().map(one).collect::<Vec<_>>().join(", ");
+    let text = format!(
+        "name = \"road\"\n[road]\nsegments = [{segments}]\nlane_width_m = 4.0\n[ego]\ntarget_speed_mps = {speed_mps:?}\n\
+         end_m = {:?}\n[end]\ntimeout_s = {timeout_s:?}\n",
+        length_m - 5.0
+    );
+    Scenario::parse("road.toml", &text).unwrap_or_else(|problems| panic!("{problems:?}"))
+}
+
+/// Drives to the end; the way that it took, metres.
+fn driven_m(scenario: &Scenario, sets: &[&str]) -> f64 {
+    let metrics = drive(&config(sets), scenario).unwrap().metrics;
+    assert_eq!(
+        (metrics.verdict, metrics.end, metrics.left_road_at_s),
+        (Verdict::Completed, Some(EndReason::Goal), None),
+        "{sets:?}: {:?}",
+        metrics.drive
+    );
+    metrics.drive.path_length_m
+}
+
+#[test]
+fn closed_and_crossing_roads_are_driven_once() {
+    let turn_m = core::f64::consts::TAU * 24.0;
+    let (left, right) = (1.0 / 24.0, -1.0 / 24.0);
+    let closed = road(&[(20.0, 0.0), (turn_m, left), (50.0, 0.0)], 7.0, 60.0);
+    let spiral = road(&[(20.0, 0.0), (1.06 * turn_m, left), (50.0, 0.0)], 7.0, 60.0);
+    let eight = road(&[(15.0, 0.0), (turn_m, left), (turn_m, right), (50.0, 0.0)], 7.0, 90.0);
+    for (scenario, length_m) in
+        [(&closed, 70.0 + turn_m), (&spiral, 70.0 + 1.06 * turn_m), (&eight, 65.0 + 2.0 * turn_m)]
+    {
+        for planner in ["fot", "rrt_star", "hybrid_astar", "waypoint"] {
+            let way_m = driven_m(scenario, &[&format!("planning.planner={planner}")]);
+            // The goal is at the route's arc length: less than 2 m of corners cut a turn, and 5 m before the end.
+            assert!((length_m - 10.0..length_m + 2.0).contains(&way_m), "{planner}: {way_m} of {length_m}");
+        }
+    }
+}
+
+#[test]
+fn bends_too_fast_for_comfort_are_slowed_for() {
+    // 40 m/s round 500 m would be 3.2 m/s², more than the 2.5 of comfort.
+    let bend = road(&[(350.0, 0.0), (250.0, 0.002), (300.0, 0.0)], 40.0, 60.0);
+    for planner in ["fot", "rrt_star", "hybrid_astar", "waypoint"] {
+        let set = format!("planning.planner={planner}");
+        let metrics = drive(&config(&[&set]), &bend).unwrap().metrics;
+        assert_eq!((metrics.verdict, metrics.left_road_at_s), (Verdict::Completed, None), "{planner}");
+        let lateral = metrics.drive.lateral_accel_max_mps2;
+        assert!(lateral <= 2.75, "{planner}: {lateral}");
+    }
+}
