@@ -12,17 +12,18 @@
 //! Where many fail they mostly do so at the same place, before a wall: that is looked at before a cost is computed.
 
 mod entry;
+mod exhaustive;
 
 use std::collections::BinaryHeap;
 
 use entry::{Arena, Entry, Lon, NONE};
 use swerve_geom::simd::widest;
 
-use super::candidate::{Candidate, Judge, Outcome, Priced, TaskChecks};
+use super::candidate::{Candidate, Judge, Outcome, TaskChecks};
 use super::lateral::FrenetState;
 use super::lattice::Lattice;
 use super::line::Line;
-use super::motion::{Checks, Hints, Motion, OVERSPEED};
+use super::motion::{Checks, Motion, OVERSPEED};
 use super::nearness::{Beside, Corners, Points, sum_nearness};
 use super::params::Params;
 use super::poly::Quintic;
@@ -176,48 +177,6 @@ impl Search {
             self.heap.push(Entry { bound, ..entry });
         }
         self.later = later;
-    }
-
-    /// Looks at every candidate: the reference that the search is tested against.
-    pub fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
-        self.prepare(task, lattice, f64::INFINITY);
-        self.heap.clear();
-        let mut best: Option<Candidate> = None;
-        for d in 0..lattice.d_m.len() as u32 {
-            for lon in 0..self.lons.len() as u32 {
-                if self.lons[lon as usize].count < 2 {
-                    continue;
-                }
-                let entry = Entry { bound: 0.0, leaf: false, refined: false, low: d, high: d, lon };
-                let cost = self.cost(task, lattice, &entry);
-                let candidate = self.candidate(task, lattice, &Entry { bound: cost, ..entry });
-                if best.is_none_or(|b| cost < b.cost)
-                    && task.checks.hold(task.line, &candidate.motion, candidate.last_s, &mut Hints::default())
-                {
-                    best = Some(candidate);
-                }
-            }
-        }
-        best
-    }
-
-    /// Every candidate with its lateral and longitudinal cost.
-    pub fn all(&mut self, task: &Task<'_>, lattice: &Lattice) -> Vec<Priced> {
-        self.prepare(task, lattice, f64::INFINITY);
-        let mut all = Vec::new();
-        for low in 0..lattice.d_m.len() as u32 {
-            for lon in 0..self.lons.len() as u32 {
-                if self.lons[lon as usize].count >= 2 {
-                    let entry = Entry { bound: 0.0, leaf: true, refined: false, low, high: low, lon };
-                    let bound = self.cost(task, lattice, &entry);
-                    let row = self.row(lattice, entry.lon as usize) * lattice.d_m.len();
-                    let lateral = self.lateral_cost[row + low as usize];
-                    let candidate = self.candidate(task, lattice, &Entry { bound, ..entry });
-                    all.push(Priced { candidate, lateral, longitudinal: self.lons[lon as usize].cost });
-                }
-            }
-        }
-        all
     }
 
     /// Fills the tables and puts one range for each valid pair on the heap.
