@@ -175,7 +175,7 @@ mod tests {
             trust.ground(&EgoState { pose, ..EgoState::default() }, &route()).right_m(50.0)
         };
         // Two deviations in steps of 0.1 m; of the 1.05 m beside the car 0.25 m are left.
-        for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.35, 1.3), (0.5, 1.2)] {
+        for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.36, 1.3), (0.5, 1.2)] {
             assert!((right_m(sigma_m) - left_m).abs() < 1e-9, "{sigma_m}: {}", right_m(sigma_m));
         }
     }
