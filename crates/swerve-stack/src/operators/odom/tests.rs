@@ -31,8 +31,8 @@ fn a_correction_enters_with_its_time_constant() {
     let poses = with_step(0.2, 100);
     let off_m = |step: usize| poses[step].to_map(poses[step].odom).y_m;
     // One step of 10 ms, then half a second: 1 - exp(-t / 0.5 s) of it.
-    assert!((off_m(100) - 0.2 * (1.0 - f64::exp(-0.02))).abs() < 1e-9);
-    assert!((off_m(149) - 0.2 * (1.0 - f64::exp(-1.0))).abs() < 1e-9);
+    assert!((off_m(100) - 0.2 * (1.0 - swerve_geom::math::exp(-0.02))).abs() < 1e-9);
+    assert!((off_m(149) - 0.2 * (1.0 - swerve_geom::math::exp(-1.0))).abs() < 1e-9);
 }
 
 #[test]
