@@ -13,7 +13,6 @@ use swerve_msg::{EgoState, Plan};
 use swerve_vehicle::Limits;
 
 use crate::collision::{CollisionMode, Obstacles};
-use crate::fot::line::Line;
 use crate::fot::{self, Fot};
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::traffic::without_followers;
@@ -66,7 +65,7 @@ impl Default for Params {
             standstill_gap_m: 2.0,
             steer_out_gap_m: 7.0,
             other_lane_ttc_s: 4.0,
-            overtake_gain_mps: 3.0,
+            overtake_gain_mps: 5.0,
             over_line_max_s: 12.0,
         }
     }
@@ -241,23 +240,6 @@ fn taken_up(request: &Request<'_>) -> EgoState {
 /// Shares of the limits that the line's curves are driven with: the rest is for what is corrected.
 const CURVE_SHARE: f64 = 0.8;
 const BRAKE_SHARE: f64 = 0.5;
-
-/// Distance between the places at which the curves ahead are looked at, metres.
-const LOOK_M: f64 = 1.0;
-
-/// The speed from which each curve ahead can be reached slowly enough, m/s.
-fn before_curves_mps((line, s_m): (&Line, f64), request: &Request<'_>) -> f64 {
-    let Limits { lateral_accel_max_mps2, brake_max_mps2, .. } = *request.limits;
-    let v = request.start.speed_mps.max(request.target_speed_mps).max(0.0);
-    let brake_mps2 = BRAKE_SHARE * brake_max_mps2;
-    let reach_m = (v * v / (2.0 * brake_mps2)).min(line.length_m());
-    let steps = (reach_m / LOOK_M).ceil() as usize;
-    let allowed = |ahead_m: f64| {
-        let curvature_1pm = line.at(s_m + ahead_m).curvature_1pm.abs().max(1e-9);
-        (CURVE_SHARE * lateral_accel_max_mps2 / curvature_1pm + 2.0 * brake_mps2 * ahead_m).sqrt()
-    };
-    (0..=steps).map(|k| allowed(k as f64 * LOOK_M)).fold(f64::INFINITY, f64::min)
-}
 
 #[cfg(test)]
 mod tests {

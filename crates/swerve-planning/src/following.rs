@@ -9,6 +9,8 @@
 //!   equation 2.4), with the lead braking until it stands as in the safe distance of Shalev-Shwartz et al. ("On a formal
 //!   model of safe and scalable self-driving cars", 2017, definition 1).
 
+use swerve_geom::math;
+
 use crate::fot::line::Line;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS};
 
@@ -50,7 +52,14 @@ const CREEP_MPS2: f64 = 0.3;
 const DRIVE_UP_M: f64 = 1.0;
 
 /// Lead vehicles are looked for until this long after the start, seconds.
-const AHEAD_S: f64 = 8.0;
+pub(crate) const AHEAD_S: f64 = 8.0;
+
+/// What is taken to the side in a curve: acceleration, m/s², and its change, m/s³.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Curve {
+    pub(crate) accel_mps2: f64,
+    pub(crate) jerk_mps3: f64,
+}
 
 /// Speeds that curves allow along the line from `from_m` on.
 #[derive(Clone, PartialEq, Debug)]
@@ -60,13 +69,15 @@ pub(crate) struct SpeedTable {
 }
 
 impl SpeedTable {
-    /// For `length_m` from `from_m` on: the largest speed at which curves take `lateral_mps2`, and each is reached by
+    /// For `length_m` from `from_m` on: the largest speed with which curves take no more than `curve`, and each is reached by
     /// `brake_mps2`.
-    pub(crate) fn new(line: &Line, from_m: f64, length_m: f64, lateral_mps2: f64, brake_mps2: f64) -> Self {
+    pub(crate) fn new(line: &Line, [from_m, length_m]: [f64; 2], curve: Curve, brake_mps2: f64) -> Self {
         let count = (length_m / TABLE_M).ceil() as usize;
         let curve_mps = |k: usize| {
-            let curvature_1pm = line.at(from_m + k as f64 * TABLE_M).curvature_1pm.abs().max(1e-9);
-            (lateral_mps2 / curvature_1pm).sqrt()
+            let node = line.at(from_m + k as f64 * TABLE_M);
+            // v² κ to the side, and v³ dκ/ds while the curvature changes.
+            let accel_mps = (curve.accel_mps2 / node.curvature_1pm.abs().max(1e-9)).sqrt();
+            accel_mps.min(math::pow(curve.jerk_mps3 / node.bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
         };
         let mut speeds_mps: Vec<f64> = (0..=count).map(curve_mps).collect();
         for k in (0..count).rev() {
@@ -76,7 +87,8 @@ impl SpeedTable {
         Self { from_m, speeds_mps }
     }
 
-    fn at(&self, s_m: f64) -> f64 {
+    /// The speed at `s_m`, m/s.
+    pub(crate) fn at(&self, s_m: f64) -> f64 {
         let k = ((s_m - self.from_m) / TABLE_M).max(0.0) as usize;
         self.speeds_mps[k.min(self.speeds_mps.len() - 1)]
     }
@@ -222,7 +234,8 @@ impl Follower<'_> {
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
             // Beyond comfort the standstill gap is given up for less braking.
-            let least = needed_mps2(v, lead_mps, brake_mps2, gap_m - LEAST_GAP_M.min(0.5 * gap_m));
+            let least =
+                needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
             return -needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
         }
         self.counted(needed)

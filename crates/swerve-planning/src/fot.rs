@@ -167,12 +167,6 @@ impl Planner for Fot {
 }
 
 impl Fot {
-    /// The route's line, and where on it the request starts.
-    pub(crate) fn along(&mut self, request: &Request<'_>) -> (&Line, f64) {
-        self.line.follow(request.route.line());
-        (self.line.line(), self.line.locate_from(request.start.pose, request.place().s_m).s_m)
-    }
-
     /// Where the request starts beside the route's line.
     pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
         self.line.follow(request.route.line());

@@ -7,7 +7,7 @@ use swerve_msg::{EgoState, PlanPoint};
 use swerve_vehicle::Shape;
 
 use crate::following::{STEP_S, Step};
-use crate::fot::line::{Line, OnLine};
+use crate::fot::line::{Line, Node, OnLine};
 use crate::fot::poly::Quintic;
 use crate::traffic::Knot;
 
@@ -63,6 +63,11 @@ pub(crate) fn back_to_centre(
     aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
 }
 
+/// Length at the ego's offset for each metre of the line.
+pub(crate) fn stretch(place: &OnLine) -> f64 {
+    (1.0 - place.node.curvature_1pm * place.d_m).max(0.1)
+}
+
 /// A change of the offset.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Aside {
@@ -87,9 +92,13 @@ pub(crate) fn aside(
     let curvature_1pm =
         if speed_mps > TURNS_MPS { start.yaw_rate_radps / speed_mps } else { place.node.curvature_1pm };
     let tightest_1pm = 1.0 / shape.wheelbase_m;
-    let stretch = (1.0 - place.node.curvature_1pm * place.d_m).max(0.1);
-    let slope = stretch * math::tan(place.turn_rad.clamp(-1.0, 1.0));
-    let bend_1pm = curvature_1pm.clamp(-tightest_1pm, tightest_1pm) - place.node.curvature_1pm;
+    let Node { curvature_1pm: line_1pm, bend_1pm2, .. } = place.node;
+    let stretch = stretch(place);
+    let tan = math::tan(place.turn_rad.clamp(-1.0, 1.0));
+    let cos = 1.0 / (1.0 + tan * tan).sqrt();
+    let slope = stretch * tan;
+    let turning = curvature_1pm.clamp(-tightest_1pm, tightest_1pm) * stretch / cos - line_1pm;
+    let bend_1pm = turning * stretch / (cos * cos) - (bend_1pm2 * place.d_m + line_1pm * slope) * tan;
     let offset = Quintic::new([place.d_m, slope, bend_1pm], [to_m, 0.0, 0.0], length_m);
     let point = |(k, step): (usize, &Step)| {
         let d = offset.at((step.s_m - place.s_m).clamp(0.0, length_m));

@@ -18,6 +18,8 @@ pub(crate) struct Rules {
     pub(crate) gain_min_mps: f64,
     /// Longest time over the line, seconds.
     pub(crate) over_line_max_s: f64,
+    /// Whether the ego is in the other lane already.
+    pub(crate) under_way: bool,
 }
 
 /// Beyond the line by more than this is in the other lane, metres.
@@ -86,6 +88,10 @@ impl<'a> Passing<'a> {
         let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
         blocking.truncate(together);
         let slowest = blocking.first()?;
+        // Where who comes over will be is not known yet, a vehicle that changes lanes as a pedestrian who crosses.
+        if !rules.under_way && blocking.iter().any(|one| one.comes_over()) {
+            return None;
+        }
         let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);
         if slowest.is_vehicle() && !slowest.stands() && gain_mps < rules.gain_min_mps {
             return None;

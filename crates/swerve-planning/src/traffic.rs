@@ -25,6 +25,9 @@ pub(crate) const STANDS_MPS: f64 = 0.3;
 /// Only road users within this distance along the line are projected, metres.
 const REACH_M: f64 = 200.0;
 
+/// The way of a vehicle that crosses is kept free for so long before and after it, seconds.
+const CROSS_S: f64 = 0.5;
+
 /// The largest angle between a motion along the road and the road, radians.
 const ALONG_RAD: f64 = 0.5;
 
@@ -157,6 +160,12 @@ impl Mover {
         across_m > (2.0 * STANDS_MPS * KNOT_S).max(along_m)
     }
 
+    /// Whether it moves to the side now.
+    pub(crate) fn comes_over(&self) -> bool {
+        let (a, b) = (&self.knots[0], &self.knots[1]);
+        0.5 * (b.left_m + b.right_m - a.left_m - a.right_m).abs() > STANDS_MPS * KNOT_S
+    }
+
     /// Whether it stands all the time.
     pub(crate) fn stands(&self) -> bool {
         let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);
@@ -172,7 +181,7 @@ fn is_vehicle(kind: ActorKind) -> bool {
 /// Everybody near the ego: as predicted and continued, and along the line.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(crate) struct Traffic {
-    /// Predictions, those of vehicles continued until [`HORIZON_S`].
+    /// Predictions, those of vehicles continued until [`HORIZON_S`]; after them who crosses, [`CROSS_S`] sooner and later.
     pub(crate) predictions: Vec<Prediction>,
     /// Of each whether it drives along the line, in its direction.
     drives_along: Vec<bool>,
@@ -184,15 +193,20 @@ impl Traffic {
     pub(crate) fn new(request: &Request<'_>, line: &Line, s_m: f64) -> Self {
         let mut traffic = Self::default();
         let until = request.start.stamp + Span::from_secs(HORIZON_S);
+        let mut crossing = Vec::new();
         for one in request.predictions {
             let one = continued(one, until, request.route, s_m);
             let mover = mover(&one, request, line, s_m);
             let drives_along =
                 |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
             traffic.drives_along.push(mover.as_ref().is_some_and(drives_along));
+            if mover.as_ref().is_some_and(|one| one.is_vehicle() && one.crosses(0.0)) {
+                crossing.extend([-CROSS_S, CROSS_S].map(|late_s| later(&one, late_s)));
+            }
             traffic.movers.extend(mover);
             traffic.predictions.push(one);
         }
+        traffic.predictions.extend(crossing);
         traffic
     }
 }
@@ -240,6 +254,12 @@ fn continued(one: &Prediction, until: Time, route: &Route, s_m: f64) -> Predicti
         one.path.push(PredictedPose { at, pose });
     }
     one
+}
+
+/// A prediction that is late by `late_s`.
+fn later(one: &Prediction, late_s: f64) -> Prediction {
+    let late = |p: &PredictedPose| PredictedPose { at: p.at + Span::from_secs(late_s), ..*p };
+    Prediction { path: one.path.iter().map(late).collect(), ..one.clone() }
 }
 
 /// The last pose of a prediction, the speed there and the deceleration (negative, or zero), m/s and m/s².

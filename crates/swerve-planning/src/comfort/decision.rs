@@ -1,19 +1,19 @@
 //! The decision flow of the comfortable layer: on in the own lane, past what blocks it, or behind that.
 
 use swerve_core::Time;
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use super::{
     BRAKE_SHARE, CURVE_SHARE, Comfort, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, RIGHT_MAX_M,
-    SWERVE_SHARE, before_curves_mps, taken_up,
+    SWERVE_SHARE, taken_up,
 };
 use crate::collision::CollisionMode;
-use crate::following::{Accel, Follower, Gaps, Profile, SpeedTable, Step};
+use crate::following::{self, Accel, Curve, Follower, Gaps, Profile, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
-use crate::lane::{Aside, Lane, aside, back_to_centre};
+use crate::lane::{Aside, Lane, aside, back_to_centre, stretch};
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::steady_stop::{self, Demands};
@@ -35,14 +35,23 @@ impl Comfort {
             return None;
         }
         let easy = Request { start, limits: &limits, ..*request };
-        let curves_mps = before_curves_mps(self.gentle.along(&easy), &easy);
         let hurried_mps = hurried_mps(request.target_speed_mps, start.speed_mps, follower);
         let place = self.gentle.place(&easy);
+        let curves = self.curves(&easy, place.s_m);
+        let curves_mps = curves.at(place.s_m);
         let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
         let predictions =
             if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
+        let slows = curves_mps < hurried_mps;
         let easy = Request { target_speed_mps: hurried_mps.min(curves_mps), predictions, ..easy };
-        let scene = Scene { request: &easy, place, traffic: &traffic, vehicle: request.limits };
+        let scene = Scene {
+            request: &easy,
+            place,
+            traffic: &traffic,
+            vehicle: request.limits,
+            curves: &curves,
+            slows,
+        };
         self.free_in(&scene, budget)
     }
 
@@ -58,6 +67,12 @@ impl Comfort {
         let mut profile = self.led(scene, possible, |one| !passed(one));
         let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
         if !profile.is_led && open.filter(beside).is_none() {
+            // Before a curve the speed is that of its table at each place: a plan towards one speed is late for it.
+            if scene.slows
+                && let Some(plan) = self.follow(scene, &self.profile(scene, Vec::new()))
+            {
+                return Some(plan);
+            }
             self.gentle.set_offsets(own.0, own.1);
             // All places of a lead at once would be a wall.
             let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
@@ -104,7 +119,10 @@ impl Comfort {
         let found = if profile.is_led { self.gentle.at_speed(&slower, budget) } else { None };
         let found = found.or_else(|| self.gentle.slower(&slower, budget));
         if let Some(plan) = found.filter(|plan| !ends_beside(plan, request)) {
-            return Some(comfortable(plan));
+            let plan = comfortable(plan);
+            // A quintic that ends at rest brakes half as hard again as its mean.
+            let gentler = rests(&plan).then(|| self.stop(scene, standing_m)).flatten();
+            return Some(gentler.filter(|stop| brakes_mps2(stop) < brakes_mps2(&plan)).unwrap_or(plan));
         }
         // An ego at rest that could not set off with nobody there does not wait for anybody.
         let v = request.start.speed_mps.max(0.0);
@@ -191,6 +209,7 @@ impl Comfort {
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
             gain_min_mps: if beyond { 0.0 } else { self.params.overtake_gain_mps },
             over_line_max_s: self.params.over_line_max_s,
+            under_way: beyond,
         };
         if self.manner == Manner::Waits {
             return None;
@@ -246,11 +265,9 @@ impl Comfort {
     /// The speed along the line behind `leads`, each with whether the ego stops where it can steer out.
     fn profile(&self, scene: &Scene<'_>, leads: Vec<(&Mover, bool)>) -> Profile {
         let Scene { request, place, vehicle, .. } = *scene;
-        let (line, limits, start) = (self.gentle.line(), request.limits, &request.start);
+        let (limits, start) = (request.limits, &request.start);
         let lane = self.lane(request);
         let in_way = |knot: &Knot| lane.is_blocked(knot);
-        let brake_mps2 = BRAKE_SHARE * limits.brake_max_mps2;
-        let lateral_mps2 = CURVE_SHARE * limits.lateral_accel_max_mps2;
         let follower = Follower {
             gaps: Gaps {
                 standstill_m: self.params.standstill_gap_m,
@@ -263,16 +280,29 @@ impl Comfort {
                 hardest_mps2: vehicle.brake_max_mps2,
             },
             target_mps: request.target_speed_mps,
-            curves: &SpeedTable::new(line, place.s_m, TABLE_M, lateral_mps2, brake_mps2),
+            curves: scene.curves,
             front_m: request.shape.length_m - request.shape.rear_overhang_m,
             leads,
             in_way: &in_way,
         };
+        let along = math::cos(place.turn_rad).max(0.1) / stretch(&place);
         follower.profile(Step {
             s_m: place.s_m,
-            speed_mps: start.speed_mps.max(0.0),
-            accel_mps2: start.accel_mps2.clamp(-vehicle.brake_max_mps2, limits.accel_max_mps2),
+            speed_mps: start.speed_mps.max(0.0) * along,
+            accel_mps2: start.accel_mps2.clamp(-vehicle.brake_max_mps2, limits.accel_max_mps2) * along,
         })
+    }
+
+    /// The speed that the curves from `s_m` on allow, as far as the ego gets and from there takes to stop.
+    fn curves(&self, request: &Request<'_>, s_m: f64) -> SpeedTable {
+        let v = request.start.speed_mps.max(request.target_speed_mps).max(0.0);
+        let brake_mps2 = BRAKE_SHARE * request.limits.brake_max_mps2;
+        let curve = Curve {
+            accel_mps2: CURVE_SHARE * request.limits.lateral_accel_max_mps2,
+            jerk_mps3: self.params.lateral_jerk_max_mps3,
+        };
+        let length_m = following::AHEAD_S * v + v * v / (2.0 * brake_mps2);
+        SpeedTable::new(self.gentle.line(), [s_m, length_m], curve, brake_mps2)
     }
 
     /// The ego's lane.
@@ -333,6 +363,10 @@ struct Scene<'a> {
     traffic: &'a Traffic,
     /// Limits of the vehicle.
     vehicle: &'a Limits,
+    /// What the curves ahead allow.
+    curves: &'a SpeedTable,
+    /// Whether a curve ahead asks for less than the target speed.
+    slows: bool,
 }
 
 fn comfortable(plan: Plan) -> Plan {
@@ -373,10 +407,19 @@ fn stepped_up_m(offset_m: f64) -> f64 {
     ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
+/// Whether a plan ends at rest.
+fn rests(plan: &Plan) -> bool {
+    plan.points.last().is_some_and(|end| end.speed_mps < AT_REST_MPS)
+}
+
 /// Whether a plan ends at rest beyond the own lane.
 fn ends_beside(plan: &Plan, request: &Request<'_>) -> bool {
-    let end = plan.points.last().filter(|p| p.speed_mps < AT_REST_MPS);
-    end.is_some_and(|end| !request.may_rest_at(end.pose))
+    rests(plan) && plan.points.last().is_some_and(|end| !request.may_rest_at(end.pose))
+}
+
+/// Largest deceleration of a plan, m/s².
+fn brakes_mps2(plan: &Plan) -> f64 {
+    plan.points.iter().map(|p| -p.accel_mps2).fold(0.0, f64::max)
 }
 
 /// Slower than this the ego is at rest, m/s.
@@ -394,9 +437,6 @@ const LANE_EDGE_M: f64 = 0.05;
 
 /// Steady decelerations that are tried, up to a limit.
 const BRAKE_STEPS: u32 = 7;
-
-/// Curves are looked at this far ahead of a profile, metres.
-const TABLE_M: f64 = 160.0;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
 const HARDER_MPS2: f64 = 0.1;

@@ -83,6 +83,7 @@ fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], unt
         let request = Request {
             stamp: now,
             start,
+            along_m: None,
             route: &route,
             target_speed_mps: speed_mps,
             predictions: &predictions,

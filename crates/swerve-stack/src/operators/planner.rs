@@ -191,7 +191,7 @@ impl PlannerOperator {
         predictions: &PredictionList,
         measured: &EgoState,
         ahead: Option<Span>,
-        mut chosen: Option<&mut dyn Planner>,
+        chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
         let stamp = predictions.stamp;
         let local = self.local.at(stamp);

@@ -73,7 +73,7 @@ fn red_holds_until_green_and_where_full_brake_suffices() {
 
 #[test]
 fn wall_begins_at_the_line_and_spans_the_ground() {
-    let wall = lines().wall(LAST_ID, 300.0, &PredictionList::default());
+    let wall = wall(ActorId(LAST_ID), 300.0, &lines().route, Time::ZERO);
     let corners = wall.extent.footprint(wall.path[0].pose).corners();
     let [mut near_m, mut right_m, mut left_m] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY];
     for corner in corners {
