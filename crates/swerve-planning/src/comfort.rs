@@ -108,7 +108,7 @@ impl Params {
 const EASE_MAX_M: f64 = 50.0;
 
 /// Slower than this the wheels are turned no faster than at it, m/s.
-const SLOW_MPS: f64 = 6.0;
+const SLOW_MPS: f64 = 8.0;
 
 /// How a comfortable plan keeps clear of others: as the planner below it does.
 #[derive(Clone, Copy, PartialEq, Debug)]

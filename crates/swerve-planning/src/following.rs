@@ -49,7 +49,10 @@ const TABLE_M: f64 = 2.0;
 
 /// Least deceleration of a stop whose place is reached, m/s², and the way from which on an ego at rest drives up, metres.
 const CREEP_MPS2: f64 = 0.3;
-const DRIVE_UP_M: f64 = 1.0;
+const DRIVE_UP_M: f64 = 2.0;
+
+/// Slower than this the ego is at rest, m/s.
+const AT_REST_MPS: f64 = 0.1;
 
 /// Lead vehicles are looked for until this long after the start, seconds.
 pub(crate) const AHEAD_S: f64 = 8.0;
@@ -73,11 +76,12 @@ impl SpeedTable {
     /// `brake_mps2`.
     pub(crate) fn new(line: &Line, [from_m, length_m]: [f64; 2], curve: Curve, brake_mps2: f64) -> Self {
         let count = (length_m / TABLE_M).ceil() as usize;
+        let curvature_1pm = |k: usize| line.at(from_m + k as f64 * TABLE_M).curvature_1pm;
         let curve_mps = |k: usize| {
-            let node = line.at(from_m + k as f64 * TABLE_M);
+            let bend_1pm2 = (curvature_1pm(k + 1) - curvature_1pm(k)) / TABLE_M;
             // v² κ to the side, and v³ dκ/ds while the curvature changes.
-            let accel_mps = (curve.accel_mps2 / node.curvature_1pm.abs().max(1e-9)).sqrt();
-            accel_mps.min(math::pow(curve.jerk_mps3 / node.bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
+            let accel_mps = (curve.accel_mps2 / curvature_1pm(k).abs().max(1e-9)).sqrt();
+            accel_mps.min(math::pow(curve.jerk_mps3 / bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
         };
         let mut speeds_mps: Vec<f64> = (0..=count).map(curve_mps).collect();
         for k in (0..count).rev() {
@@ -205,8 +209,8 @@ impl Follower<'_> {
         let room_m = gap_m - standing_m - SPARE_M;
         if lead_mps < STANDS_MPS && room_m < DRIVE_UP_M {
             // At rest it stays, and what is left is not crept over.
-            if v == 0.0 {
-                return 0.0;
+            if v < AT_REST_MPS {
+                return if v > 0.0 { -CREEP_MPS2 } else { 0.0 };
             }
             if room_m < 0.5 * DRIVE_UP_M && v < 1.0 {
                 return -CREEP_MPS2.max(needed_mps2(v, 0.0, 0.0, room_m.max(0.1)).min(self.accel.brake_mps2));

@@ -10,6 +10,7 @@ use super::{
     SWERVE_SHARE, taken_up,
 };
 use crate::collision::CollisionMode;
+use crate::fallback::kept;
 use crate::following::{self, Accel, Curve, Follower, Gaps, Profile, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
@@ -42,7 +43,7 @@ impl Comfort {
         let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
         let predictions =
             if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
-        let slows = curves_mps < hurried_mps;
+        let at_once = curves_mps < hurried_mps || hurried_mps > request.target_speed_mps;
         let easy = Request { target_speed_mps: hurried_mps.min(curves_mps), predictions, ..easy };
         let scene = Scene {
             request: &easy,
@@ -50,7 +51,7 @@ impl Comfort {
             traffic: &traffic,
             vehicle: request.limits,
             curves: &curves,
-            slows,
+            at_once,
         };
         self.free_in(&scene, budget)
     }
@@ -67,8 +68,8 @@ impl Comfort {
         let mut profile = self.led(scene, possible, |one| !passed(one));
         let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
         if !profile.is_led && open.filter(beside).is_none() {
-            // Before a curve the speed is that of its table at each place: a plan towards one speed is late for it.
-            if scene.slows
+            // A plan towards one speed would be late.
+            if scene.at_once
                 && let Some(plan) = self.follow(scene, &self.profile(scene, Vec::new()))
             {
                 return Some(plan);
@@ -88,7 +89,8 @@ impl Comfort {
             let target_speed_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
             let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget);
             let may = |plan: &Plan| open.may(plan, self.gentle.line(), &request.start, &place);
-            if let Some(plan) = plan.filter(may).or_else(|| self.steer_out(scene, open)) {
+            let plan = plan.filter(may).or_else(|| self.steer_out(scene, open));
+            if let Some(plan) = plan.or_else(|| self.kept_out(scene, open)) {
                 return Some(comfortable(plan));
             }
             profile = self.led(scene, possible, |_| true);
@@ -106,9 +108,8 @@ impl Comfort {
         budget: &mut Counted<'_>,
     ) -> Option<Plan> {
         let request = scene.request;
-        if profile.is_led
-            && let Some(plan) = self.follow(scene, profile)
-        {
+        let alone = (!profile.is_led).then(|| self.profile(scene, Vec::new()));
+        if let Some(plan) = self.follow(scene, alone.as_ref().unwrap_or(profile)) {
             return Some(plan);
         }
         // Where something else is in the way, too, it is gone round no faster than the lead allows.
@@ -121,7 +122,8 @@ impl Comfort {
         if let Some(plan) = found.filter(|plan| !ends_beside(plan, request)) {
             let plan = comfortable(plan);
             // A quintic that ends at rest brakes half as hard again as its mean.
-            let gentler = rests(&plan).then(|| self.stop(scene, standing_m)).flatten();
+            let stops_for = rests(&plan) && !request.predictions.is_empty();
+            let gentler = stops_for.then(|| self.stop(scene, standing_m)).flatten();
             return Some(gentler.filter(|stop| brakes_mps2(stop) < brakes_mps2(&plan)).unwrap_or(plan));
         }
         // An ego at rest that could not set off with nobody there does not wait for anybody.
@@ -197,6 +199,13 @@ impl Comfort {
             let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
             (turns && open.may(&plan, self.gentle.line(), start, &scene.place)).then_some(plan)
         })
+    }
+
+    /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
+    fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
+        let Scene { request, place, .. } = *scene;
+        let plan = kept(request, self.gentle.obstacles(), HARD_CLEARANCE_M.min(self.params.clearance_m))?;
+        (!rests(&plan) && open.may(&plan, self.gentle.line(), &request.start, &place)).then_some(plan)
     }
 
     /// What blocks the lane and can be passed by the ground beside it.
@@ -337,9 +346,11 @@ impl Comfort {
         let first_mps2 = points.first().map_or(0.0, lateral_mps2);
         let most_mps2 = request.limits.lateral_accel_max_mps2.max(SWERVE_SHARE * first_mps2);
         let poses: Vec<(Pose2, Time)> = points.iter().map(|p| (p.pose, p.at)).collect();
-        let holds = points.iter().all(|p| lateral_mps2(p) <= most_mps2)
-            && self.gentle.keeps_road(request, &poses)
-            && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
+        let tightest_1pm = curvature_max_1pm(request.limits, request.shape);
+        let holds =
+            points.iter().all(|p| lateral_mps2(p) <= most_mps2 && p.curvature_1pm.abs() <= tightest_1pm)
+                && self.gentle.keeps_road(request, &poses)
+                && self.obstacles.path_free(|pose| request.shape.footprint(pose), &poses, clearance_m);
         holds.then_some(Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 })
     }
 }
@@ -365,8 +376,8 @@ struct Scene<'a> {
     vehicle: &'a Limits,
     /// What the curves ahead allow.
     curves: &'a SpeedTable,
-    /// Whether a curve ahead asks for less than the target speed.
-    slows: bool,
+    /// Whether the speed is to change at once: for a curve ahead, or away from who is behind.
+    at_once: bool,
 }
 
 fn comfortable(plan: Plan) -> Plan {
@@ -384,7 +395,7 @@ fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64
 }
 
 /// An ego that is run into within this time, seconds, hurries to at most this share of its target speed.
-const HURRIED_BEFORE_S: f64 = 4.0;
+const HURRIED_BEFORE_S: f64 = 2.0;
 const HURRIED_SHARE: f64 = 1.2;
 
 /// Share of the time to collision in the other lane that is enough once the ego is in it.

@@ -1,5 +1,5 @@
 use swerve_core::{Span, Time};
-use swerve_eval::{Evaluation, Metrics, Milestone, Outline, Params, Verdict, Why, WhyStep};
+use swerve_eval::{Evaluation, Metrics, Milestone, Norm, Outline, Params, Verdict, Why, WhyStep};
 use swerve_geom::{Map, Point, Point2, Polyline, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, Collision, EgoTruth, EndReason, WorldState};
 use swerve_msg::{
@@ -116,6 +116,7 @@ impl Drive {
             actors: NAMES.map(str::to_owned).to_vec(),
             route: None,
             lights: Vec::new(),
+            norm: Norm::default(),
         };
         let mut evaluation = Evaluation::new(params);
         let mut hit = false;
@@ -400,6 +401,7 @@ fn a_run_without_actors_shows_all_of_it() {
         actors: NAMES.map(str::to_owned).to_vec(),
         route: None,
         lights: Vec::new(),
+        norm: Norm::default(),
     };
     let none: Metrics = Evaluation::new(params).metrics();
     story.conclude(&none, None);
