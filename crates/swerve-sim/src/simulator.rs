@@ -156,7 +156,9 @@ impl Simulator {
     fn populate(&mut self) {
         for (i, actor) in self.scenario.actors.iter().enumerate() {
             let script = Script::new(actor, self.route.line());
-            let moment = script.at(None, self.route.line());
+            let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
+            // Who is under way from the beginning has a speed in the first state, too.
+            let moment = script.at(set_off.map(|_| 0.0), self.route.line());
             let at = self.route.line().project_near(moment.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
                 id: Scenario::id(i),
@@ -167,7 +169,6 @@ impl Simulator {
                 velocity_mps: moment.velocity_mps,
             };
             let body = Body::insert(&mut self.world, &state, actor.mass_kg);
-            let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
             self.actors.push(Player { body, script, set_off, contact: Contact::None, s_m: at.s_m });
             self.state.actors.push(state);
         }

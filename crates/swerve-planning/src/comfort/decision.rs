@@ -204,7 +204,7 @@ impl Comfort {
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
     fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let plan = kept(request, self.gentle.obstacles(), HARD_CLEARANCE_M.min(self.params.clearance_m))?;
+        let plan = kept(request, self.gentle.obstacles(), KEPT_SHARE * self.params.clearance_m)?;
         (!rests(&plan) && open.may(&plan, self.gentle.line(), &request.start, &place)).then_some(plan)
     }
 
@@ -451,6 +451,9 @@ const BRAKE_STEPS: u32 = 7;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
 const HARDER_MPS2: f64 = 0.1;
+
+/// Share of the clearance that is enough for a way past that is under way.
+const KEPT_SHARE: f64 = 0.8;
 
 /// Distance from obstacles that is enough where comfort is not, metres.
 const HARD_CLEARANCE_M: f64 = 0.3;
