@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_not_negative, require_positive, require_within};
 use swerve_geom::{angle_between, math};
 use swerve_msg::{EgoState, Plan};
-use swerve_vehicle::Limits;
+use swerve_vehicle::{Limits, Shape};
 
 use crate::collision::{CollisionMode, Obstacles};
 use crate::fot::{self, Fot};
@@ -88,12 +88,17 @@ impl Params {
         require_not_negative("over_line_max_s", self.over_line_max_s)
     }
 
+    /// Largest steering rate at a speed, rad/s.
+    fn wheels_max_radps(&self, shape: &Shape, speed_mps: f64) -> f64 {
+        // Lateral acceleration is v² κ, and the front wheels' angle close to L κ.
+        let v = speed_mps.max(SLOW_MPS);
+        shape.wheelbase_m * self.lateral_jerk_max_mps3 / (v * v)
+    }
+
     /// The vehicle's limits where these are not narrower.
     fn within(&self, request: &Request<'_>) -> Limits {
         let vehicle = request.limits;
-        // Lateral acceleration is v² κ, and the front wheels' angle close to L κ.
-        let v = request.start.speed_mps.max(SLOW_MPS);
-        let steering_rate_radps = request.shape.wheelbase_m * self.lateral_jerk_max_mps3 / (v * v);
+        let steering_rate_radps = self.wheels_max_radps(request.shape, request.start.speed_mps);
         Limits {
             steering_rate_max_radps: steering_rate_radps.min(vehicle.steering_rate_max_radps),
             lateral_accel_max_mps2: self.lateral_accel_max_mps2.min(vehicle.lateral_accel_max_mps2),
@@ -108,7 +113,7 @@ impl Params {
 const EASE_MAX_M: f64 = 50.0;
 
 /// Slower than this the wheels are turned no faster than at it, m/s.
-const SLOW_MPS: f64 = 8.0;
+const SLOW_MPS: f64 = 6.0;
 
 /// How a comfortable plan keeps clear of others: as the planner below it does.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -18,7 +18,7 @@ use crate::lane::{Aside, Lane, aside, back_to_centre, stretch};
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::steady_stop::{self, Demands};
-use crate::traffic::{Behind, Knot, Mover, Traffic};
+use crate::traffic::{Behind, Knot, Mover, STANDS_MPS, Traffic};
 
 impl Comfort {
     /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
@@ -191,13 +191,32 @@ impl Comfort {
         STEER_OUT_M.into_iter().find_map(|length_m| {
             let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
             let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
+            let wheels_1pm =
+                shape.wheelbase_m * QUINTIC_KINK * (to_m - scene.place.d_m).abs() / length_m.powi(3);
+            let turn_mps =
+                turn_mps.min(self.params.wheels_max_radps(shape, STEERS_OUT_MPS) / wheels_1pm.max(1e-9));
             let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
             let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
             let way = Aside { to_m, length_m };
             let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
             let plan = self.checked(scene, points, self.params.clearance_m)?;
             let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
-            (turns && open.may(&plan, self.gentle.line(), start, &scene.place)).then_some(plan)
+            (turns
+                && self.can_steer(&plan, scene)
+                && open.may(&plan, self.gentle.line(), start, &scene.place))
+            .then_some(plan)
+        })
+    }
+
+    /// Whether the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
+    fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
+        let (shape, vehicle) = (scene.request.shape, scene.vehicle);
+        plan.points.windows(2).skip(1).all(|p| {
+            // Front wheels: δ = atan(L κ), so δ' is at most L κ'.
+            let turned_rad = shape.wheelbase_m * (p[1].curvature_1pm - p[0].curvature_1pm).abs();
+            let most_radps =
+                self.params.wheels_max_radps(shape, p[0].speed_mps).min(vehicle.steering_rate_max_radps);
+            p[0].speed_mps < STANDS_MPS || turned_rad <= WHEELS_SPARE * most_radps * following::STEP_S
         })
     }
 
@@ -364,6 +383,9 @@ const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
 /// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
 const QUINTIC_BEND: f64 = 5.78;
 
+/// Largest third derivative of it, by the distance over the cube of its length.
+const QUINTIC_KINK: f64 = 60.0;
+
 /// What the layer plans in.
 #[derive(Clone, Copy)]
 struct Scene<'a> {
@@ -451,6 +473,9 @@ const BRAKE_STEPS: u32 = 7;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
 const HARDER_MPS2: f64 = 0.1;
+
+/// The wheels may turn faster by this factor, for the rounding of a table's curvatures.
+const WHEELS_SPARE: f64 = 1.2;
 
 /// Share of the clearance that is enough for a way past that is under way.
 const KEPT_SHARE: f64 = 0.8;
