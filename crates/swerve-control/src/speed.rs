@@ -39,20 +39,30 @@ pub struct Target {
 pub struct SpeedLaw {
     params: Params,
     integral_mps2: f64,
+    /// What the call before asked for.
+    last_mps2: f64,
 }
+
+/// Time in which the brake that holds the car grows, seconds: at once it would stop a rolling car with a jolt.
+const HOLD_GROWS_S: f64 = 0.5;
 
 impl SpeedLaw {
     /// Without any past.
     pub fn new(params: Params) -> Self {
-        Self { params, integral_mps2: 0.0 }
+        Self { params, integral_mps2: 0.0, last_mps2: 0.0 }
     }
 
     /// The acceleration to ask for, m/s², `dt_s` seconds after the call before.
     pub fn accel(&mut self, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
+        self.last_mps2 = self.wanted(target, speed_mps, dt_s);
+        self.last_mps2
+    }
+
+    fn wanted(&mut self, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
         let Params { kp_ps, ki_ps2, integral_max_mps2, hold_mps2 } = self.params;
         if target.speed_mps < 0.05 && target.accel_mps2 <= 0.0 && speed_mps.abs() < 0.3 {
             self.integral_mps2 = 0.0;
-            return -hold_mps2;
+            return (self.last_mps2.min(0.0) - hold_mps2 * dt_s / HOLD_GROWS_S).max(-hold_mps2);
         }
         let error = target.speed_mps - speed_mps;
         // Large errors are transients: integrating them would only make the speed overshoot.
@@ -118,6 +128,9 @@ mod tests {
         );
         assert_eq!(speeds[1999], 0.0);
         let mut law = SpeedLaw::new(Params::default());
-        assert!(law.step(Target::default(), 0.0, 0.01, &DRIVE).brake > 0.3);
+        // The brake that holds grows from nothing to 3 m/s², of 8, within half a second.
+        let brakes: Vec<f64> =
+            (0..60).map(|_| law.step(Target::default(), 0.0, 0.01, &DRIVE).brake).collect();
+        assert!(brakes[0] < 0.01 && brakes[24] < 0.2 && (brakes[59] - 3.0 / 8.0).abs() < 1e-9, "{brakes:?}");
     }
 }

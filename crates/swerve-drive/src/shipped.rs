@@ -97,6 +97,8 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/showcase_processes.toml"
     "configs/studies/budget.toml"
     "configs/studies/comfort.toml"
+    "configs/studies/consistency.toml"
+    "configs/studies/consistency_full.toml"
     "configs/studies/deadlines.toml"
     "configs/studies/deadlines_table1.toml"
     "configs/studies/detectors.toml"

@@ -26,10 +26,13 @@ const FIRM_1PS: f64 = 0.4;
 
 /// A deceleration that is needed begins to count at the first of these and counts in full from the second on, m/s²:
 /// approaching brakes late and steadily, not early and hardly at all.
-const NEEDED_MPS2: [f64; 2] = [0.8, 1.3];
+const NEEDED_MPS2: [f64; 2] = [0.8, 1.0];
 
 /// Kept beyond the standstill gap, for what the vehicle is off its plan, metres.
 const SPARE_M: f64 = 0.3;
+
+/// Time that a vehicle's deceleration is behind its plan, seconds.
+const RESPONDS_S: f64 = 0.15;
 
 /// Gap that is left where keeping the standstill gap takes more than comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
@@ -206,7 +209,7 @@ impl Follower<'_> {
     /// The acceleration behind one lead, by its speed and deceleration.
     fn behind(&self, now: &Step, gap_m: f64, standing_m: f64, (lead_mps, brake_mps2): (f64, f64)) -> f64 {
         let v = now.speed_mps;
-        let room_m = gap_m - standing_m - SPARE_M;
+        let room_m = gap_m - standing_m - SPARE_M - RESPONDS_S * (v - lead_mps).max(0.0);
         if lead_mps < STANDS_MPS && room_m < DRIVE_UP_M {
             // At rest it stays, and what is left is not crept over.
             if v < AT_REST_MPS {

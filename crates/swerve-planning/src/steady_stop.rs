@@ -12,14 +12,16 @@ use swerve_vehicle::Shape;
 /// Distances that a stop keeps, metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Demands {
-    /// Ahead, where there is room.
-    pub(crate) gap_m: f64,
+    /// Ahead: the first of these that there is room for.
+    pub(crate) gaps_m: [f64; 2],
     /// To everybody.
     pub(crate) clearance_m: f64,
+    /// Whether it brakes as hard as it may where neither gap can be kept.
+    pub(crate) hardest: bool,
 }
 
-/// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by `gap_m`, or by
-/// `clearance_m` where none keeps that. `brakes_mps2` are tried in their order; `usable` holds of the poses of each plan
+/// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by the first of
+/// `gaps_m` that can be kept, else by `clearance_m`. `brakes_mps2` are tried in their order; `usable` holds of the poses of each plan
 /// that is returned.
 ///
 /// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
@@ -28,7 +30,7 @@ pub(crate) fn stop(
     way: &[Pose2],
     obstacles: &Obstacles,
     brakes_mps2: impl Iterator<Item = f64>,
-    (Demands { gap_m, clearance_m }, usable): (Demands, &dyn Fn(&[(Pose2, Time)]) -> bool),
+    (Demands { gaps_m, clearance_m, hardest }, usable): (Demands, &dyn Fn(&[(Pose2, Time)]) -> bool),
 ) -> Option<Plan> {
     let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
     let path = with_curvature(way);
@@ -49,12 +51,18 @@ pub(crate) fn stop(
         if !usable(&poses) {
             continue;
         }
-        if free(&poses, gap_m.max(clearance_m)) {
+        if free(&poses, gaps_m[0].max(clearance_m)) {
             return Some(plan);
         }
         too_near.push((plan, poses));
     }
-    too_near.into_iter().find(|(_, poses)| free(poses, clearance_m)).map(|(plan, _)| plan)
+    let keeps = |gap_m: f64| move |(_, poses): &(Plan, Vec<(Pose2, Time)>)| free(poses, gap_m);
+    let next = too_near.iter().position(keeps(gaps_m[1].max(clearance_m)));
+    let last = || match hardest {
+        true => too_near.iter().rposition(keeps(clearance_m)),
+        false => too_near.iter().position(keeps(clearance_m)),
+    };
+    next.or_else(last).map(|k| too_near.swap_remove(k).0)
 }
 
 /// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];

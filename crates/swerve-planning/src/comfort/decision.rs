@@ -1,7 +1,7 @@
 //! The decision flow of the comfortable layer: on in the own lane, past what blocks it, or behind that.
 
 use swerve_core::Time;
-use swerve_geom::{Pose2, math};
+use swerve_geom::{Ego, Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
@@ -124,7 +124,9 @@ impl Comfort {
             // A quintic that ends at rest brakes half as hard again as its mean.
             let stops_for = rests(&plan) && !request.predictions.is_empty();
             let gentler = stops_for.then(|| self.stop(scene, standing_m)).flatten();
-            return Some(gentler.filter(|stop| brakes_mps2(stop) < brakes_mps2(&plan)).unwrap_or(plan));
+            let is_gentler =
+                |stop: &Plan| brakes_mps2(stop) < brakes_mps2(&plan) && !ends_beyond(stop, &plan);
+            return Some(gentler.filter(is_gentler).unwrap_or(plan));
         }
         // An ego at rest that could not set off with nobody there does not wait for anybody.
         let v = request.start.speed_mps.max(0.0);
@@ -149,19 +151,20 @@ impl Comfort {
             poses.last().is_none_or(|end| request.may_rest_at(end.0))
                 && self.gentle.keeps_road(request, poses)
         };
-        let stop = |brakes_mps2: [f64; 2]| {
+        let stop = |brakes_mps2: [f64; 2], hardest: bool| {
             let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
             let brakes = steps.map(|share| brakes_mps2[0] + share * (brakes_mps2[1] - brakes_mps2[0]));
-            let demands = Demands { gap_m: standing_m, clearance_m };
+            let demands =
+                Demands { gaps_m: [standing_m, self.params.standstill_gap_m], clearance_m, hardest };
             steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
         };
         let comfort_mps2 = request.limits.brake_max_mps2;
-        if let Some(plan) = stop([0.0, comfort_mps2]) {
+        if let Some(plan) = stop([0.0, comfort_mps2], true) {
             return Some(comfortable(plan));
         }
         // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
         let plan = if self.only_vehicles_in_way(scene) {
-            stop([comfort_mps2, scene.vehicle.brake_max_mps2])
+            stop([comfort_mps2, scene.vehicle.brake_max_mps2], false)
         } else {
             None
         };
@@ -448,6 +451,12 @@ fn rests(plan: &Plan) -> bool {
 /// Whether a plan ends at rest beyond the own lane.
 fn ends_beside(plan: &Plan, request: &Request<'_>) -> bool {
     rests(plan) && plan.points.last().is_some_and(|end| !request.may_rest_at(end.pose))
+}
+
+/// Whether a plan ends further along the way than another.
+fn ends_beyond(plan: &Plan, other: &Plan) -> bool {
+    let (Some(end), Some(its)) = (plan.points.last(), other.points.last()) else { return true };
+    its.pose.to_local::<Ego>(end.pose.point()).x_m > 0.0
 }
 
 /// Largest deceleration of a plan, m/s².
