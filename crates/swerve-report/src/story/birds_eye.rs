@@ -191,7 +191,10 @@ fn names(labels: &mut Labels, story: &Story, view: &View) {
         let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
         let first = if is_roomy { 4.0 } else { -12.0 };
         let heights = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0, -54.0, 62.0];
-        let places = heights.iter().flat_map(|dy| along.iter().map(move |(x, y)| (*x, y + dy)));
+        // Over or under it, else to its side.
+        let aside = 0.5 * width_of(&name, how) + 8.0;
+        let offsets = [0.0, aside, -aside].into_iter().flat_map(|dx| heights.map(|dy| (dx, dy)));
+        let places = offsets.flat_map(|(dx, dy)| along.iter().map(move |(x, y)| (x + dx, y + dy)));
         labels.ask(Importance::Name, places.collect(), name, how);
     }
 }
