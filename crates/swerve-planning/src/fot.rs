@@ -243,8 +243,7 @@ impl Fot {
 
     /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.
     fn plan_among(&mut self, request: &Request<'_>, last: bool, budget: &mut Counted<'_>) -> Option<Plan> {
-        let found = self
-            .search(request, |search, task, lattice, coarse| anytime(search, task, lattice, coarse, budget));
+        let found = self.anytime(request, budget);
         let Self { params, obstacles, .. } = self;
         found.or_else(|| {
             if last {
@@ -254,6 +253,28 @@ impl Fot {
                     .or_else(|| give_way(request, obstacles, params.clearance_m))
             }
         })
+    }
+
+    /// The cheapest valid candidate, or the best that the budget allows; where it would meet somebody who comes along the
+    /// other lane, one in the ego's own lane first.
+    fn anytime(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
+        let found = self.among_all(request, budget)?;
+        if !request.meets_in_other_lane(&found) {
+            return Some(found);
+        }
+        let place = request.place();
+        let left_m = self.params.left_m;
+        // At the lane's line, a plan may be a little over it.
+        self.params.left_m = left_m.min(request.rest_left_m(place.s_m).max(-self.params.right_m));
+        let own = self.among_all(request, budget);
+        self.params.left_m = left_m;
+        own.or_else(|| kept(request, &self.obstacles, 0.0).filter(|plan| request.keeps_lane(plan)))
+            .or(Some(found))
+    }
+
+    /// The cheapest valid candidate of the lattice, or the best that the budget allows.
+    fn among_all(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
+        self.search(request, |search, task, lattice, coarse| anytime(search, task, lattice, coarse, budget))
     }
 
     /// What `look` finds among the obstacles that are set.

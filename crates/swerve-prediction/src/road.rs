@@ -16,6 +16,8 @@ const ALONG_RAD: f64 = 0.5;
 pub(crate) const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
+/// Lateral acceleration with which who strays over the line steers back, m/s²: people call 2 firm.
+const CORRECTS_MPS2: f64 = 3.0;
 
 /// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
@@ -64,11 +66,14 @@ fn bend(
     let Some(share) = share_along(route, place, first_mps) else { return };
     let forwards = beside.pose.direction();
     let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
+    let width_m = prediction.extent.width_m;
+    let settles_s =
+        settles_s(route, place, width_m, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
     for predicted in &mut prediction.path {
         let ahead_s = (predicted.at - first.at).as_secs();
         let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
         let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
-        let moved_m = across_mps * SETTLES_S * (1.0 - math::exp(-ahead_s / SETTLES_S));
+        let moved_m = across_mps * settles_s * (1.0 - math::exp(-ahead_s / settles_s));
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
         let at = route.unproject(place);
         let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
@@ -76,11 +81,32 @@ fn bend(
     }
 }
 
+/// Time in which what is left of the speed across the road falls to a third, seconds, for who is `width_m` wide and moves
+/// with this speed along the road and to its left, m/s.
+///
+/// A change of lane has a second. Who comes the other way changes to no lane that is met head-on: over the line of the ego's
+/// lane he steers back, which he is another v² / 2a in doing.
+pub(crate) fn settles_s(
+    route: &Route,
+    FrenetPoint { s_m, d_m }: FrenetPoint,
+    width_m: f64,
+    [along_mps, left_mps]: [f64; 2],
+) -> f64 {
+    let (lane_m, ground_m) = (route.lane().left_m(s_m), route.left_m(s_m));
+    let strays = along_mps < 0.0 && left_mps < 0.0 && d_m > 0.0 && lane_m < ground_m;
+    if !strays {
+        return SETTLES_S;
+    }
+    let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
+    SETTLES_S.min(beside_m / -left_mps - left_mps / (2.0 * CORRECTS_MPS2))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use swerve_core::{Span, Time};
     use swerve_geom::{Point2, Polyline};
+    use swerve_map::Borders;
     use swerve_msg::{ActorId, Extent};
 
     /// A bend to the left of 50 m about (0, 50).
@@ -158,6 +184,30 @@ mod tests {
         assert!(places.clone().all(|place| (place.d_m - 4.0).abs() < 0.02));
         let way_m = 50.0 - places.next_back().unwrap().s_m;
         assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
+    }
+
+    /// A car 2 m wide comes along a straight road with lanes of 4 m, 1.5 m/s to the ego's side. Over the line it steers back
+    /// with 3 m/s²: 0.375 m later it goes no further. 1 m beside the line it may change within its lane as anybody.
+    #[test]
+    fn who_comes_and_strays_over_the_line_steers_back() {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
+        let route = Route::uniform(line, 6.0, 2.0).in_lane(Borders::constant(2.0, 2.0));
+        let ends = |d_m: f64, along_mps: f64| {
+            let velocity_mps = Vector2::new(along_mps, -1.5);
+            let mut bent = [straight(ActorKind::Car, Point2::new(100.0, d_m), velocity_mps)];
+            bent[0].extent.width_m = 2.0;
+            bent[0].path.extend_from_within(30..);
+            let last = bent[0].path.last_mut().unwrap();
+            last.at = Time::ZERO + Span::from_secs(20.0);
+            last.pose = Pose2::new(100.0 + 20.0 * along_mps, d_m - 30.0, last.pose.heading_rad);
+            follow(&mut bent, &route);
+            bent[0].path[31].pose.y_m
+        };
+        for (from_m, to_m) in [(2.5, 2.5 - 0.375), (3.0, 3.0 - 0.375), (3.5, 3.0 - 0.375), (4.5, 3.0)] {
+            assert!((ends(from_m, -4.0) - to_m).abs() < 1e-6, "{from_m}: {}", ends(from_m, -4.0));
+        }
+        // The ego's own way, and from the ego's side of the middle of its lane.
+        assert!((ends(3.0, 4.0) - 1.5).abs() < 1e-6 && (ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, T
 
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Seen, seen};
-use crate::road::{BESIDE_M, SETTLES_S, share_along};
+use crate::road::{BESIDE_M, settles_s, share_along};
 
 /// Least length along the road's line in which the sighting before is looked for, metres.
 const NEAR_M: f64 = 5.0;
@@ -44,7 +44,8 @@ pub(super) fn forecasts(
     }
     for (forecast, _) in along.forecasts.iter_mut().zip(&drives).filter(|(_, drives)| **drives) {
         along.joint &= !leave_out_off_road(&mut forecast.modes, route);
-        forecast.modes.iter_mut().for_each(|mode| bend(mode, route));
+        let width_m = forecast.extent.width_m;
+        forecast.modes.iter_mut().for_each(|mode| bend(mode, width_m, route));
     }
     if drives.contains(&false) {
         let others = predict(tracks).forecasts.into_iter().zip(&mut along.forecasts).zip(&drives);
@@ -109,12 +110,17 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
 }
 
 /// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].
-fn bend(mode: &mut Mode, route: &Route) {
-    let [first, ..] = mode.path[..] else { return };
+fn bend(mode: &mut Mode, width_m: f64, route: &Route) {
+    let [first, second, ..] = mode.path[..] else { return };
+    let first_s = (second.at - first.at).as_secs();
+    let moves = |from: f64, to: f64| (to - from) / first_s;
+    let first_mps = [moves(first.pose.x_m, second.pose.x_m), moves(first.pose.y_m, second.pose.y_m)];
+    let place = FrenetPoint { s_m: first.pose.x_m, d_m: first.pose.y_m };
+    let settles_s = settles_s(route, place, width_m, first_mps);
     for one in &mut mode.path {
         let ahead_s = (one.at - first.at).as_secs();
         let settled =
-            if ahead_s > 0.0 { SETTLES_S / ahead_s * (1.0 - math::exp(-ahead_s / SETTLES_S)) } else { 1.0 };
+            if ahead_s > 0.0 { settles_s / ahead_s * (1.0 - math::exp(-ahead_s / settles_s)) } else { 1.0 };
         let s_m = one.pose.x_m;
         let at = route
             .unproject(FrenetPoint { s_m, d_m: first.pose.y_m + settled * (one.pose.y_m - first.pose.y_m) });
