@@ -47,6 +47,12 @@ const TURN_IN_M: f64 = 15.0;
 /// Largest angle to the line that such a way turns in from, radians.
 const TURN_MAX_RAD: f64 = 0.5;
 
+/// Share of the clearance that a plan keeps in the ego's lane before one leads to somebody who comes along the other.
+const CLOSER: f64 = 0.4;
+
+/// More than rounding makes of a distance from the edge of the road, metres.
+const EDGE_ROUNDING_M: f64 = 1e-3;
+
 /// Below this speed lateral motion is a function of arc length, m/s.
 const LOW_MPS: f64 = 4.0;
 
@@ -262,14 +268,25 @@ impl Fot {
         if !request.meets_in_other_lane(&found) {
             return Some(found);
         }
-        let place = request.place();
-        let left_m = self.params.left_m;
-        // At the lane's line, a plan may be a little over it.
-        self.params.left_m = left_m.min(request.rest_left_m(place.s_m).max(-self.params.right_m));
-        let own = self.among_all(request, budget);
-        self.params.left_m = left_m;
-        own.or_else(|| kept(request, &self.obstacles, 0.0).filter(|plan| request.keeps_lane(plan)))
+        self.in_own_lane(request, budget)
+            .or_else(|| kept(request, &self.obstacles, 0.0).filter(|plan| request.keeps_lane(plan)))
             .or(Some(found))
+    }
+
+    /// The cheapest valid candidate between the lane's left line and the right edge of the road, if need be closer to what
+    /// is passed.
+    fn in_own_lane(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
+        let (place, wanted) = (request.place(), self.params);
+        let right_m = request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - wanted.road_margin_m;
+        let right_m = wanted.right_m.min(right_m - EDGE_ROUNDING_M);
+        let left_m = wanted.left_m.min(request.rest_left_m(place.s_m)).max(-right_m);
+        let found = [1.0, CLOSER].into_iter().find_map(|share| {
+            let clearance_m = share * wanted.clearance_m;
+            self.params = Params { left_m, right_m, clearance_m, ..wanted };
+            self.among_all(request, budget)
+        });
+        self.params = wanted;
+        found
     }
 
     /// The cheapest valid candidate of the lattice, or the best that the budget allows.

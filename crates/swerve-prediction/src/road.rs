@@ -67,13 +67,13 @@ fn bend(
     let forwards = beside.pose.direction();
     let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
     let width_m = prediction.extent.width_m;
-    let settles_s =
-        settles_s(route, place, width_m, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
+    let settling =
+        Settling::of(route, place, width_m, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
     for predicted in &mut prediction.path {
         let ahead_s = (predicted.at - first.at).as_secs();
         let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
         let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
-        let moved_m = across_mps * settles_s * (1.0 - math::exp(-ahead_s / settles_s));
+        let moved_m = settling.moved_m(across_mps * ahead_s, ahead_s);
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
         let at = route.unproject(place);
         let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
@@ -81,24 +81,44 @@ fn bend(
     }
 }
 
-/// Time in which what is left of the speed across the road falls to a third, seconds, for who is `width_m` wide and moves
-/// with this speed along the road and to its left, m/s.
-///
-/// A change of lane has a second. Who comes the other way changes to no lane that is met head-on: over the line of the ego's
-/// lane he steers back, which he is another v² / 2a in doing.
-pub(crate) fn settles_s(
-    route: &Route,
-    FrenetPoint { s_m, d_m }: FrenetPoint,
-    width_m: f64,
-    [along_mps, left_mps]: [f64; 2],
-) -> f64 {
-    let (lane_m, ground_m) = (route.lane().left_m(s_m), route.left_m(s_m));
-    let strays = along_mps < 0.0 && left_mps < 0.0 && d_m > 0.0 && lane_m < ground_m;
-    if !strays {
-        return SETTLES_S;
+/// How motion across the road comes to an end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Settling {
+    /// Time in which what is left of the speed across falls to a third, seconds.
+    time_s: f64,
+    /// Furthest to the right, metres.
+    right_max_m: f64,
+}
+
+impl Settling {
+    /// For who is `width_m` wide and moves with this speed along the road and to its left, m/s.
+    ///
+    /// A change of lane has [`SETTLES_S`]. Who comes the other way changes to no lane that is met head-on: over the line of
+    /// the ego's lane he steers back, which he is another v² / 2a in doing.
+    pub(crate) fn of(
+        route: &Route,
+        FrenetPoint { s_m, d_m }: FrenetPoint,
+        width_m: f64,
+        [along_mps, left_mps]: [f64; 2],
+    ) -> Self {
+        let (lane_m, ground_m) = (route.lane().left_m(s_m), route.left_m(s_m));
+        let strays = along_mps < 0.0 && left_mps < 0.0 && d_m > 0.0 && lane_m < ground_m;
+        if !strays {
+            return Self { time_s: SETTLES_S, right_max_m: f64::INFINITY };
+        }
+        let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
+        let right_max_m = beside_m + left_mps * left_mps / (2.0 * CORRECTS_MPS2);
+        Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m }
     }
-    let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
-    SETTLES_S.min(beside_m / -left_mps - left_mps / (2.0 * CORRECTS_MPS2))
+
+    /// Way to the left within `ahead_s` of who would move by `free_m` if nothing came to an end, metres.
+    pub(crate) fn moved_m(&self, free_m: f64, ahead_s: f64) -> f64 {
+        if ahead_s <= 0.0 {
+            return free_m;
+        }
+        let share = self.time_s / ahead_s * (1.0 - math::exp(-ahead_s / self.time_s));
+        (share * free_m).max(-self.right_max_m)
+    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, T
 
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Seen, seen};
-use crate::road::{BESIDE_M, settles_s, share_along};
+use crate::road::{BESIDE_M, Settling, share_along};
 
 /// Least length along the road's line in which the sighting before is looked for, metres.
 const NEAR_M: f64 = 5.0;
@@ -116,14 +116,12 @@ fn bend(mode: &mut Mode, width_m: f64, route: &Route) {
     let moves = |from: f64, to: f64| (to - from) / first_s;
     let first_mps = [moves(first.pose.x_m, second.pose.x_m), moves(first.pose.y_m, second.pose.y_m)];
     let place = FrenetPoint { s_m: first.pose.x_m, d_m: first.pose.y_m };
-    let settles_s = settles_s(route, place, width_m, first_mps);
+    let settling = Settling::of(route, place, width_m, first_mps);
     for one in &mut mode.path {
         let ahead_s = (one.at - first.at).as_secs();
-        let settled =
-            if ahead_s > 0.0 { settles_s / ahead_s * (1.0 - math::exp(-ahead_s / settles_s)) } else { 1.0 };
         let s_m = one.pose.x_m;
-        let at = route
-            .unproject(FrenetPoint { s_m, d_m: first.pose.y_m + settled * (one.pose.y_m - first.pose.y_m) });
+        let d_m = first.pose.y_m + settling.moved_m(one.pose.y_m - first.pose.y_m, ahead_s);
+        let at = route.unproject(FrenetPoint { s_m, d_m });
         let road_rad = route.line().at(s_m).pose.heading_rad;
         let turned_rad = if math::cos(first.pose.heading_rad) < 0.0 { core::f64::consts::PI } else { 0.0 };
         one.pose = Pose2::new(at.x_m, at.y_m, road_rad + turned_rad);
