@@ -11,6 +11,7 @@ use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, T
 
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Seen, seen};
+use crate::linear::{self, Braking};
 use crate::road::{BESIDE_M, Settling, share_along};
 
 /// Least length along the road's line in which the sighting before is looked for, metres.
@@ -18,10 +19,12 @@ const NEAR_M: f64 = 5.0;
 /// A metre beside the road's line is at least this long on the line: nearer to the middle of a bend there is no way along it.
 const SHARE_MIN: f64 = 0.1;
 
-/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road.
+/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road. Where it has
+/// them keep their speed, who brakes goes on braking to a stop.
 pub(super) fn forecasts(
     tracks: &TrackList,
     route: &Route,
+    keeps_speed: bool,
     predict: impl Fn(&TrackList) -> ForecastList,
 ) -> ForecastList {
     let drives: Vec<bool> = seen(tracks).iter().map(|seen| drives_along(seen, tracks.stamp, route)).collect();
@@ -42,7 +45,12 @@ pub(super) fn forecasts(
     if along.forecasts.len() != drives.len() {
         return predict(tracks);
     }
-    for (forecast, _) in along.forecasts.iter_mut().zip(&drives).filter(|(_, drives)| **drives) {
+    let all = along.forecasts.iter_mut().zip(&straightened.tracks).zip(&drives);
+    for ((forecast, track), _) in all.filter(|(_, drives)| **drives) {
+        let braking = Braking::of(track, tracks.stamp, linear::Params::default().brake_window_s);
+        if let Some(braking) = braking.filter(|_| keeps_speed) {
+            forecast.modes.iter_mut().for_each(|mode| brake(mode, &braking));
+        }
         along.joint &= !leave_out_off_road(&mut forecast.modes, route);
         let width_m = forecast.extent.width_m;
         forecast.modes.iter_mut().for_each(|mode| bend(mode, width_m, route));
@@ -107,6 +115,16 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     modes.retain(|_| stays.next() == Some(true));
     modes.iter_mut().for_each(|mode| mode.probability /= left);
     true
+}
+
+/// On the straightened road no further along it than who goes on braking gets.
+fn brake(mode: &mut Mode, braking: &Braking) {
+    let [first, .., last] = &mode.path[..] else { return };
+    let (from, backwards) = (first.at, last.pose.x_m < first.pose.x_m);
+    for one in &mut mode.path {
+        let braked_m = braking.at((one.at - from).as_secs()).x_m;
+        one.pose.x_m = if backwards { one.pose.x_m.max(braked_m) } else { one.pose.x_m.min(braked_m) };
+    }
 }
 
 /// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].

@@ -65,6 +65,37 @@ const OF_MOTION: [PredictorName; 8] = [
     PredictorName::LaneIdm,
 ];
 
+/// A car drives the ego's way at 15 m/s now and has braked with 6 m/s² for three seconds: it stands 15² / 12 = 18.75 m further
+/// on. Who keeps the speed of now is 45 m further on after three seconds.
+#[test]
+fn who_brakes_goes_on_braking_to_a_stop() {
+    let route = straight();
+    let at = |k: i64| {
+        let t_s = 0.05 * k as f64;
+        Sighting { at: Time::from_ms(50 * k), point: Point2::new(100.0 + 15.0 * t_s - 3.0 * t_s * t_s, 0.5) }
+    };
+    let mut tracks = oncoming(&route, ActorKind::Car, 10.0, 0.5);
+    let track = &mut tracks.tracks[0];
+    track.history = (-60..=0).map(at).collect();
+    (track.velocity_mps, track.pose) = (Vector2::new(15.0, 0.0), Pose2::new(100.0, 0.5, 0.0));
+    for name in [
+        PredictorName::Linear,
+        PredictorName::ConstantVelocity,
+        PredictorName::Kalman,
+        PredictorName::SocialForce,
+        PredictorName::Orca,
+    ] {
+        let list = forecast(name, &tracks, &THREE_SECONDS, Ground::Road(&route));
+        let last = list.forecasts[0].modes[0].path[30].pose;
+        assert!((last.x_m - 118.75).abs() < 0.2, "{name:?}: {last:?}");
+    }
+    let open = forecast(PredictorName::ConstantVelocity, &tracks, &THREE_SECONDS, Ground::Open);
+    assert!(
+        open.forecasts[0].modes[0].path[30].pose.x_m > 145.0,
+        "constant velocity is what it says elsewhere"
+    );
+}
+
 #[test]
 fn oncoming_car_keeps_its_lane_in_a_bend() {
     let route = bend();
