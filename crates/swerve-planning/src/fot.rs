@@ -47,10 +47,10 @@ const TURN_IN_M: f64 = 15.0;
 /// Largest angle to the line that such a way turns in from, radians.
 const TURN_MAX_RAD: f64 = 0.5;
 
-/// Share of the clearance that a plan keeps in the ego's lane before one leads to somebody who comes along the other.
+/// Share of the clearance that is enough in the ego's lane before a plan meets oncoming traffic in the other lane.
 const CLOSER: f64 = 0.4;
 
-/// More than rounding makes of a distance from the edge of the road, metres.
+/// Allowance for rounding in the distance from the edge of the road, metres.
 const EDGE_ROUNDING_M: f64 = 1e-3;
 
 /// Below this speed lateral motion is a function of arc length, m/s.
@@ -261,8 +261,8 @@ impl Fot {
         })
     }
 
-    /// The cheapest valid candidate, or the best that the budget allows; where it would meet somebody who comes along the
-    /// other lane, one in the ego's own lane first.
+    /// The cheapest valid candidate, or the best within the budget. A plan that meets oncoming traffic in the other lane is
+    /// the last choice, after those in the ego's own lane.
     fn anytime(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let found = self.among_all(request, budget)?;
         if !request.meets_in_other_lane(&found) {
@@ -273,8 +273,8 @@ impl Fot {
             .or(Some(found))
     }
 
-    /// The cheapest valid candidate between the lane's left line and the right edge of the road, if need be closer to what
-    /// is passed.
+    /// The cheapest valid candidate between the left line of the ego's lane and the right edge of the road, with a share of
+    /// the clearance where nothing keeps all of it.
     fn in_own_lane(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let (place, wanted) = (request.place(), self.params);
         let right_m = request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - wanted.road_margin_m;

@@ -38,7 +38,7 @@ const OVER_M: f64 = 0.3;
 /// A stop ends at most this far ahead of the start, metres.
 const REST_AHEAD_M: f64 = 150.0;
 
-/// Slower than this nobody comes the other way, m/s.
+/// Least speed of oncoming traffic, m/s.
 const COMES_MPS: f64 = 1.0;
 
 /// Reach of the search for places near the start, metres.
@@ -76,13 +76,13 @@ impl Request<'_> {
         plan.points.iter().all(|p| self.may_rest_at(p.pose))
     }
 
-    /// Whether a plan leaves the ego's lane to the left while somebody comes the other way who is met by its end.
+    /// Whether a plan leaves the ego's lane to the left and passes oncoming traffic before its end.
     pub(crate) fn meets_in_other_lane(&self, plan: &Plan) -> bool {
-        self.somebody_comes(plan) && self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
+        self.passes_oncoming(plan) && self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
     }
 
-    /// Whether somebody drives against the route who is ahead now and past the ego when the plan ends.
-    fn somebody_comes(&self, plan: &Plan) -> bool {
+    /// Whether an oncoming vehicle is ahead now and behind the ego when the plan ends.
+    fn passes_oncoming(&self, plan: &Plan) -> bool {
         let Some(end) = plan.points.last() else { return false };
         let (start, line) = (self.start.pose, self.route.line());
         let ends_s = (end.at - self.start.stamp).as_secs();

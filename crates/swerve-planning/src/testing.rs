@@ -226,14 +226,14 @@ pub fn yields_to_pedestrians<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
     }
 }
 
-/// Checks that a planner does not swerve to the lane of somebody who strays from it as long as the ego's own lane avoids;
-/// `make` builds one that keeps a clearance of more than 0.07 m.
+/// Checks that a planner keeps the ego's own lane before an oncoming car that strays into it; `make` builds a planner with a
+/// clearance above 0.07 m.
 ///
-/// The ego drives 1 m to the right of the middle of its lane, 4 m wide. A car of 1.8 m comes at 0.9 m to the left of it: the
-/// gap is 0.9 - 0.9 - (-1 + 0.93) = 0.07 m. To the left of the car the ground is free from 1.8 m to 6 m.
+/// The ego drives 1 m to the right of the middle of its lane, 4 m wide. An oncoming car of 1.8 m drives 0.9 m to the left of
+/// it: the gap is 0.9 - 0.9 - (-1 + 0.93) = 0.07 m. To the left of the car the ground is free from 1.8 m to 6 m.
 ///
 /// # Panics
-/// Where it does.
+/// Where the planner does not.
 pub fn keeps_its_lane<P: Planner>(make: &dyn Fn() -> P) {
     let goes = |along_mps: f64, from_m: f64| {
         let mut world =
@@ -252,9 +252,9 @@ pub fn keeps_its_lane<P: Planner>(make: &dyn Fn() -> P) {
         assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.05, "{plan:?}");
         plan.points.iter().map(|p| p.pose.y_m).fold(f64::NEG_INFINITY, f64::max)
     };
-    let (before_comes_m, before_stands_m) = (goes(-12.0, 60.0), goes(0.0, 30.0));
-    assert!(before_comes_m + 0.93 < 2.3, "in its lane: {before_comes_m}");
-    assert!(before_stands_m - 0.93 > 1.8, "to the left of who stands: {before_stands_m}");
+    let (oncoming_m, standing_m) = (goes(-12.0, 60.0), goes(0.0, 30.0));
+    assert!(oncoming_m + 0.93 < 2.3, "own lane before oncoming traffic: {oncoming_m}");
+    assert!(standing_m - 0.93 > 1.8, "to the left of a standing car: {standing_m}");
 }
 
 fn worlds() -> Vec<(&'static str, World)> {

@@ -3,7 +3,8 @@
 //! A straight line leads what comes round a bend through the lanes beside its own. Where a road user moves along the road
 //! at his place, either way, the same line is drawn in the road's own coordinates (Frenet: arc length and offset, as
 //! Werling et al. 2010, section II): the speed along the road stays, the one across it dies away within a second, which
-//! is what keeping a lane or changing to the next one comes to. People on foot go where they go.
+//! is what keeping a lane or changing to the next one comes to. An oncoming vehicle that crosses the line of the ego's
+//! lane steers back from there on: lane changes into oncoming traffic are not expected. People on foot go where they go.
 
 use swerve_geom::{FrenetPoint, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
@@ -16,7 +17,7 @@ const ALONG_RAD: f64 = 0.5;
 pub(crate) const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
-/// Lateral acceleration with which who strays over the line steers back, m/s²: people call 2 firm.
+/// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
 const CORRECTS_MPS2: f64 = 3.0;
 
 /// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
@@ -81,20 +82,20 @@ fn bend(
     }
 }
 
-/// How motion across the road comes to an end.
+/// End of a motion across the road.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Settling {
     /// Time in which what is left of the speed across falls to a third, seconds.
     time_s: f64,
-    /// Furthest to the right, metres.
+    /// Largest way to the right, metres.
     right_max_m: f64,
 }
 
 impl Settling {
-    /// For who is `width_m` wide and moves with this speed along the road and to its left, m/s.
+    /// For a vehicle of width `width_m` with the given speeds along the road and to its left, m/s.
     ///
-    /// A change of lane has [`SETTLES_S`]. Who comes the other way changes to no lane that is met head-on: over the line of
-    /// the ego's lane he steers back, which he is another v² / 2a in doing.
+    /// A lane change settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
+    /// back once its side is over the line of the ego's lane, which takes another v² / 2a.
     pub(crate) fn of(
         route: &Route,
         FrenetPoint { s_m, d_m }: FrenetPoint,
@@ -111,7 +112,7 @@ impl Settling {
         Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m }
     }
 
-    /// Way to the left within `ahead_s` of who would move by `free_m` if nothing came to an end, metres.
+    /// Way to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.
     pub(crate) fn moved_m(&self, free_m: f64, ahead_s: f64) -> f64 {
         if ahead_s <= 0.0 {
             return free_m;
@@ -206,10 +207,10 @@ mod tests {
         assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
     }
 
-    /// A car 2 m wide comes along a straight road with lanes of 4 m, 1.5 m/s to the ego's side. Over the line it steers back
-    /// with 3 m/s²: 0.375 m later it goes no further. 1 m beside the line it may change within its lane as anybody.
+    /// An oncoming car of 2 m drifts with 1.5 m/s towards the ego's lane, 4 m wide. Over the line it steers back with 3 m/s²
+    /// and settles 1.5² / 6 = 0.375 m further. At 4.5 m its side is 1.5 m beside the line, the way of a settling lane change.
     #[test]
-    fn who_comes_and_strays_over_the_line_steers_back() {
+    fn oncoming_vehicle_over_the_line_steers_back() {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
         let route = Route::uniform(line, 6.0, 2.0).in_lane(Borders::constant(2.0, 2.0));
         let ends = |d_m: f64, along_mps: f64| {
@@ -226,7 +227,7 @@ mod tests {
         for (from_m, to_m) in [(2.5, 2.5 - 0.375), (3.0, 3.0 - 0.375), (3.5, 3.0 - 0.375), (4.5, 3.0)] {
             assert!((ends(from_m, -4.0) - to_m).abs() < 1e-6, "{from_m}: {}", ends(from_m, -4.0));
         }
-        // The ego's own way, and from the ego's side of the middle of its lane.
+        // Along the route, and on the right of the ego's lane.
         assert!((ends(3.0, 4.0) - 1.5).abs() < 1e-6 && (ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
     }
 

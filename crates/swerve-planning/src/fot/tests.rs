@@ -17,7 +17,7 @@ fn yields_to_pedestrians_who_may_stop() {
 }
 
 #[test]
-fn keeps_its_lane_before_who_comes() {
+fn keeps_its_lane_before_oncoming_traffic() {
     keeps_its_lane(&|| Fot::new(Params::fast()).unwrap());
 }
 

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_its_lane_before_who_comes() {
+    fn keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| HybridAstar::new(Params::default()).unwrap());
     }
 

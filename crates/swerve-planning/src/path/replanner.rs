@@ -119,7 +119,8 @@ impl Replanner {
             .or_else(|| give_way(request, obstacles, settings.clearance_m))
     }
 
-    /// A way that meets somebody in the other lane is taken where neither the way that is being driven nor a stop avoids.
+    /// A way that meets oncoming traffic in the other lane is the last choice, after the previous plan and a stop in the ego's
+    /// own lane.
     fn own_lane_first(&self, settings: &Settings, request: &Request<'_>, way: Plan) -> Plan {
         if !request.meets_in_other_lane(&way) {
             return way;

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_its_lane_before_who_comes() {
+    fn keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| RrtStar::new(Params::default()).unwrap());
     }
 

@@ -58,7 +58,7 @@ impl Braking {
         Some(Self { line, stop_s: speed_mps / brake_mps2 })
     }
 
-    /// Where it is after `ahead_s`.
+    /// Position after `ahead_s`.
     pub(crate) fn at(&self, ahead_s: f64) -> Point2 {
         self.line.point + self.line.velocity_mps * self.driven_s(ahead_s)
     }

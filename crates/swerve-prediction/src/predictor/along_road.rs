@@ -19,8 +19,8 @@ const NEAR_M: f64 = 5.0;
 /// A metre beside the road's line is at least this long on the line: nearer to the middle of a bend there is no way along it.
 const SHARE_MIN: f64 = 0.1;
 
-/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road. Where it has
-/// them keep their speed, who brakes goes on braking to a stop.
+/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road. With
+/// `keeps_speed`, for predictors of constant speed, braking vehicles brake on to a stop.
 pub(super) fn forecasts(
     tracks: &TrackList,
     route: &Route,
@@ -117,7 +117,7 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     true
 }
 
-/// On the straightened road no further along it than who goes on braking gets.
+/// Limits a mode on the straightened road to the way of continued braking.
 fn brake(mode: &mut Mode, braking: &Braking) {
     let [first, .., last] = &mode.path[..] else { return };
     let (from, backwards) = (first.at, last.pose.x_m < first.pose.x_m);

@@ -65,10 +65,10 @@ const OF_MOTION: [PredictorName; 8] = [
     PredictorName::LaneIdm,
 ];
 
-/// A car drives the ego's way at 15 m/s now and has braked with 6 m/s² for three seconds: it stands 15² / 12 = 18.75 m further
-/// on. Who keeps the speed of now is 45 m further on after three seconds.
+/// A car ahead at 15 m/s has braked with 6 m/s² for three seconds: it stops after another 15² / 12 = 18.75 m. At constant
+/// speed it would drive 45 m in three seconds.
 #[test]
-fn who_brakes_goes_on_braking_to_a_stop() {
+fn braking_vehicle_is_predicted_to_stop() {
     let route = straight();
     let at = |k: i64| {
         let t_s = 0.05 * k as f64;
@@ -90,10 +90,7 @@ fn who_brakes_goes_on_braking_to_a_stop() {
         assert!((last.x_m - 118.75).abs() < 0.2, "{name:?}: {last:?}");
     }
     let open = forecast(PredictorName::ConstantVelocity, &tracks, &THREE_SECONDS, Ground::Open);
-    assert!(
-        open.forecasts[0].modes[0].path[30].pose.x_m > 145.0,
-        "constant velocity is what it says elsewhere"
-    );
+    assert!(open.forecasts[0].modes[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
 }
 
 #[test]
