@@ -96,20 +96,26 @@ impl Settling {
     ///
     /// A lane change settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
     /// back once its side is over the line of the ego's lane, which takes another v² / 2a.
-    pub(crate) fn of(
+    pub(crate) fn of(route: &Route, place: FrenetPoint, width_m: f64, speeds_mps: [f64; 2]) -> Self {
+        Self::of_stray(route, place, width_m, speeds_mps)
+            .unwrap_or(Self { time_s: SETTLES_S, right_max_m: f64::INFINITY })
+    }
+
+    /// The same for an oncoming vehicle that drifts to the right; `None` for others.
+    pub(crate) fn of_stray(
         route: &Route,
         FrenetPoint { s_m, d_m }: FrenetPoint,
         width_m: f64,
         [along_mps, left_mps]: [f64; 2],
-    ) -> Self {
+    ) -> Option<Self> {
         let (lane_m, ground_m) = (route.lane().left_m(s_m), route.left_m(s_m));
         let strays = along_mps < 0.0 && left_mps < 0.0 && d_m > 0.0 && lane_m < ground_m;
         if !strays {
-            return Self { time_s: SETTLES_S, right_max_m: f64::INFINITY };
+            return None;
         }
         let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
         let right_max_m = beside_m + left_mps * left_mps / (2.0 * CORRECTS_MPS2);
-        Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m }
+        Some(Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m })
     }
 
     /// Way to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.

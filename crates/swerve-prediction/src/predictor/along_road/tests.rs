@@ -93,6 +93,29 @@ fn braking_vehicle_is_predicted_to_stop() {
     assert!(open.forecasts[0].modes[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
 }
 
+/// An oncoming car of 1.8 m drifts with 1 m/s, its middle at 2.5 m, its side 0.4 m over the line at 2 m. It settles at
+/// 2.5 - 1 / 6 = 2.33 m; a lane change would end at 1.5 m. Predictors with a lag of their own may be 0.15 m off.
+#[test]
+fn oncoming_car_over_the_line_steers_back_for_every_predictor() {
+    let route = straight().in_lane(swerve_map::Borders::constant(2.0, 2.0));
+    let at = |k: i64| {
+        let t_s = 0.05 * k as f64;
+        Sighting { at: Time::from_ms(50 * k), point: Point2::new(100.0 - 12.0 * t_s, 2.5 - t_s) }
+    };
+    let mut tracks = oncoming(&route, ActorKind::Car, 12.0, 2.5);
+    let track = &mut tracks.tracks[0];
+    track.history = (-60..=0).map(at).collect();
+    track.velocity_mps = Vector2::new(-12.0, -1.0);
+    for name in OF_MOTION {
+        for (_, [low_m, high_m]) in offsets(name, &tracks, Ground::Road(&route), &route) {
+            assert!(
+                (2.33 - 0.15..=2.5 + 0.15).contains(&low_m) && high_m < 2.65,
+                "{name:?}: {low_m} {high_m}"
+            );
+        }
+    }
+}
+
 #[test]
 fn oncoming_car_keeps_its_lane_in_a_bend() {
     let route = bend();
