@@ -210,6 +210,7 @@ mod tests {
     use crate::collision::CollisionMode;
     use crate::path::route::follow_route;
     use crate::testing::World;
+    use swerve_map::Borders;
     use swerve_msg::ActorKind;
 
     #[test]
@@ -241,6 +242,7 @@ mod tests {
     #[test]
     fn no_stop_ends_in_the_oncoming_lane_where_the_own_lane_does_no_more_harm() {
         let mut world = World::straight(10.0);
+        world.route = world.route.in_lane(Borders::constant(2.0, 2.0));
         world.limits.lateral_accel_max_mps2 = 8.0;
         world.start.pose = Pose2::new(0.0, 3.0, 0.0);
         let stop = |world: &World| {
@@ -264,7 +266,8 @@ mod tests {
 
     #[test]
     fn plan_that_ends_at_rest_in_the_oncoming_lane_is_not_kept() {
-        let world = World::straight(2.0);
+        let mut world = World::straight(2.0);
+        world.route = world.route.in_lane(Borders::constant(2.0, 2.0));
         let clear = Obstacles::new(&[], CollisionMode::TimeIndexed);
         let at = |ms: i64, x_m: f64, y_m: f64, speed_mps: f64| PlanPoint {
             at: world.start.stamp + Span::from_ms(ms),

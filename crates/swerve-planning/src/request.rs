@@ -2,7 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Pose2};
-use swerve_msg::{EgoState, Plan, Prediction, Route};
+use swerve_msg::{ActorKind, EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
 /// Everything a planner may know.
@@ -38,6 +38,9 @@ const OVER_M: f64 = 0.3;
 /// A stop ends at most this far ahead of the start, metres.
 const REST_AHEAD_M: f64 = 150.0;
 
+/// Least speed of oncoming traffic, m/s.
+const COMES_MPS: f64 = 1.0;
+
 /// Reach of the search for places near the start, metres.
 const START_REACH_M: f64 = 15.0;
 
@@ -66,6 +69,33 @@ impl Request<'_> {
     pub(crate) fn may_rest_at(&self, pose: Pose2) -> bool {
         let place = self.place_of(pose.point(), REST_AHEAD_M);
         place.d_m <= self.rest_left_m(place.s_m)
+    }
+
+    /// Whether a plan stays in the ego's lane.
+    pub(crate) fn keeps_lane(&self, plan: &Plan) -> bool {
+        plan.points.iter().all(|p| self.may_rest_at(p.pose))
+    }
+
+    /// Whether a plan leaves the ego's lane to the left and passes oncoming traffic before its end.
+    pub(crate) fn meets_in_other_lane(&self, plan: &Plan) -> bool {
+        self.passes_oncoming(plan) && self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
+    }
+
+    /// Whether an oncoming vehicle is ahead now and behind the ego when the plan ends.
+    fn passes_oncoming(&self, plan: &Plan) -> bool {
+        let Some(end) = plan.points.last() else { return false };
+        let (start, line) = (self.start.pose, self.route.line());
+        let ends_s = (end.at - self.start.stamp).as_secs();
+        self.predictions.iter().filter(|one| one.kind != ActorKind::Pedestrian).any(|one| {
+            let [first, .., last] = &one.path[..] else { return false };
+            let velocity_mps =
+                (last.pose.point() - first.pose.point()) * (1.0 / (last.at - first.at).as_secs());
+            let place = line.project(first.pose.point());
+            let comes_mps = -velocity_mps.dot(line.at(place.s_m).pose.direction());
+            let ahead_m = place.s_m - self.place().s_m;
+            let way_m = start.point().distance(end.pose.point()) + comes_mps * ends_s;
+            comes_mps > COMES_MPS && (0.0..way_m).contains(&ahead_m)
+        })
     }
 
     /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.

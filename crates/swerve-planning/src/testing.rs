@@ -3,7 +3,9 @@
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_map::{Border, Borders, Station};
-use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictedPose, Prediction, Route};
+use swerve_msg::{
+    ActorId, ActorKind, EgoState, Extent, Plan, PlanPoint, PlanStatus, PredictedPose, Prediction, Route,
+};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::collision::{CollisionMode, Obstacles};
@@ -222,6 +224,37 @@ pub fn yields_to_pedestrians<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
         let plans = [CollisionMode::MayStop, CollisionMode::TimeIndexed].map(|mode| plan(&sudden, mode));
         assert_eq!(plans[0].points, plans[1].points);
     }
+}
+
+/// Checks that a planner keeps the ego's own lane before an oncoming car that strays into it; `make` builds a planner with a
+/// clearance above 0.07 m.
+///
+/// The ego drives 1 m to the right of the middle of its lane, 4 m wide. An oncoming car of 1.8 m drives 0.9 m to the left of
+/// it: the gap is 0.9 - 0.9 - (-1 + 0.93) = 0.07 m. To the left of the car the ground is free from 1.8 m to 6 m.
+///
+/// # Panics
+/// Where the planner does not.
+pub fn keeps_its_lane<P: Planner>(make: &dyn Fn() -> P) {
+    let goes = |along_mps: f64, from_m: f64| {
+        let mut world =
+            World::straight(12.0).with(ActorKind::Car, (4.5, 1.8), (from_m, 0.9), (along_mps, 0.0));
+        world.route = world.route.in_lane(Borders::constant(2.0, 2.0));
+        world.start.pose = Pose2::new(0.0, -1.0, 0.0);
+        let on = |k: i64| PlanPoint {
+            at: world.start.stamp + Span::from_ms(100) * k,
+            pose: world.start.pose.ahead(1.2 * k as f64),
+            speed_mps: 12.0,
+            ..PlanPoint::default()
+        };
+        let previous = Plan { points: (0..50).map(on).collect(), ..Plan::default() };
+        let request = Request { previous: Some(&previous), ..world.request() };
+        let plan = make().plan(&request, &mut Unlimited::default());
+        assert!(world.clearance_m(&plan, CollisionMode::TimeIndexed) > 0.05, "{plan:?}");
+        plan.points.iter().map(|p| p.pose.y_m).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let (oncoming_m, standing_m) = (goes(-12.0, 60.0), goes(0.0, 30.0));
+    assert!(oncoming_m + 0.93 < 2.3, "own lane before oncoming traffic: {oncoming_m}");
+    assert!(standing_m - 0.93 > 1.8, "to the left of a standing car: {standing_m}");
 }
 
 fn worlds() -> Vec<(&'static str, World)> {

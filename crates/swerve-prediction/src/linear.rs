@@ -138,7 +138,7 @@ impl Line {
 
 mod braking;
 
-use braking::Braking;
+pub(crate) use braking::Braking;
 
 #[cfg(test)]
 mod tests;

@@ -75,6 +75,11 @@ impl PredictorName {
         Self::R2p2,
     ];
 
+    /// Without a model of deceleration: the present speed is kept.
+    fn knows_no_braking(self) -> bool {
+        matches!(self, Self::ConstantVelocity | Self::Kalman | Self::SocialForce | Self::Orca)
+    }
+
     /// As it is written in configurations.
     pub fn name(self) -> &'static str {
         match self {
@@ -156,7 +161,8 @@ pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
 /// How every track may go on, in the map frame.
 ///
 /// [`PredictorName::LaneIdm`] keeps to `ground`. On [`Ground::Road`] all others predict vehicles that drive along the road
-/// in its coordinates, without the modes that leave its ground; no other ground changes them.
+/// in its coordinates, without the modes that leave its ground, and those without a model of deceleration predict that
+/// braking vehicles brake on to a stop; no other ground changes them.
 /// Tracks know nothing of [`PredictorName::Truth`], which goes on as [`PredictorName::ConstantVelocity`] here. Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
 /// vehicles as recorded (docs/prediction.md), not of these actors.
 pub fn forecast(
@@ -167,7 +173,8 @@ pub fn forecast(
 ) -> ForecastList {
     match ground {
         Ground::Road(route) if name != PredictorName::LaneIdm => {
-            along_road::forecasts(tracks, route, |tracks| on_ground(name, tracks, horizon, Ground::Open))
+            let predict = |tracks: &TrackList| on_ground(name, tracks, horizon, Ground::Open);
+            along_road::forecasts(tracks, route, name.knows_no_braking(), predict)
         }
         _ => on_ground(name, tracks, horizon, ground),
     }

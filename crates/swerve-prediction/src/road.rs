@@ -3,7 +3,8 @@
 //! A straight line leads what comes round a bend through the lanes beside its own. Where a road user moves along the road
 //! at his place, either way, the same line is drawn in the road's own coordinates (Frenet: arc length and offset, as
 //! Werling et al. 2010, section II): the speed along the road stays, the one across it dies away within a second, which
-//! is what keeping a lane or changing to the next one comes to. People on foot go where they go.
+//! is what keeping a lane or changing to the next one comes to. An oncoming vehicle that crosses the line of the ego's
+//! lane steers back from there on: lane changes into oncoming traffic are not expected. People on foot go where they go.
 
 use swerve_geom::{FrenetPoint, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
@@ -16,6 +17,8 @@ const ALONG_RAD: f64 = 0.5;
 pub(crate) const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
+/// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
+const CORRECTS_MPS2: f64 = 3.0;
 
 /// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
@@ -64,15 +67,64 @@ fn bend(
     let Some(share) = share_along(route, place, first_mps) else { return };
     let forwards = beside.pose.direction();
     let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
+    let width_m = prediction.extent.width_m;
+    let settling =
+        Settling::of(route, place, width_m, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
     for predicted in &mut prediction.path {
         let ahead_s = (predicted.at - first.at).as_secs();
         let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
         let (along_mps, across_mps) = (velocity_mps.dot(forwards) / share, velocity_mps.dot(forwards.left()));
-        let moved_m = across_mps * SETTLES_S * (1.0 - math::exp(-ahead_s / SETTLES_S));
+        let moved_m = settling.moved_m(across_mps * ahead_s, ahead_s);
         let place = FrenetPoint { s_m: s_m + along_mps * ahead_s, d_m: d_m + moved_m };
         let at = route.unproject(place);
         let heading_rad = route.line().at(place.s_m).pose.heading_rad + turn_rad;
         predicted.pose = Pose2::new(at.x_m, at.y_m, heading_rad);
+    }
+}
+
+/// End of a motion across the road.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Settling {
+    /// Time in which what is left of the speed across falls to a third, seconds.
+    time_s: f64,
+    /// Largest way to the right, metres.
+    right_max_m: f64,
+}
+
+impl Settling {
+    /// For a vehicle of width `width_m` with the given speeds along the road and to its left, m/s.
+    ///
+    /// A lane change settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
+    /// back once its side is over the line of the ego's lane, which takes another v² / 2a.
+    pub(crate) fn of(route: &Route, place: FrenetPoint, width_m: f64, speeds_mps: [f64; 2]) -> Self {
+        Self::of_stray(route, place, width_m, speeds_mps)
+            .unwrap_or(Self { time_s: SETTLES_S, right_max_m: f64::INFINITY })
+    }
+
+    /// The same for an oncoming vehicle that drifts to the right; `None` for others.
+    pub(crate) fn of_stray(
+        route: &Route,
+        FrenetPoint { s_m, d_m }: FrenetPoint,
+        width_m: f64,
+        [along_mps, left_mps]: [f64; 2],
+    ) -> Option<Self> {
+        let (lane_m, ground_m) = (route.lane().left_m(s_m), route.left_m(s_m));
+        let strays = along_mps < 0.0 && left_mps < 0.0 && d_m > 0.0 && lane_m < ground_m;
+        if !strays {
+            return None;
+        }
+        let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
+        let right_max_m = beside_m + left_mps * left_mps / (2.0 * CORRECTS_MPS2);
+        Some(Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m })
+    }
+
+    /// Way to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.
+    pub(crate) fn moved_m(&self, free_m: f64, ahead_s: f64) -> f64 {
+        if ahead_s <= 0.0 {
+            return free_m;
+        }
+        let share = self.time_s / ahead_s * (1.0 - math::exp(-ahead_s / self.time_s));
+        (share * free_m).max(-self.right_max_m)
     }
 }
 
@@ -81,6 +133,7 @@ mod tests {
     use super::*;
     use swerve_core::{Span, Time};
     use swerve_geom::{Point2, Polyline};
+    use swerve_map::Borders;
     use swerve_msg::{ActorId, Extent};
 
     /// A bend to the left of 50 m about (0, 50).
@@ -158,6 +211,30 @@ mod tests {
         assert!(places.clone().all(|place| (place.d_m - 4.0).abs() < 0.02));
         let way_m = 50.0 - places.next_back().unwrap().s_m;
         assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
+    }
+
+    /// An oncoming car of 2 m drifts with 1.5 m/s towards the ego's lane, 4 m wide. Over the line it steers back with 3 m/s²
+    /// and settles 1.5² / 6 = 0.375 m further. At 4.5 m its side is 1.5 m beside the line, the way of a settling lane change.
+    #[test]
+    fn oncoming_vehicle_over_the_line_steers_back() {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
+        let route = Route::uniform(line, 6.0, 2.0).in_lane(Borders::constant(2.0, 2.0));
+        let ends = |d_m: f64, along_mps: f64| {
+            let velocity_mps = Vector2::new(along_mps, -1.5);
+            let mut bent = [straight(ActorKind::Car, Point2::new(100.0, d_m), velocity_mps)];
+            bent[0].extent.width_m = 2.0;
+            bent[0].path.extend_from_within(30..);
+            let last = bent[0].path.last_mut().unwrap();
+            last.at = Time::ZERO + Span::from_secs(20.0);
+            last.pose = Pose2::new(100.0 + 20.0 * along_mps, d_m - 30.0, last.pose.heading_rad);
+            follow(&mut bent, &route);
+            bent[0].path[31].pose.y_m
+        };
+        for (from_m, to_m) in [(2.5, 2.5 - 0.375), (3.0, 3.0 - 0.375), (3.5, 3.0 - 0.375), (4.5, 3.0)] {
+            assert!((ends(from_m, -4.0) - to_m).abs() < 1e-6, "{from_m}: {}", ends(from_m, -4.0));
+        }
+        // Along the route, and on the right of the ego's lane.
+        assert!((ends(3.0, 4.0) - 1.5).abs() < 1e-6 && (ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
     }
 
     #[test]

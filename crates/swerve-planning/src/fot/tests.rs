@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{Capped, World, conformance, yields_to_pedestrians};
+use crate::testing::{Capped, World, conformance, keeps_its_lane, yields_to_pedestrians};
 use crate::{CollisionMode, Solid, Unlimited, predicted_start};
 use proptest::prelude::*;
 use swerve_core::Time;
@@ -14,6 +14,11 @@ fn conforms() {
 #[test]
 fn yields_to_pedestrians_who_may_stop() {
     yields_to_pedestrians(&|collision| Fot::new(Params { collision, ..Params::default() }).unwrap());
+}
+
+#[test]
+fn keeps_its_lane_before_oncoming_traffic() {
+    keeps_its_lane(&|| Fot::new(Params::fast()).unwrap());
 }
 
 /// A stop within a few samples must not ask for more than the brakes give between them.

@@ -167,7 +167,7 @@ impl PathSearch for LatticeSearch {
 mod tests {
     use super::*;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance, yields_to_pedestrians};
+    use crate::testing::{World, conformance, keeps_its_lane, yields_to_pedestrians};
     use swerve_msg::PlanStatus;
 
     #[test]
@@ -180,6 +180,11 @@ mod tests {
         yields_to_pedestrians(&|collision| {
             HybridAstar::new(Params { collision, ..Params::default() }).unwrap()
         });
+    }
+
+    #[test]
+    fn keeps_its_lane_before_oncoming_traffic() {
+        keeps_its_lane(&|| HybridAstar::new(Params::default()).unwrap());
     }
 
     #[test]

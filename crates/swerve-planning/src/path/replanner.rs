@@ -96,7 +96,10 @@ impl Replanner {
             let request = &Request { limits: &limits, ..*request };
             found = self
                 .follow(settings, request)
-                .or_else(|| self.search(search, settings, request, last, &mut counted))
+                .or_else(|| {
+                    let way = self.search(search, settings, request, last, &mut counted)?;
+                    Some(self.own_lane_first(settings, request, way))
+                })
                 .or_else(|| self.otherwise(settings, request, last));
             if last || found.is_some() {
                 break;
@@ -114,6 +117,18 @@ impl Replanner {
         }
         kept(request, obstacles, settings.clearance_m)
             .or_else(|| give_way(request, obstacles, settings.clearance_m))
+    }
+
+    /// A way that meets oncoming traffic in the other lane is the last choice, after the previous plan and a stop in the ego's
+    /// own lane.
+    fn own_lane_first(&self, settings: &Settings, request: &Request<'_>, way: Plan) -> Plan {
+        if !request.meets_in_other_lane(&way) {
+            return way;
+        }
+        kept(request, &self.obstacles, 0.0)
+            .filter(|plan| request.keeps_lane(plan))
+            .or_else(|| give_way(request, &self.obstacles, settings.clearance_m))
+            .unwrap_or(way)
     }
 
     /// The route itself, if the ego is on it and nothing is in the way.

@@ -240,7 +240,7 @@ const GUIDE_OFF_RAD: [f64; 3] = [0.0, 0.1, 0.2];
 mod tests {
     use super::*;
     use crate::request::Unlimited;
-    use crate::testing::{World, conformance, yields_to_pedestrians};
+    use crate::testing::{World, conformance, keeps_its_lane, yields_to_pedestrians};
     use swerve_msg::PlanStatus;
 
     #[test]
@@ -251,6 +251,11 @@ mod tests {
     #[test]
     fn yields_to_pedestrians_who_may_stop() {
         yields_to_pedestrians(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
+    }
+
+    #[test]
+    fn keeps_its_lane_before_oncoming_traffic() {
+        keeps_its_lane(&|| RrtStar::new(Params::default()).unwrap());
     }
 
     #[test]

@@ -24,7 +24,7 @@ const SPEED_MIN_MPS: f64 = 0.5;
 
 /// A straight motion that ends at rest.
 #[derive(Clone, Copy)]
-pub(super) struct Braking {
+pub(crate) struct Braking {
     /// Position and velocity at the stamp.
     pub(super) line: Line,
     /// Time until it stands, seconds.
@@ -34,7 +34,7 @@ pub(super) struct Braking {
 impl Braking {
     /// Of a vehicle whose sightings of the last `window_s` show a significant deceleration along its motion: the
     /// least-squares parabola, tested by the residuals' own deviation. `None` for everything else.
-    pub(super) fn of(track: &Track, stamp: Time, window_s: f64) -> Option<Self> {
+    pub(crate) fn of(track: &Track, stamp: Time, window_s: f64) -> Option<Self> {
         if matches!(track.kind, ActorKind::Pedestrian | ActorKind::Static) {
             return None;
         }
@@ -56,6 +56,11 @@ impl Braking {
         }
         let line = Line { point: last.point + forwards * place_m, velocity_mps: forwards * speed_mps };
         Some(Self { line, stop_s: speed_mps / brake_mps2 })
+    }
+
+    /// Position after `ahead_s`.
+    pub(crate) fn at(&self, ahead_s: f64) -> Point2 {
+        self.line.point + self.line.velocity_mps * self.driven_s(ahead_s)
     }
 
     /// Time at constant speed that takes as far as `ahead_s` of braking, seconds.

@@ -11,17 +11,20 @@ use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, T
 
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Seen, seen};
-use crate::road::{BESIDE_M, SETTLES_S, share_along};
+use crate::linear::{self, Braking};
+use crate::road::{BESIDE_M, Settling, share_along};
 
 /// Least length along the road's line in which the sighting before is looked for, metres.
 const NEAR_M: f64 = 5.0;
 /// A metre beside the road's line is at least this long on the line: nearer to the middle of a bend there is no way along it.
 const SHARE_MIN: f64 = 0.1;
 
-/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road.
+/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road. With
+/// `keeps_speed`, for predictors of constant speed, braking vehicles brake on to a stop.
 pub(super) fn forecasts(
     tracks: &TrackList,
     route: &Route,
+    keeps_speed: bool,
     predict: impl Fn(&TrackList) -> ForecastList,
 ) -> ForecastList {
     let drives: Vec<bool> = seen(tracks).iter().map(|seen| drives_along(seen, tracks.stamp, route)).collect();
@@ -42,9 +45,15 @@ pub(super) fn forecasts(
     if along.forecasts.len() != drives.len() {
         return predict(tracks);
     }
-    for (forecast, _) in along.forecasts.iter_mut().zip(&drives).filter(|(_, drives)| **drives) {
+    let all = along.forecasts.iter_mut().zip(&straightened.tracks).zip(&drives);
+    for ((forecast, track), _) in all.filter(|(_, drives)| **drives) {
+        let braking = Braking::of(track, tracks.stamp, linear::Params::default().brake_window_s);
+        if let Some(braking) = braking.filter(|_| keeps_speed) {
+            forecast.modes.iter_mut().for_each(|mode| brake(mode, &braking));
+        }
         along.joint &= !leave_out_off_road(&mut forecast.modes, route);
-        forecast.modes.iter_mut().for_each(|mode| bend(mode, route));
+        let width_m = forecast.extent.width_m;
+        forecast.modes.iter_mut().for_each(|mode| bend(mode, width_m, route));
     }
     if drives.contains(&false) {
         let others = predict(tracks).forecasts.into_iter().zip(&mut along.forecasts).zip(&drives);
@@ -108,16 +117,29 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     true
 }
 
+/// Limits a mode on the straightened road to the way of continued braking.
+fn brake(mode: &mut Mode, braking: &Braking) {
+    let [first, .., last] = &mode.path[..] else { return };
+    let (from, backwards) = (first.at, last.pose.x_m < first.pose.x_m);
+    for one in &mut mode.path {
+        let braked_m = braking.at((one.at - from).as_secs()).x_m;
+        one.pose.x_m = if backwards { one.pose.x_m.max(braked_m) } else { one.pose.x_m.min(braked_m) };
+    }
+}
+
 /// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].
-fn bend(mode: &mut Mode, route: &Route) {
-    let [first, ..] = mode.path[..] else { return };
+fn bend(mode: &mut Mode, width_m: f64, route: &Route) {
+    let [first, second, ..] = mode.path[..] else { return };
+    let first_s = (second.at - first.at).as_secs();
+    let moves = |from: f64, to: f64| (to - from) / first_s;
+    let first_mps = [moves(first.pose.x_m, second.pose.x_m), moves(first.pose.y_m, second.pose.y_m)];
+    let place = FrenetPoint { s_m: first.pose.x_m, d_m: first.pose.y_m };
+    let settling = Settling::of(route, place, width_m, first_mps);
     for one in &mut mode.path {
         let ahead_s = (one.at - first.at).as_secs();
-        let settled =
-            if ahead_s > 0.0 { SETTLES_S / ahead_s * (1.0 - math::exp(-ahead_s / SETTLES_S)) } else { 1.0 };
         let s_m = one.pose.x_m;
-        let at = route
-            .unproject(FrenetPoint { s_m, d_m: first.pose.y_m + settled * (one.pose.y_m - first.pose.y_m) });
+        let d_m = first.pose.y_m + settling.moved_m(one.pose.y_m - first.pose.y_m, ahead_s);
+        let at = route.unproject(FrenetPoint { s_m, d_m });
         let road_rad = route.line().at(s_m).pose.heading_rad;
         let turned_rad = if math::cos(first.pose.heading_rad) < 0.0 { core::f64::consts::PI } else { 0.0 };
         one.pose = Pose2::new(at.x_m, at.y_m, road_rad + turned_rad);

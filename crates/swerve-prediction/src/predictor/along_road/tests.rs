@@ -65,6 +65,57 @@ const OF_MOTION: [PredictorName; 8] = [
     PredictorName::LaneIdm,
 ];
 
+/// A car ahead at 15 m/s has braked with 6 m/s² for three seconds: it stops after another 15² / 12 = 18.75 m. At constant
+/// speed it would drive 45 m in three seconds.
+#[test]
+fn braking_vehicle_is_predicted_to_stop() {
+    let route = straight();
+    let at = |k: i64| {
+        let t_s = 0.05 * k as f64;
+        Sighting { at: Time::from_ms(50 * k), point: Point2::new(100.0 + 15.0 * t_s - 3.0 * t_s * t_s, 0.5) }
+    };
+    let mut tracks = oncoming(&route, ActorKind::Car, 10.0, 0.5);
+    let track = &mut tracks.tracks[0];
+    track.history = (-60..=0).map(at).collect();
+    (track.velocity_mps, track.pose) = (Vector2::new(15.0, 0.0), Pose2::new(100.0, 0.5, 0.0));
+    for name in [
+        PredictorName::Linear,
+        PredictorName::ConstantVelocity,
+        PredictorName::Kalman,
+        PredictorName::SocialForce,
+        PredictorName::Orca,
+    ] {
+        let list = forecast(name, &tracks, &THREE_SECONDS, Ground::Road(&route));
+        let last = list.forecasts[0].modes[0].path[30].pose;
+        assert!((last.x_m - 118.75).abs() < 0.2, "{name:?}: {last:?}");
+    }
+    let open = forecast(PredictorName::ConstantVelocity, &tracks, &THREE_SECONDS, Ground::Open);
+    assert!(open.forecasts[0].modes[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
+}
+
+/// An oncoming car of 1.8 m drifts with 1 m/s, its middle at 2.5 m, its side 0.4 m over the line at 2 m. It settles at
+/// 2.5 - 1 / 6 = 2.33 m; a lane change would end at 1.5 m. Predictors with a lag of their own may be 0.15 m off.
+#[test]
+fn oncoming_car_over_the_line_steers_back_for_every_predictor() {
+    let route = straight().in_lane(swerve_map::Borders::constant(2.0, 2.0));
+    let at = |k: i64| {
+        let t_s = 0.05 * k as f64;
+        Sighting { at: Time::from_ms(50 * k), point: Point2::new(100.0 - 12.0 * t_s, 2.5 - t_s) }
+    };
+    let mut tracks = oncoming(&route, ActorKind::Car, 12.0, 2.5);
+    let track = &mut tracks.tracks[0];
+    track.history = (-60..=0).map(at).collect();
+    track.velocity_mps = Vector2::new(-12.0, -1.0);
+    for name in OF_MOTION {
+        for (_, [low_m, high_m]) in offsets(name, &tracks, Ground::Road(&route), &route) {
+            assert!(
+                (2.33 - 0.15..=2.5 + 0.15).contains(&low_m) && high_m < 2.65,
+                "{name:?}: {low_m} {high_m}"
+            );
+        }
+    }
+}
+
 #[test]
 fn oncoming_car_keeps_its_lane_in_a_bend() {
     let route = bend();

@@ -8,7 +8,7 @@ use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
 use crate::predictor::{Ground, Horizon, Seen};
-use crate::road::{SETTLES_S, share_along};
+use crate::road::{SETTLES_S, Settling, share_along};
 
 /// Along a line somebody has come at most twice as far as straight on, and this much, metres.
 const NEAR_M: f64 = 5.0;
@@ -62,6 +62,8 @@ pub(super) struct OnLine<'a> {
     pub(super) sense: f64,
     /// Speed across, to the left, m/s.
     across_mps: f64,
+    /// End of the motion across of an oncoming vehicle that strays; `None`: that of a lane change.
+    stray: Option<Settling>,
     /// The next stop line: how far ahead, metres, and of which lane.
     stop: Option<(f64, usize)>,
 }
@@ -80,7 +82,11 @@ impl<'a> Place<'a> {
                     let across_mps =
                         across_mps(&seen.past, route.line(), at).unwrap_or(heading.cross(velocity_mps));
                     let line = route.line();
-                    let on = OnLine { line, way: None, at, sense: sense / share, across_mps, stop: None };
+                    let along_mps = heading.dot(velocity_mps);
+                    let stray =
+                        Settling::of_stray(route, at, seen.track.extent.width_m, [along_mps, across_mps]);
+                    let on =
+                        OnLine { line, way: None, at, sense: sense / share, across_mps, stray, stop: None };
                     (1.0, Along::Line(on))
                 };
                 let along = share_along(route, at, velocity_mps).map(on_road);
@@ -160,16 +166,25 @@ fn ways<'a>(
         let across_mps = across_mps(past, &way.line, spot.at).unwrap_or(0.0);
         let next = way.stops.iter().find(|(at_m, _)| *at_m > spot.at.s_m);
         let stop = next.map(|(at_m, lane)| (at_m - spot.at.s_m, *lane));
-        let on = OnLine { line: &way.line, way: Some(way), at: spot.at, sense: 1.0, across_mps, stop };
+        let on = OnLine {
+            line: &way.line,
+            way: Some(way),
+            at: spot.at,
+            sense: 1.0,
+            across_mps,
+            stray: None,
+            stop,
+        };
         (share / all, Along::Line(on))
     };
     found.into_iter().map(way).collect()
 }
 
-/// For each step of a horizon the share of the present motion across that is past.
-pub(super) fn settled(horizon: &Horizon) -> Vec<f64> {
+/// For each step of a horizon the time ahead, seconds, and the share of the motion across of a lane change that is past.
+pub(super) fn settled(horizon: &Horizon) -> Vec<[f64; 2]> {
     let step_s = horizon.step.as_secs();
-    (0..=horizon.steps).map(|k| 1.0 - math::exp(-step_s * k as f64 / SETTLES_S)).collect()
+    let at = |ahead_s: f64| [ahead_s, 1.0 - math::exp(-ahead_s / SETTLES_S)];
+    (0..=horizon.steps).map(|k| at(step_s * k as f64)).collect()
 }
 
 impl Along<'_> {
@@ -195,11 +210,14 @@ impl Along<'_> {
         }
     }
 
-    /// Where it is after `on_m`, when that share of its motion across is past.
-    pub(super) fn at(&self, on_m: f64, settled: f64) -> Point2 {
+    /// Position after `on_m`, at a step of [`settled`].
+    pub(super) fn at(&self, on_m: f64, [ahead_s, settled]: [f64; 2]) -> Point2 {
         match self {
-            Self::Line(OnLine { line, at, sense, across_mps, .. }) => {
-                let beside_m = across_mps * SETTLES_S * settled;
+            Self::Line(OnLine { line, at, sense, across_mps, stray, .. }) => {
+                let beside_m = match stray {
+                    Some(stray) => stray.moved_m(across_mps * ahead_s, ahead_s),
+                    None => across_mps * SETTLES_S * settled,
+                };
                 line.to_map(FrenetPoint { s_m: at.s_m + sense * on_m, d_m: at.d_m + beside_m })
             }
             Self::Straight(from, unit) => *from + *unit * on_m,
