@@ -139,13 +139,13 @@ fn where_no_actor_decided_the_chain_names_what_did() {
             Verdict::Stopped,
             &[
                 "the safety gate stopped it from 2.00 s on (emergency stop)",
-                "truck was nearest, 38.11 m away",
+                "truck was nearest, 38.51 m away",
             ],
             &[GateStop, Effect, Standstill],
         ),
         (
             "traffic_light",
-            &[],
+            &["sensing.traffic_lights=false"],
             Verdict::Completed,
             &["it came to the end of its way at 11.", "went over the stop line of crossing at 6.", "at red"],
             &[End],
