@@ -28,12 +28,12 @@ const LEFT_M: f64 = 0.25;
 
 /// Standing vehicles count as cover of who steps out within this time, seconds, and within this distance of the ground,
 /// metres. A vehicle that is predicted to move no further than this stands, metres.
-const COVER_S: f64 = 4.0;
+const COVER_S: f64 = 6.0;
 const COVER_BESIDE_M: f64 = 3.0;
 const STANDS_M: f64 = 0.5;
 
 /// Share of the room beside the car that deviations may take without slowing beside cover.
-const SPARE: f64 = 0.5;
+const SPARE: f64 = 0.3;
 
 /// Slower than this the car stands, m/s.
 const STANDS_MPS: f64 = 0.5;
@@ -258,16 +258,16 @@ mod tests {
             let ego = EgoState { pose: Pose2::new(50.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
             trust.speed_share(&ego, &route(), &[one])
         };
-        // 1.05 m beside the car. Two deviations of 0.2625 m take half of it, of 0.39375 m three quarters: half way to 0.3.
-        for (sigma_m, expected) in [(0.26, 1.0), (0.393_75, 0.65), (0.525, 0.3)] {
+        // 1.05 m beside the car. Two deviations of 0.1575 m take 0.3 of it, of 0.34125 m 0.65: half way to 0.3.
+        for (sigma_m, expected) in [(0.157, 1.0), (0.341_25, 0.65), (0.525, 0.3)] {
             assert!((share(sigma_m, ActorKind::Truck, 80.0, 0.0) - expected).abs() < 1e-9, "{sigma_m}");
         }
-        // Who moves, who walks, what is passed, and what is more than four seconds away hides nobody.
+        // Who moves, who walks, what is passed, and what is more than six seconds away hides nobody.
         for (kind, x_m, moves_m) in [
             (ActorKind::Truck, 80.0, 5.0),
             (ActorKind::Pedestrian, 80.0, 0.0),
             (ActorKind::Truck, 49.0, 0.0),
-            (ActorKind::Truck, 91.0, 0.0),
+            (ActorKind::Truck, 111.0, 0.0),
         ] {
             assert_eq!(share(0.39, kind, x_m, moves_m), 1.0, "{kind:?} at {x_m}");
         }
