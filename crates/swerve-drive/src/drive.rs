@@ -95,7 +95,15 @@ impl Outcome {
         if self.metrics.verdict == Verdict::Unfinished {
             return vec!["the run was ended before the scenario was".into()];
         }
-        expected.broken_by(self.metrics.verdict, |metric| self.value_of(metric))
+        let plans = &self.metrics.plans;
+        match self.metrics.verdict {
+            // Who rests because of its pose has a place and a time of its own to end at.
+            Verdict::Stopped if plans.pose_uncertain_since_s.is_some() => {
+                let until_stop = expected.until_stop();
+                until_stop.broken_by(until_stop.verdict, |metric| self.value_of(metric))
+            }
+            verdict => expected.broken_by(verdict, |metric| self.value_of(metric)),
+        }
     }
 
     /// A metric that a scenario can put bounds on.

@@ -12,6 +12,7 @@
 //! told lends its size to what the camera sees since, and the camera its kind to the lidar's next turn. A place that is
 //! told twice is a thing that stands.
 
+mod doubt;
 mod params;
 mod place;
 mod radar;
@@ -24,6 +25,7 @@ use swerve_msg::{DetectedBox, Detections, Image};
 
 use crate::bound::surest;
 use crate::image_box::ImageCamera;
+use doubt::doubted;
 use place::{Spread, by_depth, moved};
 
 pub use params::Params;
@@ -99,7 +101,8 @@ pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
         (of_seen[s], of_measured[m]) = (Some(m), true);
     }
     for (seen, of) in seen.iter().zip(of_seen) {
-        objects.push(of.map_or(*seen, |m: usize| merged(seen, &measured[m])));
+        let alone = || doubted(seen, sources.lidar.map(|_| &measured[..]), params);
+        objects.push(of.map_or_else(alone, |m: usize| merged(seen, &measured[m])));
     }
     objects
         .extend(measured.iter().zip(of_measured).filter(|(_, is_taken)| !is_taken).map(|(alone, _)| *alone));

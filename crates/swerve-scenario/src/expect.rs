@@ -122,6 +122,17 @@ impl Expectation {
         is_old.then(|| format!("[expect] verdict `{}`: such a run is called `{verdict}` now", self.verdict))
     }
 
+    /// The same of a run that the ego ended at rest, for a reason that lies in itself and that it names: its pose is too
+    /// uncertain for the lane. It has to be safe and comfortable as expected until then; how fast it ends, and when, is not
+    /// the scenario's any more. A collision that is expected is not.
+    #[must_use]
+    pub fn until_stop(&self) -> Self {
+        let of_end = |bound: &Bound| matches!(bound.metric, Metric::EndSpeedMps | Metric::DurationS);
+        let hits = |bound: &Bound| matches!(bound.metric, Metric::ImpactSpeedMps | Metric::ClosingSpeedMps);
+        let bounds = self.bounds.iter().filter(|bound| !of_end(bound) && !hits(bound)).copied().collect();
+        Self { verdict: Verdict::Stopped, bounds, ..self.clone() }
+    }
+
     /// In what way a run differs from what is expected; empty when it is as expected. `value` gives the
     /// metrics of the run, `None` for one that it does not have, which breaks its bound. Exceptions: a run that hits nothing
     /// is within every upper bound on how fast it may hit; one that is never on the way to a collision, or has no lead, is
@@ -213,6 +224,31 @@ mod tests {
                 assert_eq!(near.broken_by(Verdict::Avoided, nearer).len(), 1, "{}", metric.name());
             }
         }
+    }
+
+    #[test]
+    fn a_stop_for_the_pose_is_as_safe_as_expected_but_ends_elsewhere() {
+        let bound = |metric, min, max| Bound { metric, min, max };
+        let bounds = vec![
+            bound(Metric::EndSpeedMps, Some(11.0), None),
+            bound(Metric::DurationS, None, Some(30.0)),
+            bound(Metric::RoadMarginM, Some(0.0), None),
+        ];
+        let stop = Expectation { pipeline: None, verdict: Verdict::Completed, bounds }.until_stop();
+        let run = |margin_m: f64| {
+            move |metric| match metric {
+                Metric::EndSpeedMps => Some(0.0),
+                Metric::DurationS => Some(90.0),
+                Metric::RoadMarginM => Some(margin_m),
+                _ => None,
+            }
+        };
+        assert_eq!(stop.broken_by(Verdict::Stopped, run(0.1)), Vec::<String>::new());
+        assert_eq!(
+            stop.broken_by(Verdict::Stopped, run(-0.1)),
+            ["expected road_margin_m of at least 0, got -0.1"]
+        );
+        assert_eq!(stop.broken_by(Verdict::LeftRoad, run(0.1)).len(), 1);
     }
 
     #[test]

@@ -31,6 +31,7 @@ mod pose_trust;
 mod predictor;
 mod python;
 mod radar;
+mod relative;
 mod report;
 mod reported_odometry;
 mod scan_matcher;

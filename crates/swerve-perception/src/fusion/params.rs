@@ -22,6 +22,11 @@ pub struct Params {
     pub lidar_noise_m: f64,
     /// The same of its distance as a share of that, and of its bearing in radians, on top.
     pub lidar_noise_share: f64,
+    /// Within this distance a lidar finds people where nothing hides them, metres: a person alone in the camera's image is
+    /// doubted there. 0: nowhere.
+    pub lidar_sure_m: f64,
+    /// Share of people whom it misses there.
+    pub lidar_miss: f64,
     /// Standard deviation of a radar's distance, metres: echoes come from anywhere on a thing.
     pub radar_noise_m: f64,
     /// An echo is an object's if it is within this of its distance, beside the object's own size and errors, metres.
@@ -40,6 +45,8 @@ impl Default for Params {
             depth_noise_1pm: 9e-4,
             lidar_noise_m: 0.15,
             lidar_noise_share: 0.005,
+            lidar_sure_m: 20.0,
+            lidar_miss: 0.1,
             radar_noise_m: 0.5,
             radar_range_m: 2.0,
             radar_bearing_rad: 0.087,
@@ -61,6 +68,9 @@ impl Params {
             ("depth_noise_1pm", self.depth_noise_1pm, [1e-6, 0.1]),
             ("lidar_noise_m", self.lidar_noise_m, [1e-3, 10.0]),
             ("lidar_noise_share", self.lidar_noise_share, [0.0, 1.0]),
+            ("lidar_sure_m", self.lidar_sure_m, [0.0, 1000.0]),
+            // Above zero, or a person near by could never be seen by the camera alone.
+            ("lidar_miss", self.lidar_miss, [1e-3, 1.0]),
             ("radar_noise_m", self.radar_noise_m, [1e-3, 10.0]),
             ("radar_range_m", self.radar_range_m, [0.0, 50.0]),
             ("radar_bearing_rad", self.radar_bearing_rad, [0.0, 1.0]),

@@ -73,6 +73,30 @@ fn the_camera_says_what_and_the_lidar_where() {
 }
 
 #[test]
+fn a_person_where_the_lidar_sees_free_ground_is_doubted() {
+    let score = |at: [f64; 2], lidar: Option<Vec<DetectedBox>>| {
+        let camera = list(0, vec![seen(ActorKind::Pedestrian, at, at, 0.75)]);
+        let lidar = lidar.map(|boxes| list(0, boxes));
+        let sources = Sources {
+            camera: Some(by_camera(&camera)),
+            lidar: lidar.as_ref().map(by_lidar),
+            ..Sources::default()
+        };
+        let boxes = fused(&sources);
+        boxes.iter().find(|b| b.kind.is_person()).unwrap().score
+    };
+    // Of four such boxes three are people; of those the lidar misses 0.3 of 3: 0.3 / (0.3 + 1).
+    assert!((score([9.0, 3.0], Some(vec![])) - 0.3 / 1.3).abs() < 1e-12);
+    // Without a lidar, beyond its reach, and beside a car that may hide them, or hold their points, they stay.
+    assert_eq!(score([9.0, 3.0], None), 0.75);
+    assert_eq!(score([24.0, 3.0], Some(vec![])), 0.75);
+    assert_eq!(score([15.0, 3.0], Some(vec![found(ActorKind::Car, 10.0, 3.0, 0.6)])), 0.75);
+    // A car elsewhere, or behind them, hides nobody.
+    assert!(score([9.0, 3.0], Some(vec![found(ActorKind::Car, 15.0, -6.0, 0.6)])) < 0.3);
+    assert!(score([9.0, 3.0], Some(vec![found(ActorKind::Car, 25.0, 8.0, 0.6)])) < 0.3);
+}
+
+#[test]
 fn what_one_source_alone_sees_stays_with_its_errors() {
     let camera = list(0, vec![seen(ActorKind::Pedestrian, [30.0, 0.0], [30.0, 0.0], 0.7)]);
     let lidar = list(0, vec![found(ActorKind::Car, 15.0, 9.0, 0.6)]);

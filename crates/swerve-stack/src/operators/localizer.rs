@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_flow::{At, Context, Every, Inputs, Message, Operator, Outputs, Port, Timer, Window, every};
-use swerve_geom::{Point2, Pose2, math};
+use swerve_geom::{FrenetPoint, Point2, Pose2, math};
 use swerve_localization::flat::Origin;
 use swerve_localization::ndt::Isometry3;
 use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
@@ -30,6 +30,9 @@ const KEPT: usize = 16;
 /// Periods of the inertial unit after which a pose is due without it.
 const SILENT: f64 = 2.0;
 
+/// A first fix further off the road than this many of its standard deviations is a reflection.
+const OFF_ROAD_SIGMAS: f64 = 3.0;
+
 /// A filter over inertial unit, satellite fixes and wheels, and over what a lidar finds.
 pub(super) struct Filter {
     localizer: Localizer,
@@ -41,7 +44,8 @@ pub(super) struct Filter {
     map_sigma: [f64; 2],
     /// Messages of each sensor that were taken.
     taken: [u64; 3],
-    /// Stamp of the first fix, by which it starts.
+    /// Stamps of the first fix, and of the one by which it starts.
+    first_fix: Option<Time>,
     started: Option<Time>,
     await_match_s: f64,
     wheelbase_m: f64,
@@ -131,6 +135,13 @@ impl Receiver {
         self.route.line().at(s_m).pose.heading_rad
     }
 
+    /// Whether a place is on the ground beside the route, but for the errors of fixes.
+    fn may_be_on_road(&self, [x_m, y_m, _]: [f64; 3]) -> bool {
+        let FrenetPoint { s_m, d_m } = self.route.project(Point2::new(x_m, y_m));
+        let beyond_m = OFF_ROAD_SIGMAS * self.sigma_m();
+        (-self.route.right_m(s_m) - beyond_m..=self.route.left_m(s_m) + beyond_m).contains(&d_m)
+    }
+
     /// Standard deviation of a fix, metres.
     pub(super) fn sigma_m(&self) -> f64 {
         math::hypot(self.noise_m, self.bias_m)
@@ -157,7 +168,7 @@ pub(super) struct Keys {
 impl Default for Keys {
     fn default() -> Self {
         Self {
-            lane_heading_deg: 5.0,
+            lane_heading_deg: 2.0,
             await_match_s: 2.0,
             map_sigma_m: 0.02,
             map_sigma_rad: 0.001,
@@ -245,6 +256,7 @@ impl Kind for Filter {
             receiver: Receiver::new(site),
             map_sigma: [table.map_sigma_m, table.map_sigma_rad],
             taken: [0; 3],
+            first_fix: None,
             started: None,
             await_match_s: table.await_match_s,
             wheelbase_m: config.sim.vehicle.shape.wheelbase_m,
@@ -340,6 +352,9 @@ impl Filter {
 
     fn fix(&mut self, fix: &Gnss) {
         let Some(at_m) = self.receiver.place(fix) else { return };
+        if self.is_refused_as_start(fix.stamp, at_m) {
+            return;
+        }
         if self.started.is_none() {
             self.started = Some(fix.stamp);
             self.start(at_m);
@@ -347,6 +362,16 @@ impl Filter {
         if let Some(sensed) = self.receiver.sensed(fix, self.params.offset_m) {
             self.localizer.take(fix.stamp, sensed);
         }
+    }
+
+    /// Whether a fix before the start is none to begin with: the car stands on its lane. What stays off the road for
+    /// `believed_after_s` is believed.
+    fn is_refused_as_start(&mut self, stamp: Time, at_m: [f64; 3]) -> bool {
+        let first = *self.first_fix.get_or_insert(stamp);
+        self.started.is_none()
+            && self.lane_heading_rad.is_some()
+            && !self.receiver.may_be_on_road(at_m)
+            && (stamp - first).as_secs() < self.params.believed_after_s
     }
 
     /// Whether nothing is told yet, as the first match will move the pose by as much as the first fix is off.

@@ -1,12 +1,15 @@
 //! The obstacle sensor: simulator state cut by what the sensor can see.
 
 use swerve_flow::{
-    Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port, PortInfo,
+    Context, Every, Inputs, Latest, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
+    PortInfo, Window,
 };
-use swerve_msg::ObstacleList;
+use swerve_geom::Pose2;
 use swerve_msg::truth::{Surroundings, WorldState};
+use swerve_msg::{LocalPose, ObstacleList};
 use swerve_sim::sense::{SensorMount, SensorParams, visible_obstacles};
 
+use super::relative::{Motion, pose_at};
 use crate::config::camera::CameraConfig;
 use crate::config::{Config, Source};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
@@ -63,6 +66,20 @@ pub(super) struct In {
     world: Latest<WorldState>,
 }
 
+/// Poses kept to find those before the instant of a sighting.
+const POSES: usize = 8;
+
+/// The same for a tracker, and where the ego is by localization.
+#[derive(Inputs)]
+pub(super) struct PlacedIn {
+    /// The sensor's period.
+    tick: Every,
+    /// What there is to be seen.
+    world: Latest<WorldState>,
+    /// Where the ego is; what is seen is placed by it.
+    local: Option<Window<LocalPose, POSES>>,
+}
+
 /// What is seen, for an emulated detector: also from where.
 #[derive(Outputs)]
 pub(super) struct SightOut {
@@ -102,8 +119,8 @@ impl OperatorKind for ObstacleSensor {
         has_detector(settings) && output == "seen"
     }
 
-    fn inputs(&self, _: &Settings<'_>) -> Vec<PortInfo> {
-        In::ports()
+    fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
+        if has_detector(settings) { In::ports() } else { PlacedIn::ports() }
     }
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
@@ -120,14 +137,25 @@ impl OperatorKind for ObstacleSensor {
 }
 
 impl Operator for ForTracker {
-    type In = In;
+    type In = PlacedIn;
     type Out = Port<ObstacleList>;
 
-    fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
-        if let Some(world) = input.world.get() {
-            out.loan().send(self.0.obstacles(world));
+    fn step(&mut self, _: &mut Context<'_>, input: &PlacedIn, out: &mut Self::Out) {
+        let Some(world) = input.world.get() else { return };
+        let Some(local) = &input.local else { return out.loan().send(self.0.obstacles(world)) };
+        // Nothing has a place in the map before localization has found the ego's.
+        if let Some(believed) = believed(local.get(), world) {
+            let motion = Motion::of_sight(world.ego.state.pose, believed);
+            out.loan().send(motion.obstacles(self.0.obstacles(world)));
         }
     }
+}
+
+/// The ego's pose by localization at a state of the world.
+fn believed(local: &[Message<LocalPose>], world: &WorldState) -> Option<Pose2> {
+    let mut before = local.iter().rev().filter(|local| local.stamp < world.stamp);
+    let newest = **before.next()?;
+    Some(pose_at(world.stamp, before.next().map_or(newest, |local| **local), newest))
 }
 
 impl Operator for ForDetector {

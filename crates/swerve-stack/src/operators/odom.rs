@@ -102,6 +102,12 @@ impl LocalPoses {
         self.kept.get(until.saturating_sub(1)).copied()
     }
 
+    /// The newest that is older than an instant.
+    pub(super) fn before(&self, stamp: Time) -> Option<LocalPose> {
+        let until = self.kept.partition_point(|local| local.stamp < stamp);
+        until.checked_sub(1).and_then(|newest| self.kept.get(newest)).copied()
+    }
+
     /// A measured state with its pose for control, in the map as known by `known`.
     pub(super) fn state(&self, measured: &EgoState, known: Option<LocalPose>) -> EgoState {
         let local = self.at(measured.stamp).zip(known);

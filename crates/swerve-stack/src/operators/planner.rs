@@ -212,7 +212,7 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
-        let speed_share = self.trust.speed_share();
+        let speed_share = self.trust.speed_share(measured, &self.route, &predictions);
         let predictions = match self.trust.wall(measured, &self.route) {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,

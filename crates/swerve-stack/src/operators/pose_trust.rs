@@ -2,6 +2,7 @@
 //! suffice for the lane.
 
 use swerve_flow::Latest;
+use swerve_geom::FrenetPoint;
 use swerve_msg::{ActorId, EgoState, Plan, PlanStatus, PoseMode, PoseQuality, Prediction, Route};
 use swerve_vehicle::Shape;
 
@@ -13,8 +14,9 @@ const SLOWEST: f64 = 0.3;
 /// Goes on after a stop when the deviations fit with this much to spare, as a share.
 const RESUME: f64 = 1.1;
 
-/// The stop is as gentle as this deceleration, m/s², and ends this far behind the line that is not passed, metres.
-const STOP_MPS2: f64 = 1.5;
+/// Deceleration of the stop, m/s²: the pose gets worse on the way, so between comfort and the 4 m/s² that a manoeuvre of
+/// minimal risk may take (UN Regulation 157, 5.5.3). It ends this far behind the line that is not passed, metres.
+const STOP_MPS2: f64 = 2.5;
 const STOP_GAP_M: f64 = 2.0;
 
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
@@ -24,10 +26,23 @@ const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
 const NARROWED_M: f64 = 0.1;
 const LEFT_M: f64 = 0.25;
 
-/// Room beside the car in its lane.
+/// Standing vehicles count as cover of who steps out within this time, seconds, and within this distance of the ground,
+/// metres. A vehicle that is predicted to move no further than this stands, metres.
+const COVER_S: f64 = 6.0;
+const COVER_BESIDE_M: f64 = 3.0;
+const STANDS_M: f64 = 0.5;
+
+/// Share of the room beside the car that deviations may take without slowing beside cover.
+const SPARE: f64 = 0.3;
+
+/// Slower than this the car stands, m/s.
+const STANDS_MPS: f64 = 0.5;
+
+/// Room to the nearer edge of the ground: beside the car in the middle of its lane, and where it is.
 struct Room {
     s_m: f64,
     room_m: f64,
+    beside_m: f64,
     needed_m: f64,
 }
 
@@ -56,24 +71,42 @@ impl PoseTrust {
     }
 
     /// Share of the target speed; 1 without localization.
-    pub(super) fn speed_share(&self) -> f64 {
-        self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m))
+    pub(super) fn speed_share(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
+        let by_place =
+            self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m));
+        by_place.min(self.share_beside_cover(ego, route, others))
+    }
+
+    /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
+    /// take of it is made up for by a shorter way to stop.
+    fn share_beside_cover(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
+        let Some(Room { s_m, room_m, needed_m, .. }) = self.room(ego, route) else { return 1.0 };
+        let taken = needed_m / room_m.max(1e-3);
+        if taken <= SPARE || !others.iter().any(|one| is_cover(one, route, s_m, ego.speed_mps)) {
+            return 1.0;
+        }
+        speed_share(taken, [SPARE, 1.0])
     }
 
     /// Room beside the car in the middle of its lane at the arc length of `ego`, and the deviations that have to fit there,
     /// metres. `None` where they need not.
     fn room(&self, ego: &EgoState, route: &Route) -> Option<Room> {
         let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
-        let s_m = route.project(ego.pose.point()).s_m;
-        let room_m = route.left_m(s_m).min(route.right_m(s_m)) - 0.5 * self.shape.width_m;
+        let FrenetPoint { s_m, d_m } = route.project(ego.pose.point());
+        let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
+        let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
+        let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
         let sigma_m = quality.across_sigma_m(route.line().at(s_m).pose.heading_rad);
-        Some(Room { s_m, room_m, needed_m: self.lane_sigmas * sigma_m })
+        Some(Room { s_m, room_m, beside_m, needed_m: self.lane_sigmas * sigma_m })
     }
 
-    /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car.
+    /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
+    /// stands the ground is as wide as where it is: from beyond it no plan leads back.
     pub(super) fn ground<'a>(&'a mut self, ego: &EgoState, route: &'a Route) -> &'a Route {
-        let Some(Room { room_m, needed_m, .. }) = self.room(ego, route) else { return route };
-        let steps = (needed_m.min(room_m - LEFT_M) / NARROWED_M).max(0.0) as u32;
+        let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(ego, route) else { return route };
+        let stands = ego.speed_mps < STANDS_MPS;
+        let most_m = (room_m - LEFT_M).min(if stands { beside_m - NARROWED_M } else { f64::INFINITY });
+        let steps = (needed_m.min(most_m) / NARROWED_M).max(0.0) as u32;
         if steps == 0 {
             return route;
         }
@@ -85,7 +118,7 @@ impl PoseTrust {
 
     /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
     pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let Room { s_m, room_m, needed_m } = self.room(ego, route)?;
+        let Room { s_m, room_m, needed_m, .. } = self.room(ego, route)?;
         let spare = if self.stop_s_m.is_some() { RESUME } else { 1.0 };
         if needed_m * spare <= room_m {
             self.stop_s_m = None;
@@ -105,6 +138,16 @@ impl PoseTrust {
     }
 }
 
+/// Whether a road user stands ahead of an ego at `s_m`, beside or on the ground, and may hide somebody.
+fn is_cover(one: &Prediction, route: &Route, s_m: f64, speed_mps: f64) -> bool {
+    let (Some(first), Some(last)) = (one.path.first(), one.path.last()) else { return false };
+    let FrenetPoint { s_m: at_m, d_m } = route.project(first.pose.point());
+    !one.kind.is_person()
+        && first.pose.point().distance(last.pose.point()) <= STANDS_M
+        && (0.0..=COVER_S * speed_mps.max(0.0)).contains(&(at_m - s_m))
+        && (-route.right_m(at_m) - COVER_BESIDE_M..=route.left_m(at_m) + COVER_BESIDE_M).contains(&d_m)
+}
+
 /// Share of the target speed at a deviation of the pose, metres.
 fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
     if sigma_m <= from_m {
@@ -116,7 +159,9 @@ fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use swerve_core::Time;
     use swerve_geom::{Point2, Polyline, Pose2};
+    use swerve_msg::{ActorKind, PredictedPose};
 
     use super::*;
 
@@ -155,9 +200,9 @@ mod tests {
         assert!([0.1, 0.52].iter().all(|&sigma_m| ahead(&mut trust, 0.1, sigma_m).is_none()));
         assert!(ahead(&mut trust, 3.0, 0.1).is_none(), "a place that is open along the lane is in the lane");
         let wall = ahead(&mut trust, 0.1, 0.53).unwrap();
-        // The front is 4 m ahead of the origin, 6 m/s stop within 12 m by 1.5 m/s2, and 2 m are left.
+        // The front is 4 m ahead of the origin, 6 m/s stop within 7.2 m by 2.5 m/s2, and 2 m are left.
         let near_m = wall.path[0].pose.x_m - 0.5 * wall.extent.length_m;
-        assert!((near_m - 68.0).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
+        assert!((near_m - 63.2).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
         let status = |trust: &PoseTrust, status| trust.explained(Plan { status, ..Plan::default() }).status;
         assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::PoseUncertain);
         assert_eq!(status(&trust, PlanStatus::Brake), PlanStatus::Brake, "an emergency is one");
@@ -184,6 +229,47 @@ mod tests {
     fn zero_deviations_and_the_true_pose_never_stop() {
         assert!(ahead(&mut trust(0.0), 0.1, 5.0).is_none());
         assert!(trust(2.0).wall(&EgoState::default(), &route()).is_none());
-        assert_eq!(trust(2.0).speed_share(), 1.0);
+        assert_eq!(trust(2.0).speed_share(&EgoState::default(), &route(), &[]), 1.0);
+    }
+
+    #[test]
+    fn ground_is_as_wide_as_where_a_standing_car_is() {
+        let mut trust = trust(2.0);
+        let mut right_m = |d_m: f64, speed_mps: f64| {
+            let _ = ahead(&mut trust, 3.0, 0.5);
+            let pose = Pose2::new(50.0, d_m, 0.0);
+            trust.ground(&EgoState { pose, speed_mps, ..EgoState::default() }, &route()).right_m(50.0)
+        };
+        // To the right of the car 1.05 m and its offset; 0.1 m of it is left, in steps of 0.1 m.
+        for (d_m, left_m) in [(0.0, 1.2), (-0.12, 1.2), (2.2, 1.3), (-0.76, 1.9), (-1.0, 2.0)] {
+            assert!((right_m(d_m, 0.0) - left_m).abs() < 1e-9, "{d_m}: {}", right_m(d_m, 0.0));
+            assert!((right_m(d_m, 5.0) - 1.2).abs() < 1e-9, "{d_m}");
+        }
+    }
+
+    #[test]
+    fn slower_beside_cover_by_the_room_that_deviations_take() {
+        let mut trust = trust(2.0);
+        let mut share = |sigma_m: f64, kind: ActorKind, x_m: f64, moves_m: f64| {
+            let _ = ahead(&mut trust, 0.1, sigma_m);
+            let at = |x_m: f64| PredictedPose { at: Time::ZERO, pose: Pose2::new(x_m, 4.0, 0.0) };
+            let path = vec![at(x_m), at(x_m + moves_m)];
+            let one = Prediction { kind, path, ..wall(WALL_ID, 0.0, &route(), Time::ZERO) };
+            let ego = EgoState { pose: Pose2::new(50.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
+            trust.speed_share(&ego, &route(), &[one])
+        };
+        // 1.05 m beside the car. Two deviations of 0.1575 m take 0.3 of it, of 0.34125 m 0.65: half way to 0.3.
+        for (sigma_m, expected) in [(0.157, 1.0), (0.341_25, 0.65), (0.525, 0.3)] {
+            assert!((share(sigma_m, ActorKind::Truck, 80.0, 0.0) - expected).abs() < 1e-9, "{sigma_m}");
+        }
+        // Who moves, who walks, what is passed, and what is more than six seconds away hides nobody.
+        for (kind, x_m, moves_m) in [
+            (ActorKind::Truck, 80.0, 5.0),
+            (ActorKind::Pedestrian, 80.0, 0.0),
+            (ActorKind::Truck, 49.0, 0.0),
+            (ActorKind::Truck, 111.0, 0.0),
+        ] {
+            assert_eq!(share(0.39, kind, x_m, moves_m), 1.0, "{kind:?} at {x_m}");
+        }
     }
 }

@@ -3,10 +3,12 @@
 use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
-use swerve_msg::{Detections, EgoState, ObstacleList, TrackList};
+use swerve_msg::{Detections, EgoState, LocalPose, ObstacleList, TrackList};
 use swerve_perception::GroundTracker;
 use swerve_prediction::{History, HistoryParams};
 
+use super::odom::LocalPoses;
+use super::relative::{Motion, in_odom};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
@@ -23,6 +25,8 @@ struct BoxesIn {
     boxes: At<Detections>,
     /// Where the ego was.
     poses: Window<EgoState, POSES>,
+    /// The same in the odometry frame.
+    local: Option<Window<LocalPose, POSES>>,
 }
 
 /// What is seen.
@@ -30,13 +34,22 @@ struct BoxesIn {
 struct HistoryIn {
     /// Obstacles with their identities.
     obstacles: At<ObstacleList>,
+    /// Where the ego was by localization.
+    local: Option<Window<LocalPose, POSES>>,
 }
 
-/// Follows what a detector reports, in the map.
-struct BoxTracker(GroundTracker);
+/// Follows what a detector reports: in the odometry frame, or in the map where the pose is that of the simulator or the
+/// vehicle.
+struct BoxTracker {
+    tracker: GroundTracker,
+    local: LocalPoses,
+}
 
-/// Follows what the sensor reports by its identity and keeps past sightings.
-struct HistoryTracker(History);
+/// Follows what the sensor reports by its identity and keeps past sightings; in frames as [`BoxTracker`].
+struct HistoryTracker {
+    history: History,
+    local: LocalPoses,
+}
 
 impl OperatorKind for Trackers {
     fn node(&self) -> Node {
@@ -58,10 +71,11 @@ impl OperatorKind for Trackers {
         let sightings_max = config.prediction.sightings();
         if !settings.offers::<Detections>() {
             let params = HistoryParams { sightings_max, ..HistoryParams::default() };
-            return site.add(HistoryTracker(History::new(params)), None);
+            let (history, local) = (History::new(params), LocalPoses::default());
+            return site.add(HistoryTracker { history, local }, None);
         }
         let tracker = GroundTracker::new(site.resolved().tracker)?;
-        site.add(BoxTracker(tracker), None)
+        site.add(BoxTracker { tracker, local: LocalPoses::default() }, None)
     }
 }
 
@@ -70,12 +84,16 @@ impl Operator for BoxTracker {
     type Out = Port<TrackList>;
 
     fn step(&mut self, _: &mut Context<'_>, input: &BoxesIn, out: &mut Self::Out) {
+        self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
         let (Some(boxes), poses) = (input.boxes.get(), input.poses.get()) else { return };
         // Measured before the frame: a later one is not known where a detector takes no time.
         let before = poses.iter().rev().find(|pose| pose.header().stamp <= boxes.stamp);
         let Some(measured) = before.or(poses.first()) else { return };
-        let ego = measured.pose_after((boxes.stamp - measured.stamp).as_secs());
-        out.loan().send(self.0.update(boxes, ego));
+        let local = self.local.at(boxes.stamp);
+        let pose = local.map_or(measured.pose, |local| in_odom(&local));
+        let state = EgoState { pose, ..**measured };
+        let tracks = self.tracker.update(boxes, state.pose_after((boxes.stamp - measured.stamp).as_secs()));
+        out.loan().send(in_map(tracks, local));
     }
 }
 
@@ -84,8 +102,21 @@ impl Operator for HistoryTracker {
     type Out = Port<TrackList>;
 
     fn step(&mut self, _: &mut Context<'_>, input: &HistoryIn, out: &mut Self::Out) {
-        if let Some(obstacles) = input.obstacles.get() {
-            out.loan().send(self.0.update(obstacles));
-        }
+        self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
+        let Some(obstacles) = input.obstacles.get() else { return };
+        let tracks = match self.local.before(obstacles.stamp) {
+            None => self.history.update(obstacles),
+            // As the sensor placed them.
+            Some(seen_by) => self.history.update(&Motion::to_odom(&seen_by).obstacles((**obstacles).clone())),
+        };
+        out.loan().send(in_map(tracks, self.local.at(obstacles.stamp)));
+    }
+}
+
+/// Tracks in the map of their stamp.
+fn in_map(tracks: TrackList, local: Option<LocalPose>) -> TrackList {
+    match local {
+        Some(local) => Motion::to_map(&local).tracks(tracks),
+        None => tracks,
     }
 }
