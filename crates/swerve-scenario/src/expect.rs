@@ -220,7 +220,8 @@ mod tests {
                 let bounds = vec![bound(metric, Some(1.5), max)];
                 let near = Expectation { bounds, ..expectation.clone() };
                 assert_eq!(near.broken_by(Verdict::Avoided, |_| None).len(), broken, "{}", metric.name());
-                assert_eq!(near.broken_by(Verdict::Avoided, |_| Some(1.4)).len(), 1, "{}", metric.name());
+                let nearer = |of| (of == metric).then_some(1.4);
+                assert_eq!(near.broken_by(Verdict::Avoided, nearer).len(), 1, "{}", metric.name());
             }
         }
     }
