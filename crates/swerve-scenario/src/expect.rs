@@ -220,7 +220,7 @@ mod tests {
                 let bounds = vec![bound(metric, Some(1.5), max)];
                 let near = Expectation { bounds, ..expectation.clone() };
                 assert_eq!(near.broken_by(Verdict::Avoided, |_| None).len(), broken, "{}", metric.name());
-                let nearer = |asked| (asked == metric).then_some(1.4);
+                let nearer = |of| (of == metric).then_some(1.4);
                 assert_eq!(near.broken_by(Verdict::Avoided, nearer).len(), 1, "{}", metric.name());
             }
         }
