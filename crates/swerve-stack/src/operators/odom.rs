@@ -21,6 +21,10 @@ use super::localizer::new;
 /// Longest step of the odometry, seconds: beyond it the motion since the state before is unknown.
 const STEP_MAX_S: f64 = 0.2;
 
+/// Slip angle of the rear axle for each m/s² of lateral acceleration, radians. Assumed: a tyre whose lateral force grows by 22
+/// times its load for each radian, as that of the simulated car (`sim.vehicle.tyre.lateral.stiffness`).
+const SLIP_RAD_PER_MPS2: f64 = 1.0 / (22.0 * 9.81);
+
 /// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
 
@@ -31,8 +35,8 @@ const LAG_MAX_RAD: f64 = 0.03;
 
 /// Makes poses for control of the states that localization estimates.
 ///
-/// The odometry integrates speed and yaw rate. The lateral velocity of the rear axle is left out: the estimate of it is
-/// mostly an error of the heading.
+/// The odometry integrates speed and yaw rate. The lateral velocity of the rear axle is that of its tyres' slip in a turn: the
+/// estimate of localization is mostly an error of the heading.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
@@ -47,17 +51,18 @@ impl Odometer {
         if let Some((before, smooth)) = self.before {
             let dt_s = (state.stamp - before.stamp).as_secs().clamp(0.0, STEP_MAX_S);
             let (ahead_m, turn_rad) = (before.speed_mps * dt_s, before.yaw_rate_radps * dt_s);
-            self.odom = moved(self.odom, ahead_m, turn_rad);
-            map = corrected(moved(smooth, ahead_m, turn_rad), state.pose, dt_s);
+            let slip_rad = -SLIP_RAD_PER_MPS2 * before.speed_mps * before.yaw_rate_radps;
+            self.odom = moved(self.odom, ahead_m, [turn_rad, slip_rad]);
+            map = corrected(moved(smooth, ahead_m, [turn_rad, slip_rad]), state.pose, dt_s);
         }
         self.before = Some((*state, map));
         LocalPose::new(state.stamp, self.odom, map)
     }
 }
 
-/// A pose further along an arc.
-fn moved<F>(pose: Pose2<F>, ahead_m: f64, turn_rad: f64) -> Pose2<F> {
-    let chord = Vector2::from_heading(pose.heading_rad + 0.5 * turn_rad) * ahead_m;
+/// A pose further along an arc, with a course that is off the heading by `slip_rad`.
+fn moved<F>(pose: Pose2<F>, ahead_m: f64, [turn_rad, slip_rad]: [f64; 2]) -> Pose2<F> {
+    let chord = Vector2::from_heading(pose.heading_rad + 0.5 * turn_rad + slip_rad) * ahead_m;
     let to = pose.point() + chord;
     Pose2::new(to.x_m, to.y_m, pose.heading_rad + turn_rad)
 }
