@@ -116,6 +116,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/studies/planners_skip_to_latest.toml"
     "configs/studies/planners_this_host.toml"
     "configs/studies/prediction.toml"
+    "configs/studies/predictors.toml"
     "configs/studies/robustness.toml"
     "configs/studies/robustness_images.toml"
     "configs/studies/table1.toml"

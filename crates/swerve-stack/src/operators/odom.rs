@@ -28,6 +28,9 @@ const SLIP_RAD_PER_MPS2: f64 = 1.0 / (22.0 * 9.81);
 /// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
 
+/// At the start corrections are no noise: until the time constant is reached it is this share of the time since then.
+const CORRECTION_SHARE: f64 = 0.25;
+
 /// The pose for control is at most this far from the estimate, metres and radians: a larger correction enters at once.
 /// A third of the room that a car has beside it on a lane of 3.5 m.
 const LAG_MAX_M: f64 = 0.3;
@@ -40,6 +43,8 @@ const LAG_MAX_RAD: f64 = 0.03;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
+    /// Time since the first state, seconds.
+    age_s: f64,
     /// The state before, and the pose in the map for control then.
     before: Option<(EgoState, Pose2)>,
 }
@@ -53,7 +58,9 @@ impl Odometer {
             let (ahead_m, turn_rad) = (before.speed_mps * dt_s, before.yaw_rate_radps * dt_s);
             let slip_rad = -SLIP_RAD_PER_MPS2 * before.speed_mps * before.yaw_rate_radps;
             self.odom = moved(self.odom, ahead_m, [turn_rad, slip_rad]);
-            map = corrected(moved(smooth, ahead_m, [turn_rad, slip_rad]), state.pose, dt_s);
+            self.age_s += dt_s;
+            let share = dt_s / CORRECTION_S.min(CORRECTION_SHARE * self.age_s).max(1e-3);
+            map = corrected(moved(smooth, ahead_m, [turn_rad, slip_rad]), state.pose, share);
         }
         self.before = Some((*state, map));
         LocalPose::new(state.stamp, self.odom, map)
@@ -67,11 +74,11 @@ fn moved<F>(pose: Pose2<F>, ahead_m: f64, [turn_rad, slip_rad]: [f64; 2]) -> Pos
     Pose2::new(to.x_m, to.y_m, pose.heading_rad + turn_rad)
 }
 
-/// A pose led towards an estimate for a time.
-fn corrected(pose: Pose2, estimate: Pose2, dt_s: f64) -> Pose2 {
+/// A pose led towards an estimate for a share of the time constant.
+fn corrected(pose: Pose2, estimate: Pose2, share: f64) -> Pose2 {
     let off: Point2<Ego> = pose.to_local(estimate.point());
     let off_rad = angle_between(pose.heading_rad, estimate.heading_rad);
-    let left = math::exp(-dt_s / CORRECTION_S);
+    let left = math::exp(-share);
     let lag = |off: f64, most: f64| (off * left).clamp(-most, most);
     let point = pose
         .from_local(Point2::<Ego>::new(off.x_m - lag(off.x_m, LAG_MAX_M), off.y_m - lag(off.y_m, LAG_MAX_M)));

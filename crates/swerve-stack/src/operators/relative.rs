@@ -155,7 +155,7 @@ mod tests {
             LocalPose::new(Time::from_ms(ms), odom, Pose2::new(x_m, 2.0, 0.0))
         };
         let (before, newest) = (local(10, 0.1), local(20, 0.2));
-        let pose = pose_at(Time::from_us(25_000), before, newest);
+        let pose = pose_at(Time::from_ms(25), before, newest);
         assert!((pose.x_m - 0.25).abs() < 1e-12 && (pose.y_m - 2.0).abs() < 1e-12, "{pose:?}");
         assert_eq!(pose_at(Time::from_ms(25), newest, newest), newest.to_map(newest.odom));
     }
