@@ -121,11 +121,11 @@ impl Outcome {
             Metric::ComfortShare => metrics.comfort.map(|comfort| comfort.share_within),
             Metric::RoadMarginM => Some(self.road_margin_m),
             Metric::RedLightsPassed => Some(metrics.red_lights_passed as f64),
-            Metric::MinTtcS => metrics.traffic.min_ttc_s,
-            Metric::MinHeadwayS => metrics.traffic.min_headway_s,
-            Metric::DistanceOverLineM => metrics.traffic.distance_over_line_m,
-            Metric::TimeInOncomingLaneS => metrics.traffic.time_in_oncoming_lane_s,
-            Metric::SpeedOverTargetMps => metrics.traffic.speed_over_target_mps,
+            Metric::MinTtcS => metrics.safety.min_ttc_s,
+            Metric::MinHeadwayS => metrics.safety.min_headway_s,
+            Metric::DistanceOverLineM => metrics.safety.distance_over_line_m,
+            Metric::TimeInOncomingLaneS => metrics.safety.time_in_oncoming_lane_s,
+            Metric::SpeedOverTargetMps => metrics.safety.speed_over_target_mps,
         }
     }
 }

@@ -71,7 +71,7 @@ pub struct Metrics {
     pub comfort: Option<ComfortMetrics>,
     /// Driving among others: time to collision, headway, the other lane.
     #[serde(default)]
-    pub traffic: TrafficMetrics,
+    pub safety: TrafficMetrics,
     /// The drive; its accelerations and turn rates are those before the first contact.
     pub drive: DriveMetrics,
     /// Response times; null when no command took effect.
@@ -318,7 +318,7 @@ impl Evaluation {
                 smooth_max_mps3: self.jerk.smooth_max_mps3(),
             },
             comfort: self.comfort.metrics(),
-            traffic: self.traffic.metrics(),
+            safety: self.traffic.metrics(),
             drive: self.drive.metrics(),
             response: self.response.summary(),
             actors: self.actors(),

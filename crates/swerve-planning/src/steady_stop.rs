@@ -20,6 +20,9 @@ pub(crate) struct Demands {
     pub(crate) hardest: bool,
 }
 
+/// Whether the poses of a plan may be driven.
+pub(crate) type Usable<'a> = &'a dyn Fn(&[(Pose2, Time)]) -> bool;
+
 /// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by the first of
 /// `gaps_m` that can be kept, else by `clearance_m`. `brakes_mps2` are tried in their order; `usable` holds of the poses of each plan
 /// that is returned.
@@ -30,7 +33,7 @@ pub(crate) fn stop(
     way: &[Pose2],
     obstacles: &Obstacles,
     brakes_mps2: impl Iterator<Item = f64>,
-    (Demands { gaps_m, clearance_m, hardest }, usable): (Demands, &dyn Fn(&[(Pose2, Time)]) -> bool),
+    (Demands { gaps_m, clearance_m, hardest }, usable): (Demands, Usable<'_>),
 ) -> Option<Plan> {
     let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
     let path = with_curvature(way);

@@ -161,8 +161,7 @@ fn are_joint(a: &[Step], b: &[Step]) -> bool {
     };
     // Files may set anything: they have to do with all whose values depend on other keys.
     let depends = |keys: &[&str]| JOINT.iter().any(|group| touches(keys, group));
-    (a_files && b_files)
-        || (a_files && depends(&b))
+    (a_files && (b_files || depends(&b)))
         || (b_files && depends(&a))
         || a.iter().any(|a| b.iter().any(|b| related(a, b)))
         || JOINT.iter().any(|group| touches(&a, group) && touches(&b, group))

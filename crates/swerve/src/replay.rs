@@ -15,7 +15,7 @@ use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOption
 use swerve_live::graph::LiveGraph;
 use swerve_log::{LeavesOut, Log, Record, Recorder, left_out};
 use swerve_msg::truth::PointInstances;
-use swerve_msg::{Image, PointCloud, TrackList};
+use swerve_msg::{Image, LocalPose, PointCloud, PoseMatch, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::Progress;
@@ -35,7 +35,7 @@ pub struct ReplayArgs {
     /// Fail unless every stream below the cut comes out as logged, byte for byte
     #[arg(long)]
     verify: bool,
-    /// First operator that is computed again, with all that follow it [default: tracker; the first of a pipeline without]
+    /// First operator that is computed again, with all that follow it [default: localization, else tracker; the first of a pipeline without]
     #[arg(long, value_name = "OPERATOR")]
     from: Option<String>,
     /// Set a configuration key: what would have come out?
@@ -112,7 +112,12 @@ impl Cut {
         let assembly = &pipeline.assembly;
         let in_stack = |name: &&str| assembly.node(name).is_some_and(|node| node.role == Role::Stack);
         let known: Vec<&str> = assembly.names().filter(in_stack).collect();
-        let usual = || assembly.publisher::<TrackList>().or(known.first().copied());
+        // What is seen is placed and followed by the estimated pose: localization comes before.
+        let usual = || {
+            let matcher = assembly.publisher::<PoseMatch>().or_else(|| assembly.publisher::<LocalPose>());
+            let usual = matcher.filter(in_stack).or_else(|| assembly.publisher::<TrackList>());
+            usual.or(known.first().copied())
+        };
         let from = from.or_else(usual).context("the pipeline has no operator to compute again")?;
         let is_set_by =
             |name: &&str| assembly.node(name).is_some_and(|node| node.sections.first() == Some(&from));

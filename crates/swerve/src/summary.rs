@@ -219,7 +219,7 @@ fn operators(of: &[OperatorMetrics]) -> String {
 
 /// How near in time others were, what of the other lane was used, and how many plans the comfortable layer made.
 fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
-    let traffic = &m.traffic;
+    let traffic = &m.safety;
     if let (Some(ttc_s), Some(at_s)) = (traffic.min_ttc_s, traffic.min_ttc_at_s) {
         let to = m.actors.iter().find(|actor| Some(actor.actor) == traffic.min_ttc_actor);
         let to = to.map_or_else(String::new, |actor| format!(", with {}", actor.name));

@@ -34,7 +34,7 @@ lane_width_m = 4.0
 
 [ego]
 target_speed_mps = 7.0
-end_m = 210.0
+end_m = 160.0
 
 [end]
 timeout_s = 26.0
@@ -148,7 +148,9 @@ fn other_faults_of_a_report_change_nothing_of_a_stop() {
 fn a_lost_pose_does_not_move_a_car_that_stopped() {
     // Inertial unit and wheels are silent for 3 s on a bend: nothing says how the car turns.
     let silent = ["imu", "odometry"].map(|stream| {
-        format!("fault.{stream}={{ stream = \"{stream}\", drop = true, from_ms = 8000, until_ms = 11000 }}")
+        format!(
+            "fault.no_{stream}={{ stream = \"{stream}\", drop = true, from_ms = 8000, until_ms = 11000 }}"
+        )
     });
     for noise in ["0", "0.1", "0.5"] {
         let noisy = format!("fault.b={{ stream = \"report\", noise = {noise}, from_ms = 8000 }}");

@@ -185,7 +185,7 @@ fn lead_brakes(speeds_mps: &[f64], brakes_mps2: &[f64], gaps_s: &[f64]) {
                 // Where the standstill gap takes more than comfort it may be given up, to a metre.
                 let [least, touching] =
                     [2.0, 1.0].map(|rest_m| least_mps2(speed_mps, brake_mps2, gap_m, REACTION_S, rest_m));
-                let allowed = least.max(1.3).min(8.0) + 1.0;
+                let allowed = least.clamp(1.3, 8.0) + 1.0;
                 let needed_m = if least <= 3.5 {
                     1.9
                 } else if touching < 7.5 {

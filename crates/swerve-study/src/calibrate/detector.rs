@@ -469,10 +469,10 @@ mod tests {
     fn frames(sensing: Sensing) -> Frames {
         let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"));
         let all = scenarios(folder).unwrap();
-        let fitted_with =
+        let with =
             ["control.controller=pid", "planning.collision=time_indexed", "planning.comfort.enabled=false"];
-        let base =
-            Config::load(None, &fitted_with.map(|set| swerve_text::parse_assignment(set).unwrap())).unwrap();
+        let with = with.map(|set| swerve_text::parse_assignment(set).unwrap());
+        let base = Config::load(None, &with).unwrap();
         Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
     }
 
