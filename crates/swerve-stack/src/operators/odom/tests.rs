@@ -11,11 +11,14 @@ fn state(step: i64, off_m: f64) -> EgoState {
     EgoState { stamp: Time::from_ms(10 * step), pose, speed_mps: SPEED_MPS, ..EgoState::default() }
 }
 
-/// Poses for control of a second without error and `steps` with one.
+/// Steps of 10 ms until the time constant of corrections is reached: 0.5 s are a quarter of 2 s.
+const BEFORE: i64 = 200;
+
+/// Poses for control of two seconds without error and `steps` with one.
 fn with_step(off_m: f64, steps: i64) -> Vec<LocalPose> {
     let mut odometer = Odometer::default();
-    let off_m = |step: i64| if step < 100 { 0.0 } else { off_m };
-    (0..100 + steps).map(|step| odometer.advance(&state(step, off_m(step)))).collect()
+    let off_m = |step: i64| if step < BEFORE { 0.0 } else { off_m };
+    (0..BEFORE + steps).map(|step| odometer.advance(&state(step, off_m(step)))).collect()
 }
 
 #[test]
@@ -31,8 +34,18 @@ fn a_correction_enters_with_its_time_constant() {
     let poses = with_step(0.2, 100);
     let off_m = |step: usize| poses[step].to_map(poses[step].odom).y_m;
     // One step of 10 ms, then half a second: 1 - exp(-t / 0.5 s) of it.
-    assert!((off_m(100) - 0.2 * (1.0 - swerve_geom::math::exp(-0.02))).abs() < 1e-9);
-    assert!((off_m(149) - 0.2 * (1.0 - swerve_geom::math::exp(-1.0))).abs() < 1e-9);
+    assert!((off_m(200) - 0.2 * (1.0 - swerve_geom::math::exp(-0.02))).abs() < 1e-9);
+    assert!((off_m(249) - 0.2 * (1.0 - swerve_geom::math::exp(-1.0))).abs() < 1e-9);
+}
+
+#[test]
+fn at_the_start_a_correction_enters_at_once() {
+    // 0.2 m from the second step on: 1 - exp(-1 / 0.25) = 98 % of it with the first, as its time constant is a quarter of 10 ms.
+    let mut odometer = Odometer::default();
+    odometer.advance(&state(0, 0.0));
+    let pose = odometer.advance(&state(1, 0.2));
+    let entered_m = 0.2 * (1.0 - swerve_geom::math::exp(-4.0));
+    assert!((pose.to_map(pose.odom).y_m - entered_m).abs() < 1e-9, "{pose:?}");
 }
 
 #[test]
@@ -44,7 +57,7 @@ fn a_large_correction_leaves_no_more_than_the_largest_lag() {
 #[test]
 fn ego_and_plan_keep_their_distance_over_a_correction() {
     let poses = with_step(0.3, 50);
-    let (then, now) = (poses[99], poses[120]);
+    let (then, now) = (poses[199], poses[220]);
     let point = PlanPoint { pose: Pose2::new(9.0, 0.1, 0.02), ..PlanPoint::default() };
     let plan = Plan { points: vec![point], ..Plan::default() };
     let mut kept = LocalPoses::default();
