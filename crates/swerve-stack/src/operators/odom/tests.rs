@@ -63,8 +63,8 @@ fn ego_and_plan_keep_their_distance_over_a_correction() {
     let mut kept = LocalPoses::default();
     kept.kept.extend(&poses);
     // The ego at `now`, in the map as the plan knew it, is where dead reckoning has it: on the line.
-    let ego = kept.state(&state(120, 0.3), Some(then));
-    assert!((ego.pose.x_m - 9.6).abs() < 1e-9 && ego.pose.y_m.abs() < 1e-9, "{ego:?}");
+    let ego = kept.state(&state(220, 0.3), Some(then));
+    assert!((ego.pose.x_m - 17.6).abs() < 1e-9 && ego.pose.y_m.abs() < 1e-9, "{ego:?}");
     // The plan in the map of `now` is beside it as it was.
     let carried = carried(&plan, Some(then), Some(now)).unwrap();
     let beside: Point2<Ego> = now.to_map(now.odom).to_local(carried.points[0].pose.point());
