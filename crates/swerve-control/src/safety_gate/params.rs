@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_vehicle::VehicleParams;
 
-/// Limits and times of a [`SafetyGate`].
+/// Limits and times of a [`SafetyGate`](super::SafetyGate).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateParams {
