@@ -317,11 +317,13 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 
 
 def _id(scenario: str) -> str:
-    return "swerve/" + "".join(part.capitalize() for part in scenario.split("_")) + "-v0"
+    words = scenario.replace("/", "_").split("_")
+    return "swerve/" + "".join(word.capitalize() for word in words) + "-v0"
 
 
 def register() -> None:
-    """Makes the scenarios of the package known to Gymnasium: `swerve/PersonBehindTruck-v0` and so on."""
+    """Makes the scenarios of the package known to Gymnasium: `swerve/PersonBehindTruck-v0`, those of a folder by both names,
+    `swerve/EverydayStartInJam-v0`, and so on."""
     for scenario in scenarios():
         if _id(scenario) not in gymnasium.registry:
             gymnasium.register(

@@ -50,7 +50,8 @@ def test_environments_are_known_without_an_import() -> None:
             "swerve.gym:swerve/Lane-v0", num_envs=2, vectorization_mode="vector_entry_point", observe="pose"
         )
         assert envs.reset(seed=1)[0].shape == (2, 8)
-        assert type(gymnasium.make("swerve/Lane-v0").unwrapped).__module__ == "swerve.gym"
+        for name in ["swerve/Lane-v0", "swerve/EverydayStartInJam-v0"]:
+            assert type(gymnasium.make(name).unwrapped).__module__ == "swerve.gym"
     """
     subprocess.run([sys.executable, "-c", code], check=True)
 
