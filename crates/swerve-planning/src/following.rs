@@ -79,14 +79,15 @@ impl SpeedTable {
     /// `brake_mps2`.
     pub(crate) fn new(line: &Line, [from_m, length_m]: [f64; 2], curve: Curve, brake_mps2: f64) -> Self {
         let count = (length_m / TABLE_M).ceil() as usize;
-        let curvature_1pm = |k: usize| line.at(from_m + k as f64 * TABLE_M).curvature_1pm;
-        let curve_mps = |k: usize| {
-            let bend_1pm2 = (curvature_1pm(k + 1) - curvature_1pm(k)) / TABLE_M;
+        let curvatures_1pm: Vec<f64> =
+            (0..=count + 1).map(|k| line.at(from_m + k as f64 * TABLE_M).curvature_1pm).collect();
+        let curve_mps = |pair: &[f64]| {
+            let bend_1pm2 = (pair[1] - pair[0]) / TABLE_M;
             // v² κ to the side, and v³ dκ/ds while the curvature changes.
-            let accel_mps = (curve.accel_mps2 / curvature_1pm(k).abs().max(1e-9)).sqrt();
+            let accel_mps = (curve.accel_mps2 / pair[0].abs().max(1e-9)).sqrt();
             accel_mps.min(math::pow(curve.jerk_mps3 / bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
         };
-        let mut speeds_mps: Vec<f64> = (0..=count).map(curve_mps).collect();
+        let mut speeds_mps: Vec<f64> = curvatures_1pm.windows(2).map(curve_mps).collect();
         for k in (0..count).rev() {
             let reached_mps = (speeds_mps[k + 1] * speeds_mps[k + 1] + 2.0 * brake_mps2 * TABLE_M).sqrt();
             speeds_mps[k] = speeds_mps[k].min(reached_mps);

@@ -26,6 +26,7 @@ use swerve_vehicle::{Limits, Shape};
 use crate::brake::way_ahead;
 use crate::collision::{CollisionMode, Obstacles, Solid};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
+use crate::lane::stretch;
 use crate::path::route::PATH_STEP_M;
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::road::Road;
@@ -217,8 +218,7 @@ impl Fot {
         let last = *poses.last().unwrap_or(&request.start.pose);
         let way_m: f64 = poses.windows(2).map(|two| two[0].point().distance(two[1].point())).sum();
         let end = self.line.locate_from(last, request.place_of(last.point(), way_m).s_m);
-        let stretch = (1.0 - end.node.curvature_1pm * end.d_m).max(0.1);
-        let slope = stretch * math::tan(end.turn_rad.clamp(-TURN_MAX_RAD, TURN_MAX_RAD));
+        let slope = stretch(&end) * math::tan(end.turn_rad.clamp(-TURN_MAX_RAD, TURN_MAX_RAD));
         // Half of the way that it would go aside on its own.
         let to_m = end.d_m + 0.5 * TURN_IN_M * slope;
         let offset = Quintic::new([end.d_m, slope, 0.0], [to_m, 0.0, 0.0], TURN_IN_M);

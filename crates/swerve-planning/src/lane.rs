@@ -21,6 +21,9 @@ const RETURN_PER_ROOT_M: f64 = 12.0;
 /// Slower than this a yaw rate says nothing of the curvature, m/s.
 const TURNS_MPS: f64 = 0.5;
 
+/// Beyond the line by more than this is in the other lane, metres.
+const OVER_LINE_M: f64 = 0.1;
+
 /// The ego's lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lane<'a> {
@@ -35,6 +38,11 @@ pub(crate) struct Lane<'a> {
 }
 
 impl Lane<'_> {
+    /// Whether the ego's outline is over the left line with its origin at this place.
+    pub(crate) fn is_over(&self, s_m: f64, d_m: f64) -> bool {
+        d_m + 0.5 * self.width_m > self.borders.left_m(s_m) + OVER_LINE_M
+    }
+
     /// Whether a road user there leaves no room to pass it within the lane.
     pub(crate) fn is_blocked(&self, knot: &Knot) -> bool {
         let needed_m = self.width_m + self.clearance_m;

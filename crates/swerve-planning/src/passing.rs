@@ -22,9 +22,6 @@ pub(crate) struct Rules {
     pub(crate) under_way: bool,
 }
 
-/// Beyond the line by more than this is in the other lane, metres.
-pub(crate) const OVER_LINE_M: f64 = 0.1;
-
 /// Gap to what was passed before the ego returns, metres, and by its speed, seconds.
 pub(crate) const RETURN_GAP_M: f64 = 4.0;
 const RETURN_GAP_S: f64 = 0.3;
@@ -131,9 +128,8 @@ impl<'a> Passing<'a> {
         for k in 0..=count {
             let t_s = k as f64 * LOOK_S;
             let at = motion.next(start.stamp + Span::from_secs(t_s));
-            let left_m = at.d_m + 0.5 * self.shape.width_m;
-            widest_m = widest_m.max(left_m);
-            if over_since_s.is_none() && left_m > self.lane.borders.left_m(at.s_m) + OVER_LINE_M {
+            widest_m = widest_m.max(at.d_m + 0.5 * self.shape.width_m);
+            if over_since_s.is_none() && self.lane.is_over(at.s_m, at.d_m) {
                 over_since_s = Some(t_s);
             }
             let Some(since_s) = over_since_s else { continue };
@@ -153,7 +149,7 @@ impl<'a> Passing<'a> {
 
     /// Whether the ego, over the line, is beside what it passes, or before it, a second from now: it does not draw nearer yet.
     pub(crate) fn is_beside(&self, place: &OnLine, speed_mps: f64) -> bool {
-        let over = place.d_m + 0.5 * self.shape.width_m > self.lane.borders.left_m(place.s_m) + OVER_LINE_M;
+        let over = self.lane.is_over(place.s_m, place.d_m);
         let rear_m = place.s_m + speed_mps - self.shape.rear_overhang_m;
         over && self.blocking.iter().any(|one| one.at(1.0).to_m > rear_m)
     }

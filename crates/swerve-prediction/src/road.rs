@@ -20,18 +20,9 @@ pub(crate) const SETTLES_S: f64 = 1.0;
 /// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
 const CORRECTS_MPS2: f64 = 3.0;
 
-/// Bends the straight predictions of those who drive along the way, by the velocity that they begin with.
-pub fn follow(predictions: &mut [Prediction], route: &Route) {
-    for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
-        let [first, .., last] = &prediction.path[..] else { continue };
-        let velocity_mps = mean_velocity_mps(first, last);
-        bend(prediction, route, velocity_mps, |_| velocity_mps);
-    }
-}
-
 /// Bends predictions of any shape of those who drive along the way: what they do along and across their first direction is
 /// done along and across the road.
-pub fn follow_shaped(predictions: &mut [Prediction], route: &Route) {
+pub fn follow(predictions: &mut [Prediction], route: &Route) {
     for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
         let [first, second, ..] = prediction.path[..] else { continue };
         bend(prediction, route, mean_velocity_mps(&first, &second), |one| mean_velocity_mps(&first, one));
@@ -194,7 +185,7 @@ mod tests {
         let along = route.line().at(50.0).pose.direction();
         let [mut line, mut shaped] = [(); 2].map(|()| [straight(ActorKind::Car, from, along * -9.2)]);
         follow(&mut line, &route);
-        follow_shaped(&mut shaped, &route);
+        follow(&mut shaped, &route);
         for (a, b) in line[0].path.iter().zip(&shaped[0].path) {
             assert!(a.pose.point().distance(b.pose.point()) < 1e-9);
         }
@@ -206,7 +197,7 @@ mod tests {
             one.pose = Pose2::new(at.x_m, at.y_m, one.pose.heading_rad);
         }
         let mut bent = [braking];
-        follow_shaped(&mut bent, &route);
+        follow(&mut bent, &route);
         let mut places = bent[0].path.iter().map(|one| route.project(one.pose.point()));
         assert!(places.clone().all(|place| (place.d_m - 4.0).abs() < 0.02));
         let way_m = 50.0 - places.next_back().unwrap().s_m;

@@ -233,8 +233,8 @@ impl Comfort {
     /// What blocks the lane and can be passed by the ground beside it.
     fn passing<'a>(&self, scene: &Scene<'a>) -> Option<Passing<'a>> {
         let Scene { request, place, traffic, .. } = *scene;
-        let half_m = 0.5 * request.shape.width_m;
-        let beyond = place.d_m + half_m > request.route.lane().left_m(place.s_m) + passing::OVER_LINE_M;
+        let lane = self.lane(request);
+        let beyond = lane.is_over(place.s_m, place.d_m);
         let rules = passing::Rules {
             // A way that is under way is not given up for less than a part of the margin.
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
@@ -246,15 +246,14 @@ impl Comfort {
             return None;
         }
         let ground = (request.route, request.shape);
-        Passing::new(rules, self.lane(request), ground, traffic, place.s_m, request.target_speed_mps)
+        Passing::new(rules, lane, ground, traffic, place.s_m, request.target_speed_mps)
     }
 
     /// Whether a plan that comes back into the lane leaves a gap to whoever moves there behind the ego.
     fn returns_clear(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let Scene { request, place, traffic, .. } = *scene;
-        let half_m = 0.5 * request.shape.width_m;
         let lane = self.lane(request);
-        if place.d_m + half_m <= lane.borders.left_m(place.s_m) + passing::OVER_LINE_M {
+        if !lane.is_over(place.s_m, place.d_m) {
             return true;
         }
         let line = self.gentle.line();
@@ -262,7 +261,7 @@ impl Comfort {
         for p in plan.points.iter().step_by(2) {
             let (at_m, d_m) = line.project(p.pose.point(), s_m);
             s_m = at_m;
-            if d_m + half_m > lane.borders.left_m(s_m) + passing::OVER_LINE_M {
+            if lane.is_over(s_m, d_m) {
                 continue;
             }
             let t_s = (p.at - request.start.stamp).as_secs();

@@ -113,7 +113,7 @@ impl Predictor {
     fn lines(&self, tracks: &TrackList) -> PredictionList {
         let mut list = linear::predict(tracks, &self.params);
         if let Some(route) = &self.road {
-            road::follow_shaped(&mut list.predictions, route);
+            road::follow(&mut list.predictions, route);
         }
         list
     }
