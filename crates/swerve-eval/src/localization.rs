@@ -140,7 +140,7 @@ impl Localization {
         self.false_good(quality, &off);
     }
 
-    /// Counts how long a pose is told to be good although it is wrong.
+    /// The time in which the mode is `good` although the pose is wrong.
     fn false_good(&mut self, quality: &PoseQuality, off: &Vector3<f64>) {
         let [xx, xy, yy, ..] = quality.covariance;
         let determinant = xx * yy - xy * xy;

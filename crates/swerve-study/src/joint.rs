@@ -32,7 +32,7 @@ pub(super) fn problems(
     scenarios: &BTreeMap<PathBuf, Scenario>,
     registry: &Registry,
 ) -> Problems {
-    // The files' own faults are told with their lines; what is left is a fault of what cells set.
+    // The files' own faults are reported with their lines; the rest are faults of the values of cells.
     let own = bases.values().find_map(|base| Config::from_document_with(registry, base, &[]).err());
     if let Some(problems) = own {
         return problems;
@@ -90,7 +90,7 @@ impl Found<'_> {
             chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
         );
         let (of_scenario, of_config) = split_sets(&sets);
-        // One that cannot be read is told by whoever reads it.
+        // A file that cannot be read is reported where it is read.
         let base = self.bases.get(&self.files(chosen));
         let mut problems = base.and_then(|base| read(base, &of_config).err()).unwrap_or_default();
         let mut named =

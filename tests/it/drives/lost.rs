@@ -60,7 +60,7 @@ fn a_car_that_is_lost_is_stopped_by_its_gate() {
             lost.clone().count() > 10 && lost.clone().all(|(stamp, _)| !told.contains(stamp)),
             "{silence}"
         );
-        // The gate stops the car 0.15 s after the last pose; the wheels tell that it stands.
+        // The gate stops the car 0.15 s after the last pose; the wheels report standstill.
         let gate =
             log.publications("gate").map(|p| (p.header.visible_at, p.decode::<GateOutput>().unwrap().mode));
         let gate: Vec<_> = gate.collect();

@@ -5,7 +5,7 @@ use swerve_geom::math;
 use swerve_msg::VehicleReport;
 
 /// Time constant of the mean of the reported speed, seconds. Encoders of 96 counts per turn read at 50 Hz report speeds
-/// in steps of half a metre per second: one report does not tell a car that creeps from one that stands.
+/// in steps of half a metre per second: one report does not distinguish a car that creeps from one that stands.
 const MEAN_S: f64 = 0.2;
 /// A slower mean is a standstill, m/s.
 const BELOW_MPS: f64 = 0.1;

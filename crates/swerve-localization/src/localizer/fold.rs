@@ -40,7 +40,7 @@ pub(super) struct Wheels {
     wheel_m: f64,
     filter_m: f64,
     standing_since: Option<Time>,
-    /// Speed as told last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
+    /// Speed as reported last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
     pub(super) speed_mps: f64,
     pub(super) curvature_1pm: Option<(Time, f64)>,
 }
