@@ -161,7 +161,7 @@ pub fn is_asked_to_measure() -> bool {
 }
 
 /// The parts that the command line names, behind `--`.
-fn asked() -> impl Iterator<Item = String> {
+pub fn asked() -> impl Iterator<Item = String> {
     std::env::args().skip(1).filter(|argument| !argument.starts_with("--"))
 }
 
