@@ -2,9 +2,8 @@
 //! all, and how long the paper's Table I takes. `--bench drive -- loops sensors showcase study` measures only those parts.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-use swerve_benches::{Goal, Rows, Sample, cores, is_asked, is_asked_to_measure, now};
+use swerve_benches::{Goal, Rows, Sample, cores, is_asked, is_asked_to_measure, now, on_all_cores};
 use swerve_drive::{drive_observed, drive_pipeline, problems_error, read_scenario, set_up};
 use swerve_flow::Observer;
 use swerve_gpu::{AdapterKind, Gpu};
@@ -177,22 +176,9 @@ fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
 fn study(rows: &mut Rows) -> anyhow::Result<()> {
     let bench =
         Bench::open(&swerve::Registry::standard(), &root().join("configs/studies/planners.toml"), &[])?;
-    let next = AtomicUsize::new(0);
     let cells = &bench.study.cells;
     let (began, began_cpu_s) = (now(), cpu_s());
-    let worker = || -> anyhow::Result<()> {
-        while let Some(cell) = cells.get(next.fetch_add(1, Ordering::Relaxed)) {
-            bench.run_cell(cell, None)?;
-        }
-        Ok(())
-    };
-    std::thread::scope(|scope| {
-        let others: Vec<_> = (1..cores()).map(|_| scope.spawn(worker)).collect();
-        worker()?;
-        others
-            .into_iter()
-            .try_for_each(|other| other.join().map_err(|_| anyhow::anyhow!("a run panicked"))?)
-    })?;
+    on_all_cores(cells.len(), |k| bench.run_cell(&cells[k], None))?;
     let (wall_s, used_s) = (began.elapsed().as_secs_f64(), cpu_s() - began_cpu_s);
     let what = format!("Table I, {} runs on {} threads", cells.len(), cores());
     let goal = match cores() {

@@ -2,9 +2,7 @@
 //! time gaps of 0.8 to 3 s, twenty seeds each. Every row counts collisions that physics does not excuse, and says by how much
 //! the hardest braking exceeds the least that suffices. `-- 3` drives three seeds.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-use swerve_benches::{Goal, Rows, Sample, asked, cores, is_asked_to_measure};
+use swerve_benches::{Goal, Rows, Sample, asked, is_asked_to_measure, on_all_cores};
 use swerve_drive::{drive, problems_error};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
@@ -97,32 +95,6 @@ fn driven(config: &Config, scenario: &Scenario) -> anyhow::Result<Drive> {
     })
 }
 
-/// All drives of a planner, by lead and seed.
-fn drives(config: &Config, leads: &[(Lead, Scenario)], seeds: u64) -> anyhow::Result<Vec<(Lead, Drive)>> {
-    let next = AtomicUsize::new(0);
-    let count = leads.len() * seeds as usize;
-    let worker = || -> anyhow::Result<Vec<(Lead, Drive)>> {
-        let mut done = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            if k >= count {
-                return Ok(done);
-            }
-            let (lead, scenario) = &leads[k / seeds as usize];
-            let config = Config { seed: 1 + k as u64 % seeds, ..config.clone() };
-            done.push((*lead, driven(&config, scenario)?));
-        }
-    };
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores()).map(|_| scope.spawn(worker)).collect();
-        let mut all = Vec::new();
-        for worker in workers {
-            all.extend(worker.join().map_err(|_| anyhow::anyhow!("a drive panicked"))??);
-        }
-        Ok(all)
-    })
-}
-
 fn main() -> anyhow::Result<()> {
     if !is_asked_to_measure() {
         return Ok(());
@@ -139,7 +111,11 @@ fn main() -> anyhow::Result<()> {
     for planner in PLANNERS {
         let set = [swerve_text::parse_assignment(&format!("planning.planner={planner}"))?];
         let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
-        let drives = drives(&config, &leads, seeds)?;
+        let drives = on_all_cores(leads.len() * seeds as usize, |k| {
+            let (lead, scenario) = &leads[k / seeds as usize];
+            let config = Config { seed: 1 + k as u64 % seeds, ..config.clone() };
+            Ok((*lead, driven(&config, scenario)?))
+        })?;
         for speed_mps in SPEEDS_MPS {
             let of: Vec<_> = drives.iter().filter(|(lead, _)| lead.speed_mps == speed_mps).collect();
             let avoidable = |lead: &Lead| lead.least_mps2(0.0) < GRIP_MPS2;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// The present moment of the real clock.
@@ -173,6 +174,31 @@ pub fn is_asked(part: &str) -> bool {
 /// Processors of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Results of the tasks `0..count`, in their order, done on all cores.
+///
+/// # Errors
+/// Those of a task, or where one panics.
+pub fn on_all_cores<T: Send>(
+    count: usize,
+    task: impl Fn(usize) -> anyhow::Result<T> + Sync,
+) -> anyhow::Result<Vec<T>> {
+    let next = AtomicUsize::new(0);
+    let worker = || -> anyhow::Result<Vec<(usize, T)>> {
+        let tasks = std::iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
+        tasks.take_while(|k| *k < count).map(|k| Ok((k, task(k)?))).collect()
+    };
+    let mut done = Vec::new();
+    std::thread::scope(|scope| -> anyhow::Result<()> {
+        let workers: Vec<_> = (0..cores()).map(|_| scope.spawn(worker)).collect();
+        for worker in workers {
+            done.extend(worker.join().map_err(|_| anyhow::anyhow!("a task panicked"))??);
+        }
+        Ok(())
+    })?;
+    done.sort_by_key(|(k, _)| *k);
+    Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
 /// Resident memory of this process; zero where the system does not tell.

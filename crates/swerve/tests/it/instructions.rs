@@ -48,6 +48,14 @@ fn count(args: &str) -> f64 {
     refs.trim().replace(',', "").parse::<f64>().unwrap() / 1e6
 }
 
+/// Those of several calls, all at once.
+fn counts<'a>(calls: impl IntoIterator<Item = &'a str>) -> Vec<f64> {
+    std::thread::scope(|scope| {
+        let counts: Vec<_> = calls.into_iter().map(|args| scope.spawn(move || count(args))).collect();
+        counts.into_iter().map(|count| count.join().unwrap()).collect()
+    })
+}
+
 /// Whether instructions can be counted here; says so, or fails in CI, where they cannot.
 fn has_valgrind() -> bool {
     let found = Command::new("valgrind").arg("--version").output().is_ok();
@@ -84,15 +92,21 @@ fn what_an_actor_costs_does_not_grow_with_their_number() {
         return;
     }
     let bench = Bench::new();
-    for (command, few, most) in [("check", 500, 4.6), ("run", 100, 5.0)] {
-        let counts = [few, 4 * few].map(|people| {
+    let cases = [("check", 500, 4.6), ("run", 100, 5.0)];
+    let calls: Vec<String> = cases
+        .iter()
+        .flat_map(|(command, few, _)| [(command, *few), (command, 4 * few)])
+        .map(|(command, people)| {
             let file = format!("crowd{people}.toml");
             bench.write(&file, &crowd(people));
-            count(&format!("{command} {}", bench.path(&file).display()))
-        });
-        let [little, much] = counts;
+            format!("{command} {}", bench.path(&file).display())
+        })
+        .collect();
+    let counts = counts(calls.iter().map(String::as_str));
+    for ((command, few, most), counts) in cases.iter().zip(counts.chunks(2)) {
+        let (little, much) = (counts[0], counts[1]);
         println!("{command}: {few} actors {little:.0} M, four times as many {much:.0} M");
-        assert!(much < most * little, "{command}: {:.2} times as much, expected {most}", much / little);
+        assert!(much < *most * little, "{command}: {:.2} times as much, expected {most}", much / little);
     }
 }
 
@@ -105,8 +119,8 @@ fn the_program_takes_no_more_instructions_than_before() {
     let file = Path::new(ROOT).join("tests/reference/instructions.toml");
     let stored: Counts = toml::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
     let (mut told, mut moved) = (HEAD.to_owned(), String::new());
-    for Call { args, millions } in &stored.call {
-        let now = count(args);
+    let counts = counts(stored.call.iter().map(|call| call.args.as_str()));
+    for (Call { args, millions }, now) in stored.call.iter().zip(counts) {
         let _infallible = write!(told, "\n[[call]]\nargs = {args:?}\nmillions = {now:.0}\n");
         let ratio = now / millions;
         if ratio > MOST {
