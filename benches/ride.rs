@@ -1,0 +1,64 @@
+//! What drives are like to ride, with the comfortable layer and without: for the ten scenarios and four planners, medians over
+//! twenty seeds. The table is Markdown, as docs/comfort.md has it. `-- 3` drives three seeds.
+
+use std::path::Path;
+
+use swerve_benches::{Sample, asked, is_asked_to_measure, on_all_cores, print};
+use swerve_drive::{drive, problems_error, read_scenario};
+use swerve_eval::Metrics;
+use swerve_stack::config::Config;
+
+const SCENARIOS: [&str; 10] = [
+    "lane",
+    "street",
+    "traffic_jam",
+    "traffic_light",
+    "car_behind_truck",
+    "car_from_alley",
+    "people_crossing",
+    "person_behind_parked_car",
+    "person_behind_truck",
+    "person_crossing",
+];
+const PLANNERS: [&str; 4] = ["fot", "rrt_star", "hybrid_astar", "waypoint"];
+const SEEDS: u64 = 20;
+
+/// Lateral acceleration, braking, lateral jerk, share of the time within nuPlan's limits: medians, and the collisions.
+fn cell(drives: &[Metrics]) -> String {
+    let median = |figure: fn(&Metrics) -> f64| Sample::new(drives.iter().map(figure).collect()).median();
+    let across = median(|drive| drive.drive.lateral_accel_max_mps2);
+    let braking = median(|drive| drive.drive.deceleration_max_mps2);
+    let jerk = median(|drive| drive.lateral_jerk.raw_max_mps3.unwrap_or(0.0));
+    let within = median(|drive| drive.comfort.as_ref().map_or(0.0, |comfort| comfort.share_within));
+    let hits = drives.iter().filter(|drive| drive.impact.is_some()).count();
+    let hits = if hits == 0 { String::new() } else { format!(" (hit: {hits})") };
+    format!("{across:.1}, {braking:.1}, {jerk:.0}, {:.0} %{hits}", 100.0 * within)
+}
+
+fn main() -> anyhow::Result<()> {
+    if !is_asked_to_measure() {
+        return Ok(());
+    }
+    let seeds = asked().find_map(|word| word.parse().ok()).unwrap_or(SEEDS);
+    print(&format!("| | {} |\n|{}", PLANNERS.map(|p| format!("`{p}`")).join(" | "), "---|".repeat(5)));
+    for name in SCENARIOS {
+        let file = format!("{}/../scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let scenario = read_scenario(Path::new(&file))?;
+        for (layer, head) in [(false, format!("`{name}`, without")), (true, "with".to_owned())] {
+            let mut row = format!("| {head} |");
+            for planner in PLANNERS {
+                let set =
+                    [format!("planning.planner={planner}"), format!("planning.comfort.enabled={layer}")];
+                let set: Vec<_> =
+                    set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?;
+                let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
+                let drives = on_all_cores(seeds as usize, |k| {
+                    Ok(drive(&Config { seed: 1 + k as u64, ..config.clone() }, &scenario)?.metrics)
+                })?;
+                row += &format!(" {} |", cell(&drives));
+            }
+            print(&row);
+        }
+    }
+    Ok(())
+}
