@@ -22,7 +22,6 @@ mod road;
 pub mod rrt_star;
 mod start;
 mod steady_stop;
-#[cfg(any(test, feature = "testing"))]
 pub mod testing;
 mod traffic;
 pub mod waypoint;

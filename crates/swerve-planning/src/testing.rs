@@ -1,4 +1,4 @@
-//! Worlds and the conformance suite for tests of planners, of other crates too (feature `testing`).
+//! Worlds and the conformance suite for tests of planners, of other crates too.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
