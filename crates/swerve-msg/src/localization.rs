@@ -92,6 +92,22 @@ impl PoseQuality {
         let (sin, cos) = math::sin_cos(heading_rad);
         (sin * sin * xx - 2.0 * sin * cos * xy + cos * cos * yy).max(0.0).sqrt()
     }
+
+    /// The way along a heading after which the place across it has the standard deviation `most_m`, metres, by dead
+    /// reckoning with an exact yaw rate: `y + h w` from place and heading of now. 0 where it has more now.
+    pub fn way_until_m(&self, heading_rad: f64, most_m: f64) -> f64 {
+        let [_, _, _, xh, yh, hh] = self.covariance;
+        let (sin, cos) = math::sin_cos(heading_rad);
+        let (across_m, cross) = (self.across_sigma_m(heading_rad), cos * yh - sin * xh);
+        // hh w² + 2 cross w = most² - across²
+        let left = most_m * most_m - across_m * across_m;
+        if left <= 0.0 {
+            return 0.0;
+        }
+        let root = (cross * cross + hh * left).max(0.0).sqrt();
+        // The form without a difference of nearly equal numbers.
+        if root + cross > 0.0 { left / (root + cross) } else { f64::INFINITY }
+    }
 }
 
 #[cfg(test)]

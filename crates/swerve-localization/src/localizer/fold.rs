@@ -39,7 +39,7 @@ pub(super) struct Wheels {
     since: Option<Time>,
     wheel_m: f64,
     filter_m: f64,
-    standing_since: Option<Time>,
+    pub(super) standing_since: Option<Time>,
     /// Speed as reported last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
     pub(super) speed_mps: f64,
     pub(super) curvature_1pm: Option<(Time, f64)>,
@@ -105,7 +105,7 @@ impl Fold {
     /// In a known state.
     pub(super) fn started(params: &Params, at: Time, initial: &Initial) -> Self {
         let filter = Begin::from(initial).filter(params);
-        Self { start: None, is_known: true, filter, at, constrained: at, last_fix: Some(at), ..Self::waiting(None) }
+        Self { start: None, is_known: true, filter, at, constrained: at, ..Self::waiting(None) }
     }
 
     pub(super) fn suppose_heading(&mut self, heading: [f64; 2]) {

@@ -128,7 +128,9 @@ impl Config {
         } else if self.live.is_some() {
             fault("expected none: a vehicle starts from its first fix".into());
         } else if !((0.001..=10.0).contains(&place_m) && (0.01..=30.0).contains(&heading_deg)) {
-            fault(format!("expected 0.001 to 10 m and 0.01 to 30 degrees, found {place_m} and {heading_deg}"));
+            fault(format!(
+                "expected 0.001 to 10 m and 0.01 to 30 degrees, found {place_m} and {heading_deg}"
+            ));
         }
     }
 }

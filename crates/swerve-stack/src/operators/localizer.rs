@@ -22,10 +22,10 @@ mod stored_pose;
 
 use super::odom::Odometer;
 use super::scan_matcher::pose_of;
-use stored_pose::StoredPose;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
+use stored_pose::StoredPose;
 
 /// Messages kept of each sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;

@@ -9,7 +9,9 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_geom::LineTracker;
-use swerve_msg::{EgoState, LocalPose, Plan, PoseQuality, Prediction, PredictionList, Route, RungTaken};
+use swerve_msg::{
+    EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route, RungTaken,
+};
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
@@ -133,6 +135,9 @@ impl OperatorKind for Planners {
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
 
+/// Lowest target speed of a car that is not to stop, m/s.
+const SLOWEST_MPS: f64 = 1.0;
+
 /// Asks a motion planner for a plan, frame by frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
@@ -217,13 +222,14 @@ impl PlannerOperator {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
         };
+        let most_mps = self.trust.speed_max_mps(measured, &self.route).max(SLOWEST_MPS);
         let ground = self.trust.ground(measured, &self.route);
         let request = Request {
             stamp,
             start,
             route: ground,
             along_m: Some(place.s_m),
-            target_speed_mps: self.target_speed_mps * speed_share,
+            target_speed_mps: (self.target_speed_mps * speed_share).min(most_mps),
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
@@ -241,8 +247,9 @@ impl PlannerOperator {
             None => planner.plan(request, budget),
         };
         let mut plan = plan_for(&request);
-        if plan.status.is_fallback() && !core::ptr::eq(ground, &self.route) {
-            // In an emergency all of the ground counts.
+        let is_narrowed = !core::ptr::eq(ground, &self.route);
+        if plan.status != PlanStatus::Comfortable && is_narrowed {
+            // Where the deviations leave no comfortable way all of the ground counts.
             plan = plan_for(&Request { route: &self.route, ..request });
         }
         let plan = Arc::new(self.trust.explained(plan));

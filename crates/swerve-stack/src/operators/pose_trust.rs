@@ -11,12 +11,17 @@ use super::stop_lines::wall;
 /// Share of the target speed that is driven with the poorest pose that suffices for the lane.
 const SLOWEST: f64 = 0.3;
 
-/// Goes on after a stop when the deviations fit with this much to spare, as a share.
+/// Fixes that stay away are noticed after this time, seconds (`coasting_after_s` of the localizer).
+const NOTICED_S: f64 = 2.0;
+
+/// Goes on after a stop when the deviations fit with this much to spare, as a share, and for this way, metres.
 const RESUME: f64 = 1.1;
+const RESUME_M: f64 = 10.0;
 
 /// Deceleration of the stop, m/s²: the pose gets worse on the way, so between comfort and the 4 m/s² that a manoeuvre of
 /// minimal risk may take (UN Regulation 157, 5.5.3). It ends this far behind the line that is not passed, metres.
 const STOP_MPS2: f64 = 2.5;
+const STOP_MAX_MPS2: f64 = 4.0;
 const STOP_GAP_M: f64 = 2.0;
 
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
@@ -44,6 +49,8 @@ struct Room {
     room_m: f64,
     beside_m: f64,
     needed_m: f64,
+    /// The way by dead reckoning over which the deviations come to fill the room.
+    way_m: f64,
 }
 
 /// The accuracy of the pose, and the motion that it allows.
@@ -77,6 +84,17 @@ impl PoseTrust {
         by_place.min(self.share_beside_cover(ego, route, others))
     }
 
+    /// Highest speed at which a car whose fixes stay away from now on comes to a stop in its lane, m/s: where fixes come, that
+    /// they do not is noticed within [`NOTICED_S`]; where none come, a comfortable stop fits.
+    pub(super) fn speed_max_mps(&self, ego: &EgoState, route: &Route) -> f64 {
+        let Some(Room { way_m, .. }) = self.room(ego, route) else { return f64::INFINITY };
+        if self.is_fixed() { way_m / NOTICED_S } else { (2.0 * STOP_MPS2 * way_m).sqrt() }
+    }
+
+    fn is_fixed(&self) -> bool {
+        self.quality.is_none_or(|quality| quality.mode == PoseMode::Good)
+    }
+
     /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
     /// take of it is made up for by a shorter way to stop.
     fn share_beside_cover(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
@@ -96,8 +114,10 @@ impl PoseTrust {
         let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
         let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
         let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
-        let sigma_m = quality.across_sigma_m(route.line().at(s_m).pose.heading_rad);
-        Some(Room { s_m, room_m, beside_m, needed_m: self.lane_sigmas * sigma_m })
+        let heading_rad = route.line().at(s_m).pose.heading_rad;
+        let needed_m = self.lane_sigmas * quality.across_sigma_m(heading_rad);
+        let way_m = quality.way_until_m(heading_rad, room_m / self.lane_sigmas);
+        Some(Room { s_m, room_m, beside_m, needed_m, way_m })
     }
 
     /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
@@ -118,15 +138,16 @@ impl PoseTrust {
 
     /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
     pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let Room { s_m, room_m, needed_m, .. } = self.room(ego, route)?;
-        let spare = if self.stop_s_m.is_some() { RESUME } else { 1.0 };
-        if needed_m * spare <= room_m {
+        let Room { s_m, room_m, needed_m, way_m, .. } = self.room(ego, route)?;
+        let [spare, least_m] = if self.stop_s_m.is_some() { [RESUME, RESUME_M] } else { [1.0, STOP_GAP_M] };
+        let square = 0.5 * ego.speed_mps * ego.speed_mps;
+        let ends_beside = !self.is_fixed() && (square / STOP_MAX_MPS2).max(least_m) > way_m;
+        if needed_m * spare <= room_m && !ends_beside {
             self.stop_s_m = None;
             return None;
         }
         let front_m = self.shape.length_m - self.shape.rear_overhang_m;
-        let way_m = 0.5 * ego.speed_mps * ego.speed_mps / STOP_MPS2 + STOP_GAP_M;
-        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + way_m);
+        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + square / STOP_MPS2 + STOP_GAP_M);
         Some(wall(WALL_ID, stop_s_m, route, ego.stamp))
     }
 
