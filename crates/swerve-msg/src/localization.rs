@@ -134,6 +134,23 @@ mod tests {
     }
 
     #[test]
+    fn deviation_across_is_reached_after_the_way_of_dead_reckoning() {
+        // 0.3 m now and 0.01 rad: 0.3² + (0.01 w)² = 0.5² after 40 m.
+        let along_x =
+            |xy, xh, yh| PoseQuality { covariance: [0.04, xy, 0.09, xh, yh, 1e-4], ..PoseQuality::default() };
+        assert!((along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.5) - 40.0).abs() < 1e-9);
+        assert_eq!(along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.3), 0.0);
+        // Half correlated, 2 * 0.0015 w come on top: 0.0001 w² + 0.003 w = 0.16.
+        let way_m = along_x(0.0, 0.0, 0.0015).way_until_m(0.0, 0.5);
+        assert!((1e-4 * way_m * way_m + 0.003 * way_m - 0.16).abs() < 1e-9, "{way_m}");
+        // To the left along y is to -x.
+        let along_y = along_x(0.0, -0.001, 0.0).way_until_m(core::f64::consts::FRAC_PI_2, 0.5);
+        assert!((1e-4 * along_y * along_y + 0.002 * along_y - 0.21).abs() < 1e-9, "{along_y}");
+        let known = PoseQuality { covariance: [0.04, 0.0, 0.09, 0.0, 0.0, 0.0], ..PoseQuality::default() };
+        assert_eq!(known.way_until_m(0.0, 0.5), f64::INFINITY);
+    }
+
+    #[test]
     fn local_pose_transforms_between_map_and_odometry_frame() {
         // The odometry frame begins where the map has (10, 5), turned by a quarter to the left.
         let odom = Pose2::<Odom>::new(3.0, 1.0, 0.2);

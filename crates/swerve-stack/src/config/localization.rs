@@ -240,4 +240,21 @@ mod tests {
         let map = config(&text, &[]).unwrap().localization.map.unwrap();
         assert!(map.is_absolute() && map.ends_with("maps/street.map"), "{}", map.display());
     }
+
+    #[test]
+    fn stored_pose_is_for_a_filter_in_a_simulated_car() {
+        let eskf = "localization.localizer=\"eskf\"";
+        assert!(config("", &[eskf, "localization.stored_pose=[0.3, 0.5]"]).is_ok());
+        for (set, why) in [
+            (vec!["localization.stored_pose=[0.3, 0.5]"], "is for `localization.localizer = \"eskf\"`"),
+            (
+                vec![eskf, "localization.stored_pose=[0.0, 0.5]"],
+                "expected 0.001 to 10 m and 0.01 to 30 degrees",
+            ),
+            (vec![eskf, "localization.stored_pose=[0.3, 31.0]"], "found 0.3 and 31"),
+        ] {
+            let error = config("", &set).unwrap_err();
+            assert!(error.contains("localization.stored_pose: ") && error.contains(why), "{error}");
+        }
+    }
 }

@@ -296,13 +296,12 @@ impl Operator for Filter {
             None => return,
         };
         self.newest = stamp;
-        let awaits_wheels = self.awaits_wheels(stamp);
         for wheels in new(input.wheels.get(), &mut self.taken[0]) {
             self.start_stored(wheels);
             let sensed = self.wheels(wheels);
             self.localizer.take(wheels.stamp, sensed);
         }
-        if !awaits_wheels || self.stored.is_none() {
+        if !self.awaits_wheels(stamp) {
             for fix in new(input.fixes.get(), &mut self.taken[1]) {
                 self.fix(fix);
             }

@@ -144,6 +144,7 @@ struct PlannerOperator {
     route: Route,
     target_speed_mps: f64,
     trust: PoseTrust,
+    has_comfort: bool,
     shape: Shape,
     limits: Limits,
     /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
@@ -169,6 +170,7 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
+            has_comfort: planning.has_comfort(),
             trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
@@ -247,9 +249,12 @@ impl PlannerOperator {
             None => planner.plan(request, budget),
         };
         let mut plan = plan_for(&request);
-        let is_narrowed = !core::ptr::eq(ground, &self.route);
-        if plan.status != PlanStatus::Comfortable && is_narrowed {
-            // Where the deviations leave no comfortable way all of the ground counts.
+        let is_left = match self.has_comfort {
+            true => plan.status != PlanStatus::Comfortable,
+            false => plan.status.is_fallback(),
+        };
+        if is_left && !core::ptr::eq(ground, &self.route) {
+            // Where the deviations leave no comfortable way, and in an emergency, all of the ground counts.
             plan = plan_for(&Request { route: &self.route, ..request });
         }
         let plan = Arc::new(self.trust.explained(plan));

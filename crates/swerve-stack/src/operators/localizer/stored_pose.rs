@@ -12,13 +12,14 @@ use swerve_msg::WheelOdometry;
 use super::Filter;
 use crate::site::Site;
 
+/// Instant of the pose: the start of the drive.
+const START: Time = Time::ZERO;
+
 /// A pose and its standard deviations: each axis of the place (m), heading (rad).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct StoredPose {
     pose: Pose2,
     sigma: [f64; 2],
-    /// First reading of a sensor: the instant of the pose.
-    since: Option<Time>,
 }
 
 impl StoredPose {
@@ -41,12 +42,12 @@ impl StoredPose {
             start.y_m + place_m * y,
             start.heading_rad + heading_rad * turn,
         );
-        Self { pose, sigma, since: None }
+        Self { pose, sigma }
     }
 
     /// The state at `stamp` of a car that rolls straight on at a speed.
     fn initial(&self, params: &Params, stamp: Time, speed_mps: f64) -> Initial {
-        let rolled_s = self.since.map_or(0.0, |since| (stamp - since).as_secs());
+        let rolled_s = (stamp - START).as_secs();
         let Pose2 { x_m, y_m, heading_rad, .. } = self.pose.ahead(speed_mps * rolled_s);
         Initial::level(params, [x_m, y_m, heading_rad], speed_mps, self.sigma)
     }
@@ -54,9 +55,8 @@ impl StoredPose {
 
 impl Filter {
     /// Whether a stored pose waits for a speed by the wheels, which is due within two of their periods.
-    pub(super) fn awaits_wheels(&mut self, now: Time) -> bool {
-        let since = self.stored.as_mut().map(|stored| *stored.since.get_or_insert(now));
-        since.is_some_and(|since| now - since <= self.wheels_due)
+    pub(super) fn awaits_wheels(&self, now: Time) -> bool {
+        self.stored.is_some() && now - START <= self.wheels_due
     }
 
     /// Starts from the stored pose with the first speed by the wheels, unless a fix came before.
@@ -67,5 +67,41 @@ impl Filter {
         if let Ok(localizer) = Localizer::starting_at(self.params, wheels.stamp, &initial) {
             (self.localizer, self.started) = (localizer, Some(wheels.stamp));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_stored_poses_have_their_deviations() {
+        let start = Pose2::new(5.0, 3.0, 0.5);
+        let count = 2000;
+        let mut squares = [0.0; 3];
+        for seed in 0..count {
+            let StoredPose { pose, .. } = StoredPose::drawn(start, [0.3, 0.01], seed);
+            let off = [pose.x_m - 5.0, pose.y_m - 3.0, pose.heading_rad - 0.5];
+            squares = core::array::from_fn(|k| squares[k] + off[k] * off[k]);
+        }
+        // A variance by 2000 draws has a deviation of sqrt(2 / 2000) = 3 %: 10 % are three of them.
+        for (square, sigma) in squares.into_iter().zip([0.3, 0.3, 0.01]) {
+            assert!((square / count as f64 / (sigma * sigma) - 1.0).abs() < 0.1, "{square}");
+        }
+        assert_eq!(StoredPose::drawn(start, [0.3, 0.01], 7), StoredPose::drawn(start, [0.3, 0.01], 7));
+    }
+
+    #[test]
+    fn state_is_that_of_the_instant_of_the_first_speed() {
+        let stored = StoredPose { pose: Pose2::new(5.0, 3.0, 0.0), sigma: [0.3, 0.01] };
+        let params = Params { imu_at_m: [1.2, 0.4, 0.3], ..Params::default() };
+        let Initial { position_m, velocity_mps, sigma, .. } =
+            stored.initial(&params, Time::from_ms(20), 40.0);
+        // 0.8 m in 20 ms, and the arm of the unit. A heading of 0.01 rad is 0.4 m/s to the side.
+        for (found, expected) in position_m.iter().zip([7.0, 3.4, 0.3]) {
+            assert!((found - expected).abs() < 1e-12, "{position_m}");
+        }
+        assert_eq!([velocity_mps.x, velocity_mps.y, velocity_mps.z], [40.0, 0.0, 0.0]);
+        assert_eq!(sigma, [0.3, 0.4, 0.01]);
     }
 }
