@@ -173,6 +173,24 @@ pub struct Initial {
     pub sigma: [f64; 3],
 }
 
+impl Initial {
+    /// A car on level ground with its ego origin at x and y (m) and a heading (rad), at a speed by its wheels (m/s), with
+    /// the deviations of each axis of the place (m) and of the heading (rad).
+    pub fn level(params: &Params, pose: [f64; 3], speed_mps: f64, sigma: [f64; 2]) -> Self {
+        let ([x_m, y_m, heading_rad], [place_m, turn_rad]) = (pose, sigma);
+        let attitude = crate::eskf::from_euler(0.0, 0.0, heading_rad);
+        Self {
+            position_m: Vector3::new(x_m, y_m, 0.0) + attitude * Vector3::from(params.imu_at_m),
+            velocity_mps: attitude * (Vector3::x() * speed_mps),
+            attitude,
+            sigma: [place_m, ROLLING_MPS.max(speed_mps.abs() * turn_rad), turn_rad],
+        }
+    }
+}
+
+/// Standard deviation of a speed by wheels whose scale is not known yet, m/s.
+const ROLLING_MPS: f64 = 0.3;
+
 /// One measurement in its place.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Entry {

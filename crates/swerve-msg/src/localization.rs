@@ -92,6 +92,22 @@ impl PoseQuality {
         let (sin, cos) = math::sin_cos(heading_rad);
         (sin * sin * xx - 2.0 * sin * cos * xy + cos * cos * yy).max(0.0).sqrt()
     }
+
+    /// The way along a heading after which the place across it has the standard deviation `most_m`, metres, by dead
+    /// reckoning with an exact yaw rate: `y + h w` from place and heading of now. 0 where it has more now.
+    pub fn way_until_m(&self, heading_rad: f64, most_m: f64) -> f64 {
+        let [_, _, _, xh, yh, hh] = self.covariance;
+        let (sin, cos) = math::sin_cos(heading_rad);
+        let (across_m, cross) = (self.across_sigma_m(heading_rad), cos * yh - sin * xh);
+        // hh w² + 2 cross w = most² - across²
+        let left = most_m * most_m - across_m * across_m;
+        if left <= 0.0 {
+            return 0.0;
+        }
+        let root = (cross * cross + hh * left).max(0.0).sqrt();
+        // The form without a difference of nearly equal numbers.
+        if root + cross > 0.0 { left / (root + cross) } else { f64::INFINITY }
+    }
 }
 
 #[cfg(test)]
@@ -115,6 +131,23 @@ mod tests {
         assert!((quality.across_sigma_m(diagonal) - 0.1).abs() < 1e-12);
         assert!((quality.across_sigma_m(-diagonal) - 0.3).abs() < 1e-12);
         assert!((quality.across_sigma_m(0.0) - f64::sqrt(0.05)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn deviation_across_is_reached_after_the_way_of_dead_reckoning() {
+        // 0.3 m now and 0.01 rad: 0.3² + (0.01 w)² = 0.5² after 40 m.
+        let along_x =
+            |xy, xh, yh| PoseQuality { covariance: [0.04, xy, 0.09, xh, yh, 1e-4], ..PoseQuality::default() };
+        assert!((along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.5) - 40.0).abs() < 1e-9);
+        assert_eq!(along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.3), 0.0);
+        // Half correlated, 2 * 0.0015 w come on top: 0.0001 w² + 0.003 w = 0.16.
+        let way_m = along_x(0.0, 0.0, 0.0015).way_until_m(0.0, 0.5);
+        assert!((1e-4 * way_m * way_m + 0.003 * way_m - 0.16).abs() < 1e-9, "{way_m}");
+        // To the left along y is to -x.
+        let along_y = along_x(0.0, -0.001, 0.0).way_until_m(core::f64::consts::FRAC_PI_2, 0.5);
+        assert!((1e-4 * along_y * along_y + 0.002 * along_y - 0.21).abs() < 1e-9, "{along_y}");
+        let known = PoseQuality { covariance: [0.04, 0.0, 0.09, 0.0, 0.0, 0.0], ..PoseQuality::default() };
+        assert_eq!(known.way_until_m(0.0, 0.5), f64::INFINITY);
     }
 
     #[test]

@@ -34,6 +34,8 @@ impl Fold {
         let steered = self.steered_radps();
         let rate_radps = steered.unwrap_or(0.0);
         let yaw_noise = match steered {
+            // Wheels that stand turn nobody.
+            Some(_) if self.wheels.standing_since.is_some() => 0.0,
             Some(rate) => core::f64::consts::SQRT_2 * math::hypot(STEERED_RADPS, STEERED_SHARE * rate),
             None => BLIND_YAW,
         };
@@ -44,11 +46,11 @@ impl Fold {
         self.filter.predict_without_unit(&blind, &accel, &turn, dt_s);
     }
 
-    /// Yaw rate by the steering angle at the filter's speed, rad/s; none without a fresh angle.
+    /// Yaw rate by the steering angle at the speed of the wheels, rad/s; none without a fresh angle.
     pub(super) fn steered_radps(&self) -> Option<f64> {
         let (stamp, curvature_1pm) = self.wheels.curvature_1pm?;
         let is_fresh = (self.at - stamp).as_secs() <= WHEELS_HOLD_S;
-        is_fresh.then(|| curvature_1pm * self.axle_mps().x)
+        is_fresh.then(|| curvature_1pm * self.speed_mps())
     }
 
     /// Goes on along both ways by odometry.

@@ -39,7 +39,7 @@ pub(super) struct Wheels {
     since: Option<Time>,
     wheel_m: f64,
     filter_m: f64,
-    standing_since: Option<Time>,
+    pub(super) standing_since: Option<Time>,
     /// Speed as reported last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
     pub(super) speed_mps: f64,
     pub(super) curvature_1pm: Option<(Time, f64)>,
@@ -53,6 +53,8 @@ pub(super) struct Fold {
     /// What is known of the heading beforehand.
     heading: Option<[f64; 2]>,
     pub(super) filter: Eskf,
+    /// Whether it started from a known state: what contradicts that is no reason to begin anew.
+    is_known: bool,
     /// Instant of the filter's state.
     pub(super) at: Time,
     /// The newest reading of a unit that was sound.
@@ -82,6 +84,7 @@ impl Fold {
         Self {
             start: Some(Start::default()),
             heading,
+            is_known: false,
             filter: Begin::default().filter(&Params::default()),
             at: Time::ZERO,
             imu: None,
@@ -102,7 +105,7 @@ impl Fold {
     /// In a known state.
     pub(super) fn started(params: &Params, at: Time, initial: &Initial) -> Self {
         let filter = Begin::from(initial).filter(params);
-        Self { start: None, filter, at, constrained: at, last_fix: Some(at), ..Self::waiting(None) }
+        Self { start: None, is_known: true, filter, at, constrained: at, ..Self::waiting(None) }
     }
 
     pub(super) fn suppose_heading(&mut self, heading: [f64; 2]) {
@@ -230,7 +233,7 @@ impl Fold {
             &Judged { stamp, source: Source::Fix, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted },
         );
         let tally = self.tally(Source::Fix);
-        if !self.filter.is_sound() || (tally.taken < TRIED_FIXES && tally.refused > 0) {
+        if !self.filter.is_sound() || (!self.is_known && tally.taken < TRIED_FIXES && tally.refused > 0) {
             self.restart();
         }
     }

@@ -422,4 +422,5 @@ proptest! {
 }
 
 mod faults;
+mod known;
 mod matched;

@@ -97,7 +97,7 @@ pub(super) struct Unit {
 }
 
 impl Unit {
-    /// One more reading. At standstill a quantised unit may well repeat itself.
+    /// One more reading. At standstill a quantised unit may well repeat itself; one that was frozen before stays so.
     pub(super) fn take(
         &mut self,
         params: &Params,
@@ -110,6 +110,7 @@ impl Unit {
         if since_s <= 0.0 {
             return;
         }
+        let was_frozen = self.is_frozen();
         // Across a gap there is no difference of neighbours.
         if since_s > params.imu_timeout_s {
             self.known = 0;
@@ -120,7 +121,7 @@ impl Unit {
         self.accel.take(&Vector3::from(accel_mps2), accel, self.known);
         self.gyro.take(&Vector3::from(gyro_radps), gyro, self.known);
         self.known = self.known.saturating_add(1);
-        if stands {
+        if stands && !was_frozen {
             (self.accel.repeated, self.gyro.repeated) = (0, 0);
         }
     }

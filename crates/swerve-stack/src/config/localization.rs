@@ -25,7 +25,7 @@ pub enum LocalizerName {
 }
 
 /// What tells where the ego is.
-#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalizationConfig {
     /// Which one. All but `truth` put an operator `localizer` in the place of `pose`; `[operator.localizer]` sets what it
@@ -36,6 +36,11 @@ pub struct LocalizationConfig {
     /// configuration. Without one the simulated road is mapped before the drive, as it is when nobody is about.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
+    /// Standard deviations of a pose that is stored from the drive before: place (each axis, metres) and heading (degrees).
+    /// The filter starts from it in place of the first fix and the heading of the lane. A simulated drive draws its errors
+    /// by the seed. When absent there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stored_pose: Option<[f64; 2]>,
 }
 
 /// The operator that tells the simulator's pose, the one that estimates it, and those that give it a lidar's poses.
@@ -111,6 +116,21 @@ impl Config {
             let message =
                 "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
             faults.push(("localization.map".into(), message.into()));
+        }
+        self.check_stored_pose(faults);
+    }
+
+    fn check_stored_pose(&self, faults: &mut Vec<(String, String)>) {
+        let Some([place_m, heading_deg]) = self.localization.stored_pose else { return };
+        let mut fault = |message: String| faults.push(("localization.stored_pose".into(), message));
+        if !matches!(self.localization.localizer, LocalizerName::Eskf | LocalizerName::EskfNdt) {
+            fault("is for `localization.localizer = \"eskf\"` or `\"eskf_ndt\"`, which start from it".into());
+        } else if self.live.is_some() {
+            fault("expected none: a vehicle starts from its first fix".into());
+        } else if !((0.001..=10.0).contains(&place_m) && (0.01..=30.0).contains(&heading_deg)) {
+            fault(format!(
+                "expected 0.001 to 10 m and 0.01 to 30 degrees, found {place_m} and {heading_deg}"
+            ));
         }
     }
 }
@@ -219,5 +239,22 @@ mod tests {
         let text = format!("{ROOF}[localization]\nlocalizer = \"ndt\"\nmap = \"maps/street.map\"\n");
         let map = config(&text, &[]).unwrap().localization.map.unwrap();
         assert!(map.is_absolute() && map.ends_with("maps/street.map"), "{}", map.display());
+    }
+
+    #[test]
+    fn stored_pose_is_for_a_filter_in_a_simulated_car() {
+        let eskf = "localization.localizer=\"eskf\"";
+        assert!(config("", &[eskf, "localization.stored_pose=[0.3, 0.5]"]).is_ok());
+        for (set, why) in [
+            (vec!["localization.stored_pose=[0.3, 0.5]"], "is for `localization.localizer = \"eskf\"`"),
+            (
+                vec![eskf, "localization.stored_pose=[0.0, 0.5]"],
+                "expected 0.001 to 10 m and 0.01 to 30 degrees",
+            ),
+            (vec![eskf, "localization.stored_pose=[0.3, 31.0]"], "found 0.3 and 31"),
+        ] {
+            let error = config("", &set).unwrap_err();
+            assert!(error.contains("localization.stored_pose: ") && error.contains(why), "{error}");
+        }
     }
 }

@@ -123,9 +123,10 @@ pub struct PlanningConfig {
     /// deviations and over one; under the preset `paper` it never does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_by_sigma_m: Option<[f64; 2]>,
-    /// Standard deviations of the lateral position that plans keep from the edges of the road. Where so many do not fit
-    /// between the car and the edge of its lane it stops, and goes on when 1.1 times as many fit. 0 keeps none and never
-    /// stops. When absent 2, under the preset `paper` 0.
+    /// Standard deviations of the lateral position that plans keep from the edges of the road. The car is no faster than it
+    /// can stop in its lane by dead reckoning with so many to spare at the nearer edge; where they do not fit there it
+    /// stops, and goes on when 1.1 times as many fit. 0 keeps none and never stops. When absent 2.33, which 1 % of a normal
+    /// distribution exceeds; under the preset `paper` 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lane_sigmas: Option<f64>,
     /// Where a plan starts; the preset's when absent.
@@ -236,7 +237,7 @@ impl PlanningConfig {
     pub fn lane_sigmas(&self) -> f64 {
         self.lane_sigmas.unwrap_or(match self.preset {
             Preset::Paper => 0.0,
-            Preset::Best => 2.0,
+            Preset::Best => 2.33,
         })
     }
 

@@ -18,11 +18,14 @@ use swerve_localization::{Estimate, Localizer, Mode, Params, Sensed, Source};
 use swerve_msg::{EgoState, Gnss, Imu, LocalPose, PoseMatch, PoseMode, PoseQuality, Route, WheelOdometry};
 use swerve_sim::sense::GnssParams;
 
+mod stored_pose;
+
 use super::odom::Odometer;
 use super::scan_matcher::pose_of;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
+use stored_pose::StoredPose;
 
 /// Messages kept of each sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
@@ -54,6 +57,9 @@ pub(super) struct Filter {
     newest: Time,
     due_after: Span,
     odometer: Odometer,
+    /// The pose to start from, until there is a speed by the wheels.
+    stored: Option<StoredPose>,
+    wheels_due: Span,
 }
 
 /// All that says how it moves, and where it is.
@@ -264,6 +270,8 @@ impl Kind for Filter {
             newest: Time::ZERO,
             due_after: span_of_ms(config.sensing.imu_period_ms * SILENT),
             odometer: Odometer::default(),
+            stored: StoredPose::new(site),
+            wheels_due: span_of_ms(config.sensing.odometry_period_ms * SILENT),
         })
     }
 
@@ -289,11 +297,14 @@ impl Operator for Filter {
         };
         self.newest = stamp;
         for wheels in new(input.wheels.get(), &mut self.taken[0]) {
+            self.start_stored(wheels);
             let sensed = self.wheels(wheels);
             self.localizer.take(wheels.stamp, sensed);
         }
-        for fix in new(input.fixes.get(), &mut self.taken[1]) {
-            self.fix(fix);
+        if !self.awaits_wheels(stamp) {
+            for fix in new(input.fixes.get(), &mut self.taken[1]) {
+                self.fix(fix);
+            }
         }
         let matches = input.matches.as_ref().map_or(&[][..], |matches| matches.get());
         for found in new(matches, &mut self.taken[2]) {

@@ -9,7 +9,9 @@ use swerve_flow::{
     PortInfo, RuntimeModel, Window,
 };
 use swerve_geom::LineTracker;
-use swerve_msg::{EgoState, LocalPose, Plan, PoseQuality, Prediction, PredictionList, Route, RungTaken};
+use swerve_msg::{
+    EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route, RungTaken,
+};
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_vehicle::{Limits, Shape};
@@ -133,12 +135,16 @@ impl OperatorKind for Planners {
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
 
+/// Lowest target speed of a car that is not to stop, m/s.
+const SLOWEST_MPS: f64 = 1.0;
+
 /// Asks a motion planner for a plan, frame by frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
     route: Route,
     target_speed_mps: f64,
     trust: PoseTrust,
+    has_comfort: bool,
     shape: Shape,
     limits: Limits,
     /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
@@ -164,6 +170,7 @@ impl PlannerOperator {
             planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
+            has_comfort: planning.has_comfort(),
             trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
@@ -217,13 +224,14 @@ impl PlannerOperator {
             Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
             None => predictions,
         };
+        let most_mps = self.trust.speed_max_mps(measured, &self.route).max(SLOWEST_MPS);
         let ground = self.trust.ground(measured, &self.route);
         let request = Request {
             stamp,
             start,
             route: ground,
             along_m: Some(place.s_m),
-            target_speed_mps: self.target_speed_mps * speed_share,
+            target_speed_mps: (self.target_speed_mps * speed_share).min(most_mps),
             predictions: &predictions,
             shape: &self.shape,
             limits: &self.limits,
@@ -241,8 +249,12 @@ impl PlannerOperator {
             None => planner.plan(request, budget),
         };
         let mut plan = plan_for(&request);
-        if plan.status.is_fallback() && !core::ptr::eq(ground, &self.route) {
-            // In an emergency all of the ground counts.
+        let is_left = match self.has_comfort {
+            true => plan.status != PlanStatus::Comfortable,
+            false => plan.status.is_fallback(),
+        };
+        if is_left && !core::ptr::eq(ground, &self.route) {
+            // Where the deviations leave no comfortable way, and in an emergency, all of the ground counts.
             plan = plan_for(&Request { route: &self.route, ..request });
         }
         let plan = Arc::new(self.trust.explained(plan));

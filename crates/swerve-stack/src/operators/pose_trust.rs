@@ -11,12 +11,23 @@ use super::stop_lines::wall;
 /// Share of the target speed that is driven with the poorest pose that suffices for the lane.
 const SLOWEST: f64 = 0.3;
 
-/// Goes on after a stop when the deviations fit with this much to spare, as a share.
+/// Fixes that stay away are noticed after this time, seconds (`coasting_after_s` of the localizer).
+const NOTICED_S: f64 = 2.0;
+
+/// Longest usual time between two fixes that are accepted, seconds: five periods of a receiver at 10 Hz.
+const SPARSE_S: f64 = 0.5;
+
+/// Deviations that are larger by this than in the last good pose grow for want of fixes, metres.
+const GROWN_M: f64 = 0.05;
+
+/// Goes on after a stop when the deviations fit with this much to spare, as a share, and for this way, metres.
 const RESUME: f64 = 1.1;
+const RESUME_M: f64 = 10.0;
 
 /// Deceleration of the stop, m/s²: the pose gets worse on the way, so between comfort and the 4 m/s² that a manoeuvre of
 /// minimal risk may take (UN Regulation 157, 5.5.3). It ends this far behind the line that is not passed, metres.
 const STOP_MPS2: f64 = 2.5;
+const STOP_MAX_MPS2: f64 = 4.0;
 const STOP_GAP_M: f64 = 2.0;
 
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
@@ -44,11 +55,15 @@ struct Room {
     room_m: f64,
     beside_m: f64,
     needed_m: f64,
+    /// The way by dead reckoning over which the deviations come to fill the room.
+    way_m: f64,
 }
 
 /// The accuracy of the pose, and the motion that it allows.
 pub(super) struct PoseTrust {
     quality: Option<PoseQuality>,
+    /// Deviation of the place when the mode was good last, metres.
+    good_m: Option<f64>,
     slow_by_sigma_m: [f64; 2],
     /// Standard deviations of the lateral position that are kept from the edges of the road; 0 for none.
     lane_sigmas: f64,
@@ -61,13 +76,23 @@ pub(super) struct PoseTrust {
 
 impl PoseTrust {
     pub(super) fn new(slow_by_sigma_m: [f64; 2], lane_sigmas: f64, shape: Shape) -> Self {
-        Self { quality: None, slow_by_sigma_m, lane_sigmas, shape, narrowed: None, stop_s_m: None }
+        Self {
+            quality: None,
+            good_m: None,
+            slow_by_sigma_m,
+            lane_sigmas,
+            shape,
+            narrowed: None,
+            stop_s_m: None,
+        }
     }
 
     /// Takes the newest accuracy; while localization is lost, the one before counts.
     pub(super) fn take(&mut self, quality: Option<&Latest<PoseQuality>>) {
         let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
         self.quality = quality.map(|quality| **quality).or(self.quality);
+        let good = self.quality.filter(|quality| quality.mode == PoseMode::Good);
+        self.good_m = good.map(|quality| quality.sigma_m()).or(self.good_m);
     }
 
     /// Share of the target speed; 1 without localization.
@@ -75,6 +100,25 @@ impl PoseTrust {
         let by_place =
             self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m));
         by_place.min(self.share_beside_cover(ego, route, others))
+    }
+
+    /// Highest speed from which a car stops in its lane by dead reckoning, m/s. While fixes come that is for the first fault:
+    /// they stay away and are missed after [`NOTICED_S`]. A car without an inertial unit is in its first fault: its heading
+    /// has to hold between fixes, of which some are refused ([`SPARSE_S`]).
+    pub(super) fn speed_max_mps(&self, ego: &EgoState, route: &Route) -> f64 {
+        let Some(Room { way_m, .. }) = self.room(ego, route) else { return f64::INFINITY };
+        let is_good = self.quality.is_some_and(|quality| quality.mode == PoseMode::Good);
+        match self.is_fixed() {
+            true if is_good => way_m / NOTICED_S,
+            true => way_m / SPARSE_S,
+            false => (2.0 * STOP_MPS2 * way_m).sqrt(),
+        }
+    }
+
+    /// Whether something tells the place: without it the deviations grow.
+    fn is_fixed(&self) -> bool {
+        let Some(quality) = self.quality else { return true };
+        self.good_m.is_some_and(|good_m| quality.sigma_m() <= good_m + GROWN_M)
     }
 
     /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
@@ -96,8 +140,10 @@ impl PoseTrust {
         let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
         let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
         let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
-        let sigma_m = quality.across_sigma_m(route.line().at(s_m).pose.heading_rad);
-        Some(Room { s_m, room_m, beside_m, needed_m: self.lane_sigmas * sigma_m })
+        let heading_rad = route.line().at(s_m).pose.heading_rad;
+        let needed_m = self.lane_sigmas * quality.across_sigma_m(heading_rad);
+        let way_m = quality.way_until_m(heading_rad, room_m / self.lane_sigmas);
+        Some(Room { s_m, room_m, beside_m, needed_m, way_m })
     }
 
     /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
@@ -118,15 +164,16 @@ impl PoseTrust {
 
     /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
     pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let Room { s_m, room_m, needed_m, .. } = self.room(ego, route)?;
-        let spare = if self.stop_s_m.is_some() { RESUME } else { 1.0 };
-        if needed_m * spare <= room_m {
+        let Room { s_m, room_m, needed_m, way_m, .. } = self.room(ego, route)?;
+        let [spare, least_m] = if self.stop_s_m.is_some() { [RESUME, RESUME_M] } else { [1.0, STOP_GAP_M] };
+        let square = 0.5 * ego.speed_mps * ego.speed_mps;
+        let ends_beside = !self.is_fixed() && (square / STOP_MAX_MPS2).max(least_m) > way_m;
+        if needed_m * spare <= room_m && !ends_beside {
             self.stop_s_m = None;
             return None;
         }
         let front_m = self.shape.length_m - self.shape.rear_overhang_m;
-        let way_m = 0.5 * ego.speed_mps * ego.speed_mps / STOP_MPS2 + STOP_GAP_M;
-        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + way_m);
+        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + square / STOP_MPS2 + STOP_GAP_M);
         Some(wall(WALL_ID, stop_s_m, route, ego.stamp))
     }
 
@@ -209,6 +256,61 @@ mod tests {
         // 1.1 times two deviations fit from 0.477 m on.
         assert!(ahead(&mut trust, 0.1, 0.48).is_some() && ahead(&mut trust, 0.1, 0.47).is_none());
         assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::Comfortable);
+    }
+
+    /// One that knows its place to 0.315 m across the lane and its heading to 0.0105 rad: the 1.05 m beside the car are two
+    /// deviations after 40 m.
+    fn reckoning(trust: &mut PoseTrust, mode: PoseMode) {
+        let covariance = [0.0, 0.0, 0.315 * 0.315, 0.0, 0.0, 0.0105 * 0.0105];
+        trust.quality = Some(PoseQuality { mode, covariance, ..PoseQuality::default() });
+    }
+
+    fn at(speed_mps: f64) -> EgoState {
+        EgoState { pose: Pose2::new(50.0, 0.0, 0.0), speed_mps, ..EgoState::default() }
+    }
+
+    #[test]
+    fn speed_is_that_from_which_a_stop_by_dead_reckoning_ends_in_the_lane() {
+        let mut trust = trust(2.0);
+        let mut speed = |mode, good_m| {
+            reckoning(&mut trust, mode);
+            trust.good_m = good_m;
+            trust.speed_max_mps(&at(10.0), &route())
+        };
+        // 2 s until the want of fixes is noticed, 0.5 s between two fixes without an inertial unit; else 40 m at 2.5 m/s2.
+        for (mode, good_m, expected) in [
+            (PoseMode::Good, Some(0.315), 20.0),
+            (PoseMode::Coasting, Some(0.3), 80.0),
+            (PoseMode::Coasting, Some(0.2), 200.0_f64.sqrt()),
+            (PoseMode::Coasting, None, 200.0_f64.sqrt()),
+        ] {
+            let found = speed(mode, good_m);
+            assert!((found - expected).abs() < 1e-6, "{mode:?} {good_m:?}: {found}");
+        }
+    }
+
+    #[test]
+    fn stops_while_a_stop_still_ends_in_the_lane() {
+        let mut trust = trust(2.0);
+        // 40 m at 4 m/s2: from 17.9 m/s on.
+        for (speed_mps, stops) in [(17.0, false), (18.0, true)] {
+            trust.stop_s_m = None;
+            reckoning(&mut trust, PoseMode::Coasting);
+            assert_eq!(trust.wall(&at(speed_mps), &route()).is_some(), stops, "{speed_mps}");
+        }
+        // With fixes nothing is reckoned. A stop is over when 10 m are possible.
+        trust.good_m = Some(0.315);
+        assert!(trust.wall(&at(18.0), &route()).is_none());
+        trust.stop_s_m = Some(60.0);
+        trust.good_m = None;
+        let mut left = |way_m: f64| {
+            let heading_rad = 0.42 / way_m;
+            let covariance = [0.0, 0.0, 0.315 * 0.315, 0.0, 0.0, heading_rad * heading_rad];
+            let mode = PoseMode::Coasting;
+            trust.quality = Some(PoseQuality { mode, covariance, ..PoseQuality::default() });
+            trust.wall(&at(0.0), &route()).is_some()
+        };
+        assert!(left(9.0) && !left(11.0));
     }
 
     #[test]

@@ -7,11 +7,11 @@ const FROM_S: f64 = 20.0;
 
 /// What was seen of a drive.
 #[derive(Default)]
-struct Seen {
+pub(super) struct Seen {
     /// Longest time in which the mode was good although the place was more than five deviations off, seconds.
     deceived_s: f64,
     /// Largest distance from the truth once it had started, metres.
-    largest_m: f64,
+    pub(super) largest_m: f64,
     /// Place and heading at the end, off the truth: metres and radians.
     end: [f64; 2],
     /// Modes and conditions of the unit at each reading, with the instant in seconds.
@@ -30,13 +30,13 @@ impl Seen {
 }
 
 /// A car with steering angle, wheels and corrected fixes, and the usual noises.
-fn corrected(seed: u64) -> Drive {
+pub(super) fn corrected(seed: u64) -> Drive {
     let params = Params { offset_m: 0.0, gyro_noise: [5e-4; 3], accel_noise: [0.02; 3], ..Params::default() };
     Drive { fix_sigma_m: 0.02, steers: true, speed_mps: 8.0, ..Drive::new(seed, params) }
 }
 
 /// Drives on with a localizer; `fault` may change a measurement, or lose it.
-fn drive_on(
+pub(super) fn drive_on(
     drive: &mut Drive,
     mut localizer: Localizer,
     seconds: usize,

@@ -1,0 +1,107 @@
+//! The pose stored at the end of the drive before, from which a filter starts without a fix.
+//!
+//! Receivers with dead reckoning store place and heading when they are switched off, and go on from there by wheels and
+//! gyroscope (u-blox, "NEO-M8U receiver description", save-on-shutdown). A simulated drive begins in the middle of a way:
+//! its stored pose is that of its start with errors drawn by the seed.
+
+use swerve_core::{Rng, Time};
+use swerve_geom::Pose2;
+use swerve_localization::{Initial, Localizer, Params};
+use swerve_msg::WheelOdometry;
+
+use super::Filter;
+use crate::site::Site;
+
+/// Instant of the pose: the start of the drive.
+const START: Time = Time::ZERO;
+
+/// A pose and its standard deviations: each axis of the place (m), heading (rad).
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) struct StoredPose {
+    pose: Pose2,
+    sigma: [f64; 2],
+}
+
+impl StoredPose {
+    /// That of a run, with its errors. `None` where `localization.stored_pose` is absent.
+    pub(super) fn new(site: &Site<'_>) -> Option<Self> {
+        let config = site.config();
+        let [place_m, heading_deg] = config.localization.stored_pose?;
+        let around = site.surroundings();
+        let start = around.scenario.ego_pose(around.route.line(), &around.vehicle.shape);
+        Some(Self::drawn(start, [place_m, heading_deg.to_radians()], config.seed))
+    }
+
+    /// The pose at the start with errors of these deviations.
+    fn drawn(start: Pose2, sigma: [f64; 2], seed: u64) -> Self {
+        let mut rng = Rng::keyed(seed, "stored pose", &[]);
+        let [x, y, turn] = core::array::from_fn(|_| rng.normal());
+        let [place_m, heading_rad] = sigma;
+        let pose = Pose2::new(
+            start.x_m + place_m * x,
+            start.y_m + place_m * y,
+            start.heading_rad + heading_rad * turn,
+        );
+        Self { pose, sigma }
+    }
+
+    /// The state at `stamp` of a car that rolls straight on at a speed.
+    fn initial(&self, params: &Params, stamp: Time, speed_mps: f64) -> Initial {
+        let rolled_s = (stamp - START).as_secs();
+        let Pose2 { x_m, y_m, heading_rad, .. } = self.pose.ahead(speed_mps * rolled_s);
+        Initial::level(params, [x_m, y_m, heading_rad], speed_mps, self.sigma)
+    }
+}
+
+impl Filter {
+    /// Whether a stored pose waits for a speed by the wheels, which is due within two of their periods.
+    pub(super) fn awaits_wheels(&self, now: Time) -> bool {
+        self.stored.is_some() && now - START <= self.wheels_due
+    }
+
+    /// Starts from the stored pose with the first speed by the wheels, unless a fix came before.
+    pub(super) fn start_stored(&mut self, wheels: &WheelOdometry) {
+        let Some(stored) = self.stored.take().filter(|_| self.started.is_none()) else { return };
+        let initial = stored.initial(&self.params, wheels.stamp, wheels.speed_mps);
+        // The parameters were validated when the operator was made.
+        if let Ok(localizer) = Localizer::starting_at(self.params, wheels.stamp, &initial) {
+            (self.localizer, self.started) = (localizer, Some(wheels.stamp));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_stored_poses_have_their_deviations() {
+        let start = Pose2::new(5.0, 3.0, 0.5);
+        let count = 2000;
+        let mut squares = [0.0; 3];
+        for seed in 0..count {
+            let StoredPose { pose, .. } = StoredPose::drawn(start, [0.3, 0.01], seed);
+            let off = [pose.x_m - 5.0, pose.y_m - 3.0, pose.heading_rad - 0.5];
+            squares = core::array::from_fn(|k| squares[k] + off[k] * off[k]);
+        }
+        // A variance by 2000 draws has a deviation of sqrt(2 / 2000) = 3 %: 10 % are three of them.
+        for (square, sigma) in squares.into_iter().zip([0.3, 0.3, 0.01]) {
+            assert!((square / count as f64 / (sigma * sigma) - 1.0).abs() < 0.1, "{square}");
+        }
+        assert_eq!(StoredPose::drawn(start, [0.3, 0.01], 7), StoredPose::drawn(start, [0.3, 0.01], 7));
+    }
+
+    #[test]
+    fn state_is_that_of_the_instant_of_the_first_speed() {
+        let stored = StoredPose { pose: Pose2::new(5.0, 3.0, 0.0), sigma: [0.3, 0.01] };
+        let params = Params { imu_at_m: [1.2, 0.4, 0.3], ..Params::default() };
+        let Initial { position_m, velocity_mps, sigma, .. } =
+            stored.initial(&params, Time::from_ms(20), 40.0);
+        // 0.8 m in 20 ms, and the arm of the unit. A heading of 0.01 rad is 0.4 m/s to the side.
+        for (found, expected) in position_m.iter().zip([7.0, 3.4, 0.3]) {
+            assert!((found - expected).abs() < 1e-12, "{position_m}");
+        }
+        assert_eq!([velocity_mps.x, velocity_mps.y, velocity_mps.z], [40.0, 0.0, 0.0]);
+        assert_eq!(sigma, [0.3, 0.4, 0.01]);
+    }
+}
