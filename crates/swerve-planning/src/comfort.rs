@@ -17,6 +17,7 @@ use crate::fot::{self, Fot};
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::traffic::without_followers;
 
+mod beside;
 mod decision;
 #[cfg(test)]
 mod drives;

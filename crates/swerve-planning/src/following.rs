@@ -142,6 +142,25 @@ pub(crate) struct Profile {
     pub(crate) is_led: bool,
 }
 
+/// A lead vehicle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Lead<'a> {
+    pub(crate) mover: &'a Mover,
+    /// Whether it can be passed where it stands.
+    pub(crate) passable: bool,
+    /// For a lead vehicle beside the ego: how the ego falls back behind it.
+    pub(crate) beside: Option<FallBack>,
+}
+
+/// How an ego lets a vehicle beside it go ahead.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct FallBack {
+    /// Speed below that of the vehicle, m/s.
+    pub(crate) slower_mps: f64,
+    /// Largest deceleration, m/s²; the vehicle's limit is kept too.
+    pub(crate) brake_mps2: f64,
+}
+
 /// What a profile is computed from.
 pub(crate) struct Follower<'a> {
     pub(crate) gaps: Gaps,
@@ -150,8 +169,7 @@ pub(crate) struct Follower<'a> {
     pub(crate) curves: &'a SpeedTable,
     /// Distance from the ego origin to its front, metres.
     pub(crate) front_m: f64,
-    /// Lead vehicles, each with whether it can be passed where it stands.
-    pub(crate) leads: Vec<(&'a Mover, bool)>,
+    pub(crate) leads: Vec<Lead<'a>>,
     /// Whether a road user at this place is in the ego's way.
     pub(crate) in_way: &'a dyn Fn(&Knot) -> bool,
 }
@@ -185,9 +203,9 @@ impl Follower<'_> {
         let free_mps2 =
             ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
         let mut least_mps2 = free_mps2;
-        for &(lead, passable) in &self.leads {
+        for &Lead { mover: lead, passable, beside } in &self.leads {
             let knot = lead.at(t_s);
-            if knot.to_m < now.s_m || !(self.in_way)(&knot) || lead.crosses(t_s) {
+            if (knot.to_m < now.s_m && beside.is_none()) || !(self.in_way)(&knot) || lead.crosses(t_s) {
                 continue;
             }
             let (speed_mps, brake_mps2) = lead.motion(t_s);
@@ -197,6 +215,12 @@ impl Follower<'_> {
                 self.gaps.standstill_m
             };
             let gap_m = knot.from_m - now.s_m - self.front_m;
+            if let Some(back) = beside.filter(|_| gap_m < standing_m) {
+                let error_mps = (speed_mps - back.slower_mps).max(0.0) - now.speed_mps;
+                let hardest_mps2 = back.brake_mps2.min(self.accel.hardest_mps2);
+                least_mps2 = least_mps2.min((error_mps / SETTLES_S).max(-hardest_mps2));
+                continue;
+            }
             least_mps2 =
                 least_mps2.min(self.behind(now, gap_m, standing_m, (speed_mps.max(0.0), brake_mps2)));
         }

@@ -166,6 +166,11 @@ impl Mover {
         0.5 * (b.left_m + b.right_m - a.left_m - a.right_m).abs() > STANDS_MPS * KNOT_S
     }
 
+    /// Whether it stands, or is predicted to come to rest.
+    pub(crate) fn comes_to_rest(&self) -> bool {
+        self.motion(HORIZON_S).0.abs() < STANDS_MPS
+    }
+
     /// Whether it stands all the time.
     pub(crate) fn stands(&self) -> bool {
         let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);

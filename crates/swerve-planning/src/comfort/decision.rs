@@ -11,7 +11,7 @@ use super::{
 };
 use crate::collision::CollisionMode;
 use crate::fallback::kept;
-use crate::following::{self, Accel, Curve, Follower, Gaps, Profile, SpeedTable, Step};
+use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
 use crate::lane::{Aside, Lane, aside, back_to_centre, stretch};
@@ -71,6 +71,7 @@ impl Comfort {
             // A plan towards one speed would be late.
             if scene.at_once
                 && let Some(plan) = self.follow(scene, &self.profile(scene, Vec::new()))
+                && self.returns_clear(scene, &plan)
             {
                 return Some(plan);
             }
@@ -95,8 +96,17 @@ impl Comfort {
             }
             profile = self.led(scene, possible, |_| true);
         }
+        if let Some(plan) = passing.as_ref().and_then(|passing| self.beside(scene, passing, own, budget)) {
+            return Some(plan);
+        }
         let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
-        self.behind(scene, (own, standing_m), &profile, budget)
+        let plan = self.behind(scene, (own, standing_m), &profile, budget);
+        // None that stays in the other lane while somebody comes.
+        let back = passing.map(|passing| passing.committed(BACK_TTC_SHARE * self.params.other_lane_ttc_s));
+        let may = |plan: &Plan| {
+            back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
+        };
+        plan.filter(|plan| may(plan) && self.returns_clear(scene, plan))
     }
 
     /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
@@ -224,7 +234,7 @@ impl Comfort {
     }
 
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
-    fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
+    pub(super) fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
         let plan = kept(request, self.gentle.obstacles(), KEPT_SHARE * self.params.clearance_m)?;
         (!rests(&plan) && open.may(&plan, self.gentle.line(), &request.start, &place)).then_some(plan)
@@ -238,9 +248,10 @@ impl Comfort {
         let rules = passing::Rules {
             // A way that is under way is not given up for less than a part of the margin.
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
-            gain_min_mps: if beyond { 0.0 } else { self.params.overtake_gain_mps },
+            gain_min_mps: if beyond { f64::NEG_INFINITY } else { self.params.overtake_gain_mps },
             over_line_max_s: self.params.over_line_max_s,
             under_way: beyond,
+            whole_lane: true,
         };
         if self.manner == Manner::Waits {
             return None;
@@ -279,7 +290,8 @@ impl Comfort {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
         let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);
-        let leads: Vec<_> = leads.map(|one| (one, steers_out && one.stands())).collect();
+        let lead = |mover| Lead { mover, passable: steers_out && mover.comes_to_rest(), beside: None };
+        let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {
             return Profile::default();
         }
@@ -287,13 +299,13 @@ impl Comfort {
     }
 
     /// Lead vehicles that are not passed.
-    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<(&'a Mover, bool)> {
+    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<Lead<'a>> {
         let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
-        others.map(|one| (one, false)).collect()
+        others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
     }
 
-    /// The speed along the line behind `leads`, each with whether the ego stops where it can steer out.
-    fn profile(&self, scene: &Scene<'_>, leads: Vec<(&Mover, bool)>) -> Profile {
+    /// The speed along the line behind `leads`.
+    pub(super) fn profile(&self, scene: &Scene<'_>, leads: Vec<Lead<'_>>) -> Profile {
         let Scene { request, place, vehicle, .. } = *scene;
         let (limits, start) = (request.limits, &request.start);
         let lane = self.lane(request);
@@ -336,7 +348,7 @@ impl Comfort {
     }
 
     /// The ego's lane.
-    fn lane<'a>(&self, request: &Request<'a>) -> Lane<'a> {
+    pub(super) fn lane<'a>(&self, request: &Request<'a>) -> Lane<'a> {
         Lane {
             borders: request.route.lane(),
             width_m: request.shape.width_m,
@@ -359,7 +371,12 @@ impl Comfort {
     }
 
     /// The plan of these points, if it is free and no harder across than comfort, or than its beginning.
-    fn checked(&mut self, scene: &Scene<'_>, points: Vec<PlanPoint>, clearance_m: f64) -> Option<Plan> {
+    pub(super) fn checked(
+        &mut self,
+        scene: &Scene<'_>,
+        points: Vec<PlanPoint>,
+        clearance_m: f64,
+    ) -> Option<Plan> {
         let request = scene.request;
         let center = request.start.pose.point();
         self.obstacles.set_near(&scene.traffic.predictions, CollisionMode::MayStop, center, OBSTACLES_M);
@@ -390,12 +407,12 @@ const QUINTIC_KINK: f64 = 60.0;
 
 /// What the layer plans in.
 #[derive(Clone, Copy)]
-struct Scene<'a> {
+pub(super) struct Scene<'a> {
     /// From where the plan takes the ego up, within the limits of comfort.
-    request: &'a Request<'a>,
+    pub(super) request: &'a Request<'a>,
     /// There along the line.
-    place: OnLine,
-    traffic: &'a Traffic,
+    pub(super) place: OnLine,
+    pub(super) traffic: &'a Traffic,
     /// Limits of the vehicle.
     vehicle: &'a Limits,
     /// What the curves ahead allow.
@@ -404,7 +421,7 @@ struct Scene<'a> {
     at_once: bool,
 }
 
-fn comfortable(plan: Plan) -> Plan {
+pub(super) fn comfortable(plan: Plan) -> Plan {
     Plan { status: PlanStatus::Comfortable, ..plan }
 }
 
@@ -423,7 +440,10 @@ const HURRIED_BEFORE_S: f64 = 2.0;
 const HURRIED_SHARE: f64 = 1.2;
 
 /// Share of the time to collision in the other lane that is enough once the ego is in it.
-const UNDER_WAY: f64 = 0.6;
+pub(super) const UNDER_WAY: f64 = 0.6;
+
+/// Share of it that is enough until an ego that gives a pass up is back in its lane.
+const BACK_TTC_SHARE: f64 = 0.25;
 
 /// Offsets that keep the ego in its lane, metres: to the left of the line, and to its right.
 fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
@@ -438,7 +458,7 @@ fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
 }
 
 /// The next offset of the lattice that is no less, metres.
-fn stepped_up_m(offset_m: f64) -> f64 {
+pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
     ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
@@ -480,7 +500,7 @@ const LANE_EDGE_M: f64 = 0.05;
 const BRAKE_STEPS: u32 = 7;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
-const HARDER_MPS2: f64 = 0.1;
+pub(super) const HARDER_MPS2: f64 = 0.1;
 
 /// The wheels may turn faster by this factor, for the rounding of a table's curvatures.
 const WHEELS_SPARE: f64 = 1.2;
@@ -489,4 +509,4 @@ const WHEELS_SPARE: f64 = 1.2;
 const KEPT_SHARE: f64 = 0.8;
 
 /// Distance from obstacles that is enough where comfort is not, metres.
-const HARD_CLEARANCE_M: f64 = 0.3;
+pub(super) const HARD_CLEARANCE_M: f64 = 0.3;

@@ -311,3 +311,54 @@ fn a_crossing_car_is_braked_for_in_the_lane() {
         assert!(over_line(&drive).0 == 0.0 && hardest_mps2(&drive) < 3.7, "{manner:?}");
     }
 }
+
+/// Along the road with speeds that change at `mps2` from one to the next, each held from its instant on.
+fn at_speeds_m(speeds: &[(f64, f64)], mps2: f64, t_s: f64) -> f64 {
+    let mut way_m = 0.0;
+    for (k, &(from_s, speed_mps)) in speeds.iter().enumerate() {
+        let until_s = speeds.get(k + 1).map_or(f64::INFINITY, |next| next.0).min(t_s);
+        if until_s <= from_s {
+            break;
+        }
+        let before_mps = if k == 0 { speed_mps } else { speeds[k - 1].1 };
+        let changes_s = ((speed_mps - before_mps).abs() / mps2).min(until_s - from_s);
+        let reached_mps = before_mps + (speed_mps - before_mps).signum() * mps2 * changes_s;
+        way_m += 0.5 * (before_mps + reached_mps) * changes_s + speed_mps * (until_s - from_s - changes_s);
+    }
+    way_m
+}
+
+#[test]
+fn pass_of_a_vehicle_that_speeds_up_is_given_up_gently() {
+    // From 5 m/s to 16 m/s, which is more than the ego's target, before the two are level: the pass cannot end. To fall back
+    // by the lengths of both and a gap, 12 m, at 2 to 3 m/s less takes 5 s: no more than comfort at any time.
+    let mut wrong = Vec::new();
+    for manner in &MANNERS[1..] {
+        for from_s in [2.0, 2.5, 3.0] {
+            let lead = |t_s: f64| [40.0 + at_speeds_m(&[(0.0, 5.0), (from_s, 16.0)], 3.0, t_s), 0.0];
+            let drive = drive(14.0, true, *manner, &[&lead], 25.0);
+            let (hardest, last) = (hardest_mps2(&drive), drive.last().unwrap());
+            let nearest = drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min);
+            if hardest > 3.6 || nearest < 0.4 || last.gap_m < 2.0 || last.ego.pose.y_m > 0.2 {
+                wrong.push(format!(
+                    "{manner:?} {from_s}: brakes {hardest:.2}, nearest {nearest:.2}, ends {last:?}"
+                ));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn vehicle_that_brakes_is_not_passed_before_it_stands() {
+    // It brakes at 2 m/s2 from 1 s to 7 s and stands 52 m on; the ego, 30 m behind it, needs 12^2 / (2 * (30 + 12 + 36 - 7)),
+    // 1 m/s2, and waits where it can steer out.
+    let lead = |t_s: f64| [34.0 + braking_m(12.0, 2.0, 1.0, t_s), 0.0];
+    for manner in &MANNERS[1..] {
+        let drive = drive(12.0, true, *manner, &[&lead], 25.0);
+        let braking = drive.iter().filter(|i| i.t_s < 6.8);
+        assert!(braking.clone().all(|i| i.ego.pose.y_m < 0.82), "{manner:?} {:?}", over_line(&drive));
+        assert!(hardest_mps2(&drive) < 2.6, "{manner:?} {}", hardest_mps2(&drive));
+        assert!(drive.last().unwrap().gap_m < -10.0, "{manner:?} {:?}", drive.last());
+    }
+}
