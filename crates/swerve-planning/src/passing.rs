@@ -58,7 +58,8 @@ pub(crate) struct Passing<'a> {
     target_mps: f64,
     /// Offset to the left at which everything is passed, metres.
     pub(crate) offset_m: f64,
-    /// Whether a vehicle ahead still brakes: where it will be is not known yet.
+    /// Whether where it will be is not known yet: a vehicle still brakes, or a pedestrian may walk on before a fast
+    /// ego.
     waits: bool,
 }
 
@@ -70,8 +71,7 @@ impl<'a> Passing<'a> {
         lane: Lane<'a>,
         (route, shape): (&'a Route, &'a Shape),
         traffic: &'a Traffic,
-        s_m: f64,
-        target_mps: f64,
+        (s_m, speed_mps, target_mps): (f64, f64, f64),
     ) -> Option<Self> {
         let front_m = shape.length_m - shape.rear_overhang_m;
         let reach_m = front_m + AHEAD_S * target_mps.max(5.0);
@@ -99,11 +99,13 @@ impl<'a> Passing<'a> {
         if slowest.is_vehicle() && !slowest.stands() && gain_mps < rules.gain_min_mps {
             return None;
         }
-        let waits = !rules.under_way && blocking.iter().any(|one| brakes(one));
+        // The ego passes on the left.
+        let may_walk = |one: &Mover| one.faces_across() && one.faces > 0.0 && speed_mps > BEFORE_FACE_MPS;
+        let waits = !rules.under_way && blocking.iter().any(|one| brakes(one) || may_walk(one));
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
-        let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane)).fold(0.0, f64::max);
         let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
+        let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane, room_m)).fold(0.0, f64::max);
         (offset_m <= room_m).then_some(Self {
             rules,
             lane,
@@ -255,16 +257,20 @@ fn brakes(one: &Mover) -> bool {
     one.is_vehicle() && speed_mps > STANDS_MPS && brake_mps2 > BRAKES_MPS2
 }
 
+/// Faster than this the ego does not go out to pass before the face of a pedestrian, m/s: 23 km/h.
+const BEFORE_FACE_MPS: f64 = 6.5;
+
 /// A vehicle that slows down by more than this brakes, m/s².
 const BRAKES_MPS2: f64 = 0.3;
 
-/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too.
-fn clear_offset_m(one: &Mover, lane: &Lane<'_>) -> f64 {
-    if one.kind == ActorKind::Pedestrian {
-        return PEDESTRIAN_OFFSET_M;
-    }
+/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too, within
+/// `room_m`.
+fn clear_offset_m(one: &Mover, lane: &Lane<'_>, room_m: f64) -> f64 {
     let blocking = one.knots.iter().filter(|knot| lane.is_blocked(knot));
-    blocking.map(|knot| knot.left_m + lane.clearance_m + 0.5 * lane.width_m + SPARE_M).fold(0.0, f64::max)
+    let least_m = blocking
+        .map(|knot| knot.left_m + lane.clearance_m + 0.5 * lane.width_m + SPARE_M)
+        .fold(0.0, f64::max);
+    if one.kind == ActorKind::Pedestrian { least_m.max(PEDESTRIAN_OFFSET_M.min(room_m)) } else { least_m }
 }
 
 /// Furthest that a pedestrian is gone round, metres.
