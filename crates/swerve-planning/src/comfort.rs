@@ -19,9 +19,11 @@ use crate::traffic::without_followers;
 
 mod beside;
 mod decision;
+mod meet;
+mod steer_out;
+
 #[cfg(test)]
 mod drives;
-mod steer_out;
 
 /// Limits of comfort; the vehicle's are kept too.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -172,6 +174,9 @@ pub(crate) const LANE_EDGE_M: f64 = 0.05;
 pub(crate) const LATERAL_STEP_M: f64 = 0.25;
 const LEFT_MAX_M: f64 = 4.0;
 const RIGHT_MAX_M: f64 = 1.0;
+
+/// Distance from the edge of the road that is left for the swing of the corners, metres.
+const EDGE_SWING_M: f64 = 0.12;
 
 /// Obstacles that never come within this are left out, metres.
 const OBSTACLES_M: f64 = 100.0;

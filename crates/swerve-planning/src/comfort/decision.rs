@@ -85,6 +85,9 @@ impl Comfort {
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
         let waits = self.manner == Manner::Waits;
         let own = if waits { (0.0, 0.0) } else { own_offsets_m(request, &place) };
+        if !waits && let Some(plan) = self.meet(scene) {
+            return Some(plan);
+        }
         let mut profile = self.led(scene, possible, |one| !passed(one));
         let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
         if !profile.is_led && open.filter(beside).is_none() {
@@ -266,7 +269,12 @@ impl Comfort {
     }
 
     /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.
-    fn led(&self, scene: &Scene<'_>, steers_out: bool, counts: impl Fn(&Mover) -> bool) -> Profile {
+    pub(super) fn led(
+        &self,
+        scene: &Scene<'_>,
+        steers_out: bool,
+        counts: impl Fn(&Mover) -> bool,
+    ) -> Profile {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
         let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);

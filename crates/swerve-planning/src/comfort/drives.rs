@@ -409,3 +409,20 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
         }
     }
 }
+
+#[test]
+fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
+    // It keeps to 1.7 m beside the ego's line: its side is at 0.8 m, the ego's at 0.93 m. Within the lane the ego can
+    // go 1.75 - 0.93 = 0.82 m to the right, of which a decimetre is kept: 0.6 m are between the two.
+    for manner in &MANNERS[1..] {
+        let oncoming = |t_s: f64| [170.0 - 12.0 * t_s, 1.7];
+        let drive = drive(13.0, true, *manner, &[&oncoming], 15.0);
+        let met = drive.iter().find(|i| oncoming(i.t_s)[0] - 2.25 < i.ego.pose.x_m + 3.9).unwrap();
+        assert!(met.ego.pose.y_m < -0.5 && met.ego.speed_mps < 13.0 - 2.0, "{manner:?} {met:?}");
+        assert!(passes(&drive).1 > 0.5 && hardest_mps2(&drive) < 3.7, "{manner:?} {:?}", passes(&drive));
+        assert!(over_line(&drive).0 == 0.0, "{manner:?}");
+        // Then it goes on.
+        let last = drive.last().unwrap().ego;
+        assert!(last.pose.y_m.abs() < 0.1 && last.speed_mps > 12.5, "{manner:?} {last:?}");
+    }
+}
