@@ -34,6 +34,9 @@ const SPARE_M: f64 = 0.3;
 /// Time that a vehicle's deceleration is behind its plan, seconds.
 const RESPONDS_S: f64 = 0.15;
 
+/// A vehicle that comes into the ego's way counts so long before it is there, seconds.
+const SOON_S: f64 = 1.0;
+
 /// Gap that is left where keeping the standstill gap takes more than comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
@@ -205,7 +208,10 @@ impl Follower<'_> {
         let mut least_mps2 = free_mps2;
         for &Lead { mover: lead, passable, beside } in &self.leads {
             let knot = lead.at(t_s);
-            if (knot.to_m < now.s_m && beside.is_none()) || !(self.in_way)(&knot) || lead.crosses(t_s) {
+            if (knot.to_m < now.s_m && beside.is_none())
+                || !self.comes_in_way(lead, &knot, t_s)
+                || lead.crosses(t_s)
+            {
                 continue;
             }
             let (speed_mps, brake_mps2) = lead.motion(t_s);
@@ -229,6 +235,11 @@ impl Follower<'_> {
         let dies_mps2 = -(2.0 * JERK_MPS3 * now.speed_mps).sqrt().max(CREEP_MPS2);
         let hard = least_mps2 < -self.accel.brake_mps2 - 0.05;
         (if hard { least_mps2 } else { least_mps2.max(dies_mps2) }, is_led, hard)
+    }
+
+    /// Whether a vehicle is in the ego's way at `t_s`, or soon after.
+    fn comes_in_way(&self, lead: &Mover, now: &Knot, t_s: f64) -> bool {
+        (self.in_way)(now) || (self.in_way)(&lead.at(t_s + SOON_S))
     }
 
     /// The acceleration behind one lead, by its speed and deceleration.
@@ -265,10 +276,11 @@ impl Follower<'_> {
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
-            // Beyond comfort the standstill gap is given up for less braking.
+            // The standstill gap is given up for less braking where that leaves comfort, and where there is no more braking.
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
-            return -needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
+            let eased = if least <= comfort { comfort } else { needed };
+            return -eased.min(self.accel.hardest_mps2);
         }
         self.counted(needed)
     }
