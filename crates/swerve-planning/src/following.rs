@@ -266,20 +266,25 @@ impl Follower<'_> {
         // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
         let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
         let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
-        keeps_mps2
-            .min(self.counted(in_time.min(firm_mps2)))
-            .min(self.braking(v, lead_mps, brake_mps2, gap_m, room_m))
+        keeps_mps2.min(self.counted(in_time.min(firm_mps2))).min(self.braking(
+            now,
+            (lead_mps, brake_mps2),
+            gap_m,
+            room_m,
+        ))
     }
 
     /// The bound on the acceleration for a gap that closes, m/s².
-    fn braking(&self, v: f64, lead_mps: f64, brake_mps2: f64, gap_m: f64, room_m: f64) -> f64 {
+    fn braking(&self, now: &Step, (lead_mps, brake_mps2): (f64, f64), gap_m: f64, room_m: f64) -> f64 {
+        let v = now.speed_mps;
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
             // The standstill gap is given up for less braking where that leaves comfort, and where there is no more braking.
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
-            let eased = if least <= comfort { comfort } else { needed };
+            // What is braked with already goes on.
+            let eased = if least <= comfort { needed.min(comfort.max(-now.accel_mps2)) } else { needed };
             return -eased.min(self.accel.hardest_mps2);
         }
         self.counted(needed)
