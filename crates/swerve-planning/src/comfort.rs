@@ -17,7 +17,11 @@ use crate::fot::{self, Fot};
 use crate::request::{Budget, Counted, Planner, Request};
 use crate::traffic::without_followers;
 
+mod beside;
 mod decision;
+mod meet;
+mod steer_out;
+
 #[cfg(test)]
 mod drives;
 
@@ -35,6 +39,11 @@ pub struct Params {
     pub brake_max_mps2: f64,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
+    /// Distance at which pedestrians and cyclists in the lane are passed where the road has the room, metres. Source: 1.5 m
+    /// in towns, StVO § 5 and Highway Code rule 163.
+    pub pass_person_m: f64,
+    /// Distance at which a moving vehicle is overtaken where the road has the room, metres. Source: German courts, § 5 StVO.
+    pub pass_vehicle_m: f64,
     /// Corners of the line are eased over this much before and after each place, metres.
     pub ease_m: f64,
     /// Time gap to a lead vehicle, seconds. Source: ISO 15622 has 1.0 to 2.2.
@@ -60,6 +69,8 @@ impl Default for Params {
             accel_max_mps2: 2.0,
             brake_max_mps2: 3.5,
             clearance_m: 0.5,
+            pass_person_m: 1.5,
+            pass_vehicle_m: 1.0,
             ease_m: 4.0,
             time_gap_s: 1.5,
             standstill_gap_m: 2.0,
@@ -79,6 +90,8 @@ impl Params {
         require_positive("accel_max_mps2", self.accel_max_mps2)?;
         require_positive("brake_max_mps2", self.brake_max_mps2)?;
         require_not_negative("clearance_m", self.clearance_m)?;
+        require_not_negative("pass_person_m", self.pass_person_m)?;
+        require_not_negative("pass_vehicle_m", self.pass_vehicle_m)?;
         require_within("ease_m", self.ease_m, [0.0, EASE_MAX_M])?;
         require_within("time_gap_s", self.time_gap_s, [0.5, 10.0])?;
         require_within("standstill_gap_m", self.standstill_gap_m, [0.5, 50.0])?;
@@ -154,10 +167,16 @@ impl Comfort {
     }
 }
 
+/// Distance that is kept from the lane's borders, metres.
+pub(crate) const LANE_EDGE_M: f64 = 0.05;
+
 /// Offsets of candidates: their distance, and the furthest, metres.
-const LATERAL_STEP_M: f64 = 0.25;
+pub(crate) const LATERAL_STEP_M: f64 = 0.25;
 const LEFT_MAX_M: f64 = 4.0;
 const RIGHT_MAX_M: f64 = 1.0;
+
+/// Distance from the edge of the road that is left for the swing of the corners, metres.
+const EDGE_SWING_M: f64 = 0.12;
 
 /// Obstacles that never come within this are left out, metres.
 const OBSTACLES_M: f64 = 100.0;

@@ -34,6 +34,9 @@ const SPARE_M: f64 = 0.3;
 /// Time that a vehicle's deceleration is behind its plan, seconds.
 const RESPONDS_S: f64 = 0.15;
 
+/// A vehicle that comes into the ego's way counts so long before it is there, seconds.
+const SOON_S: f64 = 1.0;
+
 /// Gap that is left where keeping the standstill gap takes more than comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
@@ -142,6 +145,25 @@ pub(crate) struct Profile {
     pub(crate) is_led: bool,
 }
 
+/// A lead vehicle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Lead<'a> {
+    pub(crate) mover: &'a Mover,
+    /// Whether it can be passed where it stands.
+    pub(crate) passable: bool,
+    /// For a lead vehicle beside the ego: how the ego falls back behind it.
+    pub(crate) beside: Option<FallBack>,
+}
+
+/// How an ego lets a vehicle beside it go ahead.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct FallBack {
+    /// Speed below that of the vehicle, m/s.
+    pub(crate) slower_mps: f64,
+    /// Largest deceleration, m/s²; the vehicle's limit is kept too.
+    pub(crate) brake_mps2: f64,
+}
+
 /// What a profile is computed from.
 pub(crate) struct Follower<'a> {
     pub(crate) gaps: Gaps,
@@ -150,8 +172,7 @@ pub(crate) struct Follower<'a> {
     pub(crate) curves: &'a SpeedTable,
     /// Distance from the ego origin to its front, metres.
     pub(crate) front_m: f64,
-    /// Lead vehicles, each with whether it can be passed where it stands.
-    pub(crate) leads: Vec<(&'a Mover, bool)>,
+    pub(crate) leads: Vec<Lead<'a>>,
     /// Whether a road user at this place is in the ego's way.
     pub(crate) in_way: &'a dyn Fn(&Knot) -> bool,
 }
@@ -185,9 +206,12 @@ impl Follower<'_> {
         let free_mps2 =
             ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
         let mut least_mps2 = free_mps2;
-        for &(lead, passable) in &self.leads {
+        for &Lead { mover: lead, passable, beside } in &self.leads {
             let knot = lead.at(t_s);
-            if knot.to_m < now.s_m || !(self.in_way)(&knot) || lead.crosses(t_s) {
+            if (knot.to_m < now.s_m && beside.is_none())
+                || !self.comes_in_way(lead, &knot, t_s)
+                || lead.crosses(t_s)
+            {
                 continue;
             }
             let (speed_mps, brake_mps2) = lead.motion(t_s);
@@ -197,6 +221,12 @@ impl Follower<'_> {
                 self.gaps.standstill_m
             };
             let gap_m = knot.from_m - now.s_m - self.front_m;
+            if let Some(back) = beside.filter(|_| gap_m < standing_m) {
+                let error_mps = (speed_mps - back.slower_mps).max(0.0) - now.speed_mps;
+                let hardest_mps2 = back.brake_mps2.min(self.accel.hardest_mps2);
+                least_mps2 = least_mps2.min((error_mps / SETTLES_S).max(-hardest_mps2));
+                continue;
+            }
             least_mps2 =
                 least_mps2.min(self.behind(now, gap_m, standing_m, (speed_mps.max(0.0), brake_mps2)));
         }
@@ -205,6 +235,11 @@ impl Follower<'_> {
         let dies_mps2 = -(2.0 * JERK_MPS3 * now.speed_mps).sqrt().max(CREEP_MPS2);
         let hard = least_mps2 < -self.accel.brake_mps2 - 0.05;
         (if hard { least_mps2 } else { least_mps2.max(dies_mps2) }, is_led, hard)
+    }
+
+    /// Whether a vehicle is in the ego's way at `t_s`, or soon after.
+    fn comes_in_way(&self, lead: &Mover, now: &Knot, t_s: f64) -> bool {
+        (self.in_way)(now) || (self.in_way)(&lead.at(t_s + SOON_S))
     }
 
     /// The acceleration behind one lead, by its speed and deceleration.
@@ -231,20 +266,26 @@ impl Follower<'_> {
         // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
         let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
         let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
-        keeps_mps2
-            .min(self.counted(in_time.min(firm_mps2)))
-            .min(self.braking(v, lead_mps, brake_mps2, gap_m, room_m))
+        keeps_mps2.min(self.counted(in_time.min(firm_mps2))).min(self.braking(
+            now,
+            (lead_mps, brake_mps2),
+            gap_m,
+            room_m,
+        ))
     }
 
     /// The bound on the acceleration for a gap that closes, m/s².
-    fn braking(&self, v: f64, lead_mps: f64, brake_mps2: f64, gap_m: f64, room_m: f64) -> f64 {
+    fn braking(&self, now: &Step, (lead_mps, brake_mps2): (f64, f64), gap_m: f64, room_m: f64) -> f64 {
+        let v = now.speed_mps;
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
-            // Beyond comfort the standstill gap is given up for less braking.
+            // The standstill gap is given up for less braking where that leaves comfort, and where there is no more braking.
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
-            return -needed.min(least.max(comfort)).min(self.accel.hardest_mps2);
+            // What is braked with already goes on.
+            let eased = if least <= comfort { needed.min(comfort.max(-now.accel_mps2)) } else { needed };
+            return -eased.min(self.accel.hardest_mps2);
         }
         self.counted(needed)
     }

@@ -192,6 +192,11 @@ impl Fot {
         (self.params.left_m, self.params.right_m) = (left_m, right_m);
     }
 
+    /// The ego stops this far behind what is in its way, metres.
+    pub(crate) fn set_follow_gap(&mut self, gap_m: f64) {
+        self.params.follow_gap_m = gap_m;
+    }
+
     /// The cheapest valid plan at about the target speed, by the first of the collision modes; no fallback.
     pub(crate) fn at_speed(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
         self.set_world(request, self.params.collision.in_order()[0]);

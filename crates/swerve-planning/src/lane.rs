@@ -15,6 +15,9 @@ use crate::traffic::Knot;
 const RETURN_S: f64 = 4.0;
 const RETURN_MIN_M: f64 = 10.0;
 
+/// The rest of the way out to an offset takes this long, seconds.
+const OUT_S: f64 = 2.0;
+
 /// It is so much longer for each square root of a metre that the ego is beside the centre: bounds its curvature.
 const RETURN_PER_ROOT_M: f64 = 12.0;
 
@@ -69,6 +72,30 @@ pub(crate) fn back_to_centre(
         .max(RETURN_MIN_M)
         .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt());
     aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
+}
+
+/// Points along the line at the steps of a profile: out to an offset, and from step `k` on back to the centre.
+pub(crate) fn aside_then_back(
+    line: &Line,
+    place: &OnLine,
+    start: &EgoState,
+    (steps, k): (&[Step], usize),
+    (shape, to_m): (&Shape, f64),
+) -> Vec<PlanPoint> {
+    let length_m = steps[k].s_m - place.s_m;
+    if length_m < RETURN_MIN_M {
+        return back_to_centre(line, place, start, steps, shape);
+    }
+    let length_m = length_m.min((OUT_S * start.speed_mps).max(RETURN_MIN_M));
+    let mut points = aside(line, place, start, &steps[..=k], (shape, Aside { to_m, length_m }));
+    let Some(end) = points.pop() else { return points };
+    let s_m = steps[k].s_m;
+    let then = OnLine { s_m, d_m: to_m, node: line.at(s_m), turn_rad: 0.0 };
+    let yaw_rate_radps = end.speed_mps * end.curvature_1pm;
+    let start =
+        EgoState { stamp: end.at, pose: end.pose, speed_mps: end.speed_mps, yaw_rate_radps, ..*start };
+    points.extend(back_to_centre(line, &then, &start, &steps[k..], shape));
+    points
 }
 
 /// Length at the ego's offset for each metre of the line.

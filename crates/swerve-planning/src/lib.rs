@@ -19,6 +19,7 @@ mod passing;
 pub mod path;
 mod request;
 mod road;
+mod room;
 pub mod rrt_star;
 mod start;
 mod steady_stop;

@@ -20,6 +20,8 @@ pub(crate) struct Rules {
     pub(crate) over_line_max_s: f64,
     /// Whether the ego is in the other lane already.
     pub(crate) under_way: bool,
+    /// Whether a road user that moves in the other lane has all of it, not the place where it is.
+    pub(crate) whole_lane: bool,
 }
 
 /// Gap to what was passed before the ego returns, metres, and by its speed, seconds.
@@ -56,6 +58,9 @@ pub(crate) struct Passing<'a> {
     target_mps: f64,
     /// Offset to the left at which everything is passed, metres.
     pub(crate) offset_m: f64,
+    /// Whether where it will be is not known yet: a vehicle still brakes, or a pedestrian may walk on before a fast
+    /// ego.
+    waits: bool,
 }
 
 impl<'a> Passing<'a> {
@@ -66,15 +71,16 @@ impl<'a> Passing<'a> {
         lane: Lane<'a>,
         (route, shape): (&'a Route, &'a Shape),
         traffic: &'a Traffic,
-        s_m: f64,
-        target_mps: f64,
+        (s_m, speed_mps, target_mps): (f64, f64, f64),
     ) -> Option<Self> {
         let front_m = shape.length_m - shape.rear_overhang_m;
         let reach_m = front_m + AHEAD_S * target_mps.max(5.0);
         let rear_m = s_m - shape.rear_overhang_m;
+        // A pass lasts until there is a gap to return with.
+        let behind_m = if rules.under_way { RETURN_GAP_M } else { 0.0 };
         let blocks = |one: &&Mover| {
             let now = one.knots[0];
-            now.to_m > rear_m
+            now.to_m + behind_m > rear_m
                 && now.from_m < s_m + reach_m
                 && one.knots.iter().any(|knot| lane.is_blocked(knot))
         };
@@ -93,10 +99,13 @@ impl<'a> Passing<'a> {
         if slowest.is_vehicle() && !slowest.stands() && gain_mps < rules.gain_min_mps {
             return None;
         }
+        // The ego passes on the left.
+        let may_walk = |one: &Mover| one.faces_across() && one.faces > 0.0 && speed_mps > BEFORE_FACE_MPS;
+        let waits = !rules.under_way && blocking.iter().any(|one| brakes(one) || may_walk(one));
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
-        let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane)).fold(0.0, f64::max);
         let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
+        let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane, room_m)).fold(0.0, f64::max);
         (offset_m <= room_m).then_some(Self {
             rules,
             lane,
@@ -106,7 +115,14 @@ impl<'a> Passing<'a> {
             others,
             target_mps,
             offset_m,
+            waits,
         })
+    }
+
+    /// The same for an ego that cannot stay behind any more: with another least time to collision, seconds, to everybody
+    /// where they are.
+    pub(crate) fn committed(&self, ttc_min_s: f64) -> Self {
+        Self { rules: Rules { ttc_min_s, whole_lane: false, ..self.rules }, ..self.clone() }
     }
 
     /// Whether going out now may do, whatever the plan: a look without a search.
@@ -123,6 +139,9 @@ impl<'a> Passing<'a> {
     }
 
     fn is_open(&self, mut motion: Motion<'_>, start: &EgoState) -> bool {
+        if self.waits {
+            return false;
+        }
         let (mut over_since_s, mut widest_m, mut passed_s) = (None, f64::NEG_INFINITY, None::<f64>);
         let count = ((HORIZON_S + self.rules.over_line_max_s) / LOOK_S) as usize;
         for k in 0..=count {
@@ -133,6 +152,8 @@ impl<'a> Passing<'a> {
                 over_since_s = Some(t_s);
             }
             let Some(since_s) = over_since_s else { continue };
+            let returned = passed_s.map_or(0.0, |passed_s| ((t_s - passed_s) / RETURN_S).min(1.0));
+            let at = Place { d_m: at.d_m * (1.0 - returned), ..at };
             if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
                 return false;
             }
@@ -145,6 +166,27 @@ impl<'a> Passing<'a> {
         }
         // In the own lane throughout.
         over_since_s.is_none()
+    }
+
+    /// Whether a plan that gives the pass up may be driven: until it is back in the own lane everybody in the other lane keeps
+    /// the time to collision.
+    pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
+        let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
+        let mut motion = Motion { plan: Some((plan, line)), next, target_mps: self.target_mps };
+        let count = (HORIZON_S / LOOK_S) as usize;
+        let mut widest_m = f64::NEG_INFINITY;
+        for k in 0..=count {
+            let t_s = k as f64 * LOOK_S;
+            let at = motion.next(start.stamp + Span::from_secs(t_s));
+            widest_m = widest_m.max(at.d_m + 0.5 * self.shape.width_m);
+            if !self.lane.is_over(at.s_m, at.d_m) {
+                return true;
+            }
+            if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
+                return false;
+            }
+        }
+        true
     }
 
     /// Whether the ego, over the line, is beside what it passes, or before it, a second from now: it does not draw nearer yet.
@@ -185,7 +227,13 @@ impl<'a> Passing<'a> {
         let beyond_m = self.lane.borders.left_m(ego.s_m);
         let (stands, reach_m) = (other_mps.abs() < STANDS_MPS, widest_m + self.lane.clearance_m.min(0.3));
         // Whoever moves has the whole lane, what stands the place where it stands.
-        let strip_m = if stands { reach_m } else { self.route.left_m(ego.s_m) };
+        let strip_m = if stands {
+            reach_m
+        } else if self.rules.whole_lane {
+            self.route.left_m(ego.s_m)
+        } else {
+            ego.d_m + 0.5 * self.shape.width_m + self.lane.clearance_m
+        };
         if other.left_m < beyond_m || other.right_m > strip_m {
             return false;
         }
@@ -203,13 +251,26 @@ impl<'a> Passing<'a> {
     }
 }
 
-/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too.
-fn clear_offset_m(one: &Mover, lane: &Lane<'_>) -> f64 {
-    if one.kind == ActorKind::Pedestrian {
-        return PEDESTRIAN_OFFSET_M;
-    }
+/// Whether a vehicle brakes and does not stand yet.
+fn brakes(one: &Mover) -> bool {
+    let (speed_mps, brake_mps2) = one.motion(0.0);
+    one.is_vehicle() && speed_mps > STANDS_MPS && brake_mps2 > BRAKES_MPS2
+}
+
+/// Faster than this the ego does not go out to pass before the face of a pedestrian, m/s: 23 km/h.
+const BEFORE_FACE_MPS: f64 = 6.5;
+
+/// A vehicle that slows down by more than this brakes, m/s².
+const BRAKES_MPS2: f64 = 0.3;
+
+/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too, within
+/// `room_m`.
+fn clear_offset_m(one: &Mover, lane: &Lane<'_>, room_m: f64) -> f64 {
     let blocking = one.knots.iter().filter(|knot| lane.is_blocked(knot));
-    blocking.map(|knot| knot.left_m + lane.clearance_m + 0.5 * lane.width_m + SPARE_M).fold(0.0, f64::max)
+    let least_m = blocking
+        .map(|knot| knot.left_m + lane.clearance_m + 0.5 * lane.width_m + SPARE_M)
+        .fold(0.0, f64::max);
+    if one.kind == ActorKind::Pedestrian { least_m.max(PEDESTRIAN_OFFSET_M.min(room_m)) } else { least_m }
 }
 
 /// Furthest that a pedestrian is gone round, metres.

@@ -31,6 +31,9 @@ const CROSS_S: f64 = 0.5;
 /// The largest angle between a motion along the road and the road, radians.
 const ALONG_RAD: f64 = 0.5;
 
+/// Sine of the angle to the road from which a pedestrian faces across it.
+const ACROSS: f64 = 0.5;
+
 /// A road user behind the ego in its own lane.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Behind {
@@ -109,6 +112,10 @@ pub(crate) struct Knot {
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
+    /// Its prediction among those of the [`Traffic`].
+    pub(crate) index: usize,
+    /// Sine of the angle from the line to its heading: 1 where it faces left across the road.
+    pub(crate) faces: f64,
     /// At increasing instants, evenly apart.
     pub(crate) knots: Vec<Knot>,
 }
@@ -166,6 +173,16 @@ impl Mover {
         0.5 * (b.left_m + b.right_m - a.left_m - a.right_m).abs() > STANDS_MPS * KNOT_S
     }
 
+    /// Whether it is a pedestrian who faces across the road.
+    pub(crate) fn faces_across(&self) -> bool {
+        self.kind == ActorKind::Pedestrian && self.faces.abs() > ACROSS
+    }
+
+    /// Whether it stands, or is predicted to come to rest.
+    pub(crate) fn comes_to_rest(&self) -> bool {
+        self.motion(HORIZON_S).0.abs() < STANDS_MPS
+    }
+
     /// Whether it stands all the time.
     pub(crate) fn stands(&self) -> bool {
         let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);
@@ -196,7 +213,7 @@ impl Traffic {
         let mut crossing = Vec::new();
         for one in request.predictions {
             let one = continued(one, until, request.route, s_m);
-            let mover = mover(&one, request, line, s_m);
+            let mover = mover(&one, request, line, (s_m, traffic.predictions.len()));
             let drives_along =
                 |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
             traffic.drives_along.push(mover.as_ref().is_some_and(drives_along));
@@ -212,6 +229,21 @@ impl Traffic {
 }
 
 impl Traffic {
+    /// In the place of a road user's prediction, another one for it.
+    pub(crate) fn replace(
+        &mut self,
+        k: usize,
+        one: Prediction,
+        request: &Request<'_>,
+        (line, s_m): (&Line, f64),
+    ) {
+        let index = self.movers[k].index;
+        if let Some(mover) = mover(&one, request, line, (s_m, index)) {
+            self.movers[k] = mover;
+            self.predictions[index] = one;
+        }
+    }
+
     /// Of `predictions`, from which this was made, those that do not drive along the line, in its direction.
     pub(crate) fn without_leads(&self, predictions: &[Prediction]) -> Vec<Prediction> {
         predictions
@@ -279,7 +311,7 @@ fn final_motion(one: &Prediction) -> Option<(PredictedPose, f64, f64)> {
 }
 
 /// The road user along the line; `None` where it is far away.
-fn mover(one: &Prediction, request: &Request<'_>, line: &Line, s_m: f64) -> Option<Mover> {
+fn mover(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f64, usize)) -> Option<Mover> {
     let first = one.path.first()?;
     let start = request.start;
     if first.pose.point().distance(start.pose.point()) > REACH_M {
@@ -288,6 +320,7 @@ fn mover(one: &Prediction, request: &Request<'_>, line: &Line, s_m: f64) -> Opti
     let mut guess_m = request.route.project_near(first.pose.point(), s_m, REACH_M).s_m;
     let mut next = 0;
     let count = (HORIZON_S / KNOT_S) as usize;
+    let mut faces = 0.0;
     let mut knots = Vec::with_capacity(count + 1);
     for k in 0..=count {
         let t_s = k as f64 * KNOT_S;
@@ -301,6 +334,9 @@ fn mover(one: &Prediction, request: &Request<'_>, line: &Line, s_m: f64) -> Opti
         let node = line.at(at_m);
         let turn_rad = pose.heading_rad - math::atan2(node.sin, node.cos);
         let (along_m, across_m) = half_sizes(one, turn_rad);
+        if k == 0 {
+            faces = math::sin_cos(turn_rad).0;
+        }
         knots.push(Knot {
             t_s,
             from_m: at_m - along_m,
@@ -309,16 +345,45 @@ fn mover(one: &Prediction, request: &Request<'_>, line: &Line, s_m: f64) -> Opti
             left_m: d_m + across_m,
         });
     }
-    Some(Mover { kind: one.kind, knots })
+    Some(Mover { kind: one.kind, index, faces, knots })
 }
 
-/// The pose at `at`; `next` is the first place that is not before it. Held before the first and after the last.
+/// The pose at `at`; `next` is the first place that is not before it. Before the first the first motion is continued: a pose
+/// held there for 5 ms would hide half of a deceleration of 1 m/s² at 25 m/s. Held after the last.
 fn pose_at(path: &[PredictedPose], next: usize, at: Time) -> Pose2 {
+    let next = if path.len() > 1 { next.max(1) } else { next };
     match (path.get(next.wrapping_sub(1)), path.get(next)) {
         (Some(a), Some(b)) => {
             crate::collision::between(a.pose, b.pose, (at - a.at).as_secs() / (b.at - a.at).as_secs())
         }
         (None, Some(only)) | (Some(only), None) => only.pose,
         (None, None) => Pose2::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::World;
+
+    #[test]
+    fn deceleration_does_not_depend_on_how_late_a_prediction_begins() {
+        let world = World::straight(20.0).with(ActorKind::Car, (4.5, 1.8), (60.0, 0.0), (0.0, 0.0));
+        let mut line = Line::default();
+        line.set(world.route.line());
+        for late_ms in [0, 5, 20, 50] {
+            let mut one = world.predictions[0].clone();
+            for (k, place) in one.path.iter_mut().enumerate() {
+                let t_s = 0.1 * k as f64 + 1e-3 * f64::from(late_ms);
+                place.at = world.start.stamp + Span::from_secs(t_s);
+                place.pose.x_m = 60.0 + 25.0 * t_s - 0.5 * t_s * t_s;
+            }
+            let mover = mover(&one, &world.request(), &line, (0.0, 0)).unwrap();
+            let (speed_mps, brake_mps2) = mover.motion(0.0);
+            assert!(
+                (speed_mps - 25.0).abs() < 0.1 && (brake_mps2 - 1.0).abs() < 0.1,
+                "{late_ms} {brake_mps2}"
+            );
+        }
     }
 }

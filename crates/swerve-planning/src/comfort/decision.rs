@@ -6,19 +6,20 @@ use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use super::{
-    BRAKE_SHARE, CURVE_SHARE, Comfort, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, RIGHT_MAX_M,
-    SWERVE_SHARE, taken_up,
+    BRAKE_SHARE, CURVE_SHARE, Comfort, LANE_EDGE_M, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, Params,
+    RIGHT_MAX_M, SWERVE_SHARE, taken_up,
 };
 use crate::collision::CollisionMode;
 use crate::fallback::kept;
-use crate::following::{self, Accel, Curve, Follower, Gaps, Profile, SpeedTable, Step};
+use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
-use crate::lane::{Aside, Lane, aside, back_to_centre, stretch};
+use crate::lane::{Lane, back_to_centre, stretch};
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
+use crate::room::{Room, Wanted};
 use crate::steady_stop::{self, Demands};
-use crate::traffic::{Behind, Knot, Mover, STANDS_MPS, Traffic};
+use crate::traffic::{Behind, Knot, Mover, Traffic};
 
 impl Comfort {
     /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
@@ -41,19 +42,38 @@ impl Comfort {
         let curves = self.curves(&easy, place.s_m);
         let curves_mps = curves.at(place.s_m);
         let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
-        let predictions =
-            if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
-        let at_once = curves_mps < hurried_mps || hurried_mps > request.target_speed_mps;
-        let easy = Request { target_speed_mps: hurried_mps.min(curves_mps), predictions, ..easy };
-        let scene = Scene {
-            request: &easy,
-            place,
-            traffic: &traffic,
-            vehicle: request.limits,
-            curves: &curves,
-            at_once,
+        let room = self.room(&easy, &traffic, place.s_m);
+        let mut free = |traffic: &Traffic, slow_mps: f64| {
+            let predictions =
+                if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
+            let at_once = curves_mps.min(slow_mps) < hurried_mps || hurried_mps > request.target_speed_mps;
+            let target_speed_mps = hurried_mps.min(curves_mps).min(slow_mps);
+            let easy = Request { target_speed_mps, predictions, ..easy };
+            let vehicle = request.limits;
+            self.free_in(&Scene { request: &easy, place, traffic, vehicle, curves: &curves, at_once }, budget)
         };
-        self.free_in(&scene, budget)
+        let Some(room) = room else { return free(&traffic, f64::INFINITY) };
+        let plan = free(&room.traffic, room.slow_mps);
+        let firm_mps2 = FIRM_SHARE * limits.brake_max_mps2;
+        let is_waiting =
+            |plan: &Plan| rests(plan) && (start.speed_mps < AT_REST_MPS || brakes_mps2(plan) > firm_mps2);
+        if plan.as_ref().is_some_and(|plan| !is_waiting(plan)) {
+            return plan;
+        }
+        // An ego neither stands nor brakes hard for more room than the clearance.
+        let close = free(&traffic, room.slower_mps);
+        if close.as_ref().is_none_or(rests) { plan.or(close) } else { close }
+    }
+
+    /// The traffic with the room that is left to others where they are passed; `None` where nobody is given more than the
+    /// clearance.
+    fn room(&self, request: &Request<'_>, traffic: &Traffic, s_m: f64) -> Option<Room> {
+        if self.manner == Manner::Waits {
+            return None;
+        }
+        let Params { clearance_m, pass_person_m, pass_vehicle_m, .. } = self.params;
+        let wanted = Wanted { clearance_m, person_m: pass_person_m, vehicle_m: pass_vehicle_m };
+        Room::new(wanted, request, (self.gentle.line(), s_m), traffic, [LEFT_MAX_M, RIGHT_MAX_M])
     }
 
     /// The first free plan of: on in the own lane, past what blocks it, behind that.
@@ -65,12 +85,16 @@ impl Comfort {
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
         let waits = self.manner == Manner::Waits;
         let own = if waits { (0.0, 0.0) } else { own_offsets_m(request, &place) };
+        if !waits && let Some(plan) = self.meet(scene) {
+            return Some(plan);
+        }
         let mut profile = self.led(scene, possible, |one| !passed(one));
         let beside = |open: &&Passing<'_>| open.is_beside(&place, request.start.speed_mps);
         if !profile.is_led && open.filter(beside).is_none() {
             // A plan towards one speed would be late.
             if scene.at_once
                 && let Some(plan) = self.follow(scene, &self.profile(scene, Vec::new()))
+                && self.returns_clear(scene, &plan)
             {
                 return Some(plan);
             }
@@ -95,8 +119,17 @@ impl Comfort {
             }
             profile = self.led(scene, possible, |_| true);
         }
+        if let Some(plan) = passing.as_ref().and_then(|passing| self.beside(scene, passing, own, budget)) {
+            return Some(plan);
+        }
         let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
-        self.behind(scene, (own, standing_m), &profile, budget)
+        let plan = self.behind(scene, (own, standing_m), &profile, budget);
+        // None that stays in the other lane while somebody comes.
+        let back = passing.map(|passing| passing.committed(BACK_TTC_SHARE * self.params.other_lane_ttc_s));
+        let may = |plan: &Plan| {
+            back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
+        };
+        plan.filter(|plan| may(plan) && self.returns_clear(scene, plan))
     }
 
     /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
@@ -108,6 +141,7 @@ impl Comfort {
         budget: &mut Counted<'_>,
     ) -> Option<Plan> {
         let request = scene.request;
+        self.gentle.set_follow_gap(standing_m);
         let alone = (!profile.is_led).then(|| self.profile(scene, Vec::new()));
         if let Some(plan) = self.follow(scene, alone.as_ref().unwrap_or(profile)) {
             return Some(plan);
@@ -181,50 +215,8 @@ impl Comfort {
         in_way.all(Mover::is_vehicle)
     }
 
-    /// Out to the passing offset at a speed that the turn takes, for an ego that hardly moves: lateral motions in time do not
-    /// begin at standstill.
-    fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
-        let request = scene.request;
-        let (start, shape, limits) = (&request.start, request.shape, request.limits);
-        if start.speed_mps > STEERS_OUT_MPS {
-            return None;
-        }
-        let to_m = stepped_up_m(open.offset_m);
-        let tightest_1pm = CURVE_SHARE * curvature_max_1pm(limits, shape);
-        STEER_OUT_M.into_iter().find_map(|length_m| {
-            let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
-            let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
-            let wheels_1pm =
-                shape.wheelbase_m * QUINTIC_KINK * (to_m - scene.place.d_m).abs() / length_m.powi(3);
-            let turn_mps =
-                turn_mps.min(self.params.wheels_max_radps(shape, STEERS_OUT_MPS) / wheels_1pm.max(1e-9));
-            let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
-            let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
-            let way = Aside { to_m, length_m };
-            let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
-            let plan = self.checked(scene, points, self.params.clearance_m)?;
-            let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
-            (turns
-                && self.can_steer(&plan, scene)
-                && open.may(&plan, self.gentle.line(), start, &scene.place))
-            .then_some(plan)
-        })
-    }
-
-    /// Whether the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
-    fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
-        let (shape, vehicle) = (scene.request.shape, scene.vehicle);
-        plan.points.windows(2).skip(1).all(|p| {
-            // Front wheels: δ = atan(L κ), so δ' is at most L κ'.
-            let turned_rad = shape.wheelbase_m * (p[1].curvature_1pm - p[0].curvature_1pm).abs();
-            let most_radps =
-                self.params.wheels_max_radps(shape, p[0].speed_mps).min(vehicle.steering_rate_max_radps);
-            p[0].speed_mps < STANDS_MPS || turned_rad <= WHEELS_SPARE * most_radps * following::STEP_S
-        })
-    }
-
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
-    fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
+    pub(super) fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
         let plan = kept(request, self.gentle.obstacles(), KEPT_SHARE * self.params.clearance_m)?;
         (!rests(&plan) && open.may(&plan, self.gentle.line(), &request.start, &place)).then_some(plan)
@@ -238,15 +230,17 @@ impl Comfort {
         let rules = passing::Rules {
             // A way that is under way is not given up for less than a part of the margin.
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
-            gain_min_mps: if beyond { 0.0 } else { self.params.overtake_gain_mps },
+            gain_min_mps: if beyond { f64::NEG_INFINITY } else { self.params.overtake_gain_mps },
             over_line_max_s: self.params.over_line_max_s,
             under_way: beyond,
+            whole_lane: true,
         };
         if self.manner == Manner::Waits {
             return None;
         }
         let ground = (request.route, request.shape);
-        Passing::new(rules, lane, ground, traffic, place.s_m, request.target_speed_mps)
+        let ego = (place.s_m, request.start.speed_mps, request.target_speed_mps);
+        Passing::new(rules, lane, ground, traffic, ego)
     }
 
     /// Whether a plan that comes back into the lane leaves a gap to whoever moves there behind the ego.
@@ -275,25 +269,25 @@ impl Comfort {
     }
 
     /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.
-    fn led(&self, scene: &Scene<'_>, steers_out: bool, counts: impl Fn(&Mover) -> bool) -> Profile {
+    pub(super) fn led(
+        &self,
+        scene: &Scene<'_>,
+        steers_out: bool,
+        counts: impl Fn(&Mover) -> bool,
+    ) -> Profile {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
         let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);
-        let leads: Vec<_> = leads.map(|one| (one, steers_out && one.stands())).collect();
+        let lead = |mover| Lead { mover, passable: steers_out && mover.comes_to_rest(), beside: None };
+        let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {
             return Profile::default();
         }
         self.profile(scene, leads)
     }
 
-    /// Lead vehicles that are not passed.
-    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<(&'a Mover, bool)> {
-        let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
-        others.map(|one| (one, false)).collect()
-    }
-
-    /// The speed along the line behind `leads`, each with whether the ego stops where it can steer out.
-    fn profile(&self, scene: &Scene<'_>, leads: Vec<(&Mover, bool)>) -> Profile {
+    /// The speed along the line behind `leads`.
+    pub(super) fn profile(&self, scene: &Scene<'_>, leads: Vec<Lead<'_>>) -> Profile {
         let Scene { request, place, vehicle, .. } = *scene;
         let (limits, start) = (request.limits, &request.start);
         let lane = self.lane(request);
@@ -336,7 +330,7 @@ impl Comfort {
     }
 
     /// The ego's lane.
-    fn lane<'a>(&self, request: &Request<'a>) -> Lane<'a> {
+    pub(super) fn lane<'a>(&self, request: &Request<'a>) -> Lane<'a> {
         Lane {
             borders: request.route.lane(),
             width_m: request.shape.width_m,
@@ -359,7 +353,12 @@ impl Comfort {
     }
 
     /// The plan of these points, if it is free and no harder across than comfort, or than its beginning.
-    fn checked(&mut self, scene: &Scene<'_>, points: Vec<PlanPoint>, clearance_m: f64) -> Option<Plan> {
+    pub(super) fn checked(
+        &mut self,
+        scene: &Scene<'_>,
+        points: Vec<PlanPoint>,
+        clearance_m: f64,
+    ) -> Option<Plan> {
         let request = scene.request;
         let center = request.start.pose.point();
         self.obstacles.set_near(&scene.traffic.predictions, CollisionMode::MayStop, center, OBSTACLES_M);
@@ -376,35 +375,23 @@ impl Comfort {
     }
 }
 
-/// Faster than this a lateral motion in time leads out, m/s.
-const STEERS_OUT_MPS: f64 = 5.0;
-
-/// Lengths over which a slow ego steers out, metres.
-const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
-
-/// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
-const QUINTIC_BEND: f64 = 5.78;
-
-/// Largest third derivative of it, by the distance over the cube of its length.
-const QUINTIC_KINK: f64 = 60.0;
-
 /// What the layer plans in.
 #[derive(Clone, Copy)]
-struct Scene<'a> {
+pub(super) struct Scene<'a> {
     /// From where the plan takes the ego up, within the limits of comfort.
-    request: &'a Request<'a>,
+    pub(super) request: &'a Request<'a>,
     /// There along the line.
-    place: OnLine,
-    traffic: &'a Traffic,
+    pub(super) place: OnLine,
+    pub(super) traffic: &'a Traffic,
     /// Limits of the vehicle.
-    vehicle: &'a Limits,
+    pub(super) vehicle: &'a Limits,
     /// What the curves ahead allow.
-    curves: &'a SpeedTable,
+    pub(super) curves: &'a SpeedTable,
     /// Whether the speed is to change at once: for a curve ahead, or away from who is behind.
-    at_once: bool,
+    pub(super) at_once: bool,
 }
 
-fn comfortable(plan: Plan) -> Plan {
+pub(super) fn comfortable(plan: Plan) -> Plan {
     Plan { status: PlanStatus::Comfortable, ..plan }
 }
 
@@ -423,7 +410,10 @@ const HURRIED_BEFORE_S: f64 = 2.0;
 const HURRIED_SHARE: f64 = 1.2;
 
 /// Share of the time to collision in the other lane that is enough once the ego is in it.
-const UNDER_WAY: f64 = 0.6;
+pub(super) const UNDER_WAY: f64 = 0.6;
+
+/// Share of it that is enough until an ego that gives a pass up is back in its lane.
+const BACK_TTC_SHARE: f64 = 0.25;
 
 /// Offsets that keep the ego in its lane, metres: to the left of the line, and to its right.
 fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
@@ -438,7 +428,7 @@ fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
 }
 
 /// The next offset of the lattice that is no less, metres.
-fn stepped_up_m(offset_m: f64) -> f64 {
+pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
     ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
@@ -463,6 +453,9 @@ fn brakes_mps2(plan: &Plan) -> f64 {
     plan.points.iter().map(|p| -p.accel_mps2).fold(0.0, f64::max)
 }
 
+/// A stop that takes more than this share of the deceleration of comfort is not made for more room than the clearance.
+const FIRM_SHARE: f64 = 0.75;
+
 /// Slower than this the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.5;
 
@@ -472,21 +465,17 @@ const REST_MPS: f64 = 0.1;
 /// Time that a deceleration takes to grow, seconds.
 const SETTLE_S: f64 = 2.0;
 
-/// The lane's borders are looked at this far ahead, and kept away from by this much, metres.
+/// The lane's borders are looked at this far ahead, metres.
 const LANE_AHEAD_M: f64 = 60.0;
-const LANE_EDGE_M: f64 = 0.05;
 
 /// Steady decelerations that are tried, up to a limit.
 const BRAKE_STEPS: u32 = 7;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
-const HARDER_MPS2: f64 = 0.1;
+pub(super) const HARDER_MPS2: f64 = 0.1;
 
-/// The wheels may turn faster by this factor, for the rounding of a table's curvatures.
-const WHEELS_SPARE: f64 = 1.2;
+/// Distance from obstacles that is enough where comfort is not, metres.
+pub(super) const HARD_CLEARANCE_M: f64 = 0.3;
 
 /// Share of the clearance that is enough for a way past that is under way.
 const KEPT_SHARE: f64 = 0.8;
-
-/// Distance from obstacles that is enough where comfort is not, metres.
-const HARD_CLEARANCE_M: f64 = 0.3;

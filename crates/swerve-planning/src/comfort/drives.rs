@@ -37,8 +37,20 @@ struct Instant {
     gap_m: f64,
 }
 
-/// A two-lane road along x, 3.5 m wide lanes; the ego from `x = 0` at `speed_mps`.
+/// A two-lane road along x, 3.5 m wide lanes; the ego from `x = 0` at `speed_mps`, among cars.
 fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], until_s: f64) -> Vec<Instant> {
+    drive_among(ActorKind::Car, speed_mps, lanes, manner, others, until_s)
+}
+
+/// The same among road users of one kind.
+fn drive_among(
+    kind: ActorKind,
+    speed_mps: f64,
+    lanes: bool,
+    manner: Manner,
+    others: &[Script<'_>],
+    until_s: f64,
+) -> Vec<Instant> {
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(800.0, 0.0)]).unwrap();
     let left_m = if lanes { 5.25 } else { 1.75 };
     let route = Route::uniform(line, left_m, 1.75).in_lane(Borders::constant(1.75, 1.75));
@@ -68,7 +80,7 @@ fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], unt
             },
         };
         ego = moved(ego, now);
-        let bodies: Vec<_> = others.iter().map(|script| extent().footprint(pose(*script, t_s))).collect();
+        let bodies: Vec<_> = others.iter().map(|script| extent(kind).footprint(pose(*script, t_s))).collect();
         let own = shape.footprint(ego.pose);
         let distance_m = bodies.iter().map(|body| own.distance(body)).fold(f64::INFINITY, f64::min);
         let gap_m = bodies
@@ -77,7 +89,7 @@ fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], unt
         let predictions: Vec<Prediction> = others
             .iter()
             .enumerate()
-            .map(|(id, script)| predicted(id as u32 + 1, *script, t_s, now))
+            .map(|(id, script)| predicted((id as u32 + 1, kind), *script, t_s, now))
             .collect();
         let start = moved(ego, now + Span::from_secs(PERIOD_S));
         let request = Request {
@@ -102,8 +114,13 @@ fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], unt
     drive
 }
 
-fn extent() -> Extent {
-    Extent { length_m: 4.5, width_m: 1.8, height_m: 1.5 }
+fn extent(kind: ActorKind) -> Extent {
+    let (length_m, width_m) = match kind {
+        ActorKind::Pedestrian => (0.5, 0.5),
+        ActorKind::Cyclist => (1.8, 0.6),
+        _ => (4.5, 1.8),
+    };
+    Extent { length_m, width_m, height_m: 1.5 }
 }
 
 fn pose(script: Script<'_>, t_s: f64) -> Pose2 {
@@ -113,7 +130,7 @@ fn pose(script: Script<'_>, t_s: f64) -> Pose2 {
 }
 
 /// On with the velocity, and with the deceleration, of the last 0.3 s.
-fn predicted(id: u32, script: Script<'_>, t_s: f64, now: Time) -> Prediction {
+fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Time) -> Prediction {
     let at = |t_s: f64| {
         let [x, y] = script(t_s);
         Point2::new(x, y)
@@ -134,13 +151,7 @@ fn predicted(id: u32, script: Script<'_>, t_s: f64, now: Time) -> Prediction {
             pose: Pose2::new(point.x_m, point.y_m, from.heading_rad),
         }
     });
-    Prediction {
-        id: ActorId(id),
-        kind: ActorKind::Car,
-        extent: extent(),
-        probability: 1.0,
-        path: path.collect(),
-    }
+    Prediction { id: ActorId(id), kind, extent: extent(kind), probability: 1.0, path: path.collect() }
 }
 
 /// Way of a vehicle that brakes from `speed_mps` with `brake_mps2` from `from_s` on.
@@ -309,5 +320,109 @@ fn a_crossing_car_is_braked_for_in_the_lane() {
         let drive = drive(14.0, true, manner, &[&crosser], 15.0);
         assert!(drive.iter().all(|i| i.distance_m > 0.4), "{manner:?}");
         assert!(over_line(&drive).0 == 0.0 && hardest_mps2(&drive) < 3.7, "{manner:?}");
+    }
+}
+
+/// Along the road with speeds that change at `mps2` from one to the next, each held from its instant on.
+fn at_speeds_m(speeds: &[(f64, f64)], mps2: f64, t_s: f64) -> f64 {
+    let mut way_m = 0.0;
+    for (k, &(from_s, speed_mps)) in speeds.iter().enumerate() {
+        let until_s = speeds.get(k + 1).map_or(f64::INFINITY, |next| next.0).min(t_s);
+        if until_s <= from_s {
+            break;
+        }
+        let before_mps = if k == 0 { speed_mps } else { speeds[k - 1].1 };
+        let changes_s = ((speed_mps - before_mps).abs() / mps2).min(until_s - from_s);
+        let reached_mps = before_mps + (speed_mps - before_mps).signum() * mps2 * changes_s;
+        way_m += 0.5 * (before_mps + reached_mps) * changes_s + speed_mps * (until_s - from_s - changes_s);
+    }
+    way_m
+}
+
+#[test]
+fn pass_of_a_vehicle_that_speeds_up_is_given_up_gently() {
+    // From 5 m/s to 16 m/s, which is more than the ego's target, before the two are level: the pass cannot end. To fall back
+    // by the lengths of both and a gap, 12 m, at 2 to 3 m/s less takes 5 s: no more than comfort at any time.
+    let mut wrong = Vec::new();
+    for manner in &MANNERS[1..] {
+        for from_s in [2.0, 2.5, 3.0] {
+            let lead = |t_s: f64| [40.0 + at_speeds_m(&[(0.0, 5.0), (from_s, 16.0)], 3.0, t_s), 0.0];
+            let drive = drive(14.0, true, *manner, &[&lead], 25.0);
+            let (hardest, last) = (hardest_mps2(&drive), drive.last().unwrap());
+            let nearest = drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min);
+            if hardest > 3.6 || nearest < 0.4 || last.gap_m < 2.0 || last.ego.pose.y_m > 0.2 {
+                wrong.push(format!(
+                    "{manner:?} {from_s}: brakes {hardest:.2}, nearest {nearest:.2}, ends {last:?}"
+                ));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn vehicle_that_brakes_is_not_passed_before_it_stands() {
+    // It brakes at 2 m/s2 from 1 s to 7 s and stands 52 m on; the ego, 30 m behind it, needs 12^2 / (2 * (30 + 12 + 36 - 7)),
+    // 1 m/s2, and waits where it can steer out.
+    let lead = |t_s: f64| [34.0 + braking_m(12.0, 2.0, 1.0, t_s), 0.0];
+    for manner in &MANNERS[1..] {
+        let drive = drive(12.0, true, *manner, &[&lead], 25.0);
+        let braking = drive.iter().filter(|i| i.t_s < 6.8);
+        assert!(braking.clone().all(|i| i.ego.pose.y_m < 0.82), "{manner:?} {:?}", over_line(&drive));
+        assert!(hardest_mps2(&drive) < 2.6, "{manner:?} {}", hardest_mps2(&drive));
+        assert!(drive.last().unwrap().gap_m < -10.0, "{manner:?} {:?}", drive.last());
+    }
+}
+
+/// The speed at which the ego is beside the first road user, m/s, and the least distance to anybody, metres.
+fn passes(drive: &[Instant]) -> (f64, f64) {
+    let beside = drive.iter().find(|i| i.gap_m < -2.0).map_or(f64::INFINITY, |i| i.ego.speed_mps);
+    (beside, drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min))
+}
+
+#[test]
+fn cyclist_is_passed_at_a_metre_and_a_half_where_the_road_has_the_room() {
+    for manner in &MANNERS[1..] {
+        let cyclist = |t_s: f64| [40.0 + 5.0 * t_s, -1.2];
+        let wide = drive_among(ActorKind::Cyclist, 13.0, true, *manner, &[&cyclist], 20.0);
+        let (_, nearest_m) = passes(&wide);
+        assert!(nearest_m > 1.4 && wide.last().unwrap().gap_m < -20.0, "{manner:?} {nearest_m}");
+        // A lane alone: 1.75 + 0.9 - 1.86 m are 0.79 m of room, of which the ego takes what it can, slowly: 20 km/h faster.
+        let narrow = drive_among(ActorKind::Cyclist, 13.0, false, *manner, &[&cyclist], 30.0);
+        let (speed_mps, nearest_m) = passes(&narrow);
+        assert!(nearest_m > 0.6 && speed_mps < 5.0 + 5.56 + 0.5, "{manner:?} {nearest_m} {speed_mps}");
+        assert!(narrow.last().unwrap().gap_m < -10.0 && hardest_mps2(&narrow) < 2.6, "{manner:?}");
+    }
+}
+
+#[test]
+fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
+    for manner in &MANNERS[1..] {
+        // She faces the side on which the ego passes, or the other one. The ego goes out to 4 m at most:
+        // 4 - 0.93 - 0.45 m are 2.62 m, of which 0.3 m are left over.
+        for (faces, needed_m) in [(1.0, 2.2 - 0.1), (-1.0, 1.4)] {
+            let person = |t_s: f64| [80.0, 0.2 + 0.011 * faces * t_s];
+            let drive = drive_among(ActorKind::Pedestrian, 12.0, true, *manner, &[&person], 30.0);
+            let (speed_mps, nearest_m) = passes(&drive);
+            assert!(nearest_m > needed_m && speed_mps < 7.0, "{manner:?} {faces} {nearest_m} {speed_mps}");
+            assert!(drive.last().unwrap().gap_m < -10.0, "{manner:?} {faces} {:?}", drive.last());
+        }
+    }
+}
+
+#[test]
+fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
+    // It keeps to 1.7 m beside the ego's line: its side is at 0.8 m, the ego's at 0.93 m. Within the lane the ego can
+    // go 1.75 - 0.93 = 0.82 m to the right, of which a decimetre is kept: 0.6 m are between the two.
+    for manner in &MANNERS[1..] {
+        let oncoming = |t_s: f64| [170.0 - 12.0 * t_s, 1.7];
+        let drive = drive(13.0, true, *manner, &[&oncoming], 15.0);
+        let met = drive.iter().find(|i| oncoming(i.t_s)[0] - 2.25 < i.ego.pose.x_m + 3.9).unwrap();
+        assert!(met.ego.pose.y_m < -0.5 && met.ego.speed_mps < 13.0 - 2.0, "{manner:?} {met:?}");
+        assert!(passes(&drive).1 > 0.5 && hardest_mps2(&drive) < 3.7, "{manner:?} {:?}", passes(&drive));
+        assert!(over_line(&drive).0 == 0.0, "{manner:?}");
+        // Then it goes on.
+        let last = drive.last().unwrap().ego;
+        assert!(last.pose.y_m.abs() < 0.1 && last.speed_mps > 12.5, "{manner:?} {last:?}");
     }
 }

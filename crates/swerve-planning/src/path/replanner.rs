@@ -10,7 +10,7 @@ use super::ground::{Area, Clock, Ground, Outline, around};
 use super::piece::Piece;
 use super::points::{PathPoint, place_points};
 use super::route::follow_route;
-use super::speed::{SpeedProfile, timed_points};
+use super::speed::{EASE_MPS2, SpeedProfile, timed_points};
 use crate::collision::{CollisionMode, Obstacles};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::request::{Budget, Counted, Request};
@@ -172,7 +172,8 @@ impl Replanner {
                 }
                 let s_m = from_s_m + ahead_m * stretch;
                 let clearance_m = clearance_m * attempt.clearance;
-                let demands = Demands { clearance_m, edge_m, outline, thorough: attempt.thorough() };
+                let profile = attempt.profile();
+                let demands = Demands { clearance_m, edge_m, outline, thorough: attempt.thorough(), profile };
                 match self.reach(search, &slowed, demands, FrenetPoint { s_m, d_m }, budget) {
                     Outcome::NoGoal => {}
                     Outcome::NoWay => searches += 1,
@@ -188,7 +189,7 @@ impl Replanner {
         &mut self,
         search: &mut impl PathSearch,
         request: &Request<'_>,
-        Demands { clearance_m, edge_m, outline, thorough }: Demands,
+        Demands { clearance_m, edge_m, outline, thorough, profile }: Demands,
         at: FrenetPoint,
         budget: &mut Counted<'_>,
     ) -> Outcome {
@@ -202,7 +203,7 @@ impl Replanner {
             clearance_m,
             outline,
             area: Area::Road { road: &self.road, margin_m: edge_m, bounds },
-            clock: clock(request),
+            clock: clock(request, profile),
         };
         let direct = Dubins::shortest(start, goal, radius_m);
         if !ground.pose_free(goal, direct.length()) {
@@ -214,7 +215,7 @@ impl Replanner {
         if !found {
             return Outcome::NoWay;
         }
-        let plan = self.timed(request);
+        let plan = self.timed(request, profile);
         let free = self.plan_free(&plan, request, (clearance_m - TIMING_M).max(0.0));
         if free { Outcome::Way(plan) } else { Outcome::NoWay }
     }
@@ -232,11 +233,11 @@ impl Replanner {
     }
 
     /// The plan along `pieces`.
-    fn timed(&mut self, request: &Request<'_>) -> Plan {
+    fn timed(&mut self, request: &Request<'_>, profile: SpeedProfile) -> Plan {
         self.path.clear();
         place_points(request.start.pose, &self.pieces, &mut self.path);
         let (path, target_mps) = (&self.path, request.target_speed_mps);
-        let points = timed_points(path, &request.start, target_mps, SpeedProfile::Limited, request.limits);
+        let points = timed_points(path, &request.start, target_mps, profile, request.limits);
         Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
     }
 
@@ -271,6 +272,8 @@ struct Demands {
     outline: Outline,
     /// Whether the search may take all its iterations.
     thorough: bool,
+    /// How fast the way is driven.
+    profile: SpeedProfile,
 }
 
 /// The result for one goal.
@@ -314,6 +317,11 @@ impl Attempt {
         self.brake_mps2 == 0.0 && self.clearance == 1.0
     }
 
+    /// How the speed to reach is reached.
+    fn profile(&self) -> SpeedProfile {
+        if self.brake_mps2 > 0.0 { SpeedProfile::Braking } else { SpeedProfile::Limited }
+    }
+
     /// The speed to reach, m/s.
     fn target_mps(&self, request: &Request<'_>) -> f64 {
         let (v0, target_mps) = (request.start.speed_mps.max(0.0), request.target_speed_mps);
@@ -340,10 +348,14 @@ fn own_outline(request: &Request<'_>) -> Outline {
 }
 
 /// When the car is where: as [`timed_points`] has it where no turn asks for less speed.
-fn clock(request: &Request<'_>) -> Clock {
+fn clock(request: &Request<'_>, profile: SpeedProfile) -> Clock {
     let (speed_mps, target_mps) = (request.start.speed_mps, request.target_speed_mps);
     let limits = request.limits;
-    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { limits.brake_max_mps2 };
+    let brake_mps2 = match profile {
+        SpeedProfile::Braking => limits.brake_max_mps2,
+        _ => EASE_MPS2.min(limits.brake_max_mps2),
+    };
+    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { brake_mps2 };
     Clock { start: request.start.stamp, speed_mps, target_mps, accel_mps2 }
 }
 

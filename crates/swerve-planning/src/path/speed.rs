@@ -14,15 +14,21 @@ pub(crate) const CREEP_MPS: f64 = 0.1;
 pub enum SpeedProfile {
     /// The target speed from the first point on, whatever the start: what Pylot does.
     Constant,
-    /// From the start's speed within acceleration, braking and lateral limits.
+    /// From the start's speed within acceleration, braking and lateral limits, down to the target by no more than
+    /// [`EASE_MPS2`].
     Limited,
-    /// The same, and at rest in the path's last point.
+    /// The same, down to the target by all of the braking.
+    Braking,
+    /// As [`SpeedProfile::Limited`], and at rest in the path's last point.
     LimitedToStop,
 }
 
+/// Hardest braking down to the target speed where nothing else asks for more, m/s².
+pub(crate) const EASE_MPS2: f64 = 3.0;
+
 /// A path driven from `start` (its stamp, its speed) towards `target_mps`; appends to `points`.
 ///
-/// Under [`SpeedProfile::Limited`] speeds keep `limits`: lateral acceleration everywhere, braking before
+/// Under all others than [`SpeedProfile::Constant`] speeds keep `limits`: lateral acceleration everywhere, braking before
 /// curves, acceleration out of them; the start's speed is taken as it is, so where it is too high for what
 /// follows the plan brakes as hard as it may.
 pub fn timed_points(
@@ -35,9 +41,8 @@ pub fn timed_points(
     let gaps_m: Vec<f64> = path.windows(2).map(|p| p[0].pose.point().distance(p[1].pose.point())).collect();
     let speeds_mps = match profile {
         SpeedProfile::Constant => vec![target_mps; path.len()],
-        SpeedProfile::Limited | SpeedProfile::LimitedToStop => {
-            let stops = profile == SpeedProfile::LimitedToStop;
-            limited_speeds(path, &gaps_m, start.speed_mps, target_mps, stops, limits)
+        SpeedProfile::Limited | SpeedProfile::Braking | SpeedProfile::LimitedToStop => {
+            limited_speeds(path, &gaps_m, start.speed_mps, target_mps, profile, limits)
         }
     };
     let mut at = start.stamp;
@@ -63,23 +68,23 @@ pub fn timed_points(
     points
 }
 
-/// Forward and backward pass over `v² = v0² + 2 a s`; where it `stops` the last speed is zero.
+/// Backward and forward pass over `v² = v0² + 2 a s`.
 fn limited_speeds(
     path: &[PathPoint],
     gaps_m: &[f64],
     start_mps: f64,
     target_mps: f64,
-    stops: bool,
+    profile: SpeedProfile,
     limits: &Limits,
 ) -> Vec<f64> {
     let mut speeds: Vec<f64> = path
         .iter()
         .map(|p| {
             let curve = p.curvature_1pm.abs().max(1e-9);
-            target_mps.max(0.0).min((limits.lateral_accel_max_mps2 / curve).sqrt())
+            (limits.lateral_accel_max_mps2 / curve).sqrt()
         })
         .collect();
-    if let Some(last) = speeds.last_mut().filter(|_| stops) {
+    if let Some(last) = speeds.last_mut().filter(|_| profile == SpeedProfile::LimitedToStop) {
         *last = 0.0;
     }
     let reach = |from: f64, a: f64, gap: f64| (from * from + 2.0 * a * gap).max(0.0).sqrt();
@@ -89,7 +94,14 @@ fn limited_speeds(
     if let Some(first) = speeds.first_mut() {
         *first = start_mps.max(0.0);
     }
+    let ease_mps2 = if profile == SpeedProfile::Braking {
+        limits.brake_max_mps2
+    } else {
+        EASE_MPS2.min(limits.brake_max_mps2)
+    };
     for (i, &gap) in gaps_m.iter().enumerate() {
+        let eased = target_mps.max(0.0).max(reach(speeds[i], -ease_mps2, gap));
+        speeds[i + 1] = speeds[i + 1].min(eased);
         let slowest = reach(speeds[i], -limits.brake_max_mps2, gap);
         let fastest = reach(speeds[i], limits.accel_max_mps2, gap);
         speeds[i + 1] = speeds[i + 1].clamp(slowest.min(fastest), fastest);
@@ -104,6 +116,28 @@ mod tests {
     use super::*;
     use crate::path::route::follow_route;
     use crate::testing::World;
+
+    #[test]
+    fn speed_above_the_target_is_lost_gently_unless_a_curve_asks_for_more() {
+        // From 20 m/s to 14 m/s: by 3 of 8 m/s² within 204 / 6 = 34 m.
+        let mut world = World::straight(20.0);
+        world.target_speed_mps = 14.0;
+        let hardest = |world: &World, profile| {
+            let plan = follow_route(&world.request(), profile, 5.0, PlanStatus::Route);
+            assert!(
+                plan.points
+                    .last()
+                    .is_some_and(|end| (end.speed_mps - 14.0).abs() < 1e-9 || end.speed_mps < 14.0)
+            );
+            plan.points.iter().map(|p| -p.accel_mps2).fold(0.0, f64::max)
+        };
+        assert!((hardest(&world, SpeedProfile::Limited) - 3.0).abs() < 1e-6);
+        assert!((hardest(&world, SpeedProfile::Braking) - 8.0).abs() < 1e-6);
+        // A curve of 20 m from here on: as hard as it may.
+        let mut world = World::bend(20.0, 20.0);
+        world.target_speed_mps = 14.0;
+        assert!((hardest(&world, SpeedProfile::Limited) - world.limits.brake_max_mps2).abs() < 1e-6);
+    }
 
     #[test]
     fn speeds_keep_the_limits() {

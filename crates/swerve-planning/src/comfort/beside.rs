@@ -1,0 +1,113 @@
+//! An ego beside what it passes, where the way past is not free any more: finish the pass, or fall back behind it.
+
+use swerve_geom::math;
+use swerve_msg::{Plan, PlanStatus};
+
+use super::Comfort;
+use super::decision::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
+use crate::following::{FallBack, Lead, STEP_S, Step, needed_mps2};
+use crate::lane::aside_then_back;
+use crate::passing::{Passing, RETURN_GAP_M};
+use crate::request::Counted;
+use crate::traffic::{Mover, STANDS_MPS};
+
+impl Comfort {
+    /// A plan for an ego beside a vehicle that it passes, with the first of several times to collision in the other lane that
+    /// can be kept: past it, or falling back behind it. A vehicle from which the ego is clear to the side is not braked for
+    /// as one in the ego's way.
+    pub(super) fn beside(
+        &mut self,
+        scene: &Scene<'_>,
+        passing: &Passing<'_>,
+        own: (f64, f64),
+        budget: &mut Counted<'_>,
+    ) -> Option<Plan> {
+        let Scene { request, place, traffic, .. } = *scene;
+        let beside: Vec<&Mover> = traffic.movers.iter().filter(|one| self.is_beside(scene, one)).collect();
+        if beside.is_empty() {
+            return None;
+        }
+        for share in TTC_SHARES {
+            let passing = passing.committed(share * self.params.other_lane_ttc_s);
+            self.gentle.set_offsets(stepped_up_m(passing.offset_m), own.1);
+            let past = self.gentle.at_speed(request, budget);
+            let may = |plan: &Plan| passing.may(plan, self.gentle.line(), &request.start, &place);
+            if let Some(plan) = past.filter(may).or_else(|| self.kept_out(scene, &passing)) {
+                return Some(comfortable(plan));
+            }
+            let behind = FALLS_BACK.into_iter().find_map(|how| self.fall_back(scene, &passing, &beside, how));
+            if behind.is_some() {
+                return behind;
+            }
+        }
+        self.fall_back(scene, &passing.committed(0.0), &beside, FALLS_BACK_HARD)
+    }
+
+    /// Whether a vehicle in the own lane is beside the ego, clear to the side: neither behind it by the gap that the
+    /// ego returns with, nor so far ahead that the ego can stay behind it within comfort.
+    fn is_beside(&self, scene: &Scene<'_>, one: &Mover) -> bool {
+        let Scene { request, place, .. } = *scene;
+        let shape = request.shape;
+        let at = one.at(0.0);
+        let (lead_mps, brake_mps2) = one.motion(0.0);
+        let rear_m = place.s_m - shape.rear_overhang_m;
+        let gap_m = at.from_m - rear_m - shape.length_m;
+        let room_m = gap_m - self.params.standstill_gap_m;
+        let v = request.start.speed_mps.max(0.0);
+        // It goes on as it does until they draw level.
+        let meets_s = (gap_m / (v - lead_mps).max(0.1)).clamp(0.0, DRAWS_LEVEL_S);
+        let d_m = place.d_m + meets_s * v * math::sin(place.turn_rad);
+        let clear = d_m - 0.5 * shape.width_m > at.left_m;
+        let stays_behind =
+            || gap_m > 0.0 && needed_mps2(v, lead_mps, brake_mps2, room_m) <= request.limits.brake_max_mps2;
+        one.is_vehicle()
+            && lead_mps > -STANDS_MPS
+            && self.lane(request).is_blocked(&at)
+            && clear
+            && at.to_m + RETURN_GAP_M > rear_m
+            && !stays_behind()
+    }
+
+    /// Beside the vehicles until they are ahead, and back into the lane behind them.
+    fn fall_back(
+        &mut self,
+        scene: &Scene<'_>,
+        passing: &Passing<'_>,
+        beside: &[&Mover],
+        how: FallBack,
+    ) -> Option<Plan> {
+        let Scene { request, place, traffic, .. } = *scene;
+        let is_beside = |mover: &Mover| beside.iter().any(|one| core::ptr::eq(*one, mover));
+        let vehicles = traffic.movers.iter().filter(|one| one.is_vehicle());
+        let leads =
+            vehicles.map(|mover| Lead { mover, passable: false, beside: is_beside(mover).then_some(how) });
+        let profile = self.profile(scene, leads.collect());
+        let front_m = request.shape.length_m - request.shape.rear_overhang_m;
+        let behind = |(k, step): (usize, &Step)| {
+            let t_s = k as f64 * STEP_S;
+            beside.iter().all(|one| one.at(t_s).from_m > step.s_m + front_m + self.params.clearance_m)
+        };
+        let k = profile.steps.iter().enumerate().position(behind)?;
+        let to_m = passing.offset_m.max(place.d_m);
+        let (line, start) = (self.gentle.line(), &request.start);
+        let points = aside_then_back(line, &place, start, (&profile.steps, k), (request.shape, to_m));
+        let hard = profile.brake_mps2 > request.limits.brake_max_mps2 + HARDER_MPS2;
+        let clearance_m =
+            if hard { HARD_CLEARANCE_M.min(self.params.clearance_m) } else { self.params.clearance_m };
+        let plan = self.checked(scene, points, clearance_m)?;
+        let status = if hard { PlanStatus::Found } else { PlanStatus::Comfortable };
+        let plan = Plan { status, ..plan };
+        passing.may_give_up(&plan, self.gentle.line(), &request.start, &place).then_some(plan)
+    }
+}
+
+/// Shares of the time to collision in the other lane that are tried for an ego beside what it passes.
+const TTC_SHARES: [f64; 3] = [UNDER_WAY, 0.3, 0.1];
+
+/// Ways to fall back behind a vehicle, the gentlest first, and the last one.
+const FALLS_BACK: [FallBack; 2] =
+    [FallBack { slower_mps: 3.0, brake_mps2: 2.0 }, FallBack { slower_mps: 6.0, brake_mps2: 3.5 }];
+const FALLS_BACK_HARD: FallBack = FallBack { slower_mps: 10.0, brake_mps2: 8.0 };
+
+/// Longest time until an ego on its way out draws level, seconds.
+const DRAWS_LEVEL_S: f64 = 1.0;

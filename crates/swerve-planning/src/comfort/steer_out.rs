@@ -1,0 +1,77 @@
+//! Out to a passing offset from rest or nearly so.
+
+use swerve_msg::Plan;
+
+use super::decision::{Scene, stepped_up_m};
+use super::{CURVE_SHARE, Comfort};
+use crate::following::{self, Lead};
+use crate::fot::curvature_max_1pm;
+use crate::lane::{Aside, aside};
+use crate::passing::Passing;
+use crate::request::Request;
+use crate::traffic::STANDS_MPS;
+
+impl Comfort {
+    /// Out to the passing offset at a speed that the turn takes, for an ego that hardly moves: lateral motions in time do not
+    /// begin at standstill.
+    pub(super) fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
+        let request = scene.request;
+        let (start, shape, limits) = (&request.start, request.shape, request.limits);
+        if start.speed_mps > STEERS_OUT_MPS {
+            return None;
+        }
+        let to_m = stepped_up_m(open.offset_m);
+        let tightest_1pm = CURVE_SHARE * curvature_max_1pm(limits, shape);
+        STEER_OUT_M.into_iter().find_map(|length_m| {
+            let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
+            let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
+            let wheels_1pm =
+                shape.wheelbase_m * QUINTIC_KINK * (to_m - scene.place.d_m).abs() / length_m.powi(3);
+            let turn_mps =
+                turn_mps.min(self.params.wheels_max_radps(shape, STEERS_OUT_MPS) / wheels_1pm.max(1e-9));
+            let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
+            let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
+            let way = Aside { to_m, length_m };
+            let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
+            let plan = self.checked(scene, points, self.params.clearance_m)?;
+            let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
+            (turns
+                && self.can_steer(&plan, scene)
+                && open.may(&plan, self.gentle.line(), start, &scene.place))
+            .then_some(plan)
+        })
+    }
+
+    /// Whether the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
+    fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
+        let (shape, vehicle) = (scene.request.shape, scene.vehicle);
+        plan.points.windows(2).skip(1).all(|p| {
+            // Front wheels: δ = atan(L κ), so δ' is at most L κ'.
+            let turned_rad = shape.wheelbase_m * (p[1].curvature_1pm - p[0].curvature_1pm).abs();
+            let most_radps =
+                self.params.wheels_max_radps(shape, p[0].speed_mps).min(vehicle.steering_rate_max_radps);
+            p[0].speed_mps < STANDS_MPS || turned_rad <= WHEELS_SPARE * most_radps * following::STEP_S
+        })
+    }
+
+    /// Lead vehicles that are not passed.
+    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<Lead<'a>> {
+        let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
+        others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
+    }
+}
+
+/// Faster than this a lateral motion in time leads out, m/s.
+const STEERS_OUT_MPS: f64 = 5.0;
+
+/// Lengths over which a slow ego steers out, metres.
+const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
+
+/// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
+const QUINTIC_BEND: f64 = 5.78;
+
+/// Largest third derivative of it, by the distance over the cube of its length.
+const QUINTIC_KINK: f64 = 60.0;
+
+/// The wheels may turn faster by this factor, for the rounding of a table's curvatures.
+const WHEELS_SPARE: f64 = 1.2;

@@ -1,0 +1,159 @@
+//! The room that others are given where the ego passes them: more than the clearance where the road has it, and less speed
+//! where it has not.
+
+use swerve_msg::{ActorKind, PredictedPose, Prediction};
+
+use crate::comfort::{LANE_EDGE_M, LATERAL_STEP_M};
+use crate::fot::line::Line;
+use crate::request::Request;
+use crate::traffic::{Mover, STANDS_MPS, Traffic};
+
+/// Distances that are wanted, metres.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) struct Wanted {
+    /// To everybody.
+    pub(crate) clearance_m: f64,
+    /// To pedestrians and cyclists.
+    pub(crate) person_m: f64,
+    /// To moving vehicles.
+    pub(crate) vehicle_m: f64,
+}
+
+/// The traffic with the room that is left to each road user.
+#[derive(Clone, PartialEq, Debug)]
+pub(crate) struct Room {
+    /// Everybody as wide as the place that is left to them, less the clearance.
+    pub(crate) traffic: Traffic,
+    /// Speed for those for whom the road has less room than is wanted, m/s.
+    pub(crate) slow_mps: f64,
+    /// Speed where nobody is given more than the clearance, m/s.
+    pub(crate) slower_mps: f64,
+}
+
+impl Room {
+    /// For an ego at `s_m` of `line`, which goes as far to the left and to the right of it as `reach_m`; `None` where nobody
+    /// is to be given more than the clearance.
+    pub(crate) fn new(
+        wanted: Wanted,
+        request: &Request<'_>,
+        (line, s_m): (&Line, f64),
+        traffic: &Traffic,
+        reach_m: [f64; 2],
+    ) -> Option<Self> {
+        let mut room: Option<Self> = None;
+        for (k, mover) in traffic.movers.iter().enumerate() {
+            let one = &traffic.predictions[mover.index];
+            let facing = mover.faces_across() && is_in_lane(mover, request);
+            let Some(wanted_m) = wanted_m(wanted, mover, request) else { continue };
+            let room = room.get_or_insert_with(|| Self {
+                traffic: traffic.clone(),
+                slow_mps: f64::INFINITY,
+                slower_mps: f64::INFINITY,
+            });
+            let spare_m = spare_m(request, traffic, (k, mover), reach_m) - wanted.clearance_m;
+            let more_m = (wanted_m - wanted.clearance_m).max(0.0);
+            let aside_m = spare_m.clamp(0.0, more_m);
+            let ahead_m = if facing { (spare_m - aside_m).clamp(0.0, STEP_OUT_M) } else { 0.0 };
+            room.traffic.replace(k, wider(one, aside_m, ahead_m), request, (line, s_m));
+            if one.kind.is_person() && is_in_lane(mover, request) {
+                let slow_mps = slow_mps(mover, request, s_m);
+                room.slower_mps = room.slower_mps.min(slow_mps);
+                if facing || aside_m + SHORT_M < more_m {
+                    room.slow_mps = room.slow_mps.min(slow_mps);
+                }
+            }
+        }
+        room
+    }
+}
+
+/// The distance at which a road user is to be passed; `None` for those who come the other way or cross, and for what stands
+/// and is nobody outside a vehicle.
+fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64> {
+    let now = mover.knots[0];
+    let s_m = 0.5 * (now.from_m + now.to_m);
+    let lane = request.route.lane();
+    let near =
+        now.right_m < lane.left_m(s_m) + wanted.person_m && now.left_m > -lane.right_m(s_m) - wanted.person_m;
+    let along_mps = mover.motion(0.0).0;
+    if !near || mover.comes_over() || mover.crosses(0.0) || along_mps < -STANDS_MPS {
+        return None;
+    }
+    if mover.kind.is_person() {
+        return Some(wanted.person_m);
+    }
+    (mover.is_vehicle() && along_mps > STANDS_MPS && is_in_lane(mover, request)).then_some(wanted.vehicle_m)
+}
+
+/// Whether a road user is in the ego's lane.
+fn is_in_lane(mover: &Mover, request: &Request<'_>) -> bool {
+    let now = mover.knots[0];
+    let s_m = 0.5 * (now.from_m + now.to_m);
+    let lane = request.route.lane();
+    now.right_m < lane.left_m(s_m) && now.left_m > -lane.right_m(s_m)
+}
+
+/// The distance that the widest way past leaves, metres: by the ground beside the lane for those in it, else within it.
+fn spare_m(request: &Request<'_>, traffic: &Traffic, (k, mover): (usize, &Mover), reach_m: [f64; 2]) -> f64 {
+    let now = mover.knots[0];
+    let s_m = 0.5 * (now.from_m + now.to_m);
+    let (lane, half_m) = (request.route.lane(), 0.5 * request.shape.width_m);
+    let [left_m, right_m] = reach_m.map(|reach_m| reach_m + half_m);
+    let ground_m = if is_in_lane(mover, request) { request.route.left_m(s_m) } else { lane.left_m(s_m) };
+    let stands_beside = |(j, other): &(usize, &Mover)| {
+        let at = other.knots[0];
+        let beside = at.to_m > now.from_m - BESIDE_M && at.from_m < now.to_m + BESIDE_M;
+        *j != k && other.stands() && beside && at.right_m > now.left_m
+    };
+    let others = traffic.movers.iter().enumerate().filter(stands_beside);
+    let free_m = others.map(|(_, other)| other.knots[0].right_m).fold(ground_m.min(left_m), f64::min);
+    // Within the lane as far as the candidates' offsets go, which are steps apart.
+    let in_lane_m = |edge_m: f64| ((edge_m - half_m - LANE_EDGE_M) / LATERAL_STEP_M).floor() * LATERAL_STEP_M;
+    let on_left_m = in_lane_m(free_m.min(lane.left_m(s_m))) - half_m - now.left_m;
+    let on_right_m = in_lane_m(lane.right_m(s_m).min(right_m)) - half_m + now.right_m;
+    let beyond_m = free_m - now.left_m - request.shape.width_m - SPARE_M;
+    on_left_m.max(on_right_m).max(beyond_m) - ROUNDED_M
+}
+
+/// A prediction that is wider to all sides, and ahead.
+fn wider(one: &Prediction, aside_m: f64, ahead_m: f64) -> Prediction {
+    let mut one = one.clone();
+    let walks = one.kind == ActorKind::Pedestrian;
+    one.extent.width_m += 2.0 * aside_m;
+    one.extent.length_m += ahead_m + if walks { 2.0 * aside_m } else { 0.0 };
+    let moved = |p: &PredictedPose| PredictedPose { pose: p.pose.ahead(0.5 * ahead_m), ..*p };
+    one.path = one.path.iter().map(moved).collect();
+    one
+}
+
+/// The speed to pass a road user with, m/s, once it is near.
+fn slow_mps(mover: &Mover, request: &Request<'_>, s_m: f64) -> f64 {
+    let (now, shape) = (mover.knots[0], request.shape);
+    let rear_m = s_m - shape.rear_overhang_m;
+    let gap_m = now.from_m - rear_m - shape.length_m;
+    let its_mps = mover.motion(0.0).0.max(0.0);
+    let closing_mps = (request.start.speed_mps - its_mps).max(PAST_MPS);
+    let is_near = now.to_m > rear_m && gap_m < SLOWS_S * closing_mps;
+    if is_near { its_mps + PAST_MPS } else { f64::INFINITY }
+}
+
+/// Faster than a person by this the ego passes it with less room than is wanted, or before its face, m/s: 20 km/h.
+const PAST_MPS: f64 = 5.5;
+
+/// So long before it draws level the ego begins to slow for that, seconds.
+const SLOWS_S: f64 = 4.0;
+
+/// Less room than is wanted by this counts, metres.
+const SHORT_M: f64 = 0.05;
+
+/// A step of a pedestrian to the side that she faces, metres.
+const STEP_OUT_M: f64 = 1.0;
+
+/// What stands within this along the road is beside, metres.
+const BESIDE_M: f64 = 12.0;
+
+/// Left over beyond the lane for the edge of the road and the step of the lattice, metres.
+const SPARE_M: f64 = 0.3;
+
+/// Left over within the lane, metres.
+const ROUNDED_M: f64 = 0.02;
