@@ -179,24 +179,27 @@ pub fn cores() -> usize {
 /// Results of the tasks `0..count`, in their order, done on all cores.
 ///
 /// # Errors
-/// Those of a task, or where one panics.
-pub fn on_all_cores<T: Send>(
+/// That of a task.
+pub fn on_all_cores<T: Send, E: Send>(
     count: usize,
-    task: impl Fn(usize) -> anyhow::Result<T> + Sync,
-) -> anyhow::Result<Vec<T>> {
+    task: impl Fn(usize) -> Result<T, E> + Sync,
+) -> Result<Vec<T>, E> {
     let next = AtomicUsize::new(0);
-    let worker = || -> anyhow::Result<Vec<(usize, T)>> {
+    let worker = || -> Result<Vec<(usize, T)>, E> {
         let tasks = std::iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
         tasks.take_while(|k| *k < count).map(|k| Ok((k, task(k)?))).collect()
     };
-    let mut done = Vec::new();
-    std::thread::scope(|scope| -> anyhow::Result<()> {
+    let parts: Vec<_> = std::thread::scope(|scope| {
         let workers: Vec<_> = (0..cores()).map(|_| scope.spawn(worker)).collect();
-        for worker in workers {
-            done.extend(worker.join().map_err(|_| anyhow::anyhow!("a task panicked"))??);
-        }
-        Ok(())
-    })?;
+        let joined = |worker: std::thread::ScopedJoinHandle<'_, _>| {
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        workers.into_iter().map(joined).collect()
+    });
+    let mut done = Vec::with_capacity(count);
+    for part in parts {
+        done.extend(part?);
+    }
     done.sort_by_key(|(k, _)| *k);
     Ok(done.into_iter().map(|(_, result)| result).collect())
 }

@@ -37,6 +37,9 @@ const RESPONDS_S: f64 = 0.15;
 /// A vehicle that comes into the ego's way counts so long before it is there, seconds.
 const SOON_S: f64 = 1.0;
 
+/// Less than this of braking is not felt, m/s².
+const FELT_MPS2: f64 = 0.1;
+
 /// Gap that is left where keeping the standstill gap takes more than comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
@@ -280,11 +283,13 @@ impl Follower<'_> {
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
-            // The standstill gap is given up for less braking where that leaves comfort, and where there is no more braking.
+            // Some of the standstill gap is given up where that is felt, or leaves comfort.
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
+            let is_worth_it = least <= comfort || needed - least > FELT_MPS2;
             // What is braked with already goes on.
-            let eased = if least <= comfort { needed.min(comfort.max(-now.accel_mps2)) } else { needed };
+            let eased =
+                if is_worth_it { needed.min(least.max(comfort).max(-now.accel_mps2)) } else { needed };
             return -eased.min(self.accel.hardest_mps2);
         }
         self.counted(needed)

@@ -197,7 +197,7 @@ fn nobody_is_seen_to_walk_on_who_has_stopped() {
         assert!(broken.is_empty(), "seed {seed}: {broken:?}");
         let runner = |world: &&WorldState| world.actors[2].pose.y_m > -1e-6;
         let stopped = seen.worlds.iter().find(runner).unwrap().stamp;
-        let since = |tracks: &&TrackList| tracks.stamp > stopped + Span::from_ms(200);
+        let since = |tracks: &&TrackList| tracks.stamp > stopped + Span::from_ms(300);
         let mut people = 0;
         for tracks in seen.tracks.iter().filter(since).take(10) {
             let near = tracks.tracks.iter().filter(|track| {

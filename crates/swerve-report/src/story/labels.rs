@@ -112,8 +112,11 @@ pub(super) fn room_of((x, y): At, text: &str, how: Text) -> Room {
     [left, y - 0.8 * how.size, left + width, y + 0.2 * how.size]
 }
 
+/// Space between two labels side by side, pixels: letters of another font may be wider.
+const BESIDE: f64 = 4.0;
+
 fn overlap(a: &Room, b: &Room) -> bool {
-    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+    a[0] < b[2] + BESIDE && b[0] < a[2] + BESIDE && a[1] < b[3] && b[1] < a[3]
 }
 
 fn is_within(r: &Room, all: &Room) -> bool {
