@@ -111,7 +111,7 @@ fn main() -> anyhow::Result<()> {
     for planner in PLANNERS {
         let set = [swerve_text::parse_assignment(&format!("planning.planner={planner}"))?];
         let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
-        let drives = on_all_cores(leads.len() * seeds as usize, |k| {
+        let drives = on_all_cores(leads.len() * seeds as usize, |k| -> anyhow::Result<_> {
             let (lead, scenario) = &leads[k / seeds as usize];
             let config = Config { seed: 1 + k as u64 % seeds, ..config.clone() };
             Ok((*lead, driven(&config, scenario)?))

@@ -53,7 +53,8 @@ fn main() -> anyhow::Result<()> {
                     set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?;
                 let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
                 let drives = on_all_cores(seeds as usize, |k| {
-                    Ok(drive(&Config { seed: 1 + k as u64, ..config.clone() }, &scenario)?.metrics)
+                    let config = Config { seed: 1 + k as u64, ..config.clone() };
+                    drive(&config, &scenario).map(|outcome| outcome.metrics)
                 })?;
                 row += &format!(" {} |", cell(&drives));
             }

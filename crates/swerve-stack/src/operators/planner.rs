@@ -249,13 +249,14 @@ impl PlannerOperator {
             None => planner.plan(request, budget),
         };
         let mut plan = plan_for(&request);
-        let is_left = match self.has_comfort {
-            true => plan.status != PlanStatus::Comfortable,
-            false => plan.status.is_fallback(),
-        };
-        if is_left && !core::ptr::eq(ground, &self.route) {
-            // Where the deviations leave no comfortable way, and in an emergency, all of the ground counts.
-            plan = plan_for(&Request { route: &self.route, ..request });
+        let is_comfortable = |plan: &Plan| plan.status == PlanStatus::Comfortable;
+        let is_poor = plan.status.is_fallback() || (self.has_comfort && !is_comfortable(&plan));
+        if is_poor && !core::ptr::eq(ground, &self.route) {
+            // Where the deviations leave no comfortable plan, or none at all, the whole ground counts.
+            let whole = plan_for(&Request { route: &self.route, ..request });
+            if is_comfortable(&whole) || plan.status.is_fallback() {
+                plan = whole;
+            }
         }
         let plan = Arc::new(self.trust.explained(plan));
         (self.previous, self.previous_local) = (Some(plan.clone()), local);
