@@ -120,13 +120,16 @@ pub struct StanleyParams {
     pub softening_mps: f64,
     /// Steering per rad/s by which the car turns faster than the path, seconds.
     pub yaw_damping_s: f64,
+    /// Above this speed, m/s, the answer to deviations falls with the speed: the path turns with `speed / wheelbase` for each
+    /// radian of steering, and steering and tyres are as slow as before.
+    pub full_gain_mps: f64,
     /// The curvature fed forward is that of the path this far ahead, seconds: the lag of steering and tyres.
     pub preview_s: f64,
 }
 
 impl Default for StanleyParams {
     fn default() -> Self {
-        Self { gain_ps: 2.0, softening_mps: 1.0, yaw_damping_s: 0.15, preview_s: 0.15 }
+        Self { gain_ps: 2.0, softening_mps: 1.0, yaw_damping_s: 0.15, full_gain_mps: 18.0, preview_s: 0.15 }
     }
 }
 
@@ -151,7 +154,10 @@ pub fn stanley(
     let heading = angle_between(pose.heading_rad, wanted.heading_rad);
     let back = math::atan2(-params.gain_ps * cross_track_m, params.softening_mps + speed);
     let damping = params.yaw_damping_s * (speed * beside.curvature_1pm - yaw_rate_radps);
-    heading + back + damping
+    if speed <= params.full_gain_mps {
+        return heading + back + damping;
+    }
+    ahead_rad + params.full_gain_mps / speed * (heading - ahead_rad + back) + damping
 }
 
 #[cfg(test)]
@@ -179,6 +185,23 @@ mod tests {
         let steer =
             waypoint_angle(Pose2::new(0.0, 0.0, 0.0), Point2::new(-5.0, 0.1), &WaypointParams::default());
         assert!((steer - 70f64.to_radians()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn stanley_answers_deviations_less_the_faster_it_is_and_the_curvature_alike() {
+        let params = StanleyParams { softening_mps: 0.0, yaw_damping_s: 0.0, ..StanleyParams::default() };
+        let at = |speed_mps: f64, heading_rad: f64, curvature_1pm: f64| {
+            let beside = OnPath { curvature_1pm, ..straight() };
+            stanley(Pose2::new(0.0, 0.0, heading_rad), speed_mps, 0.0, beside, L, &params)
+        };
+        let v = params.full_gain_mps;
+        // Steering times speed over wheelbase is how fast the heading comes back: no faster above that speed.
+        for (speed_mps, share) in [(0.5 * v, 1.0), (v, 1.0), (2.0 * v, 0.5), (3.0 * v, 1.0 / 3.0)] {
+            // The front axle is off by the wheelbase times the heading, too.
+            let expected = -share * (0.01 + math::atan2(params.gain_ps * L * math::sin(0.01), speed_mps));
+            assert!((at(speed_mps, 0.01, 0.0) - expected).abs() < 1e-9, "{speed_mps}");
+            assert!((at(speed_mps, 0.0, 0.01) - math::atan(0.01 * L)).abs() < 1e-9, "{speed_mps}");
+        }
     }
 
     #[test]

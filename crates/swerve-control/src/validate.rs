@@ -25,6 +25,7 @@ impl Params {
             ("mpc.weights.steering_rate", weights.steering_rate),
             ("mpc.weights.jerk", weights.jerk),
             ("mpc.weights.slack_squared", weights.slack_squared),
+            ("stanley.full_gain_mps", self.stanley.full_gain_mps),
         ])?;
         not_negative(&[
             ("pid.kp_spm", self.pid.kp_spm),

@@ -101,3 +101,32 @@ fn car_stops_where_its_pose_is_too_uncertain_for_the_lane_and_says_so() {
     let metrics = common::record(&config, &road, &path, 1).metrics;
     assert!(metrics.plans.counts.pose_uncertain == 0 && metrics.drive.path_length_m > 150.0);
 }
+
+/// A slow car ahead, on a country road at 112 km/h.
+const OVERTAKING: &str = r#"name = "overtaking"
+road = { segments = [{ length_m = 1200.0 }], lane_width_m = 3.75, left_m = 5.625, right_m = 1.875 }
+ego = { target_speed_mps = 31.0, end_m = 900.0 }
+end = { timeout_s = 60.0 }
+
+[[actor]]
+name = "slow"
+kind = "car"
+s_m = 170.0
+d_m = 0.0
+motion = [{ drive = { along = "road", speed_mps = 19.0, distance_m = 1000.0 } }]
+"#;
+
+#[test]
+fn overtaking_at_high_speed_keeps_the_limits_of_comfort() {
+    let folder = tempfile::tempdir().unwrap();
+    let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&road, OVERTAKING).unwrap();
+    for planner in ["planning.planner=fot", "planning.planner=rrt_star"] {
+        let metrics = common::record(&common::config(&[planner]), &road, &path, 1).metrics;
+        assert_eq!(metrics.verdict, Verdict::Avoided, "{planner}");
+        // Plans keep 2.5 m/s2 and 5 m/s3; deviations of the car from them are within half of that more.
+        let (jerk, across) = (metrics.lateral_jerk.raw_max_mps3, metrics.drive.lateral_accel_max_mps2);
+        assert!(jerk.is_some_and(|jerk| jerk < 7.5) && across < 3.75, "{planner}: {jerk:?} {across}");
+        assert!(metrics.min_distance_m.is_some_and(|least_m| least_m > 0.9), "{planner}");
+    }
+}
