@@ -126,6 +126,14 @@ impl Mover {
         is_vehicle(self.kind)
     }
 
+    /// Whether it is a thing that leaves no room of `width_m` on the drivable ground: a barrier, a red light's stop line.
+    pub(crate) fn closes(&self, route: &Route, width_m: f64) -> bool {
+        let at = self.knots[0];
+        let s_m = 0.5 * (at.from_m + at.to_m);
+        let room_m = (route.left_m(s_m) - at.left_m).max(at.right_m + route.right_m(s_m));
+        self.kind == ActorKind::Static && room_m < width_m
+    }
+
     /// The knot before `t_s`.
     fn index(&self, t_s: f64) -> usize {
         ((t_s / KNOT_S).max(0.0) as usize).min(self.knots.len() - 2)
@@ -365,6 +373,22 @@ fn pose_at(path: &[PredictedPose], next: usize, at: Time) -> Pose2 {
 mod tests {
     use super::*;
     use crate::testing::World;
+
+    #[test]
+    fn thing_closes_the_road_where_neither_side_has_the_room() {
+        let closes = |kind, width_m: f64, y_m: f64| {
+            let mut world = World::straight(20.0).with(kind, (0.5, width_m), (60.0, y_m), (0.0, 0.0));
+            let line = world.route.line().clone();
+            world.route = Route::uniform(line.clone(), 5.0, 2.0);
+            let mut on = Line::default();
+            on.set(&line);
+            mover(&world.predictions[0], &world.request(), &on, (0.0, 0)).unwrap().closes(&world.route, 2.0)
+        };
+        // From 2 m on the right to 5 m on the left: 7 m. In their middle a thing leaves half of what its width leaves.
+        assert!(closes(ActorKind::Static, 7.0, 1.5) && closes(ActorKind::Static, 3.1, 1.5));
+        assert!(!closes(ActorKind::Static, 2.9, 1.5) && !closes(ActorKind::Static, 3.1, 1.0));
+        assert!(!closes(ActorKind::Pedestrian, 7.0, 1.5));
+    }
 
     #[test]
     fn deceleration_does_not_depend_on_how_late_a_prediction_begins() {

@@ -197,7 +197,7 @@ impl Comfort {
             return Some(comfortable(plan));
         }
         // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
-        let plan = if self.only_vehicles_in_way(scene) {
+        let plan = if self.only_leads_in_way(scene) {
             stop([comfort_mps2, scene.vehicle.brake_max_mps2], false)
         } else {
             None
@@ -205,14 +205,14 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// Whether all that is or comes into the own lane are vehicles.
-    fn only_vehicles_in_way(&self, scene: &Scene<'_>) -> bool {
+    /// Whether all that is or comes into the own lane can lead.
+    fn only_leads_in_way(&self, scene: &Scene<'_>) -> bool {
         let lane = self.lane(scene.request);
         let mut in_way =
             scene.traffic.movers.iter().filter(|one| {
                 one.knots.iter().any(|knot| knot.to_m > scene.place.s_m && lane.is_blocked(knot))
             });
-        in_way.all(Mover::is_vehicle)
+        in_way.all(|one| can_lead(one, scene.request))
     }
 
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
@@ -277,7 +277,8 @@ impl Comfort {
     ) -> Profile {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
-        let leads = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && counts(one)).filter(in_way);
+        let counts = |one: &&Mover| can_lead(one, scene.request) && counts(one);
+        let leads = scene.traffic.movers.iter().filter(counts).filter(in_way);
         let lead = |mover| Lead { mover, passable: steers_out && mover.comes_to_rest(), beside: None };
         let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {
@@ -389,6 +390,11 @@ pub(super) struct Scene<'a> {
     pub(super) curves: &'a SpeedTable,
     /// Whether the speed is to change at once: for a curve ahead, or away from who is behind.
     pub(super) at_once: bool,
+}
+
+/// Whether one stays behind it in the lane: behind a vehicle, and before what closes the road.
+fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
+    one.is_vehicle() || one.closes(request.route, request.shape.width_m)
 }
 
 pub(super) fn comfortable(plan: Plan) -> Plan {

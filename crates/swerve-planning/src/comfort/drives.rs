@@ -118,6 +118,8 @@ fn extent(kind: ActorKind) -> Extent {
     let (length_m, width_m) = match kind {
         ActorKind::Pedestrian => (0.5, 0.5),
         ActorKind::Cyclist => (1.8, 0.6),
+        // Across both lanes.
+        ActorKind::Static => (0.5, 20.0),
         _ => (4.5, 1.8),
     };
     Extent { length_m, width_m, height_m: 1.5 }
@@ -250,6 +252,27 @@ fn a_lead_is_followed_with_the_time_gap() {
         let last = drive.last().unwrap();
         assert!((last.gap_m - (2.0 + 1.5 * 12.0)).abs() < 1.0, "{manner:?} {last:?}");
         assert!(hardest_mps2(&drive) < 2.0 && over_line(&drive).0 == 0.0, "{manner:?}");
+    }
+}
+
+#[test]
+fn what_closes_the_road_is_braked_for_steadily_from_first_sight() {
+    // At first sight 23^2 / (2 * (D - 2)) suffices, and the deceleration takes 0.3 to 0.9 s to build up, a way of 3 to 10 m:
+    // a stop line in comfort, and two that need more. Never more than 0.8 m/s2 beyond that, and never let go of on the way.
+    for manner in MANNERS {
+        for needed_mps2 in [3.0_f64, 4.0, 5.0] {
+            let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
+            let at_m = 23.0 * 23.0 / (2.0 * needed_mps2) + 2.0 + front_m + 0.25;
+            let wall = |_: f64| [at_m, 0.0];
+            let drive = drive_among(ActorKind::Static, 23.0, true, manner, &[&wall], 15.0);
+            let last = drive.last().unwrap();
+            let hardest = hardest_mps2(&drive);
+            assert!(hardest < needed_mps2 + 0.8, "{manner:?} {needed_mps2}: {hardest}");
+            let braking = drive.iter().filter(|i| (1.2..3.5).contains(&i.t_s));
+            let weakest = braking.map(|i| -i.ego.accel_mps2).fold(f64::INFINITY, f64::min);
+            assert!(weakest > needed_mps2 - 0.5, "{manner:?} {needed_mps2}: {weakest}");
+            assert!(last.ego.speed_mps < 0.01 && (0.9..4.0).contains(&last.gap_m), "{manner:?} {last:?}");
+        }
     }
 }
 
