@@ -175,6 +175,17 @@ impl Polyline {
         self.project_between(point, first, last)
     }
 
+    /// The places beside `point` within `reach_m` of `near_s_m`: one on each stretch of the line that comes near and goes away
+    /// again, or begins or ends there.
+    pub fn places_near(
+        &self,
+        point: Point2,
+        near_s_m: f64,
+        reach_m: f64,
+    ) -> impl Iterator<Item = FrenetPoint> {
+        self.branches(point, self.segment(near_s_m - reach_m), self.segment(near_s_m + reach_m) + 1)
+    }
+
     /// The nearest place to a pose among those where the line runs in its direction, within 60 degrees; of places
     /// about equally near the first. Without any about as near as the nearest of all, that one.
     pub fn project_pose(&self, pose: Pose2) -> FrenetPoint {

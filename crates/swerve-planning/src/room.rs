@@ -54,7 +54,7 @@ impl Room {
             let more_m = (wanted_m - wanted.clearance_m).max(0.0);
             let aside_m = spare_m.clamp(0.0, more_m);
             let ahead_m = if facing { (spare_m - aside_m).clamp(0.0, STEP_OUT_M) } else { 0.0 };
-            room.traffic.replace(k, wider(one, aside_m, ahead_m), request, (line, s_m));
+            room.traffic.replace(k, wider(one, aside_m, ahead_m), request, line);
             if one.kind.is_person() && is_in_lane(mover, request) {
                 let slow_mps = slow_mps(mover, request, s_m);
                 room.slower_mps = room.slower_mps.min(slow_mps);

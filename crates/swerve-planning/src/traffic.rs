@@ -25,6 +25,15 @@ pub(crate) const STANDS_MPS: f64 = 0.3;
 /// Only road users within this distance along the line are projected, metres.
 const REACH_M: f64 = 200.0;
 
+/// Places of a point along the line that are further apart than this are on different stretches of it, metres.
+const APART_M: f64 = 15.0;
+
+/// Beyond the way that the ego drives within the horizon, places on other stretches are looked for so much further, metres.
+const FURTHER_M: f64 = 30.0;
+
+/// A place on the line that leads back to the point by less than this is beside it, metres.
+const LEADS_BACK_M: f64 = 0.5;
+
 /// The way of a vehicle that crosses is kept free for so long before and after it, seconds.
 const CROSS_S: f64 = 0.5;
 
@@ -43,8 +52,43 @@ pub(crate) struct Behind {
     pub(crate) speed_mps: f64,
 }
 
-/// Who follows the ego: behind it and in its strip of the road now.
-fn behind(one: &Prediction, route: &Route, place: FrenetPoint, shape: &Shape) -> Option<Behind> {
+/// Stretches of the route ahead of an ego at `s_m` and `speed_mps` whose ground a road user touches now, by their arc
+/// lengths: a road that comes near itself has more than one. Not the one at `but_m`.
+fn stretches_ahead<'a>(
+    one: &'a Prediction,
+    route: &'a Route,
+    (s_m, speed_mps): (f64, f64),
+    but_m: f64,
+) -> impl Iterator<Item = f64> + 'a {
+    let half_m = 0.5 * (FURTHER_M + HORIZON_S * speed_mps.max(0.0)).min(REACH_M);
+    let radius_m = 0.5 * math::hypot(one.extent.length_m, one.extent.width_m);
+    let first = one.path.first().map(|first| first.pose.point());
+    let places = first.into_iter().flat_map(move |point| {
+        let is_beside = move |place: &FrenetPoint| {
+            let on_ground = (-route.right_m(place.s_m) - radius_m..route.left_m(place.s_m) + radius_m)
+                .contains(&place.d_m);
+            // The ends of what is looked at are not beside.
+            on_ground && route.unproject(*place).distance(point) < LEADS_BACK_M
+        };
+        route.line().places_near(point, s_m + half_m, half_m).filter(is_beside)
+    });
+    let mut before_m = f64::NEG_INFINITY;
+    places.map(|place| place.s_m).filter(move |&at_m| {
+        let is_new = at_m > s_m && (at_m - but_m).abs() > APART_M && at_m - before_m > APART_M;
+        if is_new {
+            before_m = at_m;
+        }
+        is_new
+    })
+}
+
+/// Who follows the ego: behind it and in its strip of the road now, and on no other stretch ahead of it.
+fn behind(
+    one: &Prediction,
+    route: &Route,
+    (place, ego_mps): (FrenetPoint, f64),
+    shape: &Shape,
+) -> Option<Behind> {
     let first = one.path.first()?;
     let at = route.project_near(first.pose.point(), place.s_m, REACH_M);
     let road = route.line().at(at.s_m).pose;
@@ -54,7 +98,8 @@ fn behind(one: &Prediction, route: &Route, place: FrenetPoint, shape: &Shape) ->
     let speed_mps = one.path.get(1).map_or(0.0, |next| {
         (next.pose.point() - first.pose.point()).dot(road.direction()) / (next.at - first.at).as_secs()
     });
-    (gap_m > 0.0 && overlaps).then_some(Behind { gap_m, speed_mps })
+    let is_ahead = || stretches_ahead(one, route, (place.s_m, ego_mps), at.s_m).next().is_some();
+    (gap_m > 0.0 && overlaps && !is_ahead()).then_some(Behind { gap_m, speed_mps })
 }
 
 /// The predictions without those of road users behind the ego in its own lane, which keep their distance themselves, and
@@ -64,7 +109,7 @@ pub(crate) fn without_followers<'a>(
     (route, place, shape): (&Route, FrenetPoint, &Shape),
     speed_mps: f64,
 ) -> (Cow<'a, [Prediction]>, Option<Behind>) {
-    let follows = |one: &Prediction| behind(one, route, place, shape);
+    let follows = |one: &Prediction| behind(one, route, (place, speed_mps), shape);
     let reaches_s = |one: &Behind| one.gap_m / (one.speed_mps - speed_mps).max(1e-3);
     let first = predictions.iter().filter_map(follows).min_by(|a, b| reaches_s(a).total_cmp(&reaches_s(b)));
     match first {
@@ -114,6 +159,8 @@ pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
     /// Its prediction among those of the [`Traffic`].
     pub(crate) index: usize,
+    /// Where along the route it is looked for, and how far around that, metres.
+    near_m: [f64; 2],
     /// Sine of the angle from the line to its heading: 1 where it faces left across the road.
     pub(crate) faces: f64,
     /// At increasing instants, evenly apart.
@@ -221,14 +268,14 @@ impl Traffic {
         let mut crossing = Vec::new();
         for one in request.predictions {
             let one = continued(one, until, request.route, s_m);
-            let mover = mover(&one, request, line, (s_m, traffic.predictions.len()));
+            let movers = movers(&one, request, line, (s_m, traffic.predictions.len()));
             let drives_along =
                 |one: &Mover| one.is_vehicle() && one.motion(0.0).0 > STANDS_MPS && !one.crosses(0.0);
-            traffic.drives_along.push(mover.as_ref().is_some_and(drives_along));
-            if mover.as_ref().is_some_and(|one| one.is_vehicle() && one.crosses(0.0)) {
+            traffic.drives_along.push(movers.iter().any(drives_along));
+            if movers.iter().any(|one| one.is_vehicle() && one.crosses(0.0)) {
                 crossing.extend([-CROSS_S, CROSS_S].map(|late_s| later(&one, late_s)));
             }
-            traffic.movers.extend(mover);
+            traffic.movers.extend(movers);
             traffic.predictions.push(one);
         }
         traffic.predictions.extend(crossing);
@@ -238,15 +285,9 @@ impl Traffic {
 
 impl Traffic {
     /// In the place of a road user's prediction, another one for it.
-    pub(crate) fn replace(
-        &mut self,
-        k: usize,
-        one: Prediction,
-        request: &Request<'_>,
-        (line, s_m): (&Line, f64),
-    ) {
-        let index = self.movers[k].index;
-        if let Some(mover) = mover(&one, request, line, (s_m, index)) {
+    pub(crate) fn replace(&mut self, k: usize, one: Prediction, request: &Request<'_>, line: &Line) {
+        let Mover { index, near_m, .. } = self.movers[k];
+        if let Some(mover) = mover(&one, request, line, (near_m, index)) {
             self.movers[k] = mover;
             self.predictions[index] = one;
         }
@@ -318,14 +359,29 @@ fn final_motion(one: &Prediction) -> Option<(PredictedPose, f64, f64)> {
     Some((end, speed_mps.max(0.0), accel_mps2))
 }
 
-/// The road user along the line; `None` where it is far away.
-fn mover(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f64, usize)) -> Option<Mover> {
+/// The road user along the line: at the nearest place, and on every other stretch ahead of the ego at `s_m` that it touches.
+fn movers(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f64, usize)) -> Vec<Mover> {
+    let Some(nearest) = mover(one, request, line, ([s_m, REACH_M], index)) else { return Vec::new() };
+    let now = nearest.knots[0];
+    let ego = (s_m, request.start.speed_mps);
+    let others = stretches_ahead(one, request.route, ego, 0.5 * (now.from_m + now.to_m));
+    let others = others.filter_map(|at_m| mover(one, request, line, ([at_m, 0.5 * APART_M], index)));
+    core::iter::once(nearest).chain(others).collect()
+}
+
+/// The road user along the line, looked for along the route as [`Mover::near_m`] has it; `None` where it is far away.
+fn mover(
+    one: &Prediction,
+    request: &Request<'_>,
+    line: &Line,
+    (near_m, index): ([f64; 2], usize),
+) -> Option<Mover> {
     let first = one.path.first()?;
     let start = request.start;
     if first.pose.point().distance(start.pose.point()) > REACH_M {
         return None;
     }
-    let mut guess_m = request.route.project_near(first.pose.point(), s_m, REACH_M).s_m;
+    let mut guess_m = request.route.project_near(first.pose.point(), near_m[0], near_m[1]).s_m;
     let mut next = 0;
     let count = (HORIZON_S / KNOT_S) as usize;
     let mut faces = 0.0;
@@ -353,7 +409,7 @@ fn mover(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f6
             left_m: d_m + across_m,
         });
     }
-    Some(Mover { kind: one.kind, index, faces, knots })
+    Some(Mover { kind: one.kind, index, near_m, faces, knots })
 }
 
 /// The pose at `at`; `next` is the first place that is not before it. Before the first the first motion is continued: a pose
@@ -402,12 +458,37 @@ mod tests {
                 place.at = world.start.stamp + Span::from_secs(t_s);
                 place.pose.x_m = 60.0 + 25.0 * t_s - 0.5 * t_s * t_s;
             }
-            let mover = mover(&one, &world.request(), &line, (0.0, 0)).unwrap();
+            let mover = mover(&one, &world.request(), &line, ([0.0, REACH_M], 0)).unwrap();
             let (speed_mps, brake_mps2) = mover.motion(0.0);
             assert!(
                 (speed_mps - 25.0).abs() < 0.1 && (brake_mps2 - 1.0).abs() < 0.1,
                 "{late_ms} {brake_mps2}"
             );
+        }
+    }
+
+    /// A ring of 25 m radius, 157 m round, on which the ego is at 130 m. Who stands at 150 m, 20 m ahead of it, is 7 m behind
+    /// the ring's beginning as well, where the line goes on straight: behind by 137 m and ahead by 20 m, so he is ahead.
+    #[test]
+    fn on_a_ring_who_stands_ahead_is_ahead_and_who_follows_follows() {
+        let on_ring = |s_m: f64, d_m: f64| {
+            let (sin, cos) = math::sin_cos(s_m / 25.0);
+            Point2::new((25.0 - d_m) * sin, 25.0 - (25.0 - d_m) * cos)
+        };
+        let ring: Vec<Point2> = (0..=157).map(|k| on_ring(f64::from(k), 0.0)).collect();
+        let (ego, mut line) = (on_ring(130.0, 0.0), Line::default());
+        for (s_m, is_follower) in [(150.0, false), (115.0, true)] {
+            let at = on_ring(s_m, -1.3);
+            let mut world = World::on(&ring, 6.0).with_person((at.x_m, at.y_m), (0.0, 0.0));
+            line.set(world.route.line());
+            world.start.pose = Pose2::new(ego.x_m, ego.y_m, 130.0 / 25.0);
+            let request = Request { along_m: Some(130.0), ..world.request() };
+            let (_, follower) =
+                without_followers(request.predictions, (request.route, request.place(), request.shape), 6.0);
+            assert_eq!(follower.is_some(), is_follower, "{s_m}");
+            let traffic = Traffic::new(&request, &line, 130.0);
+            let middles = traffic.movers.iter().map(|one| 0.5 * (one.knots[0].from_m + one.knots[0].to_m));
+            assert_eq!(middles.filter(|at_m| (at_m - s_m).abs() < 0.2).count(), 1, "{s_m}");
         }
     }
 }
