@@ -438,7 +438,9 @@ mod tests {
             world.route = Route::uniform(line.clone(), 5.0, 2.0);
             let mut on = Line::default();
             on.set(&line);
-            mover(&world.predictions[0], &world.request(), &on, (0.0, 0)).unwrap().closes(&world.route, 2.0)
+            mover(&world.predictions[0], &world.request(), &on, ([0.0, REACH_M], 0))
+                .unwrap()
+                .closes(&world.route, 2.0)
         };
         // From 2 m on the right to 5 m on the left: 7 m. In their middle a thing leaves half of what its width leaves.
         assert!(closes(ActorKind::Static, 7.0, 1.5) && closes(ActorKind::Static, 3.1, 1.5));
