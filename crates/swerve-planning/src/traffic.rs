@@ -479,8 +479,8 @@ mod tests {
         };
         let ring: Vec<Point2> = (0..=157).map(|k| on_ring(f64::from(k), 0.0)).collect();
         let (ego, mut line) = (on_ring(130.0, 0.0), Line::default());
-        for (s_m, is_follower) in [(150.0, false), (115.0, true)] {
-            let at = on_ring(s_m, -1.3);
+        for (s_m, d_m, is_follower) in [(150.0, -1.3, false), (115.0, 0.0, true)] {
+            let at = on_ring(s_m, d_m);
             let mut world = World::on(&ring, 6.0).with_person((at.x_m, at.y_m), (0.0, 0.0));
             line.set(world.route.line());
             world.start.pose = Pose2::new(ego.x_m, ego.y_m, 130.0 / 25.0);

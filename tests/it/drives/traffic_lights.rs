@@ -204,7 +204,8 @@ fn default_stack_waits_at_red_with_every_planner_and_controller() {
             }
             let ([ahead_m, speed_mps], drive) = (rest(&seen), &outcome.metrics.drive);
             assert!(speed_mps < 0.1, "{planner} {controller}: {speed_mps}");
-            assert!((0.5..=2.0).contains(&ahead_m), "{planner} {controller}: {ahead_m} m before the line");
+            // The standstill gap of 2 m, and up to half a metre of reserve.
+            assert!((0.5..=2.5).contains(&ahead_m), "{planner} {controller}: {ahead_m} m before the line");
             assert!(drive.deceleration_max_mps2 < 4.0, "{planner} {controller}: {drive:?}");
         }
         // Without the comfortable layer, too.
