@@ -15,7 +15,7 @@ pub enum SpeedProfile {
     /// The target speed from the first point on, whatever the start: what Pylot does.
     Constant,
     /// From the start's speed within acceleration, braking and lateral limits, down to the target by no more than
-    /// [`EASE_MPS2`].
+    /// 3 m/s².
     Limited,
     /// The same, down to the target by all of the braking.
     Braking,
