@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve_benches::{Goal, Rows, Sample, cores, is_asked, is_asked_to_measure, now, on_all_cores};
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
+use swerve_benches::{Goal, Rows, Sample, cores, is_asked, is_asked_to_measure, now};
 use swerve_drive::{drive_observed, drive_pipeline, problems_error, read_scenario, set_up};
 use swerve_flow::Observer;
 use swerve_gpu::{AdapterKind, Gpu};
@@ -178,7 +179,7 @@ fn study(rows: &mut Rows) -> anyhow::Result<()> {
         Bench::open(&swerve::Registry::standard(), &root().join("configs/studies/planners.toml"), &[])?;
     let cells = &bench.study.cells;
     let (began, began_cpu_s) = (now(), cpu_s());
-    on_all_cores(cells.len(), |k| bench.run_cell(&cells[k], None))?;
+    cells.par_iter().try_for_each(|cell| bench.run_cell(cell, None).map(drop))?;
     let (wall_s, used_s) = (began.elapsed().as_secs_f64(), cpu_s() - began_cpu_s);
     let what = format!("Table I, {} runs on {} threads", cells.len(), cores());
     let goal = match cores() {

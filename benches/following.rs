@@ -2,8 +2,10 @@
 //! time gaps of 0.8 to 3 s, twenty seeds each. Every row counts collisions that physics does not excuse, and says by how much
 //! the hardest braking exceeds the least that suffices. `-- 3` drives three seeds.
 
-use swerve_benches::{Goal, Rows, Sample, asked, is_asked_to_measure, on_all_cores};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use swerve_benches::{Goal, Rows, Sample, asked_number, is_asked_to_measure};
 use swerve_drive::{drive, problems_error};
+use swerve_planning::testing::least_braking_mps2;
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 
@@ -19,7 +21,7 @@ const REACTION_S: f64 = 0.5;
 const STANDSTILL_M: f64 = 2.0;
 /// From the middle of the lead to its rear and from the ego's reference point to its front, metres.
 const BODIES_M: f64 = 4.7;
-/// What a dry road gives, m/s².
+/// Largest deceleration on a dry road, m/s².
 const GRIP_MPS2: f64 = 8.5;
 /// Braking for comfort when the gap is opened again, m/s².
 const COMFORT_MPS2: f64 = 1.0;
@@ -61,34 +63,40 @@ impl Lead {
         Scenario::parse("following", &text).map_err(|problems| problems_error(&problems))
     }
 
-    /// The least constant deceleration from the reaction on that leaves `rest_m` to the lead, m/s².
+    /// The least deceleration that leaves `rest_m` to the lead, m/s².
     fn least_mps2(self, rest_m: f64) -> f64 {
-        // Way since the lead's first braking of a car that brakes from `from_s` on, metres.
-        let way_m = |brake_mps2: f64, from_s: f64, t_s: f64| {
-            let braking_s = (t_s - from_s).clamp(0.0, self.speed_mps / brake_mps2);
-            self.speed_mps * (t_s.min(from_s) + braking_s) - 0.5 * brake_mps2 * braking_s * braking_s
-        };
-        let keeps = |own_mps2: f64| {
-            (0..6000).map(|k| 0.01 * f64::from(k)).all(|t_s| {
-                let lead_m = way_m(self.brake_mps2, 0.0, t_s);
-                self.gap_m + lead_m - way_m(own_mps2, REACTION_S, t_s) >= rest_m
-            })
-        };
-        (1..1000).map(|k| 0.02 * f64::from(k)).find(|own_mps2| keeps(*own_mps2)).unwrap_or(f64::INFINITY)
+        least_braking_mps2(self.speed_mps, self.brake_mps2, self.gap_m, REACTION_S, rest_m)
     }
 }
 
-/// What a drive came to.
-struct Drive {
+/// The scenario of a lead, with the decelerations that leave the standstill gap and nothing, m/s².
+struct Behind {
+    lead: Lead,
+    scenario: Scenario,
+    suffices_mps2: f64,
+    touches_mps2: f64,
+}
+
+impl Behind {
+    fn new(lead: Lead) -> anyhow::Result<Self> {
+        let [suffices_mps2, touches_mps2] = [STANDSTILL_M, 0.0].map(|rest_m| lead.least_mps2(rest_m));
+        Ok(Self { lead, scenario: lead.scenario()?, suffices_mps2, touches_mps2 })
+    }
+}
+
+/// Result of a drive behind a lead.
+struct Drive<'a> {
+    behind: &'a Behind,
     collides: bool,
     /// Bumper to bumper, least, metres.
     gap_m: f64,
     brake_mps2: f64,
 }
 
-fn driven(config: &Config, scenario: &Scenario) -> anyhow::Result<Drive> {
-    let metrics = drive(config, scenario)?.metrics;
+fn driven<'a>(config: &Config, behind: &'a Behind) -> anyhow::Result<Drive<'a>> {
+    let metrics = drive(config, &behind.scenario)?.metrics;
     Ok(Drive {
+        behind,
         collides: metrics.impact.is_some(),
         gap_m: metrics.min_distance_m.unwrap_or(f64::INFINITY),
         brake_mps2: metrics.drive.deceleration_max_mps2,
@@ -99,43 +107,40 @@ fn main() -> anyhow::Result<()> {
     if !is_asked_to_measure() {
         return Ok(());
     }
-    let seeds = asked().find_map(|word| word.parse().ok()).unwrap_or(SEEDS);
+    let seeds = asked_number(SEEDS);
     let mut leads = Vec::new();
     for speed_mps in SPEEDS_MPS {
         for (brake_mps2, gap_s) in BRAKES_MPS2.iter().flat_map(|b| GAPS_S.map(|gap_s| (*b, gap_s))) {
-            let lead = Lead { speed_mps, brake_mps2, gap_m: gap_s * speed_mps };
-            leads.push((lead, lead.scenario()?));
+            leads.push(Behind::new(Lead { speed_mps, brake_mps2, gap_m: gap_s * speed_mps })?);
         }
     }
     let mut rows = Rows::new(env!("CARGO_TARGET_TMPDIR"), "following");
     for planner in PLANNERS {
         let set = [swerve_text::parse_assignment(&format!("planning.planner={planner}"))?];
         let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
-        let drives = on_all_cores(leads.len() * seeds as usize, |k| -> anyhow::Result<_> {
-            let (lead, scenario) = &leads[k / seeds as usize];
-            let config = Config { seed: 1 + k as u64 % seeds, ..config.clone() };
-            Ok((*lead, driven(&config, scenario)?))
-        })?;
+        let cases: Vec<_> =
+            leads.iter().flat_map(|behind| (1..=seeds).map(move |seed| (behind, seed))).collect();
+        let drives = cases
+            .into_par_iter()
+            .map(|(behind, seed)| driven(&Config { seed, ..config.clone() }, behind))
+            .collect::<anyhow::Result<Vec<_>>>()?;
         for speed_mps in SPEEDS_MPS {
-            let of: Vec<_> = drives.iter().filter(|(lead, _)| lead.speed_mps == speed_mps).collect();
-            let avoidable = |lead: &Lead| lead.least_mps2(0.0) < GRIP_MPS2;
-            let hit = of.iter().filter(|(lead, drive)| drive.collides && avoidable(lead)).count();
-            let excused = of.iter().filter(|(lead, drive)| drive.collides && !avoidable(lead)).count();
+            let of: Vec<_> = drives.iter().filter(|drive| drive.behind.lead.speed_mps == speed_mps).collect();
+            let hits = || of.iter().filter(|drive| drive.collides);
+            let hit = hits().filter(|drive| drive.behind.touches_mps2 < GRIP_MPS2).count();
+            let excused = hits().count() - hit;
             let what = format!("{planner}, {speed_mps} m/s: avoidable collisions of {}", of.len());
             rows.row(&what, hit as f64, &format!("{hit} ({excused} unavoidable)"), Goal::Most(0.0));
-            let excess = of.iter().filter(|(_, drive)| !drive.collides).map(|(lead, drive)| {
-                drive.brake_mps2 - lead.least_mps2(STANDSTILL_M).clamp(COMFORT_MPS2, GRIP_MPS2)
-            });
+            let excess = of
+                .iter()
+                .filter(|drive| !drive.collides)
+                .map(|drive| drive.brake_mps2 - drive.behind.suffices_mps2.clamp(COMFORT_MPS2, GRIP_MPS2));
             let excess = Sample::new(excess.collect());
             let what = format!("{planner}, {speed_mps} m/s: braking above the least that suffices, m/s2");
             rows.row(&what, excess.at(1.0), &excess.text(2, "m/s2"), Goal::Most(ALLOWANCE_MPS2));
-            let least = Sample::new(of.iter().map(|(_, drive)| drive.gap_m).collect());
-            rows.row(
-                &format!("{planner}, {speed_mps} m/s: least gap"),
-                least.least(),
-                &least.text(2, "m"),
-                Goal::None,
-            );
+            let gap = Sample::new(of.iter().map(|drive| drive.gap_m).collect());
+            let what = format!("{planner}, {speed_mps} m/s: least gap");
+            rows.row(&what, gap.least(), &gap.text(2, "m"), Goal::None);
         }
     }
     rows.finish();

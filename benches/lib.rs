@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// The present moment of the real clock.
@@ -162,7 +161,7 @@ pub fn is_asked_to_measure() -> bool {
 }
 
 /// The parts that the command line names, behind `--`.
-pub fn asked() -> impl Iterator<Item = String> {
+fn asked() -> impl Iterator<Item = String> {
     std::env::args().skip(1).filter(|argument| !argument.starts_with("--"))
 }
 
@@ -171,37 +170,14 @@ pub fn is_asked(part: &str) -> bool {
     asked().next().is_none() || asked().any(|name| name == part)
 }
 
+/// The first number behind `--`, or `usual`.
+pub fn asked_number(usual: u64) -> u64 {
+    asked().find_map(|word| word.parse().ok()).unwrap_or(usual)
+}
+
 /// Processors of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-/// Results of the tasks `0..count`, in their order, done on all cores.
-///
-/// # Errors
-/// That of a task.
-pub fn on_all_cores<T: Send, E: Send>(
-    count: usize,
-    task: impl Fn(usize) -> Result<T, E> + Sync,
-) -> Result<Vec<T>, E> {
-    let next = AtomicUsize::new(0);
-    let worker = || -> Result<Vec<(usize, T)>, E> {
-        let tasks = std::iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
-        tasks.take_while(|k| *k < count).map(|k| Ok((k, task(k)?))).collect()
-    };
-    let parts: Vec<_> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores()).map(|_| scope.spawn(worker)).collect();
-        let joined = |worker: std::thread::ScopedJoinHandle<'_, _>| {
-            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        workers.into_iter().map(joined).collect()
-    });
-    let mut done = Vec::with_capacity(count);
-    for part in parts {
-        done.extend(part?);
-    }
-    done.sort_by_key(|(k, _)| *k);
-    Ok(done.into_iter().map(|(_, result)| result).collect())
 }
 
 /// Resident memory of this process; zero where the system does not tell.

@@ -1,9 +1,10 @@
-//! What drives are like to ride, with the comfortable layer and without: for the ten scenarios and four planners, medians over
+//! Comfort of drives with the comfortable layer and without: for the ten scenarios and four planners, medians over
 //! twenty seeds. The table is Markdown, as docs/comfort.md has it. `-- 3` drives three seeds.
 
 use std::path::Path;
 
-use swerve_benches::{Sample, asked, is_asked_to_measure, on_all_cores, print};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use swerve_benches::{Sample, asked_number, is_asked_to_measure, print};
 use swerve_drive::{drive, problems_error, read_scenario};
 use swerve_eval::Metrics;
 use swerve_stack::config::Config;
@@ -39,7 +40,7 @@ fn main() -> anyhow::Result<()> {
     if !is_asked_to_measure() {
         return Ok(());
     }
-    let seeds = asked().find_map(|word| word.parse().ok()).unwrap_or(SEEDS);
+    let seeds = asked_number(SEEDS);
     print(&format!("| | {} |\n|{}", PLANNERS.map(|p| format!("`{p}`")).join(" | "), "---|".repeat(5)));
     for name in SCENARIOS {
         let file = format!("{}/../scenarios/{name}.toml", env!("CARGO_MANIFEST_DIR"));
@@ -52,10 +53,9 @@ fn main() -> anyhow::Result<()> {
                 let set: Vec<_> =
                     set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?;
                 let config = Config::load(None, &set).map_err(|problems| problems_error(&problems))?;
-                let drives = on_all_cores(seeds as usize, |k| {
-                    let config = Config { seed: 1 + k as u64, ..config.clone() };
-                    drive(&config, &scenario).map(|outcome| outcome.metrics)
-                })?;
+                let drive = |seed| drive(&Config { seed, ..config.clone() }, &scenario);
+                let drives = (1..=seeds).into_par_iter().map(|seed| Ok(drive(seed)?.metrics));
+                let drives = drives.collect::<anyhow::Result<Vec<_>>>()?;
                 row += &format!(" {} |", cell(&drives));
             }
             print(&row);

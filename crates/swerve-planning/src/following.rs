@@ -152,13 +152,13 @@ pub(crate) struct Profile {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Lead<'a> {
     pub(crate) mover: &'a Mover,
-    /// Whether it can be passed where it stands.
+    /// It can be passed where it stands.
     pub(crate) passable: bool,
     /// For a lead vehicle beside the ego: how the ego falls back behind it.
     pub(crate) beside: Option<FallBack>,
 }
 
-/// How an ego lets a vehicle beside it go ahead.
+/// Speed and braking of an ego that lets a vehicle beside it go ahead.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct FallBack {
     /// Speed below that of the vehicle, m/s.
@@ -240,7 +240,7 @@ impl Follower<'_> {
         (if hard { least_mps2 } else { least_mps2.max(dies_mps2) }, is_led, hard)
     }
 
-    /// Whether a vehicle is in the ego's way at `t_s`, or soon after.
+    /// True of a vehicle that is in the ego's way at `t_s`, or soon after.
     fn comes_in_way(&self, lead: &Mover, now: &Knot, t_s: f64) -> bool {
         (self.in_way)(now) || (self.in_way)(&lead.at(t_s + SOON_S))
     }
@@ -287,7 +287,7 @@ impl Follower<'_> {
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
             let is_worth_it = least <= comfort || needed - least > FELT_MPS2;
-            // What is braked with already goes on.
+            // Braking does not decrease.
             let eased =
                 if is_worth_it { needed.min(least.max(comfort).max(-now.accel_mps2)) } else { needed };
             return -eased.min(self.accel.hardest_mps2);

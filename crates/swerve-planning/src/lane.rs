@@ -41,7 +41,7 @@ pub(crate) struct Lane<'a> {
 }
 
 impl Lane<'_> {
-    /// Whether the ego's outline is over the left line with its origin at this place.
+    /// True where the ego's outline is over the left line with its origin at this place.
     pub(crate) fn is_over(&self, s_m: f64, d_m: f64) -> bool {
         d_m + 0.5 * self.width_m > self.borders.left_m(s_m) + OVER_LINE_M
     }

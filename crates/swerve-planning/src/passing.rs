@@ -20,7 +20,7 @@ pub(crate) struct Rules {
     pub(crate) over_line_max_s: f64,
     /// Whether the ego is in the other lane already.
     pub(crate) under_way: bool,
-    /// Whether a road user that moves in the other lane has all of it, not the place where it is.
+    /// A road user that moves in the other lane has all of it, not only the place where it is.
     pub(crate) whole_lane: bool,
 }
 
@@ -58,7 +58,7 @@ pub(crate) struct Passing<'a> {
     target_mps: f64,
     /// Offset to the left at which everything is passed, metres.
     pub(crate) offset_m: f64,
-    /// Whether where it will be is not known yet: a vehicle still brakes, or a pedestrian may walk on before a fast
+    /// Its place in some seconds is not known yet: a vehicle still brakes, or a pedestrian may walk on before a fast
     /// ego.
     waits: bool,
 }
@@ -168,7 +168,7 @@ impl<'a> Passing<'a> {
         over_since_s.is_none()
     }
 
-    /// Whether a plan that gives the pass up may be driven: until it is back in the own lane everybody in the other lane keeps
+    /// True of a plan that gives the pass up and may be driven: until it is back in the own lane everybody in the other lane keeps
     /// the time to collision.
     pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
         let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
@@ -251,7 +251,7 @@ impl<'a> Passing<'a> {
     }
 }
 
-/// Whether a vehicle brakes and does not stand yet.
+/// True of a vehicle that brakes and does not stand yet.
 fn brakes(one: &Mover) -> bool {
     let (speed_mps, brake_mps2) = one.motion(0.0);
     one.is_vehicle() && speed_mps > STANDS_MPS && brake_mps2 > BRAKES_MPS2

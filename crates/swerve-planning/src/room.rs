@@ -85,7 +85,7 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
     (mover.is_vehicle() && along_mps > STANDS_MPS && is_in_lane(mover, request)).then_some(wanted.vehicle_m)
 }
 
-/// Whether a road user is in the ego's lane.
+/// True of a road user in the ego's lane.
 fn is_in_lane(mover: &Mover, request: &Request<'_>) -> bool {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
@@ -149,7 +149,7 @@ const SHORT_M: f64 = 0.05;
 /// A step of a pedestrian to the side that she faces, metres.
 const STEP_OUT_M: f64 = 1.0;
 
-/// What stands within this along the road is beside, metres.
+/// Things that stand within this along the road are beside, metres.
 const BESIDE_M: f64 = 12.0;
 
 /// Left over beyond the lane for the edge of the road and the step of the lattice, metres.

@@ -324,3 +324,22 @@ fn within_limits(name: &str, plan: &Plan, limits: &Limits) {
         assert!(p.accel_mps2 >= -limits.brake_max_mps2 - 0.05, "{name}: {p:?}");
     }
 }
+
+/// Way of a vehicle that brakes to a stop from `speed_mps` with `brake_mps2` from `from_s` on, until `t_s`, metres.
+pub fn braking_m(speed_mps: f64, brake_mps2: f64, from_s: f64, t_s: f64) -> f64 {
+    let braking_s = (t_s - from_s).clamp(0.0, speed_mps / brake_mps2);
+    let moving_s = t_s.min(from_s + speed_mps / brake_mps2);
+    speed_mps * moving_s - 0.5 * brake_mps2 * braking_s * braking_s
+}
+
+/// The least constant deceleration from `reaction_s` after the lead vehicle's on that leaves `rest_m` of the gap, m/s², in
+/// steps of 0.05; infinite above 20. Both drive `speed_mps` before.
+pub fn least_braking_mps2(speed_mps: f64, brake_mps2: f64, gap_m: f64, reaction_s: f64, rest_m: f64) -> f64 {
+    let keeps = |own_mps2: f64| {
+        (0..4000).map(|k| 0.01 * f64::from(k)).all(|t_s| {
+            let lead_m = braking_m(speed_mps, brake_mps2, 0.0, t_s);
+            gap_m + lead_m - braking_m(speed_mps, own_mps2, reaction_s, t_s) >= rest_m
+        })
+    };
+    (1..400).map(|k| 0.05 * f64::from(k)).find(|own_mps2| keeps(*own_mps2)).unwrap_or(f64::INFINITY)
+}

@@ -82,7 +82,7 @@ fn stretches_ahead<'a>(
     })
 }
 
-/// Who follows the ego: behind it and in its strip of the road now, and on no other stretch ahead of it.
+/// A road user that follows the ego: behind it and in its strip of the road now, and on no other stretch ahead of it.
 fn behind(
     one: &Prediction,
     route: &Route,
@@ -173,7 +173,7 @@ impl Mover {
         is_vehicle(self.kind)
     }
 
-    /// Whether it is a thing that leaves no room of `width_m` on the drivable ground: a barrier, a red light's stop line.
+    /// True of a thing that leaves no room of `width_m` on the drivable ground: a barrier, a red light's stop line.
     pub(crate) fn closes(&self, route: &Route, width_m: f64) -> bool {
         let at = self.knots[0];
         let s_m = 0.5 * (at.from_m + at.to_m);
@@ -228,12 +228,12 @@ impl Mover {
         0.5 * (b.left_m + b.right_m - a.left_m - a.right_m).abs() > STANDS_MPS * KNOT_S
     }
 
-    /// Whether it is a pedestrian who faces across the road.
+    /// True of a pedestrian facing across the road.
     pub(crate) fn faces_across(&self) -> bool {
         self.kind == ActorKind::Pedestrian && self.faces.abs() > ACROSS
     }
 
-    /// Whether it stands, or is predicted to come to rest.
+    /// True of a road user that stands, or is predicted to come to rest.
     pub(crate) fn comes_to_rest(&self) -> bool {
         self.motion(HORIZON_S).0.abs() < STANDS_MPS
     }

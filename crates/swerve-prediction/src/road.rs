@@ -177,20 +177,24 @@ mod tests {
         assert_eq!(kept, lines);
     }
 
-    /// Who brakes along the road stops on it; a line is bent as a line is.
+    /// Along the road as far as along the straight line, by the length of the arc at the offset, and beside it as before.
     #[test]
-    fn shapes_are_bent_as_lines_are() {
+    fn constant_speed_and_braking_are_bent_along_the_road() {
         let route = bend();
         let from = route.unproject(FrenetPoint { s_m: 50.0, d_m: 4.0 });
         let along = route.line().at(50.0).pose.direction();
-        let [mut line, mut shaped] = [(); 2].map(|()| [straight(ActorKind::Car, from, along * -9.2)]);
+        let mut line = [straight(ActorKind::Car, from, along * -9.2)];
         follow(&mut line, &route);
-        follow(&mut shaped, &route);
-        for (a, b) in line[0].path.iter().zip(&shaped[0].path) {
-            assert!(a.pose.point().distance(b.pose.point()) < 1e-9);
+        let start = line[0].path[0].at;
+        for one in &line[0].path {
+            let place = route.project(one.pose.point());
+            let way_m = 9.2 * (one.at - start).as_secs() * 50.0 / 46.0;
+            assert!(
+                (place.d_m - 4.0).abs() < 0.02 && (50.0 - place.s_m - way_m).abs() < 0.1,
+                "{place:?} {way_m}"
+            );
         }
         let mut braking = straight(ActorKind::Car, from, along * -9.2);
-        let start = braking.path[0].at;
         for one in &mut braking.path {
             let ahead_s = (one.at - start).as_secs();
             let at = from - along * (9.2 * ahead_s - 1.5 * ahead_s * ahead_s);

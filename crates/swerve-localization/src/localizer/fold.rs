@@ -53,7 +53,7 @@ pub(super) struct Fold {
     /// What is known of the heading beforehand.
     heading: Option<[f64; 2]>,
     pub(super) filter: Eskf,
-    /// Whether it started from a known state: what contradicts that is no reason to begin anew.
+    /// True after a start from a known state: measurements that contradict it are no reason to begin anew.
     is_known: bool,
     /// Instant of the filter's state.
     pub(super) at: Time,

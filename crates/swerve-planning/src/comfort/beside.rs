@@ -43,7 +43,7 @@ impl Comfort {
         self.fall_back(scene, &passing.committed(0.0), &beside, FALLS_BACK_HARD)
     }
 
-    /// Whether a vehicle in the own lane is beside the ego, clear to the side: neither behind it by the gap that the
+    /// True of a vehicle in the own lane beside the ego, clear to the side: neither behind it by the gap that the
     /// ego returns with, nor so far ahead that the ego can stay behind it within comfort.
     fn is_beside(&self, scene: &Scene<'_>, one: &Mover) -> bool {
         let Scene { request, place, .. } = *scene;

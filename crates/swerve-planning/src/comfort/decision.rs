@@ -197,7 +197,7 @@ impl Comfort {
             return Some(comfortable(plan));
         }
         // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
-        let plan = if self.only_leads_in_way(scene) {
+        let plan = if self.in_way(scene).all(|one| can_lead(one, request)) {
             stop([comfort_mps2, scene.vehicle.brake_max_mps2], false)
         } else {
             None
@@ -205,14 +205,12 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// Whether all that is or comes into the own lane can lead.
-    fn only_leads_in_way(&self, scene: &Scene<'_>) -> bool {
-        let lane = self.lane(scene.request);
-        let mut in_way =
-            scene.traffic.movers.iter().filter(|one| {
-                one.knots.iter().any(|knot| knot.to_m > scene.place.s_m && lane.is_blocked(knot))
-            });
-        in_way.all(|one| can_lead(one, scene.request))
+    /// Road users that are in the own lane ahead of the ego, or come into it.
+    fn in_way<'a>(&self, scene: &Scene<'a>) -> impl Iterator<Item = &'a Mover> {
+        let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
+        let is_in_way =
+            move |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
+        scene.traffic.movers.iter().filter(is_in_way)
     }
 
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
@@ -275,10 +273,7 @@ impl Comfort {
         steers_out: bool,
         counts: impl Fn(&Mover) -> bool,
     ) -> Profile {
-        let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
-        let in_way = |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
-        let counts = |one: &&Mover| can_lead(one, scene.request) && counts(one);
-        let leads = scene.traffic.movers.iter().filter(counts).filter(in_way);
+        let leads = self.in_way(scene).filter(|one| can_lead(one, scene.request) && counts(one));
         let lead = |mover| Lead { mover, passable: steers_out && mover.comes_to_rest(), beside: None };
         let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {
@@ -392,7 +387,7 @@ pub(super) struct Scene<'a> {
     pub(super) at_once: bool,
 }
 
-/// Whether one stays behind it in the lane: behind a vehicle, and before what closes the road.
+/// True of vehicles, which are stayed behind, and of things that close the road, which are stopped for.
 fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
     one.is_vehicle() || one.closes(request.route, request.shape.width_m)
 }

@@ -9,6 +9,7 @@ use swerve_vehicle::{Limits, Shape};
 use super::{Comfort, Manner, Params};
 use crate::collision::CollisionMode;
 use crate::request::{Budget, Planner, Request, Unlimited};
+use crate::testing::{braking_m, least_braking_mps2};
 
 /// Between two plans, seconds.
 const PERIOD_S: f64 = 0.05;
@@ -156,24 +157,6 @@ fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Ti
     Prediction { id: ActorId(id), kind, extent: extent(kind), probability: 1.0, path: path.collect() }
 }
 
-/// Way of a vehicle that brakes from `speed_mps` with `brake_mps2` from `from_s` on.
-fn braking_m(speed_mps: f64, brake_mps2: f64, from_s: f64, t_s: f64) -> f64 {
-    let braking_s = (t_s - from_s).clamp(0.0, speed_mps / brake_mps2);
-    let moving_s = t_s.min(from_s + speed_mps / brake_mps2);
-    speed_mps * moving_s - 0.5 * brake_mps2 * braking_s * braking_s
-}
-
-/// The least constant deceleration from `reaction_s` after the lead's on that leaves `rest_m`, m/s².
-fn least_mps2(speed_mps: f64, brake_mps2: f64, gap_m: f64, reaction_s: f64, rest_m: f64) -> f64 {
-    let keeps = |own_mps2: f64| {
-        (0..4000).map(|k| 0.01 * f64::from(k)).all(|t_s| {
-            let lead_m = braking_m(speed_mps, brake_mps2, 0.0, t_s);
-            gap_m + lead_m - braking_m(speed_mps, own_mps2, reaction_s, t_s) >= rest_m
-        })
-    };
-    (1..400).map(|k| 0.05 * f64::from(k)).find(|own_mps2| keeps(*own_mps2)).unwrap_or(f64::INFINITY)
-}
-
 const MANNERS: [Manner; 3] =
     [Manner::Waits, Manner::GoesRound, Manner::KeepsAway { weight_obstacle: 100.0, time_step_s: 0.3 }];
 
@@ -196,8 +179,8 @@ fn lead_brakes(speeds_mps: &[f64], brakes_mps2: &[f64], gaps_s: &[f64]) {
                 let hardest = drive.iter().map(|i| -i.ego.accel_mps2).fold(0.0, f64::max);
                 let nearest = drive.iter().map(|i| i.gap_m).fold(f64::INFINITY, f64::min);
                 // Where the standstill gap takes more than comfort it may be given up, to a metre.
-                let [least, touching] =
-                    [2.0, 1.0].map(|rest_m| least_mps2(speed_mps, brake_mps2, gap_m, REACTION_S, rest_m));
+                let [least, touching] = [2.0, 1.0]
+                    .map(|rest_m| least_braking_mps2(speed_mps, brake_mps2, gap_m, REACTION_S, rest_m));
                 let allowed = least.clamp(1.3, 8.0) + 1.0;
                 let needed_m = if least <= 3.5 {
                     1.9

@@ -42,7 +42,7 @@ impl Comfort {
         })
     }
 
-    /// Whether the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
+    /// True if the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
     fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
         let (shape, vehicle) = (scene.request.shape, scene.vehicle);
         plan.points.windows(2).skip(1).all(|p| {

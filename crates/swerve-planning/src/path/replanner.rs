@@ -10,7 +10,7 @@ use super::ground::{Area, Clock, Ground, Outline, around};
 use super::piece::Piece;
 use super::points::{PathPoint, place_points};
 use super::route::follow_route;
-use super::speed::{EASE_MPS2, SpeedProfile, timed_points};
+use super::speed::{SpeedProfile, timed_points};
 use crate::collision::{CollisionMode, Obstacles};
 use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::request::{Budget, Counted, Request};
@@ -272,7 +272,7 @@ struct Demands {
     outline: Outline,
     /// Whether the search may take all its iterations.
     thorough: bool,
-    /// How fast the way is driven.
+    /// The speed along the way.
     profile: SpeedProfile,
 }
 
@@ -317,7 +317,7 @@ impl Attempt {
         self.brake_mps2 == 0.0 && self.clearance == 1.0
     }
 
-    /// How the speed to reach is reached.
+    /// The way to the speed to reach.
     fn profile(&self) -> SpeedProfile {
         if self.brake_mps2 > 0.0 { SpeedProfile::Braking } else { SpeedProfile::Limited }
     }
@@ -351,11 +351,7 @@ fn own_outline(request: &Request<'_>) -> Outline {
 fn clock(request: &Request<'_>, profile: SpeedProfile) -> Clock {
     let (speed_mps, target_mps) = (request.start.speed_mps, request.target_speed_mps);
     let limits = request.limits;
-    let brake_mps2 = match profile {
-        SpeedProfile::Braking => limits.brake_max_mps2,
-        _ => EASE_MPS2.min(limits.brake_max_mps2),
-    };
-    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { brake_mps2 };
+    let accel_mps2 = if target_mps >= speed_mps { limits.accel_max_mps2 } else { profile.ease_mps2(limits) };
     Clock { start: request.start.stamp, speed_mps, target_mps, accel_mps2 }
 }
 

@@ -24,7 +24,17 @@ pub enum SpeedProfile {
 }
 
 /// Hardest braking down to the target speed where nothing else asks for more, m/s².
-pub(crate) const EASE_MPS2: f64 = 3.0;
+const EASE_MPS2: f64 = 3.0;
+
+impl SpeedProfile {
+    /// Hardest braking down to the target speed, m/s².
+    pub(crate) fn ease_mps2(self, limits: &Limits) -> f64 {
+        match self {
+            Self::Braking => limits.brake_max_mps2,
+            _ => EASE_MPS2.min(limits.brake_max_mps2),
+        }
+    }
+}
 
 /// A path driven from `start` (its stamp, its speed) towards `target_mps`; appends to `points`.
 ///
@@ -94,11 +104,7 @@ fn limited_speeds(
     if let Some(first) = speeds.first_mut() {
         *first = start_mps.max(0.0);
     }
-    let ease_mps2 = if profile == SpeedProfile::Braking {
-        limits.brake_max_mps2
-    } else {
-        EASE_MPS2.min(limits.brake_max_mps2)
-    };
+    let ease_mps2 = profile.ease_mps2(limits);
     for (i, &gap) in gaps_m.iter().enumerate() {
         let eased = target_mps.max(0.0).max(reach(speeds[i], -ease_mps2, gap));
         speeds[i + 1] = speeds[i + 1].min(eased);

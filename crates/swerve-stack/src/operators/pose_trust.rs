@@ -115,7 +115,7 @@ impl PoseTrust {
         }
     }
 
-    /// Whether something tells the place: without it the deviations grow.
+    /// True while fixes or matches hold the place: without them the deviations grow.
     fn is_fixed(&self) -> bool {
         let Some(quality) = self.quality else { return true };
         self.good_m.is_some_and(|good_m| quality.sigma_m() <= good_m + GROWN_M)

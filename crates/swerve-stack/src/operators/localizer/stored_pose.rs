@@ -54,7 +54,7 @@ impl StoredPose {
 }
 
 impl Filter {
-    /// Whether a stored pose waits for a speed by the wheels, which is due within two of their periods.
+    /// True while a stored pose waits for a speed by the wheels, which is due within two of their periods.
     pub(super) fn awaits_wheels(&self, now: Time) -> bool {
         self.stored.is_some() && now - START <= self.wheels_due
     }
