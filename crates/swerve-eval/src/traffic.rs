@@ -19,6 +19,8 @@ const AHEAD_M: f64 = 100.0;
 const NEAR_M: f64 = 20.0;
 /// A lead has the lane's direction within this, radians (45 degrees): a crossing car is not followed.
 const ALONG_RAD: f64 = core::f64::consts::FRAC_PI_4;
+/// A time to collision beyond this is none, seconds: of an ego at rest whose speed is not exactly zero, say.
+const TTC_MAX_S: f64 = 100.0;
 /// An ego that is slower has no headway, m/s.
 const STANDS_MPS: f64 = 0.1;
 
@@ -36,7 +38,7 @@ pub struct Norm {
 pub struct TrafficMetrics {
     /// Least time to collision, seconds: until the outlines of the ego and an actor touch if both keep velocity and heading
     /// (Hayward 1972; as in nuPlan's `time_to_collision_within_bound`, without its horizon). Absent where the ego was never
-    /// on the way to touch anybody.
+    /// on the way to touch anybody within 100 s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ttc_s: Option<f64>,
     /// The actor of that time.
@@ -111,7 +113,8 @@ impl Traffic {
         let own = world.ego.velocity_mps.coords;
         let own = Vector2::new(own.x, own.y);
         for actor in &world.actors {
-            let Some(time_s) = actor.time_to_contact_s(outline, own) else { continue };
+            let soon = |time_s: &f64| *time_s <= TTC_MAX_S;
+            let Some(time_s) = actor.time_to_contact_s(outline, own).filter(soon) else { continue };
             if self.figures.min_ttc_s.is_none_or(|least_s| time_s < least_s) {
                 self.figures.min_ttc_s = Some(time_s);
                 self.figures.min_ttc_actor = Some(actor.id);
@@ -212,6 +215,8 @@ mod tests {
             drive.take(&at(50 * k, (0.0, 0.0), 10.0, vec![car(1, (25.0, 0.0, 0.0), lead_mps)]));
             assert_eq!(drive.metrics().min_ttc_s, None);
         }
+        drive.take(&at(75, (0.0, 0.0), 1e-12, vec![car(1, (25.0, 0.0, 0.0), 0.0)]));
+        assert_eq!(drive.metrics().min_ttc_s, None, "at rest");
         drive.take(&at(100, (0.0, 0.0), 10.0, vec![car(1, (25.0, 0.0, 0.0), 6.0)]));
         drive.take(&at(150, (0.0, 0.0), 10.0, vec![car(1, (35.0, 0.0, 0.0), 6.0)]));
         let found = drive.metrics();

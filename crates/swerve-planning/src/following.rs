@@ -35,7 +35,7 @@ const SPARE_M: f64 = 0.3;
 const RESPONDS_S: f64 = 0.15;
 
 /// A vehicle that comes into the ego's way counts so long before it is there, seconds.
-const SOON_S: f64 = 1.0;
+const SOON_S: f64 = 2.0;
 
 /// Less than this of braking is not felt, m/s².
 const FELT_MPS2: f64 = 0.1;

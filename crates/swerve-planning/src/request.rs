@@ -84,17 +84,18 @@ impl Request<'_> {
     /// Whether an oncoming vehicle is ahead now and behind the ego when the plan ends.
     fn passes_oncoming(&self, plan: &Plan) -> bool {
         let Some(end) = plan.points.last() else { return false };
-        let (start, line) = (self.start.pose, self.route.line());
+        let (start, line, from_m) = (self.start.pose, self.route.line(), self.place().s_m);
         let ends_s = (end.at - self.start.stamp).as_secs();
+        let driven_m = start.point().distance(end.pose.point());
         self.predictions.iter().filter(|one| one.kind != ActorKind::Pedestrian).any(|one| {
             let [first, .., last] = &one.path[..] else { return false };
             let velocity_mps =
                 (last.pose.point() - first.pose.point()) * (1.0 / (last.at - first.at).as_secs());
-            let place = line.project(first.pose.point());
+            let half_m = 0.5 * (driven_m + velocity_mps.norm() * ends_s);
+            let place = self.route.project_near(first.pose.point(), from_m + half_m, half_m + START_REACH_M);
             let comes_mps = -velocity_mps.dot(line.at(place.s_m).pose.direction());
-            let ahead_m = place.s_m - self.place().s_m;
-            let way_m = start.point().distance(end.pose.point()) + comes_mps * ends_s;
-            comes_mps > COMES_MPS && (0.0..way_m).contains(&ahead_m)
+            let ahead_m = place.s_m - from_m;
+            comes_mps > COMES_MPS && (0.0..driven_m + comes_mps * ends_s).contains(&ahead_m)
         })
     }
 

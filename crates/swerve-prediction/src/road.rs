@@ -6,7 +6,7 @@
 //! is what keeping a lane or changing to the next one comes to. An oncoming vehicle that crosses the line of the ego's
 //! lane steers back from there on: lane changes into oncoming traffic are not expected. People on foot go where they go.
 
-use swerve_geom::{FrenetPoint, Pose2, Vector2, angle_between, math};
+use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
 
 /// Slower than this nobody is told to drive along the road, m/s.
@@ -14,7 +14,7 @@ const SPEED_MIN_MPS: f64 = 1.0;
 /// Who moves along the road moves within this of its heading, radians.
 const ALONG_RAD: f64 = 0.5;
 /// He is on it, or this far beside, metres.
-pub(crate) const BESIDE_M: f64 = 1.0;
+const BESIDE_M: f64 = 1.0;
 /// Time in which what is left of the speed across the road falls to a third, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
 /// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
@@ -33,16 +33,35 @@ fn mean_velocity_mps(from: &PredictedPose, to: &PredictedPose) -> Vector2 {
     (to.pose.point() - from.pose.point()) * (1.0 / (to.at - from.at).as_secs())
 }
 
+/// The place of who moves along the road: where roads cross, that on the road along which they move.
+pub(crate) fn place_of(route: &Route, point: Point2, velocity_mps: Vector2) -> FrenetPoint {
+    let nearest = route.project(point);
+    if velocity_mps.norm() < SPEED_MIN_MPS || is_along(route, nearest, velocity_mps) {
+        return nearest;
+    }
+    let half_m = 0.5 * route.line().length();
+    let places = route.line().places_near(point, half_m, half_m);
+    let along = places.filter(|place| is_on(route, *place) && is_along(route, *place, velocity_mps));
+    along.min_by(|a, b| a.d_m.abs().total_cmp(&b.d_m.abs())).unwrap_or(nearest)
+}
+
+/// Whether a motion at this place goes along the road, either way.
+fn is_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> bool {
+    let off_rad = angle_between(route.line().at(place.s_m).pose.heading_rad, velocity_mps.heading());
+    off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD
+}
+
+/// Whether this is a place on the ground of the road, or close beside it.
+pub(crate) fn is_on(route: &Route, FrenetPoint { s_m, d_m }: FrenetPoint) -> bool {
+    (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m)
+}
+
 /// A metre of the road at this place in metres of its line, for who moves along it; none for everybody else.
 pub(crate) fn share_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> Option<f64> {
-    let FrenetPoint { s_m, d_m } = place;
-    let beside = route.line().at(s_m);
-    let off_rad = angle_between(beside.pose.heading_rad, velocity_mps.heading());
-    let is_along = off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD;
-    let is_on = (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m);
     // Nearer to the middle of the bend than to its line a way along it has no length.
-    let share = 1.0 - beside.curvature_1pm * d_m;
-    (velocity_mps.norm() >= SPEED_MIN_MPS && is_along && is_on && share >= 0.1).then_some(share)
+    let share = 1.0 - route.line().at(place.s_m).curvature_1pm * place.d_m;
+    let moves = velocity_mps.norm() >= SPEED_MIN_MPS && is_along(route, place, velocity_mps);
+    (moves && is_on(route, place) && share >= 0.1).then_some(share)
 }
 
 /// `mean_mps` is the mean velocity from the first pose to one after it.
@@ -53,7 +72,7 @@ fn bend(
     mean_mps: impl Fn(&PredictedPose) -> Vector2,
 ) {
     let [first, ..] = prediction.path[..] else { return };
-    let place @ FrenetPoint { s_m, d_m } = route.project(first.pose.point());
+    let place @ FrenetPoint { s_m, d_m } = place_of(route, first.pose.point(), first_mps);
     let beside = route.line().at(s_m);
     let Some(share) = share_along(route, place, first_mps) else { return };
     let forwards = beside.pose.direction();
@@ -123,7 +142,7 @@ impl Settling {
 mod tests {
     use super::*;
     use swerve_core::{Span, Time};
-    use swerve_geom::{Point2, Polyline};
+    use swerve_geom::Polyline;
     use swerve_map::Borders;
     use swerve_msg::{ActorId, Extent};
 
@@ -175,6 +194,29 @@ mod tests {
         let mut kept = lines.clone();
         follow(&mut kept, &route);
         assert_eq!(kept, lines);
+    }
+
+    /// East to (60, 0), three quarters of a circle to the left, and south across its beginning at (40, 0).
+    #[test]
+    fn on_a_road_that_crosses_itself_the_stretch_that_is_driven_along_counts() {
+        let circle = (0..=47).map(|k| {
+            let (sin, cos) = math::sin_cos(0.1 * f64::from(k));
+            Point2::new(60.0 + 20.0 * sin, 20.0 - 20.0 * cos)
+        });
+        let ends = [Point2::new(40.0, 20.0), Point2::new(40.0, -60.0)];
+        let points: Vec<Point2> = [Point2::new(0.0, 0.0)].into_iter().chain(circle).chain(ends).collect();
+        let route = Route::uniform(Polyline::new(&points).unwrap(), 3.6, 1.8);
+        // 1 m from the line of the stretch to the east, 1.5 m from that of its own, to the south or to the north.
+        let point = Point2::new(41.5, 1.0);
+        assert!((route.project(point).s_m - 41.5).abs() < 1e-9);
+        for south_mps in [6.0, -6.0] {
+            let place = place_of(&route, point, Vector2::new(0.0, -south_mps));
+            assert!(place.s_m > 160.0 && (place.d_m - 1.5).abs() < 0.01, "{place:?}");
+        }
+        // Across both of them, and at rest: the nearest.
+        for velocity_mps in [Vector2::new(5.0, 5.0), Vector2::new(0.0, -0.1)] {
+            assert_eq!(place_of(&route, point, velocity_mps), route.project(point));
+        }
     }
 
     /// Along the road as far as along the straight line, by the length of the arc at the offset, and beside it as before.

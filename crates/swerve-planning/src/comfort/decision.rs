@@ -153,6 +153,12 @@ impl Comfort {
         self.gentle.set_offsets(own.0, own.1);
         let found = if profile.is_led { self.gentle.at_speed(&slower, budget) } else { None };
         let found = found.or_else(|| self.gentle.slower(&slower, budget));
+        if found.as_ref().is_none_or(rests)
+            && self.manner != Manner::Waits
+            && let Some(plan) = self.steer_within(scene, own.0)
+        {
+            return Some(plan);
+        }
         if let Some(plan) = found.filter(|plan| !ends_beside(plan, request)) {
             let plan = comfortable(plan);
             // A quintic that ends at rest brakes half as hard again as its mean.
@@ -216,8 +222,13 @@ impl Comfort {
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
     pub(super) fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let plan = kept(request, self.gentle.obstacles(), KEPT_SHARE * self.params.clearance_m)?;
-        (!rests(&plan) && open.may(&plan, self.gentle.line(), &request.start, &place)).then_some(plan)
+        self.under_way(scene).filter(|plan| open.may(plan, self.gentle.line(), &request.start, &place))
+    }
+
+    /// The previous plan, while it keeps clear and does not end at rest.
+    pub(super) fn under_way(&self, scene: &Scene<'_>) -> Option<Plan> {
+        let plan = kept(scene.request, self.gentle.obstacles(), KEPT_SHARE * self.params.clearance_m);
+        plan.filter(|plan| !rests(plan))
     }
 
     /// What blocks the lane and can be passed by the ground beside it.

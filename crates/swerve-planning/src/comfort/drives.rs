@@ -52,13 +52,24 @@ fn drive_among(
     others: &[Script<'_>],
     until_s: f64,
 ) -> Vec<Instant> {
+    let ego = EgoState { speed_mps, ..EgoState::default() };
+    let ground_m = [if lanes { 5.25 } else { 1.75 }, 1.75];
+    drive_from(ego, speed_mps, (ground_m, manner), (kind, others), until_s)
+}
+
+/// The same from any state, towards a target speed, on ground that reaches so far to the left and to the right.
+fn drive_from(
+    mut ego: EgoState,
+    target_speed_mps: f64,
+    ([left_m, right_m], manner): ([f64; 2], Manner),
+    (kind, others): (ActorKind, &[Script<'_>]),
+    until_s: f64,
+) -> Vec<Instant> {
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(800.0, 0.0)]).unwrap();
-    let left_m = if lanes { 5.25 } else { 1.75 };
-    let route = Route::uniform(line, left_m, 1.75).in_lane(Borders::constant(1.75, 1.75));
+    let route = Route::uniform(line, left_m, right_m).in_lane(Borders::constant(1.75, 1.75));
     let (shape, limits) = (Shape::default(), Limits::default());
     let mut comfort =
         Comfort::new(Params::default(), CollisionMode::MayStop, manner, Box::new(None_)).unwrap();
-    let mut ego = EgoState { speed_mps, pose: Pose2::new(0.0, 0.0, 0.0), ..EgoState::default() };
     let mut previous: Option<Plan> = None;
     let mut drive = Vec::new();
     for k in 0..(until_s / PERIOD_S) as i64 {
@@ -98,7 +109,7 @@ fn drive_among(
             start,
             along_m: None,
             route: &route,
-            target_speed_mps: speed_mps,
+            target_speed_mps,
             predictions: &predictions,
             shape: &shape,
             limits: &limits,
@@ -413,6 +424,21 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
             assert!(nearest_m > needed_m && speed_mps < 7.0, "{manner:?} {faces} {nearest_m} {speed_mps}");
             assert!(drive.last().unwrap().gap_m < -10.0, "{manner:?} {faces} {:?}", drive.last());
         }
+    }
+}
+
+/// From rest, right of the centre, behind a car that stands so at the edge that the lane has room beside it.
+#[test]
+fn an_ego_at_rest_pulls_out_from_behind_a_parked_car() {
+    for (d_m, gap_m) in [(-0.8, 4.0), (-1.4, 4.0), (-1.4, 6.0), (-2.2, 6.0), (-2.2, 13.0)] {
+        let parked = move |_: f64| [3.7 + gap_m + 2.25, -2.2];
+        let ego = EgoState { pose: Pose2::new(0.0, d_m, 0.0), ..EgoState::default() };
+        let drive =
+            drive_from(ego, 8.0, ([5.25, 3.5], Manner::GoesRound), (ActorKind::Car, &[&parked]), 14.0);
+        let end = drive.last().unwrap();
+        assert!(end.ego.speed_mps > 7.0 && end.ego.pose.y_m.abs() < 0.3, "{d_m} m {gap_m} m: {end:?}");
+        let least_m = drive.iter().map(|it| it.distance_m).fold(f64::INFINITY, f64::min);
+        assert!(least_m > 0.35 && hardest_mps2(&drive) < 1.0, "{d_m} m {gap_m} m: {least_m} m");
     }
 }
 

@@ -3,42 +3,65 @@
 use swerve_msg::Plan;
 
 use super::decision::{Scene, stepped_up_m};
-use super::{CURVE_SHARE, Comfort};
+use super::{CURVE_SHARE, Comfort, LATERAL_STEP_M};
 use crate::following::{self, Lead};
 use crate::fot::curvature_max_1pm;
+use crate::fot::line::Line;
 use crate::lane::{Aside, aside};
 use crate::passing::Passing;
 use crate::request::Request;
-use crate::traffic::STANDS_MPS;
+use crate::traffic::{Mover, STANDS_MPS};
 
 impl Comfort {
-    /// Out to the passing offset at a speed that the turn takes, for an ego that hardly moves: lateral motions in time do not
-    /// begin at standstill.
+    /// Out to the passing offset, for an ego that hardly moves.
     pub(super) fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
-        let request = scene.request;
-        let (start, shape, limits) = (&request.start, request.shape, request.limits);
+        let start = &scene.request.start;
         if start.speed_mps > STEERS_OUT_MPS {
             return None;
         }
-        let to_m = stepped_up_m(open.offset_m);
+        let leads = leads_but(scene, |one| open.passes(one));
+        let may = |plan: &Plan, line: &Line| open.may(plan, line, start, &scene.place);
+        self.steer_to(scene, stepped_up_m(open.offset_m), &leads, may)
+    }
+
+    /// To the least offset within the own lane that keeps clear, for an ego that hardly moves and goes round what stands beside
+    /// its lane.
+    pub(super) fn steer_within(&mut self, scene: &Scene<'_>, left_m: f64) -> Option<Plan> {
+        if scene.request.start.speed_mps > STEERS_OUT_MPS {
+            return None;
+        }
+        let leads = leads_but(scene, |_| false);
+        let count = (left_m / LATERAL_STEP_M) as usize;
+        let out =
+            (0..=count).find_map(|k| self.steer_to(scene, k as f64 * LATERAL_STEP_M, &leads, |_, _| true));
+        out.or_else(|| self.under_way(scene))
+    }
+
+    /// To an offset at a speed that the turn takes, behind `leads`: lateral motions in time do not begin at standstill.
+    fn steer_to(
+        &mut self,
+        scene: &Scene<'_>,
+        to_m: f64,
+        leads: &[Lead<'_>],
+        may: impl Fn(&Plan, &Line) -> bool,
+    ) -> Option<Plan> {
+        let request = scene.request;
+        let (start, shape, limits) = (&request.start, request.shape, request.limits);
         let tightest_1pm = CURVE_SHARE * curvature_max_1pm(limits, shape);
         STEER_OUT_M.into_iter().find_map(|length_m| {
-            let bend_1pm = QUINTIC_BEND * (to_m - scene.place.d_m).abs() / (length_m * length_m);
+            let aside_m = (to_m - scene.place.d_m).abs();
+            let bend_1pm = QUINTIC_BEND * aside_m / (length_m * length_m);
             let turn_mps = (CURVE_SHARE * limits.lateral_accel_max_mps2 / bend_1pm.max(1e-9)).sqrt();
-            let wheels_1pm =
-                shape.wheelbase_m * QUINTIC_KINK * (to_m - scene.place.d_m).abs() / length_m.powi(3);
+            let wheels_1pm = shape.wheelbase_m * QUINTIC_KINK * aside_m / length_m.powi(3);
             let turn_mps =
                 turn_mps.min(self.params.wheels_max_radps(shape, STEERS_OUT_MPS) / wheels_1pm.max(1e-9));
             let slow = Request { target_speed_mps: request.target_speed_mps.min(turn_mps), ..*request };
-            let profile = self.profile(&Scene { request: &slow, ..*scene }, self.leads_besides(scene, open));
+            let profile = self.profile(&Scene { request: &slow, ..*scene }, leads.to_vec());
             let way = Aside { to_m, length_m };
             let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
             let plan = self.checked(scene, points, self.params.clearance_m)?;
             let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
-            (turns
-                && self.can_steer(&plan, scene)
-                && open.may(&plan, self.gentle.line(), start, &scene.place))
-            .then_some(plan)
+            (turns && self.can_steer(&plan, scene) && may(&plan, self.gentle.line())).then_some(plan)
         })
     }
 
@@ -53,12 +76,12 @@ impl Comfort {
             p[0].speed_mps < STANDS_MPS || turned_rad <= WHEELS_SPARE * most_radps * following::STEP_S
         })
     }
+}
 
-    /// Lead vehicles that are not passed.
-    fn leads_besides<'a>(&self, scene: &Scene<'a>, open: &Passing<'_>) -> Vec<Lead<'a>> {
-        let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !open.passes(one));
-        others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
-    }
+/// Lead vehicles, but those that are `passed`.
+fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead<'a>> {
+    let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !passed(one));
+    others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
 }
 
 /// Faster than this a lateral motion in time leads out, m/s.

@@ -12,7 +12,7 @@ use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, T
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Seen, seen};
 use crate::linear::{self, Braking};
-use crate::road::{BESIDE_M, Settling, share_along};
+use crate::road::{Settling, is_on, place_of, share_along};
 
 /// Least length along the road's line in which the sighting before is looked for, metres.
 const NEAR_M: f64 = 5.0;
@@ -65,13 +65,13 @@ pub(super) fn forecasts(
 /// Whether this is a vehicle that moves along the road, either way.
 fn drives_along(seen: &Seen, stamp: Time, route: &Route) -> bool {
     let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
-    let place = route.project(seen.past.now(stamp, velocity_mps));
+    let place = place_of(route, seen.past.now(stamp, velocity_mps), velocity_mps);
     seen.past.kind != ActorKind::Pedestrian && share_along(route, place, velocity_mps).is_some()
 }
 
 /// A track in the coordinates of the road: arc length for x, offset for y.
 fn straightened(track: &Track, route: &Route) -> Track {
-    let place = route.project(track.pose.point());
+    let place = place_of(route, track.pose.point(), track.velocity_mps);
     let beside = route.line().at(place.s_m);
     let velocity_mps: Vector2 = track.velocity_mps;
     let share = (1.0 - beside.curvature_1pm * place.d_m).max(SHARE_MIN);
@@ -103,7 +103,7 @@ fn straightened(track: &Track, route: &Route) -> Track {
 fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     let is_on = |one: &ForecastPose| {
         let Pose2 { x_m: s_m, y_m: d_m, .. } = one.pose;
-        (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m)
+        is_on(route, FrenetPoint { s_m, d_m })
     };
     let stays: Vec<bool> = modes.iter().map(|mode| mode.path.iter().all(is_on)).collect();
     let left: f64 =

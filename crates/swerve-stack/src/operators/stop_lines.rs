@@ -23,6 +23,9 @@ const PASSED_M: f64 = 0.5;
 const POSES: usize = 64;
 /// Every light is yellow for at least this long, seconds. Source: MUTCD (2009), section 4D.26.
 const YELLOW_MIN_S: f64 = 3.0;
+/// An ego that goes on at a yellow light is to be at the line so much before the light can be red, seconds: the first frame
+/// that shows yellow is late, and a speed is not held exactly.
+const EARLY_S: f64 = 0.25;
 
 /// Adds a wall on the stop line of each light at which the ego is to stop to what is predicted.
 pub(super) struct StopLines {
@@ -179,7 +182,9 @@ impl StopLines {
         }
         let since =
             self.yellow.iter().find(|(known, _)| *known == line_s_m).map_or(stamp, |(_, since)| *since);
-        let left_s = YELLOW_MIN_S - (stamp - since).as_secs();
+        // Who has decided to go on does not brake hard for a part of the reserve.
+        let early_s = if since == stamp { EARLY_S } else { 0.0 };
+        let left_s = YELLOW_MIN_S - early_s - (stamp - since).as_secs();
         speed_mps * left_s < ahead_m && way_m(speed_mps, self.brake_max_mps2) < ahead_m
     }
 }

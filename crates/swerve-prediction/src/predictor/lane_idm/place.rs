@@ -8,7 +8,7 @@ use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
 use crate::predictor::{Ground, Horizon, Seen};
-use crate::road::{SETTLES_S, Settling, share_along};
+use crate::road::{SETTLES_S, Settling, place_of, share_along};
 
 /// Along a line somebody has come at most twice as far as straight on, and this much, metres.
 const NEAR_M: f64 = 5.0;
@@ -75,7 +75,7 @@ impl<'a> Place<'a> {
         let (spots, mut ways) = match ground {
             Ground::Open => (Vec::new(), Vec::new()),
             Ground::Road(route) => {
-                let at = route.project(point);
+                let at = place_of(route, point, velocity_mps);
                 let on_road = |share: f64| {
                     let heading: Vector2 = route.line().at(at.s_m).pose.direction();
                     let sense = if heading.dot(velocity_mps) < 0.0 { -1.0 } else { 1.0 };
