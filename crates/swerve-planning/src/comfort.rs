@@ -57,7 +57,7 @@ pub struct Params {
     pub other_lane_ttc_s: f64,
     /// A moving vehicle is overtaken only where it is slower than the target speed by at least this, m/s.
     pub overtake_gain_mps: f64,
-    /// Longest time over the line of the own lane, seconds.
+    /// Longest time over the line of the own lane to pass what moves, seconds; four times as long for what stands.
     pub over_line_max_s: f64,
 }
 

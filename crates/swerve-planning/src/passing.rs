@@ -16,7 +16,7 @@ pub(crate) struct Rules {
     pub(crate) ttc_min_s: f64,
     /// A lead vehicle is passed only where the ego gains at least this, m/s.
     pub(crate) gain_min_mps: f64,
-    /// Longest time over the line, seconds.
+    /// Longest time over the line to pass what moves, seconds.
     pub(crate) over_line_max_s: f64,
     /// Whether the ego is in the other lane already.
     pub(crate) under_way: bool,
@@ -40,6 +40,9 @@ const BETWEEN_M: f64 = 12.0;
 
 /// Only what blocks the lane within this time at the target speed is passed, seconds.
 const AHEAD_S: f64 = 7.0;
+
+/// What stands may be passed for so many times as long.
+const STANDING_SHARE: f64 = 4.0;
 
 /// Time between two looks, seconds.
 const LOOK_S: f64 = 0.25;
@@ -143,7 +146,8 @@ impl<'a> Passing<'a> {
             return false;
         }
         let (mut over_since_s, mut widest_m, mut passed_s) = (None, f64::NEG_INFINITY, None::<f64>);
-        let count = ((HORIZON_S + self.rules.over_line_max_s) / LOOK_S) as usize;
+        let over_line_max_s = self.over_line_max_s();
+        let count = ((HORIZON_S + over_line_max_s) / LOOK_S) as usize;
         for k in 0..=count {
             let t_s = k as f64 * LOOK_S;
             let at = motion.next(start.stamp + Span::from_secs(t_s));
@@ -161,11 +165,17 @@ impl<'a> Passing<'a> {
                 passed_s = Some(t_s);
             }
             if passed_s.is_some_and(|passed_s| t_s > passed_s + RETURN_S) {
-                return t_s - since_s <= self.rules.over_line_max_s;
+                return t_s - since_s <= over_line_max_s;
             }
         }
         // In the own lane throughout.
         over_since_s.is_none()
+    }
+
+    /// Longest time over the line, seconds: longer where everything that is passed stands, and waiting gains nothing.
+    fn over_line_max_s(&self) -> f64 {
+        let stands = self.blocking.iter().all(|one| one.stands());
+        self.rules.over_line_max_s * if stands { STANDING_SHARE } else { 1.0 }
     }
 
     /// True of a plan that gives the pass up and may be driven: until it is back in the own lane everybody in the other lane keeps

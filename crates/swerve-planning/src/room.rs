@@ -67,22 +67,22 @@ impl Room {
     }
 }
 
-/// The distance at which a road user is to be passed; `None` for those who come the other way or cross, and for what stands
-/// and is nobody outside a vehicle.
+/// The distance at which a road user is to be passed; `None` for who crosses, for vehicles that come the other way, and for
+/// what stands and is nobody outside a vehicle.
 fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64> {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
     let lane = request.route.lane();
     let near =
         now.right_m < lane.left_m(s_m) + wanted.person_m && now.left_m > -lane.right_m(s_m) - wanted.person_m;
-    let along_mps = mover.motion(0.0).0;
-    if !near || mover.comes_over() || mover.crosses(0.0) || along_mps < -STANDS_MPS {
+    if !near || mover.comes_over() || mover.crosses(0.0) {
         return None;
     }
     if mover.kind.is_person() {
         return Some(wanted.person_m);
     }
-    (mover.is_vehicle() && along_mps > STANDS_MPS && is_in_lane(mover, request)).then_some(wanted.vehicle_m)
+    (mover.is_vehicle() && mover.motion(0.0).0 > STANDS_MPS && is_in_lane(mover, request))
+        .then_some(wanted.vehicle_m)
 }
 
 /// True of a road user in the ego's lane.
@@ -131,10 +131,10 @@ fn slow_mps(mover: &Mover, request: &Request<'_>, s_m: f64) -> f64 {
     let (now, shape) = (mover.knots[0], request.shape);
     let rear_m = s_m - shape.rear_overhang_m;
     let gap_m = now.from_m - rear_m - shape.length_m;
-    let its_mps = mover.motion(0.0).0.max(0.0);
+    let its_mps = mover.motion(0.0).0;
     let closing_mps = (request.start.speed_mps - its_mps).max(PAST_MPS);
     let is_near = now.to_m > rear_m && gap_m < SLOWS_S * closing_mps;
-    if is_near { its_mps + PAST_MPS } else { f64::INFINITY }
+    if is_near { its_mps.max(0.0) + PAST_MPS } else { f64::INFINITY }
 }
 
 /// Faster than a person by this the ego passes it with less room than is wanted, or before its face, m/s: 20 km/h.

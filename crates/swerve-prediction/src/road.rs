@@ -20,6 +20,11 @@ pub(crate) const SETTLES_S: f64 = 1.0;
 /// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
 const CORRECTS_MPS2: f64 = 3.0;
 
+/// Slower than this across nobody changes lanes, m/s.
+const MERGES_MPS: f64 = 0.3;
+/// A vehicle comes over with its side so far over the line, metres.
+const OVER_LINE_M: f64 = 0.2;
+
 /// Bends predictions of any shape of those who drive along the way: what they do along and across their first direction is
 /// done along and across the road.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
@@ -77,9 +82,8 @@ fn bend(
     let Some(share) = share_along(route, place, first_mps) else { return };
     let forwards = beside.pose.direction();
     let turn_rad = if first_mps.dot(forwards) < 0.0 { core::f64::consts::PI } else { 0.0 };
-    let width_m = prediction.extent.width_m;
-    let settling =
-        Settling::of(route, place, width_m, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
+    let who = (prediction.kind, prediction.extent.width_m);
+    let settling = Settling::of(route, place, who, [first_mps.dot(forwards), first_mps.dot(forwards.left())]);
     for predicted in &mut prediction.path {
         let ahead_s = (predicted.at - first.at).as_secs();
         let velocity_mps = if ahead_s > 0.0 { mean_mps(predicted) } else { first_mps };
@@ -95,20 +99,28 @@ fn bend(
 /// End of a motion across the road.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Settling {
-    /// Time in which what is left of the speed across falls to a third, seconds.
+    /// Time in which what is left of the speed across falls to a third, seconds; infinite where it stays.
     time_s: f64,
-    /// Largest way to the right, metres.
-    right_max_m: f64,
+    /// Largest way to the right and to the left, metres.
+    most_m: [f64; 2],
 }
 
 impl Settling {
-    /// For a vehicle of width `width_m` with the given speeds along the road and to its left, m/s.
+    /// For a road user with the given speeds along the road and to its left, m/s.
     ///
-    /// A lane change settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
-    /// back once its side is over the line of the ego's lane, which takes another v² / 2a.
-    pub(crate) fn of(route: &Route, place: FrenetPoint, width_m: f64, speeds_mps: [f64; 2]) -> Self {
+    /// A motion across settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
+    /// back once its side is over the line of the ego's lane, which takes another v² / 2a. A vehicle that comes over into
+    /// the ego's lane, by that line or from the edge of the road, goes on to its centre.
+    pub(crate) fn of(
+        route: &Route,
+        place: FrenetPoint,
+        (kind, width_m): (ActorKind, f64),
+        speeds_mps: [f64; 2],
+    ) -> Self {
+        let merges = || Self::of_merge(route, place, width_m, speeds_mps).filter(|_| !kind.is_person());
         Self::of_stray(route, place, width_m, speeds_mps)
-            .unwrap_or(Self { time_s: SETTLES_S, right_max_m: f64::INFINITY })
+            .or_else(merges)
+            .unwrap_or(Self { time_s: SETTLES_S, most_m: [f64::INFINITY; 2] })
     }
 
     /// The same for an oncoming vehicle that drifts to the right; `None` for others.
@@ -125,7 +137,27 @@ impl Settling {
         }
         let beside_m = (d_m - 0.5 * width_m - lane_m).max(0.0);
         let right_max_m = beside_m + left_mps * left_mps / (2.0 * CORRECTS_MPS2);
-        Some(Self { time_s: SETTLES_S.min(right_max_m / -left_mps), right_max_m })
+        Some(Self { time_s: SETTLES_S.min(right_max_m / -left_mps), most_m: [right_max_m, f64::INFINITY] })
+    }
+
+    /// The same for a vehicle whose settled motion has its side in the ego's lane; `None` for others.
+    fn of_merge(
+        route: &Route,
+        FrenetPoint { s_m, d_m }: FrenetPoint,
+        width_m: f64,
+        [along_mps, left_mps]: [f64; 2],
+    ) -> Option<Self> {
+        let (border_m, inwards_mps) = if d_m > 0.0 {
+            (route.lane().left_m(s_m), -left_mps)
+        } else {
+            (route.lane().right_m(s_m), left_mps)
+        };
+        let side_m = d_m.abs() - 0.5 * width_m - inwards_mps * SETTLES_S;
+        let merges = along_mps > 0.0
+            && inwards_mps > MERGES_MPS
+            && d_m.abs() > 0.5 * border_m
+            && side_m < border_m - OVER_LINE_M;
+        merges.then_some(Self { time_s: f64::INFINITY, most_m: [d_m.max(0.0), (-d_m).max(0.0)] })
     }
 
     /// Way to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.
@@ -133,8 +165,11 @@ impl Settling {
         if ahead_s <= 0.0 {
             return free_m;
         }
-        let share = self.time_s / ahead_s * (1.0 - math::exp(-ahead_s / self.time_s));
-        (share * free_m).max(-self.right_max_m)
+        let settles = self.time_s.is_finite();
+        let share =
+            if settles { self.time_s / ahead_s * (1.0 - math::exp(-ahead_s / self.time_s)) } else { 1.0 };
+        let [right_m, left_m] = self.most_m;
+        (share * free_m).clamp(-right_m, left_m)
     }
 }
 

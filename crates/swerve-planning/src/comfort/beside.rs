@@ -3,12 +3,14 @@
 use swerve_geom::math;
 use swerve_msg::{Plan, PlanStatus};
 
-use super::Comfort;
 use super::decision::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
-use crate::following::{FallBack, Lead, STEP_S, Step, needed_mps2};
-use crate::lane::aside_then_back;
+use super::steer_out::QUINTIC_BEND;
+use super::{CURVE_SHARE, Comfort};
+use crate::following::{FallBack, Lead, Profile, STEP_S, Step, needed_mps2};
+use crate::fot::curvature_max_1pm;
+use crate::lane::{Aside, aside, aside_then_back};
 use crate::passing::{Passing, RETURN_GAP_M};
-use crate::request::Counted;
+use crate::request::{Counted, Request};
 use crate::traffic::{Mover, STANDS_MPS};
 
 impl Comfort {
@@ -68,6 +70,38 @@ impl Comfort {
             && !stays_behind()
     }
 
+    /// Back into the lane behind what is not passed any more, in the longest of several times that leaves the other lane before
+    /// somebody comes: for an ego over the line.
+    pub(super) fn come_back(
+        &mut self,
+        scene: &Scene<'_>,
+        passing: &Passing<'_>,
+        profile: &Profile,
+    ) -> Option<Plan> {
+        let Scene { request, place, vehicle, .. } = *scene;
+        if !self.lane(request).is_over(place.s_m, place.d_m) {
+            return None;
+        }
+        let alone = (!profile.is_led).then(|| self.profile(scene, Vec::new()));
+        let steps = &alone.as_ref().unwrap_or(profile).steps;
+        let (start, shape) = (&request.start, request.shape);
+        let tightest_1pm = CURVE_SHARE * curvature_max_1pm(request.limits, shape);
+        let least_m = (QUINTIC_BEND * place.d_m.abs() / tightest_1pm).sqrt();
+        let hard = Request { limits: vehicle, ..*request };
+        let hard = Scene { request: &hard, ..*scene };
+        let no_margin = passing.committed(0.0);
+        [passing, &no_margin].into_iter().find_map(|passing| {
+            COMES_BACK_S.into_iter().find_map(|time_s| {
+                let way = Aside { to_m: 0.0, length_m: (time_s * start.speed_mps).max(least_m) };
+                let points = aside(self.gentle.line(), &place, start, steps, (shape, way));
+                let plan = self.checked(&hard, points, HARD_CLEARANCE_M.min(self.params.clearance_m))?;
+                let may = passing.may_give_up(&plan, self.gentle.line(), start, &place);
+                (may && self.returns_clear(scene, &plan))
+                    .then_some(Plan { status: PlanStatus::Found, ..plan })
+            })
+        })
+    }
+
     /// Beside the vehicles until they are ahead, and back into the lane behind them.
     fn fall_back(
         &mut self,
@@ -103,6 +137,9 @@ impl Comfort {
 
 /// Shares of the time to collision in the other lane that are tried for an ego beside what it passes.
 const TTC_SHARES: [f64; 3] = [UNDER_WAY, 0.3, 0.1];
+
+/// Times in which an ego comes back into its lane, seconds: across it takes 2 to 5 m/s² for a lane's width.
+const COMES_BACK_S: [f64; 4] = [3.2, 2.7, 2.3, 2.0];
 
 /// Ways to fall back behind a vehicle, the gentlest first, and the last one.
 const FALLS_BACK: [FallBack; 2] =

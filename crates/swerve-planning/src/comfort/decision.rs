@@ -123,20 +123,21 @@ impl Comfort {
             return Some(plan);
         }
         let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
-        let plan = self.behind(scene, (own, standing_m), &profile, budget);
+        let plan = self.behind(scene, (own, standing_m, passing.is_some()), &profile, budget);
         // None that stays in the other lane while somebody comes.
         let back = passing.map(|passing| passing.committed(BACK_TTC_SHARE * self.params.other_lane_ttc_s));
         let may = |plan: &Plan| {
             back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
         };
-        plan.filter(|plan| may(plan) && self.returns_clear(scene, plan))
+        let plan = plan.filter(|plan| may(plan) && self.returns_clear(scene, plan));
+        plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)))
     }
 
     /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
     fn behind(
         &mut self,
         scene: &Scene<'_>,
-        (own, standing_m): ((f64, f64), f64),
+        (own, standing_m, is_blocked): ((f64, f64), f64, bool),
         profile: &Profile,
         budget: &mut Counted<'_>,
     ) -> Option<Plan> {
@@ -153,7 +154,12 @@ impl Comfort {
         self.gentle.set_offsets(own.0, own.1);
         let found = if profile.is_led { self.gentle.at_speed(&slower, budget) } else { None };
         let found = found.or_else(|| self.gentle.slower(&slower, budget));
+        // Where the way past may come free the ego does not creep so near that it cannot steer out.
+        let v = request.start.speed_mps.max(0.0);
+        let waits = standing_m > self.params.standstill_gap_m && v < CREEPS_MPS;
+        let found = found.filter(|plan| !(waits && ends_slower(plan, CREEPS_MPS)));
         if found.as_ref().is_none_or(rests)
+            && !is_blocked
             && self.manner != Manner::Waits
             && let Some(plan) = self.steer_within(scene, own.0)
         {
@@ -169,7 +175,6 @@ impl Comfort {
             return Some(gentler.filter(is_gentler).unwrap_or(plan));
         }
         // An ego at rest that could not set off with nobody there does not wait for anybody.
-        let v = request.start.speed_mps.max(0.0);
         let alone = Request { predictions: &[], ..slower };
         if v < REST_MPS
             && self.gentle.at_speed(&alone, budget).or_else(|| self.gentle.slower(&alone, budget)).is_none()
@@ -253,7 +258,7 @@ impl Comfort {
     }
 
     /// Whether a plan that comes back into the lane leaves a gap to whoever moves there behind the ego.
-    fn returns_clear(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
+    pub(super) fn returns_clear(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
         if !lane.is_over(place.s_m, place.d_m) {
@@ -446,7 +451,12 @@ pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
 
 /// Whether a plan ends at rest.
 fn rests(plan: &Plan) -> bool {
-    plan.points.last().is_some_and(|end| end.speed_mps < AT_REST_MPS)
+    ends_slower(plan, AT_REST_MPS)
+}
+
+/// Whether a plan ends with less than this speed, m/s.
+fn ends_slower(plan: &Plan, speed_mps: f64) -> bool {
+    plan.points.last().is_some_and(|end| end.speed_mps < speed_mps)
 }
 
 /// Whether a plan ends at rest beyond the own lane.
@@ -470,6 +480,9 @@ const FIRM_SHARE: f64 = 0.75;
 
 /// Slower than this the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.5;
+
+/// Slower than this the ego creeps, m/s.
+const CREEPS_MPS: f64 = 1.5;
 
 /// Slower than this the ego has not set off, m/s.
 const REST_MPS: f64 = 0.1;

@@ -91,7 +91,7 @@ const STEERS_OUT_MPS: f64 = 5.0;
 const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
 
 /// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
-const QUINTIC_BEND: f64 = 5.78;
+pub(super) const QUINTIC_BEND: f64 = 5.78;
 
 /// Largest third derivative of it, by the distance over the cube of its length.
 const QUINTIC_KINK: f64 = 60.0;

@@ -52,8 +52,8 @@ pub(super) fn forecasts(
             forecast.modes.iter_mut().for_each(|mode| brake(mode, &braking));
         }
         along.joint &= !leave_out_off_road(&mut forecast.modes, route);
-        let width_m = forecast.extent.width_m;
-        forecast.modes.iter_mut().for_each(|mode| bend(mode, width_m, route));
+        let who = (forecast.kind, forecast.extent.width_m);
+        forecast.modes.iter_mut().for_each(|mode| bend(mode, who, route));
     }
     if drives.contains(&false) {
         let others = predict(tracks).forecasts.into_iter().zip(&mut along.forecasts).zip(&drives);
@@ -128,13 +128,13 @@ fn brake(mode: &mut Mode, braking: &Braking) {
 }
 
 /// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].
-fn bend(mode: &mut Mode, width_m: f64, route: &Route) {
+fn bend(mode: &mut Mode, who: (ActorKind, f64), route: &Route) {
     let [first, second, ..] = mode.path[..] else { return };
     let first_s = (second.at - first.at).as_secs();
     let moves = |from: f64, to: f64| (to - from) / first_s;
     let first_mps = [moves(first.pose.x_m, second.pose.x_m), moves(first.pose.y_m, second.pose.y_m)];
     let place = FrenetPoint { s_m: first.pose.x_m, d_m: first.pose.y_m };
-    let settling = Settling::of(route, place, width_m, first_mps);
+    let settling = Settling::of(route, place, who, first_mps);
     for one in &mut mode.path {
         let ahead_s = (one.at - first.at).as_secs();
         let s_m = one.pose.x_m;
