@@ -19,7 +19,7 @@ use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::room::{Room, Wanted};
 use crate::steady_stop::{self, Demands};
-use crate::traffic::{Behind, Knot, Mover, Traffic};
+use crate::traffic::{Behind, Knot, Mover, STANDS_MPS, Traffic};
 
 impl Comfort {
     /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
@@ -130,7 +130,8 @@ impl Comfort {
             back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
         };
         let plan = plan.filter(|plan| may(plan) && self.returns_clear(scene, plan));
-        plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)))
+        let plan = plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)));
+        plan.or_else(|| self.stop_short(scene))
     }
 
     /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
@@ -214,6 +215,27 @@ impl Comfort {
             None
         };
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// For a slow ego near people the gentlest steady braking that suffices, up to the vehicle's limit, wherever it comes to
+    /// rest; `None` where a vehicle comes the other way. An ego at rest waits only for people who move.
+    fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
+        let v = scene.request.start.speed_mps.max(0.0);
+        let movers = &scene.traffic.movers;
+        let comes = |one: &Mover| !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS;
+        let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
+        if v > TOWN_MPS || movers.iter().any(comes) || !movers.iter().any(counts) {
+            return None;
+        }
+        let request = &Request { limits: scene.vehicle, ..*scene.request };
+        let way = self.gentle.way_on(request, v * SETTLE_S);
+        let brakes =
+            (1..=BRAKE_STEPS).map(|k| scene.vehicle.brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
+        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
+        let demands = Demands { gaps_m: [self.params.clearance_m, clearance_m], clearance_m, hardest: false };
+        let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
+        let plan = steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))?;
+        Some(Plan { status: PlanStatus::Found, ..plan })
     }
 
     /// Road users that are in the own lane ahead of the ego, or come into it.
@@ -480,6 +502,9 @@ const FIRM_SHARE: f64 = 0.75;
 
 /// Slower than this the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.5;
+
+/// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 30 km/h.
+const TOWN_MPS: f64 = 8.5;
 
 /// Slower than this the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;
