@@ -1,6 +1,6 @@
 //! Meeting an oncoming road user who comes close to the ego's lane, or into it: to the right and slower.
 
-use swerve_msg::{Plan, PlanStatus};
+use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
 use super::decision::{HARD_CLEARANCE_M, Scene};
@@ -18,11 +18,18 @@ struct Meeting {
     beside_m: f64,
 }
 
+impl Meeting {
+    /// Way on which an ego at this speed moves over, metres.
+    fn length_m(&self, speed_mps: f64) -> f64 {
+        (speed_mps * MOVES_OVER_S.min(self.at_s)).max(MOVES_OVER_M)
+    }
+}
+
 impl Comfort {
     /// To the right within the road and braking within comfort until they have passed, where somebody oncoming comes closer
     /// than [`CLOSE_M`] beside an ego on the line.
     pub(super) fn meet(&mut self, scene: &Scene<'_>) -> Option<Plan> {
-        let Scene { request, place, traffic, .. } = *scene;
+        let Scene { request, traffic, .. } = *scene;
         let meetings = traffic.movers.iter().filter_map(|one| meeting(one, scene));
         let meeting = meetings.min_by(|a, b| a.beside_m.total_cmp(&b.beside_m))?;
         if meeting.beside_m > CLOSE_M {
@@ -30,25 +37,55 @@ impl Comfort {
         }
         let closeness = ((CLOSE_M - meeting.beside_m) / CLOSE_M).clamp(0.0, 1.0);
         let brake_max_mps2 = request.limits.brake_max_mps2 * closeness.max(LEAST_BRAKE_SHARE);
+        let slower_mps = SLOWEST_SHARE * request.target_speed_mps;
+        let points = self.to_the_right(scene, &meeting, (brake_max_mps2, slower_mps));
+        let wanted_m = self.params.clearance_m;
+        if let Some(plan) = self.checked(scene, points.clone(), wanted_m) {
+            return Some(plan);
+        }
+        let firm = self.checked(scene, points, HARD_CLEARANCE_M.min(wanted_m));
+        let plan = firm.or_else(|| self.rest_at_edge(scene, &meeting))?;
+        Some(Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// To rest at the edge of the road where that leaves room to pass, braking no harder than leads there: an ego at rest
+    /// moves over no further.
+    fn rest_at_edge(&self, scene: &Scene<'_>, meeting: &Meeting) -> Option<Plan> {
+        let request = scene.request;
+        if meeting.beside_m + self.room_m(scene) <= 0.0 {
+            return None;
+        }
+        let v = request.start.speed_mps.max(0.0);
+        let brake_mps2 = (v * v / (2.0 * meeting.length_m(v))).min(scene.vehicle.brake_max_mps2);
+        let points = self.to_the_right(scene, meeting, (brake_mps2, 0.0));
+        let poses: Vec<_> = points.iter().map(|p| (p.pose, p.at)).collect();
+        let plan = Plan { stamp: request.stamp, points, ..Plan::default() };
+        self.gentle.keeps_road(request, &poses).then_some(plan)
+    }
+
+    /// Room to the right of the line for the ego's origin, metres.
+    fn room_m(&self, scene: &Scene<'_>) -> f64 {
+        let Scene { request, place, .. } = *scene;
+        (request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - EDGE_SWING_M).max(0.0)
+    }
+
+    /// As far to the right as the road allows or the meeting needs, braking up to a limit to a speed, m/s² and m/s.
+    fn to_the_right(
+        &self,
+        scene: &Scene<'_>,
+        meeting: &Meeting,
+        (brake_max_mps2, target_speed_mps): (f64, f64),
+    ) -> Vec<PlanPoint> {
+        let Scene { request, place, .. } = *scene;
         let limits = Limits { brake_max_mps2, ..*request.limits };
-        let target_speed_mps = SLOWEST_SHARE * request.target_speed_mps;
         let slow = Request { target_speed_mps, limits: &limits, ..*request };
         let slow = Scene { request: &slow, ..*scene };
         let led = self.led(&slow, false, |_| true);
         let profile = if led.steps.is_empty() { self.profile(&slow, Vec::new()) } else { led };
-        let v = request.start.speed_mps.max(0.0);
-        let room_m = request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - EDGE_SWING_M;
-        let to_m = -(CLOSE_M - meeting.beside_m).min(room_m).max(0.0);
-        let length_m = (v * MOVES_OVER_S.min(meeting.at_s)).max(MOVES_OVER_M);
+        let to_m = -(CLOSE_M - meeting.beside_m).min(self.room_m(scene)).max(0.0);
+        let length_m = meeting.length_m(request.start.speed_mps.max(0.0));
         let way = Aside { to_m, length_m };
-        let start = &request.start;
-        let points = aside(self.gentle.line(), &place, start, &profile.steps, (request.shape, way));
-        let wanted_m = self.params.clearance_m;
-        let plan = self.checked(scene, points.clone(), wanted_m);
-        plan.or_else(|| {
-            let plan = self.checked(scene, points, HARD_CLEARANCE_M.min(wanted_m))?;
-            Some(Plan { status: PlanStatus::Found, ..plan })
-        })
+        aside(self.gentle.line(), &place, &request.start, &profile.steps, (request.shape, way))
     }
 }
 
