@@ -162,7 +162,7 @@ impl Comfort {
         if found.as_ref().is_none_or(rests)
             && !is_blocked
             && self.manner != Manner::Waits
-            && let Some(plan) = self.steer_within(scene, own.0)
+            && let Some(plan) = self.steer_within(scene, own)
         {
             return Some(plan);
         }

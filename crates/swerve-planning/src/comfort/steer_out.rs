@@ -2,7 +2,7 @@
 
 use swerve_msg::Plan;
 
-use super::decision::{Scene, stepped_up_m};
+use super::decision::{HARD_CLEARANCE_M, Scene, comfortable, stepped_up_m};
 use super::{CURVE_SHARE, Comfort, LATERAL_STEP_M};
 use crate::following::{self, Lead};
 use crate::fot::curvature_max_1pm;
@@ -21,20 +21,29 @@ impl Comfort {
         }
         let leads = leads_but(scene, |one| open.passes(one));
         let may = |plan: &Plan, line: &Line| open.may(plan, line, start, &scene.place);
-        self.steer_to(scene, stepped_up_m(open.offset_m), &leads, may)
+        self.steer_to(scene, stepped_up_m(open.offset_m), self.params.clearance_m, &leads, may)
     }
 
     /// To the least offset within the own lane that keeps clear, for an ego that hardly moves and goes round what stands beside
-    /// its lane.
-    pub(super) fn steer_within(&mut self, scene: &Scene<'_>, left_m: f64) -> Option<Plan> {
-        if scene.request.start.speed_mps > STEERS_OUT_MPS {
+    /// its lane: where nothing else is left, closer and at a walking pace.
+    pub(super) fn steer_within(&mut self, scene: &Scene<'_>, (left_m, right_m): (f64, f64)) -> Option<Plan> {
+        let request = scene.request;
+        if request.start.speed_mps > STEERS_OUT_MPS {
             return None;
         }
-        let leads = leads_but(scene, |_| false);
-        let count = (left_m / LATERAL_STEP_M) as usize;
-        let out =
-            (0..=count).find_map(|k| self.steer_to(scene, k as f64 * LATERAL_STEP_M, &leads, |_, _| true));
-        out.or_else(|| self.under_way(scene))
+        let (leads, clearance_m) = (leads_but(scene, |_| false), self.params.clearance_m);
+        let under_way = self.under_way(scene).map(comfortable);
+        let steps = |most_m: f64| (most_m / LATERAL_STEP_M) as i32;
+        let mut offsets: Vec<i32> = (-steps(right_m)..=steps(left_m)).collect();
+        offsets.sort_by_key(|k| k.abs());
+        let mut among = |scene: &Scene<'_>, clearance_m: f64| {
+            let to_m = |k: &i32| f64::from(*k) * LATERAL_STEP_M;
+            offsets.iter().find_map(|k| self.steer_to(scene, to_m(k), clearance_m, &leads, |_, _| true))
+        };
+        let walking = Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request };
+        let walking = Scene { request: &walking, ..*scene };
+        let out = among(scene, clearance_m).or(under_way);
+        out.or_else(|| among(&walking, HARD_CLEARANCE_M.min(clearance_m)))
     }
 
     /// To an offset at a speed that the turn takes, behind `leads`: lateral motions in time do not begin at standstill.
@@ -42,6 +51,7 @@ impl Comfort {
         &mut self,
         scene: &Scene<'_>,
         to_m: f64,
+        clearance_m: f64,
         leads: &[Lead<'_>],
         may: impl Fn(&Plan, &Line) -> bool,
     ) -> Option<Plan> {
@@ -59,7 +69,7 @@ impl Comfort {
             let profile = self.profile(&Scene { request: &slow, ..*scene }, leads.to_vec());
             let way = Aside { to_m, length_m };
             let points = aside(self.gentle.line(), &scene.place, start, &profile.steps, (shape, way));
-            let plan = self.checked(scene, points, self.params.clearance_m)?;
+            let plan = self.checked(scene, points, clearance_m)?;
             let turns = plan.points.iter().all(|p| p.curvature_1pm.abs() <= tightest_1pm);
             (turns && self.can_steer(&plan, scene) && may(&plan, self.gentle.line())).then_some(plan)
         })
@@ -86,6 +96,9 @@ fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead
 
 /// Faster than this a lateral motion in time leads out, m/s.
 const STEERS_OUT_MPS: f64 = 5.0;
+
+/// A walking pace, m/s: 7 km/h.
+const WALKING_MPS: f64 = 2.0;
 
 /// Lengths over which a slow ego steers out, metres.
 const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
