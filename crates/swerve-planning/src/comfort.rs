@@ -21,6 +21,7 @@ mod beside;
 mod decision;
 mod meet;
 mod steer_out;
+mod stop;
 
 #[cfg(test)]
 mod drives;

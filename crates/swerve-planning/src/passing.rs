@@ -94,8 +94,10 @@ impl<'a> Passing<'a> {
         let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
         blocking.truncate(together);
         let slowest = blocking.first()?;
-        // Where who comes over will be is not known yet, a vehicle that changes lanes as a pedestrian who crosses.
-        if !rules.under_way && blocking.iter().any(|one| one.comes_over()) {
+        // Where who comes over will be is not known yet, a vehicle that changes lanes as a pedestrian who crosses; and an
+        // oncoming vehicle is met, not passed on its other side.
+        let comes = |one: &Mover| !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS;
+        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || comes(one)) {
             return None;
         }
         let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);

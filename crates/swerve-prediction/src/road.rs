@@ -3,8 +3,9 @@
 //! A straight line leads what comes round a bend through the lanes beside its own. Where a road user moves along the road
 //! at his place, either way, the same line is drawn in the road's own coordinates (Frenet: arc length and offset, as
 //! Werling et al. 2010, section II): the speed along the road stays, the one across it dies away within a second, which
-//! is what keeping a lane or changing to the next one comes to. An oncoming vehicle that crosses the line of the ego's
-//! lane steers back from there on: lane changes into oncoming traffic are not expected. People on foot go where they go.
+//! is what keeping a lane or changing to the next one comes to. A vehicle whose side is then in the ego's lane goes on to its
+//! centre. An oncoming vehicle that crosses the line of the ego's lane steers back from there on: lane changes into oncoming
+//! traffic are not expected. People on foot go where they go.
 
 use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
@@ -305,8 +306,29 @@ mod tests {
         for (from_m, to_m) in [(2.5, 2.5 - 0.375), (3.0, 3.0 - 0.375), (3.5, 3.0 - 0.375), (4.5, 3.0)] {
             assert!((ends(from_m, -4.0) - to_m).abs() < 1e-6, "{from_m}: {}", ends(from_m, -4.0));
         }
-        // Along the route, and on the right of the ego's lane.
-        assert!((ends(3.0, 4.0) - 1.5).abs() < 1e-6 && (ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
+        // On the right of the ego's lane.
+        assert!((ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
+        // Along the route: over the line it changes into the ego's lane, beside it (4.5 - 1 - 1.5 = 2 m) it settles.
+        assert!(ends(3.0, 4.0).abs() < 1e-6 && (ends(4.5, 4.0) - 3.0).abs() < 1e-6);
+    }
+
+    /// From the edge, 2.6 m to the right of the line, with 0.5 m/s to the left: a car of 2 m has its side in the lane.
+    #[test]
+    fn vehicle_that_pulls_out_goes_on_to_the_centre_of_the_lane() {
+        let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
+        let route = Route::uniform(line, 6.0, 4.0).in_lane(Borders::constant(2.0, 2.0));
+        let offset_m = |kind: ActorKind, left_mps: f64, k: usize| {
+            let mut bent = [straight(kind, Point2::new(50.0, -2.6), Vector2::new(4.0, left_mps))];
+            bent[0].extent.width_m = 2.0;
+            follow(&mut bent, &route);
+            bent[0].path[k].pose.y_m
+        };
+        for k in 0..=30 {
+            assert!((offset_m(ActorKind::Car, 0.5, k) - (-2.6 + 0.05 * k as f64)).abs() < 1e-9, "{k}");
+        }
+        // To the centre and no further; slower, and on a bicycle, the motion across settles.
+        assert!(offset_m(ActorKind::Car, 1.0, 30).abs() < 1e-9);
+        assert!(offset_m(ActorKind::Car, 0.25, 30) < -2.35 && offset_m(ActorKind::Cyclist, 0.5, 30) < -2.1);
     }
 
     #[test]

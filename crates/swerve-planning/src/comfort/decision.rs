@@ -18,8 +18,7 @@ use crate::lane::{Lane, back_to_centre, stretch};
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::room::{Room, Wanted};
-use crate::steady_stop::{self, Demands};
-use crate::traffic::{Behind, Knot, Mover, STANDS_MPS, Traffic};
+use crate::traffic::{Behind, Knot, Mover, Traffic};
 
 impl Comfort {
     /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
@@ -185,61 +184,8 @@ impl Comfort {
         self.stop(scene, standing_m)
     }
 
-    /// The gentlest steady braking along the way ahead, on the road and to rest in the own lane.
-    fn stop(&self, scene: &Scene<'_>, standing_m: f64) -> Option<Plan> {
-        let request = scene.request;
-        let v = request.start.speed_mps.max(0.0);
-        // As far as the gentlest steady braking takes.
-        let further_m = v * v * f64::from(BRAKE_STEPS) / (2.0 * request.limits.brake_max_mps2) + v * SETTLE_S;
-        let way = self.gentle.way_on(request, further_m);
-        let clearance_m = self.params.clearance_m;
-        let usable = |poses: &[(Pose2, Time)]| {
-            poses.last().is_none_or(|end| request.may_rest_at(end.0))
-                && self.gentle.keeps_road(request, poses)
-        };
-        let stop = |brakes_mps2: [f64; 2], hardest: bool| {
-            let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
-            let brakes = steps.map(|share| brakes_mps2[0] + share * (brakes_mps2[1] - brakes_mps2[0]));
-            let demands =
-                Demands { gaps_m: [standing_m, self.params.standstill_gap_m], clearance_m, hardest };
-            steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
-        };
-        let comfort_mps2 = request.limits.brake_max_mps2;
-        if let Some(plan) = stop([0.0, comfort_mps2], true) {
-            return Some(comfortable(plan));
-        }
-        // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
-        let plan = if self.in_way(scene).all(|one| can_lead(one, request)) {
-            stop([comfort_mps2, scene.vehicle.brake_max_mps2], false)
-        } else {
-            None
-        };
-        plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
-    }
-
-    /// For a slow ego near people the gentlest steady braking that suffices, up to the vehicle's limit, wherever it comes to
-    /// rest; `None` where a vehicle comes the other way. An ego at rest waits only for people who move.
-    fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
-        let v = scene.request.start.speed_mps.max(0.0);
-        let movers = &scene.traffic.movers;
-        let comes = |one: &Mover| !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS;
-        let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
-        if v > TOWN_MPS || movers.iter().any(comes) || !movers.iter().any(counts) {
-            return None;
-        }
-        let request = &Request { limits: scene.vehicle, ..*scene.request };
-        let way = self.gentle.way_on(request, v * SETTLE_S);
-        let brakes =
-            (1..=BRAKE_STEPS).map(|k| scene.vehicle.brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
-        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
-        let demands = Demands { gaps_m: [self.params.clearance_m, clearance_m], clearance_m, hardest: false };
-        let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
-        let plan = steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))?;
-        Some(Plan { status: PlanStatus::Found, ..plan })
-    }
-
     /// Road users that are in the own lane ahead of the ego, or come into it.
-    fn in_way<'a>(&self, scene: &Scene<'a>) -> impl Iterator<Item = &'a Mover> {
+    pub(super) fn in_way<'a>(&self, scene: &Scene<'a>) -> impl Iterator<Item = &'a Mover> {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let is_in_way =
             move |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
@@ -426,7 +372,7 @@ pub(super) struct Scene<'a> {
 }
 
 /// True of vehicles, which are stayed behind, and of things that close the road, which are stopped for.
-fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
+pub(super) fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
     one.is_vehicle() || one.closes(request.route, request.shape.width_m)
 }
 
@@ -503,23 +449,14 @@ const FIRM_SHARE: f64 = 0.75;
 /// Slower than this the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.5;
 
-/// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 30 km/h.
-const TOWN_MPS: f64 = 8.5;
-
 /// Slower than this the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;
 
 /// Slower than this the ego has not set off, m/s.
-const REST_MPS: f64 = 0.1;
-
-/// Time that a deceleration takes to grow, seconds.
-const SETTLE_S: f64 = 2.0;
+pub(super) const REST_MPS: f64 = 0.1;
 
 /// The lane's borders are looked at this far ahead, metres.
 const LANE_AHEAD_M: f64 = 60.0;
-
-/// Steady decelerations that are tried, up to a limit.
-const BRAKE_STEPS: u32 = 7;
 
 /// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
 pub(super) const HARDER_MPS2: f64 = 0.1;

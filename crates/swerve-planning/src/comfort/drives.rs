@@ -11,6 +11,8 @@ use crate::collision::CollisionMode;
 use crate::request::{Budget, Planner, Request, Unlimited};
 use crate::testing::{braking_m, least_braking_mps2};
 
+mod tight;
+
 /// Between two plans, seconds.
 const PERIOD_S: f64 = 0.05;
 
@@ -424,21 +426,6 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
             assert!(nearest_m > needed_m && speed_mps < 7.0, "{manner:?} {faces} {nearest_m} {speed_mps}");
             assert!(drive.last().unwrap().gap_m < -10.0, "{manner:?} {faces} {:?}", drive.last());
         }
-    }
-}
-
-/// From rest, right of the centre, behind a car that stands so at the edge that the lane has room beside it.
-#[test]
-fn an_ego_at_rest_pulls_out_from_behind_a_parked_car() {
-    for (d_m, gap_m) in [(-0.8, 4.0), (-1.4, 4.0), (-1.4, 6.0), (-2.2, 6.0), (-2.2, 13.0)] {
-        let parked = move |_: f64| [3.7 + gap_m + 2.25, -2.2];
-        let ego = EgoState { pose: Pose2::new(0.0, d_m, 0.0), ..EgoState::default() };
-        let drive =
-            drive_from(ego, 8.0, ([5.25, 3.5], Manner::GoesRound), (ActorKind::Car, &[&parked]), 14.0);
-        let end = drive.last().unwrap();
-        assert!(end.ego.speed_mps > 7.0 && end.ego.pose.y_m.abs() < 0.3, "{d_m} m {gap_m} m: {end:?}");
-        let least_m = drive.iter().map(|it| it.distance_m).fold(f64::INFINITY, f64::min);
-        assert!(least_m > 0.35 && hardest_mps2(&drive) < 1.0, "{d_m} m {gap_m} m: {least_m} m");
     }
 }
 

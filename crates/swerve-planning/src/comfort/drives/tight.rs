@@ -1,0 +1,93 @@
+//! Where there is little room or little time: out from behind what is parked, past rows and through gaps, back from a pass
+//! that is closed off, and short of people.
+
+use super::*;
+
+const WIDE_M: [f64; 2] = [5.25, 1.75];
+
+fn from_rest(y_m: f64) -> EgoState {
+    EgoState { pose: Pose2::new(0.0, y_m, 0.0), ..EgoState::default() }
+}
+
+/// From rest, right of the centre, behind a car that stands so at the edge that the lane has room beside it.
+#[test]
+fn an_ego_at_rest_pulls_out_from_behind_a_parked_car() {
+    for (d_m, gap_m) in [(-0.8, 4.0), (-1.4, 4.0), (-1.4, 6.0), (-2.2, 6.0), (-2.2, 13.0)] {
+        let parked = move |_: f64| [3.7 + gap_m + 2.25, -2.2];
+        let ego = EgoState { pose: Pose2::new(0.0, d_m, 0.0), ..EgoState::default() };
+        let drive =
+            drive_from(ego, 8.0, ([5.25, 3.5], Manner::GoesRound), (ActorKind::Car, &[&parked]), 14.0);
+        let end = drive.last().unwrap();
+        assert!(end.ego.speed_mps > 7.0 && end.ego.pose.y_m.abs() < 0.3, "{d_m} m {gap_m} m: {end:?}");
+        let least_m = drive.iter().map(|it| it.distance_m).fold(f64::INFINITY, f64::min);
+        assert!(least_m > 0.35 && hardest_mps2(&drive) < 1.0, "{d_m} m {gap_m} m: {least_m} m");
+    }
+}
+
+#[test]
+fn a_row_of_any_length_is_passed_from_rest() {
+    for count in [1, 5, 8] {
+        let parked: Vec<_> = (0..count).map(|k| move |_: f64| [14.0 + 6.5 * f64::from(k), -1.2]).collect();
+        let parked: Vec<Script<'_>> = parked.iter().map(|one| one as Script<'_>).collect();
+        let cars = (ActorKind::Car, &parked[..]);
+        let drive = drive_from(from_rest(0.0), 11.0, (WIDE_M, Manner::GoesRound), cars, 25.0);
+        let end = drive.last().unwrap().ego.pose;
+        assert!(end.x_m > 14.0 + 6.5 * f64::from(count) + 10.0 && end.y_m.abs() < 0.3, "{count}: {end:?}");
+        assert!(passes(&drive).1 > 0.4, "{count}: {:?}", passes(&drive));
+    }
+}
+
+/// 2.6 m between two cars for an ego of 1.86 m: 0.37 m on either side, less than the clearance of 0.5 m.
+#[test]
+fn a_narrow_gap_is_passed_at_a_walking_pace() {
+    let (left, right) = (|_: f64| [60.0, 1.3 + 0.9], |_: f64| [60.0, -1.3 - 0.9]);
+    let drive = drive_from(
+        EgoState { speed_mps: 9.0, ..EgoState::default() },
+        9.0,
+        ([1.75; 2], Manner::GoesRound),
+        (ActorKind::Car, &[&left, &right]),
+        40.0,
+    );
+    assert!(passes(&drive).0 < 3.0, "{:?}", passes(&drive));
+    assert!(drive.last().unwrap().ego.pose.x_m > 75.0 && passes(&drive).1 > 0.3, "{:?}", passes(&drive));
+    assert!(hardest_mps2(&drive) < 3.6, "{}", hardest_mps2(&drive));
+}
+
+/// People and cyclists who come towards the ego in its lane: 1.5 m, as those who go the same way.
+#[test]
+fn who_comes_towards_the_ego_is_passed_with_room() {
+    for kind in [ActorKind::Cyclist, ActorKind::Pedestrian] {
+        let towards = |t_s: f64| [160.0 - if kind == ActorKind::Cyclist { 4.0 } else { 1.4 } * t_s, -0.8];
+        let drive = drive_among(kind, 12.0, true, Manner::GoesRound, &[&towards], 25.0);
+        assert!(passes(&drive).1 > 1.4, "{kind:?} {:?}", passes(&drive));
+        assert!(drive.last().unwrap().gap_m < -10.0 && hardest_mps2(&drive) < 3.0, "{kind:?}");
+    }
+}
+
+/// A slow car is being overtaken when an oncoming one comes into sight at 100 m: 4 s until they meet, and 23 m behind the slow
+/// car the ego is hardly over the line.
+#[test]
+fn a_pass_that_is_closed_off_comes_back_before_the_oncoming_car() {
+    for seen_s in [5.5, 6.0, 6.5] {
+        let slow = |t_s: f64| [62.0 + 5.0 * t_s, 0.0];
+        // Far beside the road until then.
+        let oncoming = move |t_s: f64| match t_s < seen_s {
+            true => [700.0, 200.0],
+            false => [12.0 * seen_s + 110.0 - 14.0 * (t_s - seen_s), 3.6],
+        };
+        let drive = drive(12.0, true, Manner::GoesRound, &[&slow, &oncoming], 25.0);
+        assert!(over_line(&drive).1 > 0.0, "{seen_s} s: the pass never began");
+        assert!(passes(&drive).1 > 0.7, "{seen_s} s: {:?}", passes(&drive));
+        assert!(hardest_mps2(&drive) < 6.0, "{seen_s} s: {}", hardest_mps2(&drive));
+    }
+}
+
+/// An oncoming car over the line for good blocks the lane, and is not passed on its other side.
+#[test]
+fn an_oncoming_car_over_the_line_is_not_passed_on_its_other_side() {
+    let oncoming = |t_s: f64| [150.0 - 8.0 * t_s, 1.5];
+    for manner in &MANNERS[1..] {
+        let drive = drive(8.0, true, *manner, &[&oncoming], 15.0);
+        assert!(passes(&drive).1 > 0.2 && over_line(&drive).0 == 0.0, "{manner:?} {:?}", passes(&drive));
+    }
+}
