@@ -98,8 +98,9 @@ pub struct Agreement {
     pub min_eigenvalue_per_m2: f64,
     /// Directions of the pose that the surfaces leave open, of six.
     pub degenerate: u32,
-    /// Least share, over all directions of the pose, of the information that the scan has on itself. At a wrong place much
-    /// of a scan may be on surfaces, as its ground is, but not the surfaces that determine the place.
+    /// Least share, over all directions of the pose, of the information that the scan has on itself, as far as it is above
+    /// or below any surface of the map. At a wrong place much of a scan may be on surfaces, as its ground is, but not the
+    /// surfaces that determine the place.
     pub informed: f64,
 }
 
@@ -111,9 +112,16 @@ pub fn agreement(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -
     let score = score_on(map, scan, pose);
     let hits = f64::from(score.hits);
     let (_, min_eigenvalue_per_m2, degenerate) = spread(&score.hessian, hits)?;
-    // The same axes and levers as on the map.
+    // The same axes and levers as on the map. What lies beyond the map is not missed there.
     let turned: Vec<_> = scan.iter().map(|point| pose.rotation * point).collect();
-    let own = score_on(&VoxelMap::of_points(map.resolution_m(), &turned), &turned, &Isometry3::identity());
+    let own_map = VoxelMap::of_points(map.resolution_m(), &turned);
+    let columns = map.columns();
+    let is_in_column = |point: &Vector3<f64>| {
+        let index = map.index((point + pose.translation.vector).data.0[0]);
+        index.is_some_and(|[x, y, _]| columns.contains(&[x, y]))
+    };
+    let within: Vec<_> = turned.into_iter().filter(is_in_column).collect();
+    let own = score_on(&own_map, &within, &Isometry3::identity());
     Some(Agreement {
         hits: score.hits,
         overlap: hits / scan.len() as f64,

@@ -354,7 +354,9 @@ fn registration_that_is_not_to_be_used_gives_its_reason() {
         assert!(corridor.as_ref().is_some_and(|why| why.contains("degenerate: ")), "{method}: {corridor:?}");
         let far = clouds(false, 10.0, [0.0, 0.0]).registered("source.ply", method);
         let far = far.map_or_else(|error| Some(error.to_string()), |(_, problem)| problem);
-        assert!(far.as_ref().is_some_and(|why| why.contains("not converged")), "{method}: {far:?}");
+        // At the wrong place, the end walls are on nothing: that may leave a direction open.
+        let is_said = |why: &String| why.contains("not converged") || why.contains("degenerate: ");
+        assert!(far.as_ref().is_some_and(is_said), "{method}: {far:?}");
         let three = clouds(false, 0.0, [0.0, 0.0]).registered("three.ply", method);
         let three = three.map_or_else(|error| Some(error.to_string()), |(_, problem)| problem);
         let is_said = |why: &String| why.contains("degenerate: ") || why.contains("no match: too few");
