@@ -107,7 +107,7 @@ mod tests {
 
     /// Ten seconds of two topics at 100 and 10 Hz, in order.
     fn drive() -> Vec<(&'static str, u64)> {
-        let both = |k: u64| [(k % 10 == 0).then_some(("cloud", 10 * k)), Some(("pose", 10 * k))];
+        let both = |k: u64| [k.is_multiple_of(10).then_some(("cloud", 10 * k)), Some(("pose", 10 * k))];
         (0..1000).flat_map(both).flatten().collect()
     }
 
