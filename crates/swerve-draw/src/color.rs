@@ -86,26 +86,33 @@ pub struct Look {
     pub dash: [f64; 4],
 }
 
-/// Lines in a plot, in this order: four colours that differ in lightness, then the same with dashes.
-pub const SERIES: [Look; 8] = {
-    const WHOLE: [f64; 4] = [0.0; 4];
-    const DASHED: [f64; 4] = [7.0, 3.0, 7.0, 3.0];
+/// Lines of a plot, in this order: four colours that differ in lightness, then the same dashed, dotted, and with dashes and
+/// dots in turn.
+pub const SERIES: [Look; 16] = {
+    const DASHES: [[f64; 4]; 4] =
+        [[0.0; 4], [7.0, 3.0, 7.0, 3.0], [1.5, 3.0, 1.5, 3.0], [9.0, 3.0, 1.5, 3.0]];
     const COLORS: [Color; 4] =
         [Color::hex(0x0072B2), Color::hex(0xC98A00), Color::hex(0x8B1A5C), Color::hex(0x1F2328)];
-    const fn look(color: Color, dash: [f64; 4]) -> Look {
-        Look { color, dash }
+    let mut looks = [Look { color: COLORS[0], dash: DASHES[0] }; 16];
+    let mut k = 0;
+    while k < looks.len() {
+        looks[k] = Look { color: COLORS[k % 4], dash: DASHES[k / 4] };
+        k += 1;
     }
-    [
-        look(COLORS[0], WHOLE),
-        look(COLORS[1], WHOLE),
-        look(COLORS[2], WHOLE),
-        look(COLORS[3], WHOLE),
-        look(COLORS[0], DASHED),
-        look(COLORS[1], DASHED),
-        look(COLORS[2], DASHED),
-        look(COLORS[3], DASHED),
-    ]
+    looks
 };
+
+/// Look of the `k`-th line of a plot; beyond [`SERIES`] the looks repeat, which [`looks_repeat`] notes.
+pub fn series(k: usize) -> Look {
+    SERIES[k % SERIES.len()]
+}
+
+/// Note for a plot with more lines than there are looks.
+pub fn looks_repeat(lines: usize) -> Option<String> {
+    let looks = SERIES.len();
+    (lines > looks)
+        .then(|| format!("{lines} lines; their looks repeat after {looks}, in the order of the legend"))
+}
 
 /// A share from 0 (bad, pale orange) to 1 (good, dark blue): the lightness alone tells the order.
 pub fn graded(share: f64) -> Color {

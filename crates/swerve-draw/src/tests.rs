@@ -64,6 +64,16 @@ fn lines_of_a_plot_are_told_apart_by_all_eyes_and_in_grey() {
 }
 
 #[test]
+fn nine_lines_and_more_have_looks_and_repeated_looks_are_noted() {
+    let looks: Vec<_> = (0..17).map(color::series).collect();
+    for k in 0..16 {
+        assert!(looks[..k].iter().all(|before| *before != looks[k]), "line {k}");
+    }
+    assert_eq!((looks[16], color::looks_repeat(16)), (looks[0], None));
+    assert!(color::looks_repeat(17).is_some_and(|note| note.starts_with("17 lines")));
+}
+
+#[test]
 fn a_scale_gets_darker_all_the_way_for_all_eyes() {
     for (eyes, by) in EYES {
         let steps: Vec<f64> = (0..=10).map(|k| seen(graded(0.1 * f64::from(k)), &by)[0]).collect();

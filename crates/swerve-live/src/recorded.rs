@@ -1,9 +1,10 @@
 //! A recorded drive in the place of a vehicle: the same topics, types, mapping and clocks, in virtual time.
 //!
-//! A message comes at the time of receipt that the recorder's host noted. All that is computed is
+//! Messages come in order of the time of receipt that the recorder's host noted. All that is computed is
 //! logged; commands go nowhere. The result is a function of the recording, the configuration and the seed.
 
 mod clock;
+mod order;
 mod summary;
 
 use std::collections::BTreeMap;
@@ -27,6 +28,7 @@ use super::vehicle::interface;
 use super::watch::{DriveStatus, Outlet};
 use super::{Drive, DriveFiles, LiveArgs, wire};
 use clock::Clock;
+use order::Order;
 use summary::Operator;
 
 pub use summary::{Summary, TopicReport};
@@ -45,6 +47,8 @@ pub struct Recording {
     /// Counts of the topics, by their names in ROS.
     pub topics: BTreeMap<String, TopicReport>,
     clock: Clock,
+    /// Messages with an earlier time than one before them in the files.
+    earlier: u64,
     /// Messages of channels that the recording does not describe.
     pub strays: u64,
     /// Messages that came to a stream no later than the one before them.
@@ -79,32 +83,57 @@ impl Recording {
         let Drive { config, mapping, .. } = drive;
         let wanted = wanted(drive);
         let mut recording = Self::default();
+        let order = recording.in_order(files, &wanted)?;
+        recording.earlier = order.earlier;
         let mut intake = None;
+        for (topic, message) in order.sorted() {
+            let intake = intake.get_or_insert_with(|| {
+                let epoch_ns = i64::try_from(message.received_ns).unwrap_or(i64::MAX);
+                Intake::new(mapping, interface(mapping.vehicle, config), config, epoch_ns)
+            });
+            recording.take(&topic, &message, &wanted, intake);
+        }
+        let why = recording.cut_off.join("; ");
+        let none = || match why.is_empty() {
+            true => "the recording has no messages".to_owned(),
+            false => format!("the recording has no messages that can be read: {why}"),
+        };
+        let intake = intake.with_context(none)?;
+        recording.conclude(&intake);
+        Ok(recording)
+    }
+
+    /// The messages of all files. Only topics that are heard keep their data.
+    fn in_order(
+        &mut self,
+        files: &[PathBuf],
+        wanted: &BTreeMap<String, (String, Kind)>,
+    ) -> anyhow::Result<Order> {
+        let mut order = Order::default();
         for file in files {
             let mut bag = Bag::open(file)?;
+            let mut topics = Vec::new();
             loop {
                 match bag.next_message() {
                     Ok(None) => break,
-                    Ok(Some(message)) => {
-                        let intake = intake.get_or_insert_with(|| {
-                            let epoch_ns = i64::try_from(message.received_ns).unwrap_or(i64::MAX);
-                            Intake::new(mapping, interface(mapping.vehicle, config), config, epoch_ns)
-                        });
-                        recording.take(&bag.topics()[message.topic], &message, &wanted, intake);
+                    Ok(Some(mut message)) => {
+                        topics.extend(bag.topics()[topics.len()..].iter().cloned().map(Arc::new));
+                        let topic = &topics[message.topic];
+                        if !wanted.contains_key(&topic.name) {
+                            message.data = Vec::new();
+                        }
+                        order.add(topic, message);
                     }
-                    // What came before is a drive, too.
+                    // The messages before the damage are a drive, too.
                     Err(error) => {
-                        recording.cut_off.push(error.to_string());
+                        self.cut_off.push(error.to_string());
                         break;
                     }
                 }
             }
-            recording.strays += bag.strays();
+            self.strays += bag.strays();
         }
-        let intake =
-            intake.with_context(|| format!("there is no message in it; {}", recording.cut_off.join("; ")))?;
-        recording.conclude(&intake);
-        Ok(recording)
+        Ok(order)
     }
 
     /// Counts what the intake made of the messages, and has the switch pressed.
@@ -187,7 +216,7 @@ impl Recording {
     }
 }
 
-/// The files of a recording, in the order in which they were written.
+/// The files of a recording, in the order of their numbers.
 ///
 /// # Errors
 /// There are none.
@@ -254,7 +283,7 @@ pub(super) fn run(
         cut_off: recording.cut_off,
         digest: report.digest.to_string(),
         seconds: end.as_secs(),
-        earlier: recording.clock.earlier,
+        earlier: recording.earlier,
         clock_jumps: recording.clock.jumps,
         strays: recording.strays,
         late: recording.late,

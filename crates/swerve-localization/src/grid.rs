@@ -8,8 +8,9 @@ use nalgebra::Vector3;
 /// Indices of a cube along x, y and z.
 pub(crate) type Index = [i32; 3];
 
-/// Indices are within this of 0: 21 bits each fit one word.
-pub(crate) const REACH: i32 = (1 << 20) - 1;
+/// Largest index: cubes of 1 cm reach as far as coordinates anywhere on Earth (UTM's northings are below 10,000 km), and an
+/// index beside it still fits its type.
+pub(crate) const REACH: i32 = (1 << 30) - 1;
 
 /// Content of the cubes that have one.
 #[derive(Clone, Debug)]
@@ -46,9 +47,9 @@ impl<T> Grid<T> {
 
     #[inline(always)]
     fn slot(&self, index: Index) -> usize {
-        let word = |i: i32| u64::from((i + REACH) as u32);
+        let word = |i: i32| u64::from(i as u32);
         let [x, y, z] = [word(index[0]), word(index[1]), word(index[2])];
-        let hash = (x | y << 21 | z << 42).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let hash = (x ^ y << 21 ^ z << 42).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mask = self.table.len() - 1;
         let mut slot = (hash >> 32) as usize & mask;
         while let Some(place) = (self.table[slot] as usize).checked_sub(1) {

@@ -7,6 +7,7 @@
 //! [`Localizer`] is made. No product of large matrices from nalgebra: it picks instructions by the processor, and bits
 //! with them.
 
+pub mod centred;
 pub mod dead_reckoning;
 mod eigen;
 pub mod eskf;

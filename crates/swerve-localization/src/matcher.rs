@@ -24,7 +24,7 @@ const FEW: usize = 400;
 const CLIMBED: usize = 12;
 /// They are at least so far from each other, metres or radians.
 const APART: [f64; 2] = [0.7, 0.15];
-/// A match is one where so many of the points lie on something, and so well.
+/// Least share of the points on surfaces of the map, and their least mean likelihood, of a match.
 const OVERLAP_MIN: f64 = 0.6;
 const LIKELIHOOD_MIN: f64 = 0.3;
 /// A match further from where it was looked for is another place that looks alike, metres and radians.

@@ -85,8 +85,85 @@ pub struct Matched {
     pub degenerate: u32,
 }
 
+/// Agreement of a scan with a map at a pose.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Agreement {
+    /// Points in a cube with a surface.
+    pub hits: u32,
+    /// Their share of all points.
+    pub overlap: f64,
+    /// Their mean likelihood, at most 1.
+    pub likelihood: f64,
+    /// Smallest eigenvalue of the Hessian per point, 1/m², with rotations as metres on a lever of 10 m.
+    pub min_eigenvalue_per_m2: f64,
+    /// Directions of the pose that the surfaces leave open, of six.
+    pub degenerate: u32,
+    /// Least share, over all directions of the pose, of the information that the scan has on itself, as far as it is above
+    /// or below any surface of the map. At a wrong place much of a scan may be on surfaces, as its ground is, but not the
+    /// surfaces that determine the place.
+    pub informed: f64,
+}
+
+/// Agreement of a scan with a map at a pose, however the pose was found; `None` without a point on a surface.
+pub fn agreement(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -> Option<Agreement> {
+    let score_on = |map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>| {
+        Shape::new(map.resolution_m()).score::<true>(map, scan, 1, pose, Neighbours::Direct1)
+    };
+    let score = score_on(map, scan, pose);
+    let hits = f64::from(score.hits);
+    let (_, min_eigenvalue_per_m2, degenerate) = spread(&score.hessian, hits)?;
+    // The same axes and levers as on the map. What lies beyond the map is not missed there.
+    let turned: Vec<_> = scan.iter().map(|point| pose.rotation * point).collect();
+    let own_map = VoxelMap::of_points(map.resolution_m(), &turned);
+    let columns = map.columns();
+    let is_in_column = |point: &Vector3<f64>| {
+        let index = map.index((point + pose.translation.vector).data.0[0]);
+        index.is_some_and(|[x, y, _]| columns.contains(&[x, y]))
+    };
+    let within: Vec<_> = turned.into_iter().filter(is_in_column).collect();
+    let own = score_on(&own_map, &within, &Isometry3::identity());
+    Some(Agreement {
+        hits: score.hits,
+        overlap: hits / scan.len() as f64,
+        likelihood: score.likelihood / hits,
+        min_eigenvalue_per_m2,
+        degenerate,
+        informed: informed(&score.hessian, &own.hessian, scan.len() as f64),
+    })
+}
+
+/// Least eigenvalue of a Hessian over another one of `points`, without directions in which that other one has nothing; 0
+/// where it has nothing at all.
+fn informed(hessian: &Matrix6, own: &Matrix6, points: f64) -> f64 {
+    let [hessian, own] = [hessian, own].map(|of| scaled(of, points));
+    let (values, vectors) = eigen::symmetric(&own);
+    let whitening =
+        Matrix6::from_fn(
+            |i, j| {
+                if values[j] < UNSEEN_PER_M2 { 0.0 } else { vectors[(i, j)] / values[j].sqrt() }
+            },
+        );
+    // Sums in one order on every machine.
+    let product = |a: &Matrix6, b: &Matrix6| {
+        Matrix6::from_fn(|i, j| (0..DOF).fold(0.0, |sum, k| sum + a[(i, k)] * b[(k, j)]))
+    };
+    let whitened = product(&whitening.transpose(), &product(&hessian, &whitening));
+    let (shares, at) = eigen::symmetric(&whitened);
+    let is_seen = |k: usize| (0..DOF).any(|j| values[j] >= UNSEEN_PER_M2 && at[(j, k)].abs() > 1e-9);
+    (0..DOF).filter(|k| is_seen(*k)).map(|k| shares[k]).reduce(f64::min).unwrap_or(0.0)
+}
+
+/// A Hessian per point, 1/m², turns as metres on a lever.
+fn scaled(hessian: &Matrix6, points: f64) -> Matrix6 {
+    let scale = |i: usize| if i < 3 { 1.0 } else { 1.0 / LEVER_M };
+    Matrix6::from_fn(|i, j| hessian[(i, j)] * scale(i) * scale(j) / points)
+}
+
 /// Matches a scan with maps, the coarsest first, from a guess of the pose. Points that are no numbers count as none;
 /// nothing matches an empty scan or map.
+///
+/// Turns are about the scan's origin, so that is to be near the points, as a lidar is; [`crate::centred`] moves clouds of
+/// other origins.
 pub fn align(
     maps: &[&VoxelMap],
     scan: &[Vector3<f64>],
@@ -225,8 +302,7 @@ fn moved(pose: &Isometry3<f64>, step: &Vector6) -> Isometry3<f64> {
 /// Covariance by the Hessian, its least eigenvalue per point, and how many directions are not seen.
 fn spread(hessian: &Matrix6, hits: f64) -> Option<(Matrix6, f64, u32)> {
     let scale = |i: usize| if i < 3 { 1.0 } else { 1.0 / LEVER_M };
-    let scaled = Matrix6::from_fn(|i, j| hessian[(i, j)] * scale(i) * scale(j) / hits);
-    let (values, vectors) = eigen::symmetric(&scaled);
+    let (values, vectors) = eigen::symmetric(&scaled(hessian, hits));
     let (mut least, mut degenerate) = (f64::INFINITY, 0);
     let variances = values.map(|value| {
         least = least.min(value);

@@ -1,5 +1,5 @@
-//! Points of a PLY file: text, or binary with the least byte first. Other elements than vertices and lists come after the
-//! vertices or not at all.
+//! Points of PLY files: ASCII, binary little-endian and binary big-endian, with any further elements and properties, lists
+//! among them. Lines of the header end with LF, CR LF or CR.
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -9,10 +9,10 @@ pub const POINTS_MAX: usize = 20_000_000;
 /// Longest header, bytes.
 const HEADER_MAX: usize = 1 << 16;
 
-/// Why bytes are no point cloud.
+/// Reasons why bytes are not a point cloud.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum PlyError {
-    /// It begins otherwise.
+    /// Not a header of PLY.
     #[error("expected a PLY file: its first line is `ply`, and its header ends with a line `end_header`")]
     NoHeader,
     /// A line of the header.
@@ -20,16 +20,16 @@ pub enum PlyError {
     Header {
         /// From 1.
         line: usize,
-        /// What belongs there.
+        /// Expected text.
         expected: &'static str,
-        /// What is there.
+        /// The line.
         found: String,
     },
     /// A coordinate is not among the properties.
-    #[error("element vertex: expected properties x, y and z of type float or double, `{0}` is missing")]
+    #[error("element vertex: expected properties x, y and z with a number each, `{0}` is missing")]
     NoCoordinate(&'static str),
     /// The file ends early.
-    #[error("truncated: the header tells of {expected} points, the file ends in point {found}")]
+    #[error("truncated: the header announces {expected} points, the file ends in point {found}")]
     Truncated {
         /// Points by the header.
         expected: usize,
@@ -41,142 +41,317 @@ pub enum PlyError {
     NoNumber(usize),
 }
 
-/// Type of a property: its bytes, and whether it is a float.
+/// Type of a number.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Kind {
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+/// A property: one number, or a list after its length.
 #[derive(Clone, Copy)]
-struct Kind {
-    bytes: usize,
-    is_float: bool,
+enum Shape {
+    One(Kind),
+    List { length: Kind, item: Kind },
 }
 
-fn kind(name: &str) -> Option<Kind> {
-    let (bytes, is_float) = match name {
-        "char" | "uchar" | "int8" | "uint8" => (1, false),
-        "short" | "ushort" | "int16" | "uint16" => (2, false),
-        "int" | "uint" | "int32" | "uint32" => (4, false),
-        "float" | "float32" => (4, true),
-        "double" | "float64" => (8, true),
-        _ => return None,
-    };
-    Some(Kind { bytes, is_float })
+struct Element {
+    count: usize,
+    properties: Vec<(String, Shape)>,
 }
 
-/// Where the points are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+/// The header.
 struct Layout {
-    is_text: bool,
-    points: usize,
-    /// Name and type of each property of a vertex.
-    properties: Vec<(String, Kind)>,
-    /// Bytes of the header.
+    form: Form,
+    /// Elements before the vertices.
+    before: Vec<Element>,
+    vertices: Element,
+    /// Its length, bytes.
     header: usize,
 }
 
-/// The points of a file, in its order; coordinates that are no numbers stay in it.
+/// The points of a file, in its order; coordinates that are not finite stay as they are.
 ///
 /// # Errors
-/// What is wrong with it.
+/// The first error in the header or in a point.
 pub fn read(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, PlyError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let layout = layout(bytes)?;
-    let places = ["x", "y", "z"].map(|axis| {
-        let place = layout.properties.iter().position(|(name, kind)| name == axis && kind.is_float);
-        place.ok_or(PlyError::NoCoordinate(axis))
+    let [x, y, z] = ["x", "y", "z"].map(|axis| {
+        let is_axis = |(name, shape): &(String, Shape)| name == axis && matches!(shape, Shape::One(_));
+        layout.vertices.properties.iter().position(is_axis).ok_or(PlyError::NoCoordinate(axis))
     });
-    let [x, y, z] = places;
     let places = [x?, y?, z?];
     let body = &bytes[layout.header..];
-    if layout.is_text { text(&layout, places, body) } else { binary(&layout, places, body) }
+    let mut reader: Box<dyn Numbers> = match layout.form {
+        Form::Text => Box::new(Text { rows: body.split(|byte| matches!(byte, b'\n' | b'\r')), row: b"" }),
+        form => Box::new(Binary { rest: body, is_big_endian: form == Form::BigEndian }),
+    };
+    let truncated = |found| PlyError::Truncated { expected: layout.vertices.count, found };
+    for element in &layout.before {
+        reader.skip(element).ok_or_else(|| truncated(0))?;
+    }
+    let mut points = Vec::new();
+    for k in 0..layout.vertices.count {
+        points.push(point(&mut *reader, &layout.vertices, places).map_err(|end| match end {
+            End::Truncated => truncated(k),
+            End::NoNumber => PlyError::NoNumber(k),
+        })?);
+    }
+    Ok(points)
 }
 
-fn layout(bytes: &[u8]) -> Result<Layout, PlyError> {
-    let head = &bytes[..bytes.len().min(HEADER_MAX)];
-    let (mut at, mut line) = (0, 0);
-    let (mut is_text, mut points, mut properties) = (None, None, Vec::new());
-    let mut in_vertices = false;
-    loop {
-        let rest = &head[at..];
-        let len = rest.iter().position(|byte| *byte == b'\n').ok_or(PlyError::NoHeader)?;
-        let words = String::from_utf8_lossy(&rest[..len]);
-        let words = words.trim_end_matches('\r');
-        at += len + 1;
-        line += 1;
-        let wrong = |expected| PlyError::Header { line, expected, found: words.chars().take(80).collect() };
-        if line == 1 {
-            if words != "ply" {
-                return Err(PlyError::NoHeader);
+/// Reasons why a row ends early.
+enum End {
+    Truncated,
+    NoNumber,
+}
+
+/// Numbers in the order of the file.
+trait Numbers {
+    /// Goes to the next row, of one element each.
+    fn next_row(&mut self) -> Result<(), End>;
+    fn number(&mut self, kind: Kind) -> Result<f64, End>;
+    /// Checks that a row is over.
+    fn end_row(&mut self) -> Result<(), End>;
+    /// Passes over all of an element.
+    fn skip(&mut self, element: &Element) -> Option<()>;
+}
+
+fn point(from: &mut dyn Numbers, vertex: &Element, places: [usize; 3]) -> Result<Vector3<f64>, End> {
+    let mut point = Vector3::zeros();
+    from.next_row()?;
+    for (k, (_, shape)) in vertex.properties.iter().enumerate() {
+        match *shape {
+            Shape::One(kind) => {
+                let value = from.number(kind)?;
+                if let Some(axis) = places.iter().position(|place| *place == k) {
+                    point[axis] = value;
+                }
             }
-            continue;
-        }
-        let all: Vec<_> = words.split_ascii_whitespace().collect();
-        match all[..] {
-            [] | ["comment" | "obj_info", ..] => {}
-            ["format", "ascii", "1.0"] => is_text = Some(true),
-            ["format", "binary_little_endian", "1.0"] => is_text = Some(false),
-            ["format", ..] => return Err(wrong("`format ascii 1.0` or `format binary_little_endian 1.0`")),
-            ["element", "vertex", count] => {
-                let count = count.parse().ok().filter(|count| *count <= POINTS_MAX);
-                points = Some(count.ok_or_else(|| wrong("at most 20 million points"))?);
-                in_vertices = true;
+            Shape::List { length, item } => {
+                for _ in 0..list_length(from.number(length)?)? {
+                    from.number(item)?;
+                }
             }
-            ["element", _, _] if points.is_some() => in_vertices = false,
-            ["element", ..] => return Err(wrong("`element vertex COUNT` before other elements")),
-            ["property", "list", ..] if in_vertices => {
-                return Err(wrong("no list among the properties of a vertex"));
-            }
-            ["property", of, name] if in_vertices => {
-                let kind = kind(of).ok_or_else(|| wrong("a type of PLY, such as `float`"))?;
-                properties.push((name.to_owned(), kind));
-            }
-            ["property", ..] if points.is_some() => {}
-            ["end_header"] => break,
-            _ => return Err(wrong("a line of a header: format, comment, element, property or end_header")),
         }
     }
-    let missing = |expected| PlyError::Header { line, expected, found: "end_header".to_owned() };
-    Ok(Layout {
-        is_text: is_text.ok_or_else(|| missing("a line `format` before it"))?,
-        points: points.ok_or_else(|| missing("a line `element vertex COUNT` before it"))?,
-        properties,
-        header: at,
+    from.end_row()?;
+    Ok(point)
+}
+
+fn list_length(value: f64) -> Result<u64, End> {
+    if value >= 0.0 && value.fract() == 0.0 { Ok(value as u64) } else { Err(End::NoNumber) }
+}
+
+struct Binary<'a> {
+    rest: &'a [u8],
+    is_big_endian: bool,
+}
+
+impl Binary<'_> {
+    fn bytes<const N: usize>(&mut self) -> Result<[u8; N], End> {
+        let (first, rest) = self.rest.split_first_chunk::<N>().ok_or(End::Truncated)?;
+        self.rest = rest;
+        let mut bytes = *first;
+        if self.is_big_endian {
+            bytes.reverse();
+        }
+        Ok(bytes)
+    }
+}
+
+impl Numbers for Binary<'_> {
+    fn next_row(&mut self) -> Result<(), End> {
+        Ok(())
+    }
+
+    fn number(&mut self, kind: Kind) -> Result<f64, End> {
+        Ok(match kind {
+            Kind::I8 => f64::from(i8::from_le_bytes(self.bytes()?)),
+            Kind::U8 => f64::from(u8::from_le_bytes(self.bytes()?)),
+            Kind::I16 => f64::from(i16::from_le_bytes(self.bytes()?)),
+            Kind::U16 => f64::from(u16::from_le_bytes(self.bytes()?)),
+            Kind::I32 => f64::from(i32::from_le_bytes(self.bytes()?)),
+            Kind::U32 => f64::from(u32::from_le_bytes(self.bytes()?)),
+            Kind::F32 => f64::from(f32::from_le_bytes(self.bytes()?)),
+            Kind::F64 => f64::from_le_bytes(self.bytes()?),
+        })
+    }
+
+    fn end_row(&mut self) -> Result<(), End> {
+        Ok(())
+    }
+
+    fn skip(&mut self, element: &Element) -> Option<()> {
+        let size = |(_, shape): &(String, Shape)| match shape {
+            Shape::One(kind) => Some(kind.bytes()),
+            Shape::List { .. } => None,
+        };
+        if let Some(size) = element.properties.iter().map(size).sum::<Option<usize>>() {
+            self.rest = self.rest.get(size.checked_mul(element.count)?..)?;
+            return Some(());
+        }
+        for _ in 0..element.count {
+            for (_, shape) in &element.properties {
+                let size = match *shape {
+                    Shape::One(kind) => kind.bytes(),
+                    Shape::List { length, item } => {
+                        let length = list_length(self.number(length).ok()?).ok()?;
+                        usize::try_from(length).ok()?.checked_mul(item.bytes())?
+                    }
+                };
+                self.rest = self.rest.get(size..)?;
+            }
+        }
+        Some(())
+    }
+}
+
+/// A line for each row; empty lines are passed over.
+struct Text<'a, R> {
+    rows: R,
+    row: &'a [u8],
+}
+
+impl<'a, R: Iterator<Item = &'a [u8]>> Numbers for Text<'a, R> {
+    fn next_row(&mut self) -> Result<(), End> {
+        self.row = self.rows.find(|row| !row.trim_ascii().is_empty()).ok_or(End::Truncated)?;
+        Ok(())
+    }
+
+    fn number(&mut self, _: Kind) -> Result<f64, End> {
+        let row = self.row.trim_ascii_start();
+        let end = row.iter().position(u8::is_ascii_whitespace).unwrap_or(row.len());
+        let (word, rest) = row.split_at(end);
+        self.row = rest;
+        str::from_utf8(word).ok().and_then(|word| word.parse().ok()).ok_or(End::NoNumber)
+    }
+
+    fn end_row(&mut self) -> Result<(), End> {
+        if self.row.trim_ascii().is_empty() { Ok(()) } else { Err(End::NoNumber) }
+    }
+
+    fn skip(&mut self, element: &Element) -> Option<()> {
+        (0..element.count).try_for_each(|_| self.next_row()).ok()
+    }
+}
+
+/// The lines of a header, with the number of each from 1 and the byte after it.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, usize, &[u8])> {
+    let head = &bytes[..bytes.len().min(HEADER_MAX)];
+    // The first line shows how all of them end: after `\r` alone, a binary body may begin with any byte.
+    let end = head.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(0);
+    let ending: &[u8] = match head.get(end..) {
+        Some([b'\r', b'\n', ..]) => b"\r\n",
+        Some([b'\r', ..]) => b"\r",
+        _ => b"\n",
+    };
+    let (mut at, mut number) = (0, 0);
+    core::iter::from_fn(move || {
+        let len = head[at..].windows(ending.len()).position(|next| next == ending)?;
+        let line = &head[at..at + len];
+        at += len + ending.len();
+        number += 1;
+        Some((number, at, line))
     })
 }
 
-fn binary(layout: &Layout, places: [usize; 3], body: &[u8]) -> Result<Vec<Vector3<f64>>, PlyError> {
-    let size: usize = layout.properties.iter().map(|(_, kind)| kind.bytes).sum();
-    if body.len() / size < layout.points {
-        return Err(PlyError::Truncated { expected: layout.points, found: body.len() / size });
-    }
-    let columns = places.map(|place| {
-        let before: usize = layout.properties[..place].iter().map(|(_, kind)| kind.bytes).sum();
-        (before, layout.properties[place].1.bytes)
-    });
-    let number = |row: &[u8], (from, len): (usize, usize)| {
-        let cell = &row[from..from + len];
-        let single = cell.try_into().map(f32::from_le_bytes).map(f64::from);
-        single.or_else(|_| cell.try_into().map(f64::from_le_bytes)).unwrap_or(f64::NAN)
-    };
-    let rows = body.chunks_exact(size).take(layout.points);
-    Ok(rows.map(|row| Vector3::from(columns.map(|column| number(row, column)))).collect())
-}
-
-fn text(layout: &Layout, places: [usize; 3], body: &[u8]) -> Result<Vec<Vector3<f64>>, PlyError> {
-    let mut points = Vec::new();
-    let rows = body.split(|byte| *byte == b'\n').filter(|row| !row.trim_ascii().is_empty());
-    for row in rows.take(layout.points) {
-        let wrong = || PlyError::NoNumber(points.len());
-        let row = str::from_utf8(row).map_err(|_| wrong())?;
-        let cells: Vec<f64> = row
-            .split_ascii_whitespace()
-            .map(|cell| cell.parse().map_err(|_| wrong()))
-            .collect::<Result<_, _>>()?;
-        if cells.len() != layout.properties.len() {
-            return Err(wrong());
+fn layout(bytes: &[u8]) -> Result<Layout, PlyError> {
+    let mut form = None;
+    let mut elements: Vec<(String, Element)> = Vec::new();
+    let mut lines = lines(bytes);
+    let first = lines.next().is_some_and(|(_, _, line)| line.trim_ascii_end() == b"ply");
+    first.then_some(()).ok_or(PlyError::NoHeader)?;
+    loop {
+        let (line, header, words) = lines.next().ok_or(PlyError::NoHeader)?;
+        let words = String::from_utf8_lossy(words);
+        let wrong = |expected| PlyError::Header { line, expected, found: words.chars().take(80).collect() };
+        let of_type = |name: &str| Kind::named(name).ok_or_else(|| wrong("a type of PLY, such as `float`"));
+        match words.split_ascii_whitespace().collect::<Vec<_>>()[..] {
+            [] | ["comment" | "obj_info", ..] => {}
+            ["format", "ascii", "1.0"] => form = Some(Form::Text),
+            ["format", "binary_little_endian", "1.0"] => form = Some(Form::LittleEndian),
+            ["format", "binary_big_endian", "1.0"] => form = Some(Form::BigEndian),
+            ["format", ..] => {
+                return Err(wrong(
+                    "`format ascii`, `binary_little_endian` or `binary_big_endian`, and `1.0`",
+                ));
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| wrong("`element NAME COUNT`"))?;
+                if name == "vertex" && count > POINTS_MAX {
+                    return Err(wrong("at most 20 million points"));
+                }
+                elements.push((name.to_owned(), Element { count, properties: Vec::new() }));
+            }
+            ["property", ..] if elements.is_empty() => {
+                return Err(wrong("`element NAME COUNT` before properties"));
+            }
+            ["property", "list", length, item, name] => {
+                let shape = Shape::List { length: of_type(length)?, item: of_type(item)? };
+                elements
+                    .last_mut()
+                    .into_iter()
+                    .for_each(|(_, e)| e.properties.push((name.to_owned(), shape)));
+            }
+            ["property", kind, name] => {
+                let shape = Shape::One(of_type(kind)?);
+                elements
+                    .last_mut()
+                    .into_iter()
+                    .for_each(|(_, e)| e.properties.push((name.to_owned(), shape)));
+            }
+            ["end_header"] => {
+                let missing = |expected| PlyError::Header { line, expected, found: "end_header".to_owned() };
+                let vertices = elements.iter().position(|(name, _)| name == "vertex");
+                let vertices = vertices.ok_or_else(|| missing("a line `element vertex COUNT` before it"))?;
+                let mut before: Vec<Element> =
+                    elements.into_iter().take(vertices + 1).map(|(_, e)| e).collect();
+                let vertices = before.pop().ok_or(PlyError::NoHeader)?;
+                let form = form.ok_or_else(|| missing("a line `format` before it"))?;
+                return Ok(Layout { form, before, vertices, header });
+            }
+            _ => return Err(wrong("a line of a header: format, comment, element, property or end_header")),
         }
-        points.push(Vector3::from(places.map(|place| cells[place])));
-    }
-    let found = points.len();
-    if found < layout.points {
-        Err(PlyError::Truncated { expected: layout.points, found })
-    } else {
-        Ok(points)
     }
 }
 

@@ -1,5 +1,7 @@
 //! A map of normal distributions: of each cube of space how many points are in it, their mean and their covariance.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::eigen;
@@ -135,6 +137,11 @@ impl VoxelMap {
     /// Whether there is nothing to match with.
     pub fn is_empty(&self) -> bool {
         self.surfaces.cells().is_empty()
+    }
+
+    /// Columns along z in which there is a surface, as indices along x and y.
+    pub(crate) fn columns(&self) -> BTreeSet<[i32; 2]> {
+        self.surfaces.cells().iter().map(|([x, y, _], _)| [*x, *y]).collect()
     }
 
     #[inline(always)]

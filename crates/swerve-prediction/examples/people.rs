@@ -12,7 +12,7 @@ use serde::Deserialize;
 use swerve_msg::{Forecast, Mode};
 use swerve_prediction::learned::{Example, Learning, Shape, Weights, examples, train};
 use swerve_prediction::recorded::{Protocol, Recording, Window, eth_ucy};
-use swerve_prediction::{Horizon, forecast_by};
+use swerve_prediction::{Ground, Horizon, forecast_by};
 
 const SETS: [(&str, &[&str]); 5] = [
     ("eth", &["biwi_eth"]),
@@ -116,7 +116,12 @@ fn judged<'a>(weights: &Weights, recordings: impl Iterator<Item = &'a Recording>
     let (mut count, mut sums) = (0, [0.0; 5]);
     for recording in recordings {
         for scene in recording.scenes(&Protocol::whole(8, 12)) {
-            let list = forecast_by(weights, &scene.tracks, &Horizon { steps: 12, step: recording.step });
+            let list = forecast_by(
+                weights,
+                &scene.tracks,
+                &Horizon { steps: 12, step: recording.step },
+                Ground::Open,
+            );
             for window in &scene.windows {
                 let Some(one) = list.forecasts.iter().find(|one| one.id == window.id) else { continue };
                 sums.iter_mut().zip(figures(one, window)).for_each(|(sum, figure)| *sum += figure);

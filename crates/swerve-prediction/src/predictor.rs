@@ -212,8 +212,19 @@ pub fn shipped(name: PredictorName) -> Option<&'static Weights> {
     learned::shipped(name)
 }
 
-/// How every track may go on by these weights, as [`forecast`] has it.
-pub fn forecast_by(weights: &Weights, tracks: &TrackList, horizon: &Horizon) -> ForecastList {
-    let forecasts = learned::forecasts(&seen(tracks), tracks.stamp, horizon, weights);
-    ForecastList { stamp: tracks.stamp, forecasts, joint: weights.shape.model == Model::Mfp }
+/// Forecasts by weights other than the shipped ones, otherwise as by [`forecast`].
+pub fn forecast_by(
+    weights: &Weights,
+    tracks: &TrackList,
+    horizon: &Horizon,
+    ground: Ground<'_>,
+) -> ForecastList {
+    let predict = |tracks: &TrackList| {
+        let forecasts = learned::forecasts(&seen(tracks), tracks.stamp, horizon, weights);
+        ForecastList { stamp: tracks.stamp, forecasts, joint: weights.shape.model == Model::Mfp }
+    };
+    match ground {
+        Ground::Road(route) => along_road::forecasts(tracks, route, false, predict),
+        _ => predict(tracks),
+    }
 }

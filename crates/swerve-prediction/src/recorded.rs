@@ -29,6 +29,8 @@ const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,s
 const HARDLY_M: f64 = 0.1;
 /// Frames count at most this far from zero.
 const FRAME_MAX: f64 = 1e9;
+/// Largest coordinate, metres: UTM's northings end at 10,000 km.
+const PLACE_MAX_M: f64 = 1e7;
 
 /// Why a text is no recording: the line, counted from 1, and what is wrong with it.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
@@ -119,7 +121,8 @@ pub fn text(bytes: Vec<u8>) -> Result<String, String> {
             })?
         }
     };
-    String::from_utf8(plain).map_err(|_| "expected text in UTF-8".to_owned())
+    let text = String::from_utf8(plain).map_err(|_| "expected text in UTF-8".to_owned())?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// What follows the head of a gzip file.
@@ -187,7 +190,7 @@ pub fn eth_ucy(text: &str) -> Result<Recording, RecordedError> {
                 format!("frame: expected a multiple of {ETH_UCY_FRAMES}, found `{frame}`"),
             ));
         }
-        let place = Point2::new(number(line, "x", x, 1e6)?, number(line, "y", y, 1e6)?);
+        let place = Point2::new(number(line, "x", x, PLACE_MAX_M)?, number(line, "y", y, PLACE_MAX_M)?);
         let who = (identity(line, "person", id)?, ActorKind::Pedestrian, person);
         tracks.add(line, who, (frame / ETH_UCY_FRAMES, place))?;
     }
@@ -217,7 +220,7 @@ pub fn commonroad_csv(text: &str) -> Result<BTreeMap<String, Recording>, Recorde
             width_m: side("width_m", width)?.abs(),
             height_m: 1.5,
         };
-        let place = Point2::new(number(line, "x_m", x, 1e6)?, number(line, "y_m", y, 1e6)?);
+        let place = Point2::new(number(line, "x_m", x, PLACE_MAX_M)?, number(line, "y_m", y, PLACE_MAX_M)?);
         let who = (identity(line, "id", id)?, kind_of(line, kind)?, extent);
         let step = whole(line, "step", step, FRAME_MAX)?;
         scenarios.entry(scenario).or_default().add(line, who, (step, place))?;

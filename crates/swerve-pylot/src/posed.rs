@@ -308,11 +308,11 @@ pub fn path_length_m(path: &[[f64; 4]]) -> f64 {
 /// Refuses a place of the problem that is out of all sensible reach.
 fn require_near(key: &'static str, values: &[f64]) -> Result<(), ParamError> {
     let far = values.iter().find(|v| !(v.is_finite() && v.abs() < REACH_M));
-    far.map_or(Ok(()), |&far| require(key, far, false, "numbers below 1000000 in size"))
+    far.map_or(Ok(()), |&far| require(key, far, false, "numbers below 10000000 in size"))
 }
 
-/// Places of a problem are nearer than this, metres.
-const REACH_M: f64 = 1e6;
+/// Largest coordinate, metres: UTM's northings end at 10,000 km.
+const REACH_M: f64 = 1e7;
 
 /// How a search ended.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

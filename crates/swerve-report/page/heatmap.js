@@ -145,12 +145,13 @@ function verdicts(cells) {
   return [...counts].map(([verdict, n]) => `${n} ${verdict.replaceAll("_", " ")}${verdict === "failed" || verdict === "not driven" ? "" : between(n)}`).join(", ");
 }
 
-/** Four colours that differ in lightness, then the same with dashes: as in the pictures. */
-const LOOKS = [null, "7 3"].flatMap((dash) => [1, 2, 3, 4].map((k) => ({ colour: `var(--line-${k})`, dash })));
+/** Four colours that differ in lightness, whole, dashed, dotted, and both in turn: as in the pictures. */
+const LOOKS = [null, "7 3", "1.5 3", "9 3 1.5 3"].flatMap((dash) => [1, 2, 3, 4].map((k) => ({ colour: `var(--line-${k})`, dash })));
 
 /** A mark for each of them: where the steps of an axis are no numbers, no line joins them. */
 const MARKS = ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0", "M-4 -4h8v8h-8z", "M0 -5l5 9h-10z", "M0 -5.5l5.5 5.5l-5.5 5.5l-5.5 -5.5z"];
-const markOf = (k) => ({ d: MARKS[k % MARKS.length], fill: k < MARKS.length ? LOOKS[k].colour : "var(--panel)", stroke: LOOKS[k].colour, "stroke-width": 1.5 });
+const lookOf = (k) => LOOKS[k % LOOKS.length];
+const markOf = (k) => ({ d: MARKS[(k + Math.floor(k / 8)) % MARKS.length], fill: k % 8 < MARKS.length ? lookOf(k).colour : "var(--panel)", stroke: lookOf(k).colour, "stroke-width": 1.5 });
 
 /** Names below an axis and the room that they take more: where they would run into each other aslant, the longest cut short. */
 function namesBelow(places, height) {
@@ -170,7 +171,7 @@ function axisPlot(study, cells, { axis, split, measure }) {
   const numbers = labels.map(Number);
   const isScale = labels.length > 1 && numbers.every(Number.isFinite);
   const at = (k) => (isScale ? numbers[k] : k);
-  const series = [...grouped(cells, split == null ? [] : [split])].slice(0, LOOKS.length).map(([name, list]) => ({
+  const series = [...grouped(cells, split == null ? [] : [split])].map(([name, list]) => ({
     name: split == null ? "all" : `${study.axes[split]} ${name}`,
     points: labels.map((label, k) => ({ x: at(k), result: of.of(list.filter((cell) => cell.labels[axis] === label), study) })).filter((point) => point.result),
   }));
@@ -190,9 +191,10 @@ function axisPlot(study, cells, { axis, split, measure }) {
   }
   node.append(...below.texts);
   node.append(svg("text", { x: CHART.left, y: 13, "font-weight": "bold" }, `${measure} over ${study.axes[axis]}`));
+  const apart = Math.min(7, (0.8 * (CHART.width - CHART.left - CHART.right)) / (labels.length * series.length));
   series.forEach((line, k) => {
-    const look = LOOKS[k];
-    const shift = (k - (series.length - 1) / 2) * 7;
+    const look = lookOf(k);
+    const shift = (k - (series.length - 1) / 2) * apart;
     const place = ({ x: value, result }) => [x(value) + shift, y(result.value)];
     for (const point of line.points) {
       const [px] = place(point);
@@ -201,6 +203,7 @@ function axisPlot(study, cells, { axis, split, measure }) {
     }
     if (isScale) node.append(svg("path", { d: line.points.map((point, n) => `${n ? "L" : "M"}${place(point).join(" ")}`).join(""), stroke: look.colour, "stroke-dasharray": look.dash, "stroke-width": 2, fill: "none" }));
   });
-  const legend = el("div", { class: "legend" }, series.map((line, k) => el("span", {}, svg("svg", { viewBox: "0 0 26 12" }, isScale ? svg("path", { d: "M1 6H25", stroke: LOOKS[k].colour, "stroke-dasharray": LOOKS[k].dash, "stroke-width": 2.5 }) : null, svg("path", { ...markOf(k), transform: "translate(13 6)" })), line.name)));
-  return el("div", {}, node, legend, el("p", { class: "soft small" }, of.isRate ? "Share of runs with Wilson's 95 % interval." : "Median with the quartiles."));
+  const legend = el("div", { class: "legend" }, series.map((line, k) => el("span", {}, svg("svg", { viewBox: "0 0 26 12" }, isScale ? svg("path", { d: "M1 6H25", stroke: lookOf(k).colour, "stroke-dasharray": lookOf(k).dash, "stroke-width": 2.5 }) : null, svg("path", { ...markOf(k), transform: "translate(13 6)" })), line.name)));
+  const repeated = series.length > LOOKS.length ? ` ${series.length} lines; their looks repeat after ${LOOKS.length}, in the order of the legend.` : "";
+  return el("div", {}, node, legend, el("p", { class: "soft small" }, (of.isRate ? "Share of runs with Wilson's 95 % interval." : "Median with the quartiles.") + repeated));
 }

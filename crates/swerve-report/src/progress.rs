@@ -29,6 +29,11 @@ impl Progress {
         Self::counting(count, "detectors fitted")
     }
 
+    /// Counts parts of a model that learns, such as `trees grown`.
+    pub fn learning(count: usize, parts: &'static str) -> Self {
+        Self::counting(count, parts)
+    }
+
     /// Counts the configurations that a study's checks look at.
     pub fn checks(count: usize) -> Self {
         Self::counting(count, "configurations checked")

@@ -21,6 +21,7 @@ mod operator;
 pub mod perception;
 mod planner;
 mod planning;
+mod predictor_weights;
 pub mod process;
 mod read;
 pub mod resolved;
@@ -291,6 +292,10 @@ impl Default for SensingConfig {
 pub struct PredictionConfig {
     /// Which one; all but `linear` are told more of the past.
     pub predictor: PredictorName,
+    /// File of weights of a learned predictor, from `swerve train prediction`; the shipped weights when absent. Of
+    /// `multipath`, `mfp` and `r2p2`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weights: Option<String>,
     /// With one sighting: the reported velocity (`best`), or standing still (`paper`). Of `linear`.
     pub preset: Preset,
     /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also looks for braking over the
@@ -337,6 +342,7 @@ impl Default for PredictionConfig {
     fn default() -> Self {
         Self {
             predictor: PredictorName::Linear,
+            weights: None,
             preset: Preset::Best,
             past_steps: 5,
             horizon_ms: 5000.0,

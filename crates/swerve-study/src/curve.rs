@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_core::{Span, Time};
-use swerve_draw::color::{Look, SERIES};
+use swerve_draw::color::{Look, looks_repeat, series as look_of};
 use swerve_draw::{Axes, Canvas, Picture, Style, Text};
 use swerve_drive::{Outcome, drive_observed};
 use swerve_flow::{Event, Observer};
@@ -96,8 +96,11 @@ impl Curve {
             let top = TOP + row as f64 * (PANEL_H + GAP);
             scale.draw_axes(&mut canvas, top, &format!("{panel}: {}", self.title()));
             let of_panel = all.iter().zip(&bands).filter(|(series, _)| series.panel == *panel);
+            if let Some(note) = looks_repeat(of_panel.clone().count()) {
+                canvas.text((LEFT, top + PANEL_H + 44.0), &note, Text::SOFT);
+            }
             for (k, (series, band)) in of_panel.enumerate() {
-                let look = SERIES[k % SERIES.len()];
+                let look = look_of(k);
                 scale.draw_band(&mut canvas, top, (band, look));
                 let at = (LEFT + PANEL_W - 130.0, top + 18.0 + 16.0 * k as f64);
                 let how = Text { bold: true, rim: true, ..Text::PLAIN };

@@ -2,23 +2,31 @@
 //!
 //! Each frame of one camera is a sample: colour, depth, classes and instances, the newest turn of one lidar, and
 //! every actor that has a pixel in it. Labels are the simulator's truth. With `--tracks` the ways of everybody instead.
+//!
+//! Samples are written drive by drive, each with its line of the index, COCO's list now and then, after each drive and on Ctrl-C. The same
+//! call continues an interrupted one after the last finished drive, with the bytes that it would have had at once.
 
 mod coco;
 mod kitti;
 mod sample;
+mod state;
 #[cfg(test)]
 mod tests;
 mod tracks;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_core::Hasher;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
 use swerve_report::files::{claim, write_whole};
 use swerve_report::progress::Progress;
+use swerve_scenario::Scenario;
 use swerve_scene::WeatherPreset;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -28,6 +36,8 @@ use swerve_stack::config::sensors::LidarConfig;
 use coco::Coco;
 use kitti::Kitti;
 use sample::{Collector, Sample};
+use state::State;
+pub(crate) use state::is_complete;
 
 /// `swerve dataset`.
 #[derive(clap::Args, Debug)]
@@ -35,7 +45,7 @@ pub struct DatasetArgs {
     /// Scenario files (TOML)
     #[arg(required_unless_present = "crossing")]
     pub(crate) scenarios: Vec<PathBuf>,
-    /// Output folder; must be empty or absent
+    /// Output folder: empty, absent, or left unfinished by the same call, which is continued
     #[arg(long)]
     pub(crate) out: PathBuf,
     /// Configuration file with one camera, and a lidar or none; several: the later over the earlier [default: a camera
@@ -65,50 +75,90 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
+    // Without a handler, a signal ends the program at once, and the next call continues from the last finished drive.
+    let _handled = ctrlc::set_handler(|| {
+        let writer = lock(&CURRENT).clone();
+        if let Some(writer) = writer {
+            let writer = lock(&writer);
+            let written = writer.write_lists();
+            let at = writer.out.display();
+            match written {
+                Ok(()) => eprintln!("\n{at}: interrupted, {} samples; the same call continues", writer.count),
+                Err(error) => eprintln!("\n{error:#}"),
+            }
+        }
+        std::process::exit(130);
+    });
+    swerve_report::output::print(&make(args, registry)?)
+}
+
+/// The writer that a signal interrupts.
+static CURRENT: Mutex<Option<Arc<Mutex<Writer>>>> = Mutex::new(None);
+
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a data set, or continues an unfinished one; the line for the terminal.
+pub(crate) fn make(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<String> {
     if args.tracks {
-        refuse_occupied(&args.out)?;
-        return swerve_report::output::print(&tracks::write(args, registry)?);
+        return tracks::write(args, registry);
     }
     let mut base = base(args, registry)?;
     if base.render.backend == RenderBackend::Auto {
         (base.render.backend, _) = RenderBackend::Auto.on_this_machine(&gpu::probe());
     }
     let (camera, lidar) = sensors(&base)?;
-    refuse_occupied(&args.out)?;
-    let _held = claim(&args.out)?;
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
-    let drives = scenarios.len() * args.seeds.len() * args.weathers.len();
-    let progress = Progress::drives(drives);
-    let mut writer = Writer::new(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount))?;
-    for scenario in &scenarios {
-        for &seed in &args.seeds {
-            for &weather in &args.weathers {
-                let mut config = base.clone();
-                (config.seed, config.render.weather) = (u64::from(seed), weather);
-                let origin = format!("{},{seed},{}", scenario.name, weather.name());
-                let mut write = |sample: &Sample<'_>| writer.add(sample, &origin);
-                let mut collector = Collector::new(&camera, lidar.clone(), &mut write);
-                drive_observed(&config, scenario, 1, &mut [&mut collector])?;
-                collector.finish()?;
-                progress.one_done();
-            }
-        }
+    let state = State::open(&args.out, &call(args, &base, &scenarios)?)?;
+    let _held = claim(&args.out)?;
+    let weathers = |seed: u32| args.weathers.iter().map(move |weather| (seed, *weather));
+    let runs: Vec<(&Scenario, u32, WeatherPreset)> = scenarios
+        .iter()
+        .flat_map(|scenario| {
+            args.seeds.iter().flat_map(|&seed| weathers(seed)).map(move |(s, w)| (scenario, s, w))
+        })
+        .collect();
+    let progress = Progress::drives(runs.len());
+    let writer = Writer::new(&args.out, &base, &camera, lidar.as_ref().map(|(_, mount)| *mount), state)?;
+    let done = writer.state.drives;
+    let writer = Arc::new(Mutex::new(writer));
+    *lock(&CURRENT) = Some(Arc::clone(&writer));
+    (0..done).for_each(|_| progress.one_done());
+    for (k, (scenario, seed, weather)) in runs.iter().enumerate().skip(done) {
+        let mut config = base.clone();
+        (config.seed, config.render.weather) = (u64::from(*seed), *weather);
+        let origin = format!("{},{seed},{}", scenario.name, weather.name());
+        let mut write = |sample: &Sample<'_>| lock(&writer).add(sample, &origin);
+        let mut collector = Collector::new(&camera, lidar.clone(), &mut write);
+        drive_observed(&config, scenario, 1, &mut [&mut collector])?;
+        collector.finish()?;
+        lock(&writer).end_drive(k + 1 == runs.len())?;
+        progress.one_done();
     }
+    *lock(&CURRENT) = None;
     progress.finish();
-    let count = writer.finish()?;
-    swerve_report::output::print(&format!("{count} samples of {drives} drives in {}\n", args.out.display()))
+    let count = lock(&writer).count;
+    Ok(format!("{count} samples of {} drives in {}\n", runs.len(), args.out.display()))
 }
 
-fn refuse_occupied(out: &Path) -> anyhow::Result<()> {
-    let occupied = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
-    if occupied {
-        bail!(
-            "{}: expected an empty folder, or none: samples are never mixed (those of an interrupted call lack `index.csv`)",
-            out.display()
-        );
+/// Digest of all that the bytes of a data set depend on.
+fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::Result<String> {
+    let mut hasher = Hasher::new();
+    hasher.value(&(
+        crate::program()?,
+        config.to_text(),
+        format!("{scenarios:?}"),
+        args.tracks,
+        args.crossing,
+    ));
+    for file in config.files() {
+        hasher.bytes(&std::fs::read(file).with_context(|| format!("reading {}", file.display()))?);
     }
-    Ok(())
+    let weathers: Vec<&str> = args.weathers.iter().map(|weather| weather.name()).collect();
+    hasher.value(&(&args.seeds, weathers));
+    Ok(hasher.digest().to_string())
 }
 
 fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
@@ -169,14 +219,22 @@ fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
     Ok((name.clone(), lidar))
 }
 
-/// Both forms, and which drive each sample is of.
+/// Both forms, and the drive of each sample.
 struct Writer {
     out: PathBuf,
     kitti: Kitti,
     coco: Coco,
     index: String,
     count: usize,
+    /// Samples at which the lists are written next, within a drive.
+    listed_next: usize,
+    state: State,
 }
+
+/// Folder of the samples.
+const SAMPLES: &str = "kitti";
+/// File with a line for each sample.
+pub(crate) const INDEX: &str = "index.csv";
 
 impl Writer {
     fn new(
@@ -184,12 +242,25 @@ impl Writer {
         config: &Config,
         camera: &str,
         ego_from_lidar: Option<Transform<Ego, Lidar>>,
+        state: State,
     ) -> anyhow::Result<Self> {
         let missing = || anyhow!("the camera is not in the configuration");
         let camera = config.camera.get(camera).ok_or_else(missing)?;
-        let kitti = Kitti::new(&out.join("kitti/training"), camera, ego_from_lidar)?;
-        let index = "sample,scenario,seed,weather,stamp_s,cloud_stamp_s\n".to_owned();
-        Ok(Self { out: out.to_owned(), kitti, coco: Coco::default(), index, count: 0 })
+        let kitti = Kitti::new(&out.join(SAMPLES).join("training"), camera, ego_from_lidar)?;
+        let mut index = "sample,scenario,seed,weather,stamp_s,cloud_stamp_s\n".to_owned();
+        let mut coco = Coco::default();
+        let count = state.samples;
+        if count > 0 {
+            // The lists may hold samples of the drive that was interrupted: it is driven again.
+            let path = out.join(INDEX);
+            let text =
+                std::fs::read_to_string(&path).with_context(|| format!("reading {}", path.display()))?;
+            index = text.split_inclusive('\n').take(1 + count).collect();
+            coco = Coco::read(&coco_file(out), count)?;
+        }
+        state.write(out)?;
+        write_whole(&out.join(INDEX), index.as_bytes())?;
+        Ok(Self { out: out.to_owned(), kitti, coco, index, count, listed_next: count + 1, state })
     }
 
     fn add(&mut self, sample: &Sample<'_>, origin: &str) -> anyhow::Result<()> {
@@ -197,16 +268,39 @@ impl Writer {
         self.kitti.add(&name, sample)?;
         self.coco.add(&name, self.count, sample);
         let cloud = sample.cloud.map_or_else(String::new, |cloud| format!("{:.3}", cloud.stamp.as_secs()));
-        self.index += &format!("{name},{origin},{:.3},{cloud}\n", sample.rgb.stamp.as_secs());
+        let line = format!("{name},{origin},{:.3},{cloud}\n", sample.rgb.stamp.as_secs());
+        let path = self.out.join(INDEX);
+        let appended = std::fs::OpenOptions::new().append(true).open(&path);
+        appended
+            .and_then(|mut file| file.write_all(line.as_bytes()))
+            .with_context(|| format!("writing {}", path.display()))?;
+        self.index += &line;
         self.count += 1;
-        Ok(())
+        if self.count < self.listed_next {
+            return Ok(());
+        }
+        // After a kill, COCO's list has four fifths of the samples at least; written each time, it would cost their square.
+        self.listed_next = self.count + self.count / 4 + 1;
+        self.write_lists()
     }
 
-    fn finish(self) -> anyhow::Result<usize> {
-        let folder = self.out.join("coco");
-        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
-        write_whole(&folder.join("instances.json"), self.coco.json()?.as_bytes())?;
-        write_whole(&self.out.join("index.csv"), self.index.as_bytes())?;
-        Ok(self.count)
+    /// Index and COCO's list of the samples so far.
+    fn write_lists(&self) -> anyhow::Result<()> {
+        let file = coco_file(&self.out);
+        let folder = file.parent().unwrap_or(&self.out);
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        write_whole(&file, self.coco.json()?.as_bytes())?;
+        write_whole(&self.out.join(INDEX), self.index.as_bytes())
     }
+
+    fn end_drive(&mut self, is_last: bool) -> anyhow::Result<()> {
+        self.write_lists()?;
+        (self.state.drives, self.state.samples) = (self.state.drives + 1, self.count);
+        self.state.is_complete = is_last;
+        self.state.write(&self.out)
+    }
+}
+
+fn coco_file(out: &Path) -> PathBuf {
+    out.join("coco/instances.json")
 }

@@ -81,7 +81,12 @@ enum Format {
 /// # Errors
 /// When a file cannot be read or is not of its form: file, line, and what was expected.
 pub fn run(args: &EvalArgs) -> anyhow::Result<()> {
-    swerve_report::output::print(&result(args)?)
+    let (text, problem) = match &args.what {
+        What::Registration(args) => registration::told(args)?,
+        _ => (result(args)?, None),
+    };
+    swerve_report::output::print(&text)?;
+    problem.map_or(Ok(()), |problem| Err(anyhow!(problem)))
 }
 
 /// What is printed.
@@ -105,7 +110,7 @@ fn result(args: &EvalArgs) -> anyhow::Result<String> {
             }
         }
         What::Prediction(args) => prediction::told(args),
-        What::Registration(args) => registration::told(args),
+        What::Registration(args) => Ok(registration::told(args)?.0),
     }
 }
 
@@ -159,10 +164,7 @@ fn wrong(path: &Path, line: usize, what: impl Display) -> anyhow::Error {
 fn text(path: &Path) -> anyhow::Result<String> {
     let bytes =
         std::fs::read(path).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))?;
-    String::from_utf8(bytes).map_err(|error| {
-        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        wrong(path, 1 + before.iter().filter(|byte| **byte == b'\n').count(), "expected text in UTF-8")
-    })
+    swerve_text::decoded(bytes).map_err(|error| wrong(path, error.line, error))
 }
 
 /// The number of a column.

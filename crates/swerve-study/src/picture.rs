@@ -1,4 +1,6 @@
-//! Images in files: PNG and JPEG are read, PNG is written.
+//! Images in files: PNG and JPEG are read, upright by their EXIF data, PNG is written.
+
+pub(crate) mod exif;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -78,7 +80,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads a file, JPEG by what it begins with, else PNG.
+    /// Reads a file, JPEG by its first bytes, else PNG, and turns it as its EXIF data asks.
     ///
     /// # Errors
     /// It cannot be read, or is no such image.
@@ -99,7 +101,9 @@ impl Picture {
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file[..]), options);
         let bytes = decoder.decode().map_err(|e| anyhow::anyhow!("reading {}: {e}", path.display()))?;
         let info = decoder.info().with_context(|| format!("reading {}: no size", path.display()))?;
-        Ok(Self { size: [info.width, info.height].map(usize::from), bytes })
+        let orientation = decoder.exif().map_or(1, |exif| exif::orientation(exif));
+        let (size, bytes) = exif::upright([info.width, info.height].map(usize::from), bytes, orientation);
+        Ok(Self { size, bytes })
     }
 
     /// Its pixels.

@@ -48,8 +48,11 @@ enum TrackerName {
 pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     let is_deep = args.tracker == TrackerName::Deepsort;
     ensure!(is_deep || args.images.is_none(), "--images: only `--tracker deepsort` looks at images");
-    let mut frames = Frames::new();
-    for (_, row) in mot::read(&args.detections)? {
+    let (mut frames, mut out_of_range) = (Frames::new(), Vec::new());
+    for (line, row) in mot::read(&args.detections)? {
+        if !(0.0..=1.0).contains(&row.confidence) {
+            out_of_range.push((line, row.confidence));
+        }
         let [left, top, width, height] = row.box_px;
         let found = ImageDetection { box_px: [left, top, left + width, top + height], score: row.confidence };
         frames.entry(row.frame).or_default().push(found);
@@ -67,6 +70,13 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     let mut told = format!("{boxes} boxes of tracks in {last} frames in {}\n", args.out.display());
     if is_deep && args.images.is_none() {
         told += "by motion alone: --images FOLDER has it look at the boxes too\n";
+    }
+    if let [(line, score), ..] = out_of_range[..] {
+        let (at, count) = (args.detections.display(), out_of_range.len());
+        let _infallible = writeln!(
+            told,
+            "{at}:{line}: confidence: expected 0 to 1, found {score} ({count} such rows, used as they are)"
+        );
     }
     let most = frames.values().map(Vec::len).max().unwrap_or(0);
     if most > BOXES_MAX {

@@ -25,16 +25,30 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     if bytes.len() as u64 > TEXT_MAX {
         return Err(io::Error::other("it is larger than 16 MiB: expected a file of settings"));
     }
+    decoded(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// Text of a file in UTF-8, without the byte-order mark that programs on Windows put before it. Every reader of text goes
+/// through here.
+///
+/// # Errors
+/// Bytes that are not UTF-8, with their line.
+pub fn decoded(mut bytes: Vec<u8>) -> Result<String, NotText> {
+    const MARK: &[u8] = b"\xef\xbb\xbf";
+    if bytes.starts_with(MARK) {
+        bytes.drain(..MARK.len());
+    }
     String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        io::Error::new(io::ErrorKind::InvalidData, NotText { line: line_of(before, before.len()) })
+        NotText { line: line_of(before, before.len()) }
     })
 }
 
-/// Bytes that are no UTF-8.
+/// Bytes that are not UTF-8.
 #[derive(Debug)]
-struct NotText {
-    line: usize,
+pub struct NotText {
+    /// Line of the first of them, from 1.
+    pub line: usize,
 }
 
 impl fmt::Display for NotText {

@@ -20,7 +20,7 @@ mod table;
 mod words;
 
 pub use assign::{parse_assignment, parse_assignments, set};
-pub use document::{Document, read_text, unreadable};
+pub use document::{Document, NotText, decoded, read_text, unreadable};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use json::from_json;
 pub use overridden::overridden;

@@ -57,7 +57,7 @@ pub struct Summary {
     /// Over all messages: the same from one call to the next.
     pub(super) digest: String,
     pub(super) seconds: f64,
-    /// Messages that came out of turn by the recorder's clock.
+    /// Messages with an earlier time than one before them in the files; they are used in order of time.
     pub(super) earlier: u64,
     /// How often the recorder's clock was set, or the recording paused.
     pub(super) clock_jumps: u64,
@@ -85,7 +85,7 @@ impl Summary {
         }
         let Self { earlier, clock_jumps, strays, late, .. } = self;
         for (n, what) in [
-            (earlier, "messages came out of turn"),
+            (earlier, "messages were not recorded in order of time and were sorted"),
             (clock_jumps, "times the recorder's clock was set, or the recording paused"),
             (strays, "messages of channels that are not described"),
             (late, "messages were no newer than what their stream had"),

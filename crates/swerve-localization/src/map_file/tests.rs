@@ -5,12 +5,18 @@ use super::{MapError, MapFile};
 use crate::voxels::VoxelSums;
 
 fn map() -> MapFile {
+    map_at([0.0, 0.0])
+}
+
+/// Cubes of 7 points each, in a square about an origin.
+fn map_at([east, north]: [f64; 2]) -> MapFile {
     let mut rng = Rng::keyed(3, "map", &[]);
     let mut sums = VoxelSums::new(1.0);
     for _ in 0..2000 {
         let [x, y] = [0; 2].map(|_| rng.uniform(-70.0, 70.0).trunc());
         for _ in 0..7 {
-            sums.add(&Vector3::new(x + 0.9 * rng.unit(), y + 0.9 * rng.unit(), 0.05 * rng.unit()));
+            let at = Vector3::new(x + 0.9 * rng.unit(), y + 0.9 * rng.unit(), 0.05 * rng.unit());
+            sums.add(&(at + Vector3::new(east, north, 0.0)));
         }
     }
     MapFile::new(1.0, sums.voxels())
@@ -26,6 +32,21 @@ fn a_map_is_read_as_it_was_written() {
     assert_eq!(again.write(), bytes);
     let empty = MapFile::new(0.5, vec![]);
     assert_eq!(MapFile::read(&empty.write()), Ok(empty));
+}
+
+#[test]
+fn a_map_at_utm_coordinates_has_the_same_surfaces() {
+    let (here, there) = (map(), map_at([691_200.0, 5_335_040.0]));
+    assert_eq!(here.voxels().len(), there.voxels().len());
+    for (a, b) in here.voxels().iter().zip(there.voxels()) {
+        assert_eq!(
+            (a.index[0] + 691_200, a.index[1] + 5_335_040, a.count),
+            (b.index[0], b.index[1], b.count)
+        );
+        // At 5,335 km a double has steps of 1e-9 m.
+        assert!(a.mean_m.iter().zip(b.mean_m).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
+    }
+    assert_eq!(MapFile::read(&there.write()), Ok(there));
 }
 
 #[test]

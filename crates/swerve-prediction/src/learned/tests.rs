@@ -9,7 +9,7 @@ use super::*;
 use crate::net::drawn;
 use crate::net::gradients::check;
 use crate::recorded::{Protocol, RecordedTrack, Recording};
-use crate::{Horizon, forecast_by};
+use crate::{Ground, Horizon, forecast_by};
 
 const MODELS: [Model; 3] = [Model::Multipath, Model::Mfp, Model::R2p2];
 
@@ -110,7 +110,7 @@ fn a_net_learns_what_going_straight_on_misses() {
         let examples = examples(&[turning(6)], &shape, 1);
         let learning = Learning { steps: 300, ..learning() };
         let weights = train(String::new(), shape, (&examples, &learning), &mut |_, _| {}).unwrap();
-        let off = off_m(&|tracks| forecast_by(&weights, tracks, &horizon));
+        let off = off_m(&|tracks| forecast_by(&weights, tracks, &horizon, Ground::Open));
         assert!(off < 0.5 * straight, "{model:?}: {off} m, straight on {straight} m");
     }
 }
@@ -161,7 +161,7 @@ fn a_net_beside_filters_is_another_one() {
     let horizon = Horizon { steps: 5, step: Span::from_ms(400) };
     let scene = turning(3).scenes(&Protocol::whole(8, 5)).remove(0);
     let (found, filters) = (
-        forecast_by(&weights, &scene.tracks, &horizon),
+        forecast_by(&weights, &scene.tracks, &horizon, Ground::Open),
         crate::forecast(crate::PredictorName::Imm, &scene.tracks, &horizon, crate::Ground::Open),
     );
     for (a, b) in found.forecasts.iter().zip(&filters.forecasts) {

@@ -9,7 +9,7 @@ use roxmltree::{Document, Node};
 use swerve_geom::{Point2, Polyline};
 use swerve_map::{Border, Borders, Lane, LaneId, LaneKind, Map, MapError, Neighbour, Station};
 
-use super::{RecordedError, number, whole, wrong};
+use super::{PLACE_MAX_M, RecordedError, number, whole, wrong};
 use crate::lanes::{LaneGraph, StopLine};
 
 /// Signs that limit the speed, in the United States and in Germany; their value is in m/s.
@@ -84,7 +84,7 @@ fn identity(node: Node<'_, '_>, name: &str) -> Result<u32, RecordedError> {
 fn measure(node: Node<'_, '_>, name: &'static str) -> Result<f64, RecordedError> {
     let tag = node.tag_name().name();
     let inner = child(node, name).ok_or_else(|| told(node, format!("<{tag}>: expected <{name}>")))?;
-    number(line_of(inner), name, inner.text().unwrap_or_default(), 1e6)
+    number(line_of(inner), name, inner.text().unwrap_or_default(), PLACE_MAX_M)
 }
 
 fn points(node: Node<'_, '_>) -> Result<Vec<Point2>, RecordedError> {

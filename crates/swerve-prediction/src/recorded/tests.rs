@@ -67,7 +67,7 @@ fn scenarios_are_told_apart() {
 fn a_bad_row_is_told_with_its_line() {
     let eth = |text: &str| eth_ucy(text).unwrap_err().to_string();
     assert_eq!(eth("0 1 2 3\n0 1 2"), "2: expected `frame person x y`, found 3 words");
-    assert_eq!(eth("0 1 NaN 3"), "1: x: expected a number of at most 1000000, found `NaN`");
+    assert_eq!(eth("0 1 NaN 3"), "1: x: expected a number of at most 10000000, found `NaN`");
     assert_eq!(eth("5 1 2 3"), "1: frame: expected a multiple of 10, found `5`");
     assert_eq!(eth("0.5 1 2 3"), "1: frame: expected a whole number, found `0.5`");
     assert_eq!(eth("0 -1 2 3"), "1: person: expected no negative number, found `-1`");

@@ -53,6 +53,7 @@ impl Config {
         self.check_sensors(&mut faults);
         self.check_localization(&mut faults);
         self.check_perception(&mut faults);
+        self.check_predictor_weights(&mut faults);
         self.check_execution(&mut faults);
         self.check_log(&mut faults);
         self.check_monitors(&mut faults);

@@ -9,7 +9,10 @@ use swerve_flow::{
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foretold, linear, road};
+use swerve_prediction::learned::Weights;
+use swerve_prediction::{
+    Ground, Horizon, PredictorName, Telling, forecast, forecast_by, foretold, linear, road,
+};
 use swerve_sim::{Ahead, SimParams};
 
 use crate::config::PredictionConfig;
@@ -27,6 +30,8 @@ pub(super) struct Predictors;
 /// Straight lines through past sightings, or what another predictor makes of them.
 struct Predictor {
     name: PredictorName,
+    /// From a file, in place of the shipped ones.
+    weights: Option<Weights>,
     params: linear::Params,
     /// What vehicles follow.
     road: Option<Route>,
@@ -105,7 +110,9 @@ impl OperatorKind for Predictors {
         };
         let name = prediction.predictor;
         let road = prediction.follows_road().then(|| site.surroundings().route.clone());
-        site.add(Predictor { name, params, road }, None)
+        let wrong = |message| anyhow::anyhow!("prediction.weights: {message}");
+        let weights = prediction.file_weights().map_err(wrong)?;
+        site.add(Predictor { name, weights, params, road }, None)
     }
 }
 
@@ -131,7 +138,10 @@ impl Operator for Predictor {
                     let linear::Params { future_steps: steps, step_s, .. } = self.params;
                     let horizon = Horizon { steps, step: Span::from_secs(step_s) };
                     let ground = Ground::road(self.road.as_ref());
-                    PredictionList::from(&forecast(name, tracks, &horizon, ground))
+                    PredictionList::from(&match &self.weights {
+                        Some(weights) => forecast_by(weights, tracks, &horizon, ground),
+                        None => forecast(name, tracks, &horizon, ground),
+                    })
                 }
             });
         }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, ensure};
 use rayon::prelude::*;
 use swerve_core::{Rng, Span, Time};
-use swerve_drive::shipped::Kind;
+use swerve_drive::shipped::{Kind, Shipped};
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_eval::{AveragePrecision, Found, ground_iou, image_iou, volume_iou};
 use swerve_flow::{Event, Observer};
@@ -42,9 +42,9 @@ pub(crate) struct DetectorArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Folder of the scenarios
-    #[arg(long, default_value = "scenarios")]
-    scenarios: PathBuf,
+    /// Folder of the scenarios, without its folders [default: the scenarios in the program]
+    #[arg(long)]
+    scenarios: Option<PathBuf>,
     /// Seeds to drive each scenario with
     #[arg(long, value_delimiter = ',', default_value = "1,2")]
     seeds: Vec<u32>,
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()
         swerve_report::files::refuse_unwritable(path)?;
     }
     let targets = targets(args)?;
-    let scenarios = scenarios(&args.scenarios)?;
+    let scenarios = scenarios(args.scenarios.as_deref())?;
     let frames = BySensing::gather(&base, &scenarios, &args.seeds, &targets)?;
     let unlike = unlike(&targets);
     let progress = Progress::fits(unlike.len());
@@ -173,13 +173,23 @@ fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
     Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
 }
 
-/// Those in a folder, without its folders, in which there is somebody to be found.
-fn scenarios(folder: &Path) -> anyhow::Result<Vec<Scenario>> {
-    let mut files = swerve_report::files::toml_files(folder)?;
-    files.retain(|file| file.parent() == Some(folder));
-    let all: Vec<Scenario> = files.iter().map(|file| read_scenario(file)).collect::<Result<_, _>>()?;
+/// Scenarios with actors: of a folder, without its folders, or those in the program.
+fn scenarios(folder: Option<&Path>) -> anyhow::Result<Vec<Scenario>> {
+    let all: Vec<Scenario> = match folder {
+        Some(folder) => {
+            let mut files = swerve_report::files::toml_files(folder)?;
+            files.retain(|file| file.parent() == Some(folder));
+            files.iter().map(|file| read_scenario(file)).collect::<Result<_, _>>()?
+        }
+        None => {
+            let shipped = Kind::Scenario.all().filter(|(name, _)| !name.contains('/'));
+            let read = |(name, file): (&str, &Shipped)| Scenario::parse(name, file.text);
+            shipped.map(read).collect::<Result<_, _>>().map_err(|problems| problems_error(&problems))?
+        }
+    };
     let peopled: Vec<Scenario> = all.into_iter().filter(|scenario| !scenario.actors.is_empty()).collect();
-    ensure!(!peopled.is_empty(), "{}: no scenarios with actors", folder.display());
+    let of = folder.map_or_else(|| "the program".to_owned(), |folder| folder.display().to_string());
+    ensure!(!peopled.is_empty(), "{of}: no scenarios with actors");
     Ok(peopled)
 }
 
@@ -461,40 +471,4 @@ fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use swerve_stack::config::detectors::fits;
-
-    /// The shipped scenarios once each: half of what the built-in fits were made with.
-    fn frames(sensing: Sensing) -> Frames {
-        let all = scenarios(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios"))).unwrap();
-        let with = "control.controller=pid planning.collision=time_indexed planning.comfort.enabled=false";
-        let with: Vec<String> = with.split(' ').map(str::to_owned).collect();
-        let base = Config::load(None, &parse_assignments(&with).unwrap()).unwrap();
-        Frames::gather(&base, sensing, &all, &[1], || {}).unwrap()
-    }
-
-    #[test]
-    fn what_is_frozen_is_met_again_on_part_of_the_frames() {
-        let frames = frames(Sensing::Camera);
-        let mut before = 1.0;
-        for name in ["efficientdet-d7x@v100", "efficientdet-d3@v100", "ssd-mobilenet-v1@titan-x"] {
-            let detector = find(name).unwrap();
-            let fit = fits()[name];
-            let params = Params::of_error_level(detector.sensing, fit.error_level);
-            let (ap, wanted) = measured(params, detector.measure, &frames, 1..9, 50.0).unwrap().unwrap();
-            assert!(wanted > 300, "{wanted}");
-            assert!((ap - fit.ap).abs() < 0.03, "{name}: {ap}, frozen with {}", fit.ap);
-            assert!(ap < before, "{name}");
-            before = ap;
-        }
-        for (error_level, least, most) in [(0.0, 1.0 - 1e-9, 1.0 + 1e-9), (50.0, 0.0, 0.05)] {
-            let params = Params::of_error_level(Sensing::Camera, error_level);
-            for overlap in [Overlap::Image, Overlap::Ground, Overlap::Volume] {
-                let measure = Measure { overlap, ..Measure::default() };
-                let (ap, _) = measured(params, measure, &frames, 1..2, 50.0).unwrap().unwrap();
-                assert!((least..=most).contains(&ap), "{error_level} {overlap:?}: {ap}");
-            }
-        }
-    }
-}
+mod tests;

@@ -1,21 +1,25 @@
 //! Samples as COCO's `instances.json` lists them (Lin et al., "Microsoft COCO", 2014): boxes and masks of what is
 //! visible. The images are those of the KITTI folder.
 
-use serde::Serialize;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde::{Deserialize, Serialize};
 use swerve_msg::{ActorKind, Image, Pixels};
 
 use super::kitti::PIXELS_MIN;
 use super::sample::{Object, Sample};
 
 /// The whole file.
-#[derive(Serialize, Default)]
+#[derive(Serialize, Deserialize)]
 pub(super) struct Coco {
     images: Vec<Listed>,
     annotations: Vec<Annotation>,
+    #[serde(skip_deserializing)]
     categories: Vec<Category>,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Listed {
     id: usize,
     file_name: String,
@@ -23,7 +27,7 @@ struct Listed {
     height: u32,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Annotation {
     id: usize,
     image_id: usize,
@@ -38,13 +42,13 @@ struct Annotation {
 }
 
 /// Lengths of runs of pixels outside and inside in turn, column by column.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Mask {
     counts: Vec<u32>,
     size: [u32; 2],
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Clone)]
 struct Category {
     id: u8,
     name: &'static str,
@@ -62,6 +66,24 @@ fn category(kind: ActorKind) -> Category {
         ActorKind::Static => (91, "obstacle", "outdoor"),
     };
     Category { id, name, supercategory }
+}
+
+fn categories() -> Vec<Category> {
+    let kinds = [
+        ActorKind::Pedestrian,
+        ActorKind::Cyclist,
+        ActorKind::Car,
+        ActorKind::Motorcycle,
+        ActorKind::Truck,
+        ActorKind::Static,
+    ];
+    kinds.map(category).into()
+}
+
+impl Default for Coco {
+    fn default() -> Self {
+        Self { images: Vec::new(), annotations: Vec::new(), categories: categories() }
+    }
 }
 
 impl Coco {
@@ -84,17 +106,20 @@ impl Coco {
         }
     }
 
-    pub(super) fn json(mut self) -> anyhow::Result<String> {
-        let kinds = [
-            ActorKind::Pedestrian,
-            ActorKind::Cyclist,
-            ActorKind::Car,
-            ActorKind::Motorcycle,
-            ActorKind::Truck,
-            ActorKind::Static,
-        ];
-        self.categories = kinds.map(category).into();
-        Ok(serde_json::to_string(&self)? + "\n")
+    /// The list of the first `samples` images of a file.
+    pub(super) fn read(path: &Path, samples: usize) -> anyhow::Result<Self> {
+        let reading = || format!("reading {}", path.display());
+        let text = std::fs::read_to_string(path).with_context(reading)?;
+        let mut coco: Self = serde_json::from_str(&text).with_context(reading)?;
+        coco.images.retain(|image| image.id < samples);
+        coco.annotations.retain(|annotation| annotation.image_id < samples);
+        anyhow::ensure!(coco.images.len() == samples, "{}: expected {samples} images", path.display());
+        coco.categories = categories();
+        Ok(coco)
+    }
+
+    pub(super) fn json(&self) -> anyhow::Result<String> {
+        Ok(serde_json::to_string(self)? + "\n")
     }
 }
 

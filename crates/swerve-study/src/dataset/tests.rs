@@ -1,3 +1,4 @@
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::*;
@@ -82,6 +83,9 @@ fn labels_boxes_and_masks_agree_with_the_pixels() {
         assert!(p2.len() == 12 && p2.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{calibration}");
     }
     assert_eq!(labels, annotations.len());
+    let error = data_set(&out, &["camera.eye.period_ms=4000"]).unwrap_err().to_string();
+    assert!(error.contains("holds a data set of other scenarios"), "{error}");
+    std::fs::remove_file(out.join(".dataset.json")).unwrap();
     let error = data_set(&out, &[]).unwrap_err().to_string();
     assert!(error.contains("expected an empty folder"), "{error}");
 }
@@ -97,13 +101,69 @@ fn a_configuration_that_makes_no_data_set_is_refused() {
     assert!(!out.exists());
 }
 
+/// All files below a folder with their bytes.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for path in swerve_report::files::entries(folder).unwrap() {
+        if path.is_dir() {
+            all.extend(contents(&path));
+        } else {
+            all.insert(path.clone(), std::fs::read(&path).unwrap());
+        }
+    }
+    all
+}
+
 #[test]
-fn a_call_that_ends_before_its_first_sample_leaves_nothing_in_the_way() {
+fn an_interrupted_data_set_is_continued_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
-    let config = Config { camera: [("eye".into(), kitti_camera())].into(), ..Config::default() };
-    let out = folder.path().join("set");
-    drop(Writer::new(&out, &config, "eye", None).unwrap());
-    data_set(&out, &["log.sensors=[]", "camera.eye.period_ms=4000"]).unwrap();
+    let (out, config) = (folder.path().join("set"), folder.path().join("eye.toml"));
+    std::fs::write(
+        &config,
+        "[camera.eye]\nwidth_px = 96\nheight_px = 64\nat_m = [1.7, 0.0, 1.6]\nperiod_ms = 3000\n\
+         outputs = ['rgb', 'depth', 'semantic', 'instance']\n",
+    )
+    .unwrap();
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_crossing.toml");
+    let args = DatasetArgs {
+        scenarios: vec![scenario],
+        out: out.clone(),
+        config: vec![config],
+        set: vec![],
+        seeds: vec![1, 2],
+        weathers: vec![WeatherPreset::default()],
+        tracks: false,
+        crossing: None,
+    };
+    let registry = swerve_stack::Registry::standard();
+    make(&args, &registry).unwrap();
+    let whole = contents(&out);
+    let rows = String::from_utf8(whole[&out.join(INDEX)].clone()).unwrap();
+    let first = rows.lines().filter(|row| row.contains(",1,")).count();
+    let samples = rows.lines().count() - 1;
+    assert!(first > 0 && first < samples, "{rows}");
+    // As a kill in the second drive leaves it: its first sample is there, COCO's list is of the first drive.
+    let mut state: State = serde_json::from_slice(&whole[&out.join(".dataset.json")]).unwrap();
+    assert!(is_complete(&out) && state.samples == samples);
+    (state.drives, state.samples, state.is_complete) = (1, first, false);
+    state.write(&out).unwrap();
+    assert!(!is_complete(&out));
+    let torn: String = rows.split_inclusive('\n').take(2 + first).collect();
+    std::fs::write(out.join(INDEX), &torn[..torn.len() - 3]).unwrap();
+    for k in first + 1..samples {
+        std::fs::remove_file(out.join(format!("kitti/training/image_2/{k:06}.png"))).unwrap();
+    }
+    make(&args, &registry).unwrap();
+    let again = contents(&out);
+    let differing: Vec<_> = whole.iter().filter(|(path, bytes)| again.get(*path) != Some(bytes)).collect();
+    assert!(
+        again.len() == whole.len() && differing.is_empty(),
+        "{:?}",
+        differing.first().map(|(path, _)| path)
+    );
+    // A finished one is left as it is.
+    make(&args, &registry).unwrap();
+    assert_eq!(contents(&out), whole);
 }
 
 #[test]
@@ -135,6 +195,10 @@ fn tracks_of_a_drive_and_of_a_crossing_are_read_again() {
         assert!(gone_m > 30.0, "{gone_m}");
     }
     assert!(minutes[0].tracks.len() > 5 && minutes[0].tracks != minutes[1].tracks);
-    let again = run(&args, &swerve_stack::Registry::standard()).unwrap_err().to_string();
-    assert!(again.contains("expected an empty folder"), "{again}");
+    let before = contents(&args.out);
+    run(&args, &swerve_stack::Registry::standard()).unwrap();
+    assert_eq!(contents(&args.out), before);
+    let other = DatasetArgs { seeds: vec![3], ..args };
+    let told = run(&other, &swerve_stack::Registry::standard()).unwrap_err().to_string();
+    assert!(told.contains("holds a data set of other scenarios"), "{told}");
 }

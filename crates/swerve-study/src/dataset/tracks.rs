@@ -1,6 +1,6 @@
 //! Tracks of everybody in drives, and of minutes at a crossing that is made: what predictors learn from and are judged by.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::bail;
@@ -15,7 +15,8 @@ use swerve_report::progress::Progress;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 
-use super::{DatasetArgs, configured};
+use super::state::State;
+use super::{DatasetArgs, call, configured};
 
 /// Between two places.
 const EVERY: Span = Span::from_ms(100);
@@ -65,20 +66,25 @@ impl Observer for Follower {
 /// Writes a file for each scenario, and one of the crossing, with all seeds in it.
 pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<String> {
     let config = configured(args, registry)?;
-    let _held = claim(&args.out)?;
     let scenarios: Vec<_> =
         args.scenarios.iter().map(|path| read_scenario(path)).collect::<anyhow::Result<_>>()?;
+    let mut state = State::open(&args.out, &call(args, &config, &scenarios)?)?;
+    let _held = claim(&args.out)?;
+    state.write(&args.out)?;
     let progress =
         Progress::drives(args.seeds.len() * (scenarios.len() + usize::from(args.crossing.is_some())));
     let (mut tracks, mut files) = (0, 0);
+    let mut names = BTreeSet::new();
     let mut add = |name: &str, recordings: Vec<(String, Recording)>| -> anyhow::Result<()> {
         let path = args.out.join(format!("{name}.csv"));
-        if path.exists() {
+        if !names.insert(name.to_owned()) {
             bail!("{}: two scenarios of this name", path.display());
         }
         tracks += recordings.iter().map(|(_, recording)| recording.tracks.len()).sum::<usize>();
         files += 1;
-        write_whole(&path, commonroad_text(&recordings)?.as_bytes())
+        write_whole(&path, commonroad_text(&recordings)?.as_bytes())?;
+        state.samples = files;
+        state.write(&args.out)
     };
     for scenario in &scenarios {
         let mut recordings = Vec::new();
@@ -99,5 +105,7 @@ pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<S
         add("crossing", args.seeds.iter().map(minute).collect())?;
     }
     progress.finish();
+    state.is_complete = true;
+    state.write(&args.out)?;
     Ok(format!("{tracks} tracks in {files} files in {}\n", Path::new(&args.out).display()))
 }

@@ -65,6 +65,9 @@ fn box_px<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 4], D::Error> {
 pub(super) struct CocoReport {
     all: CocoMetrics,
     classes: BTreeMap<String, CocoMetrics>,
+    /// Results that do not count, or look wrong.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 /// What a class has in each image, by the image's identity.
@@ -75,26 +78,36 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
     let found: Vec<Report> = read(&compared.found)?;
     let images: BTreeSet<u64> = truth.images.iter().map(|image| image.id).collect();
     let classes: BTreeMap<u64, String> = truth.categories.iter().map(|c| (c.id, name(c))).collect();
-    let check = |path: &Path, key: String, image: u64, class: u64| {
-        let of = compared.truth.display();
+    let of = compared.truth.display();
+    let check_image = |path: &Path, key: &str, image: u64| {
         if !images.contains(&image) {
             bail!("{}: {key}.image_id: expected an image of {of}, found {image}", path.display());
-        }
-        if !classes.contains_key(&class) {
-            bail!("{}: {key}.category_id: expected a category of {of}, found {class}", path.display());
         }
         Ok(())
     };
     let mut there = BTreeMap::<u64, Images<CocoTruth>>::new();
     for (k, a) in truth.annotations.iter().enumerate() {
-        check(&compared.truth, format!("annotations[{k}]"), a.image_id, a.category_id)?;
+        let (path, key, class) = (&compared.truth, format!("annotations[{k}]"), a.category_id);
+        check_image(path, &key, a.image_id)?;
+        if !classes.contains_key(&class) {
+            bail!("{}: {key}.category_id: expected a category of {of}, found {class}", path.display());
+        }
         let area_px2 = a.area.unwrap_or(a.bbox[2] * a.bbox[3]);
         let one = CocoTruth { box_px: a.bbox, area_px2, is_crowd: a.iscrowd != 0 };
         there.entry(a.category_id).or_default().entry(a.image_id).or_default().push(one);
     }
     let mut reported = BTreeMap::<u64, Images<CocoFound>>::new();
+    let (mut passed_over, mut out_of_range) = (BTreeMap::<u64, usize>::new(), Vec::new());
     for (k, r) in found.iter().enumerate() {
-        check(&compared.found, format!("[{k}]"), r.image_id, r.category_id)?;
+        check_image(&compared.found, &format!("[{k}]"), r.image_id)?;
+        if !classes.contains_key(&r.category_id) {
+            // As pycocotools: only categories of the truth are evaluated.
+            *passed_over.entry(r.category_id).or_default() += 1;
+            continue;
+        }
+        if !(0.0..=1.0).contains(&r.score) {
+            out_of_range.push((k, r.score));
+        }
         let one = CocoFound { box_px: r.bbox, score: r.score };
         reported.entry(r.category_id).or_default().entry(r.image_id).or_default().push(one);
     }
@@ -113,7 +126,33 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
         metrics.insert(name, class.metrics());
     }
     let each: Vec<CocoMetrics> = metrics.values().copied().collect();
-    Ok(CocoReport { all: CocoMetrics::mean(&each), classes: metrics })
+    let notes = notes(compared, &passed_over, &out_of_range);
+    Ok(CocoReport { all: CocoMetrics::mean(&each), classes: metrics, notes })
+}
+
+/// Notes on results of categories that the truth does not have, by category, and on scores out of range, by index.
+fn notes(
+    compared: &Compared,
+    passed_over: &BTreeMap<u64, usize>,
+    out_of_range: &[(usize, f64)],
+) -> Vec<String> {
+    let (truth, found) = (compared.truth.display(), compared.found.display());
+    let mut notes = Vec::new();
+    if !passed_over.is_empty() {
+        let categories: Vec<String> =
+            passed_over.iter().map(|(category, count)| format!("{category} ({count})")).collect();
+        notes.push(format!(
+            "{found}: results of categories that {truth} does not have are not evaluated: {}",
+            categories.join(", ")
+        ));
+    }
+    if let [(k, score), ..] = out_of_range {
+        let count = out_of_range.len();
+        notes.push(format!(
+            "{found}: [{k}].score: expected 0 to 1, found {score} ({count} such scores, used as they are)"
+        ));
+    }
+    notes
 }
 
 fn name(class: &Named) -> String {
@@ -127,5 +166,6 @@ fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
 pub(super) fn table(report: &CocoReport) -> anyhow::Result<String> {
     let mut columns = vec![("all", &report.all)];
     columns.extend(report.classes.iter().map(|(name, metrics)| (name.as_str(), metrics)));
-    numbers(&columns)
+    let notes = report.notes.iter().map(|note| format!("{note}\n")).collect::<String>();
+    Ok(numbers(&columns)? + &notes)
 }

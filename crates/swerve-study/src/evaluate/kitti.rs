@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::Serialize;
 use swerve_eval::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
-use swerve_report::output::align;
+use swerve_report::output::{align, tell};
 use swerve_text::nearest;
 
 use super::{Compared, cell, number, text, wrong};
@@ -34,7 +34,11 @@ struct Label {
 }
 
 pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<KittiReport> {
-    let (truth, found) = (labels(&compared.truth, COLUMNS)?, labels(&compared.found, COLUMNS + 1)?);
+    let (truth, _) = labels(&compared.truth, Of::Truth)?;
+    let (found, others) = labels(&compared.found, Of::Results)?;
+    if let Some(note) = note(&compared.found, &others) {
+        tell(&note);
+    }
     if truth.is_empty() {
         bail!("{}: expected label files (.txt), found none", compared.truth.display());
     }
@@ -61,23 +65,46 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<KittiReport> {
     Ok(KittiReport(all.map(report).collect()))
 }
 
+/// Side of an evaluation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Of {
+    Truth,
+    /// With a score behind the columns. Types that KITTI does not have are passed over, as by its own evaluation.
+    Results,
+}
+
+/// Labels by file, and numbers of labels of other types by type.
+type Labels = (BTreeMap<String, Vec<Label>>, BTreeMap<String, usize>);
+
+fn note(found: &Path, others: &BTreeMap<String, usize>) -> Option<String> {
+    let types: Vec<String> = others.iter().map(|(name, count)| format!("`{name}` ({count})")).collect();
+    let of = format!("{}: results of types that KITTI does not have are not evaluated", found.display());
+    (!types.is_empty()).then(|| format!("{of}: {}", types.join(", ")))
+}
+
 /// The labels of a folder, by the names of their files.
-fn labels(folder: &Path, columns: usize) -> anyhow::Result<BTreeMap<String, Vec<Label>>> {
-    let mut files = BTreeMap::new();
+fn labels(folder: &Path, of: Of) -> anyhow::Result<Labels> {
+    let (mut files, mut others) = (BTreeMap::new(), BTreeMap::new());
     for entry in std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))? {
         let path = entry?.path();
         if path.extension().is_some_and(|e| e == "txt") {
             let text = text(&path)?;
-            let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-            let label = |(k, line)| label(line, columns).map_err(|what| wrong(&path, k + 1, what));
+            let mut labels = Vec::new();
+            for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+                match label(line, of).map_err(|what| wrong(&path, k + 1, what))? {
+                    Ok(label) => labels.push(label),
+                    Err(other) => *others.entry(other).or_default() += 1,
+                }
+            }
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-            files.insert(name.unwrap_or_default(), lines.map(label).collect::<anyhow::Result<_>>()?);
+            files.insert(name.unwrap_or_default(), labels);
         }
     }
-    Ok(files)
+    Ok((files, others))
 }
 
-fn label(line: &str, columns: usize) -> Result<Label, String> {
+/// A label, or its type that KITTI does not have.
+fn label(line: &str, of: Of) -> Result<Result<Label, String>, String> {
     const NAMES: [&str; COLUMNS + 1] = [
         "type",
         "truncated",
@@ -96,6 +123,7 @@ fn label(line: &str, columns: usize) -> Result<Label, String> {
         "rotation_y",
         "score",
     ];
+    let columns = if of == Of::Results { COLUMNS + 1 } else { COLUMNS };
     let words: Vec<&str> = line.split_whitespace().collect();
     if words.len() < columns {
         return Err(format!(
@@ -107,6 +135,9 @@ fn label(line: &str, columns: usize) -> Result<Label, String> {
     let kind = KittiKind::ALL.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(words[0]));
     let Some((_, kind)) = kind else {
         let near = nearest(words[0], KittiKind::ALL.into_iter().map(|(name, _)| name));
+        if near.is_none() && of == Of::Results {
+            return Ok(Err(words[0].to_owned()));
+        }
         let hint = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
         return Err(format!("type: expected one of KITTI's, found `{}`{hint}", words[0]));
     };
@@ -117,7 +148,7 @@ fn label(line: &str, columns: usize) -> Result<Label, String> {
             "left top right bottom: expected edges in order, found {left} {top} {right} {bottom}"
         ));
     }
-    Ok(Label { kind, numbers })
+    Ok(Ok(Label { kind, numbers }))
 }
 
 fn edges(numbers: &[f64]) -> [f64; 4] {

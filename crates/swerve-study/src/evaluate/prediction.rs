@@ -125,8 +125,9 @@ pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
         Some(path) => {
             let weights = weights(path)?;
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let by =
-                |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| forecast_by(&weights, tracks, horizon);
+            let by = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
+                forecast_by(&weights, tracks, horizon, ground)
+            };
             vec![report(name, &by, &files, (&protocol, best_of))]
         }
         None => {

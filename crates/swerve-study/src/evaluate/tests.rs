@@ -171,14 +171,59 @@ fn coco_files_that_are_wrong_are_told_with_their_place() {
             "bad.json: [0].image_id: expected an image of gt.json, found 4",
         ),
         (
-            one(r#"{"image_id": 3, "category_id": 9, "bbox": [0, 0, 20, 40], "score": 1}"#),
-            "bad.json: [0].category_id: expected a category of gt.json, found 9",
+            one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": NaN}"#),
+            "bad.json:2: [0].score: it is no JSON: expected value",
         ),
     ] {
         let folder = Folder::with(&[("gt.json", COCO), ("bad.json", &found)]);
         let error = folder.error("detection @gt.json @bad.json --format coco");
         assert!(error.starts_with(says), "{error}\nexpected: {says}");
     }
+}
+
+#[test]
+fn results_of_other_categories_do_not_count_and_are_noted() {
+    let result = |category: u32, score: f64| {
+        format!(r#"{{"image_id": 3, "category_id": {category}, "bbox": [0, 0, 20, 40], "score": {score}}}"#)
+    };
+    let alone = format!("[{}]", result(1, 0.4));
+    // The others would be surer, in the same place.
+    let others = format!("[{},{},{},{}]", result(9, 0.9), result(1, 0.4), result(9, 0.8), result(90, 1.0));
+    let logits = format!("[{},{}]", result(1, 0.4), result(2, 7.5));
+    let folder = Folder::with(&[
+        ("gt.json", COCO),
+        ("alone.json", &alone),
+        ("others.json", &others),
+        ("logits.json", &logits),
+    ]);
+    let all = |file: &str| folder.numbers(&format!("detection @gt.json @{file} --format coco"));
+    assert_eq!(all("others.json")["all"], all("alone.json")["all"]);
+    assert_eq!(all("alone.json")["notes"], Value::Null);
+    let notes = all("others.json")["notes"].to_string();
+    assert!(notes.contains("gt.json does not have are not evaluated: 9 (2), 90 (1)"), "{notes}");
+    let notes = all("logits.json")["notes"].to_string();
+    assert!(notes.contains("[1].score: expected 0 to 1, found 7.5 (1 such scores"), "{notes}");
+    let table = folder.eval("detection @gt.json @others.json --format coco", false).unwrap();
+    assert!(table.contains("9 (2), 90 (1)"), "{table}");
+}
+
+#[test]
+fn byte_order_marks_are_read_past() {
+    let mark = |text: &str| format!("\u{feff}{text}");
+    let found = format!("{CAR} 0.9\n");
+    let results = r#"[{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 0.9}]"#;
+    let (labels, found, coco, results, walk) =
+        (mark(CAR), mark(&found), mark(COCO), mark(results), mark(WALK));
+    let folder = Folder::with(&[
+        ("gt/0.txt", &labels),
+        ("det/0.txt", &found),
+        ("gt.json", &coco),
+        ("found.json", &results),
+        ("walk.txt", &walk),
+    ]);
+    assert_eq!(folder.numbers("detection @gt @det --format kitti")[0]["r11"], 1.0 / 11.0);
+    assert_eq!(folder.numbers("detection @gt.json @found.json --format coco")["all"]["ap"], 0.5);
+    assert_eq!(folder.numbers("tracking @walk.txt @walk.txt")["clear"]["mota"], 1.0);
 }
 
 const CAR: &str = "Car 0.0 0 -1.5 100 100 200 160 1.5 1.6 4.0 1 1 20 0.1";
@@ -195,6 +240,18 @@ fn kitti_folders_give_average_precision() {
     assert_eq!((&easy["r11"], &easy["r40"]), (&(1.0 / 11.0).into(), &0.0.into()));
     assert_eq!(report[3]["r40"], Value::Null);
     assert!(folder.eval("detection @gt @det --format kitti", false).unwrap().contains("pedestrian"));
+}
+
+#[test]
+fn kitti_results_of_other_types_do_not_count() {
+    let found = format!("{CAR} 0.9\n{} 0.99\n", CAR.replace("Car", "Wheelbarrow"));
+    let alone = format!("{CAR} 0.9\n");
+    let folder = Folder::with(&[("gt/0.txt", CAR), ("det/0.txt", &found), ("alone/0.txt", &alone)]);
+    let of = |found: &str| folder.numbers(&format!("detection @gt @{found} --format kitti"));
+    assert_eq!(of("det"), of("alone"));
+    // Of a wrong label in the truth nobody would know.
+    let error = folder.error("detection @det @det --format kitti");
+    assert!(error.starts_with("det/0.txt:2: type: expected one of KITTI's, found `Wheelbarrow`"), "{error}");
 }
 
 #[test]
@@ -223,4 +280,86 @@ fn kitti_folders_that_are_wrong_are_told_with_file_and_line() {
             .error("detection @none @det --format kitti")
             .ends_with("expected label files (.txt), found none")
     );
+}
+
+/// A square yard with two more walls and a post, or a corridor without ends, as PLY files about an origin. The source is
+/// the target moved by `by_m` along x.
+fn clouds(is_corridor: bool, by_m: f64, [east, north]: [f64; 2]) -> Folder {
+    let mut scene = Vec::new();
+    let at = |k: i32| 0.2 * f64::from(k);
+    for i in -100..=100 {
+        for j in 0..20 {
+            scene.push([at(i), at(5 * j) - 9.4, 0.0]);
+            scene.extend([[at(i), -9.7, at(j)], [at(i), 9.6, at(j)]]);
+            if !is_corridor {
+                scene.extend([[-20.3, at(i).clamp(-9.7, 9.6), at(j)], [20.1, at(i).clamp(-9.7, 9.6), at(j)]]);
+                scene.push([6.1 + 0.02 * at(i), 2.3, at(j)]);
+            }
+        }
+    }
+    let ply = |points: &[[f64; 3]], off_m: f64| {
+        let mut text = format!(
+            "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\nend_header\n",
+            points.len()
+        );
+        points.iter().for_each(|[x, y, z]| text += &format!("{} {} {z}\n", x + east + off_m, y + north));
+        text
+    };
+    let source: Vec<_> = scene.iter().filter(|point| point[0].abs() < 12.0).copied().collect();
+    let truth = format!("1 0 0 {}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", -by_m);
+    Folder::with(&[
+        ("target.ply", &ply(&scene, 0.0)),
+        ("source.ply", &ply(if is_corridor { &source } else { &scene }, by_m)),
+        ("three.ply", &ply(&scene[..3], 0.0)),
+        ("truth.txt", &truth),
+    ])
+}
+
+impl Folder {
+    /// The report of `swerve eval registration`, and the reason of its exit code.
+    fn registered(&self, source: &str, method: &str) -> anyhow::Result<(Value, Option<String>)> {
+        let at = |name: &str| self.path(name).display().to_string();
+        let words = ["eval", "registration", &at(source), &at("target.ply"), "--method", method];
+        let more = ["--reference", &at("truth.txt"), "--json"];
+        let line = Line::try_parse_from(words.into_iter().chain(more))?;
+        let What::Registration(args) = &line.args.what else { panic!("registration was asked for") };
+        let (text, problem) = registration::told(args)?;
+        let report: Value = serde_json::from_str(&text)?;
+        assert!(
+            problem.as_deref().unwrap_or_default().ends_with(report["problem"].as_str().unwrap_or_default())
+        );
+        Ok((report, problem))
+    }
+}
+
+#[test]
+fn registration_is_the_same_anywhere_on_earth() {
+    for origin in [[0.0, 0.0], [1000.0, -1000.0], [691_000.0, 5_335_000.0]] {
+        let folder = clouds(false, 0.15, origin);
+        for method in ["ndt", "ndt7", "icp"] {
+            let (report, problem) = folder.registered("source.ply", method).unwrap();
+            let [m, deg] = ["error_m", "error_deg"].map(|key| report[key].as_f64().unwrap());
+            // Point to point, the points' distance of 0.2 m is seen in the result.
+            let most_m = if method == "icp" { 0.05 } else { 0.02 };
+            assert!(m < most_m && deg < 0.02, "{origin:?} {method}: {m} m, {deg}°");
+            assert_eq!(problem, None, "{origin:?} {method}");
+        }
+    }
+}
+
+#[test]
+fn registration_that_is_not_to_be_used_gives_its_reason() {
+    for method in ["ndt", "ndt7", "icp"] {
+        let corridor = clouds(true, 0.4, [0.0, 0.0]).registered("source.ply", method).unwrap().1;
+        assert!(corridor.as_ref().is_some_and(|why| why.contains("degenerate: ")), "{method}: {corridor:?}");
+        let far = clouds(false, 10.0, [0.0, 0.0]).registered("source.ply", method);
+        let far = far.map_or_else(|error| Some(error.to_string()), |(_, problem)| problem);
+        // At the wrong place, the end walls are on nothing: that may leave a direction open.
+        let is_said = |why: &String| why.contains("not converged") || why.contains("degenerate: ");
+        assert!(far.as_ref().is_some_and(is_said), "{method}: {far:?}");
+        let three = clouds(false, 0.0, [0.0, 0.0]).registered("three.ply", method);
+        let three = three.map_or_else(|error| Some(error.to_string()), |(_, problem)| problem);
+        let is_said = |why: &String| why.contains("degenerate: ") || why.contains("no match: too few");
+        assert!(three.as_ref().is_some_and(is_said), "{method}: {three:?}");
+    }
 }

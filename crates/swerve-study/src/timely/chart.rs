@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use swerve_draw::color::{Look, SERIES};
+use swerve_draw::color::{Look, looks_repeat, series};
 use swerve_draw::{At, Axes, Canvas, Picture, Style, Text, number, width_of};
 use swerve_report::output::align;
 
@@ -138,8 +138,10 @@ impl<'a> Chart<'a> {
     pub(crate) fn draw(&self) -> Picture {
         let mut canvas = Canvas::default();
         canvas.text((LEFT, 28.0), self.title, Text::TITLE);
-        canvas.text((LEFT, 46.0), "medians, and between the quartiles", Text::SOFT);
         let rows = self.rows();
+        let most = rows.iter().flatten().map(|panel| self.lines_of(panel).count()).max().unwrap_or(0);
+        let note = looks_repeat(most).map_or_else(String::new, |note| format!(" ({note})"));
+        canvas.text((LEFT, 46.0), &format!("medians, and between the quartiles{note}"), Text::SOFT);
         let columns = rows.iter().map(Vec::len).max().unwrap_or(1);
         let panel_w = (WIDTH - GAP_X * (columns - 1) as f64) / columns as f64;
         let mut names_w = 0.0_f64;
@@ -150,12 +152,12 @@ impl<'a> Chart<'a> {
                 let scale = axes_of(&lines, (LEFT + column as f64 * (panel_w + GAP_X), top), panel_w);
                 scale.panel(&mut canvas, (ACROSS / columns as f64, UPWARDS), (panel, &self.over));
                 for (k, line) in lines.iter().enumerate() {
-                    draw_line(&scale, &mut canvas, line, SERIES[k % SERIES.len()]);
+                    draw_line(&scale, &mut canvas, line, series(k));
                 }
             }
             for (k, line) in panels.first().into_iter().flat_map(|panel| self.lines_of(panel)).enumerate() {
                 let at = (LEFT + WIDTH + 44.0, top + 12.0 + 16.0 * k as f64);
-                let look = line_of(SERIES[k % SERIES.len()]);
+                let look = line_of(series(k));
                 canvas.line((at.0 - 32.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), look);
                 canvas.text(at, &line.name, Text::PLAIN);
                 names_w = names_w.max(width_of(&line.name, Text::PLAIN));

@@ -67,7 +67,7 @@ fn train(recipe: &Recipe, source: String, args: &RecipeArgs, registry: &Registry
         Ok(all(recipe, purpose, args, registry)?.into_iter().flat_map(|(_, images)| images).collect())
     };
     let (training, held_out) = (of(Purpose::Training)?, of(Purpose::Calibration)?);
-    let progress = Progress::fits(recipe.learning.rounds());
+    let progress = Progress::learning(recipe.learning.rounds(), "rounds of learning");
     progress.tell(&format!("{} images to train on, {} to calibrate by", training.len(), held_out.len()));
     let mut weights = learn::untrained(recipe, source);
     learn::learn(recipe, &training, &mut weights, &progress);

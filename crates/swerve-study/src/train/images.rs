@@ -14,6 +14,7 @@ use swerve_text::{Document, Problem};
 
 use super::street::street;
 use crate::dataset::{self, DatasetArgs};
+use crate::picture::exif;
 
 /// The camera that images are taken with, level and straight ahead.
 #[derive(Clone, Debug, Deserialize)]
@@ -130,8 +131,7 @@ pub(super) fn rendered(
     let streets: Vec<(u32, String)> = (set.streets[0]..set.streets[1]).map(|k| (k, street(k))).collect();
     let key = digest_of(&(&camera, &streets, set.seed, set.weather.name()));
     let out = data.join(format!("{}-{key}", set.name));
-    // The index is what a data set ends with.
-    if !out.join("index.csv").exists() {
+    if !dataset::is_complete(&out) {
         let texts = data.join("streets");
         std::fs::create_dir_all(&texts).with_context(|| format!("making {}", texts.display()))?;
         let config = data.join("camera.toml");
@@ -143,7 +143,7 @@ pub(super) fn rendered(
         };
         let scenarios = streets.iter().map(file).collect::<anyhow::Result<_>>()?;
         let (seeds, weathers) = (vec![set.seed], vec![set.weather]);
-        dataset::run(
+        dataset::make(
             &DatasetArgs {
                 scenarios,
                 out: out.clone(),
@@ -168,7 +168,7 @@ pub(super) fn camera_text(camera: &Camera) -> String {
     )
 }
 
-/// Width, height and bytes of an image of 8 bits a colour.
+/// Width, height and bytes of an image of 8 bits a colour, upright by its EXIF data.
 pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
     let file = std::fs::File::open(path).with_context(|| format!("reading {}", path.display()))?;
     decode_png(std::io::BufReader::new(file), path)
@@ -194,5 +194,6 @@ pub(crate) fn decode_png(
         png::ColorType::GrayscaleAlpha => bytes.chunks_exact(2).flat_map(|p| [p[0]; 3]).collect(),
         png::ColorType::Indexed => anyhow::bail!("{}: expected an image in colours", path.display()),
     };
-    Ok(([info.width as usize, info.height as usize], rgb))
+    let orientation = reader.info().exif_metadata.as_deref().map_or(1, exif::orientation);
+    Ok(exif::upright([info.width as usize, info.height as usize], rgb, orientation))
 }

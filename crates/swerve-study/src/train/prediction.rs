@@ -152,7 +152,7 @@ impl Trained for Recipe {
         for (set, recordings) in self.recordings(Purpose::Training, &args.data)? {
             all.extend(examples(&recordings, &self.net, set.stride));
         }
-        let progress = Progress::fits(self.learning.steps);
+        let progress = Progress::learning(self.learning.steps, "steps of learning");
         progress.tell(&format!("{} examples to train on", all.len()));
         let weights = train(source, self.net, (&all, &self.learning), &mut |_, _| progress.one_done());
         progress.finish();
@@ -172,8 +172,9 @@ impl Trained for Recipe {
             let straight = |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| {
                 forecast(PredictorName::ConstantVelocity, tracks, horizon, Ground::Open)
             };
-            let learnt =
-                |tracks: &TrackList, horizon: &Horizon, _: Ground<'_>| forecast_by(weights, tracks, horizon);
+            let learnt = |tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>| {
+                forecast_by(weights, tracks, horizon, ground)
+            };
             let both: [(&str, Foretells<'_>); 2] = [("constant_velocity", &straight), (&name, &learnt)];
             for (name, by) in both {
                 let found = judged(&recordings, by, (&protocol, BEST_OF)).figures();

@@ -46,7 +46,7 @@ impl Trained for Recipe {
     fn train(&self, source: String, args: &RecipeArgs, registry: &Registry) -> anyhow::Result<Weights> {
         let paths: Vec<PathBuf> =
             sets(self, Purpose::Training, args, registry)?.into_iter().flat_map(|(_, paths)| paths).collect();
-        let progress = Progress::fits(self.learning.trees);
+        let progress = Progress::learning(self.learning.trees, "trees grown");
         let samples = learn::samples(self, &paths)?;
         progress.tell(&format!("{} cells of {} images to train on", samples.len(), paths.len()));
         let one = |number| {

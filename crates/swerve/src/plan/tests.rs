@@ -129,7 +129,7 @@ fn numbers_out_of_range_are_told_with_key_and_range() {
             PosedPlanner::RrtStar,
             "\"goal\": [40, 0]",
             "\"goal\": [4e9, 0]",
-            "`goal` is 4000000000, expected numbers below 1000000 in size",
+            "`goal` is 4000000000, expected numbers below 10000000 in size",
         ),
         (
             PosedPlanner::HybridAstar,
@@ -190,4 +190,55 @@ fn the_page_shows_what_is_printed() {
         solution.time_ms = time_ms;
     }
     assert_eq!(table(&args, &solutions), shown);
+}
+
+/// The problems about another origin.
+fn moved(east: f64, north: f64) -> ProblemFile {
+    let mut file: serde_json::Value = serde_json::from_str(FILE).unwrap();
+    let add = |to: &mut serde_json::Value, by: f64| *to = (to.as_f64().unwrap() + by).into();
+    let points = |place: &mut serde_json::Value| {
+        for (k, number) in place.as_array_mut().unwrap().iter_mut().enumerate() {
+            // A third number is a heading, a third and a fourth are another corner.
+            add(number, if k % 2 == 0 { east } else { north });
+        }
+    };
+    for problems in file["problems"].as_object_mut().unwrap().values_mut() {
+        for problem in problems.as_array_mut().unwrap() {
+            for (key, value) in problem.as_object_mut().unwrap() {
+                match key.as_str() {
+                    "waypoints" | "obstacles" => value.as_array_mut().unwrap().iter_mut().for_each(points),
+                    "pos" => points(value),
+                    "start" | "goal" => {
+                        add(&mut value[0], east);
+                        add(&mut value[1], north);
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    serde_json::from_value(file).unwrap()
+}
+
+#[test]
+fn plans_are_the_same_at_utm_coordinates() {
+    let at = [691_200.0, 5_335_040.0];
+    let file = moved(at[0], at[1]);
+    for planner in [PosedPlanner::Fot, PosedPlanner::RrtStar, PosedPlanner::HybridAstar] {
+        let far = solve_all(&file, &read::select(&file, planner, "fast").unwrap(), Preset::Best);
+        let (_, near) = solutions(planner, Preset::Best);
+        for (near, far) in near.iter().zip(&far) {
+            assert_eq!(
+                (near.found, near.path.len()),
+                (far.found, far.path.len()),
+                "{}: {}",
+                far.id,
+                far.reason
+            );
+            for (a, b) in near.path.iter().zip(&far.path) {
+                let off_m = (a[0] + at[0] - b[0]).abs().max((a[1] + at[1] - b[1]).abs());
+                assert!(off_m < 1e-6, "{}: {off_m} m", near.id);
+            }
+        }
+    }
 }

@@ -39,7 +39,7 @@ fn what_is_no_map_is_told_with_its_line() {
     assert_eq!(with("id=\"1\"", "id=\"-1\""), "3: id: expected no negative number, found `-1`");
     assert!(with("id=\"1\"", "id=\"9e99\"").starts_with("3: id: expected a number of at most 4294967295"));
     assert_eq!(with("id=\"1\"", "name=\"1\""), "3: <lanelet>: expected an attribute `id`");
-    assert_eq!(with("<x>0</x>", "<x>NaN</x>"), "5: x: expected a number of at most 1000000, found `NaN`");
+    assert_eq!(with("<x>0</x>", "<x>NaN</x>"), "5: x: expected a number of at most 10000000, found `NaN`");
     assert_eq!(with("<x>0</x>", ""), "5: <point>: expected <x>");
     assert_eq!(
         with("<point><x>0</x><y>3.5</y></point>", ""),

@@ -17,16 +17,41 @@ fn run(dir: &Path, more: &[&str]) -> anyhow::Result<String> {
 
 /// Two who walk straight on, one of them past a gap, and one who turns by 2 m at the end.
 fn recording(dir: &Path) {
-    let mut text = String::new();
+    recording_at(dir, [0.0, 0.0], "");
+}
+
+/// The same about an origin, behind a prefix.
+fn recording_at(dir: &Path, [east, north]: [f64; 2], prefix: &str) {
+    let mut text = prefix.to_owned();
     for frame in 0..20 {
-        text += &format!("{} 1 {} 0\n", 10 * frame, 0.5 * f64::from(frame));
+        let along = 0.5 * f64::from(frame);
+        text += &format!("{} 1 {} {north}\n", 10 * frame, east + along);
         let aside = if frame == 19 { 2.5 } else { 0.0 };
-        text += &format!("{} 2 {} {}\n", 10 * frame, 0.5 * f64::from(frame), 9.0 + aside);
+        text += &format!("{} 2 {} {}\n", 10 * frame, east + along, north + 9.0 + aside);
         if frame != 9 {
-            text += &format!("{} 3 0 {}\n", 10 * frame, 20.0 + 0.5 * f64::from(frame));
+            text += &format!("{} 3 {east} {}\n", 10 * frame, north + 20.0 + along);
         }
     }
     std::fs::write(dir.join("walk.txt"), text).unwrap();
+}
+
+#[test]
+fn figures_are_the_same_at_utm_coordinates_and_behind_a_byte_order_mark() {
+    let (here, there) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    recording(here.path());
+    // Multiples of 0.5 m: the tracks are the same to the last bit.
+    recording_at(there.path(), [691_000.5, 5_335_000.0], "\u{feff}");
+    for predictor in PredictorName::ALL {
+        let figures = |dir: &tempfile::TempDir| -> Value {
+            let json = run(dir.path(), &["--predictor", predictor.name(), "--json"]).unwrap();
+            serde_json::from_str::<Value>(&json).unwrap()["all"].take()
+        };
+        let (here, there) = (figures(&here), figures(&there));
+        for key in ["ade_m", "fde_m", "missed"] {
+            let [here, there] = [&here, &there].map(|of| of[key].as_f64().unwrap());
+            assert!((here - there).abs() < 1e-3, "{} {key}: {here} here, {there} there", predictor.name());
+        }
+    }
 }
 
 #[test]
@@ -94,7 +119,7 @@ fn what_cannot_be_judged_is_said_in_one_line() {
     assert!(said(&[]).ends_with("expected files that end in .txt, found none"));
     assert!(said(&["--predictor", "oracle"]).contains("expected all or one of linear, constant_velocity"));
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n0 1 x 3\n").unwrap();
-    assert!(said(&[]).ends_with("a.txt:2: x: expected a number of at most 1000000, found `x`"));
+    assert!(said(&[]).ends_with("a.txt:2: x: expected a number of at most 10000000, found `x`"));
     // Nobody for long enough is no error.
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n").unwrap();
     assert!(run(dir.path(), &["--predictor", "imm"]).unwrap().lines().nth(1).unwrap().contains(" 0 "));

@@ -98,7 +98,7 @@ pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let image = folder.join("image_2").join(name + ".png");
         let ([width, height], rgb) = read_png(&image)?;
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let text = swerve_text::read_text(path).with_context(|| format!("reading {}", path.display()))?;
         let line = |(k, line): (usize, &str)| {
             truth(line)
                 .ok_or_else(|| anyhow!("{}:{}: expected a label as KITTI has them", path.display(), k + 1))

@@ -103,7 +103,7 @@ fn learnt(method: &str, threads: usize) -> Vec<u8> {
     let last = weights.rungs.len() - 1;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
-        learn::learn(&recipe, &images, &mut weights, &Progress::fits(1));
+        learn::learn(&recipe, &images, &mut weights, &Progress::learning(1, "rounds of learning"));
         let found = score::detect(&recipe, &weights, &weights.rungs[last], &images);
         let car = (0, recipe.window[0].class);
         let judged = score::judged(&found, &images, car, recipe.learning.within_m);

@@ -1,0 +1,78 @@
+//! State of a data set in its folder: an interrupted call is continued by the same call.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use serde::{Deserialize, Serialize};
+use swerve_report::files::write_whole;
+
+/// File of the state.
+const FILE: &str = ".dataset.json";
+
+/// Finished drives of a data set.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub(super) struct State {
+    /// Digest of program, configuration, scenarios, seeds and weathers.
+    call: String,
+    /// Finished drives, in the order of the call.
+    pub(super) drives: usize,
+    /// Their samples.
+    pub(super) samples: usize,
+    /// Whether these are all drives.
+    pub(super) is_complete: bool,
+}
+
+impl State {
+    /// The state that a call left in a folder; without a drive where the folder is empty or absent.
+    ///
+    /// # Errors
+    /// The folder holds other files, or the data set of another call.
+    pub(super) fn open(out: &Path, call: &str) -> anyhow::Result<Self> {
+        let path = file(out);
+        if !path.exists() {
+            let is_occupied = std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
+            if is_occupied {
+                bail!(
+                    "{}: expected an empty folder, none, or an unfinished data set of this call",
+                    out.display()
+                );
+            }
+            let call = call.to_owned();
+            return Ok(Self { call, drives: 0, samples: 0, is_complete: false });
+        }
+        let reading = || format!("reading {}", path.display());
+        let text = std::fs::read_to_string(&path).with_context(reading)?;
+        let state: Self = serde_json::from_str(&text).with_context(reading)?;
+        if state.call != call && state.samples == 0 && !out.join(super::SAMPLES).exists() {
+            // Another call was interrupted before its first sample.
+            return Ok(Self { call: call.to_owned(), ..state });
+        }
+        if state.call != call {
+            bail!(
+                "{}: holds a data set of other scenarios, seeds, weathers or settings, or of another version of the \
+                 program: expected another --out",
+                out.display()
+            );
+        }
+        Ok(state)
+    }
+
+    /// Writes it into its folder.
+    pub(super) fn write(&self, out: &Path) -> anyhow::Result<()> {
+        write_whole(&file(out), (serde_json::to_string(self)? + "\n").as_bytes())
+    }
+}
+
+/// Whether a folder holds a complete data set.
+pub(crate) fn is_complete(out: &Path) -> bool {
+    // Data sets of earlier versions have no state and got their index at the end.
+    let state = std::fs::read_to_string(file(out)).map(|text| serde_json::from_str::<State>(&text).ok());
+    state.map_or_else(
+        |_| out.join(super::INDEX).exists(),
+        |state| state.is_some_and(|state| state.is_complete),
+    )
+}
+
+fn file(out: &Path) -> PathBuf {
+    out.join(FILE)
+}
