@@ -19,6 +19,7 @@ pub mod program;
 pub mod realtime;
 pub mod shipped;
 pub mod threads;
+pub mod trust;
 pub mod views;
 pub mod why;
 

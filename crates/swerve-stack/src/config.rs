@@ -22,6 +22,7 @@ pub mod perception;
 mod planner;
 mod planning;
 pub mod process;
+pub mod programs;
 mod read;
 pub mod resolved;
 pub mod ros2;
@@ -53,6 +54,7 @@ pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
 pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};
 use process::{ProcessConfig, SharedMemoryConfig};
+use programs::Consent;
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
@@ -127,6 +129,9 @@ pub struct Config {
     /// Which way the simulated world goes first, and where it is kept how it went.
     #[serde(skip)]
     pub course: Option<Course>,
+    /// The programs that the user lets it start.
+    #[serde(skip)]
+    pub consent: Consent,
 }
 
 impl Default for Config {
@@ -160,6 +165,7 @@ impl Default for Config {
             live: None,
             registry: Registry::standard(),
             course: None,
+            consent: Consent::default(),
         }
     }
 }

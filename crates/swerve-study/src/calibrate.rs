@@ -6,7 +6,7 @@ pub(crate) mod detector;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use swerve_drive::{RunInput, drive_observed, load};
+use swerve_drive::{RunInput, drive_observed, load, trust};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Plan;
 use swerve_stack::Registry;
@@ -55,6 +55,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let input = args.input.as_ref().context("a scenario is required")?;
     let (base, scenario) = load(registry, input)?;
+    trust::start(&base)?;
     if let Some(path) = &args.out {
         swerve_report::files::refuse_unwritable(path)?;
     }

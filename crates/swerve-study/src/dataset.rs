@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
@@ -45,6 +46,8 @@ pub struct DatasetArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) code: CodeArgs,
     /// Where everybody goes, ten times a second, in place of images: CSV as CommonRoad's recorded scenarios
     #[arg(long, conflicts_with = "weathers")]
     pub(crate) tracks: bool,
@@ -113,7 +116,10 @@ fn refuse_occupied(out: &Path) -> anyhow::Result<()> {
 
 fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     let sets = swerve_text::parse_assignments(&args.set);
-    Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))
+    let mut config =
+        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
+    args.code.start(&mut config)?;
+    Ok(config)
 }
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {

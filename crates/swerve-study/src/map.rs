@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_localization::map_file::MapFile;
 use swerve_localization::ndt::Vector3;
@@ -44,6 +45,8 @@ struct Driven {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
 }
 
 #[derive(clap::Args, Debug)]
@@ -152,6 +155,7 @@ fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
     let mut config = Kind::Config
         .config(registry, &driven.config, &sets?)
         .map_err(|problems| problems_error(&problems))?;
+    driven.code.start(&mut config)?;
     if driven.config.is_empty() && config.lidar.is_empty() {
         config.lidar.insert("roof".into(), LidarConfig::default());
     }

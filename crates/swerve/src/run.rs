@@ -12,7 +12,7 @@ use swerve_drive::realtime::Realtime;
 use swerve_drive::why::of_run;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
-    set_up, story, title,
+    set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
@@ -90,6 +90,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
     }
     let (config, scenario) = load(registry, &input)?;
+    trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {

@@ -7,6 +7,7 @@ use anyhow::{Context as _, anyhow, ensure};
 use rayon::prelude::*;
 use swerve_core::{Rng, Span, Time};
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::{drive_observed, problems_error, read_scenario};
 use swerve_eval::{AveragePrecision, Found, ground_iou, image_iou, volume_iou};
 use swerve_flow::{Event, Observer};
@@ -42,6 +43,8 @@ pub(crate) struct DetectorArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
     /// Folder of the scenarios
     #[arg(long, default_value = "scenarios")]
     scenarios: PathBuf,
@@ -88,8 +91,9 @@ const CLOSE: f64 = 0.002;
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
     let sets = parse_assignments(&args.set);
-    let base =
+    let mut base =
         Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
+    args.code.start(&mut base)?;
     if let Some(path) = &args.out {
         swerve_report::files::refuse_unwritable(path)?;
     }
