@@ -15,7 +15,7 @@ use swerve_drive::trust::CodeArgs;
 use swerve_drive::why::of_run;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
-use swerve_log::{Recorder, RunStart};
+use swerve_log::{Reader, Recorder, RunStart};
 use swerve_report::story::draw;
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -178,7 +178,11 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     })
 }
 
+/// Begins a log, in the place of an earlier one but of nothing else.
 fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
+    if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
+        std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
+    }
     let mut recorder = Recorder::create(path, start)?;
     set_up(&mut recorder, config, pipeline);
     Ok(recorder)

@@ -86,6 +86,24 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
     Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
 }
 
+/// Reads the configuration of files for drives, with assignments and the consent of a command line; reports the programs that
+/// it starts.
+///
+/// # Errors
+/// All that is wrong with it, or a program that the user has not consented to.
+pub fn load_config(
+    registry: &Registry,
+    files: &[PathBuf],
+    set: &[String],
+    code: CodeArgs,
+) -> anyhow::Result<Config> {
+    let sets = parse_assignments(set)?;
+    let config = Kind::Config.config(registry, files, &sets);
+    let mut config = config.map_err(|problems| problems_error(&problems))?;
+    code.start(&mut config)?;
+    Ok(config)
+}
+
 /// The operators to which `--set` gives run times.
 ///
 /// # Errors

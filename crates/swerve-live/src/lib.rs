@@ -238,11 +238,7 @@ impl Finished {
     /// Gives the files their names, now that they are whole; returns their folder.
     fn name_whole(self) -> anyhow::Result<RunFolder> {
         let Self(folder) = self;
-        for name in ["log.partial.mcap", "trace.partial.json"] {
-            let whole = name.replace(".partial", "");
-            std::fs::rename(folder.path.join(name), folder.path.join(&whole))
-                .with_context(|| format!("writing {whole}"))?;
-        }
+        folder.name_whole()?;
         Ok(folder)
     }
 }

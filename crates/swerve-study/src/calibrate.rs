@@ -6,6 +6,7 @@ pub(crate) mod detector;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::{RunInput, drive_observed, load, trust};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Plan;
@@ -28,6 +29,8 @@ pub struct CalibrateArgs {
     /// Write the configuration, with the measured run times in it, to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// Further things to calibrate.
@@ -56,9 +59,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     let input = args.input.as_ref().context("a scenario is required")?;
     let (base, scenario) = load(registry, input)?;
     trust::start(&base)?;
-    if let Some(path) = &args.out {
-        swerve_report::files::refuse_unwritable(path)?;
-    }
+    args.overwrite.check(args.out.as_deref())?;
     let assembly = Pipeline::build(&base, &scenario)?.assembly;
     let planning = assembly.publisher::<Plan>().context("no operator of the pipeline plans")?.to_owned();
     let mut config = base.clone();

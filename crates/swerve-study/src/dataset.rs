@@ -13,9 +13,8 @@ mod tracks;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
-use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
-use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_drive::{drive_observed, load_config, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
 use swerve_report::files::{claim, write_whole};
@@ -115,11 +114,7 @@ fn refuse_occupied(out: &Path) -> anyhow::Result<()> {
 }
 
 fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
-    let sets = swerve_text::parse_assignments(&args.set);
-    let mut config =
-        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
-    args.code.start(&mut config)?;
-    Ok(config)
+    load_config(registry, &args.config, &args.set, args.code)
 }
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::{RunInput, load};
 use swerve_stack::Registry;
@@ -22,6 +23,8 @@ pub(crate) struct GraphArgs {
     #[arg(long, value_name = "FILE", alias = "svg")]
     picture: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     how: PictureArgs,
 }
 
@@ -29,6 +32,7 @@ pub(crate) struct GraphArgs {
 pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(file) = &args.picture {
         swerve_report::files::refuse_toml(file)?;
+        args.overwrite.check([file.as_path()])?;
     }
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;

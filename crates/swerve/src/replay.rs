@@ -79,14 +79,16 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), args.overwrite);
     let folder = asks.then(claim).transpose()?;
     let replayed = folder.as_ref().map(|folder| folder.path.join("log.mcap"));
+    let part = folder.as_ref().map(|folder| folder.path.join("log.partial.mcap"));
     let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
-    let into = replayed.as_deref().map(|path| (path, args.command_line()));
+    let into = part.as_deref().map(|path| (path, args.command_line()));
     let (file, code) = (args.log.display().to_string(), args.code);
     let how = Replay { file, code, from: args.from.as_deref(), sets: &sets?, threads, into };
     let comparison = how.run(registry, &log).inspect_err(|_| {
         // Of a replay that never began nothing stays; a folder with something in it is not removed.
         let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
     })?;
+    folder.as_ref().map(RunFolder::name_whole).transpose()?;
     swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
     if let Some(replayed) = replayed {
         let page = replayed.with_file_name("comparison.html");
@@ -98,6 +100,13 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
+    }
+    if args.verify && !log.is_sealed {
+        bail!(
+            "{}: the log has no seals: its streams are as logged, but changes of its head, scenario, configuration, headers \
+             and times cannot be detected",
+            args.log.display()
+        );
     }
     Ok(())
 }

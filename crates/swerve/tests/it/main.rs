@@ -27,3 +27,4 @@ mod support; // a folder to call the program in
 mod timing; // the engine against the reference model
 mod trust; // programs that files name
 mod view; // a run watched and commanded while it goes on
+mod writing; // files for results, whole or not at all
