@@ -106,6 +106,16 @@ pub fn programs(config: &Config) -> Vec<String> {
     config.programs().map(|program| format!("{} runs `{}`", program.key, shown(&program.words))).collect()
 }
 
+/// As [`programs`], with the reasons why some take `--allow-code`.
+pub fn programs_with_doubts(config: &Config) -> Vec<String> {
+    let line = |(line, name): (String, &String)| match config.refusal(name) {
+        Some(refusal) => format!("{line}, with --allow-code only ({})", refusal.why),
+        None => line,
+    };
+    let named = config.process.keys().filter(|name| config.names_program(name));
+    programs(config).into_iter().zip(named).map(line).collect()
+}
+
 /// Reports on standard error the programs that a drive starts; before the drive, so that a refusal has no other effect.
 ///
 /// # Errors
@@ -121,7 +131,8 @@ pub fn start(config: &Config) -> anyhow::Result<()> {
 /// # Errors
 /// All refusals, with key and command line.
 pub fn check<'a>(config: &Config, processes: impl IntoIterator<Item = &'a String>) -> anyhow::Result<()> {
-    let refusals: Vec<String> = processes.into_iter().filter_map(|name| config.refusal(name)).collect();
+    let refusals = processes.into_iter().filter_map(|name| config.refusal(name));
+    let refusals: Vec<String> = refusals.map(|refusal| refusal.to_string()).collect();
     anyhow::ensure!(refusals.is_empty(), "{}", refusals.join("\n"));
     Ok(())
 }

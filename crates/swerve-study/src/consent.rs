@@ -60,8 +60,8 @@ impl StudyConsent {
     }
 
     /// Has the configuration of a cell start the programs that the user's own files and the command line name.
-    fn apply(&self, config: &mut Config, (study, cell): (&Study, &Cell), layers: Vec<Layer>) {
-        let of_study: Sets = cell.sets.iter().filter(|set| !self.given.contains(set)).cloned().collect();
+    fn apply(&self, config: &mut Config, (study, sets): (&Study, &Sets), layers: Vec<Layer>) {
+        let of_study: Sets = sets.iter().filter(|set| !self.given.contains(set)).cloned().collect();
         let mut layers = layers;
         layers.push(Layer::of_sets(&study.file, &of_study, study.doubt.clone()));
         layers.push(Layer::of_sets("--set", &self.given, None));
@@ -81,7 +81,7 @@ impl Bench {
     pub(crate) fn trust(&self, config: &mut Config, cell: &Cell) {
         if config.programs().next().is_some() {
             let layers = self.bases.layers.get(&cell.config).cloned().unwrap_or_default();
-            self.consent.apply(config, (&self.study, cell), layers);
+            self.consent.apply(config, (&self.study, &cell.sets), layers);
         }
     }
 
@@ -91,20 +91,20 @@ impl Bench {
         let steps = self.study.steps.iter().flatten().map(|step| &step.sets).filter(|sets| names(sets));
         let none = Sets::new();
         let all = std::iter::once(&none).chain(steps).map(|sets| [&self.study.base[..], sets].concat());
-        let of = |sets: Sets, base: &Document| {
+        let of = |sets: Sets, files: &Vec<PathBuf>, base: &Document| {
             let (_, sets) = split_sets(&sets);
-            let config = Config::from_document_with(&self.registry, base, &sets).ok();
-            config.iter().flat_map(trust::programs).collect::<Vec<_>>()
+            let Ok(mut config) = Config::from_document_with(&self.registry, base, &sets) else {
+                return Vec::new();
+            };
+            let layers = self.bases.layers.get(files).cloned().unwrap_or_default();
+            self.consent.apply(&mut config, (&self.study, &sets), layers);
+            trust::programs_with_doubts(&config)
         };
         let is_named = !self.bases.layers.values().all(Vec::is_empty);
         let all = all.filter(|sets| is_named || names(sets));
-        all.flat_map(|sets| self.bases.documents.values().flat_map(move |base| of(sets.clone(), base)))
+        let bases = &self.bases.documents;
+        all.flat_map(|sets| bases.iter().flat_map(move |(files, base)| of(sets.clone(), files, base)))
             .collect()
-    }
-
-    /// The reason to start no program that the study's own file names.
-    pub fn doubt(&self) -> Option<&str> {
-        self.study.doubt.as_deref()
     }
 
     /// Refuses a study with a program that the user has not consented to, before the first cell runs.

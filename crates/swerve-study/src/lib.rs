@@ -135,7 +135,9 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let out = &folder::of(&bench.study, args.out.as_deref())?;
             if let Some(cluster) = args.on {
                 let threads = args.threads.unwrap_or(1);
-                let (sets, code) = (&args.set, args.code);
+                // Shards run in other folders; what is refused here is refused by now.
+                let code = CodeArgs { allow_code: args.code.allow_code || !bench.programs().is_empty() };
+                let sets = &args.set;
                 return Job { file, sets, code, out, shards: args.shards, threads }.submit(cluster);
             }
             let (threads, shard, reports) = (args.threads, args.shard, args.reports);

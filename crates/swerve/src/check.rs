@@ -10,6 +10,7 @@ use swerve_lidar::LidarEngine;
 use swerve_report::output::{quoted, tell};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_stack::config::programs::Layer;
 use swerve_study::Bench;
 use swerve_text::{Document, Problems};
 
@@ -120,7 +121,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else if has("base") || has("axis") {
         match Bench::check(registry, path) {
             Ok(study) => {
-                list_programs(path, study.programs(), study.doubt());
+                list_programs(path, study.programs());
                 Vec::new()
             }
             Err(error) => format!("{error:#}").lines().map(str::to_owned).collect(),
@@ -130,9 +131,10 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     } else {
         let config = Config::from_document_with(registry, &document, &[]);
         let mut all: Vec<String> = report(match config {
-            Ok(config) => {
+            Ok(mut config) => {
                 let doubt = Kind::Config.doubt(path, &document.text);
-                list_programs(path, trust::programs(&config), doubt.as_deref());
+                config.trust(&[Layer::of_file(document.clone(), doubt)]);
+                list_programs(path, trust::programs_with_doubts(&config));
                 no_adapter(&document, &config)
             }
             Err(problems) => problems,
@@ -142,12 +144,9 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     }
 }
 
-/// Lists the programs that a file starts, and the reason why that takes `--allow-code`.
-fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>, doubt: Option<&str>) {
-    let only = doubt.map_or_else(String::new, |doubt| format!(", with --allow-code only: {doubt}"));
-    for program in programs {
-        tell(&format!("note: {}: {program}{only}", path.display()));
-    }
+/// Lists the programs that a file starts.
+fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>) {
+    programs.into_iter().for_each(|program| tell(&format!("note: {}: {program}", path.display())));
 }
 
 /// What asks for an adapter that is not there.

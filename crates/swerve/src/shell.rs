@@ -69,7 +69,7 @@ mod tests {
             assert!(script.contains("calibrate") && script.contains("seed"), "{shell}");
         }
         let folder = tempfile::tempdir().unwrap();
-        man(&ManArgs { out: folder.path().to_owned() }).unwrap();
+        man(&ManArgs { out: folder.path().to_owned(), overwrite: OverwriteArgs::default() }).unwrap();
         for page in ["swerve.1", "swerve-run.1", "swerve-study-merge.1"] {
             let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
             assert!(text.starts_with(".ie") && text.contains(".SH"), "{page}: {text:.60}");

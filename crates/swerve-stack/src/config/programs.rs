@@ -3,6 +3,7 @@
 //! A configuration that is parsed may start nothing: consent is given afterwards, by [`Config::trust`] for the layers
 //! that the user vouches for, or by [`Config::allow_programs`] for all of it.
 
+use core::fmt;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -108,6 +109,11 @@ impl Config {
         self.process.iter().filter_map(|(name, process)| process.program(name))
     }
 
+    /// Whether a process is started by a program that it names.
+    pub fn names_program(&self, process: &str) -> bool {
+        self.process.get(process).is_some_and(|config| config.program(process).is_some())
+    }
+
     /// Consents to the programs that it names: the user asked for it.
     pub fn allow_programs(&mut self) {
         let all = self.process.iter().map(|(name, process)| (name.clone(), process.names()));
@@ -129,26 +135,40 @@ impl Config {
     }
 
     /// The reason to start no program for a process: that the user has not consented to it.
-    pub fn refusal(&self, process: &str) -> Option<String> {
+    pub fn refusal(&self, process: &str) -> Option<Refusal> {
         let config = self.process.get(process)?;
         let program = config.program(process)?;
         if self.consent.allowed.get(process) == Some(&config.names()) {
             return None;
         }
-        let place = self.consent.refused.get(process).cloned();
-        let place = place.unwrap_or_else(|| format!("{}: named by no file of yours", program.key));
-        Some(format!("{place}; {ALLOW} `{}`", shown(&program.words)))
+        let why = self.consent.refused.get(process).cloned();
+        let why = why.unwrap_or_else(|| format!("{}: {UNNAMED}", program.key));
+        Some(Refusal { why, words: program.words })
     }
 }
 
-/// The end of a refusal, before the command line.
-const ALLOW: &str = "not started: expected --allow-code to run";
+/// The refusal of a program.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Refusal {
+    /// File, line, key and reason.
+    pub why: String,
+    /// The command line.
+    pub words: Vec<String>,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; not started: expected --allow-code to run `{}`", self.why, shown(&self.words))
+    }
+}
+
+const UNNAMED: &str = "named by no file of yours";
 
 /// The reason to distrust the value of one key, if there is one.
 fn refusal(layers: &[Layer], process: &str, key: &str, value: &toml::Value) -> Option<String> {
     let whole = format!("process.{process}.{key}");
     let Some(layer) = layers.iter().rev().find(|layer| layer.names(process, key).is_some()) else {
-        return Some(format!("{whole}: named by no file of yours"));
+        return Some(format!("{whole}: {UNNAMED}"));
     };
     if layer.names(process, key) != Some(value) {
         return Some(format!("{}: changed since it was read", layer.place(&whole)));
@@ -211,7 +231,7 @@ mod tests {
     #[test]
     fn parsed_configuration_starts_no_program_until_the_user_consents() {
         let mut config = config(FAR, &[]);
-        let why = config.refusal("far").unwrap();
+        let why = config.refusal("far").unwrap().to_string();
         assert!(why.contains("process.far.start") && why.ends_with("to run `ssh far`"), "{why}");
         config.trust(&[Layer::of_file(document("c.toml", FAR), None)]);
         assert_eq!(config.refusal("far"), None);
@@ -248,7 +268,7 @@ mod tests {
         ];
         for (k, (mut config, layers, expected)) in cases.into_iter().enumerate() {
             config.trust(&layers);
-            let why = config.refusal("far");
+            let why = config.refusal("far").map(|refusal| refusal.why);
             assert_eq!(why.is_some(), expected.is_some(), "{k}: {why:?}");
             assert!(why.unwrap_or_default().contains(expected.unwrap_or_default()), "{k}");
         }

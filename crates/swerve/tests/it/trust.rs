@@ -6,6 +6,7 @@ use std::path::Path;
 
 use swerve_core::Digest;
 use swerve_log::{Recorder, RunEnd, RunStart};
+use swerve_stack::config::programs::reaches_outside;
 
 use crate::support::{Bench, SHORT, Said};
 
@@ -170,6 +171,15 @@ fn study_from_outside_starts_programs_with_consent_only() {
         let (said, ran) = sides.call(&["study", name]);
         assert!(ran, "{name} is the user's own: {said:?}");
     }
+    // A study of the user's own over somebody else's configuration.
+    sides.there.write("c.toml", &evil(&mark));
+    let config = sides.away("c.toml");
+    sides
+        .here
+        .write("own.toml", &format!("base = {{ scenario = \"short.toml\", config = \"{config}\" }}\n{axis}"));
+    sides.needs_consent(&["study", "own.toml"], &format!("{config}:8: process.evil.start"));
+    let said = sides.here.swerve(&["check", "own.toml"]);
+    assert!(said.stderr.contains("with --allow-code only") && said.stderr.contains(&config), "{said:?}");
 }
 
 /// A log whose configuration names a program.
@@ -220,5 +230,27 @@ fn check_lists_programs() {
     let line = "note: c.toml: process.evil.start runs `sh -c '\\u{1b}[2Jtouch ";
     assert!(said.stderr.starts_with(line) && !said.stderr.contains("--allow-code"), "{said:?}");
     let (said, ran) = sides.call(&["check", &sides.away("c.toml")]);
-    assert!(!ran && said.stderr.contains(", with --allow-code only: the file is outside of"), "{said:?}");
+    assert!(
+        !ran && said.stderr.contains(", with --allow-code only (") && said.stderr.contains("outside of"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn every_key_that_names_a_file_is_refused_on_the_page_of_a_view() {
+    let keys = Bench::new().good(&["keys", "--json"]);
+    let keys: serde_json::Value = serde_json::from_str(&keys).unwrap();
+    let names_file = |doc: &str| {
+        ["path from", "file of", "shared memory", "file as"].iter().any(|word| doc.contains(word))
+    };
+    let mut found = 0;
+    for key in keys.as_array().unwrap() {
+        let (name, doc) = (key["key"].as_str().unwrap(), key["doc"].as_str().unwrap_or_default());
+        if names_file(doc) || name.starts_with("process.") {
+            let name = name.split(' ').next().unwrap().replace("NAME", "x").replace("[]", "");
+            assert!(reaches_outside(&name, &"a".into()).is_some(), "{name}: {doc}");
+            found += 1;
+        }
+    }
+    assert!(found >= 8, "only {found} keys name files");
 }
