@@ -62,7 +62,7 @@ pub(crate) fn study<'py>(
     progress: Option<Bound<'py, PyAny>>,
     allow_code: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let open = || {
+    let open = || -> anyhow::Result<Bench> {
         let bench = Bench::open(&swerve::Registry::standard(), &file, &set)?;
         let bench = bench.with_code(CodeArgs { allow_code });
         bench.refuse_programs()?;

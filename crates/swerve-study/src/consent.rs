@@ -111,7 +111,7 @@ impl Bench {
     ///
     /// # Errors
     /// The refusals of the first such cell.
-    pub(crate) fn refuse_programs(&self) -> anyhow::Result<()> {
+    pub fn refuse_programs(&self) -> anyhow::Result<()> {
         let named = self.bases.layers.values().any(|layers| !layers.is_empty());
         let sets = |cell: &Cell| cell.sets.iter().any(|(key, _)| key.starts_with("process"));
         for cell in self.study.cells.iter().filter(|cell| named || sets(cell)) {
