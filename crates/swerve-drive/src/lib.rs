@@ -12,12 +12,14 @@ mod rungs;
 mod story;
 
 pub mod frames;
+pub mod graph;
 pub mod overwrite;
 pub mod page;
 pub mod pictures;
 pub mod process;
 pub mod program;
 pub mod realtime;
+pub mod scenarios;
 pub mod shipped;
 pub mod threads;
 pub mod trust;
