@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict};
 use rayon::prelude::*;
 use swerve_core::Rng;
+use swerve_drive::trust::CodeArgs;
 
 use crate::convert::error;
 use crate::numbers::Numbers;
@@ -66,7 +67,7 @@ type Stepped<'py> = (Bound<'py, PyByteArray>, Bound<'py, PyByteArray>);
 #[pymethods]
 impl Drives {
     #[new]
-    #[pyo3(signature = (scenario, level, observe, *, config=None, set=None, count=1, threads=1, rows=8))]
+    #[pyo3(signature = (scenario, level, observe, *, config=None, set=None, count=1, threads=1, rows=8, allow_code=false))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
         scenario: FileOr<'_>,
@@ -77,8 +78,11 @@ impl Drives {
         count: usize,
         threads: usize,
         rows: usize,
+        allow_code: bool,
     ) -> PyResult<Self> {
-        let Inputs { config, scenario, .. } = Inputs::load(&scenario, config.as_ref(), set.as_ref(), None)?;
+        let code = CodeArgs { allow_code };
+        let Inputs { config, scenario, .. } =
+            Inputs::load(&scenario, config.as_ref(), set.as_ref(), None, code)?;
         let level = Level::named(level).map_err(PyValueError::new_err)?;
         let task = Task::new(config, scenario, level, &observe, rows).map_err(error)?;
         let lane = |_| Lane { drive: None, seed: 0, count: 0, over: true };

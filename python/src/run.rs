@@ -11,10 +11,11 @@ use swerve::Summary;
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::why::of_run;
 use swerve_drive::{drive_pipeline, problems_error, read_scenario, set_up, story};
 use swerve_flow::{EndReason, Event, Observer, StopHandle};
-use swerve_log::{Recorder, RunStart};
+use swerve_log::{Reader, Recorder, RunStart};
 use swerve_report::story::draw;
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -48,10 +49,12 @@ impl Inputs {
         config: Option<&FileOr<'_>>,
         set: Option<&Bound<'_, PyDict>>,
         seed: Option<i64>,
+        code: CodeArgs,
     ) -> PyResult<Self> {
         let mut sets = sets(set)?;
         sets.extend(seed.map(|seed| ("seed".to_owned(), seed.into())));
-        let config = match config {
+        let config_of = config;
+        let config = match config_of {
             None => Config::load(None, &sets),
             Some(FileOr::File(path)) => {
                 Kind::Config.config(&Registry::standard(), std::slice::from_ref(path), &sets)
@@ -60,7 +63,10 @@ impl Inputs {
                 .map_err(swerve_text::Problems::from)
                 .and_then(|document| Config::from_document(&document, &sets)),
         };
-        let config = config.map_err(|problems| error(problems_error(&problems)))?;
+        let is_file = matches!(config_of, Some(FileOr::File(_)));
+        let mut config = config.map_err(|problems| error(problems_error(&problems)))?;
+        // A dictionary is the calling program's own.
+        CodeArgs { allow_code: code.allow_code || !is_file }.apply(&mut config);
         let (scenario, scenario_text, scenario_file) = match scenario {
             FileOr::File(path) => {
                 let scenario = read_scenario(path).map_err(error)?;
@@ -172,7 +178,11 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     })
 }
 
+/// Begins a log, in the place of an earlier one but of nothing else.
 fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
+    if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
+        std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
+    }
     let mut recorder = Recorder::create(path, start)?;
     set_up(&mut recorder, config, pipeline);
     Ok(recorder)
@@ -180,7 +190,7 @@ fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline)
 
 /// Drives a scenario; gives what it came to as a dictionary.
 #[pyfunction]
-#[pyo3(signature = (scenario, config=None, set=None, seed=None, *, threads=1, streams=None, log=None, progress=None))]
+#[pyo3(signature = (scenario, config=None, set=None, seed=None, *, threads=1, streams=None, log=None, progress=None, allow_code=false))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
 pub(crate) fn run<'py>(
     py: Python<'py>,
@@ -192,8 +202,10 @@ pub(crate) fn run<'py>(
     streams: Option<Vec<String>>,
     log: Option<PathBuf>,
     progress: Option<Bound<'py, PyAny>>,
+    allow_code: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let inputs = Inputs::load(&scenario, config.as_ref(), set.as_ref(), seed)?;
+    let code = CodeArgs { allow_code };
+    let inputs = Inputs::load(&scenario, config.as_ref(), set.as_ref(), seed, code)?;
     let until_s = inputs.scenario.end.timeout_s;
     let reins = Reins::default();
     let (told, stopper) = (reins.clone(), reins.clone());

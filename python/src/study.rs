@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use swerve_drive::trust::CodeArgs;
 use swerve_study::cells::{CellResult, CellStore, Runner};
 use swerve_study::{Bench, heatmap, table};
 
@@ -51,7 +52,7 @@ struct Reins {
 
 /// Runs a study; gives what it came to as a dictionary. Finished cells are kept in `out`.
 #[pyfunction]
-#[pyo3(signature = (file, out, set=Vec::new(), threads=1, progress=None))]
+#[pyo3(signature = (file, out, set=Vec::new(), threads=1, progress=None, allow_code=false))]
 pub(crate) fn study<'py>(
     py: Python<'py>,
     file: PathBuf,
@@ -59,8 +60,15 @@ pub(crate) fn study<'py>(
     set: Vec<String>,
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
+    allow_code: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let bench = py.detach(|| Bench::open(&swerve::Registry::standard(), &file, &set)).map_err(error)?;
+    let open = || -> anyhow::Result<Bench> {
+        let bench = Bench::open(&swerve::Registry::standard(), &file, &set)?;
+        let bench = bench.with_code(CodeArgs { allow_code });
+        bench.refuse_programs()?;
+        Ok(bench)
+    };
+    let bench = py.detach(open).map_err(error)?;
     let count = bench.study.cells.len();
     let reins = Reins::default();
     let (told, stopper) = (reins.clone(), reins.clone());

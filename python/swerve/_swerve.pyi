@@ -41,6 +41,7 @@ class Drives:
         count: int = 1,
         threads: int = 1,
         rows: int = 8,
+        allow_code: bool = False,
     ) -> Drives: ...
     def observations(self) -> list[tuple[str, list[int], str, list[str]]]: ...
     def actions(self) -> list[tuple[float, float, str]]: ...
@@ -65,6 +66,7 @@ def run(
     streams: Sequence[str] | None = None,
     log: _Path | None = None,
     progress: Callable[[float, float], object] | None = None,
+    allow_code: bool = False,
 ) -> dict[str, Any]: ...
 def study(
     file: _Path,
@@ -72,6 +74,7 @@ def study(
     set: Sequence[str] = ...,
     threads: int = 1,
     progress: Callable[[int, int], object] | None = None,
+    allow_code: bool = False,
 ) -> dict[str, Any]: ...
 def read_log(path: _Path) -> dict[str, Any]: ...
 def from_cbor(bytes: bytes) -> Any: ...

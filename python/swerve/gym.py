@@ -118,7 +118,7 @@ def _facts(facts: bytearray) -> NDArray[np.float64]:
 class DrivingEnv(gymnasium.Env[Observation, Action]):
     """A drive that an agent steps.
 
-    `scenario`, `config` and `set` are those of `swerve.run`. `level` says in whose place the agent decides: `command`
+    `scenario`, `config`, `set` and `allow_code` are those of `swerve.run`. `level` says in whose place the agent decides: `command`
     (steering, throttle, brake, every control period), `plan` (ten points 0.3 s apart, as seen from the ego) or `target`
     (speed and lateral offset), once a frame of the obstacle sensor. `observe` names one stream, for an array, or several,
     for a dictionary of arrays; `route` is where the ego is on its route. Of lists the `rows` nearest things are observed,
@@ -140,6 +140,7 @@ class DrivingEnv(gymnasium.Env[Observation, Action]):
         observe: str | Sequence[str] = ("route", "pose", "obstacles"),
         reward: Reward = progress_reward,
         rows: int = 8,
+        allow_code: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None:
@@ -153,6 +154,7 @@ class DrivingEnv(gymnasium.Env[Observation, Action]):
             config=config,
             set=set,
             rows=rows,
+            allow_code=allow_code,
         )
         self._layout = _Layout(self._drives, observe)
         self._reward = reward
@@ -249,6 +251,7 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         observe: str | Sequence[str] = ("route", "pose", "obstacles"),
         reward: VectorReward = progress_rewards,
         rows: int = 8,
+        allow_code: bool = False,
     ) -> None:
         self.num_envs = num_envs
         self.render_mode = None
@@ -261,6 +264,7 @@ class DrivingVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
             count=num_envs,
             threads=threads,
             rows=rows,
+            allow_code=allow_code,
         )
         self._layout = _Layout(self._drives, observe)
         if self._layout.images:

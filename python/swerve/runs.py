@@ -54,6 +54,7 @@ def run(
     streams: Iterable[str] | None = None,
     log: str | os.PathLike[str] | None = None,
     progress: Callable[[float, float], object] | None = None,
+    allow_code: bool = False,
 ) -> Result:
     """Drives a scenario.
 
@@ -61,6 +62,9 @@ def run(
     dictionary; `set` assigns configuration keys such as `planning.planner`. All streams but those of images and point
     clouds are kept, or those that `streams` names. `log` is where the run is recorded. `progress` is called now and then
     with the simulated seconds and how many there are at most; what it raises ends the run.
+
+    `allow_code` starts the programs that a configuration file from outside the current folder names
+    (`process.NAME.start`, `python`, `interpreter`); what a dictionary names is started.
 
     Other threads of Python go on meanwhile, so that several runs drive at once.
 
@@ -75,6 +79,7 @@ def run(
         streams=None if streams is None else list(streams),
         log=log,
         progress=progress,
+        allow_code=allow_code,
     )
     return Result(
         metrics=json.loads(driven["metrics"]),

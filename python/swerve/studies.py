@@ -75,12 +75,15 @@ def study(
     threads: int | None = None,
     out: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
+    allow_code: bool = False,
 ) -> StudyResult:
     """Runs a study: a file (TOML), or its content as a dictionary.
 
     Cells run in parallel, one a core unless `threads` says otherwise. What is finished is kept in the folder `out`, where
     there is one, so that a second call goes on from there. `progress` is called now and then with the number of finished
     cells and of all; what it raises ends the study.
+
+    `allow_code` is as for `swerve.run`.
 
     Raises ValueError with all that is wrong with the study, its files or its cells.
     """
@@ -97,6 +100,7 @@ def study(
             [f"{key}={_toml(value)}" for key, value in (set or {}).items()],
             threads or os.cpu_count() or 1,
             progress,
+            allow_code or isinstance(file, dict),
         )
     return StudyResult(
         name=studied["name"],

@@ -257,8 +257,13 @@ def program(*arguments: object, **environment: str) -> subprocess.CompletedProce
 def test_the_program_itself_runs_a_class_beside_its_configuration(file: Any, tmp_path: Path) -> None:
     config = tmp_path / "finder.toml"
     config.write_text(swerve.run("lane", with_finder(file(FINDER))).config.replace(f"{tmp_path}/", ""))
-    said = program("run", "lane", "-c", config, "--json", "--out", tmp_path / "out")
+    said = program("run", "lane", "-c", config, "--allow-code", "--json", "--out", tmp_path / "out")
     assert f'"digest": "{swerve.run("lane", with_finder(file(FINDER))).digest}"' in said.stdout, said
+    refused = program("run", "lane", "-c", config)
+    assert refused.returncode == 1 and "expected --allow-code" in refused.stderr, refused
+    with pytest.raises(ValueError, match="process.finder.python: .* expected --allow-code"):
+        swerve.run("lane", config)
+    swerve.run("lane", config, allow_code=True)
 
 
 #: Foresees nobody: who drives by it stops for nobody.
@@ -292,7 +297,7 @@ def test_a_data_set_is_driven_with_an_operator_in_python(file: Any, tmp_path: Pa
     for name, text in (("without", camera), ("with", camera + NOBODYS)):
         config = tmp_path / f"{name}.toml"
         config.write_text(text)
-        said = program("dataset", "person_crossing", "-c", config, "--out", tmp_path / name)
+        said = program("dataset", "person_crossing", "-c", config, "--allow-code", "--out", tmp_path / name)
         assert said.returncode == 0, said
         samples.append(len((tmp_path / name / "index.csv").read_text().splitlines()) - 1)
     # The drive that stops for nobody ends at the person.
@@ -333,14 +338,14 @@ def test_a_car_is_driven_with_an_operator_in_python(file: Any, tmp_path: Path) -
         config = tmp_path / "live.toml"
         live = '[live]\nroute = "lane"\n[ros2]\nvehicle = "autoware"\n[control]\ncontroller = "stanley"\n'
         config.write_text(live + NOBODYS)
-        drive = ("live", config, "--enable", "at-start", "--seconds", 8, "--json", "--out", tmp_path / "out")
+        drive = ("live", config, "--allow-code", "--enable", "at-start", "--seconds", 8, "--json", "--out", tmp_path / "out")
         said = program(*drive, ROS_DOMAIN_ID=str(domain), ROS_LOCALHOST_ONLY="1")
         assert said.returncode == 0, said
         driven = json.loads(said.stdout)
         assert driven["drive"]["driven_m"] > 5 and driven["drive"]["refused"]["ahead"] == 0, driven["drive"]
         predictor = [o for o in driven["operators"] if o["operator"] == "predictor"]
         assert predictor and predictor[0]["steps"] > 50, driven["operators"]
-        assert "as logged" in program("replay", tmp_path / "out/log.mcap", "--verify").stdout
+        assert "as logged" in program("replay", tmp_path / "out/log.mcap", "--allow-code", "--verify").stdout
     finally:
         car.kill()
         car.wait()

@@ -31,6 +31,7 @@ pub(crate) fn config(assignments: &[&str]) -> Config {
 /// Drives the scenario in `file` and records it in `log`.
 pub(crate) fn record(config: &Config, file: &Path, log: &Path, threads: usize) -> Outcome {
     let pipeline = Pipeline::build(config, &read_scenario(file).unwrap()).unwrap();
+    let _earlier = std::fs::remove_file(log);
     let mut recorder = Recorder::create(log, &run_start(config, &pipeline.scenario, file)).unwrap();
     set_up(&mut recorder, config, &pipeline);
     let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut recorder]).unwrap();

@@ -115,7 +115,13 @@ fn text(((x, y), turn_deg): ((f64, f64), f64), text: &str, how: Text) -> String 
     format!("{head} {} stroke-linejoin=\"round\">{text}</text>\n{written}", attributes(&RIM))
 }
 
-/// A text as it stands in XML.
+/// A text as it stands in XML. Characters that XML has no way to write become U+FFFD (XML 1.0, section 2.2).
 pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    let is_refused =
+        |c: char| c.is_ascii_control() && !"\t\n\r".contains(c) || matches!(c, '\u{fffe}' | '\u{ffff}');
+    text.replace(is_refused, "\u{fffd}")
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }

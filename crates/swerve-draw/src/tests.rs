@@ -171,6 +171,12 @@ fn a_picture_is_the_same_bytes_every_time() {
 }
 
 #[test]
+fn svg_has_only_characters_that_xml_can_hold() {
+    let text = "a\u{0}b\u{1b}[2J\u{7f}\u{fffe}\n\u{e9}";
+    assert_eq!(crate::escape(text), "a\u{fffd}b\u{fffd}[2J\u{fffd}\u{fffd}\n\u{e9}");
+}
+
+#[test]
 fn svg_escapes_and_names_its_font() {
     let svg = sample().svg();
     assert!(svg.contains("a &lt; b &amp; c") && svg.contains(STACK) && svg.trim_end().ends_with("</svg>"));

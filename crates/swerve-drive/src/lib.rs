@@ -12,18 +12,24 @@ mod rungs;
 mod story;
 
 pub mod frames;
+pub mod graph;
+pub mod overwrite;
 pub mod page;
 pub mod pictures;
 pub mod process;
 pub mod program;
 pub mod realtime;
+pub mod scenarios;
 pub mod shipped;
 pub mod threads;
+pub mod trust;
 pub mod views;
 pub mod why;
 
 pub use drive::{Outcome, drive, drive_observed, drive_pipeline, record_run_times};
-pub use load::{RunInput, load, operators_with_runtime, problems_error, read_scenario};
+pub use load::{RunInput, load, load_config, operators_with_runtime, problems_error, read_scenario};
+pub use overwrite::OverwriteArgs;
 pub use recording::{Recording, left_out_of_logs, run_start, set_up};
 pub use rungs::{Budgets, RungCount, Rungs};
 pub use story::{story, title};
+pub use trust::CodeArgs;

@@ -10,6 +10,7 @@ use swerve_stack::config::Config;
 use swerve_text::{nearest, parse_assignment, parse_assignments};
 
 use crate::shipped::Kind;
+use crate::trust::CodeArgs;
 
 /// What is driven, by what.
 #[derive(clap::Args, Clone, Debug)]
@@ -26,6 +27,18 @@ pub struct RunInput {
     /// Seed of everything random
     #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(i64).range(0..))]
     pub seed: Option<i64>,
+    /// Start the programs that files name which are not yours: process.NAME.start, python and interpreter of
+    /// configurations from outside the current folder
+    // Not flattened: an optional group of arguments has no other within.
+    #[arg(long)]
+    pub allow_code: bool,
+}
+
+impl RunInput {
+    /// The consent to programs.
+    pub fn code(&self) -> CodeArgs {
+        CodeArgs { allow_code: self.allow_code }
+    }
 }
 
 /// Several problems as one error.
@@ -66,10 +79,29 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
         sets.push(("seed".into(), toml::Value::Integer(seed)));
     }
     let (of_scenario, of_config) = split_sets(&sets);
-    let config = Kind::Config
+    let mut config = Kind::Config
         .config(registry, &input.config, &of_config)
         .map_err(|problems| problems_error(&problems))?;
+    input.code().apply(&mut config);
     Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
+}
+
+/// Reads the configuration of files for drives, with assignments and the consent of a command line; reports the programs that
+/// it starts.
+///
+/// # Errors
+/// All that is wrong with it, or a program that the user has not consented to.
+pub fn load_config(
+    registry: &Registry,
+    files: &[PathBuf],
+    set: &[String],
+    code: CodeArgs,
+) -> anyhow::Result<Config> {
+    let sets = parse_assignments(set)?;
+    let config = Kind::Config.config(registry, files, &sets);
+    let mut config = config.map_err(|problems| problems_error(&problems))?;
+    code.start(&mut config)?;
+    Ok(config)
 }
 
 /// The operators to which `--set` gives run times.

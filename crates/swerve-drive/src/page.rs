@@ -22,6 +22,7 @@ use swerve_text::Document;
 use crate::load::RunInput;
 use crate::measured::outline;
 use crate::story::title;
+use crate::trust;
 
 /// The name of the page within a run's folder.
 pub const REPORT: &str = "report.html";
@@ -65,6 +66,7 @@ impl RunReport {
 
     fn of_config(config: &Config, scenario: &Scenario, command: String) -> Self {
         let page = RunPage {
+            notes: trust::programs(config).iter().map(|line| format!("{line}.")).collect(),
             scenario: scenario.name.clone(),
             pipeline: config.pipeline_name(),
             seed: config.seed,
@@ -188,6 +190,7 @@ pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
     if let Some(log) = run_times {
         line += &format!(" --runtimes {}", quoted(&log.display().to_string()));
     }
+    line += input.code().words();
     line
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_draw::{Format, Picture};
-use swerve_report::files::write_whole;
+use swerve_report::files::{is_ours, write_whole};
 
 /// How pictures are written.
 #[derive(clap::Args, Clone, Copy, Debug, Default)]
@@ -30,7 +30,7 @@ impl PictureArgs {
         // What an earlier run drew in another form is not of this one.
         for other in Format::ALL.into_iter().filter(|other| *other != self.format.unwrap_or_default()) {
             let old: PathBuf = folder.join(format!("{stem}.{other}"));
-            if old.exists() {
+            if is_ours(&old) {
                 std::fs::remove_file(&old)?;
             }
         }

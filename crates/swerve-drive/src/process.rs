@@ -23,6 +23,7 @@ use swerve_text::Document;
 
 use crate::problems_error;
 use crate::program::Program;
+use crate::trust;
 
 /// A process that takes longer to build its pipeline is given up.
 const READY_WITHIN: Duration = Duration::from_secs(60);
@@ -152,8 +153,10 @@ impl Processes {
     /// this program.
     ///
     /// # Errors
-    /// When there is no shared memory, or a process does not come up.
+    /// The user has not consented to a program that the configuration names; there is no shared memory, or a process does
+    /// not come up.
     pub fn start(program: &Program, config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
+        trust::check(config, config.process.keys())?;
         let texts = Texts { config: config.to_text(), scenario: pipeline.scenario.text.to_string() };
         let payload = serde_json::to_vec(&texts)?;
         let mut workers = match &config.shared_memory.name {

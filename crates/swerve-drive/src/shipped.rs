@@ -10,8 +10,11 @@ use std::path::{Component, Path, PathBuf};
 
 use swerve_scenario::is_scenario_key;
 use swerve_stack::Registry;
+use swerve_stack::config::programs::Layer;
 use swerve_stack::config::{Config, old_names};
 use swerve_text::{Document, Problem, Problems, nearest};
+
+use crate::trust;
 
 /// A file that is in the program.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -274,10 +277,11 @@ impl Kind {
     }
 
     /// Several configuration files, or shipped ones of these names, as one document: what a later one says goes before.
+    /// Those of them that name programs are given as layers, in order.
     ///
     /// # Errors
     /// One cannot be read, or is no TOML.
-    pub fn layers(self, given: &[PathBuf]) -> Result<Document, Problem> {
+    pub fn layers(self, given: &[PathBuf]) -> Result<(Document, Vec<Layer>), Problem> {
         let documents: Vec<Document> =
             given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
         for document in &documents {
@@ -287,10 +291,21 @@ impl Kind {
             }
             old_names(&document.table).iter().for_each(|line| eprintln!("note: {}: {line}", document.file));
         }
+        let named =
+            given.iter().zip(&documents).filter(|(_, document)| Layer::names_programs(&document.table));
+        let layers =
+            named.map(|(path, document)| Layer::of_file(document.clone(), self.doubt(path, &document.text)));
+        let layers = layers.collect();
         match Config::layered(documents) {
-            Some(document) => Ok(document),
-            None => Document::parse("defaults", ""),
+            Some(document) => Ok((document, layers)),
+            None => Ok((Document::parse("defaults", "")?, layers)),
         }
+    }
+
+    /// The reason to start no program that a file of this text names; `None` for a shipped one and one of the user's own.
+    pub fn doubt(self, given: &Path, text: &str) -> Option<String> {
+        let is_shipped = self.find(given).is_some_and(|file| file.text == text);
+        if is_shipped { None } else { trust::doubt(given, text) }
     }
 
     /// What is said of a file of this kind in the place of another one.
@@ -305,8 +320,9 @@ impl Kind {
         format!("it is a {noun}, expected a {other}{how}")
     }
 
-    /// The configuration of files, or of the shipped ones of these names, the later over the earlier, under assignments;
-    /// without any all defaults.
+    /// The configuration of files, or of the shipped ones of these names, the later over the earlier, under the
+    /// assignments of a command line; without any all defaults. It may start the programs that the user's own files and
+    /// the command line name.
     ///
     /// # Errors
     /// All that is wrong with it.
@@ -322,7 +338,11 @@ impl Kind {
             let _ = swerve_text::set(&mut assigned, key, value.clone());
         }
         old_names(&assigned).iter().for_each(|line| eprintln!("note: --set: {line}"));
-        Config::from_document_with(registry, &self.layers(given)?, sets)
+        let (document, mut layers) = self.layers(given)?;
+        layers.push(Layer::of_sets("--set", sets, None));
+        let mut config = Config::from_document_with(registry, &document, sets)?;
+        config.trust(&layers);
+        Ok(config)
     }
 
     /// What a file means by `named`, which is `at` as seen from that file: a file that is there, or one in the program.
@@ -390,7 +410,7 @@ mod tests {
         let (scenario, config) =
             (Kind::Scenario.text(Path::new("lane")), Kind::Config.text(Path::new("paper")));
         let (scenario, config) = (file("s", &scenario.unwrap()), file("c", &config.unwrap()));
-        let as_config = |path: &Path| Kind::Config.layers(&[path.to_owned()]).unwrap_err().to_string();
+        let as_config = |path: &Path| Kind::Config.layers(&[path.to_owned()]).err().unwrap().to_string();
         let as_scenario = |path: &Path| Kind::scenario(path).unwrap_err().to_string();
         for path in [scenario.as_path(), Path::new("lane")] {
             let expected = "it is a scenario, expected a configuration: a scenario is given without `-c`";

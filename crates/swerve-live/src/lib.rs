@@ -46,6 +46,7 @@ use swerve_core::{Span, Time};
 use swerve_drive::page::{COMMAND, REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::views::live_views;
 use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
 use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
@@ -93,6 +94,8 @@ pub struct LiveArgs {
     /// Set a configuration key, such as ego.speed_mps=5
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
@@ -103,17 +106,9 @@ pub struct LiveArgs {
 
 impl LiveArgs {
     /// A drive of a configuration with these keys set, everything else as it is by default.
-    pub fn of(config: PathBuf, set: Vec<String>) -> Self {
-        Self {
-            config,
-            seconds: None,
-            out: None,
-            overwrite: false,
-            enable: None,
-            set,
-            json: false,
-            threads: 2,
-        }
+    pub fn of(config: PathBuf, set: Vec<String>, code: CodeArgs) -> Self {
+        let (seconds, out, enable) = (None, None, None);
+        Self { config, code, seconds, out, overwrite: false, enable, set, json: false, threads: 2 }
     }
 
     /// The command line that drives so again.
@@ -125,10 +120,8 @@ impl LiveArgs {
         if let Some(enable) = self.enable.as_ref().and_then(clap::ValueEnum::to_possible_value) {
             line += &format!(" --enable {}", enable.get_name());
         }
-        for set in &self.set {
-            line += &format!(" --set {}", quoted(set));
-        }
-        line
+        self.set.iter().for_each(|set| line += &format!(" --set {}", quoted(set)));
+        line + self.code.words()
     }
 }
 
@@ -245,11 +238,7 @@ impl Finished {
     /// Gives the files their names, now that they are whole; returns their folder.
     fn name_whole(self) -> anyhow::Result<RunFolder> {
         let Self(folder) = self;
-        for name in ["log.partial.mcap", "trace.partial.json"] {
-            let whole = name.replace(".partial", "");
-            std::fs::rename(folder.path.join(name), folder.path.join(&whole))
-                .with_context(|| format!("writing {whole}"))?;
-        }
+        folder.name_whole()?;
         Ok(folder)
     }
 }
@@ -409,7 +398,8 @@ pub fn run_before(
         };
         sets.push(("live.enable".into(), word.into()));
     }
-    let drive = Drive::load(registry, &args.config, &sets)?;
+    let mut drive = Drive::load(registry, &args.config, &sets)?;
+    args.code.start(&mut drive.config)?;
     if let Some(seconds) = args.seconds {
         anyhow::ensure!(seconds > 0.0 && seconds < 1e6, "--seconds {seconds}: expected more than 0");
     }

@@ -21,6 +21,9 @@ pub struct Log {
     pub start: RunStart,
     /// The end: all that was known when it ended; `None` where it was cut off.
     pub end: Option<RunEnd>,
+    /// Whether the end holds seals. Without them nobody can tell whether head, scenario, configuration, headers and times are
+    /// as they were written.
+    pub is_sealed: bool,
     /// The streams that carried messages, in the order of their first one.
     pub streams: Vec<Arc<StreamInfo>>,
     /// All records in the order in which the run did them.
@@ -68,8 +71,8 @@ impl Log {
             }
         };
         let start = reader.run_start().clone();
-        let end = reader.run_end().cloned();
-        (Self { start, end, streams: reader.streams().to_vec(), records }, damage)
+        let (end, is_sealed) = (reader.run_end().cloned(), reader.is_sealed());
+        (Self { start, end, is_sealed, streams: reader.streams().to_vec(), records }, damage)
     }
 
     /// Up to which instant it tells all: the run's end; where it was cut off, just before its last record, as more may

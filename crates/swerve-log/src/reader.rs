@@ -39,6 +39,7 @@ struct Context {
     streams: Vec<Arc<StreamInfo>>,
     records: u64,
     seals: Seals,
+    is_sealed: bool,
 }
 
 #[derive(Clone)]
@@ -126,6 +127,11 @@ impl<R: Read + Seek> Reader<R> {
     /// The end: all that was known when the run ended; `None` until all records were read.
     pub fn run_end(&self) -> Option<&RunEnd> {
         self.context.end.as_ref()
+    }
+
+    /// Whether the end that was read so far holds seals: digests of all else in the file.
+    pub fn is_sealed(&self) -> bool {
+        self.context.is_sealed
     }
 
     /// The streams met so far.
@@ -270,8 +276,10 @@ impl Context {
                 self.start = Some(format::start_from_map(map).map_err(Fault::Foreign)?);
             }
             format::RUN_END => {
-                if let Some(sealed) = map.remove(format::SEALS)
-                    && let Some(part) = first_difference(&sealed, &self.seals.lines(&map))
+                let sealed = map.remove(format::SEALS);
+                self.is_sealed = sealed.is_some();
+                if let Some(part) =
+                    sealed.and_then(|sealed| first_difference(&sealed, &self.seals.lines(&map)))
                 {
                     return Err(Fault::Content(format!("{part} was changed after it was written")));
                 }

@@ -127,9 +127,9 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Creates the file (an existing one is replaced) and starts the writer thread.
+    /// Creates the file, which must not be there yet, and starts the writer thread.
     pub fn create(path: &Path, start: &RunStart) -> Result<Self, LogError> {
-        let file = File::create(path).map_err(|source| LogError::Create { path: path.into(), source })?;
+        let file = File::create_new(path).map_err(|source| LogError::Create { path: path.into(), source })?;
         Self::start(path, BufWriter::with_capacity(64 << 10, file), start)
     }
 

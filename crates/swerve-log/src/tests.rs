@@ -323,6 +323,28 @@ fn every_changed_byte_of_a_record_is_named_though_checksums_fit() {
 }
 
 #[test]
+fn log_without_seals_is_read_and_says_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut records = unpacked(&written(&dir.path().join("whole"), 2));
+    let path = dir.path().join("changed.mcap");
+    std::fs::write(&path, packed(&records)).unwrap();
+    assert!(Log::read(&path).unwrap().is_sealed);
+    // Body of a metadata record: its name, then the length of the map and its entries, all with lengths before them.
+    let end = &mut records.iter_mut().rfind(|(opcode, _)| *opcode == 0x0c).unwrap().1;
+    let length = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let map = 4 + length(end, 0);
+    let key = end.windows(5).position(|five| five == b"seals").unwrap() - 4;
+    let value = key + 9;
+    let after = value + 4 + length(end, value);
+    let rest = u32::try_from(length(end, map) - (after - key)).unwrap();
+    end[map..map + 4].copy_from_slice(&rest.to_le_bytes());
+    end.drain(key..after);
+    std::fs::write(&path, packed(&records)).unwrap();
+    let log = Log::read(&path).unwrap();
+    assert!(!log.is_sealed && log.end.is_some());
+}
+
+#[test]
 fn every_changed_byte_of_a_short_log_is_found() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 1);

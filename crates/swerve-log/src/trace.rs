@@ -87,9 +87,9 @@ struct Running {
 }
 
 impl TraceWriter {
-    /// Creates the file (an existing one is replaced). `commands` names the operators whose steps end arrows.
+    /// Creates the file, which must not be there yet. `commands` names the operators whose steps end arrows.
     pub fn create(path: &Path, commands: &[&str]) -> Result<Self, LogError> {
-        let file = File::create(path).map_err(|source| LogError::Create { path: path.into(), source })?;
+        let file = File::create_new(path).map_err(|source| LogError::Create { path: path.into(), source })?;
         Ok(Self::to(path, BufWriter::with_capacity(64 << 10, file), commands))
     }
 }

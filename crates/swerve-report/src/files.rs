@@ -1,4 +1,6 @@
-//! Files written whole or not at all.
+//! Files for results, and the folders of runs.
+
+mod write;
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -7,17 +9,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
 
-/// Writes `bytes` under `path`: first beside it, then renamed, so that a reader never sees half a file. Where that fails,
-/// nothing of it is left.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let beside = beside(path);
-    let written = std::fs::write(&beside, bytes).and_then(|()| std::fs::rename(&beside, path));
-    if written.is_err() {
-        // On a full disk what is half written takes the room that others need.
-        let _gone = std::fs::remove_file(&beside);
-    }
-    written.with_context(|| format!("writing {}", path.display()))
-}
+pub use write::{Part, is_ours, refuse_unwritable, write_whole};
+use write::{beside, refuse_irregular};
 
 /// No file that is read whole may be longer, bytes: a device or a pipe would never end.
 const LENGTH_MAX: u64 = 1 << 30;
@@ -93,11 +86,18 @@ impl RunFolder {
     pub fn claim(asked: Option<&Path>, name: &str, overwrite: bool) -> anyhow::Result<Self> {
         if let Some(path) = asked {
             let held = claim(path)?;
-            // A log alone is of a run that was ended before it was over.
-            let of_run = ["metrics.json", "log.mcap", "log.partial.mcap"];
-            if of_run.iter().any(|name| path.join(name).exists()) && !overwrite {
+            let is_there = |name: &&&str| path.join(name).symlink_metadata().is_ok();
+            if let Some(name) = OF_RUN.iter().find(is_there).filter(|_| !overwrite) {
                 let path = path.display();
-                bail!("{path}: an earlier run's results are there: expected another --out, or --overwrite");
+                // A log alone is of a run that was ended before it was over.
+                let is_of_run = ["metrics.json", "log.mcap", "log.partial.mcap"].contains(name);
+                let what = if is_of_run { "an earlier run's results are" } else { *name };
+                let what = if is_of_run { what.to_owned() } else { format!("{what} is") };
+                bail!("{path}: {what} there: expected another --out, or --overwrite");
+            }
+            refuse_irregular(path, &OF_RUN)?;
+            for part in PARTS.map(|(part, _)| path.join(part)).iter().filter(|part| part.exists()) {
+                std::fs::remove_file(part).with_context(|| format!("removing {}", part.display()))?;
             }
             if path.join(CELLS).is_dir() {
                 bail!("{}: a study's results are there: expected another --out", path.display());
@@ -106,6 +106,18 @@ impl RunFolder {
         }
         let path = first_of(name, |path| std::fs::create_dir(path))?;
         Ok(Self { newest: Some(Path::new(OUT).join(name)), _held: claim(&path)?, path })
+    }
+
+    /// Gives the files of a run their names, now that they are whole.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub fn name_whole(&self) -> anyhow::Result<()> {
+        PARTS.iter().try_for_each(|(part, whole)| {
+            let part = self.path.join(part);
+            let renamed = if part.exists() { std::fs::rename(part, self.path.join(whole)) } else { Ok(()) };
+            renamed.with_context(|| format!("writing {whole}"))
+        })
     }
 
     /// Writes `metrics.json` beside the other files, which are whole now. The line for the terminal that says where they
@@ -120,6 +132,22 @@ impl RunFolder {
         Ok(format!("in {}{linked}: {others}, metrics.json\n", self.path.display()))
     }
 }
+
+/// What a run leaves in its folder.
+const OF_RUN: [&str; 10] = [
+    "metrics.json",
+    "log.mcap",
+    "log.partial.mcap",
+    "trace.json",
+    "trace.partial.json",
+    "report.html",
+    "comparison.html",
+    "story.svg",
+    "story.pdf",
+    "story.png",
+];
+/// The names of files until a run is over, and then.
+const PARTS: [(&str, &str); 2] = [("log.partial.mcap", "log.mcap"), ("trace.partial.json", "trace.json")];
 
 /// Where results go that nobody gave a folder.
 const OUT: &str = "out";
@@ -161,7 +189,7 @@ pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
             return if is_owned(path) { Ok(()) } else { Err(ErrorKind::AlreadyExists.into()) };
         }
         // It has its owner from the first moment on: shards that begin at once share one.
-        let beside = beside(path);
+        let beside = beside(path, 0);
         std::fs::create_dir_all(&beside)?;
         let made = std::fs::write(beside.join(OWNER), owner).and_then(|()| std::fs::rename(&beside, path));
         if made.is_err() {
@@ -187,7 +215,7 @@ fn link(newest: &Path, folder: &Path) -> bool {
     }
     #[cfg(unix)]
     {
-        let beside = beside(newest);
+        let beside = beside(newest, 0);
         let target = folder.file_name().unwrap_or_default();
         let made =
             std::os::unix::fs::symlink(target, &beside).and_then(|()| std::fs::rename(&beside, newest));
@@ -239,20 +267,6 @@ pub fn written_by(software: &str, path: &Path) -> bool {
     let Ok(reader) = png::Decoder::new(BufReader::new(file)).read_info() else { return false };
     let mut texts = reader.info().uncompressed_latin1_text.iter();
     texts.any(|text| text.keyword == SOFTWARE && text.text == software)
-}
-
-fn beside(path: &Path) -> PathBuf {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_file_name(format!(".{name}.{}.part", std::process::id()))
-}
-
-/// Fails where [`write_whole`] would: to be asked before long work, not after it.
-pub fn refuse_unwritable(path: &Path) -> anyhow::Result<()> {
-    anyhow::ensure!(!path.is_dir(), "writing {}: it is a folder", path.display());
-    let beside = beside(path);
-    std::fs::write(&beside, [])
-        .and_then(|()| std::fs::remove_file(&beside))
-        .with_context(|| format!("writing {}", path.display()))
 }
 
 /// Fails where a picture would take the place of a file that it is drawn from, or of another one of its kind.

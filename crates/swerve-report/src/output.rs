@@ -1,5 +1,6 @@
 //! Results go to standard output in one place; everything else goes to standard error.
 
+use std::borrow::Cow;
 use std::io::{ErrorKind, Write as _};
 
 use anyhow::Context as _;
@@ -7,7 +8,7 @@ use anyhow::Context as _;
 /// Writes to standard output. A reader that has gone away (`swerve ... | head`) is no error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(visible(text).as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         written => written.context("writing to standard output"),
     }
@@ -28,7 +29,18 @@ pub fn message(error: &anyhow::Error) -> String {
 
 /// Says something on a line of standard error. That nobody reads it any more (`swerve ... 2>&1 | head`) is no error.
 pub fn tell(line: &str) {
-    let _unheard = writeln!(std::io::stderr(), "{line}");
+    let _unheard = writeln!(std::io::stderr(), "{}", visible(line));
+}
+
+/// A text for a terminal: characters that would act on it, or turn the direction of writing, are escaped as in `\u{1b}`; ends
+/// of lines and tabs are not.
+fn visible(text: &str) -> Cow<'_, str> {
+    let turns = |c| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let acts = |c: char| (c.is_control() && !"\n\t".contains(c)) || turns(c);
+    if !text.contains(acts) {
+        return text.into();
+    }
+    text.chars().map(|c| if acts(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
 }
 
 /// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
@@ -59,5 +71,16 @@ pub fn quoted(word: &str) -> String {
         word.to_owned()
     } else {
         format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn terminal_gets_no_control_characters() {
+        assert_eq!(visible("a\tb\nc \u{e9}"), "a\tb\nc \u{e9}");
+        assert_eq!(visible("a\u{1b}[2J\r\u{202e}\u{9b}"), "a\\u{1b}[2J\\r\\u{202e}\\u{9b}");
     }
 }

@@ -42,13 +42,20 @@ fn is_name(name: &str) -> bool {
     !name.is_empty() && name.trim() == name && name.chars().all(is_plain)
 }
 
+/// A description may have several lines.
+const DESCRIPTION: &str = "a text that is not blank, without control characters but for ends of lines";
+
+fn is_description(text: &str) -> bool {
+    !text.trim().is_empty() && !text.contains(|c: char| c.is_control() && !"\n\r\t".contains(c))
+}
+
 fn read(top: &TableReader<'_>) -> Scenario {
     let name = if top.has("name") {
         top.text_like("name", NAME, is_name).unwrap_or_default()
     } else {
         top.text("name")
     };
-    let description = top.text_if_any("description").unwrap_or_default();
+    let description = top.text_like("description", DESCRIPTION, is_description).unwrap_or_default();
     let road = road(top);
     let ego = ego(top);
     let tables = top.tables("actor", |actor| actor.text_if_any("name"));

@@ -23,6 +23,7 @@ mod planner;
 mod planning;
 mod predictor_weights;
 pub mod process;
+pub mod programs;
 mod read;
 pub mod resolved;
 pub mod ros2;
@@ -54,6 +55,7 @@ pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
 pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};
 use process::{ProcessConfig, SharedMemoryConfig};
+use programs::Consent;
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
@@ -128,6 +130,9 @@ pub struct Config {
     /// Which way the simulated world goes first, and where it is kept how it went.
     #[serde(skip)]
     pub course: Option<Course>,
+    /// The programs that the user lets it start.
+    #[serde(skip)]
+    pub consent: Consent,
 }
 
 impl Default for Config {
@@ -161,6 +166,7 @@ impl Default for Config {
             live: None,
             registry: Registry::standard(),
             course: None,
+            consent: Consent::default(),
         }
     }
 }

@@ -6,7 +6,8 @@ pub(crate) mod detector;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use swerve_drive::{RunInput, drive_observed, load};
+use swerve_drive::overwrite::OverwriteArgs;
+use swerve_drive::{RunInput, drive_observed, load, trust};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Plan;
 use swerve_stack::Registry;
@@ -28,6 +29,8 @@ pub struct CalibrateArgs {
     /// Write the configuration, with the measured run times in it, to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// Further things to calibrate.
@@ -55,9 +58,8 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let input = args.input.as_ref().context("a scenario is required")?;
     let (base, scenario) = load(registry, input)?;
-    if let Some(path) = &args.out {
-        swerve_report::files::refuse_unwritable(path)?;
-    }
+    trust::start(&base)?;
+    args.overwrite.check(args.out.as_deref())?;
     let assembly = Pipeline::build(&base, &scenario)?.assembly;
     let planning = assembly.publisher::<Plan>().context("no operator of the pipeline plans")?.to_owned();
     let mut config = base.clone();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, bail, ensure};
+use swerve_drive::trust::CodeArgs;
 use swerve_report::files::write_whole;
 use swerve_report::output::{print, quoted};
 
@@ -23,6 +24,8 @@ pub(crate) struct Job<'a> {
     pub(crate) file: &'a Path,
     /// Keys that are set in every cell.
     pub(crate) sets: &'a [String],
+    /// Consent to the programs that the study names; shards run in other folders.
+    pub(crate) code: CodeArgs,
     /// Where the table goes; the shards are in a folder of it.
     pub(crate) out: &'a Path,
     /// Parts that the study is cut into.
@@ -54,6 +57,7 @@ impl Job<'_> {
         let mut shard = study();
         shard.extend([text(self.file), "--threads".into(), self.threads.to_string()]);
         shard.extend(sets.clone());
+        shard.extend(self.code.words().split_whitespace().map(str::to_owned));
         let mut merge = study();
         merge.extend(["merge".into(), "--study".into(), text(self.file), "--out".into(), text(self.out)]);
         merge.extend(sets);

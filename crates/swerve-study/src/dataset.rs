@@ -20,8 +20,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_core::Hasher;
-use swerve_drive::shipped::Kind;
-use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_drive::trust::CodeArgs;
+use swerve_drive::{drive_observed, load_config, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
 use swerve_gpu as gpu;
 use swerve_report::files::{claim, write_whole};
@@ -55,6 +55,8 @@ pub struct DatasetArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    #[command(flatten)]
+    pub(crate) code: CodeArgs,
     /// Where everybody goes, ten times a second, in place of images: CSV as CommonRoad's recorded scenarios
     #[arg(long, conflicts_with = "weathers")]
     pub(crate) tracks: bool,
@@ -162,8 +164,7 @@ fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::
 }
 
 fn configured(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
-    let sets = swerve_text::parse_assignments(&args.set);
-    Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))
+    load_config(registry, &args.config, &args.set, args.code)
 }
 
 fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {

@@ -6,10 +6,13 @@ use anyhow::bail;
 use serde_json::Value;
 use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
-use swerve_report::files::folder_of;
+use swerve_report::files::{CELLS, folder_of};
 use swerve_report::page::data_of;
 
 use crate::grid::Study;
+
+/// Files of a study's folder.
+const FILES: [&str; 4] = [REPORT, "cells.csv", "commands.txt", "heatmap.svg"];
 
 /// The folder that is asked for, where what an earlier call of the study left, as it is now or was before an edit, is
 /// gone on from; or else one of its own beside those of others of its name, which go on in theirs.
@@ -23,6 +26,10 @@ pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf>
     let shown = folder.display();
     if folder.join("metrics.json").exists() {
         bail!("{shown}: the results of a run are there: expected another --out");
+    }
+    let is_there = |name: &&&str| folder.join(name).symlink_metadata().is_ok();
+    if let Some(name) = FILES.iter().find(is_there).filter(|_| !folder.join(CELLS).is_dir()) {
+        bail!("{shown}: {name} is there, and is of no study: expected another --out");
     }
     match written_by(&folder) {
         Some(name) if name != study.name => {

@@ -171,6 +171,8 @@ impl Budget {
 pub struct Study {
     /// The study's file, as the caller named it.
     pub file: String,
+    /// The reason to start no program that the file names.
+    pub(crate) doubt: Option<String>,
     /// The lines of the file that set configuration keys, by key.
     pub lines: BTreeMap<String, usize>,
     /// Where the file names which other file.
@@ -252,7 +254,8 @@ impl Study {
         let document = Kind::Study.document(path)?;
         let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
         let stem = path.file_stem().map_or_else(|| "study".into(), |s| s.to_string_lossy().into_owned());
-        document.to_checked(|file| Self::checked(&document, file, (folder, stem), sets))
+        let study = document.to_checked(|file| Self::checked(&document, file, (folder, stem), sets))?;
+        Ok(Self { doubt: Kind::Study.doubt(path, &document.text), ..study })
     }
 
     fn checked(
@@ -292,6 +295,7 @@ impl Study {
         base.extend_from_slice(sets);
         Ok(Self {
             file: document.file.clone(),
+            doubt: None,
             lines: places::lines(document, &file),
             files: places::files(document, &file, folder),
             name,

@@ -5,6 +5,7 @@
 
 mod budget;
 pub mod calibrate;
+mod consent;
 pub mod dataset;
 pub mod evaluate;
 mod folder;
@@ -44,6 +45,7 @@ use swerve_drive::page::{REPORT, RunReport};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_drive::{Outcome, drive, drive_observed, problems_error};
 use swerve_report::files::{CELLS, write_whole};
 use swerve_report::output::quoted;
@@ -52,7 +54,9 @@ use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Document, Problem, Problems};
+use swerve_text::{Problem, Problems};
+
+use consent::{Bases, StudyConsent};
 
 use cells::{CellResult, CellStore, Runner, Shard};
 use cluster::{Cluster, Job};
@@ -90,6 +94,8 @@ pub struct StudyArgs {
     /// Set a key of the configuration or the scenario in every cell
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
 }
 
 #[derive(clap::Subcommand, Debug)]
@@ -120,7 +126,8 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             merge::merge(registry, study, folders, (out.as_deref(), *pictures), set)
         }
         (None, Some(file)) => {
-            let bench = Bench::open(registry, file, &args.set)?;
+            let bench = Bench::open(registry, file, &args.set)?.with_code(args.code);
+            bench.refuse_programs()?;
             anyhow::ensure!(
                 !args.reports || bench.is_of_drives(),
                 "--reports: a cell of this study is no single drive, so there is no page of one to keep"
@@ -128,7 +135,10 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let out = &folder::of(&bench.study, args.out.as_deref())?;
             if let Some(cluster) = args.on {
                 let threads = args.threads.unwrap_or(1);
-                return Job { file, sets: &args.set, out, shards: args.shards, threads }.submit(cluster);
+                // Shards run in other folders; what is refused here is refused by now.
+                let code = CodeArgs { allow_code: args.code.allow_code || !bench.programs().is_empty() };
+                let sets = &args.set;
+                return Job { file, sets, code, out, shards: args.shards, threads }.submit(cluster);
             }
             let (threads, shard, reports) = (args.threads, args.shard, args.reports);
             let how = How { out, threads, shard, reports, pictures: args.pictures };
@@ -178,8 +188,8 @@ pub struct Bench {
     pub study: Study,
     /// Each by its file.
     scenarios: BTreeMap<PathBuf, Scenario>,
-    /// Each by its files.
-    bases: BTreeMap<Vec<PathBuf>, Document>,
+    bases: Bases,
+    consent: StudyConsent,
     registry: Registry,
     /// The program itself: what another build finished is not taken for its result.
     program: Digest,
@@ -192,7 +202,8 @@ impl Bench {
     /// All that is wrong with the study, its scenario, its configuration and those of its cells.
     pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let study = read(file, sets)?;
-        Self::of(registry, study)
+        let given = swerve_text::parse_assignments(sets)?;
+        Ok(Self { consent: StudyConsent::of(given), ..Self::of(registry, study)? })
     }
 
     /// As [`open`](Self::open), of a study that is read already.
@@ -205,9 +216,12 @@ impl Bench {
         Ok(bench)
     }
 
-    /// As [`open`](Self::open), with nothing but the result of the checks.
-    pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<()> {
-        Self::unexpanded(registry, read(file, &[])?).map(|_| ())
+    /// As [`open`](Self::open), without cells: for the result of the checks.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<Self> {
+        Self::unexpanded(registry, read(file, &[])?)
     }
 
     fn unexpanded(registry: &Registry, study: Study) -> anyhow::Result<Self> {
@@ -223,11 +237,12 @@ impl Bench {
                 Err(error) => unread.push(error.to_string()),
             }
         }
-        let bases = bases(&study, &mut unread);
+        let bases = Bases::read(&study, &mut unread);
         // What is wrong is told before the first cell runs.
-        let problems = joint::problems(&study, &bases, &scenarios, registry);
+        let problems = joint::problems(&study, &bases.documents, &scenarios, registry);
         if problems.is_empty() && unread.is_empty() {
-            return Ok(Self { study, scenarios, bases, registry: registry.clone(), program: program()? });
+            let (registry, consent) = (registry.clone(), StudyConsent::default());
+            return Ok(Self { study, scenarios, bases, consent, registry, program: program()? });
         }
         let problems = problems.iter().map(Problem::to_string);
         Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
@@ -242,8 +257,11 @@ impl Bench {
 
     fn config(&self, cell: &Cell) -> anyhow::Result<Config> {
         let (_, sets) = split_sets(&cell.sets);
-        Config::from_document_with(&self.registry, &self.bases[&cell.config], &sets)
-            .map_err(|problems| in_cell(cell, &problems))
+        let base = &self.bases.documents[&cell.config];
+        let mut config = Config::from_document_with(&self.registry, base, &sets)
+            .map_err(|problems| in_cell(cell, &problems))?;
+        self.trust(&mut config, cell);
+        Ok(config)
     }
 
     /// What a cell's result depends on, in one number.
@@ -366,24 +384,6 @@ impl Bench {
             },
         }
     }
-}
-
-/// The configurations of a study, by their files; what is wrong with one goes to `unread`.
-fn bases(study: &Study, unread: &mut Vec<String>) -> BTreeMap<Vec<PathBuf>, Document> {
-    let mut bases = BTreeMap::new();
-    for files in study.configs() {
-        let missing = files.iter().find_map(|path| Some((path, Kind::Config.text(path).err()?)));
-        let read = match missing {
-            Some((path, problem)) => Err(study.unread(path, problem)),
-            None => Kind::Config.layers(&files),
-        };
-        match read {
-            Ok(document) => drop(bases.insert(files, document)),
-            Err(problem) => unread.push(problem.to_string()),
-        }
-    }
-    unread.dedup();
-    bases
 }
 
 /// Reads a study's file; `sets` apply to every cell, before the axes.

@@ -7,8 +7,9 @@ mod turns;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow, bail};
-use swerve_drive::shipped::Kind;
-use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_drive::overwrite::OverwriteArgs;
+use swerve_drive::trust::CodeArgs;
+use swerve_drive::{drive_observed, load_config, read_scenario};
 use swerve_localization::map_file::MapFile;
 use swerve_localization::ndt::Vector3;
 use swerve_localization::voxels::VoxelSums;
@@ -44,6 +45,8 @@ struct Driven {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
 }
 
 #[derive(clap::Args, Debug)]
@@ -54,6 +57,8 @@ struct BuildArgs {
     /// The map
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Which lidar of a log, where it has clouds of several
     #[arg(long, value_name = "NAME")]
     lidar: Option<String>,
@@ -104,6 +109,7 @@ fn build(args: &BuildArgs, registry: &Registry) -> anyhow::Result<String> {
     if logs == 0 && args.lidar.is_some() {
         bail!("--lidar: expected with a log; a configuration for scenarios has one lidar");
     }
+    args.overwrite.check([args.out.as_path()])?;
     let config = config(&args.driven, registry)?;
     let mut sums = VoxelSums::new(args.resolution_m);
     let (mut turns, mut points) = (0, 0_usize);
@@ -148,10 +154,7 @@ fn check(args: &CheckArgs, registry: &Registry) -> anyhow::Result<String> {
 }
 
 fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
-    let sets = swerve_text::parse_assignments(&driven.set);
-    let mut config = Kind::Config
-        .config(registry, &driven.config, &sets?)
-        .map_err(|problems| problems_error(&problems))?;
+    let mut config = load_config(registry, &driven.config, &driven.set, driven.code)?;
     if driven.config.is_empty() && config.lidar.is_empty() {
         config.lidar.insert("roof".into(), LidarConfig::default());
     }

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::problems_error;
+use swerve_report::files::{read_whole, write_whole};
 use swerve_stack::Registry;
 
 use crate::cells::CellStore;
@@ -53,7 +53,7 @@ pub(crate) fn merge(
         return Err(problems_error(&damaged).context("run the shards of these cells again, then merge again"));
     }
     for (page, copy) in pages.into_iter().filter(|(page, copy)| page != copy) {
-        std::fs::copy(&page, copy).with_context(|| format!("copying {}", page.display()))?;
+        write_whole(&copy, &read_whole(&page)?)?;
     }
     let mut results = Vec::new();
     for (cell, (fingerprint, result)) in bench.study.cells.iter().zip(found) {

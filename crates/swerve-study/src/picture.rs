@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_report::files::{entries, refuse_to_replace, write_png};
 use swerve_vision::{ImageError, Rgb};
 use zune_jpeg::JpegDecoder;
@@ -27,8 +28,8 @@ impl Pictures {
     /// its own there.
     ///
     /// # Errors
-    /// A folder without an image, an image that would be written over, or `out` cannot be made.
-    pub fn new(paths: &[PathBuf], out: Option<&Path>) -> anyhow::Result<Self> {
+    /// A folder without an image, an image or another file that would be written over, or `out` cannot be made.
+    pub fn new(paths: &[PathBuf], out: Option<&Path>, overwrite: OverwriteArgs) -> anyhow::Result<Self> {
         let mut images = Vec::new();
         for path in paths {
             if path.is_dir() {
@@ -52,6 +53,7 @@ impl Pictures {
         let pairs: Vec<_> = images.iter().map(|image| (image.clone(), Some(drawing(image)))).collect();
         refuse_to_replace(taken.iter().map(PathBuf::as_path), &images)?;
         std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
+        overwrite.check(taken.iter().map(PathBuf::as_path))?;
         Ok(Self(pairs))
     }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use serde_json::Value;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::page::{REPORT, log_of, page_of_log, pair_of_logs};
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
@@ -20,6 +21,8 @@ pub struct ReportArgs {
     /// The page to write [default: report.html, of two comparison.html, in the folder of the first]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// What a path of the command line names.
@@ -38,6 +41,7 @@ pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
     let name = if args.b.is_some() { "comparison.html" } else { REPORT };
     let folder = if args.a.is_dir() { &args.a } else { args.a.parent().unwrap_or(Path::new("")) };
     let out = args.out.clone().unwrap_or_else(|| folder.join(name));
+    args.overwrite.check([out.as_path()])?;
     let html = match (a, args.b.as_deref().map(Source::read).transpose()?) {
         (Source::Log(log), None) => page_of_log(registry, &log)?.html(),
         (Source::Log(a), Some(Source::Log(b))) => pair_of_logs(registry, &a, &b)?.html(),

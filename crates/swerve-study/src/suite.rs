@@ -10,6 +10,7 @@ use std::str::FromStr;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::problems_error;
 use swerve_drive::shipped::Kind;
+use swerve_drive::trust::CodeArgs;
 use swerve_report::files::toml_files;
 use swerve_report::output::print;
 use swerve_stack::Registry;
@@ -34,6 +35,8 @@ pub struct SuiteArgs {
     /// Set a key of the configuration or the scenarios in every drive
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
     /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
     #[arg(long, default_value = "1..3")]
     seeds: Seeds,
@@ -85,7 +88,8 @@ impl FromStr for Seeds {
 /// A scenario or the configuration is wrong, nothing can be written, a drive could not be made; with `--strict`, one that
 /// is not as its scenario expects.
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
-    let bench = Bench::of(registry, study(args)?)?;
+    let bench = Bench::of(registry, study(args)?)?.with_code(args.code);
+    bench.refuse_programs()?;
     let (threads, reports) = (args.threads, args.reports);
     let out = &folder::of(&bench.study, args.out.as_deref())?;
     let how = How { out, threads, shard: None, reports, pictures: args.pictures };
@@ -121,6 +125,7 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
     let of_scenario = |(label, path)| Step { label, scenario: Some(path), ..Step::default() };
     Ok(Study {
         file: "swerve suite".into(),
+        doubt: None,
         lines: BTreeMap::new(),
         files: BTreeMap::new(),
         name: "suite".into(),

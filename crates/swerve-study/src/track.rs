@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use clap::ValueEnum;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_perception::image_plane::{
     Appearance, BOXES_MAX, ByteTrack, DeepSort, ImageDetection, ImageTrack, ImageTracker, Look, Sort,
 };
-use swerve_report::files::{refuse_to_replace, refuse_unwritable, write_whole};
+use swerve_report::files::{refuse_to_replace, write_whole};
 
 use crate::evaluate::mot;
 use crate::picture::Picture;
@@ -28,6 +29,8 @@ pub struct TrackArgs {
     /// Write the tracks to this file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -58,7 +61,7 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
         frames.entry(row.frame).or_default().push(found);
     }
     refuse_to_replace([args.out.as_path()], core::slice::from_ref(&args.detections))?;
-    refuse_unwritable(&args.out)?;
+    args.overwrite.check([args.out.as_path()])?;
     let rows = match (args.tracker, &args.images) {
         (TrackerName::Sort, _) => tracks(&frames, by_boxes(Sort::default())),
         (TrackerName::Bytetrack, _) => tracks(&frames, by_boxes(ByteTrack::default())),
@@ -148,7 +151,13 @@ mod tests {
         let folder = tempfile::tempdir()?;
         let (detections, out) = (folder.path().join("det.txt"), folder.path().join("tracks.txt"));
         std::fs::write(&detections, rows)?;
-        run(&TrackArgs { detections, tracker, images: None, out: out.clone() })?;
+        run(&TrackArgs {
+            detections,
+            tracker,
+            images: None,
+            out: out.clone(),
+            overwrite: OverwriteArgs::default(),
+        })?;
         Ok(std::fs::read_to_string(out)?)
     }
 
@@ -183,6 +192,7 @@ mod tests {
         let rows: String = (1..=4).map(|frame| format!("{frame},-1,{},2,20,40,0.9\n", 3 * frame)).collect();
         std::fs::write(&detections, rows).unwrap();
         let args = |tracker| TrackArgs {
+            overwrite: OverwriteArgs::default(),
             detections: detections.clone(),
             tracker,
             images: Some(folder.path().to_owned()),

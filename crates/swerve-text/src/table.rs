@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use toml::Value;
 
-use crate::words::{describe, did_you_mean, list, unknown_key, unknown_name};
+use crate::words::{describe, did_you_mean, is_shown, list, unknown_key, unknown_name};
 use crate::{Document, Problem, Problems};
 
 /// Values that a number may take.
@@ -243,9 +243,9 @@ impl<'r> TableReader<'r> {
         self.text_if_any(key).unwrap_or_default()
     }
 
-    /// A text that is not blank, where there is one.
+    /// A text that is not blank and holds no control characters, where there is one.
     pub fn text_if_any(&self, key: &'static str) -> Option<String> {
-        self.text_like(key, "a text that is not blank", |text| !text.trim().is_empty())
+        self.text_like(key, "a text that is not blank, without control characters", is_shown)
     }
 
     /// A text of a certain form, where there is one.
@@ -466,7 +466,7 @@ mod tests {
                 "a.toml:1: speed: expected a number above 0 and at most 10, found 0",
                 "a.toml:2: count: expected a whole number from 1 to 9, found 2.5",
                 "a.toml:3: is_on: expected true or false, found 1",
-                "a.toml:4: note: expected a text that is not blank, found the text \" \"",
+                "a.toml:4: note: expected a text that is not blank, without control characters, found the text \" \"",
                 "a.toml:5: way: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
                 "a.toml:6: spede: unknown key; did you mean \"speed\"?",
                 "a.toml:7: thing.a: expected only one of \"stay\", \"go\", found \"stay\", \"go\"",

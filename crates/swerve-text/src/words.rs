@@ -48,10 +48,15 @@ pub(crate) fn unknown_name(wrong: &str, known: &[&str]) -> String {
     format!("expected one of {}, found \"{wrong}\"{hint}", list(known))
 }
 
+/// Whether a text can be shown in one line: it is not blank, and nothing in it acts on a terminal.
+pub(crate) fn is_shown(text: &str) -> bool {
+    !text.trim().is_empty() && !text.contains(char::is_control)
+}
+
 /// A value in a message.
 pub(crate) fn describe(value: &Value) -> String {
     match value {
-        Value::String(text) => format!("the text \"{text}\""),
+        Value::String(text) => format!("the text {text:?}"),
         Value::Float(x) if x.is_finite() => number(*x),
         Value::Datetime(date) => format!("the date {date}"),
         Value::Array(items) => format!("an array of {}", items.len()),

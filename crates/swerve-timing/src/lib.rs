@@ -22,6 +22,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::shipped::Kind;
 use swerve_text::{Document, Problems};
@@ -44,6 +45,9 @@ pub struct TimingArgs {
     /// Write a page with all steps, of which each tells its chain, and the run times into this file.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// Consent to the replacement of these files.
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
     /// Print every publication, in commit order, as one JSON array and nothing else.
     #[arg(long)]
     pub json: bool,
@@ -63,6 +67,7 @@ pub struct TimingArgs {
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     for path in [&args.picture, &args.report].into_iter().flatten() {
         swerve_report::files::refuse_toml(path)?;
+        args.overwrite.check([path.as_path()])?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
     // Everything is kept only where somebody asks for it: a table needs an eighth of the memory.

@@ -8,7 +8,7 @@ use swerve_drive::page::{RunReport, command_line};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
 use swerve_drive::views::views_of;
-use swerve_drive::{RunInput, drive_pipeline, load};
+use swerve_drive::{RunInput, drive_pipeline, load, trust};
 use swerve_flow::{EndReason, Event, Observer};
 use swerve_foxglove::Foxglove;
 use swerve_msg::{EgoState, Encoding, Image, PointCloud};
@@ -18,9 +18,11 @@ use swerve_stack::Registry;
 use swerve_stack::agent::{Agent, Seat};
 use swerve_stack::config::Config;
 use swerve_stack::config::clock::Clock;
+use swerve_stack::config::programs::reaches_outside;
 use swerve_stack::course::Course;
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::span_of_ms;
+use swerve_text::parse_assignments;
 use swerve_vehicle::Kinematic;
 
 use crate::Summarise;
@@ -120,20 +122,33 @@ impl Begins {
 
     /// Whether a run that is begun so can be driven at all.
     pub(crate) fn check(&self, with: &Begin) -> anyhow::Result<()> {
-        self.load(&self.input(with)).map(drop)
+        self.load(&self.input(with)?).map(drop)
+    }
+
+    /// The programs that its runs start, a line each.
+    pub(crate) fn programs(&self) -> anyhow::Result<Vec<String>> {
+        Ok(trust::programs(&self.load(&self.input)?.0))
     }
 
     fn before(&self) -> MutexGuard<'_, Option<Before>> {
         self.before.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn input(&self, with: &Begin) -> RunInput {
+    /// The command line's, with what the page sets; that starts no program and names no file.
+    fn input(&self, with: &Begin) -> anyhow::Result<RunInput> {
+        for (key, value) in parse_assignments(&with.set)? {
+            if let Some(outside) = reaches_outside(&key, &value) {
+                anyhow::bail!(
+                    "{key}: `{outside}` starts programs or names files: expected it on the command line of `swerve view`"
+                );
+            }
+        }
         let mut input = match with.from_s.and(self.before().as_ref()) {
             Some(before) => before.input.clone(),
             None => RunInput { seed: with.seed.or(self.input.seed), ..self.input.clone() },
         };
         input.set.extend(with.set.iter().cloned());
-        input
+        Ok(input)
     }
 
     fn load(&self, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
@@ -142,6 +157,7 @@ impl Begins {
             config.clock.source == Clock::Virtual,
             "clock.source: `swerve view` drives in virtual time and shows it at the speed that is asked for"
         );
+        trust::check(&config, config.process.keys())?;
         Ok((config, scenario))
     }
 
@@ -174,7 +190,7 @@ impl Driver<'_> {
     }
 
     fn drive(&self, with: &Begin) -> anyhow::Result<(Over, Option<String>)> {
-        let (input, course) = (self.begins.input(with), self.begins.course(with)?);
+        let (input, course) = (self.begins.input(with)?, self.begins.course(with)?);
         let (mut config, scenario) = self.begins.load(&input)?;
         config.course = Some(course.clone());
         *self.begins.before() = Some(Before { input: input.clone(), course });

@@ -5,6 +5,7 @@ mod drive;
 mod foxglove;
 mod http;
 mod looks;
+mod open;
 mod server;
 mod show;
 mod vehicle;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use swerve_drive::page::{log_of, page_of_log};
 use swerve_drive::{Outcome, RunInput};
-use swerve_report::output::print;
+use swerve_report::output::{print, tell};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -94,6 +95,7 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     let drives = log.is_none() && !args.live;
     if drives {
         begins.check(&Begin::default())?;
+        begins.programs()?.iter().for_each(|line| tell(&format!("note: {line}")));
     }
     if !args.live {
         let interrupted = Arc::clone(&show);
@@ -102,27 +104,15 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     let address = Server::start(args.port, Arc::clone(&show), drives.then(|| Arc::clone(&begins)))?;
     let lines = [Some(address.clone()), foxglove].into_iter().flatten().map(|line| line + "\n");
     print(&lines.collect::<String>())?;
-    if !args.no_open {
-        open(&address);
-    }
+    // Until the end: a browser may take its time.
+    let _page = if args.no_open { None } else { open::in_browser(&address) };
     if args.live {
         // Ctrl-C is the drive's: it stops the car.
-        return vehicle::drive(&args.input.scenario, &args.input.set, registry, &show, streams);
+        return vehicle::drive(&args.input, registry, &show, streams);
     }
     if drives {
         return Driver { begins, summarise, show: &show, streams }.drive_until_quit();
     }
     show.wait_for_quit();
     Ok(())
-}
-
-/// Opens a browser where there is a screen; without one the address stands in the terminal.
-fn open(address: &str) {
-    let has_screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
-    if has_screen {
-        use std::process::{Command, Stdio};
-        let mut program = Command::new("xdg-open");
-        let program = program.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let _not_there = program.spawn();
-    }
 }

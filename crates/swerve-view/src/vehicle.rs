@@ -1,7 +1,6 @@
 //! A vehicle that is driven by `swerve live`, shown: it is watched, and nothing here can command it.
 
-use std::path::Path;
-
+use swerve_drive::RunInput;
 use swerve_drive::page::RunReport;
 use swerve_drive::views::live_views;
 use swerve_flow::{Event, Observer};
@@ -19,14 +18,17 @@ use crate::show::Show;
 /// # Errors
 /// As [`run_before`].
 pub(crate) fn drive(
-    config: &Path,
-    set: &[String],
+    input: &RunInput,
     registry: &Registry,
     show: &Show,
     streams: Option<Streams>,
 ) -> anyhow::Result<()> {
     let mut watch = Watch { show, streams, shown: None };
-    let driven = run_before(&LiveArgs::of(config.to_owned(), set.to_vec()), registry, Some(&mut watch));
+    let driven = run_before(
+        &LiveArgs::of(input.scenario.clone(), input.set.clone(), input.code()),
+        registry,
+        Some(&mut watch),
+    );
     let missed = show.missed();
     if missed > 0 {
         tell(&format!(

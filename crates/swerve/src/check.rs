@@ -3,11 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use swerve_drive::shipped::Kind;
+use swerve_drive::trust;
 use swerve_gpu::{self as gpu, AdapterKind};
 use swerve_lidar::LidarEngine;
 use swerve_report::output::{quoted, tell};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_stack::config::programs::Layer;
 use swerve_study::Bench;
 use swerve_text::{Document, Problems};
 
@@ -116,19 +119,34 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
             Err(error) => error.to_string().lines().map(str::to_owned).collect(),
         }
     } else if has("base") || has("axis") {
-        let told = Bench::check(registry, path).err().map(|error| format!("{error:#}")).unwrap_or_default();
-        told.lines().map(str::to_owned).collect()
+        match Bench::check(registry, path) {
+            Ok(study) => {
+                list_programs(path, study.programs());
+                Vec::new()
+            }
+            Err(error) => format!("{error:#}").lines().map(str::to_owned).collect(),
+        }
     } else if document.table.get("operator").is_some_and(toml::Value::is_array) || has("span_ms") {
         report(swerve_timing::read_file(path).err().unwrap_or_default())
     } else {
         let config = Config::from_document_with(registry, &document, &[]);
         let mut all: Vec<String> = report(match config {
-            Ok(config) => no_adapter(&document, &config),
+            Ok(mut config) => {
+                let doubt = Kind::Config.doubt(path, &document.text);
+                config.trust(&[Layer::of_file(document.clone(), doubt)]);
+                list_programs(path, trust::programs_with_doubts(&config));
+                no_adapter(&document, &config)
+            }
             Err(problems) => problems,
         });
         all.extend(swerve_live::route_problems(path, &document));
         all
     }
+}
+
+/// Lists the programs that a file starts.
+fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>) {
+    programs.into_iter().for_each(|program| tell(&format!("note: {}: {program}", path.display())));
 }
 
 /// What asks for an adapter that is not there.

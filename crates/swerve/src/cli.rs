@@ -3,13 +3,13 @@
 use std::ffi::OsString;
 
 use clap::{Parser, Subcommand};
-use swerve_drive::{process, why};
+use swerve_drive::{graph, process, scenarios, why};
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, map, report, suite, track, train};
 
 use swerve_reference::{keys, operators};
 
-use crate::{Summary, check, doctor, graph, look, new, plan, replay, run, scenarios, shell};
+use crate::{Summary, check, doctor, look, new, plan, replay, run, shell};
 
 /// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]

@@ -3,13 +3,11 @@
 mod check;
 pub mod cli;
 mod doctor;
-mod graph;
 mod look;
 mod new;
 pub mod plan;
 pub mod replay;
 mod run;
-mod scenarios;
 mod shell;
 mod summary;
 

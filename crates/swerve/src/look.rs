@@ -10,6 +10,7 @@ mod stereo;
 use std::path::PathBuf;
 
 use clap::ArgGroup;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_vision::lanes::Method;
 
 /// `swerve look`.
@@ -70,6 +71,8 @@ pub(crate) struct LookArgs {
     /// Folder for the images with what was found drawn in; for --stereo, the file of disparities (PFM)
     #[arg(long, value_name = "PATH", conflicts_with = "traffic_light")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// Runs `swerve look`.

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::ValueEnum;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::pictures::PictureArgs;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::{CLEARANCE_CAP_M, ProblemFile, Solution};
@@ -82,6 +83,8 @@ pub struct PlanArgs {
     /// Write a page with the table and all pictures into this file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 impl PlanArgs {
@@ -108,11 +111,14 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     let file = read(&args.file)?;
     let posed =
         read::select(&file, args.planner, args.entry()).with_context(|| args.file.display().to_string())?;
+    args.overwrite.check(args.report.as_deref())?;
     let solutions = solve_all(&file, &posed, preset);
     if let Some(folder) = &args.pictures {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         for (k, solution) in solutions.iter().enumerate() {
             let picture = picture::draw(&file, &posed, k, solution);
+            let file = folder.join(args.how.name(&picture_name(k, &solution.id)));
+            args.overwrite.check([file.as_path()])?;
             args.how.write_in(folder, &picture_name(k, &solution.id), &picture)?;
         }
     }

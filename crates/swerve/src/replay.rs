@@ -10,6 +10,7 @@ use anyhow::{Context as _, bail};
 use swerve_core::Digest;
 use swerve_drive::page::{COMMAND, log_so_far, pair_of_logs};
 use swerve_drive::process::Processes;
+use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
@@ -20,6 +21,7 @@ use swerve_report::files::{RunFolder, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
+use swerve_stack::config::programs::Layer;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Role};
@@ -48,6 +50,8 @@ pub struct ReplayArgs {
     /// Replace what is in the folder of --out
     #[arg(long, requires = "out")]
     overwrite: bool,
+    #[command(flatten)]
+    code: CodeArgs,
     /// Threads of the run; the result does not depend on them [default: one for each processor]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
@@ -58,7 +62,7 @@ impl ReplayArgs {
         let mut line = format!("swerve replay {}", quoted(&self.log.display().to_string()));
         let from = self.from.iter().map(|from| format!(" --from {}", quoted(from)));
         line.extend(from.chain(self.set.iter().map(|set| format!(" --set {}", quoted(set)))));
-        line
+        line + self.code.words()
     }
 }
 
@@ -75,13 +79,16 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let claim = || RunFolder::claim(args.out.as_deref(), &format!("{name}_replayed"), args.overwrite);
     let folder = asks.then(claim).transpose()?;
     let replayed = folder.as_ref().map(|folder| folder.path.join("log.mcap"));
+    let part = folder.as_ref().map(|folder| folder.path.join("log.partial.mcap"));
     let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
-    let into = replayed.as_deref().map(|path| (path, args.command_line()));
-    let how = Replay { from: args.from.as_deref(), sets: &sets?, threads, into };
+    let into = part.as_deref().map(|path| (path, args.command_line()));
+    let (file, code) = (args.log.display().to_string(), args.code);
+    let how = Replay { file, code, from: args.from.as_deref(), sets: &sets?, threads, into };
     let comparison = how.run(registry, &log).inspect_err(|_| {
         // Of a replay that never began nothing stays; a folder with something in it is not removed.
         let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
     })?;
+    folder.as_ref().map(RunFolder::name_whole).transpose()?;
     swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
     if let Some(replayed) = replayed {
         let page = replayed.with_file_name("comparison.html");
@@ -93,6 +100,13 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     if args.verify && !comparison.is_same() {
         bail!("{}: the replay differs from the log", args.log.display());
+    }
+    if args.verify && !log.is_sealed {
+        bail!(
+            "{}: the log has no seals: its streams are as logged, but changes of its head, scenario, configuration, headers \
+             and times cannot be detected",
+            args.log.display()
+        );
     }
     Ok(())
 }
@@ -183,11 +197,15 @@ pub fn replay_with(
     sets: &[(String, toml::Value)],
     threads: usize,
 ) -> anyhow::Result<Comparison> {
-    Replay { from: Some(from), sets, threads, into: None }.run(registry, log)
+    let (file, code) = ("the log".to_owned(), CodeArgs::default());
+    Replay { file, code, from: Some(from), sets, threads, into: None }.run(registry, log)
 }
 
 /// What is computed again, and how.
 struct Replay<'a> {
+    /// The log's name in messages.
+    file: String,
+    code: CodeArgs,
     from: Option<&'a str>,
     sets: &'a [(String, toml::Value)],
     threads: usize,
@@ -198,8 +216,15 @@ struct Replay<'a> {
 impl Replay<'_> {
     fn run(&self, registry: &Registry, log: &Log) -> anyhow::Result<Comparison> {
         let document = Config::logged(&log.start.config)?;
-        let config = Config::from_document_with(registry, &document, self.sets)
+        let mut config = Config::from_document_with(registry, &document, self.sets)
             .map_err(|problems| problems_error(&problems))?;
+        let mut of_log = document;
+        of_log.file.clone_from(&self.file);
+        config.trust(&[
+            Layer::of_file(of_log, Some(trust::DOUBT_OF_LOGS.into())),
+            Layer::of_sets("--set", self.sets, None),
+        ]);
+        self.code.apply(&mut config);
         let scenario = log.start.extra.get("scenario").context("the log holds no scenario")?;
         let scenario =
             Scenario::parse("scenario of the log", scenario).map_err(|problems| problems_error(&problems))?;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::frames::{Frames, Sinks};
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::Processes;
@@ -12,7 +13,7 @@ use swerve_drive::realtime::Realtime;
 use swerve_drive::why::of_run;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
-    set_up, story, title,
+    set_up, story, title, trust,
 };
 use swerve_flow::{EndReason, Observer, StopHandle};
 use swerve_live::ros2::Ros2Car;
@@ -39,8 +40,8 @@ pub(crate) struct RunArgs {
     /// Output folder [default: one of its own, out/SCENARIO-1 and so on; out/SCENARIO leads to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace the results of an earlier run in the folder of --out
-    #[arg(long, requires = "out")]
+    /// Replace what is in the folder of --out, and the file of --video
+    #[arg(long)]
     overwrite: bool,
     /// End with an error when the run is not as the scenario expects
     #[arg(long)]
@@ -90,6 +91,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
         input.set.extend(["gate.enabled=true".into(), "ego.driver=ros2".into()]);
     }
     let (config, scenario) = load(registry, &input)?;
+    trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {
@@ -142,9 +144,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let driven = driven.with_context(|| format!("what was recorded until then is in {}", log_part.display()));
     let outcome = ends.in_order(driven, &recorded, &log_part)?;
     if recorded.is_ok() {
-        for (part, whole) in [(log_part, "log.mcap"), (trace_part, "trace.json")] {
-            std::fs::rename(part, out.join(whole)).with_context(|| format!("writing {whole}"))?;
-        }
+        folder.name_whole()?;
     }
     story.conclude(&outcome.metrics, why.as_ref());
     let mut summary = Summary::of(&config, &scenario, &outcome, why);
@@ -231,6 +231,7 @@ fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Resul
     if to.is_none() {
         return Ok(None);
     }
+    OverwriteArgs { overwrite: args.overwrite }.check(args.video.as_deref())?;
     Frames::create(to, title(config, &pipeline.scenario), &pipeline.scenario, config).map(Some)
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use clap::CommandFactory as _;
 use clap_complete::Shell;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
 
@@ -23,6 +24,8 @@ pub(crate) struct ManArgs {
     /// Folder for the pages, one a command
     #[arg(long, default_value = "man")]
     out: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// Prints the script of a shell.
@@ -43,7 +46,9 @@ pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
         let mut page = Vec::new();
         clap_mangen::Man::new(command.clone()).render(&mut page)?;
         let name = command.get_display_name().unwrap_or_else(|| command.get_name()).to_owned();
-        write_whole(&args.out.join(format!("{name}.1")), &page)?;
+        let file = args.out.join(format!("{name}.1"));
+        args.overwrite.check([file.as_path()])?;
+        write_whole(&file, &page)?;
         count += 1;
         let shown = |inner: &&clap::Command| !inner.is_hide_set() && inner.get_name() != "help";
         open.extend(command.get_subcommands().filter(shown).cloned());
@@ -64,7 +69,7 @@ mod tests {
             assert!(script.contains("calibrate") && script.contains("seed"), "{shell}");
         }
         let folder = tempfile::tempdir().unwrap();
-        man(&ManArgs { out: folder.path().to_owned() }).unwrap();
+        man(&ManArgs { out: folder.path().to_owned(), overwrite: OverwriteArgs::default() }).unwrap();
         for page in ["swerve.1", "swerve-run.1", "swerve-study-merge.1"] {
             let text = std::fs::read_to_string(folder.path().join(page)).unwrap();
             assert!(text.starts_with(".ie") && text.contains(".SH"), "{page}: {text:.60}");

@@ -7,10 +7,12 @@ use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context as _, bail, ensure};
 use swerve_camera::Frame;
+use swerve_report::files::Part;
 
-/// A video that grows by a picture at a time.
+/// A video that grows by a picture at a time, under a name of its own until it is whole.
 pub(super) struct Video {
     file: PathBuf,
+    part: Option<Part>,
     encoder: Child,
 }
 
@@ -18,7 +20,7 @@ impl Video {
     /// Begins a video of pictures of this size, in pixels, that follow each other `rate_hz` times a second.
     ///
     /// # Errors
-    /// There is no `ffmpeg` on the search path, or it does not start.
+    /// There is no `ffmpeg` on the search path, or it does not start; the file is no regular one.
     pub(super) fn create(file: &Path, size_px: (u32, u32), rate_hz: f64) -> anyhow::Result<Self> {
         let Some(ffmpeg) = find("ffmpeg", std::env::var_os("PATH").as_deref()) else {
             bail!("--video: there is no `ffmpeg` on the PATH: expected it installed; --frames needs none")
@@ -31,13 +33,16 @@ impl Video {
         command.args(["-y", "-loglevel", "error", "-f", "rawvideo", "-pixel_format", "rgb24"]);
         command.args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate_hz.to_string()]);
         // Players understand no other sampling of colours.
-        command.args(["-i", "pipe:0", "-pix_fmt", "yuv420p"]).arg(file);
+        command.args(["-i", "pipe:0", "-pix_fmt", "yuv420p"]);
+        // From the root: no name is an option or a protocol.
+        let part = Part::create(file)?;
+        command.arg(std::path::absolute(&part.path)?);
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         // Ctrl-C is for us: what was drawn until then becomes a whole file.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let encoder = command.spawn().with_context(|| format!("starting {}", ffmpeg.display()))?;
-        Ok(Self { file: file.to_owned(), encoder })
+        Ok(Self { file: file.to_owned(), part: Some(part), encoder })
     }
 
     /// Adds a picture.
@@ -60,8 +65,18 @@ impl Video {
             told.read_to_string(&mut said).with_context(writing)?;
         }
         let ended = self.encoder.wait().with_context(writing)?;
+        let part = self.part.take();
         ensure!(ended.success(), "{}: {ended}: {}", writing(), said.trim());
-        Ok(())
+        part.map_or(Ok(()), Part::finish)
+    }
+}
+
+impl Drop for Video {
+    /// A drive that was cut off leaves the pictures until then.
+    fn drop(&mut self) {
+        if self.part.is_some() {
+            let _untold = self.finish();
+        }
     }
 }
 
@@ -93,14 +108,14 @@ mod tests {
     fn every_picture_goes_to_ffmpeg_in_its_order() {
         let folder = tempfile::tempdir().unwrap();
         let program =
-            fake(folder.path(), "for last; do :; done; echo \"$@\" > \"$last.words\"; cat > \"$last\"");
+            fake(folder.path(), "for last; do :; done; echo \"$@\" > \"${last%/*}/words\"; cat > \"$last\"");
         let file = folder.path().join("drive.mp4");
         let mut video = Video::by(&program, &file, (4, 2), 20.0).unwrap();
         (1..=3).for_each(|grey| video.take(&picture(grey)).unwrap());
         video.finish().unwrap();
         let fed = [1, 2, 3].map(|grey| [grey; 24]).concat();
         assert_eq!(std::fs::read(&file).unwrap(), fed);
-        let words = std::fs::read_to_string(folder.path().join("drive.mp4.words")).unwrap();
+        let words = std::fs::read_to_string(folder.path().join("words")).unwrap();
         assert!(words.contains("-pixel_format rgb24 -video_size 4x2 -framerate 20 -i pipe:0"), "{words}");
     }
 

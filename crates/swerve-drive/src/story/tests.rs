@@ -69,7 +69,8 @@ fn is_time(label: &Label) -> bool {
 
 fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     let set = set.iter().map(|&set| set.to_owned()).collect();
-    let input = RunInput { scenario: scenario.into(), config: Vec::new(), set, seed: None };
+    let input =
+        RunInput { scenario: scenario.into(), config: Vec::new(), set, seed: None, allow_code: false };
     let (config, scenario) = load(&swerve_stack::Registry::standard(), &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let mut story = story(&config, &scenario, &pipeline);

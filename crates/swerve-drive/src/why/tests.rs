@@ -19,6 +19,7 @@ fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]
         config,
         set: set.iter().map(|&set| set.to_owned()).collect(),
         seed: None,
+        allow_code: false,
     };
     let (config, scenario) = load(&registry, &input).unwrap();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();

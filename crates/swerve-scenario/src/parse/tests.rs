@@ -191,7 +191,7 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
         ("name = \"bike\"", "name = \"bus\"", vec![
             "15 actor.bus.name: another actor is named \"bus\" already",
         ]),
-        ("name = \"bike\"", "name = 7", vec!["15 actor[1].name: expected a text that is not blank, found 7"]),
+        ("name = \"bike\"", "name = 7", vec!["15 actor[1].name: expected a text that is not blank, without control characters, found 7"]),
     ];
     check(&table);
 }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, ensure};
 use rayon::prelude::*;
 use swerve_core::{Rng, Span, Time};
-use swerve_drive::shipped::{Kind, Shipped};
-use swerve_drive::{drive_observed, problems_error, read_scenario};
+use swerve_drive::shipped::Shipped;
+use swerve_drive::{CodeArgs, OverwriteArgs, drive_observed, load_config, read_scenario};
 use swerve_eval::{AveragePrecision, Found, ground_iou, image_iou, volume_iou};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Point2, Pose2, math};
@@ -22,7 +22,7 @@ use swerve_stack::config::Config;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use swerve_stack::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
-use swerve_text::{nearest, parse_assignments};
+use swerve_text::nearest;
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]
@@ -42,6 +42,8 @@ pub(crate) struct DetectorArgs {
     /// Set a configuration key
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    code: CodeArgs,
     /// Folder of the scenarios, without its folders [default: the scenarios in the program]
     #[arg(long)]
     scenarios: Option<PathBuf>,
@@ -57,6 +59,8 @@ pub(crate) struct DetectorArgs {
     /// Write to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -87,12 +91,8 @@ const CLOSE: f64 = 0.002;
 
 /// Runs `swerve calibrate detector`.
 pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()> {
-    let sets = parse_assignments(&args.set);
-    let base =
-        Kind::Config.config(registry, &args.config, &sets?).map_err(|problems| problems_error(&problems))?;
-    if let Some(path) = &args.out {
-        swerve_report::files::refuse_unwritable(path)?;
-    }
+    let base = load_config(registry, &args.config, &args.set, args.code)?;
+    args.overwrite.check(args.out.as_deref())?;
     let targets = targets(args)?;
     let scenarios = scenarios(args.scenarios.as_deref())?;
     let frames = BySensing::gather(&base, &scenarios, &args.seeds, &targets)?;

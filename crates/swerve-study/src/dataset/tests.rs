@@ -14,6 +14,7 @@ fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
     )?;
     run(
         &DatasetArgs {
+            code: Default::default(),
             scenarios: vec![scenario],
             out: out.to_owned(),
             config: vec![file],
@@ -171,6 +172,7 @@ fn tracks_of_a_drive_and_of_a_crossing_are_read_again() {
     use swerve_prediction::recorded::commonroad_csv;
     let folder = tempfile::tempdir().unwrap();
     let args = DatasetArgs {
+        code: Default::default(),
         scenarios: vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_crossing.toml")],
         out: folder.path().join("set"),
         config: vec![],

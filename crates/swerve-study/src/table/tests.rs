@@ -7,6 +7,7 @@ pub(crate) fn study() -> Study {
         [label("fot", "16", "1"), label("fot", "16", "2"), label("fot", "18", "1"), label("fot", "18", "2")];
     Study {
         file: "s.toml".into(),
+        doubt: None,
         lines: std::collections::BTreeMap::new(),
         files: BTreeMap::new(),
         name: "s".into(),

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use swerve_report::files::{refuse_unwritable, write_whole};
+use swerve_drive::overwrite::OverwriteArgs;
+use swerve_report::files::write_whole;
 use swerve_report::output;
 use swerve_stack::Registry;
 
@@ -18,6 +19,8 @@ pub(super) struct RecipeArgs {
     /// Write the weights to this file [default: the recipe's, with the ending .weights]
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Images and trees looked at at once; the weights are the same for any number
     #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
@@ -28,7 +31,14 @@ pub(super) struct RecipeArgs {
 
 impl RecipeArgs {
     pub(super) fn of(recipe: &Path, data: &Path) -> Self {
-        Self { recipe: recipe.to_owned(), data: data.to_owned(), out: None, threads: 1, test: None }
+        Self {
+            recipe: recipe.to_owned(),
+            data: data.to_owned(),
+            out: None,
+            overwrite: OverwriteArgs::default(),
+            threads: 1,
+            test: None,
+        }
     }
 }
 
@@ -80,7 +90,7 @@ pub(super) fn run<T: Trained>(args: &RecipeArgs, registry: &Registry) -> anyhow:
     let (recipe, text) = T::recipe(&args.recipe)?;
     let out = args.out.clone().unwrap_or_else(|| args.recipe.with_extension("weights"));
     if args.test.is_none() {
-        refuse_unwritable(&out)?;
+        args.overwrite.check([out.as_path()])?;
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     let weights = match &args.test {

@@ -145,6 +145,7 @@ pub(super) fn rendered(
         let (seeds, weathers) = (vec![set.seed], vec![set.weather]);
         dataset::make(
             &DatasetArgs {
+                code: Default::default(),
                 scenarios,
                 out: out.clone(),
                 config: vec![config],

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use anyhow::ensure;
 use swerve_core::Span;
+use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::read_scenario;
 use swerve_eval::ground_iou;
 use swerve_geom::{Ego, Lidar, Transform};
@@ -46,6 +47,8 @@ pub(crate) struct LidarArgs {
     /// Write the weights to this file
     #[arg(long)]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
 }
 
 /// The streets to judge by count from here, those to learn from stay below.
@@ -57,9 +60,7 @@ const EVERY: Span = Span::from_ms(500);
 
 /// Runs `swerve train lidar`.
 pub(super) fn run(args: &LidarArgs) -> anyhow::Result<()> {
-    if let Some(path) = &args.out {
-        swerve_report::files::refuse_unwritable(path)?;
-    }
+    args.overwrite.check(args.out.as_deref())?;
     let model = if args.judge_only { Model::shipped() } else { learn(args.streets, args.trees)? };
     if let Some(path) = &args.out {
         let remarks = [

@@ -6,7 +6,7 @@ use crate::show::Ask;
 fn begins() -> Arc<Begins> {
     let set = vec!["operator.planner.runtime={fixed_ms=30}".into()];
     let scenario = "person_behind_truck".into();
-    let input = RunInput { scenario, config: Vec::new(), set, seed: Some(3) };
+    let input = RunInput { scenario, config: Vec::new(), set, seed: Some(3), allow_code: false };
     Arc::new(Begins::new(Registry::standard(), input))
 }
 

@@ -20,7 +20,7 @@ struct Seen {
 /// Runs it.
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     let mut rows = vec![["image", "lamp", "share"].map(str::to_owned).to_vec()];
-    for (path, _) in Pictures::new(&args.images, None)?.iter() {
+    for (path, _) in Pictures::new(&args.images, None, args.overwrite)?.iter() {
         let picture = Picture::read(path)?;
         let found = lit(picture.rgb().with_context(|| path.display().to_string())?);
         let (lamp, share) = found.map_or((None, 0.0), |(lamp, share)| (Some(lamp.name()), share));

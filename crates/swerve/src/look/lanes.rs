@@ -35,7 +35,7 @@ struct Line {
 /// Runs it.
 pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
     let mut finder: Option<(RoadCamera, LaneFinder)> = None;
-    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
         let mut picture = Picture::read(path)?;
         let camera = camera(args, picture.size)?;
         if finder.as_ref().is_none_or(|(of, _)| *of != camera) {

@@ -35,7 +35,7 @@ pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
     // Scores of others' detectors are sums, which no probability bounds.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
     let mut scanner: Option<([usize; 2], Scanner)> = None;
-    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
         let mut picture = Picture::read(path)?;
         let size = picture.size;
         if scanner.as_ref().is_none_or(|(of, _)| *of != size) {

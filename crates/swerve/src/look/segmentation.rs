@@ -25,7 +25,7 @@ struct Seen<'a> {
 pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
     let weights = camera_detectors::segmentation(name).map_err(|message| anyhow!(message))?;
     let mut segmenter: Option<([usize; 2], Segmenter)> = None;
-    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
         let mut picture = Picture::read(path)?;
         let size = picture.size;
         let ground = ground(args, size).context("--segmentation needs the camera: expected --fov")?;

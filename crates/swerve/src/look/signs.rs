@@ -43,7 +43,7 @@ impl Found {
 /// Runs it.
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     let mut finder = SignFinder::default();
-    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref())?.iter() {
+    for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
         let mut picture = Picture::read(path)?;
         let mut found = Vec::new();
         finder.find(picture.rgb().with_context(|| path.display().to_string())?, &mut found);

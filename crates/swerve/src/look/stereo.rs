@@ -28,6 +28,7 @@ struct Seen {
 pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     let out = args.out.as_ref().context("expected --out with the file to be written")?;
     refuse_to_replace([out.as_path()], pair)?;
+    args.overwrite.check([out.as_path()])?;
     let mut planes = [Plane::default(), Plane::default()];
     for (plane, path) in planes.iter_mut().zip(pair) {
         Picture::read(path)?.rgb().with_context(|| path.display().to_string())?.gray(plane);

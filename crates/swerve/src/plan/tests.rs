@@ -174,6 +174,7 @@ fn the_page_shows_what_is_printed() {
     let file = read(std::path::Path::new("detour")).unwrap();
     let posed = read::select(&file, PosedPlanner::RrtStar, "fast").unwrap();
     let args = PlanArgs {
+        overwrite: OverwriteArgs::default(),
         file: "detour".into(),
         planner: PosedPlanner::RrtStar,
         planning_config: Some("fast".into()),

@@ -411,3 +411,29 @@ fn a_scenario_has_a_name() {
         }]);
     }
 }
+
+#[test]
+fn control_characters_in_names_are_refused_and_reach_no_terminal() {
+    let actor = |name: &str| scenario("name = \"person\"", &format!("name = \"{name}\""));
+    for name in ["a\\u001b[2Jb", "a\\u0000b", "a\\nb", "\\u009b31m", "\\u007f"] {
+        check_all(vec![Case {
+            file: actor(name),
+            args: RUN,
+            says: &[
+                "actor[0].name: expected a text that is not blank, without control characters, found the text \"",
+            ],
+        }]);
+    }
+    // Wherever else a text comes from, it is shown without them.
+    let bench = Bench::new();
+    for (file, text) in [
+        ("c.toml", "[planning]\nplanner = \"a\\u001b[2Jb\"\n"),
+        ("s.toml", "base = { scenario = \"no\\u001b[2J.toml\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n"),
+    ] {
+        bench.write(file, text);
+        let said = bench.swerve(&["check", file]);
+        let is_shown = |text: &str| text.chars().all(|c| !c.is_control() || c == '\n');
+        assert!(said.code == Some(1) && is_shown(&said.stderr) && is_shown(&said.stdout), "{said:?}");
+        assert!(said.stderr.contains("\\u{1b}[2J"), "{said:?}");
+    }
+}

@@ -306,3 +306,51 @@ proptest! {
         let _either_way = parse_policy(&words).is_ok();
     }
 }
+
+/// A log without the seals in its last metadata record, as somebody who hides a change writes it.
+fn without_seals(log: &[u8]) -> Vec<u8> {
+    const MAGIC: usize = 8;
+    let (mut at, mut out) = (MAGIC, log[..MAGIC].to_vec());
+    loop {
+        let length = u64::from_le_bytes(log[at + 1..at + 9].try_into().unwrap()) as usize;
+        let (opcode, mut body) = (log[at], log[at + 9..at + 9 + length].to_vec());
+        at += 9 + length;
+        let key = body.windows(9).position(|key| key == b"\x05\0\0\0seals").filter(|_| opcode == 0x0c);
+        if let Some(key) = key {
+            let of = |at: usize| u32::from_le_bytes(body[at..at + 4].try_into().unwrap()) as usize;
+            let (map, value) = (4 + of(0), key + 9);
+            let after = value + 4 + of(value);
+            let rest = (of(map) - (after - key)) as u32;
+            body[map..map + 4].copy_from_slice(&rest.to_le_bytes());
+            body.drain(key..after);
+        }
+        out.push(opcode);
+        out.extend((body.len() as u64).to_le_bytes());
+        out.extend(body);
+        if key.is_some() {
+            break;
+        }
+    }
+    for (opcode, body) in [(0x0f_u8, vec![0; 4]), (0x02, vec![0; 20])] {
+        out.push(opcode);
+        out.extend((body.len() as u64).to_le_bytes());
+        out.extend(body);
+    }
+    [&out[..], &log[..MAGIC]].concat()
+}
+
+#[test]
+fn verification_of_a_log_without_seals_fails_and_says_why() {
+    let bench = crate::support::Bench::new();
+    bench.good(&["run", "short.toml", "--out", "o"]);
+    bench.good(&["replay", "--verify", "o/log.mcap"]);
+    let log = std::fs::read(bench.path("o/log.mcap")).unwrap();
+    std::fs::write(bench.path("bare.mcap"), without_seals(&log)).unwrap();
+    let said = bench.swerve(&["replay", "--verify", "bare.mcap"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.stderr.contains("bare.mcap: the log has no seals") && said.stdout.contains("tracker"),
+        "{said:?}"
+    );
+    bench.good(&["replay", "bare.mcap"]);
+}

@@ -25,4 +25,6 @@ mod soak; // memory and descriptors over a long drive
 mod study; // cells, resuming, shards, failing cells, repeating a cell
 mod support; // a folder to call the program in
 mod timing; // the engine against the reference model
+mod trust; // programs that files name
 mod view; // a run watched and commanded while it goes on
+mod writing; // files for results, whole or not at all

@@ -4,6 +4,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -202,4 +203,71 @@ fn arrow_keys_in_a_browser_drive_the_car() {
     viewed.until(|rows| came_to(rows).0 > 300);
     page.until("parseFloat(document.getElementById('time').textContent) > 1");
     assert_eq!(page.errors, Vec::<String>::new());
+}
+
+#[test]
+fn page_starts_no_program_and_names_no_file() {
+    let bench = Bench::new();
+    bench.write("secret", "");
+    let viewed = Viewed::start(&bench, &["short.toml"]);
+    let program = format!("[\"sh\", \"-c\", \"touch {}\"]", bench.path("ran").display());
+    let file = bench.path("secret").display().to_string();
+    let sets = [
+        vec!["process.p.operators=[\"tracker\"]".to_owned(), format!("process.p.start={program}")],
+        vec![format!("process={{p={{operators=[\"tracker\"],start={program}}}}}")],
+        vec![format!("localization.map=\"{file}\"")],
+        vec![format!("localization={{map=\"{file}\"}}")],
+        vec![format!("operator.o={{kind=\"camera_objects\",detector=\"{file}\"}}")],
+        vec![format!("source.rosbag=\"{file}\"")],
+        vec![format!("live.route=\"{file}\"")],
+        vec!["shared_memory.name=\"others\"".to_owned()],
+    ];
+    for set in sets {
+        for from in [json!({}), json!({ "from_s": 0.5 })] {
+            let mut ask = json!({ "do": "restart", "set": set });
+            ask.as_object_mut().unwrap().extend(from.as_object().unwrap().clone());
+            let (status, body) = viewed.ask("POST", "control", &ask.to_string());
+            assert_eq!(status, 400, "{ask}: {body}");
+            assert!(body.contains("starts programs or names files"), "{ask}: {body}");
+        }
+    }
+    assert!(!bench.path("ran").exists());
+}
+
+#[test]
+fn browser_is_opened_without_the_token_in_an_argument() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = Bench::new();
+    let mode = |name: &str| bench.path(name).metadata().unwrap().permissions().mode() & 0o777;
+    std::fs::create_dir(bench.path("bin")).unwrap();
+    std::fs::create_dir(bench.path("runtime")).unwrap();
+    bench.write("bin/xdg-open", "#!/bin/sh\necho \"$#\" > arguments.part\necho \"$1\" >> arguments.part\nmv arguments.part arguments\n");
+    std::fs::set_permissions(bench.path("bin/xdg-open"), PermissionsExt::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", bench.path("bin").display(), std::env::var("PATH").unwrap());
+    let mut program = bench
+        .plain_command(&["view", "short.toml", "--paused"])
+        .env("PATH", path)
+        .env("DISPLAY", ":0")
+        .env("XDG_RUNTIME_DIR", bench.path("runtime"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut address = String::new();
+    BufReader::new(program.stdout.take().unwrap()).read_line(&mut address).unwrap();
+    let begun = Instant::now();
+    while !bench.path("arguments").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no browser is opened");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let said = bench.read("arguments");
+    let [count, file] = said.lines().collect::<Vec<_>>()[..] else { panic!("{said}") };
+    let token = address.trim().trim_end_matches('/').rsplit('/').next().unwrap();
+    assert!(count == "1" && token.len() == 32 && !file.contains(token), "{said}");
+    let folder = Path::new(file).parent().unwrap().file_name().unwrap().to_str().unwrap().to_owned();
+    let folder = format!("runtime/{folder}");
+    assert!(bench.read(&format!("{folder}/open.html")).contains(&format!("url={}\"", address.trim())));
+    assert_eq!((mode(&folder), mode(&format!("{folder}/open.html"))), (0o700, 0o600));
+    assert!(Command::new("kill").args(["-INT", &program.id().to_string()]).status().unwrap().success());
+    assert!(program.wait().unwrap().success());
+    assert!(!bench.path(&folder).exists(), "the page is removed");
 }

@@ -2,14 +2,16 @@
 
 use std::path::PathBuf;
 
-use swerve_drive::pictures::PictureArgs;
-use swerve_drive::{RunInput, load};
 use swerve_stack::Registry;
 use swerve_stack::pipeline::Pipeline;
 
+use crate::overwrite::OverwriteArgs;
+use crate::pictures::PictureArgs;
+use crate::{RunInput, load};
+
 /// `swerve graph`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct GraphArgs {
+pub struct GraphArgs {
     #[command(flatten)]
     input: RunInput,
     /// Graphviz instead of text
@@ -22,13 +24,19 @@ pub(crate) struct GraphArgs {
     #[arg(long, value_name = "FILE", alias = "svg")]
     picture: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     how: PictureArgs,
 }
 
 /// Prints the graph.
-pub(crate) fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
+///
+/// # Errors
+/// All that is wrong with scenario and configuration, or the picture cannot be written.
+pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(file) = &args.picture {
         swerve_report::files::refuse_toml(file)?;
+        args.overwrite.check([file.as_path()])?;
     }
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;

@@ -2,23 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use swerve_drive::shipped::Kind;
-use swerve_drive::{problems_error, read_scenario};
 use swerve_report::output::align;
 use swerve_scenario::Scenario;
+
+use crate::shipped::Kind;
+use crate::{problems_error, read_scenario};
 
 /// Where scenarios are looked for.
 const FOLDER: &str = "scenarios";
 
 /// `swerve scenarios`.
 #[derive(clap::Args, Debug)]
-pub(crate) struct ScenariosArgs {
+pub struct ScenariosArgs {
     /// Folder of scenario files [default: scenarios, if it is there]
     folder: Option<PathBuf>,
 }
 
 /// Lists the scenarios of a folder, then those that are in the program, each with what it is about.
-pub(crate) fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
+pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
     let folder = match &args.folder {
         Some(folder) => Some(folder.as_path()),
         None => Some(Path::new(FOLDER)).filter(|folder| folder.is_dir()),
