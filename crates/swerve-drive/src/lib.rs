@@ -12,6 +12,7 @@ mod rungs;
 mod story;
 
 pub mod frames;
+pub mod interrupt;
 pub mod page;
 pub mod pictures;
 pub mod process;

@@ -43,6 +43,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{COMMAND, REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
@@ -283,7 +284,9 @@ pub fn drive(
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Driven> {
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario)?;
-    let _processes = Processes::start_needed(&drive.config, &mut graph.pipeline)?;
+    let _processes = Processes::start_all(&drive.config, &mut graph.pipeline)?;
+    // Each process needs a thread that waits for it, beside those that were asked for.
+    let options = DriveOptions { threads: options.threads + drive.config.process.len(), ..options };
     // The engine's time begins when all are there, and so does that of the messages.
     drive_graph(drive, graph, wire, options, observers, HostClock::start())
 }
@@ -438,9 +441,7 @@ pub fn run_before(
     let flags = Arc::new(ControlFlags::default());
     let interrupted = flags.clone();
     // There is a handler already where a program has run before in this process: that one stays.
-    let _first = ctrlc::set_handler(move || {
-        interrupted.interrupts.fetch_add(1, Ordering::Relaxed);
-    });
+    let _first = on_interrupt(move || interrupted.interrupted.store(true, Ordering::Relaxed));
     let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));

@@ -40,6 +40,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{REPORT, RunReport};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
@@ -289,13 +290,11 @@ impl Bench {
         let stop = Arc::new(AtomicBool::new(false));
         let on_signal = stop.clone();
         let stopping = move || {
-            // Cells are whole or not there, so that nothing is lost where the program ends at once.
-            if on_signal.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
+            // Cells are whole or not there, so that nothing is lost where a second signal ends the program at once.
+            on_signal.store(true, Ordering::SeqCst);
             eprintln!("\nstopping after the cells that are under way; once more to stop at once");
         };
-        ctrlc::set_handler(stopping).context("listening for Ctrl-C")?;
+        on_interrupt(stopping).context("listening for Ctrl-C")?;
         let store = CellStore::open(how.out)?;
         let threads = how.threads.unwrap_or_else(swerve_drive::threads::cores);
         let runner = Runner { store: &store, threads, shard: how.shard, reports: how.reports, stop: &stop };
