@@ -9,6 +9,7 @@
 //! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
 //! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
 //! | [`sink`] | the thread from the gate to the wire; stops the car where the gate has fallen silent |
+//! | [`orphan`] | the stop of a vehicle whose program has died |
 //! | [`recorded`] | the same from a recorded drive, in virtual time |
 //! | [`watch`], [`summary`] | what is seen of the drive, and told at its end |
 //!
@@ -24,6 +25,7 @@ pub mod engage;
 pub mod feed;
 pub mod graph;
 pub mod intake;
+pub mod orphan;
 pub mod recorded;
 pub mod ros2;
 pub mod sink;
@@ -442,7 +444,7 @@ pub fn run_before(
     let interrupted = flags.clone();
     // There is a handler already where a program has run before in this process: that one stays.
     let _first = on_interrupt(move || interrupted.interrupted.store(true, Ordering::Relaxed));
-    let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
+    let wire = BridgeWire::start(&drive.config, &drive.mapping, &drive.live)?;
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));
     let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };

@@ -14,6 +14,7 @@ mod live; // a car of another make, driven over ROS 2's topics
 mod localization;
 mod look; // objects, lanes, lamps and depth in images, and what cannot be looked with
 mod names; // what goes by its name, and a folder to begin in
+mod orphan; // a vehicle whose program is killed
 mod output; // what goes where, and which options change it
 mod processes; // runs over several processes: the same digest, and what is lost is noticed
 mod ray; // shards on Ray workers

@@ -52,11 +52,11 @@ fn is_there(process: u32) -> bool {
 
 #[test]
 fn second_interrupt_ends_a_run_at_once_whose_worker_hangs() {
-    let out = tempfile::tempdir().unwrap();
     let configs = root().join("configs/two_processes.toml");
     for [first, second] in [["INT", "INT"], ["INT", "TERM"]] {
+        let out = tempfile::tempdir().unwrap();
         let mut run = Command::new(PROGRAM)
-            .args(["run", scenario_file().to_str().unwrap(), "--clock", "wall", "--overwrite", "--out"])
+            .args(["run", scenario_file().to_str().unwrap(), "--clock", "wall", "--out"])
             .arg(out.path())
             .arg("-c")
             .arg(&configs)
