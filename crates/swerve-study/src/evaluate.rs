@@ -17,6 +17,7 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
+use swerve_report::files::read_whole;
 use swerve_report::output::align;
 
 use localization::LocalizationArgs;
@@ -155,10 +156,9 @@ fn wrong(path: &Path, line: usize, what: impl Display) -> anyhow::Error {
     anyhow!("{}:{line}: {what}", path.display())
 }
 
-/// A file's text, of any length: results for a whole data set have hundreds of megabytes.
+/// A file's text, of up to 1 GiB: results for a whole data set have hundreds of megabytes.
 fn text(path: &Path) -> anyhow::Result<String> {
-    let bytes =
-        std::fs::read(path).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))?;
+    let bytes = read_whole(path)?;
     String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         wrong(path, 1 + before.iter().filter(|byte| **byte == b'\n').count(), "expected text in UTF-8")

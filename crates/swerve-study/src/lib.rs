@@ -46,7 +46,7 @@ use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::{Outcome, drive, drive_observed, problems_error};
-use swerve_report::files::{CELLS, write_whole};
+use swerve_report::files::{CELLS, read_whole, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
@@ -253,7 +253,7 @@ impl Bench {
         let config = self.config(cell)?;
         hasher.value(&(self.program, config.to_text(), &*self.scenario(cell)?.text));
         for file in config.files() {
-            hasher.bytes(&std::fs::read(file).with_context(|| format!("reading {}", file.display()))?);
+            hasher.bytes(&read_whole(file)?);
         }
         hasher.value(&(self.study.curve.is_some(), &self.study.timely));
         hasher
@@ -405,7 +405,7 @@ fn is_limit(cell: &Cell) -> bool {
 fn program() -> anyhow::Result<Digest> {
     let path = Program::this()?.code;
     let mut hasher = Hasher::new();
-    hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    hasher.bytes(&read_whole(&path)?);
     Ok(hasher.digest())
 }
 
