@@ -4,6 +4,7 @@
 
 mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
+mod bounds; // memory of images, files, viewers and long drives
 mod browser; // a browser whose page is typed into
 mod decoders; // bytes from outside never make a decoder panic
 mod faults; // a full disk, no memory, no descriptors
