@@ -53,7 +53,6 @@ fn device_without_end_is_refused_wherever_a_file_is_read_whole() {
         "track --tracker sort --out tracks.txt /dev/zero",
         "eval localization /dev/zero",
         "map check --map /dev/zero short.toml",
-        "plan /dev/zero",
         "run /dev/zero",
         "run short.toml -c /dev/zero",
     ] {
