@@ -314,7 +314,7 @@ mod tests {
             while wait() {
                 std::thread::yield_now();
             }
-            std::thread::sleep(Duration::from_millis(20));
+            std::thread::park_timeout(Duration::from_millis(20));
             assert_eq!(passed.lock().unwrap().len(), pings * sent.len() / 1000);
         };
         struct To<'a>(&'a Mutex<Vec<u8>>);
