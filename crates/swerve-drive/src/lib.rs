@@ -13,6 +13,7 @@ mod story;
 
 pub mod frames;
 pub mod graph;
+pub mod interrupt;
 pub mod overwrite;
 pub mod page;
 pub mod pictures;

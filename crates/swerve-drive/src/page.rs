@@ -100,12 +100,18 @@ impl RunReport {
 
     /// What heads the page, and what it holds before anything is measured.
     pub fn head(&self) -> (String, RunPage) {
-        let RunPage { scenario, pipeline, seed, command, no_command, config, changed, notes, .. } =
-            self.page.clone();
-        let so_far = self.so_far().clone();
+        self.clone().into_head()
+    }
+
+    fn into_head(self) -> (String, RunPage) {
+        let left_out = self.collector.notes();
+        let RunPage { scenario, pipeline, seed, command, no_command, config, changed, mut notes, .. } =
+            self.page;
+        notes.extend(left_out);
+        let so_far = self.collector.finish();
         let page =
             RunPage { scenario, pipeline, seed, command, no_command, config, changed, notes, ..so_far };
-        (self.title.clone(), page)
+        (self.title, page)
     }
 
     /// The drive as far as it goes by now.
@@ -124,7 +130,7 @@ impl RunReport {
     /// The metrics are no JSON.
     pub fn finish(self, digest: &str, metrics: &str) -> anyhow::Result<Page<RunPage>> {
         let metrics = serde_json::from_str(metrics).context("reading the metrics of the run")?;
-        let (title, head) = self.head();
+        let (title, head) = self.into_head();
         let page = RunPage { metrics, digest: digest.to_owned(), ..head };
         Ok(Page::new("run", title, page))
     }

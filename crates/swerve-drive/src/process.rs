@@ -149,6 +149,15 @@ impl Processes {
         Self::start(&Program::this()?, &config, pipeline).map(Some)
     }
 
+    /// Starts the processes of a configuration with this program, if it has any.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_all(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
+        let start = || Self::start(&Program::this()?, config, pipeline);
+        (!config.process.is_empty()).then(start).transpose()
+    }
+
     /// Starts the processes of a configuration, and has the steps of their operators taken there. `program` is
     /// this program.
     ///
@@ -179,6 +188,7 @@ impl Processes {
                 streams: read.iter().filter(|(by, _)| by == name).map(|(_, stream)| stream.clone()).collect(),
                 on_loss: process.on_loss,
                 spin: process.spin(),
+                reply_within: process.reply_within(),
                 command: Box::new(move || start.command()),
             };
             workers.start(spec, on_event.clone())?;

@@ -13,6 +13,7 @@ mod unaware;
 mod waits;
 mod without;
 
+use core::cell::Cell;
 use core::fmt;
 use std::path::Path;
 
@@ -68,12 +69,31 @@ impl Logged {
     /// # Errors
     /// When it is none, or is of a vehicle: of that nobody knows where the others were.
     pub fn read(path: &Path, registry: &Registry) -> anyhow::Result<Self> {
+        Self::read_within(path, registry, usize::MAX)
+    }
+
+    /// As [`read`](Self::read), of a log that fits in about so many bytes of memory.
+    ///
+    /// # Errors
+    /// As there, or it does not fit.
+    fn read_within(path: &Path, registry: &Registry, bytes_max: usize) -> anyhow::Result<Self> {
         const BIG: [&str; 3] = ["::Image", "::PointCloud", "::PointInstances"];
-        let is_small = |record: &Record| match record {
-            Record::Publication(p) => !BIG.iter().any(|big| p.stream.type_name.ends_with(big)),
-            _ => true,
+        let bytes = Cell::new(0_usize);
+        let is_kept = |record: &Record| {
+            let payload = match record {
+                Record::Publication(p) if BIG.iter().any(|big| p.stream.type_name.ends_with(big)) => {
+                    return false;
+                }
+                Record::Publication(p) => p.payload_cbor.len(),
+                _ => 0,
+            };
+            bytes.set(bytes.get().saturating_add(size_of::<Record>() + payload));
+            bytes.get() <= bytes_max
         };
-        let log = log_so_far(path, is_small)?;
+        let log = log_so_far(path, is_kept)?;
+        if bytes.get() > bytes_max {
+            bail!("the drive is long: `swerve why` of its log needs {} MiB", bytes.get() >> 20);
+        }
         let document = Config::logged(&log.start.config)?;
         let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
         if config.live.is_some() {

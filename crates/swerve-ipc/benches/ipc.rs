@@ -160,6 +160,7 @@ fn ours(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
         streams: vec!["sensor".into()],
         on_loss: OnLoss::Stop,
         spin: if receiver == Receiver::Awake { LONG } else { Duration::ZERO },
+        reply_within: Duration::from_secs(20),
         command: Box::new(|| peer(&["worker"])),
     };
     pool.start(spec, Arc::new(|_| {}))?;

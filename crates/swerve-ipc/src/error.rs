@@ -27,6 +27,18 @@ impl IpcError {
     /// An error of iceoryx2 or of the file system, with what was tried.
     pub(crate) fn of<E: Debug>(doing: impl Into<String>) -> impl FnOnce(E) -> Self {
         let doing = doing.into();
-        move |error| Self::Shared { doing, error: format!("{error:?}") }
+        move |error| {
+            let hint = if has_few_descriptors() { "; file descriptors are scarce (`ulimit -n`)" } else { "" };
+            Self::Shared { doing, error: format!("{error:?}{hint}") }
+        }
     }
+}
+
+/// Whether this process may open hardly any more files: iceoryx2 does not pass on why the system refuses one.
+fn has_few_descriptors() -> bool {
+    const FEW: u64 = 16;
+    let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    // Where no descriptor is left, the list is not to be had either.
+    let open = std::fs::read_dir("/proc/self/fd").map_or(u64::MAX - FEW, |all| all.count() as u64);
+    most.is_some_and(|most| open + FEW > most)
 }

@@ -28,6 +28,7 @@ mod waker;
 mod worker;
 
 pub use error::IpcError;
-pub use link::Traffic;
+pub use link::{Traffic, kill_workers};
 pub use pool::{LATE_S, OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
+pub use service::writable;
 pub use worker::{Setup, work};

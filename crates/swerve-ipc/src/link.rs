@@ -4,17 +4,19 @@
 //! calls may name. Calls and answers are in loaned slices of shared memory; a [`Waker`] wakes who waits for them.
 
 use core::time::Duration;
+use std::process::Child;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use rustix::process::{Pid, Signal, kill_process_group};
 use serde::Serialize;
 use swerve_flow::{Answered, Call, Lost, RemoteExecutor};
 use swerve_msg::block::writing;
 
 use crate::lend::Live;
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
-use crate::waker::{Listener, Signal, Timeout, Waker};
+use crate::waker::{Listener, Signal as Heard, Timeout, Waker};
 use crate::{IpcError, OnWorkerEvent, WorkerEvent};
 
 /// How long who waits for the other end sleeps before it looks around by itself. It is woken for whatever happens.
@@ -97,6 +99,53 @@ pub(crate) struct Life {
     pub(crate) ended: String,
     /// The wake-up channel between it and the coordinator.
     pub(crate) waker: Option<Arc<Waker>>,
+    /// The process, from its start to its end.
+    child: Option<Child>,
+    /// Why it was killed, if it hung.
+    hung: Option<String>,
+}
+
+/// The process groups of all workers of this program.
+static GROUPS: Mutex<Vec<Pid>> = Mutex::new(Vec::new());
+
+/// Kills all workers of this program at once, also those that are stopped or hang.
+pub fn kill_workers() {
+    let groups = GROUPS.lock().unwrap_or_else(PoisonError::into_inner);
+    for group in &*groups {
+        // One that has just ended needs no killing.
+        let _gone = kill_process_group(*group, Signal::KILL);
+    }
+}
+
+impl Life {
+    /// Takes note of a process that was just started, in a group of its own.
+    pub(crate) fn begin(&mut self, child: Child) {
+        GROUPS.lock().unwrap_or_else(PoisonError::into_inner).push(Pid::from_child(&child));
+        (self.child, self.hung) = (Some(child), None);
+    }
+
+    /// The process, which has ended, to be reaped; and why it was killed, if it hung.
+    pub(crate) fn end(&mut self) -> (Option<Child>, Option<String>) {
+        let child = self.child.take();
+        if let Some(child) = &child {
+            let ended = Pid::from_child(child);
+            GROUPS.lock().unwrap_or_else(PoisonError::into_inner).retain(|group| *group != ended);
+        }
+        (child, self.hung.take())
+    }
+
+    /// The number of the process, while there is one.
+    pub(crate) fn process_number(&self) -> Option<u32> {
+        self.child.as_ref().map(Child::id)
+    }
+
+    /// Kills the process and what it has started.
+    pub(crate) fn kill(&self) {
+        if let Some(child) = &self.child {
+            // It is not reaped yet, so that the number is still its own; one that has ended needs no killing.
+            let _gone = kill_process_group(Pid::from_child(child), Signal::KILL);
+        }
+    }
 }
 
 impl Watched {
@@ -118,6 +167,15 @@ impl Watched {
     }
 }
 
+/// How a worker's answers are waited for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Waits {
+    /// For so long without sleeping.
+    pub(crate) spin: Duration,
+    /// A worker that takes longer is killed.
+    pub(crate) reply_within: Duration,
+}
+
 /// How long a worker is waited for.
 pub(crate) struct Patience<'a> {
     /// Then it is given up.
@@ -135,8 +193,7 @@ pub(crate) struct Link {
     answers: Receiver,
     /// That of the worker's last start.
     listener: Option<Listener>,
-    /// For so long an answer is waited for without sleeping.
-    spin: Duration,
+    waits: Waits,
     /// The memories that the worker reads.
     lives: Vec<Arc<Live>>,
     watched: Arc<Watched>,
@@ -154,7 +211,7 @@ impl Link {
     pub(crate) fn new(
         hub: &Hub,
         process: &str,
-        spin: Duration,
+        waits: Waits,
         lives: Vec<Arc<Live>>,
         watched: Arc<Watched>,
         counts: Arc<Counts>,
@@ -167,7 +224,7 @@ impl Link {
             calls: hub.sender(&names.calls, TALK, CALL_BYTES)?,
             answers: hub.receiver(&names.answers, TALK)?,
             listener: None,
-            spin,
+            waits,
             lives,
             watched,
             counts,
@@ -201,10 +258,10 @@ impl Link {
 
     /// Waits for the worker to say that it is ready.
     fn receive_ready(&mut self, timeout: Timeout) {
-        match self.listener.as_mut().map_or(Signal::Closed, |listener| listener.listen(timeout)) {
-            Signal::Ready(start) => self.ready = start,
-            Signal::Closed if timeout == Timeout::Set => self.watched.wait_end(self.start),
-            Signal::Wake | Signal::TimedOut | Signal::Closed => {}
+        match self.listener.as_mut().map_or(Heard::Closed, |listener| listener.listen(timeout)) {
+            Heard::Ready(start) => self.ready = start,
+            Heard::Closed if timeout == Timeout::Set => self.watched.wait_end(self.start),
+            Heard::Wake | Heard::TimedOut | Heard::Closed => {}
         }
     }
 
@@ -261,7 +318,7 @@ impl Link {
         }
         let ((), written) = writing(places, Traffic::BIG, || call.encode(&mut self.call));
         self.hand_over()?;
-        let kind = self.wait(answer)?;
+        let kind = self.wait(call.operator(), answer)?;
         Counts::add(&self.counts.bytes, self.call.len() + answer.len());
         Counts::add(&self.counts.in_place, written.in_place);
         let answered = if answer.len() > Traffic::BIG { answer.len() } else { 0 };
@@ -281,10 +338,12 @@ impl Link {
         Ok(())
     }
 
-    /// Waits for the answer to the last call.
-    fn wait(&mut self, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
-        let spin_until = (self.spin > Duration::ZERO).then(|| now() + self.spin);
+    /// Waits for the answer to the last call, which is for a step of `operator`.
+    fn wait(&mut self, operator: &str, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
+        let Waits { spin, reply_within } = self.waits;
+        let spin_until = (spin > Duration::ZERO).then(|| now() + spin);
         let mut again = None;
+        let (mut waited, mut looked) = (Duration::ZERO, now());
         loop {
             if spin_until.is_some_and(|until| now() < until) {
                 if let Some(kind) = self.receive(answer)? {
@@ -293,10 +352,16 @@ impl Link {
                 core::hint::spin_loop();
                 continue;
             }
+            // Of a while in which this process was stopped itself only a moment counts.
+            let before = core::mem::replace(&mut looked, now());
+            waited += (looked - before).min(10 * LOOK_AROUND);
+            if waited > reply_within {
+                self.kill_hung(operator);
+            }
             let signal =
-                self.listener.as_mut().map_or(Signal::Closed, |listener| listener.listen(Timeout::Set));
+                self.listener.as_mut().map_or(Heard::Closed, |listener| listener.listen(Timeout::Set));
             match signal {
-                Signal::Wake | Signal::Ready(_) | Signal::TimedOut => {
+                Heard::Wake | Heard::Ready(_) | Heard::TimedOut => {
                     if let Some(kind) = self.receive(answer)? {
                         return Ok(kind);
                     }
@@ -306,11 +371,24 @@ impl Link {
                         again = None;
                     }
                 }
-                Signal::Closed => {
+                Heard::Closed => {
                     self.watched.wait_end(self.start);
                     self.check_life()?;
                 }
             }
+        }
+    }
+
+    /// Kills a worker that does not answer. From then on it is one that has ended.
+    fn kill_hung(&self, operator: &str) {
+        let mut life = self.watched.life();
+        if life.starts == self.start && life.hung.is_none() {
+            let Self { process, waits, .. } = self;
+            let seconds = waits.reply_within.as_secs_f64();
+            life.hung = Some(format!(
+                "did not answer operator `{operator}` within {seconds} s (process.{process}.reply_within_s) and was killed"
+            ));
+            life.kill();
         }
     }
 

@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::io::Write as _;
 use std::os::fd::OwnedFd;
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Command, ExitStatus};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver as Channel, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,7 +18,7 @@ use swerve_msg::block::Memory;
 
 use crate::folder::RunFolder;
 use crate::lend::{Lender, Live, StreamMemory};
-use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Watched, now};
+use crate::link::{Counts, Endpoint, LOOK_AROUND, Link, Patience, Waits, Watched, now};
 use crate::service::Hub;
 use crate::waker::Waker;
 use crate::{IpcError, Setup, Traffic};
@@ -48,6 +48,8 @@ pub struct WorkerSpec {
     pub on_loss: OnLoss,
     /// For so long its answers are waited for, and its calls by itself, without sleeping.
     pub spin: Duration,
+    /// A worker that has not answered a call after so long is killed.
+    pub reply_within: Duration,
     /// The command that ends in [`work`](crate::work); gets its [`Setup`] through standard input.
     pub command: Box<dyn Fn() -> Command + Send>,
 }
@@ -98,7 +100,6 @@ struct WorkerHandle {
 /// What the thread that watches a worker shares with the pool.
 struct Shared {
     watched: Arc<Watched>,
-    child: Mutex<Option<Child>>,
     ending: AtomicBool,
 }
 
@@ -158,9 +159,9 @@ impl WorkerPool {
         let reads = |(of, _): &&(StreamMemory, _)| spec.streams.contains(&of.stream);
         let (memories, lives) = self.memories.iter().filter(reads).cloned().unzip();
         let counts = self.counts.clone();
-        let link =
-            Link::new(&self.hub, &process, spec.spin, lives, watched.clone(), counts, on_event.clone())?;
-        let shared = Arc::new(Shared { watched, child: Mutex::new(None), ending: AtomicBool::new(false) });
+        let waits = Waits { spin: spec.spin, reply_within: spec.reply_within };
+        let link = Link::new(&self.hub, &process, waits, lives, watched.clone(), counts, on_event.clone())?;
+        let shared = Arc::new(Shared { watched, ending: AtomicBool::new(false) });
         let (tell_end, ended) = sync_channel(1);
         let address = self.folder.address.clone();
         let mut watch = Watch { spec, memories, address, shared, on_event };
@@ -215,7 +216,7 @@ impl WorkerPool {
 
     /// The process numbers of those that run, by name.
     pub fn processes(&self) -> Vec<(String, u32)> {
-        let number = |worker: &WorkerHandle| lock(&worker.shared.child).as_ref().map(Child::id);
+        let number = |worker: &WorkerHandle| worker.shared.watched.life().process_number();
         self.workers.iter().filter_map(|worker| Some((worker.process.clone(), number(worker)?))).collect()
     }
 
@@ -233,11 +234,8 @@ impl Drop for WorkerPool {
             worker.shared.close();
         }
         for worker in &mut self.workers {
-            if worker.ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout)
-                && let Some(child) = &mut *lock(&worker.shared.child)
-            {
-                // One that is gone needs no killing.
-                let _gone = child.kill();
+            if worker.ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout) {
+                worker.shared.watched.life().kill();
             }
             if let Some(watch) = worker.watch.take() {
                 let _done = watch.join();
@@ -283,10 +281,13 @@ impl Watch {
         drop(command);
         let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;
         // A worker that does not live long enough to read it is found out by its end.
-        let _read = waker.socket()?.write_all(&setup.framed());
-        *lock(&self.shared.child) = Some(child);
+        let mut socket = waker.socket()?;
+        // One that does not read is found out by not being ready.
+        socket.set_write_timeout(Some(SETUP_WITHIN))?;
+        let _read = socket.write_all(&setup.framed());
         let mut life = self.shared.watched.life();
         (life.starts, life.gone, life.waker) = (start, None, Some(Arc::new(waker)));
+        life.begin(child);
         Ok(end)
     }
 
@@ -294,8 +295,9 @@ impl Watch {
         let mut futile = 0;
         loop {
             self.await_end(&life);
-            let child = lock(&self.shared.child).take();
-            let why = ended(child.map(|mut child| child.wait()));
+            let (child, hung) = self.shared.watched.life().end();
+            let status = child.map(|mut child| child.wait());
+            let why = hung.unwrap_or_else(|| ended(status));
             if self.is_ending() {
                 return;
             }
@@ -354,6 +356,9 @@ impl Watch {
 
 /// A worker that was started again and is not ready after so many seconds is told.
 pub const LATE_S: i64 = 1;
+
+/// How long a worker may take to read its setup.
+const SETUP_WITHIN: Duration = Duration::from_secs(10);
 
 /// So many times in turn a worker may end before it is ready.
 const FUTILE_MAX: u32 = 3;

@@ -23,7 +23,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use rustix::fs::{FallocateFlags, fallocate, statvfs};
+use rustix::fs::{Access, FallocateFlags, access, fallocate, statvfs};
 
 use crate::IpcError;
 use crate::folder::{Address, SHARED_MEMORY, shared_files};
@@ -88,6 +88,14 @@ impl Kind {
             .into_iter()
             .find(|kind| *kind as u64 == head.kind)
     }
+}
+
+/// Whether this user may make files in a folder.
+///
+/// # Errors
+/// Why not, as the system says it.
+pub fn writable(folder: &std::path::Path) -> io::Result<()> {
+    Ok(access(folder, Access::WRITE_OK | Access::EXEC_OK)?)
 }
 
 /// A process's access to the shared memory of a run.
@@ -208,6 +216,10 @@ impl Hub {
         config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(IpcError::of("a prefix"))?;
         let root = address.root.as_os_str().as_encoded_bytes();
         config.global.set_root_path(&Path::new(root).map_err(IpcError::of("a path"))?);
+        writable(std::path::Path::new(SHARED_MEMORY)).map_err(|why| IpcError::Shared {
+            doing: format!("shared memory in {SHARED_MEMORY}"),
+            error: format!("{why}: expected a folder that this user may write to"),
+        })?;
         let backing = Backing { prefix: address.prefix.clone() };
         let node = backing.behind(0, || {
             let node = NodeBuilder::new().config(&config);

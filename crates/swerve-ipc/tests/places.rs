@@ -143,6 +143,7 @@ fn run(operator: &str) -> (Log, Traffic, String) {
         streams: vec!["camera".into()],
         on_loss: OnLoss::Stop,
         spin: Duration::ZERO,
+        reply_within: Duration::from_secs(20),
         command: Box::new(|| {
             let mut command = Command::new(std::env::current_exe().unwrap());
             command.arg("worker");
@@ -186,6 +187,7 @@ fn who_is_waited_for_is_told_once_then_given_up() {
         streams: Vec::new(),
         on_loss: OnLoss::Stop,
         spin: Duration::ZERO,
+        reply_within: Duration::from_secs(20),
         command: Box::new(|| {
             let mut command = Command::new("sleep");
             command.arg("100");

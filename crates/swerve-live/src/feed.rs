@@ -1,7 +1,7 @@
 //! The thread between the transport and the graph: takes messages in, works the switch, tells how it goes.
 
 use core::time::Duration;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 
@@ -67,8 +67,8 @@ impl StatusSink for LiveLine {
 /// Flags by which the threads of a drive tell one another what to do.
 #[derive(Default)]
 pub struct ControlFlags {
-    /// How often somebody pressed Ctrl-C.
-    pub interrupts: AtomicUsize,
+    /// Somebody pressed Ctrl-C.
+    pub interrupted: AtomicBool,
     /// The engine runs no longer.
     pub run_over: AtomicBool,
     /// The sink has done its work, too.
@@ -277,9 +277,9 @@ impl Feed<'_> {
 
     fn look_for_the_end(&mut self, memory: &mut Memory) {
         let now = self.clock.now();
-        let interrupts = self.flags.interrupts.load(Ordering::Relaxed);
+        let interrupted = self.flags.interrupted.load(Ordering::Relaxed);
         if memory.end.is_none() {
-            let why = if interrupts > 0 {
+            let why = if interrupted {
                 Some("it was interrupted")
             } else {
                 self.until.filter(|until| now >= *until).map(|_| "the time limit was reached")
@@ -294,7 +294,7 @@ impl Feed<'_> {
         end.stands_since = if rests { end.stands_since.or(Some(now)) } else { None };
         let rested = end.stands_since.is_some_and(|since| now - since >= HELD);
         let limit = stop_takes(end.speed_mps, &self.stop_params).min(self.stop_max);
-        if !end.stopped && (rested || interrupts > 1 || now - end.since >= limit) {
+        if !end.stopped && (rested || now - end.since >= limit) {
             end.stopped = true;
             self.stop.stop();
         }

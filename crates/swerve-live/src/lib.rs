@@ -9,6 +9,7 @@
 //! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
 //! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
 //! | [`sink`] | the thread from the gate to the wire; stops the car where the gate has fallen silent |
+//! | [`orphan`] | the stop of a vehicle whose program has died |
 //! | [`recorded`] | the same from a recorded drive, in virtual time |
 //! | [`watch`], [`summary`] | what is seen of the drive, and told at its end |
 //!
@@ -24,6 +25,7 @@ pub mod engage;
 pub mod feed;
 pub mod graph;
 pub mod intake;
+pub mod orphan;
 pub mod recorded;
 pub mod ros2;
 pub mod sink;
@@ -43,6 +45,7 @@ use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use swerve_core::{Span, Time};
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{COMMAND, REPORT, page_of_log};
 use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
@@ -272,7 +275,9 @@ pub fn drive(
     observers: &mut [&mut dyn Observer],
 ) -> anyhow::Result<Driven> {
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario)?;
-    let _processes = Processes::start_needed(&drive.config, &mut graph.pipeline)?;
+    let _processes = Processes::start_all(&drive.config, &mut graph.pipeline)?;
+    // Each process needs a thread that waits for it, beside those that were asked for.
+    let options = DriveOptions { threads: options.threads + drive.config.process.len(), ..options };
     // The engine's time begins when all are there, and so does that of the messages.
     drive_graph(drive, graph, wire, options, observers, HostClock::start())
 }
@@ -428,10 +433,8 @@ pub fn run_before(
     let flags = Arc::new(ControlFlags::default());
     let interrupted = flags.clone();
     // There is a handler already where a program has run before in this process: that one stays.
-    let _first = ctrlc::set_handler(move || {
-        interrupted.interrupts.fetch_add(1, Ordering::Relaxed);
-    });
-    let wire = BridgeWire::start(&drive.mapping, &drive.live)?;
+    let _first = on_interrupt(move || interrupted.interrupted.store(true, Ordering::Relaxed));
+    let wire = BridgeWire::start(&drive.config, &drive.mapping, &drive.live)?;
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
     let status_sink = Box::new(LiveLine::new(!args.json));
     let options = DriveOptions { until, threads: args.threads, status_sink, flags: &flags };

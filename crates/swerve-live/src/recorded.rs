@@ -250,7 +250,7 @@ pub(super) fn run(
     let mut recording = Recording::read(&files(&path)?, drive)
         .with_context(|| format!("source.rosbag: {}", path.display()))?;
     let LiveGraph { mut pipeline, inputs } = LiveGraph::build(&drive.config, &drive.scenario)?;
-    let _processes = Processes::start_needed(&drive.config, &mut pipeline)?;
+    let _processes = Processes::start_all(&drive.config, &mut pipeline)?;
     let Pipeline { mut graph, route, .. } = pipeline;
     let sources: Vec<String> = graph.sources().map(str::to_owned).collect();
     for name in sources {

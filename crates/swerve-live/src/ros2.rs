@@ -112,7 +112,7 @@ impl Ros2Car {
         let driver = DriverInputs::take(pipeline);
         let streams = Streams::new(&pipeline.graph.describe()?);
         let options = options(config, &streams, &mapping, &mounts, driver.is_some());
-        let bridge = Arc::new(crate::wire::transport(&mapping, &options)?);
+        let bridge = Arc::new(crate::wire::transport(&mapping, &options, Vec::new())?);
         let (mut queues, mut threads) = (Vec::new(), Vec::new());
         for (name, places) in [("swerve-ros2-small", SMALL_MAX), ("swerve-ros2-large", LARGE_MAX)] {
             let (sender, queue) = sync_channel(places);

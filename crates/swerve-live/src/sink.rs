@@ -2,7 +2,7 @@
 //!
 //! It is a thread of its own, because the engine may stand still or end by a panic: then nobody else is left. What it
 //! does by itself is a controlled stop, commanded until the car stands or the time for that is over, and never the last
-//! command for ever. If the whole process dies, the vehicle's own time-out is what is left.
+//! command for ever. If the whole process dies, the one that speaks DDS does the same (`orphan.rs`).
 
 use core::time::Duration;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,6 +16,7 @@ use swerve_ros2::convert::Epoch;
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
 
 use super::intake::lock;
+use super::orphan::Legacy;
 use super::vehicle::{Car, Outgoing, VehicleInterface};
 use super::wire::{HostClock, Sent, Wire};
 
@@ -123,6 +124,14 @@ impl Sink<'_> {
         state.report
     }
 
+    /// Stops the vehicle in the place of a sink that has died after this command, and releases it.
+    pub(crate) fn take_over(mut self, last: GateOutput) -> SinkReport {
+        let (heard, report) = (self.clock.now(), SinkReport::default());
+        let mut state = State { last, heard, stopping: None, report };
+        self.conclude(&mut state);
+        state.report
+    }
+
     fn obey(&mut self, order: Order, orders: &Receiver<Order>, state: &mut State) {
         let mut newest = None;
         for order in std::iter::once(order).chain(orders.try_iter()) {
@@ -224,6 +233,7 @@ impl Sink<'_> {
         let mut outgoing = self.outgoing();
         self.interface.command(output, &mut outgoing);
         self.send(outgoing, state);
+        self.wire.leave(&Legacy { last: *output, stop: self.stop });
     }
 
     fn ask(&mut self, on: bool, state: &mut State) {

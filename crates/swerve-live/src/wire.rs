@@ -10,8 +10,12 @@ use swerve_drive::program::Program;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{Direction, Endpoint, EndpointId, Options, ServiceSide, TopicStatistics};
 use swerve_ros2::mapping::{Mapping, Role, Side};
-use swerve_ros2::transport::{Transport, TransportProcess};
+use swerve_ros2::transport::{Orphan, Transport, TransportProcess};
+use swerve_stack::Registry;
+use swerve_stack::config::Config;
 use swerve_stack::config::live::{EnableBy, LiveConfig};
+
+use crate::orphan::{self, Legacy};
 
 /// The host's clock: run time counts from its making.
 #[derive(Clone, Copy, Debug)]
@@ -97,6 +101,9 @@ pub trait Wire: Sync {
     /// Counts of the topics.
     fn statistics(&self) -> Vec<TopicStatistics>;
 
+    /// Leaves the transport the state from which it stops the vehicle by itself where this program dies.
+    fn leave(&self, _: &Legacy) {}
+
     /// Why transports were lost since the last call, a sentence each; all is well again where the next one is there.
     fn take_losses(&self) -> Vec<String> {
         Vec::new()
@@ -110,19 +117,22 @@ pub const TRANSPORT: &str = "transport";
 ///
 /// # Errors
 /// When it was no run that started it.
-pub fn run_transport() -> anyhow::Result<()> {
+pub fn run_transport(registry: &Registry) -> anyhow::Result<()> {
     let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
-    swerve_ros2::transport::run().context(started_by)
+    // Nobody is left to read why a stop is not to be had: the vehicle's own time-out brakes then.
+    let stop = |orphan: Orphan<'_>| drop(orphan::stop(registry, &orphan));
+    swerve_ros2::transport::run(stop).context(started_by)
 }
 
-/// A transport in a process of its own, which this program is started as.
+/// A transport in a process of its own, which this program is started as; `setup` is the configuration of a drive whose
+/// vehicle it stops where this program dies.
 ///
 /// # Errors
 /// The transport does not start.
-pub(super) fn transport(mapping: &Mapping, options: &Options) -> anyhow::Result<Transport> {
+pub(super) fn transport(mapping: &Mapping, options: &Options, setup: Vec<u8>) -> anyhow::Result<Transport> {
     let program = Program::this()?.with(&[TRANSPORT]);
     let memory_mib = mapping.transport_memory_mib;
-    let process = TransportProcess { command: Box::new(move || program.command()), memory_mib };
+    let process = TransportProcess { command: Box::new(move || program.command()), memory_mib, setup };
     Ok(Transport::start(options, process)?)
 }
 
@@ -137,15 +147,10 @@ impl BridgeWire {
     ///
     /// # Errors
     /// The transport does not start.
-    pub fn start(mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
+    pub fn start(config: &Config, mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
         let options = options(mapping, live);
-        let bridge = transport(mapping, &options)?;
-        let sent = options.endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
-        let role = |(i, e): (usize, &Endpoint)| {
-            let name = e.name.strip_suffix(OWN).unwrap_or(&e.name);
-            mapping.topic(name).map(|topic| (topic.role, EndpointId(i)))
-        };
-        Ok(Self { sends: sent.filter_map(role).collect(), bridge })
+        let bridge = transport(mapping, &options, config.to_text().into_bytes())?;
+        Ok(Self { sends: sends(mapping, &options.endpoints), bridge })
     }
 
     /// Ends the node.
@@ -157,6 +162,16 @@ impl BridgeWire {
     pub fn lost(&self) -> u64 {
         self.bridge.lost()
     }
+}
+
+/// The endpoints that messages are sent on, by role.
+pub(super) fn sends(mapping: &Mapping, endpoints: &[Endpoint]) -> BTreeMap<Role, EndpointId> {
+    let sent = endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
+    let role = |(i, e): (usize, &Endpoint)| {
+        let name = e.name.strip_suffix(OWN).unwrap_or(&e.name);
+        mapping.topic(name).map(|topic| (topic.role, EndpointId(i)))
+    };
+    sent.filter_map(role).collect()
 }
 
 /// Suffix of the name of a topic on which a person is heard, for our own messages there.
@@ -206,6 +221,12 @@ impl Wire for BridgeWire {
 
     fn statistics(&self) -> Vec<TopicStatistics> {
         self.bridge.statistics()
+    }
+
+    fn leave(&self, legacy: &Legacy) {
+        if let Ok(state) = serde_json::to_vec(legacy) {
+            self.bridge.leave(state);
+        }
     }
 
     fn take_losses(&self) -> Vec<String> {

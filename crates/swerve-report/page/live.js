@@ -48,7 +48,8 @@ class Live {
   have() {
     const { ego, commands, tracks, predictions, plans, photos, actors } = this.page;
     const last = Math.max(-1, ...actors.map((actor) => actor.t.at(-1) ?? -1));
-    return { looked: this.looked, ego: ego.t.length, commands: commands.t.length, tracks: tracks.length, predictions: predictions.length, plans: plans.length, photos: photos.length, actors: last < 0 ? null : last };
+    const [newest, before] = [(rows) => rows.at(-1)?.t ?? null, this.page.photos_before ?? 0];
+    return { looked: this.looked, ego: ego.t.at(-1) ?? null, commands: commands.t.at(-1) ?? null, tracks: newest(tracks), predictions: newest(predictions), plans: newest(plans), photos: before + photos.length, actors: last < 0 ? null : last };
   }
 
   async listen() {

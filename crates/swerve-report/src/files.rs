@@ -4,27 +4,21 @@ mod write;
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
-use std::io::{BufReader, ErrorKind, Read as _};
+use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
+use swerve_text::{FILE_MAX, read_bytes};
 
 pub use write::{Part, is_ours, refuse_unwritable, write_whole};
 use write::{beside, refuse_irregular};
 
-/// No file that is read whole may be longer, bytes: a device or a pipe would never end.
-const LENGTH_MAX: u64 = 1 << 30;
-
 /// Reads a file whole.
 ///
 /// # Errors
-/// It cannot be read, or is longer than 1 GiB.
+/// It cannot be read, or is longer than 1 GiB; 64 MiB of a pipe or device.
 pub fn read_whole(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(LENGTH_MAX + 1).read_to_end(&mut bytes));
-    read.map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))?;
-    anyhow::ensure!(bytes.len() as u64 <= LENGTH_MAX, "{}: longer than 1 GiB", path.display());
-    Ok(bytes)
+    read_bytes(path, FILE_MAX).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))
 }
 
 /// Refuses results that would take the place of what they are made of.

@@ -3,6 +3,7 @@
 //! The page is made of the hand-written files in this crate's folder `page/` and of one JSON text that they draw.
 //! The same data give the same bytes. What a page holds can be read back from it with [`data_of`].
 
+mod bound;
 mod collect;
 mod embed;
 mod picture;

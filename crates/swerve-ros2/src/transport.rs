@@ -4,6 +4,7 @@
 //! made to abort by one. So it runs in a process with a bound on its memory, and who drives, brakes and records does
 //! not. [`Transport`] has the functions of a [`Bridge`](crate::bridge::Bridge). When the process ends or hangs, that is
 //! told ([`Transport::take_losses`]), a fresh one is started at once, and what is published from then on goes through it.
+//! When the program dies, the process goes on from the state that was left to it ([`Transport::leave`]), then ends.
 //!
 //! ```text
 //!  program: Transport --- socket, frames of a bounded length --- process: Bridge --- DDS
@@ -22,7 +23,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-pub use self::process::run;
+pub use self::process::{Orphan, run};
 
 use self::frame::Order;
 use self::session::watch;
@@ -49,6 +50,8 @@ pub struct TransportProcess {
     pub command: Box<dyn Fn() -> Command + Send>,
     /// The memory that it may take, MiB.
     pub memory_mib: u32,
+    /// What it needs, beside the newest state, to go on alone; handed on to [`run`] in [`Orphan`].
+    pub setup: Vec<u8>,
 }
 
 /// A node with its topics, in a process of its own. Ends that when it is dropped.
@@ -187,6 +190,16 @@ impl Transport {
         handed_on
     }
 
+    /// Leaves a state to the process, to go on from where this program dies; one that is full is left it the next time.
+    pub fn leave(&self, state: Vec<u8>) {
+        let _next_time = self
+            .shared
+            .lock()
+            .session
+            .as_ref()
+            .map(|session| session.orders.try_send(Order::Leave { state }));
+    }
+
     /// A message of any endpoint, in turn.
     pub fn take_any(&self) -> Option<(EndpointId, Received)> {
         let mut state = self.shared.lock();
@@ -317,7 +330,7 @@ mod tests {
             command
         };
         let options = Options::from_mapping(&Mapping::of(Vehicle::Plain, Network::default()), Side::Stack);
-        let process = TransportProcess { command: Box::new(command), memory_mib: 256 };
+        let process = TransportProcess { command: Box::new(command), memory_mib: 256, setup: Vec::new() };
         Transport::start(&options, process).err().map_or_else(String::new, |error| error.to_string())
     }
 

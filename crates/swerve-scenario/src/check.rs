@@ -80,24 +80,45 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
     }
 }
 
-/// Actors that can be pushed must not start inside one another: physics would throw them apart.
+/// So many actors that start inside others are listed one by one.
+const OVERLAPS_MAX: usize = 100;
+
+/// Actors that can be pushed must not start inside one another: physics would throw them apart. Of each the first other
+/// one is reported.
 fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let line = scenario.road.line();
-    for (i, other) in near(scenario, &line) {
-        let (actor, other) = (&scenario.actors[i], &scenario.actors[other]);
-        let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
-        // Of two round bodies the box of one is taken, which is larger than it.
-        let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
-        let rectangle = square.extent.footprint(square.pose(&line));
-        if !both_fixed && round.distance_to(&line, &rectangle) == 0.0 {
-            let message = format!("starts inside the actor \"{}\"", other.name);
-            found.push((format!("actor.{}", actor.name), message));
-        }
+    let overlaps = overlaps(scenario, &line);
+    for (i, other) in overlaps.iter().take(OVERLAPS_MAX) {
+        let message = format!("starts inside the actor \"{}\"", scenario.actors[*other].name);
+        found.push((format!("actor.{}", scenario.actors[*i].name), message));
+    }
+    if let Some(more) = overlaps.len().checked_sub(OVERLAPS_MAX).filter(|more| *more > 0) {
+        found.push(("actor".to_owned(), format!("{more} more start inside others")));
     }
 }
 
-/// Pairs of actors, the later one first, that are so near along x that they could touch; in their order.
-fn near(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
+/// Actors that start inside earlier ones, each with the first of these.
+fn overlaps(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
+    let mut first: Vec<Option<usize>> = vec![None; scenario.actors.len()];
+    near(scenario, line, |i, other| {
+        if first[i].is_none_or(|first| other < first) && is_inside(scenario, line, i, other) {
+            first[i] = Some(other);
+        }
+    });
+    first.into_iter().enumerate().filter_map(|(i, other)| Some((i, other?))).collect()
+}
+
+fn is_inside(scenario: &Scenario, line: &Polyline, i: usize, other: usize) -> bool {
+    let (actor, other) = (&scenario.actors[i], &scenario.actors[other]);
+    let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
+    // Of two round bodies the box of one is taken, which is larger than it.
+    let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
+    let rectangle = square.extent.footprint(square.pose(line));
+    !both_fixed && round.distance_to(line, &rectangle) == 0.0
+}
+
+/// Pairs of actors, the later one first, that are so near along x that they could touch.
+fn near(scenario: &Scenario, line: &Polyline, mut pair: impl FnMut(usize, usize)) {
     let reach = |(i, actor): (usize, &Actor)| {
         let at = actor.extent.footprint(actor.pose(line));
         let radius_m = math::hypot(at.half_length_m, at.half_width_m);
@@ -105,13 +126,10 @@ fn near(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
     };
     let mut reaches: Vec<(f64, f64, usize)> = scenario.actors.iter().enumerate().map(reach).collect();
     reaches.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut pairs = Vec::new();
     for (k, (_, to, i)) in reaches.iter().enumerate() {
         let behind = reaches[k + 1..].iter().take_while(|(from, _, _)| from <= to);
-        pairs.extend(behind.map(|(_, _, j)| (*i.max(j), *i.min(j))));
+        behind.for_each(|(_, _, j)| pair(*i.max(j), *i.min(j)));
     }
-    pairs.sort_unstable();
-    pairs
 }
 
 fn triggers(scenario: &Scenario, found: &mut Vec<(String, String)>) {

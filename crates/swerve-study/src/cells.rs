@@ -11,6 +11,7 @@ use swerve_drive::Outcome;
 use swerve_report::files::CELLS;
 use swerve_report::progress::Progress;
 use swerve_scenario::Expectation;
+use swerve_text::{FILE_MAX, read_string};
 
 use super::grid::{Cell, Study};
 use super::table;
@@ -180,7 +181,7 @@ impl CellStore {
     /// that is not as it was written.
     pub fn load(&self, cell: &Cell, fingerprint: Digest) -> anyhow::Result<Option<CellResult>> {
         let path = self.path(cell, fingerprint);
-        let text = match std::fs::read_to_string(&path) {
+        let text = match read_string(&path, FILE_MAX) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),

@@ -20,6 +20,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, anyhow, bail};
 use swerve_core::Hasher;
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::{drive_observed, load_config, read_scenario};
 use swerve_geom::{Ego, Lidar, Transform};
@@ -78,7 +79,7 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     // Without a handler, a signal ends the program at once, and the next call continues from the last finished drive.
-    let _handled = ctrlc::set_handler(|| {
+    let _handled = on_interrupt(|| {
         let writer = lock(&CURRENT).clone();
         if let Some(writer) = writer {
             let writer = lock(&writer);

@@ -17,6 +17,7 @@ use anyhow::anyhow;
 use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
+use swerve_report::files::read_whole;
 use swerve_report::output::align;
 
 use localization::LocalizationArgs;
@@ -160,11 +161,9 @@ fn wrong(path: &Path, line: usize, what: impl Display) -> anyhow::Error {
     anyhow!("{}:{line}: {what}", path.display())
 }
 
-/// A file's text, of any length: results for a whole data set have hundreds of megabytes.
+/// A file's text, of up to 1 GiB: results for a whole data set have hundreds of megabytes.
 fn text(path: &Path) -> anyhow::Result<String> {
-    let bytes =
-        std::fs::read(path).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))?;
-    swerve_text::decoded(bytes).map_err(|error| wrong(path, error.line, error))
+    swerve_text::decoded(read_whole(path)?).map_err(|error| wrong(path, error.line, error))
 }
 
 /// The number of a column.

@@ -8,6 +8,7 @@ use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
 use swerve_report::files::{CELLS, folder_of};
 use swerve_report::page::data_of;
+use swerve_text::{FILE_MAX, read_string};
 
 use crate::grid::Study;
 
@@ -53,7 +54,7 @@ fn identity(study: &Study) -> Digest {
 
 /// The name of the study whose page lies in a folder.
 fn written_by(folder: &Path) -> Option<String> {
-    let page = std::fs::read_to_string(folder.join(REPORT)).ok()?;
+    let page = read_string(&folder.join(REPORT), FILE_MAX).ok()?;
     let page: Value = serde_json::from_str(data_of(&page)?).ok()?;
     let name = match page["kind"].as_str()? {
         "study" => page["name"].as_str()?.into(),

@@ -41,13 +41,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, bail};
 use swerve_core::{Digest, Hasher};
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{REPORT, RunReport};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::{Outcome, drive, drive_observed, problems_error};
-use swerve_report::files::{CELLS, write_whole};
+use swerve_report::files::{CELLS, read_whole, write_whole};
 use swerve_report::output::quoted;
 use swerve_report::page::{Figures, Page};
 use swerve_scenario::{Scenario, split_sets};
@@ -270,7 +271,7 @@ impl Bench {
         let config = self.config(cell)?;
         hasher.value(&(self.program, config.to_text(), &*self.scenario(cell)?.text));
         for file in config.files() {
-            hasher.bytes(&std::fs::read(file).with_context(|| format!("reading {}", file.display()))?);
+            hasher.bytes(&read_whole(file)?);
         }
         hasher.value(&(self.study.curve.is_some(), &self.study.timely));
         hasher
@@ -307,13 +308,11 @@ impl Bench {
         let stop = Arc::new(AtomicBool::new(false));
         let on_signal = stop.clone();
         let stopping = move || {
-            // Cells are whole or not there, so that nothing is lost where the program ends at once.
-            if on_signal.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
-            }
+            // Cells are whole or not there, so that nothing is lost where a second signal ends the program at once.
+            on_signal.store(true, Ordering::SeqCst);
             eprintln!("\nstopping after the cells that are under way; once more to stop at once");
         };
-        ctrlc::set_handler(stopping).context("listening for Ctrl-C")?;
+        on_interrupt(stopping).context("listening for Ctrl-C")?;
         let store = CellStore::open(how.out)?;
         let threads = how.threads.unwrap_or_else(swerve_drive::threads::cores);
         let runner = Runner { store: &store, threads, shard: how.shard, reports: how.reports, stop: &stop };
@@ -406,7 +405,7 @@ fn is_limit(cell: &Cell) -> bool {
 fn program() -> anyhow::Result<Digest> {
     let path = Program::this()?.code;
     let mut hasher = Hasher::new();
-    hasher.bytes(&std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    hasher.bytes(&read_whole(&path)?);
     Ok(hasher.digest())
 }
 

@@ -14,6 +14,8 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use swerve_text::read_bytes;
+
 use crate::train::decode_png;
 
 /// What a folder's images are called.
@@ -73,6 +75,28 @@ fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
+/// The longest file of an image, bytes.
+const IMAGE_BYTES_MAX: u64 = 256 << 20;
+
+/// Larger images are refused where nothing else is asked for, millions of pixels. The most that a detector takes is about
+/// 120 bytes a pixel.
+pub const MEGAPIXELS_MAX: u32 = 16;
+
+/// Refuses an image of more pixels than so many millions, before memory is taken for them.
+pub(crate) fn within_bound(
+    path: &Path,
+    [width, height]: [u32; 2],
+    megapixels_max: u32,
+) -> anyhow::Result<()> {
+    let pixels = u64::from(width) * u64::from(height);
+    anyhow::ensure!(
+        pixels <= u64::from(megapixels_max) * 1_000_000,
+        "reading {}: {width} x {height} pixels: expected at most {megapixels_max} megapixels",
+        path.display()
+    );
+    Ok(())
+}
+
 /// An image in colours.
 pub struct Picture {
     /// Columns and rows.
@@ -85,25 +109,29 @@ impl Picture {
     /// Reads a file, JPEG by its first bytes, else PNG, and turns it as its EXIF data asks.
     ///
     /// # Errors
-    /// It cannot be read, or is no such image.
-    pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let file = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    /// It cannot be read, is no such image, or has more pixels than so many millions.
+    pub fn read(path: &Path, megapixels_max: u32) -> anyhow::Result<Self> {
+        let file =
+            read_bytes(path, IMAGE_BYTES_MAX).with_context(|| format!("reading {}", path.display()))?;
         if !file.starts_with(&[0xff, 0xd8]) {
             anyhow::ensure!(
                 file.starts_with(b"\x89PNG"),
                 "reading {}: neither a PNG nor a JPEG image",
                 path.display()
             );
-            let (size, bytes) = decode_png(std::io::Cursor::new(&file), path)?;
+            let (size, bytes) = decode_png(std::io::Cursor::new(&file), path, megapixels_max)?;
             return Ok(Self { size, bytes });
         }
         // Strictly: what is cut off is an error, no grey.
         let options =
             DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(true);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file[..]), options);
-        let bytes = decoder.decode().map_err(|e| anyhow::anyhow!("reading {}: {e}", path.display()))?;
+        let failed = |e| anyhow::anyhow!("reading {}: {e}", path.display());
+        decoder.decode_headers().map_err(failed)?;
         let info = decoder.info().with_context(|| format!("reading {}: no size", path.display()))?;
+        within_bound(path, [info.width, info.height].map(u32::from), megapixels_max)?;
         let orientation = decoder.exif().map_or(1, |exif| exif::orientation(exif));
+        let bytes = decoder.decode().map_err(failed)?;
         let (size, bytes) = exif::upright([info.width, info.height].map(usize::from), bytes, orientation);
         Ok(Self { size, bytes })
     }

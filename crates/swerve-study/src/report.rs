@@ -10,6 +10,7 @@ use swerve_report::files::write_whole;
 use swerve_report::output::print;
 use swerve_report::page::{Page, Pair, data_of};
 use swerve_stack::Registry;
+use swerve_text::{FILE_MAX, read_string};
 
 /// `swerve report`.
 #[derive(clap::Args, Debug)]
@@ -71,7 +72,7 @@ impl Source {
                 "{path}: expected log.mcap of a run or {REPORT} of a study, which is there when all cells are driven"
             )
         };
-        let text = std::fs::read_to_string(&page).with_context(expected)?;
+        let text = read_string(&page, FILE_MAX).with_context(expected)?;
         let data = data_of(&text).and_then(|data| serde_json::from_str::<Value>(data).ok());
         data.filter(|data| data["kind"] == "study").map(Self::Study).with_context(expected)
     }

@@ -13,7 +13,7 @@ use swerve_perception::image_plane::{
 use swerve_report::files::{refuse_to_replace, write_whole};
 
 use crate::evaluate::mot;
-use crate::picture::Picture;
+use crate::picture::{MEGAPIXELS_MAX, Picture};
 
 /// `swerve track`.
 #[derive(clap::Args, Debug)]
@@ -117,7 +117,7 @@ fn by_looks(folder: &Path) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Resu
 fn image_of(folder: &Path, frame: u64) -> anyhow::Result<Picture> {
     let mut files = ["png", "jpg"].map(|ending| folder.join(format!("{frame:06}.{ending}"))).into_iter();
     match files.find(|file| file.is_file()) {
-        Some(file) => Picture::read(&file),
+        Some(file) => Picture::read(&file, MEGAPIXELS_MAX),
         None => bail!("{}: no image of frame {frame}, expected {frame:06}.png or .jpg", folder.display()),
     }
 }

@@ -2,15 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
-use crate::{Problem, Problems, read_meant};
+use crate::{Problem, Problems, read_bytes, read_meant};
 
 /// No file that people write is larger, bytes.
 const TEXT_MAX: u64 = 16 << 20;
@@ -20,11 +19,12 @@ const TEXT_MAX: u64 = 16 << 20;
 /// # Errors
 /// The file cannot be read, holds no UTF-8 or more than 16 MiB.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(TEXT_MAX + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > TEXT_MAX {
-        return Err(io::Error::other("it is larger than 16 MiB: expected a file of settings"));
-    }
+    let bytes = read_bytes(path, TEXT_MAX).map_err(|error| match error.kind() {
+        io::ErrorKind::FileTooLarge => {
+            io::Error::other("it is larger than 16 MiB: expected a file of settings")
+        }
+        _ => error,
+    })?;
     decoded(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 

@@ -7,11 +7,13 @@
 //!
 //! JSON that comes from outside is read by [`from_json`], which tells the first mistake in the same words.
 //!
-//! Absences: no crate of ours, no type of any domain; the only file it opens is the one that [`Document::read`] is
-//! given.
+//! Files that are read whole, settings or not, are read by [`read_bytes`], which has a bound.
+//!
+//! Absences: no crate of ours, no type of any domain; the only file it opens is the one that it is given.
 
 mod assign;
 mod document;
+mod file;
 mod form;
 mod json;
 mod overridden;
@@ -21,6 +23,7 @@ mod words;
 
 pub use assign::{parse_assignment, parse_assignments, set};
 pub use document::{Document, NotText, decoded, read_text, unreadable};
+pub use file::{FILE_MAX, read_bytes, read_string};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use json::from_json;
 pub use overridden::overridden;

@@ -6,7 +6,6 @@ use anyhow::Context as _;
 use serde::Serialize;
 use swerve_drive::page::{RunReport, command_line};
 use swerve_drive::process::Processes;
-use swerve_drive::program::Program;
 use swerve_drive::views::views_of;
 use swerve_drive::{RunInput, drive_pipeline, load, trust};
 use swerve_flow::{EndReason, Event, Observer};
@@ -209,9 +208,7 @@ impl Driver<'_> {
         let mut streams = self.streams.as_ref().map(|streams| {
             streams.of_run(config.registry.with_views_of(Foxglove::new(views_of(&config, &pipeline))))
         });
-        let processes = (!config.process.is_empty())
-            .then(|| Processes::start(&Program::this()?, &config, &mut pipeline))
-            .transpose()?;
+        let processes = Processes::start_all(&config, &mut pipeline)?;
         let mut watching = Watching { show: self.show, config: &config };
         let mut observers: Vec<&mut dyn Observer> = Vec::new();
         // Before the page, which holds the run back at a frame until it is due.

@@ -15,6 +15,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{log_of, page_of_log};
 use swerve_drive::{Outcome, RunInput};
 use swerve_report::output::{print, tell};
@@ -99,7 +100,7 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     }
     if !args.live {
         let interrupted = Arc::clone(&show);
-        ctrlc::set_handler(move || interrupted.quit()).context("waiting for Ctrl-C")?;
+        on_interrupt(move || interrupted.quit()).context("waiting for Ctrl-C")?;
     }
     let address = Server::start(args.port, Arc::clone(&show), drives.then(|| Arc::clone(&begins)))?;
     let lines = [Some(address.clone()), foxglove].into_iter().flatten().map(|line| line + "\n");

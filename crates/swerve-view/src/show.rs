@@ -331,7 +331,7 @@ impl Show {
     pub(crate) fn rows(&self, Has { have, looked }: &Has) -> String {
         let state = self.state();
         let nothing_new = |state: &mut State| {
-            let ego = state.report.as_ref().map(|report| report.so_far().ego.t.len());
+            let ego = state.report.as_ref().map(|report| report.so_far().ego.t.last().copied());
             state.over.is_none() && ego.is_none_or(|ego| ego == have.ego)
         };
         let waited = self.changed.wait_timeout_while(state, WAIT, nothing_new);

@@ -76,9 +76,9 @@ fn rendering(adapters: &Adapters) -> Vec<String> {
 /// Where processes of one run share images.
 fn shared_memory(folder: &Path) -> String {
     match std::fs::metadata(folder) {
-        Ok(at) if at.is_dir() => match at.permissions().readonly() {
-            false => folder.display().to_string(),
-            true => format!("{}: not to be written", folder.display()),
+        Ok(at) if at.is_dir() => match swerve_ipc::writable(folder) {
+            Ok(()) => folder.display().to_string(),
+            Err(why) => format!("{}: this user may not write there ({why})", folder.display()),
         },
         _ => format!("none: there is no folder {}", folder.display()),
     }

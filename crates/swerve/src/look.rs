@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use clap::ArgGroup;
 use swerve_drive::overwrite::OverwriteArgs;
+use swerve_study::picture::MEGAPIXELS_MAX;
 use swerve_vision::lanes::Method;
 
 /// `swerve look`.
@@ -65,6 +66,9 @@ pub(crate) struct LookArgs {
     /// Disparities to be looked for, a multiple of 16
     #[arg(long, value_name = "N", default_value_t = 64)]
     disparities: usize,
+    /// Largest image that is read, millions of pixels; a detector needs about 120 bytes a pixel
+    #[arg(long, value_name = "MP", default_value_t = MEGAPIXELS_MAX, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    megapixels: u32,
     /// Print one JSON object an image
     #[arg(long)]
     json: bool,

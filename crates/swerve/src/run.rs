@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::frames::{Frames, Sinks};
+use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::pictures::PictureArgs;
 use swerve_drive::process::Processes;
-use swerve_drive::program::Program;
 use swerve_drive::realtime::Realtime;
 use swerve_drive::why::of_run;
 use swerve_drive::{
@@ -122,7 +122,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let on_ros2 = args.ros2.is_some() || config.is_driven_over_ros2();
     let mut car = on_ros2.then(|| Ros2Car::start(&config, &mut pipeline)).transpose()?;
     observers.extend(car.as_mut().map(Ros2Car::observer));
-    let processes = start_processes(&config, &mut pipeline)?;
+    let processes = Processes::start_all(&config, &mut pipeline)?;
     stop_on_interrupt(pipeline.graph.stop_handle());
     let threads = threads(args.threads.unwrap_or_else(swerve_drive::threads::cores), &config);
     let driven = drive_pipeline(pipeline, config.seed, threads, &mut observers);
@@ -203,14 +203,6 @@ fn acting(pipeline: &Pipeline) -> Vec<&str> {
     assembly.publisher::<MotionCommand>().or(assembly.publisher::<Command>()).into_iter().collect()
 }
 
-/// Starts the processes of the configuration, if it has any.
-fn start_processes(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Processes>> {
-    if config.process.is_empty() {
-        return Ok(None);
-    }
-    Ok(Some(Processes::start(&Program::this()?, config, pipeline)?))
-}
-
 /// Against the real clock each process needs a thread that waits for it, beside those that were asked for.
 fn threads(asked: usize, config: &Config) -> usize {
     match config.clock.source {
@@ -222,7 +214,7 @@ fn threads(asked: usize, config: &Config) -> usize {
 /// Ends a run in good order when it is interrupted.
 fn stop_on_interrupt(stop: StopHandle) {
     // There is a handler already where a program has run before in this process: that one stays.
-    let _first = ctrlc::set_handler(move || stop.stop());
+    let _first = on_interrupt(move || stop.stop());
 }
 
 /// The pictures of the run, if they are asked for.

@@ -9,6 +9,9 @@ use anyhow::{Context as _, bail, ensure};
 use swerve_camera::Frame;
 use swerve_report::files::Part;
 
+/// Of what `ffmpeg` writes on its standard error so much is kept, bytes.
+const WORDS_MAX: u64 = 1 << 16;
+
 /// A video that grows by a picture at a time, under a name of its own until it is whole.
 pub(super) struct Video {
     file: PathBuf,
@@ -61,8 +64,8 @@ impl Video {
         let writing = || format!("writing {} by ffmpeg", self.file.display());
         drop(self.encoder.stdin.take());
         let mut said = String::new();
-        if let Some(mut told) = self.encoder.stderr.take() {
-            told.read_to_string(&mut said).with_context(writing)?;
+        if let Some(told) = self.encoder.stderr.take() {
+            told.take(WORDS_MAX).read_to_string(&mut said).with_context(writing)?;
         }
         let ended = self.encoder.wait().with_context(writing)?;
         let part = self.part.take();

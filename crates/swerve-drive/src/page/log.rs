@@ -16,6 +16,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
+use swerve_text::FILE_MAX;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -107,7 +108,7 @@ fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
 fn metrics_beside(log: &Path, digest: &str) -> Result<String, String> {
     let path = log.with_file_name("metrics.json");
     let broken = |why: String| format!("{} is broken ({why})", path.display());
-    let text = match std::fs::read_to_string(&path) {
+    let text = match swerve_text::read_string(&path, FILE_MAX) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(broken(error.to_string())),
         text => text.ok(),
     };
@@ -186,12 +187,19 @@ fn photos(collector: &mut Collector, path: &Path, log: &Log) -> Result<(), LogEr
     Ok(())
 }
 
+/// A logged image of more pixels is not shown: 4096 x 4096.
+const PHOTO_PIXELS_MAX: u64 = 1 << 24;
+
 /// A JPEG file as a small picture; none of what is no such file.
 fn photo_of_file(file: &[u8]) -> Option<String> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
-    let bytes = decoder.decode().ok()?;
+    decoder.decode_headers().ok()?;
     let info = decoder.info()?;
+    if u64::from(info.width) * u64::from(info.height) > PHOTO_PIXELS_MAX {
+        return None;
+    }
+    let bytes = decoder.decode().ok()?;
     photo_of([info.width, info.height].map(usize::from), &bytes)
 }
 

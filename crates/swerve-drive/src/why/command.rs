@@ -25,6 +25,9 @@ pub struct WhyArgs {
     json: bool,
 }
 
+/// The memory for the log of a run that has just been recorded, bytes: about four minutes of a drive with one actor.
+const OF_RUN_BYTES: usize = 80 << 20;
+
 /// Runs `swerve why`.
 pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
     let log = log_of(&args.log).unwrap_or_else(|| args.log.clone());
@@ -38,6 +41,6 @@ pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
 /// The chain of a run that has just been recorded. Where there is none to be had, the drive is over all the same: that
 /// is said on standard error.
 pub fn of_run(log: &std::path::Path, registry: &Registry, metrics: &Metrics) -> Option<Why> {
-    let why = Logged::read(log, registry).and_then(|logged| logged.why(metrics));
+    let why = Logged::read_within(log, registry, OF_RUN_BYTES).and_then(|logged| logged.why(metrics));
     why.inspect_err(|error| tell(&format!("warning: why it ended so is not known: {error:#}"))).ok()
 }

@@ -10,6 +10,7 @@ use swerve_geom::{FrenetPoint, Pose2, angle_between};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, Command, EgoState, Image, Plan, PoseQuality, PredictionList, Route, TrackList};
 
+use super::bound::Fill;
 use super::picture::photo;
 use super::run::{self, EgoShape, Input, Light, Marks, Operator, Road, RunPage};
 
@@ -53,6 +54,7 @@ pub struct Collector {
     has_world: bool,
     photographed: BTreeMap<usize, Time>,
     with_photos: bool,
+    fill: Fill,
 }
 
 impl Collector {
@@ -112,6 +114,7 @@ impl Collector {
 
     /// Takes in a message; `payload` of any other type than those shown is passed over.
     pub fn message(&mut self, about: Message<'_>, payload: Option<&dyn Any>) {
+        self.fill.make_room(&mut self.page);
         let operator = self.operator(about.operator);
         let stream = self.stream(about.stream);
         let messages = &mut self.page.messages;
@@ -132,11 +135,14 @@ impl Collector {
             self.sure(quality);
         } else if let Some(tracks) = payload.downcast_ref::<TrackList>() {
             if self.shows("tracks", stream) {
+                self.fill.tracked += 8 * tracks.tracks.len();
                 self.page.tracks.push(tracks_of(about.at, tracks));
             }
         } else if let Some(predictions) = payload.downcast_ref::<PredictionList>() {
             if self.shows("predictions", stream) {
-                self.page.predictions.push(predictions_of(about.at, predictions));
+                let predictions = predictions_of(about.at, predictions);
+                self.fill.predicted += predictions.of.iter().map(Vec::len).sum::<usize>();
+                self.page.predictions.push(predictions);
             }
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             if self.shows("plan", stream) {
@@ -192,9 +198,19 @@ impl Collector {
         &self.page
     }
 
+    /// Sentences on what a page of a run this long leaves out.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        self.fill.notes()
+    }
+
     /// The page, to which what is known of the run as a whole is to be added.
     pub fn finish(self) -> RunPage {
         self.page
+    }
+
+    #[cfg(test)]
+    pub(super) fn limit(&mut self, limits: super::bound::Limits) {
+        self.fill.limits = limits;
     }
 
     fn operator(&mut self, name: &str) -> usize {
@@ -237,7 +253,7 @@ impl Collector {
                 actors.insert(place, run::Actor { id, name, kind, length, width, ..run::Actor::default() });
                 place
             });
-            follow(&mut actors[place], world.stamp, actor.pose);
+            self.fill.poses += usize::from(follow(&mut actors[place], world.stamp, actor.pose));
         }
     }
 
@@ -308,18 +324,21 @@ impl Observer for Collector {
     }
 }
 
-fn follow(actor: &mut run::Actor, at: Time, pose: Pose2) {
+/// Takes in a pose of an actor, if it has moved.
+fn follow(actor: &mut run::Actor, at: Time, pose: Pose2) -> bool {
     let moved = |k: usize| {
         let (x, y) = (actor.x[k] as f64 * 0.01, actor.y[k] as f64 * 0.01);
         let turned = angle_between(actor.h[k] as f64 * 0.001, pose.heading_rad).abs();
         (pose.x_m - x).abs() > ACTOR_MOVED || (pose.y_m - y).abs() > ACTOR_MOVED || turned > ACTOR_MOVED
     };
-    if actor.t.len().checked_sub(1).is_none_or(moved) {
+    let is_new = actor.t.len().checked_sub(1).is_none_or(moved);
+    if is_new {
         actor.t.push(us(at));
         actor.x.push(cm(pose.x_m));
         actor.y.push(cm(pose.y_m));
         actor.h.push(thousandths(pose.heading_rad));
     }
+    is_new
 }
 
 fn tracks_of(at: Time, list: &TrackList) -> run::Tracks {

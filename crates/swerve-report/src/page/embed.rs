@@ -1,5 +1,7 @@
 //! Data into a page, and out of it again.
 
+use std::io;
+
 use serde::Serialize;
 
 use swerve_draw::escape;
@@ -25,18 +27,42 @@ const DATA_END: &str = "</script>";
 
 /// The page that shows `data`. Whatever texts the data hold, they stay data: no `<` is left in them.
 pub fn page(title: &str, data: &impl Serialize) -> String {
-    let data = serde_json::to_string(data).expect("pages are plain structs").replace('<', "\\u003c");
-    let scripts = SCRIPTS.join("\n");
-    let mut html = String::with_capacity(TEMPLATE.len() + STYLE.len() + scripts.len() + data.len());
+    let mut html = Vec::new();
     let mut rest = TEMPLATE;
-    let title = escape(title);
-    for (mark, text) in [("title", &*title), ("style", STYLE), ("data", &data), ("script", &scripts)] {
+    let mut until = |mark: &str, html: &mut Vec<u8>| {
         let (before, after) = rest.split_once(&format!("<!--{mark}-->")).expect("page.html has all marks");
-        html += before;
-        html += text;
+        html.extend_from_slice(before.as_bytes());
         rest = after;
+    };
+    until("title", &mut html);
+    html.extend_from_slice(escape(title).as_bytes());
+    until("style", &mut html);
+    html.extend_from_slice(STYLE.as_bytes());
+    until("data", &mut html);
+    serde_json::to_writer(Escaped(&mut html), data).expect("pages are plain structs");
+    until("script", &mut html);
+    html.extend_from_slice(SCRIPTS.join("\n").as_bytes());
+    html.extend_from_slice(rest.as_bytes());
+    String::from_utf8(html).expect("all of it is text")
+}
+
+/// JSON on its way into a page: of a long run there is one copy in memory.
+struct Escaped<'a>(&'a mut Vec<u8>);
+
+impl io::Write for Escaped<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut parts = bytes.split(|byte| *byte == b'<');
+        self.0.extend_from_slice(parts.next().unwrap_or_default());
+        for part in parts {
+            self.0.extend_from_slice(b"\\u003c");
+            self.0.extend_from_slice(part);
+        }
+        Ok(bytes.len())
     }
-    html + rest
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 /// The JSON text that a page was made of; none where it is no such page.

@@ -3,23 +3,23 @@
 use super::run::{Actor, Commands, Ego, RunPage};
 use super::{Collector, Photo, Plan, Predictions, Tracks};
 
-/// How many rows of each table a page has.
+/// The last instant of each table that a page has, microseconds; none before the first.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Have {
     /// States of the ego.
-    pub ego: usize,
+    pub ego: Option<i64>,
     /// Commands.
-    pub commands: usize,
+    pub commands: Option<i64>,
     /// Messages of tracks.
-    pub tracks: usize,
+    pub tracks: Option<i64>,
     /// Messages of predictions.
-    pub predictions: usize,
+    pub predictions: Option<i64>,
     /// Plans.
-    pub plans: usize,
-    /// Pictures.
+    pub plans: Option<i64>,
+    /// How many pictures it has, or had and has no more.
     pub photos: usize,
-    /// The last instant of all actors' ways, microseconds; none before the first.
+    /// All actors' ways.
     pub actors: Option<i64>,
 }
 
@@ -39,16 +39,17 @@ pub struct Rows {
 impl Collector {
     /// What is known by now beyond what a page has.
     pub fn rows(&self, have: &Have) -> Rows {
-        let RunPage { end, ego, actors, commands, tracks, predictions, plans, photos, .. } = self.so_far();
+        let RunPage { end, ego, actors, commands, tracks, predictions, plans, photos, photos_before, .. } =
+            self.so_far();
         Rows {
             end: *end,
             ego: ego_since(ego, have.ego),
             actors: actors.iter().map(|actor| actor_since(actor, have.actors)).collect(),
             commands: commands_since(commands, have.commands),
-            tracks: since(tracks, have.tracks),
-            predictions: since(predictions, have.predictions),
-            plans: since(plans, have.plans),
-            photos: since(photos, have.photos),
+            tracks: beyond(tracks, have.tracks, |row| row.t),
+            predictions: beyond(predictions, have.predictions, |row| row.t),
+            plans: beyond(plans, have.plans, |row| row.t),
+            photos: since(photos, have.photos.saturating_sub(*photos_before)),
         }
     }
 }
@@ -57,13 +58,25 @@ fn since<T: Clone>(column: &[T], from: usize) -> Vec<T> {
     column.get(from..).unwrap_or_default().to_vec()
 }
 
-fn ego_since(ego: &Ego, from: usize) -> Ego {
+/// The rows after an instant.
+fn beyond<T: Clone>(rows: &[T], last: Option<i64>, t: impl Fn(&T) -> i64) -> Vec<T> {
+    since(rows, last.map_or(0, |last| rows.partition_point(|row| t(row) <= last)))
+}
+
+/// The place of the first instant after another one.
+fn after(t: &[i64], last: Option<i64>) -> usize {
+    last.map_or(0, |last| t.partition_point(|t| *t <= last))
+}
+
+fn ego_since(ego: &Ego, last: Option<i64>) -> Ego {
+    let from = after(&ego.t, last);
     let [t, x, y, h] = [&ego.t, &ego.x, &ego.y, &ego.h].map(|column| since(column, from));
     let [v, a, lat, steer] = [&ego.v, &ego.a, &ego.lat, &ego.steer].map(|column| since(column, from));
     Ego { t, x, y, h, v, a, lat, steer }
 }
 
-fn commands_since(all: &Commands, from: usize) -> Commands {
+fn commands_since(all: &Commands, last: Option<i64>) -> Commands {
+    let from = after(&all.t, last);
     let [t, steer, throttle, brake] =
         [&all.t, &all.steer, &all.throttle, &all.brake].map(|column| since(column, from));
     Commands { t, steer, throttle, brake }
@@ -71,7 +84,7 @@ fn commands_since(all: &Commands, from: usize) -> Commands {
 
 /// An actor's way beyond an instant: those of all actors grow by the same messages.
 fn actor_since(actor: &Actor, last: Option<i64>) -> Actor {
-    let from = last.map_or(0, |last| actor.t.partition_point(|t| *t <= last));
+    let from = after(&actor.t, last);
     let [t, x, y, h] = [&actor.t, &actor.x, &actor.y, &actor.h].map(|column| since(column, from));
     Actor { t, x, y, h, name: actor.name.clone(), kind: actor.kind.clone(), ..*actor }
 }

@@ -56,6 +56,9 @@ pub struct RunPage {
     pub drops: Marks,
     /// Pictures of the cameras.
     pub photos: Vec<Photo>,
+    /// How many older pictures are left out.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub photos_before: usize,
     /// Tables of what belongs to no single step.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<Table>,
@@ -65,6 +68,10 @@ pub struct RunPage {
     pub changed: Vec<Changed>,
     /// `metrics.json`, as it is; null where there is none.
     pub metrics: serde_json::Value,
+}
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 /// The ground, as lines of x and y in turn.

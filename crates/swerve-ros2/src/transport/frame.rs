@@ -15,8 +15,18 @@ pub(super) const FRAME_BYTES_MAX: usize = 64 << 20;
 /// From the program.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Order {
-    /// The first: which topics there are, and how much memory may be taken.
-    Start { options: Box<Options>, memory_bytes: u64 },
+    /// The first: which topics there are, how much memory may be taken, and the setup of [`Orphan`](super::Orphan).
+    Start {
+        options: Box<Options>,
+        memory_bytes: u64,
+        #[serde(with = "serde_bytes")]
+        setup: Vec<u8>,
+    },
+    /// The state to go on from where the program dies; takes the place of the one before.
+    Leave {
+        #[serde(with = "serde_bytes")]
+        state: Vec<u8>,
+    },
     /// Send a message, as its bytes in CDR.
     Publish {
         endpoint: usize,
@@ -97,12 +107,17 @@ mod tests {
     fn a_frame_is_read_as_it_was_written_and_none_is_too_long() {
         let options = Options::from_mapping(&Mapping::of(Vehicle::Autoware, Network::default()), Side::Stack);
         let mut bytes = Vec::new();
-        write(&mut bytes, &Order::Start { options: Box::new(options.clone()), memory_bytes: 1 << 30 })
-            .unwrap();
+        write(
+            &mut bytes,
+            &Order::Start { options: Box::new(options.clone()), memory_bytes: 1 << 30, setup: vec![5] },
+        )
+        .unwrap();
         write(&mut bytes, &Order::Publish { endpoint: 3, payload: vec![7; 1000] }).unwrap();
         let mut from = &bytes[..];
-        let Order::Start { options: read_back, memory_bytes } = read(&mut from).unwrap() else { panic!() };
-        assert_eq!((*read_back, memory_bytes), (options, 1 << 30));
+        let Order::Start { options: read_back, memory_bytes, setup } = read(&mut from).unwrap() else {
+            panic!()
+        };
+        assert_eq!((*read_back, memory_bytes, setup), (options, 1 << 30, vec![5]));
         let Order::Publish { endpoint: 3, payload } = read(&mut from).unwrap() else { panic!() };
         assert!(payload == [7; 1000] && from.is_empty());
         let long = Order::Publish { endpoint: 0, payload: vec![0; FRAME_BYTES_MAX] };

@@ -1,6 +1,7 @@
 //! What the transport's process does: DDS in, frames out, and the other way round, until its program is gone.
 
 use std::io;
+use std::net::Shutdown;
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -34,24 +35,37 @@ struct Program {
 }
 
 impl Program {
-    /// Tells the program something. Without a program there is nothing to be done here.
+    /// Tells the program something. Where it has died, whoever reads its orders gets to know.
     fn tell(&self, news: &News) {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         match write(&self.socket, news) {
-            Err(error) if error.kind() != io::ErrorKind::InvalidData => std::process::exit(1),
+            Err(error) if error.kind() != io::ErrorKind::InvalidData => {
+                let _gone = self.socket.shutdown(Shutdown::Both);
+            }
             // What is too long to be handed on stays here.
             _ => {}
         }
     }
 }
 
-/// Carries messages for the program that started this process, over standard input.
+/// A process whose program has died without ending it.
+pub struct Orphan<'a> {
+    /// The node.
+    pub bridge: &'a Bridge,
+    /// [`TransportProcess::setup`](super::TransportProcess::setup).
+    pub setup: Vec<u8>,
+    /// The last state that was left to it with [`Transport::leave`](super::Transport::leave).
+    pub state: Vec<u8>,
+}
+
+/// Carries messages for the program that started this process, over standard input. Where that dies after it has left a
+/// state here, `orphaned` is called before this process ends.
 ///
 /// # Errors
 /// When it was no program of ours that started it.
-pub fn run() -> io::Result<()> {
+pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
     let socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
-    let Order::Start { options, memory_bytes } = read(&socket)? else {
+    let Order::Start { options, memory_bytes, setup } = read(&socket)? else {
         return Err(io::Error::new(io::ErrorKind::InvalidData, "this is no start of a transport"));
     };
     limit(memory_bytes)?;
@@ -67,9 +81,10 @@ pub fn run() -> io::Result<()> {
     let ended = AtomicBool::new(false);
     // Odd while an order is carried out.
     let order = AtomicU64::new(0);
+    let mut state = None;
     thread::scope(|scope| {
         scope.spawn(|| hand_on(&bridge, &options, &program, &ended));
-        scope.spawn(|| {
+        let counting = scope.spawn(|| {
             let (mut busy_with, mut looks) = (None, 0);
             while !ended.load(Ordering::Relaxed) {
                 program.tell(&News::Counts { counts: bridge.statistics(), asked: false });
@@ -86,7 +101,11 @@ pub fn run() -> io::Result<()> {
         while let Ok(next) = read(&program.socket) {
             order.fetch_add(1, Ordering::Relaxed);
             match next {
-                Order::Start { .. } | Order::End => break,
+                Order::Start { .. } | Order::End => {
+                    state = None;
+                    break;
+                }
+                Order::Leave { state: newest } => state = Some(newest),
                 Order::Count => program.tell(&News::Counts { counts: bridge.statistics(), asked: true }),
                 Order::Publish { endpoint, payload } => {
                     publish(&bridge, &options, endpoint, &payload);
@@ -104,7 +123,11 @@ pub fn run() -> io::Result<()> {
             order.fetch_add(1, Ordering::Relaxed);
         }
         ended.store(true, Ordering::Relaxed);
+        counting.thread().unpark();
     });
+    if let Some(state) = state {
+        orphaned(Orphan { bridge: &bridge, setup, state });
+    }
     // Whether it is through or hangs, this process is at its end.
     let _either_way = bridge.stop(END_WITHIN);
     std::process::exit(0)

@@ -82,7 +82,14 @@ fn live(shared: &Shared, options: &Options, process: &TransportProcess) -> io::R
         let mut listen = || {
             ours.set_write_timeout(Some(SILENCE_MAX))?;
             ours.set_read_timeout(Some(START_WITHIN))?;
-            write(&ours, &Order::Start { options: Box::new(options.clone()), memory_bytes })?;
+            write(
+                &ours,
+                &Order::Start {
+                    options: Box::new(options.clone()),
+                    memory_bytes,
+                    setup: process.setup.clone(),
+                },
+            )?;
             loop {
                 let news: News = read(&ours)?;
                 if let (News::Started, Some(orders)) = (&news, orders.take()) {

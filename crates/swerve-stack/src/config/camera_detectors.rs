@@ -8,9 +8,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::Point;
 use swerve_msg::CameraInfo;
-use swerve_text::{did_you_mean, list};
+use swerve_text::{did_you_mean, list, read_bytes};
 use swerve_vision::acf::{Ground, Rung, Weights, WeightsError};
 use swerve_vision::{segmentation, shipped};
+
+/// The longest file of weights, bytes.
+const WEIGHTS_MAX: u64 = 256 << 20;
 
 use super::execution::Runtime;
 use super::{Config, OperatorConfig};
@@ -47,7 +50,7 @@ fn stored<T>(
         let near = did_you_mean(name, names.iter().copied());
         return Err(format!("no {what} `{name}`{near}; expected {}, or a file of weights", list(&names)));
     }
-    let bytes = std::fs::read(path).map_err(|error| format!("reading {name}: {error}"))?;
+    let bytes = read_bytes(path, WEIGHTS_MAX).map_err(|error| format!("reading {name}: {error}"))?;
     read(&bytes).map_err(|error| format!("{name}: {error}"))
 }
 

@@ -13,7 +13,7 @@ use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProcessConfig {
     /// The operators whose steps it takes.
@@ -23,6 +23,10 @@ pub struct ProcessConfig {
     /// Its answers, and its calls at its end, are waited for so long without sleeping, microseconds; saves a wake-up,
     /// costs a core.
     pub spin_us: f64,
+    /// A process that does not answer a step of an operator within this time is killed, seconds. In virtual time the
+    /// run then ends with an error; under wall clock `on_loss` applies. The first step of a neural network may need
+    /// long.
+    pub reply_within_s: f64,
     /// What starts it, in place of this program's own `swerve worker`: a program and its arguments, such as
     /// `["ssh", "other", "swerve", "worker"]`. It hands on standard input and output.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -34,6 +38,20 @@ pub struct ProcessConfig {
     /// The Python that runs it, with Swerve's package: a path from that folder, or a name; found by itself when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interpreter: Option<PathBuf>,
+}
+
+impl Default for ProcessConfig {
+    fn default() -> Self {
+        Self {
+            operators: Vec::new(),
+            on_loss: OnLoss::default(),
+            spin_us: 0.0,
+            reply_within_s: 20.0,
+            start: Vec::new(),
+            python: None,
+            interpreter: None,
+        }
+    }
 }
 
 /// The shared memory that the processes of a run share.
@@ -86,6 +104,11 @@ impl ProcessConfig {
     pub fn spin(&self) -> Duration {
         Duration::from_secs_f64((self.spin_us * 1e-6).max(0.0))
     }
+
+    /// How long an answer may take.
+    pub fn reply_within(&self) -> Duration {
+        Duration::from_secs_f64(self.reply_within_s.clamp(0.1, 86_400.0))
+    }
 }
 
 impl Config {
@@ -114,6 +137,10 @@ impl Config {
             if !(0.0..=1e6).contains(&process.spin_us) {
                 let message = format!("expected 0 to 1000000, found {}", number(process.spin_us));
                 told.push((format!("process.{name}.spin_us"), message));
+            }
+            if !(0.1..=86_400.0).contains(&process.reply_within_s) {
+                let message = format!("expected 0.1 to 86400, found {}", number(process.reply_within_s));
+                told.push((format!("process.{name}.reply_within_s"), message));
             }
             let of_start = process.problems_of_start();
             told.extend(
@@ -267,6 +294,8 @@ mod tests {
         assert!(
             problems("[process.a]\noperators = [\"planner\"]\nspin_us = nan\n")[0].contains("0 to 1000000")
         );
+        let never = problems("[process.a]\noperators = [\"planner\"]\nreply_within_s = 0\n");
+        assert!(never[0].contains("reply_within_s: expected 0.1 to 86400, found 0"), "{never:?}");
         assert!(problems("[shared_memory]\nname = \"1/2\"\n")[0].contains("a letter first"));
         let nothing = problems("[process.a]\noperators = [\"planner\"]\nstart = [\"\"]\n");
         assert!(nothing[0].contains("process.a.start[0]: expected a program"), "{nothing:?}");

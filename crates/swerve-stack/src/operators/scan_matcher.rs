@@ -22,6 +22,7 @@ use swerve_localization::matcher::{Guess, Matcher};
 use swerve_localization::ndt::{Isometry3, Matched, Vector3};
 use swerve_localization::odometry::Odometry;
 use swerve_msg::{EgoState, Gnss, Imu, PointCloud, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
+use swerve_text::{FILE_MAX, read_bytes};
 
 use super::localizer::{Receiver, new};
 use crate::config::execution::Runtime;
@@ -200,7 +201,7 @@ fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
 /// The map of a file.
 fn read(path: &Path) -> anyhow::Result<MapFile> {
     ensure!(path.is_file(), "there is no such file; `swerve map build` writes one");
-    Ok(MapFile::read(&std::fs::read(path)?)?)
+    Ok(MapFile::read(&read_bytes(path, FILE_MAX)?)?)
 }
 
 /// A car that stands level there.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::overwrite::OverwriteArgs;
-use swerve_report::files::write_whole;
+use swerve_report::files::{read_whole, write_whole};
 use swerve_report::output;
 use swerve_stack::Registry;
 
@@ -81,7 +81,7 @@ pub(super) fn held_out<T: Trained>(
 }
 
 fn weights<T: Trained>(path: &Path) -> anyhow::Result<T::Weights> {
-    let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    let bytes = read_whole(path)?;
     T::read(&bytes).with_context(|| path.display().to_string())
 }
 

@@ -14,7 +14,7 @@ use swerve_text::{Document, Problem};
 
 use super::street::street;
 use crate::dataset::{self, DatasetArgs};
-use crate::picture::exif;
+use crate::picture::{MEGAPIXELS_MAX, exif, within_bound};
 
 /// The camera that images are taken with, level and straight ahead.
 #[derive(Clone, Debug, Deserialize)]
@@ -172,18 +172,21 @@ pub(super) fn camera_text(camera: &Camera) -> String {
 /// Width, height and bytes of an image of 8 bits a colour, upright by its EXIF data.
 pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
     let file = std::fs::File::open(path).with_context(|| format!("reading {}", path.display()))?;
-    decode_png(std::io::BufReader::new(file), path)
+    decode_png(std::io::BufReader::new(file), path, MEGAPIXELS_MAX)
 }
 
 /// The same from what the file at `path` holds.
 pub(crate) fn decode_png(
     file: impl std::io::BufRead + std::io::Seek,
     path: &Path,
+    megapixels_max: u32,
 ) -> anyhow::Result<([usize; 2], Vec<u8>)> {
     let reading = || format!("reading {}", path.display());
     let mut decoder = png::Decoder::new(file);
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
     let mut reader = decoder.read_info().with_context(reading)?;
+    let info = reader.info();
+    within_bound(path, [info.width, info.height], megapixels_max)?;
     let size = reader.output_buffer_size().with_context(|| format!("{}: too large", path.display()))?;
     let mut bytes = vec![0; size];
     let info = reader.next_frame(&mut bytes).with_context(reading)?;

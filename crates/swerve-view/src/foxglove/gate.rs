@@ -1,7 +1,7 @@
 //! The gate before a viewer's server: it looks at who asks, passes on both ways what is said, and counts what the
 //! viewer has taken.
 
-use std::io::{BufRead as _, BufReader, BufWriter, Read, Write, copy};
+use std::io::{self, BufRead as _, BufReader, BufWriter, Read, Write, copy};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -20,6 +20,8 @@ pub(super) struct Taken {
     pub(super) messages: u64,
     /// Their bytes.
     pub(super) bytes: u64,
+    /// Answers to its pings.
+    pub(super) pongs: u64,
     /// Whether it has gone.
     pub(super) is_gone: bool,
 }
@@ -51,6 +53,12 @@ impl Count {
         let waits = |taken: &mut Taken| !taken.is_gone && not_yet(taken);
         *self.changed.wait_timeout_while(self.lock(), wait, waits).unwrap_or_else(PoisonError::into_inner).0
     }
+
+    /// Waits until the viewer has taken the answers to so many pings, or is gone.
+    fn wait_answered(&self, pings: u64) -> Taken {
+        let waits = |taken: &mut Taken| !taken.is_gone && taken.pongs < pings;
+        *self.changed.wait_while(self.lock(), waits).unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// A viewer's request to be let in.
@@ -73,11 +81,11 @@ impl Knock {
     }
 
     /// Leads the viewer to its server and passes on what the two say, until one of them goes.
-    pub(super) fn lead_to(mut self, server: SocketAddr, count: &Count) -> std::io::Result<()> {
+    pub(super) fn lead_to(mut self, server: SocketAddr, count: &Count) -> io::Result<()> {
         let mut server = TcpStream::connect(server)?;
         server.set_nodelay(true)?;
         server.write_all(&self.request)?;
-        let answer = read_whole(&mut server).map_err(|_| std::io::ErrorKind::InvalidData)?;
+        let answer = read_whole(&mut server).map_err(|_| io::ErrorKind::InvalidData)?;
         let (head, begun) = answer.split_at(head_length(&answer).unwrap_or(answer.len()));
         let text = String::from_utf8_lossy(head);
         let named = if self.by_old_name { text.replace(NAME, OLD_NAME) } else { text.into_owned() };
@@ -94,7 +102,7 @@ impl Knock {
         }
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                let _ended = copy(&mut &self.viewer, &mut &server);
+                let _ended = pass_requests(&self.viewer, &server, count);
                 count.close();
                 hang_up(&self.viewer, &server);
             });
@@ -140,37 +148,106 @@ fn may_look(origin: &str) -> bool {
     is_foxglove || is_here || !matches!(scheme, "http" | "https")
 }
 
-/// Passes on the frames of a WebSocket (RFC 6455, section 5.2), unmasked as a server sends them, and counts the binary
-/// ones that the viewer's connection has taken.
-fn pass_frames(from: impl Read, to: impl Write, count: &Count) -> std::io::Result<()> {
-    const BINARY: u8 = 2;
-    let (mut from, mut to) = (BufReader::with_capacity(1 << 16, from), BufWriter::with_capacity(1 << 16, to));
-    while !from.fill_buf()?.is_empty() {
-        let mut head = [0; 10];
-        from.read_exact(&mut head[..2])?;
-        let short = head[1] & 0x7f;
-        let head_bytes = match short {
+/// The kinds of frames that are counted.
+const BINARY: u8 = 2;
+const PING: u8 = 9;
+const PONG: u8 = 10;
+
+/// The longest message of a viewer, bytes: a subscription to ten thousand topics.
+const REQUEST_BYTES_MAX: u64 = 1 << 20;
+
+/// The head of a frame of a WebSocket (RFC 6455, section 5.2), with the mask of a client's frame.
+struct FrameHead {
+    bytes: [u8; 14],
+    len: usize,
+    /// Of the payload, bytes.
+    payload: u64,
+}
+
+impl FrameHead {
+    fn read(mut from: impl Read) -> io::Result<Self> {
+        let mut bytes = [0; 14];
+        from.read_exact(&mut bytes[..2])?;
+        let short = bytes[1] & 0x7f;
+        let end = match short {
             126 => 4,
             127 => 10,
             _ => 2,
         };
-        from.read_exact(&mut head[2..head_bytes])?;
-        let long = head[2..head_bytes].iter().fold(0, |length, byte| length << 8 | u64::from(*byte));
-        let length = if head_bytes == 2 { u64::from(short) } else { long };
-        to.write_all(&head[..head_bytes])?;
-        let passed = copy(&mut from.by_ref().take(length), &mut to)?;
-        if passed < length {
-            return Err(std::io::ErrorKind::UnexpectedEof.into());
+        let mask = if bytes[1] & 0x80 == 0 { 0 } else { 4 };
+        let len = end + mask;
+        from.read_exact(&mut bytes[2..len])?;
+        let long = bytes[2..end].iter().fold(0, |length, byte| length << 8 | u64::from(*byte));
+        Ok(Self { bytes, len, payload: if end == 2 { u64::from(short) } else { long } })
+    }
+
+    fn kind(&self) -> u8 {
+        self.bytes[0] & 0x0f
+    }
+
+    fn is_control(&self) -> bool {
+        self.bytes[0] & 0x08 != 0
+    }
+
+    fn is_final(&self) -> bool {
+        self.bytes[0] & 0x80 != 0
+    }
+
+    /// Passes on the frame.
+    fn pass(&self, from: &mut impl Read, to: &mut impl Write) -> io::Result<()> {
+        to.write_all(&self.bytes[..self.len])?;
+        if copy(&mut from.take(self.payload), to)? < self.payload {
+            return Err(io::ErrorKind::UnexpectedEof.into());
         }
+        Ok(())
+    }
+}
+
+/// Passes on a server's frames, and counts those that the viewer's connection has taken.
+fn pass_frames(from: impl Read, to: impl Write, count: &Count) -> io::Result<()> {
+    let (mut from, mut to) = (BufReader::with_capacity(1 << 16, from), BufWriter::with_capacity(1 << 16, to));
+    while !from.fill_buf()?.is_empty() {
+        let head = FrameHead::read(&mut from)?;
+        head.pass(&mut from, &mut to)?;
         if from.buffer().is_empty() {
             to.flush()?;
         }
-        if head[0] & 0x0f == BINARY {
-            count.change(|taken| {
+        match head.kind() {
+            BINARY => count.change(|taken| {
                 taken.messages += 1;
-                taken.bytes += length;
-            });
+                taken.bytes += head.payload;
+            }),
+            PONG => count.change(|taken| taken.pongs += 1),
+            _ => {}
         }
+    }
+    Ok(())
+}
+
+/// Passes on a viewer's frames. The server keeps every answer until the viewer takes it, so that a ping is passed on
+/// only when the answer to the one before was taken: a viewer that never reads is no longer read.
+fn pass_requests(from: impl Read, mut to: impl Write, count: &Count) -> io::Result<()> {
+    let mut from = BufReader::new(from);
+    let (mut pings, mut message_bytes) = (0, 0_u64);
+    while !from.fill_buf()?.is_empty() {
+        let head = FrameHead::read(&mut from)?;
+        if !head.is_control() {
+            message_bytes = message_bytes.saturating_add(head.payload);
+        }
+        let payload = if head.is_control() { head.payload } else { message_bytes };
+        if payload > REQUEST_BYTES_MAX {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a message of a viewer is too long"));
+        }
+        if !head.is_control() && head.is_final() {
+            message_bytes = 0;
+        }
+        if head.kind() == PING {
+            if count.wait_answered(pings).is_gone {
+                return Ok(());
+            }
+            pings += 1;
+        }
+        head.pass(&mut from, &mut to)?;
     }
     Ok(())
 }
@@ -215,7 +292,61 @@ mod tests {
         pass_frames(&sent[..], &mut came, &count).unwrap();
         assert!(came == sent);
         let bytes = lengths.iter().sum::<usize>() as u64;
-        assert_eq!(*count.lock(), Taken { messages: 5, bytes, is_gone: false });
+        assert_eq!(*count.lock(), Taken { messages: 5, bytes, pongs: 0, is_gone: false });
         assert!(pass_frames(&sent[..sent.len() - 1], &mut Vec::new(), &count).is_err());
+    }
+
+    /// A client's frame with a mask of zeros.
+    fn request(kind: u8, length: usize) -> Vec<u8> {
+        let mut frame = vec![0x80 | kind, 0x80 | 127];
+        frame.extend((length as u64).to_be_bytes());
+        frame.resize(frame.len() + 4 + length, 0);
+        frame
+    }
+
+    #[test]
+    fn ping_is_passed_on_when_the_answer_before_it_was_taken() {
+        let sent = request(PING, 100).repeat(1000);
+        let count = Count::default();
+        let passed = Mutex::new(Vec::new());
+        let at_most = |pings: usize| {
+            let wait = || passed.lock().unwrap().len() < pings * sent.len() / 1000;
+            while wait() {
+                std::thread::yield_now();
+            }
+            std::thread::park_timeout(Duration::from_millis(20));
+            assert_eq!(passed.lock().unwrap().len(), pings * sent.len() / 1000);
+        };
+        struct To<'a>(&'a Mutex<Vec<u8>>);
+        impl Write for To<'_> {
+            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+                self.0.lock().unwrap().write(bytes)
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        std::thread::scope(|scope| {
+            let passing = scope.spawn(|| pass_requests(&sent[..], To(&passed), &count));
+            at_most(1);
+            count.change(|taken| taken.pongs += 1);
+            at_most(2);
+            count.close();
+            passing.join().unwrap().unwrap();
+        });
+        assert_eq!(passed.into_inner().unwrap(), sent[..2 * sent.len() / 1000]);
+    }
+
+    #[test]
+    fn request_beyond_the_bound_is_refused_whole_or_in_pieces() {
+        const TEXT: u8 = 1;
+        let count = Count::default();
+        let bound = REQUEST_BYTES_MAX as usize;
+        pass_requests(&request(TEXT, bound).repeat(3)[..], io::sink(), &count).unwrap();
+        pass_requests(&request(TEXT, bound + 1)[..], io::sink(), &count).unwrap_err();
+        let mut pieces = request(TEXT, bound / 2);
+        pieces[0] &= 0x7f;
+        let next = request(0, bound / 2 + 1);
+        pass_requests(&[&pieces[..], &next].concat()[..], io::sink(), &count).unwrap_err();
     }
 }

@@ -36,7 +36,7 @@ struct Line {
 pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
     let mut finder: Option<(RoadCamera, LaneFinder)> = None;
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
-        let mut picture = Picture::read(path)?;
+        let mut picture = Picture::read(path, args.megapixels)?;
         let camera = camera(args, picture.size)?;
         if finder.as_ref().is_none_or(|(of, _)| *of != camera) {
             let settings = LaneSettings { method, ..LaneSettings::default() };

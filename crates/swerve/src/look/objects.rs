@@ -36,7 +36,7 @@ pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
     let mut scanner: Option<([usize; 2], Scanner)> = None;
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
-        let mut picture = Picture::read(path)?;
+        let mut picture = Picture::read(path, args.megapixels)?;
         let size = picture.size;
         if scanner.as_ref().is_none_or(|(of, _)| *of != size) {
             scanner = Some((size, Scanner::new(weights.clone(), rung.clone(), size, ground(args, size))));

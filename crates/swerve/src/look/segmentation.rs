@@ -26,7 +26,7 @@ pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
     let weights = camera_detectors::segmentation(name).map_err(|message| anyhow!(message))?;
     let mut segmenter: Option<([usize; 2], Segmenter)> = None;
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
-        let mut picture = Picture::read(path)?;
+        let mut picture = Picture::read(path, args.megapixels)?;
         let size = picture.size;
         let ground = ground(args, size).context("--segmentation needs the camera: expected --fov")?;
         if segmenter.as_ref().is_none_or(|(of, _)| *of != size) {

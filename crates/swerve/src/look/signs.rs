@@ -44,7 +44,7 @@ impl Found {
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     let mut finder = SignFinder::default();
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
-        let mut picture = Picture::read(path)?;
+        let mut picture = Picture::read(path, args.megapixels)?;
         let mut found = Vec::new();
         finder.find(picture.rgb().with_context(|| path.display().to_string())?, &mut found);
         let seen = Seen { image: path.display().to_string(), signs: found.iter().map(Found::new).collect() };

@@ -31,7 +31,7 @@ pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     args.overwrite.check([out.as_path()])?;
     let mut planes = [Plane::default(), Plane::default()];
     for (plane, path) in planes.iter_mut().zip(pair) {
-        Picture::read(path)?.rgb().with_context(|| path.display().to_string())?.gray(plane);
+        Picture::read(path, args.megapixels)?.rgb().with_context(|| path.display().to_string())?.gray(plane);
     }
     let settings = StereoSettings { disparities: args.disparities, ..StereoSettings::default() };
     let mut found = Plane::default();

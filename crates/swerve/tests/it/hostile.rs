@@ -128,11 +128,16 @@ fn is_bound(port: u16) -> bool {
 }
 
 /// The process of the transport that a process has started.
-fn transport_of(parent: u32) -> Option<u32> {
+pub(crate) fn transport_of(parent: u32) -> Option<u32> {
+    child_of(parent, "transport")
+}
+
+/// The process that a process has started for this command of the program.
+pub(crate) fn child_of(parent: u32, command: &str) -> Option<u32> {
     let is_ours = |pid: &u32| {
         let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).unwrap_or_default();
         let by = read("stat").rsplit(") ").next().and_then(|rest| rest.split(' ').nth(1)?.parse().ok());
-        by == Some(parent) && read("cmdline").trim_end_matches('\0').ends_with("transport")
+        by == Some(parent) && read("cmdline").trim_end_matches('\0').ends_with(command)
     };
     let all = std::fs::read_dir("/proc")
         .unwrap()

@@ -4,6 +4,7 @@
 
 mod absent;
 mod bad_input; // what is wrong is told once, with its place, and nothing finished is lost
+mod bounds; // memory of images, files, viewers and long drives
 mod browser; // a browser whose page is typed into
 mod decoders; // bytes from outside never make a decoder panic
 mod faults; // a full disk, no memory, no descriptors
@@ -14,6 +15,7 @@ mod live; // a car of another make, driven over ROS 2's topics
 mod localization;
 mod look; // objects, lanes, lamps and depth in images, and what cannot be looked with
 mod names; // what goes by its name, and a folder to begin in
+mod orphan; // a vehicle whose program is killed
 mod output; // what goes where, and which options change it
 mod processes; // runs over several processes: the same digest, and what is lost is noticed
 mod ray; // shards on Ray workers

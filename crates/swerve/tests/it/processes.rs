@@ -24,6 +24,7 @@ use swerve_text::{Document, parse_assignment};
 use tempfile::TempDir;
 
 mod called;
+mod hangs;
 
 /// The program whose other end the workers are.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_swerve");

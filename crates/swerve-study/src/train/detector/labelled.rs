@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use swerve_report::files::entries;
+use swerve_text::{FILE_MAX, read_string};
 use swerve_vision::Rgb;
 use swerve_vision::acf::iou;
 
@@ -98,7 +99,7 @@ pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let image = folder.join("image_2").join(name + ".png");
         let ([width, height], rgb) = read_png(&image)?;
-        let text = swerve_text::read_text(path).with_context(|| format!("reading {}", path.display()))?;
+        let text = read_string(path, FILE_MAX).with_context(|| format!("reading {}", path.display()))?;
         let line = |(k, line): (usize, &str)| {
             truth(line)
                 .ok_or_else(|| anyhow!("{}:{}: expected a label as KITTI has them", path.display(), k + 1))

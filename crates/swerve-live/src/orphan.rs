@@ -1,0 +1,139 @@
+//! The stop of a vehicle whose program has died: driven by the process that speaks DDS, which outlives it.
+//!
+//! With each command the program leaves that process the [`Legacy`] to go on from. When the program's end of the socket
+//! closes without a farewell (kill -9, no memory, an abort), the process brakes as the [`Sink`] does where the gate has
+//! fallen silent: to a standstill with the last steering angle, then the vehicle is released and the process ends.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use anyhow::Context as _;
+use serde::{Deserialize, Serialize};
+use swerve_control::safety_gate::GateParams;
+use swerve_core::Span;
+use swerve_drive::problems_error;
+use swerve_msg::GateOutput;
+use swerve_ros2::AnyMessage;
+use swerve_ros2::bridge::{Bridge, EndpointId, TopicStatistics};
+use swerve_ros2::convert::Epoch;
+use swerve_ros2::mapping::{Mapping, Role};
+use swerve_ros2::transport::Orphan;
+use swerve_stack::Registry;
+use swerve_stack::config::live::EnableBy;
+use swerve_stack::config::{Config, LiveConfig};
+use swerve_text::Document;
+
+use crate::intake::lock;
+use crate::sink::Sink;
+use crate::vehicle::{self, Car, VehicleInterface};
+use crate::wire::{HostClock, Sent, Taken, Wire, sends};
+
+/// Between two looks at the vehicle's reports.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// The state of a drive that a stop needs.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Legacy {
+    /// The last command.
+    pub last: GateOutput,
+    /// How a stop is driven.
+    pub stop: GateParams,
+}
+
+/// Stops the vehicle, if the program was driving it.
+///
+/// # Errors
+/// The configuration or the state that the program left cannot be read.
+pub(crate) fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<()> {
+    let legacy: Legacy = serde_json::from_slice(&orphan.state).context("the last command")?;
+    if !legacy.last.engaged {
+        return Ok(());
+    }
+    let text = String::from_utf8(orphan.setup.clone()).context("the configuration")?;
+    let document = Document::parse("configuration of the drive", text)?;
+    let config =
+        Config::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
+    let live = config.live.clone().context("the configuration has no `[live]`")?;
+    let mapping = config.ros2_mapping()?;
+    let wire = OrphanWire { bridge: orphan.bridge, sends: sends(&mapping, orphan.bridge.endpoints()) };
+    let interface = || vehicle::interface(mapping.vehicle, &config);
+    stop_over(&wire, [interface(), interface()], &live, &mapping, legacy);
+    Ok(())
+}
+
+/// The same over a wire. One interface commands, the other one reads reports.
+fn stop_over(
+    wire: &dyn Wire,
+    [commands, reports]: [Box<dyn VehicleInterface>; 2],
+    live: &LiveConfig,
+    mapping: &Mapping,
+    Legacy { last, stop }: Legacy,
+) {
+    let clock = HostClock::start();
+    let car = Arc::<Mutex<Car>>::default();
+    let sink = Sink {
+        wire,
+        interface: commands,
+        car: car.clone(),
+        clock,
+        epoch: Epoch { ns: clock.epoch_ns() },
+        stop,
+        stop_max: Span::from_secs(live.stop_timeout_s),
+        has_mode_service: !live.control_mode_service.is_empty(),
+        says_enable: live.enable == EnableBy::AtStart,
+        gave_up: Arc::default(),
+    };
+    let over = AtomicBool::new(false);
+    let (heard, over_now) = (&car, &over);
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            while !over_now.load(Ordering::Relaxed) {
+                wire.wait(LOOK_EVERY);
+                while let Some(Taken { name, message, .. }) = wire.take() {
+                    if let Some(topic) = mapping.topic(name) {
+                        let facts = reports.facts(&message);
+                        lock(heard).hear(topic.role, message.kind(), clock.now(), facts);
+                    }
+                }
+            }
+        });
+        sink.take_over(last);
+        over.store(true, Ordering::Relaxed);
+    });
+}
+
+/// The bridge as a wire, in its own process.
+struct OrphanWire<'a> {
+    bridge: &'a Bridge,
+    sends: BTreeMap<Role, EndpointId>,
+}
+
+impl Wire for OrphanWire<'_> {
+    fn wait(&self, timeout: Duration) -> bool {
+        self.bridge.wait(timeout)
+    }
+
+    fn take(&self) -> Option<Taken<'_>> {
+        let (EndpointId(id), received) = self.bridge.take_any()?;
+        let name = self.bridge.endpoints()[id].name.as_str();
+        Some(Taken { name, message: received.message, received_ns: received.received_ns })
+    }
+
+    fn send(&self, role: Role, message: AnyMessage) -> Sent {
+        match self.sends.get(&role) {
+            None => Sent::NoTopic,
+            Some(id) if self.bridge.publish(*id, message).is_ok() => Sent::Done,
+            Some(_) => Sent::Failed,
+        }
+    }
+
+    fn ask_mode(&self, mode: u8, timeout: Duration) -> Result<bool, String> {
+        self.bridge.request_control_mode(mode, timeout).map_err(|error| error.to_string())
+    }
+
+    fn statistics(&self) -> Vec<TopicStatistics> {
+        self.bridge.statistics()
+    }
+}
