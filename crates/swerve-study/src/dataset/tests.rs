@@ -127,6 +127,7 @@ fn an_interrupted_data_set_is_continued_to_the_same_bytes() {
     .unwrap();
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_crossing.toml");
     let args = DatasetArgs {
+        code: Default::default(),
         scenarios: vec![scenario],
         out: out.clone(),
         config: vec![config],

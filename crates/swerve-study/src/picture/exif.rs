@@ -128,7 +128,7 @@ mod tests {
             let mut writer = png::Encoder::with_info(out, info).unwrap().write_header().unwrap();
             writer.write_image_data(&pixels(&rows)).unwrap();
             writer.finish().unwrap();
-            let picture = Picture::read(&file).unwrap();
+            let picture = Picture::read(&file, crate::picture::MEGAPIXELS_MAX).unwrap();
             assert_eq!(picture.size, [3, 5], "{value}");
             assert_eq!(picture.bytes, pixels(&F[0].1), "{value}");
         }
