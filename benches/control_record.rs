@@ -61,7 +61,7 @@ impl Repeated {
 fn record(scenario: &str, sets: &[&str]) -> anyhow::Result<Vec<Tick>> {
     let mut set: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
     set.push("control.controller=mpc".to_owned());
-    let input = RunInput { scenario: scenario.into(), config: vec![], set, seed: None };
+    let input = RunInput { scenario: scenario.into(), config: vec![], set, seed: None, allow_code: false };
     let (config, scenario) = load(&Registry::default(), &input)?;
     let repeated = Arc::new(Mutex::new(Repeated {
         controller: controller(&config.sim.vehicle, Params { law: Law::Mpc, ..Params::default() }),

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use swerve_flow::StopHandle;
+
 /// The exit status of a program that was ended by a second interrupt, as of shells: 128 + `SIGINT`.
 const ENDED_AT_ONCE: i32 = 130;
 
@@ -19,4 +21,10 @@ pub fn on_interrupt(first: impl Fn() + Send + 'static) -> Result<(), ctrlc::Erro
         }
         first();
     })
+}
+
+/// Ends a run in good order when it is interrupted.
+pub fn stop_on_interrupt(stop: StopHandle) {
+    // There is a handler already where a program has run before in this process: that one stays.
+    let _first = on_interrupt(move || stop.stop());
 }

@@ -17,6 +17,7 @@ use swerve_msg::{GoneProcess, Supervision};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
+use swerve_stack::config::clock::Clock;
 use swerve_stack::config::process::{ProcessConfig, SharedMemoryConfig};
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
@@ -241,6 +242,14 @@ pub fn run_worker_with(
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
     let worker = prepare(&setup, pipeline)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
+}
+
+/// Threads of a run: against the real clock each process needs one that waits for it, beside those that were asked for.
+pub fn threads(asked: usize, config: &Config) -> usize {
+    match config.clock.source {
+        Clock::Virtual => asked,
+        Clock::Wall => asked + config.process.len(),
+    }
 }
 
 #[cfg(test)]

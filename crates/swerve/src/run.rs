@@ -4,18 +4,18 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::frames::{Frames, Sinks};
-use swerve_drive::interrupt::on_interrupt;
+use swerve_drive::interrupt::stop_on_interrupt;
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::page::{COMMAND, RunReport, command_line};
 use swerve_drive::pictures::PictureArgs;
-use swerve_drive::process::Processes;
+use swerve_drive::process::{Processes, threads};
 use swerve_drive::realtime::Realtime;
 use swerve_drive::why::of_run;
 use swerve_drive::{
     Outcome, Recording, RunInput, drive_pipeline, load, operators_with_runtime, record_run_times, run_start,
     set_up, story, title, trust,
 };
-use swerve_flow::{EndReason, Observer, StopHandle};
+use swerve_flow::{EndReason, Observer};
 use swerve_live::ros2::Ros2Car;
 use swerve_log::{Log, Recorder, TraceWriter};
 use swerve_msg::{Command, MotionCommand};
@@ -201,20 +201,6 @@ impl Ends<'_> {
 fn acting(pipeline: &Pipeline) -> Vec<&str> {
     let assembly = &pipeline.assembly;
     assembly.publisher::<MotionCommand>().or(assembly.publisher::<Command>()).into_iter().collect()
-}
-
-/// Against the real clock each process needs a thread that waits for it, beside those that were asked for.
-fn threads(asked: usize, config: &Config) -> usize {
-    match config.clock.source {
-        Clock::Virtual => asked,
-        Clock::Wall => asked + config.process.len(),
-    }
-}
-
-/// Ends a run in good order when it is interrupted.
-fn stop_on_interrupt(stop: StopHandle) {
-    // There is a handler already where a program has run before in this process: that one stays.
-    let _first = on_interrupt(move || stop.stop());
 }
 
 /// The pictures of the run, if they are asked for.
