@@ -194,7 +194,7 @@ fn escaped(c: char) -> String {
 const OUTSIDE: [&str; 6] =
     ["process", "shared_memory", "localization.map", "source", "live", "operator.*.detector"];
 
-/// The key of [`OUTSIDE`] that an assignment sets, or sets a part of, if any.
+/// The key of those that start programs or name files that an assignment sets, or sets a part of, if any.
 pub fn reaches_outside(key: &str, value: &toml::Value) -> Option<&'static str> {
     let mut table = toml::Table::new();
     // An assignment that cannot be made is refused by the reader of configurations.
