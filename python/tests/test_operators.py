@@ -184,10 +184,10 @@ def test_a_configuration_adds_an_operator(file: Any, tmp_path: Path) -> None:
     late = {**config, "fault": {"late": {"stream": "finder", "delay_ms": 200.0}}}
     assert swerve.run("person_crossing", late).digest != result.digest
     assert swerve.run("person_crossing", with_finder(file(FINDER), runtime={"zero": True})).digest != result.digest
-    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    replayed = swerve_says("replay", log, "--allow-code", "--verify", "--from", "finder")
     assert replayed.returncode == 0 and f"digest {result.digest}, as logged" in replayed.stdout, replayed
     file(FINDER.replace("0.9", "0.8"))
-    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    replayed = swerve_says("replay", log, "--allow-code", "--verify", "--from", "finder")
     assert replayed.returncode == 1 and "the replay differs from the log" in replayed.stderr, replayed
 
 
@@ -196,7 +196,7 @@ def test_a_run_with_measured_time_is_replayed(file: Any, tmp_path: Path) -> None
     result = swerve.run("person_crossing", with_finder(file(FINDER), runtime={"measured": 3.0}), log=log)
     finder = result.streams["finder"]
     assert len(set((finder.visible_at - finder.stamps).tolist())) > 5, "each step takes its time"
-    replayed = swerve_says("replay", log, "--verify", "--from", "finder")
+    replayed = swerve_says("replay", log, "--allow-code", "--verify", "--from", "finder")
     assert replayed.returncode == 0, replayed
 
 
