@@ -41,7 +41,7 @@ const BETWEEN_M: f64 = 12.0;
 /// Only what blocks the lane within this time at the target speed is passed, seconds.
 const AHEAD_S: f64 = 7.0;
 
-/// What stands may be passed for so many times as long.
+/// Factor of the longest time over the line for passing vehicles and people at rest.
 const STANDING_SHARE: f64 = 4.0;
 
 /// Time between two looks, seconds.
@@ -96,8 +96,7 @@ impl<'a> Passing<'a> {
         let slowest = blocking.first()?;
         // Where who comes over will be is not known yet, a vehicle that changes lanes as a pedestrian who crosses; and an
         // oncoming vehicle is met, not passed on its other side.
-        let comes = |one: &Mover| !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS;
-        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || comes(one)) {
+        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || is_oncoming(one)) {
             return None;
         }
         let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);
@@ -261,6 +260,11 @@ impl<'a> Passing<'a> {
         // What stands beyond the place of the return is not come near to.
         !stands && closing_mps > 0.0 && gap_m < self.rules.ttc_min_s * closing_mps
     }
+}
+
+/// True of a vehicle, other than a cyclist's, that comes the other way.
+pub(crate) fn is_oncoming(one: &Mover) -> bool {
+    !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS
 }
 
 /// True of a vehicle that brakes and does not stand yet.

@@ -51,13 +51,13 @@ pub(crate) fn place_of(route: &Route, point: Point2, velocity_mps: Vector2) -> F
     along.min_by(|a, b| a.d_m.abs().total_cmp(&b.d_m.abs())).unwrap_or(nearest)
 }
 
-/// Whether a motion at this place goes along the road, either way.
+/// True of a motion along the road at this place, in either direction.
 fn is_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> bool {
     let off_rad = angle_between(route.line().at(place.s_m).pose.heading_rad, velocity_mps.heading());
     off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD
 }
 
-/// Whether this is a place on the ground of the road, or close beside it.
+/// True of a place on the ground of the road, or close beside it.
 pub(crate) fn is_on(route: &Route, FrenetPoint { s_m, d_m }: FrenetPoint) -> bool {
     (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m)
 }

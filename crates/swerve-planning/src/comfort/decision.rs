@@ -422,7 +422,7 @@ fn rests(plan: &Plan) -> bool {
     ends_slower(plan, AT_REST_MPS)
 }
 
-/// Whether a plan ends with less than this speed, m/s.
+/// True of a plan that ends with less than this speed, m/s.
 fn ends_slower(plan: &Plan, speed_mps: f64) -> bool {
     plan.points.last().is_some_and(|end| end.speed_mps < speed_mps)
 }

@@ -6,9 +6,10 @@ use swerve_msg::{Plan, PlanStatus};
 
 use super::Comfort;
 use super::decision::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
+use crate::passing::is_oncoming;
 use crate::request::Request;
 use crate::steady_stop::{self, Demands};
-use crate::traffic::{Mover, STANDS_MPS};
+use crate::traffic::Mover;
 
 impl Comfort {
     /// The gentlest steady braking along the way ahead, on the road and to rest in the own lane.
@@ -48,9 +49,8 @@ impl Comfort {
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
-        let comes = |one: &Mover| !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS;
         let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
-        if v > TOWN_MPS || movers.iter().any(comes) || !movers.iter().any(counts) {
+        if v > TOWN_MPS || movers.iter().any(is_oncoming) || !movers.iter().any(counts) {
             return None;
         }
         let request = &Request { limits: scene.vehicle, ..*scene.request };
