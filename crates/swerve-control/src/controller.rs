@@ -55,7 +55,7 @@ pub enum Status {
     Plan,
     /// A comfortable stop along the last path.
     Stopping(StopReason),
-    /// The state of the ego is not finite: steering is held, the car brakes.
+    /// The state of the ego is not finite or too old: steering is held, the car brakes.
     Blind,
 }
 
@@ -134,7 +134,10 @@ impl Controller {
     pub fn step(&mut self, input: &Input<'_>) -> Output {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
-        if !is_finite(input.ego) {
+        let age = input.now - input.ego.stamp;
+        if !is_finite(input.ego) || age > Span::from_secs(self.params.stop.blind_after_s) {
+            self.pid.reset();
+            self.speed = SpeedLaw::new(self.params.speed);
             let brake = self.params.stop.blind_brake;
             let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
             let accel_mps2 = None;

@@ -26,6 +26,7 @@ impl Params {
             ("mpc.weights.jerk", weights.jerk),
             ("mpc.weights.slack_squared", weights.slack_squared),
             ("stanley.full_gain_mps", self.stanley.full_gain_mps),
+            ("stop.blind_after_s", self.stop.blind_after_s),
         ])?;
         not_negative(&[
             ("pid.kp_spm", self.pid.kp_spm),
@@ -103,6 +104,7 @@ mod tests {
         check(|p| p.mpc.horizon = 0, "`mpc.horizon` is 0, expected 1 to 200");
         check(|p| p.mpc.dt_s = f64::NAN, "`mpc.dt_s` is NaN, expected a finite number above 0");
         check(|p| p.pid.kp_spm = -1.0, "`pid.kp_spm` is -1, expected a finite number that is not negative");
+        check(|p| p.stop.blind_after_s = 0.0, "`stop.blind_after_s` is 0, expected a finite number above 0");
         check(|p| p.stop.blind_brake = 1.5, "`stop.blind_brake` is 1.5, expected 0 to 1");
         check(
             |p| p.pure_pursuit.lookahead_max_m = 1.0,

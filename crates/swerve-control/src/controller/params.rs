@@ -107,11 +107,14 @@ pub struct StopParams {
     pub decel_mps2: f64,
     /// Brake pedal while the state of the ego is unusable, 0 to 1. Pylot brakes with 0.5 when it has nothing to follow.
     pub blind_brake: f64,
+    /// A state of the ego that is older than this is unusable, seconds: a speed that does not answer to the pedals makes
+    /// the speed control press the throttle ever more.
+    pub blind_after_s: f64,
 }
 
 impl Default for StopParams {
     fn default() -> Self {
-        Self { decel_mps2: 2.0, blind_brake: 0.5 }
+        Self { decel_mps2: 2.0, blind_brake: 0.5, blind_after_s: 0.3 }
     }
 }
 

@@ -214,6 +214,31 @@ fn an_unusable_state_holds_the_wheels_and_brakes() {
 }
 
 #[test]
+fn a_state_that_is_too_old_is_unusable_and_leaves_nothing_in_the_integrals() {
+    let plan = curve(slalom, 10.0, 20.0);
+    for law_ in LAWS {
+        // 2 m/s too slow on the path of the plan: with a state that stays so the integral grows.
+        let behind = |ms: i64| EgoState { stamp: Time::from_ms(ms), ..ego(Pose2::new(9.0, 1.0, 0.3), 8.0) };
+        let mut controller = controller(law(law_, Following::Projection));
+        let mut step = |now_ms: i64, ego: &EgoState| {
+            let input = Input { now: Time::from_ms(now_ms), ego, plan: Some(&plan), route: &road() };
+            controller.step(&input)
+        };
+        let first = step(1000, &behind(1000));
+        assert!(first.command.throttle > 0.0, "{law_:?}");
+        for now_ms in (1010..=3000).step_by(10) {
+            let output = step(now_ms, &behind(1000));
+            assert_eq!(output.status == Status::Blind, now_ms > 1300, "{law_:?} at {now_ms} ms");
+            if output.status == Status::Blind {
+                assert_eq!((output.command.throttle, output.command.brake), (0.0, 0.5), "{law_:?}");
+            }
+        }
+        let again = step(3010, &behind(3010)).command;
+        assert!(again.throttle <= first.command.throttle + 0.05, "{law_:?}: {again:?} {first:?}");
+    }
+}
+
+#[test]
 fn the_corridor_ends_where_the_road_narrows() {
     let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(100.0, 0.0)]).unwrap();
     let stations = [(20.0, 6.0), (40.0, 2.0)].map(|(s_m, distance_m)| Station { s_m, distance_m });

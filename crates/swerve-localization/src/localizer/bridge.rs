@@ -53,12 +53,13 @@ impl Fold {
         is_fresh.then(|| curvature_1pm * self.speed_mps())
     }
 
-    /// Goes on along both ways by odometry.
+    /// Goes on along both ways by odometry: the steering angle stands in for the unit that is not used.
     pub(super) fn go(&mut self, dt_s: f64) {
         let speed_mps = self.speed_mps();
         let gyro_radps = self.imu.map_or(0.0, |imu| imu.gyro_radps.z - self.filter.nominal.gyro_bias_radps.z);
         let steered = self.wheels.curvature_1pm.map_or(gyro_radps, |(_, curvature)| curvature * speed_mps);
-        for (way, rate_radps) in self.ways.iter_mut().zip([gyro_radps, steered]) {
+        let turned = if self.is_bridging { steered } else { gyro_radps };
+        for (way, rate_radps) in self.ways.iter_mut().zip([turned, steered]) {
             way.go(speed_mps * dt_s, rate_radps * dt_s);
         }
     }

@@ -236,6 +236,30 @@ fn steps_of_any_size_do_not_pull_the_filter_along() {
     }
 }
 
+/// Reflections of five seconds that begin while the inertial unit is noisy: what the unit said last is no turn rate to lay
+/// fixes over, and the filter keeps its place by wheels and steering angle.
+#[test]
+fn a_reflection_while_the_unit_is_noisy_does_not_pull_the_filter_along() {
+    for seed in 0..20 {
+        let mut drive = Drive { fix_sigma_m: 0.3, ..corrected(seed) };
+        let localizer = drive.localizer();
+        let mut rng = Rng::keyed(seed, "fault", &[]);
+        let (seen, _) = drive_on(&mut drive, localizer, 27, |t_s, what| {
+            match what {
+                Sensed::Imu { accel_mps2, gyro_radps } if (FROM_S..FROM_S + 2.0).contains(&t_s) => {
+                    *accel_mps2 = accel_mps2.map(|x| x + 20.0 * rng.normal());
+                    *gyro_radps = gyro_radps.map(|x| x + 0.35 * rng.normal());
+                }
+                Sensed::Fix { at_m, .. } if (FROM_S + 1.0..FROM_S + 6.0).contains(&t_s) => at_m[1] += 25.0,
+                _ => {}
+            }
+            true
+        });
+        assert!(seen.largest_m < 1.5, "{seed}: {} m", seen.largest_m);
+        assert!(seen.deceived_s <= 1.0, "{seed}: good and wrong for {} s", seen.deceived_s);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
