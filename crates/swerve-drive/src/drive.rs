@@ -98,7 +98,9 @@ impl Outcome {
         let plans = &self.metrics.plans;
         match self.metrics.verdict {
             // Who rests because of its pose has a place and a time of its own to end at.
-            Verdict::Stopped if plans.pose_uncertain_since_s.is_some() => {
+            Verdict::Stopped
+                if plans.pose_uncertain_since_s.or(self.metrics.pose_silent_since_s).is_some() =>
+            {
                 let until_stop = expected.until_stop();
                 until_stop.broken_by(until_stop.verdict, |metric| self.value_of(metric))
             }

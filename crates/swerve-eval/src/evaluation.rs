@@ -86,6 +86,9 @@ pub struct Metrics {
     /// How far the poses that it drove by were off; absent where they were the simulator's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub localization: Option<LocalizationMetrics>,
+    /// Stamp of the last pose, seconds, where none came any more up to the end; absent otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_silent_since_s: Option<f64>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
 }
@@ -101,6 +104,8 @@ pub enum DecidedBy<'a> {
     Light(&'a str),
     /// The accuracy of the pose, for which the planner stopped the ego: since this instant, seconds.
     Pose(f64),
+    /// The controller stopped the ego, since there was no pose from this instant on, seconds.
+    NoPose(f64),
     /// Nobody: there was no other.
     Nobody,
 }
@@ -119,7 +124,8 @@ impl Metrics {
         match &self.waits_at_light {
             Some(light) if self.stands_before.is_none() => DecidedBy::Light(light),
             _ if self.verdict == Verdict::Stopped && self.stands_before.is_none() => {
-                self.plans.pose_uncertain_since_s.map_or_else(actor, DecidedBy::Pose)
+                let none = || self.pose_silent_since_s.map_or_else(actor, DecidedBy::NoPose);
+                self.plans.pose_uncertain_since_s.map_or_else(none, DecidedBy::Pose)
             }
             _ => actor(),
         }
@@ -324,18 +330,24 @@ impl Evaluation {
             actors: self.actors(),
             plans: self.plans,
             gate: self.gate.metrics(),
+            pose_silent_since_s: self.localization.silent_since().map(seconds),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
         }
     }
 
-    /// The outcome's verdict; an ego at rest that the planner stopped for its pose did not run out of time.
+    /// The outcome's verdict; an ego at rest that was stopped for its pose did not run out of time.
     fn verdict(&self) -> Verdict {
         let rests = self.drive.metrics().speed_end_mps.abs() <= STANDS_MPS;
         match self.outcome.verdict() {
-            Verdict::Timeout if rests && self.plans.pose_uncertain_since_s.is_some() => Verdict::Stopped,
+            Verdict::Timeout if rests && self.stops_for_pose() => Verdict::Stopped,
             verdict => verdict,
         }
+    }
+
+    /// Whether the ego stopped, or had to, since its pose was too uncertain or none came.
+    fn stops_for_pose(&self) -> bool {
+        self.plans.pose_uncertain_since_s.is_some() || self.localization.silent_since().is_some()
     }
 
     fn actors(&self) -> Vec<ActorMetrics> {

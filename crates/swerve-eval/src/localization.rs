@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use swerve_core::Time;
+use swerve_core::{Span, Time};
 use swerve_geom::{math, wrap_angle};
 use swerve_msg::{EgoState, PoseMode, PoseQuality};
 
@@ -60,6 +60,8 @@ pub struct QualityMetrics {
 
 /// A place that is off by more standard deviations than this is wrong.
 const FALSE_SIGMAS: f64 = 5.0;
+/// Without a pose for longer than this at its end a drive had none any more: the controller's `stop.blind_after_s`.
+const SILENT: Span = Span::from_ms(300);
 /// True states that are kept: more than a pose takes to be published.
 const KEPT: usize = 512;
 
@@ -151,6 +153,14 @@ impl Localization {
         } else {
             self.false_good_since = None;
         }
+    }
+
+    /// Stamp of the last pose, or of the beginning, where none came any more up to the end.
+    pub fn silent_since(&self) -> Option<Time> {
+        let localizes = self.qualities > 0;
+        let never = || self.first_truth.filter(|_| localizes);
+        let since = self.newest.map(|(stamp, _)| stamp).or_else(never)?;
+        self.truth.back().filter(|last| last.stamp - since > SILENT).map(|_| since)
     }
 
     /// The figures so far; none where every pose is the true one, as the simulator tells it.

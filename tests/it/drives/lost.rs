@@ -4,7 +4,7 @@ use swerve_core::{Span, Time};
 use swerve_drive::why::Logged;
 use swerve_eval::{Milestone, Verdict};
 use swerve_log::Log;
-use swerve_msg::{GateMode, GateOutput, PoseMode, PoseQuality, StopCause};
+use swerve_msg::{Command, GateMode, GateOutput, PoseMode, PoseQuality, StopCause};
 use swerve_stack::Registry;
 
 use crate::common;
@@ -76,5 +76,40 @@ fn a_car_that_is_lost_is_stopped_by_its_gate() {
         assert!(why.verdict == Verdict::Stopped && why.sentence.contains(&told), "{}", why.sentence);
         let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();
         assert_eq!(steps, [Milestone::GateStop, Milestone::Effect, Milestone::Standstill], "{silence}");
+    }
+}
+
+/// Without a gate it is the controller: 0.3 s after the newest pose it brakes, and the throttle is not pressed any more. A speed
+/// that does not change would otherwise let the integral of the speed control grow without end.
+#[test]
+fn a_car_without_a_pose_is_braked_by_its_controller() {
+    let folder = tempfile::tempdir().unwrap();
+    let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&road, ROAD).unwrap();
+    let dropped = ["fault.f={ stream = \"pose\", drop = true, from_ms = 5000 }"];
+    let lost = [&CAR[1..], &SILENCES[1..]].concat();
+    for (settings, pose) in [(&dropped[..], "f.message"), (&lost[..], "localizer.state")] {
+        for law in ["pid", "pure_pursuit", "stanley", "mpc"] {
+            let law = format!("control.controller={law}");
+            let settings = [settings, &[law.as_str()]].concat();
+            let outcome = common::record(&common::config(&settings), &road, &path, 1);
+            let log = Log::read(&path).unwrap();
+            let last = log.publications(pose).map(|p| p.header.stamp).last().unwrap();
+            assert!(last < Time::from_ms(15_000), "{settings:?}: {last:?}");
+            let commands = log.publications("controller");
+            let commands: Vec<(Time, Command)> = commands
+                .filter(|p| p.header.stamp > last + Span::from_ms(310))
+                .map(|p| (p.header.stamp, p.decode().unwrap()))
+                .collect();
+            assert!(commands.len() > 100 && commands.iter().all(|(_, c)| c.throttle == 0.0 && c.brake > 0.0));
+            assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{settings:?}");
+            assert!(outcome.metrics.left_road_at_s.is_none(), "{settings:?}");
+            if pose == "localizer.state" {
+                assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{settings:?}");
+                let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+                let told = format!("it had no pose: none came from {:.2} s on", last.as_secs());
+                assert!(why.sentence.contains(&told), "{}", why.sentence);
+            }
+        }
     }
 }

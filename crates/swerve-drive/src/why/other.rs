@@ -34,7 +34,10 @@ pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> a
     let way = Way::new(logged, pipeline, metrics)?;
     let (sentence, mut steps) = match metrics.decided_by() {
         DecidedBy::Gate(stop) => way.gate(stop),
-        DecidedBy::Pose(since_s) => way.uncertain(since_s),
+        DecidedBy::Pose(since_s) => {
+            way.uncertain(since_s, "its pose was too uncertain for the lane: the planner braked")
+        }
+        DecidedBy::NoPose(since_s) => way.uncertain(since_s, "it had no pose: none came"),
         _ => way.lights_and_end(),
     };
     steps.sort_by_key(|(_, at, _)| *at);
@@ -97,12 +100,10 @@ impl<'a> Way<'a> {
         (text, steps)
     }
 
-    /// The planner stopped the car, since its pose was too uncertain.
-    fn uncertain(&self, since_s: f64) -> (String, Vec<Step>) {
+    /// The car was stopped for its pose.
+    fn uncertain(&self, since_s: f64, reason: &str) -> (String, Vec<Step>) {
         let since = Time::ZERO + Span::from_secs(since_s);
-        let mut text = format!(
-            "it stopped because its pose was too uncertain for the lane: the planner braked from {since_s:.2} s on"
-        );
+        let mut text = format!("it stopped because {reason} from {since_s:.2} s on");
         let mut steps = vec![(Milestone::Planned, since, String::new())];
         if let Some(stands) = self.states.iter().find(|state| state.stamp >= since && is_still(state)) {
             text += &format!(" and it stood from {:.2} s on", stands.stamp.as_secs());
