@@ -1,6 +1,7 @@
 //! The controller: what to follow, at which speed, by which law.
 
 mod params;
+mod stop;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,7 @@ use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
 use crate::{AccelToPedals, Pedals, pid};
+use stop::Stop;
 
 pub use params::{AlongParams, Following, Law, Params, SlipParams, StopParams};
 
@@ -55,7 +57,7 @@ pub enum Status {
     Plan,
     /// A comfortable stop along the last path.
     Stopping(StopReason),
-    /// The state of the ego is not finite or too old: steering is held, the car brakes.
+    /// The state of the ego is not finite or too old: a stop along the last path by dead reckoning.
     Blind,
 }
 
@@ -82,8 +84,10 @@ pub struct Controller {
     speed: SpeedLaw,
     /// Speed at which the route is followed before the first plan.
     route_speed_mps: Option<f64>,
-    /// Since when and from which speed the ego is being stopped.
-    stopping: Option<(Time, f64)>,
+    /// How the ego is being stopped.
+    stopping: Option<Stop>,
+    /// The last state that it could drive by.
+    seen: Option<EgoState>,
     before: Option<Time>,
     steering_rad: f64,
     mpc: Option<Predictive>,
@@ -118,6 +122,7 @@ impl Controller {
             speed: SpeedLaw::new(params.speed),
             route_speed_mps: None,
             stopping: None,
+            seen: None,
             before: None,
             steering_rad: 0.0,
             place: LineTracker::default(),
@@ -134,17 +139,15 @@ impl Controller {
     pub fn step(&mut self, input: &Input<'_>) -> Output {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
-        let age = input.now - input.ego.stamp;
-        if !is_finite(input.ego) || age > Span::from_secs(self.params.stop.blind_after_s) {
-            self.pid.reset();
-            self.speed = SpeedLaw::new(self.params.speed);
-            let brake = self.params.stop.blind_brake;
-            let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
-            let accel_mps2 = None;
-            return Output { command, speed_mps: 0.0, accel_mps2, status: Status::Blind, mpc: None };
+        let is_seen = self.is_usable(input.ego, input.now);
+        if is_seen {
+            self.seen = Some(*input.ego);
         }
-        self.route_m = self.place.locate(input.route.line(), input.ego.pose).s_m;
-        let status = self.load(input);
+        let Some(seen) = self.seen else { return self.held() };
+        self.route_m = self.place.locate(input.route.line(), seen.pose).s_m;
+        let status = self.load(&Input { ego: &seen, ..*input }, is_seen);
+        let ego = if is_seen { seen } else { self.reckoned(&seen, input) };
+        let input = &Input { ego: &ego, ..*input };
         let here = self.here(input, status);
         let mut report = None;
         let (steering_rad, drive) = match (&self.mpc, self.params.law) {
@@ -161,6 +164,13 @@ impl Controller {
         let command = Command { steering_rad: self.steering_rad, throttle, brake };
         let Drive { speed_mps, accel_mps2, .. } = drive;
         Output { command, speed_mps, accel_mps2, status, mpc: report }
+    }
+
+    /// Before there is a state: the wheels as they are, and the brake.
+    fn held(&self) -> Output {
+        let brake = self.drive.pedals(-self.params.stop.blind_decel_mps2, 0.0).brake;
+        let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
+        Output { command, speed_mps: 0.0, accel_mps2: None, status: Status::Blind, mpc: None }
     }
 
     /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
@@ -191,7 +201,7 @@ impl Controller {
     }
 
     /// Decides what to follow and loads it as the reference.
-    fn load(&mut self, input: &Input<'_>) -> Status {
+    fn load(&mut self, input: &Input<'_>, is_seen: bool) -> Status {
         let Input { now, ego, route, .. } = *input;
         let route_speed = *self.route_speed_mps.get_or_insert(ego.speed_mps.max(0.0));
         let status = match input.plan {
@@ -207,10 +217,10 @@ impl Controller {
             }
             _ => self.reference.load_route(route, self.route_m, route_speed, now),
         }
-        if let Status::Stopping(_) = status {
-            self.stopping.get_or_insert((now, ego.speed_mps.max(0.0)));
-        } else {
-            self.stopping = None;
+        let status = if is_seen { status } else { Status::Blind };
+        match status {
+            Status::Stopping(_) | Status::Blind => self.begin_stop(now, ego, !is_seen),
+            Status::Route | Status::Plan => self.stopping = None,
         }
         status
     }
@@ -228,7 +238,7 @@ impl Controller {
             self.reference.project(point)
         };
         let until_m = s_m.max(0.0) + self.reach_m(ego.speed_mps);
-        self.reference.extend(route, self.route_m, until_m);
+        self.reference.extend(route, self.route_m - s_m.max(0.0), until_m);
         if !by_time && s_m >= 0.0 {
             // Beyond the end of the plan the ego is on its continuation.
             s_m = self.reference.project(point);
@@ -242,8 +252,8 @@ impl Controller {
             target.speed_mps += late_m.clamp(-along.speed_max_mps, along.speed_max_mps);
             target.speed_mps = target.speed_mps.max(0.0);
         }
-        if let Some((since, from_mps)) = self.stopping {
-            target = self.stop_target(since, from_mps, now);
+        if let Some(stop) = self.stopping {
+            target = stop.target(now);
         }
         Here { s_m, from_m, target }
     }
@@ -373,8 +383,8 @@ impl Controller {
 
     /// Place and speed that the ego should have at `instant`, when it is then at arc length `s_m`.
     fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
-        if let Some((since, from_mps)) = self.stopping {
-            let target = self.stop_target(since, from_mps, instant);
+        if let Some(stop) = self.stopping {
+            let target = stop.target(instant);
             return Wanted { ahead_m: 0.0, speed_mps: target.speed_mps, accel_mps2: target.accel_mps2 };
         }
         let by_time = status == Status::Plan && self.params.following == Following::Time;
@@ -411,26 +421,6 @@ impl Controller {
     fn steering_of(&self, curvature_1pm: f64) -> f64 {
         let max = self.limits.steering_max_rad;
         math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
-    }
-
-    /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
-    /// at least what holds it.
-    fn braked(&self, drive: Drive, now: Time) -> Drive {
-        let Some((since, from_mps)) = self.stopping else { return drive };
-        let rests = self.stop_target(since, from_mps, now).speed_mps <= 0.0;
-        let hold_mps2 = if rests { self.params.speed.hold_mps2 } else { 0.0 };
-        let hold = if rests { self.drive.pedals(-hold_mps2, 0.0).brake } else { 0.0 };
-        Drive {
-            pedals: Pedals { throttle: 0.0, brake: drive.pedals.brake.max(hold) },
-            accel_mps2: drive.accel_mps2.map(|accel_mps2| accel_mps2.min(-hold_mps2)),
-            ..drive
-        }
-    }
-
-    fn stop_target(&self, since: Time, from_mps: f64, instant: Time) -> Target {
-        let decel = self.params.stop.decel_mps2;
-        let left = (from_mps - decel * (instant - since).as_secs()).max(0.0);
-        Target { speed_mps: left, accel_mps2: if left > 0.0 { -decel } else { 0.0 } }
     }
 
     fn at(&self, s_m: f64) -> PlanPoint {

@@ -27,6 +27,7 @@ impl Params {
             ("mpc.weights.slack_squared", weights.slack_squared),
             ("stanley.full_gain_mps", self.stanley.full_gain_mps),
             ("stop.blind_after_s", self.stop.blind_after_s),
+            ("stop.blind_decel_mps2", self.stop.blind_decel_mps2),
         ])?;
         not_negative(&[
             ("pid.kp_spm", self.pid.kp_spm),
@@ -59,11 +60,9 @@ impl Params {
             ("mpc.weights.slack", weights.slack),
         ])?;
         let share = "0 to 1";
-        for (key, value) in [
-            ("stop.blind_brake", self.stop.blind_brake),
-            ("pid.throttle_max", self.pid.throttle_max),
-            ("pid.brake_max", self.pid.brake_max),
-        ] {
+        for (key, value) in
+            [("pid.throttle_max", self.pid.throttle_max), ("pid.brake_max", self.pid.brake_max)]
+        {
             require(key, value, (0.0..=1.0).contains(&value), share)?;
         }
         let reach = self.pure_pursuit.lookahead_max_m;
@@ -105,7 +104,6 @@ mod tests {
         check(|p| p.mpc.dt_s = f64::NAN, "`mpc.dt_s` is NaN, expected a finite number above 0");
         check(|p| p.pid.kp_spm = -1.0, "`pid.kp_spm` is -1, expected a finite number that is not negative");
         check(|p| p.stop.blind_after_s = 0.0, "`stop.blind_after_s` is 0, expected a finite number above 0");
-        check(|p| p.stop.blind_brake = 1.5, "`stop.blind_brake` is 1.5, expected 0 to 1");
         check(
             |p| p.pure_pursuit.lookahead_max_m = 1.0,
             "`pure_pursuit.lookahead_max_m` is 1, expected finite and at least lookahead_min_m",

@@ -105,8 +105,8 @@ impl Default for SlipParams {
 pub struct StopParams {
     /// Deceleration of a comfortable stop, m/s² (positive).
     pub decel_mps2: f64,
-    /// Brake pedal while the state of the ego is unusable, 0 to 1. Pylot brakes with 0.5 when it has nothing to follow.
-    pub blind_brake: f64,
+    /// Deceleration of a stop without a usable state of the ego, m/s² (positive): firm, as that of the safety gate.
+    pub blind_decel_mps2: f64,
     /// A state of the ego that is older than this is unusable, seconds: a speed that does not answer to the pedals makes
     /// the speed control press the throttle ever more.
     pub blind_after_s: f64,
@@ -114,7 +114,7 @@ pub struct StopParams {
 
 impl Default for StopParams {
     fn default() -> Self {
-        Self { decel_mps2: 2.0, blind_brake: 0.5, blind_after_s: 0.3 }
+        Self { decel_mps2: 2.0, blind_decel_mps2: 3.0, blind_after_s: 0.3 }
     }
 }
 

@@ -1,8 +1,8 @@
-//! Stops that the controller makes by itself, under reports with noise.
+//! Stops that the controller makes by itself, under reports with noise and without any.
 
 use super::*;
 use crate::LinearPedals;
-use crate::bicycle::{curve, road};
+use crate::bicycle::{self, curve, ego, lane_change, road, slalom};
 use swerve_core::Rng;
 
 const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
@@ -47,6 +47,103 @@ fn a_stop_of_the_controller_never_presses_the_accelerator() {
             // 8 m/s at 2 to 3 m/s² are 4 s at most; from then on it is held: 3 m/s² of 8.
             let held = steps[500..].iter().all(|(_, command, _)| command.brake >= 3.0 / 8.0);
             assert!(held, "{law:?} {noise_mps}");
+        }
+    }
+}
+
+fn controller(law: Law) -> Controller {
+    let mut params = Params { law, ..Params::default() };
+    params.slip = SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 };
+    (params.pure_pursuit.preview_s, params.stanley.preview_s, params.stanley.yaw_damping_s) = (0.0, 0.0, 0.0);
+    Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
+}
+
+/// Without a state the car comes to rest along its plan, and the brake holds it.
+#[test]
+fn a_stop_without_a_state_ends_on_the_path() {
+    let wide = Route::uniform(road().line().clone(), 6.0, 6.0);
+    for (plan, speed_mps, from_s, most_off_m) in [
+        (curve(slalom, 8.0, 20.0), 8.0, [2.0, 3.1, 5.0], 0.25),
+        (curve(lane_change, 15.0, 8.0), 15.0, [1.5, 2.5, 4.0], 1.0),
+    ] {
+        for (law, from_s) in LAWS.into_iter().flat_map(|law| from_s.map(|from_s| (law, from_s))) {
+            let mut controller = controller(law);
+            let mut state = ego(plan.points[0].pose, speed_mps);
+            let mut seen = state;
+            let mut commands = Vec::new();
+            for k in 0..1400 {
+                let now = Time::from_ms(10 * k);
+                if now.as_secs() < from_s {
+                    seen = state;
+                }
+                let output = controller.step(&Input { now, ego: &seen, plan: Some(&plan), route: &wide });
+                if output.status == Status::Blind {
+                    commands.push(output.command);
+                }
+                bicycle::drive(&mut state, output.command, Span::from_ms(10));
+            }
+            assert!(commands.iter().all(|c| c.throttle == 0.0 && c.brake >= 3.0 / 8.0 - 1e-9), "{law:?}");
+            // 0.3 s in which a state that stays lets the law hurry, then 3 m/s².
+            let way_m = state.pose.point().distance(seen.pose.point());
+            let most_m = speed_mps * 0.35 + 0.5 * speed_mps * speed_mps / 3.0;
+            assert!(state.speed_mps < 0.01 && way_m < most_m + 4.0, "{law:?}: {way_m} m");
+            let points: Vec<_> = plan.points.iter().map(|p| p.pose.point()).collect();
+            let off_m = swerve_geom::Polyline::smooth(&points, 0.05).unwrap().project(state.pose.point()).d_m;
+            assert!(off_m.abs() < most_off_m, "{law:?} from {from_s} s: {off_m} m");
+        }
+    }
+}
+
+/// What is not finite, or older than 0.3 s, is no state. Nothing of the stop is left in the integrals afterwards.
+#[test]
+fn an_unusable_state_is_driven_by_no_more() {
+    let plan = curve(slalom, 10.0, 20.0);
+    let spoil: [fn(&mut EgoState); 5] = [
+        |e| e.pose.x_m = f64::NAN,
+        |e| e.speed_mps = f64::INFINITY,
+        |e| e.pose.heading_rad = f64::NAN,
+        |e| e.yaw_rate_radps = f64::NAN,
+        |e| e.stamp = e.stamp - Span::from_ms(2000),
+    ];
+    for (law, spoil) in LAWS.into_iter().flat_map(|law| spoil.map(|spoil| (law, spoil))) {
+        let mut controller = controller(law);
+        // 2 m/s slower than planned.
+        let good = |ms: i64| EgoState {
+            stamp: Time::from_ms(ms),
+            ..ego(plan.at(Time::from_ms(ms)).unwrap().pose, 8.0)
+        };
+        let mut step = |now_ms: i64, ego: &EgoState| {
+            let now = Time::from_ms(now_ms);
+            controller.step(&Input { now, ego, plan: Some(&plan), route: &road() })
+        };
+        let mut bad = good(1000);
+        spoil(&mut bad);
+        let never = step(1000, &bad);
+        assert!(never.status == Status::Blind && never.command.throttle == 0.0 && never.command.brake > 0.3);
+        let first = step(1000, &good(1000));
+        assert!(first.status == Status::Plan && first.command.throttle > 0.0, "{law:?}");
+        for now_ms in (1010..=3000).step_by(10) {
+            let output = step(now_ms, &bad);
+            assert_eq!(output.status, Status::Blind, "{law:?} at {now_ms} ms");
+            let Command { steering_rad, throttle, brake } = output.command;
+            assert!(throttle == 0.0 && brake > 0.3 && steering_rad.abs() < 0.2, "{law:?}: {steering_rad}");
+        }
+        let again = step(3010, &good(3010));
+        assert_eq!(again.status, Status::Plan, "and goes on afterwards");
+        assert!(again.command.throttle <= first.command.throttle + 0.1, "{law:?}: {:?}", again.command);
+    }
+}
+
+#[test]
+fn a_state_is_too_old_after_its_time() {
+    let plan = curve(slalom, 10.0, 20.0);
+    for law in LAWS {
+        let mut controller = controller(law);
+        let seen = EgoState { stamp: Time::from_ms(1000), ..ego(Pose2::new(9.0, 1.0, 0.3), 10.0) };
+        for now_ms in (1000..=2000).step_by(10) {
+            let now = Time::from_ms(now_ms);
+            let output = controller.step(&Input { now, ego: &seen, plan: Some(&plan), route: &road() });
+            assert_eq!(output.status == Status::Blind, now_ms > 1300, "{law:?} at {now_ms} ms");
         }
     }
 }

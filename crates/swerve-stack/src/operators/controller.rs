@@ -80,6 +80,8 @@ struct PlanFollower {
     original: Option<Follower>,
     vehicle: VehicleParams,
     route: Route,
+    /// The newest state that a car can be in.
+    ego: Option<EgoState>,
     /// The newest plan that a car can follow. Its time runs out where none comes after it.
     plan: Option<Arc<Plan>>,
     local: LocalPoses,
@@ -105,6 +107,7 @@ impl PlanFollower {
             original: original(config, rules),
             vehicle,
             route: route.clone(),
+            ego: None,
             plan: None,
             local: LocalPoses::default(),
             plan_local: None,
@@ -114,8 +117,10 @@ impl PlanFollower {
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
-        // What no car can do is no measurement and no plan: better none.
-        let ego = input.ego.get().filter(|ego| ego.is_plausible())?;
+        // What no car can do is no measurement and no plan: the last one counts until it is too old.
+        let ego = input.ego.get().filter(|ego| ego.is_plausible());
+        self.ego = ego.map(|ego| **ego).or(self.ego);
+        let ego = &self.ego?;
         self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
         if let Some(plan) = input.plan.get().filter(|plan| plan.is_plausible()) {
             if self.plan.as_ref().is_none_or(|known| known.stamp != plan.stamp) {
