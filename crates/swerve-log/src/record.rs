@@ -35,6 +35,16 @@ pub struct RunEnd {
     pub report: String,
 }
 
+/// What the reason of a run that failed begins with.
+pub(crate) const FAILED: &str = "failed: ";
+
+impl RunEnd {
+    /// The failure that ended the run, if one did: its last instant may be incomplete then.
+    pub fn failure(&self) -> Option<&str> {
+        self.reason.strip_prefix(FAILED)
+    }
+}
+
 /// A stream that the run produced.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct StreamInfo {

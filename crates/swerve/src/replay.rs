@@ -7,14 +7,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use swerve_core::Digest;
+use swerve_core::{Digest, Time};
 use swerve_drive::page::{COMMAND, log_so_far, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
-use swerve_log::{LeavesOut, Log, Record, Recorder, left_out};
+use swerve_log::{LeavesOut, Log, Record, Recorder, RunEnd, left_out};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, LocalPose, PointCloud, PoseMatch, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
@@ -302,6 +302,8 @@ pub struct Comparison {
     logged_digest: Option<Digest>,
     digest: Digest,
     leaves_out: Option<LeavesOut>,
+    /// Instant and reason of the failure that ended the logged run.
+    failure: Option<(Time, String)>,
 }
 
 /// A publication, reduced to what has to be the same.
@@ -347,12 +349,17 @@ impl Comparison {
             }
         }
         let streams = expected.keys().map(|name| (name.clone(), Counts::default())).collect();
+        let failed = |end: &RunEnd| Some((end.at, end.failure()?.to_owned()));
+        let failure = log.end.as_ref().and_then(failed);
+        // The digest of a run that failed covers a part of its last instant.
+        let logged_digest = log.end.as_ref().filter(|_| failure.is_none()).map(|end| end.digest);
         Self {
             expected: expected.into_iter().map(|(name, said)| (name, said.into_iter())).collect(),
             streams,
-            logged_digest: log.end.as_ref().map(|end| end.digest),
+            logged_digest,
             digest: Digest::default(),
             leaves_out: None,
+            failure,
         }
     }
 
@@ -373,6 +380,12 @@ impl Comparison {
             if let Some(first) = &counts.first {
                 text += &format!("{name}: first difference {first}\n");
             }
+        }
+        if let Some((at, why)) = &self.failure {
+            text += &format!(
+                "the run failed at {} s ({why}): that instant is incomplete, and the comparison ends before it, without the digest\n",
+                at.as_secs()
+            );
         }
         if compare_digest && let Some(logged) = self.logged_digest {
             let relation = if logged == self.digest { "as logged" } else { "not the logged one" };
