@@ -43,6 +43,17 @@ impl RunEnd {
     pub fn failure(&self) -> Option<&str> {
         self.reason.strip_prefix(FAILED)
     }
+
+    /// The digest, unless it covers a part of an instant.
+    pub fn whole_digest(&self) -> Option<Digest> {
+        self.failure().is_none().then_some(self.digest)
+    }
+
+    /// A note on the last instant, where it is incomplete.
+    pub fn incomplete(&self) -> Option<String> {
+        let why = self.failure()?;
+        Some(format!("the run failed at {} s ({why}): that instant is incomplete", self.at.as_secs()))
+    }
 }
 
 /// A stream that the run produced.

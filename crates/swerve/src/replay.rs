@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
-use swerve_core::{Digest, Time};
+use swerve_core::Digest;
 use swerve_drive::page::{COMMAND, log_so_far, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
@@ -302,8 +302,7 @@ pub struct Comparison {
     logged_digest: Option<Digest>,
     digest: Digest,
     leaves_out: Option<LeavesOut>,
-    /// Instant and reason of the failure that ended the logged run.
-    failure: Option<(Time, String)>,
+    incomplete: Option<String>,
 }
 
 /// A publication, reduced to what has to be the same.
@@ -349,17 +348,13 @@ impl Comparison {
             }
         }
         let streams = expected.keys().map(|name| (name.clone(), Counts::default())).collect();
-        let failed = |end: &RunEnd| Some((end.at, end.failure()?.to_owned()));
-        let failure = log.end.as_ref().and_then(failed);
-        // The digest of a run that failed covers a part of its last instant.
-        let logged_digest = log.end.as_ref().filter(|_| failure.is_none()).map(|end| end.digest);
         Self {
             expected: expected.into_iter().map(|(name, said)| (name, said.into_iter())).collect(),
             streams,
-            logged_digest,
+            logged_digest: log.end.as_ref().and_then(RunEnd::whole_digest),
             digest: Digest::default(),
             leaves_out: None,
-            failure,
+            incomplete: log.end.as_ref().and_then(RunEnd::incomplete),
         }
     }
 
@@ -381,11 +376,8 @@ impl Comparison {
                 text += &format!("{name}: first difference {first}\n");
             }
         }
-        if let Some((at, why)) = &self.failure {
-            text += &format!(
-                "the run failed at {} s ({why}): that instant is incomplete, and the comparison ends before it, without the digest\n",
-                at.as_secs()
-            );
+        if let Some(incomplete) = &self.incomplete {
+            text += &format!("{incomplete}; the comparison ends before it, without the digest\n");
         }
         if compare_digest && let Some(logged) = self.logged_digest {
             let relation = if logged == self.digest { "as logged" } else { "not the logged one" };
