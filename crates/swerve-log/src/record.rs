@@ -52,7 +52,7 @@ impl RunEnd {
     /// A note on the last instant, where it is incomplete.
     pub fn incomplete(&self) -> Option<String> {
         let why = self.failure()?;
-        Some(format!("the run failed at {} s ({why}): that instant is incomplete", self.at.as_secs()))
+        Some(format!("the run failed at {:.3} s ({why}): that instant is incomplete", self.at.as_secs()))
     }
 }
 

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use swerve_core::{Digest, Rng, Time};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
-use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_flow::{Event, Observer};
 use swerve_ipc::{OnLoss, Traffic};
 use swerve_log::{Log, Recorder};
@@ -249,6 +249,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let mut killer = Killer { after: publications, process, killed: None };
     let mut recorder =
         Recorder::create(&log, &run_start(config, &pipeline.scenario, &scenario_file())).unwrap();
+    set_up(&mut recorder, config, &pipeline);
     let other = match moment {
         Moment::Publications(_) => None,
         Moment::After(wait) => Some(after(wait, move || {
@@ -275,7 +276,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     assert_eq!(end.failure(), Some(&error[..]));
     // What is complete of it is verified.
     let said = verify(&path);
-    let failed = format!("the run failed at {} s ({error}): that instant is incomplete", end.at.as_secs());
+    let failed = format!("the run failed at {:.3} s ({error}): that instant is incomplete", end.at.as_secs());
     assert!(said.contains(&failed), "{said}");
     drop(processes);
     assert_eq!(left_over(&prefix), [""; 0]);
