@@ -144,8 +144,8 @@ mod tests {
         let answer = loop {
             let _may_be_closed = slow.write_all(b"G");
             let mut answer = [0; 12];
-            match slow.read(&mut answer) {
-                Ok(_) => break answer,
+            match slow.read_exact(&mut answer) {
+                Ok(()) => break answer,
                 Err(_) => assert!(begun.elapsed() < 2 * PATIENCE, "it is still open"),
             }
         };

@@ -250,7 +250,7 @@ fn idle_connections_without_the_token_keep_nobody_out() {
             let mut idle = std::collections::VecDeque::new();
             while !is_over.load(Ordering::Relaxed) {
                 let Ok(mut stream) = TcpStream::connect(&host) else { continue };
-                if opened.fetch_add(1, Ordering::Relaxed) % 2 == 0 {
+                if opened.fetch_add(1, Ordering::Relaxed).is_multiple_of(2) {
                     let _may_be_closed = stream.write_all(b"GET / HTTP/1.1\r\n");
                 }
                 idle.push_back(stream);
