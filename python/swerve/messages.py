@@ -66,6 +66,8 @@ class StopCause(str, Enum):
     """Commands come, and say the same for too long."""
     SECOND_WRITER = "second_writer"
     """Commands come from somebody else than from who drove."""
+    CLOCK_JUMP = "clock_jump"
+    """The clock that stamps the commands was set."""
     TRANSPORT_LOST = "transport_lost"
     """The process that carries commands and reports is gone."""
     POSE_LOST = "pose_lost"

@@ -25,6 +25,11 @@ impl TopicClock {
         Self { estimator: ClockEstimator::new(params), last: None, held: 0 }
     }
 
+    /// Holds the offset: a clock that was set is refused until it is released.
+    pub fn hold(&mut self, is_held: bool) {
+        self.estimator.hold(is_held);
+    }
+
     /// The run's time of a stamp that was received at `now`; host's clock stood at `epoch_ns` when the run began.
     ///
     /// # Errors

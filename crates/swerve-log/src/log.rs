@@ -75,8 +75,9 @@ impl Log {
         (Self { start, end, is_sealed, streams: reader.streams().to_vec(), records }, damage)
     }
 
-    /// Up to which instant it tells all: the run's end; where it was cut off, just before its last record, as more may
-    /// have been done at the instant of that. The run's beginning where nothing was done.
+    /// The last instant that it holds completely: the run's end; just before it where the run failed, as less was done
+    /// at that instant than otherwise; just before its last record where the log was cut off. The run's beginning where
+    /// nothing was done.
     pub fn whole_until(&self) -> Time {
         let at = |record: &Record| match record {
             Record::Publication(p) => Some(p.header.visible_at),
@@ -87,8 +88,11 @@ impl Log {
             Record::Unfinished(_) | Record::Decision(_) => None,
         };
         let last = || self.records.iter().rev().find_map(at);
-        let before_last = || last().map_or(Time::ZERO, |last| last - Span::from_ns(1));
-        self.end.as_ref().map_or_else(before_last, |end| end.at)
+        match &self.end {
+            Some(end) if end.failure().is_none() => end.at,
+            Some(end) => end.at - Span::from_ns(1),
+            None => last().map_or(Time::ZERO, |last| last - Span::from_ns(1)),
+        }
     }
 
     /// The messages of one stream, in order.

@@ -7,7 +7,8 @@ use swerve_flow::{
 };
 
 use crate::record::{
-    DropRecord, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord, WatermarkRecord,
+    DropRecord, FAILED, MessageHeader, MissRecord, RunEnd, StepRecord, StreamInfo, UnfinishedRecord,
+    WatermarkRecord,
 };
 use crate::{Recorder, TraceWriter};
 
@@ -122,7 +123,7 @@ fn run_end(report: &RunReport) -> RunEnd {
         EndReason::Stopped(by) => format!("stopped by {by}"),
         EndReason::Idle => "idle".into(),
         EndReason::Interrupted => "interrupted".into(),
-        EndReason::Failed(why) => format!("failed: {why}"),
+        EndReason::Failed(why) => format!("{FAILED}{why}"),
     };
     let text = serde_json::to_string(report).expect("a report is plain data");
     RunEnd { digest: report.digest, at: report.at, reason, report: text }

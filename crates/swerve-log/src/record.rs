@@ -35,6 +35,27 @@ pub struct RunEnd {
     pub report: String,
 }
 
+/// What the reason of a run that failed begins with.
+pub(crate) const FAILED: &str = "failed: ";
+
+impl RunEnd {
+    /// The failure that ended the run, if one did: its last instant may be incomplete then.
+    pub fn failure(&self) -> Option<&str> {
+        self.reason.strip_prefix(FAILED)
+    }
+
+    /// The digest, unless it covers a part of an instant.
+    pub fn whole_digest(&self) -> Option<Digest> {
+        self.failure().is_none().then_some(self.digest)
+    }
+
+    /// A note on the last instant, where it is incomplete.
+    pub fn incomplete(&self) -> Option<String> {
+        let why = self.failure()?;
+        Some(format!("the run failed at {:.3} s ({why}): that instant is incomplete", self.at.as_secs()))
+    }
+}
+
 /// A stream that the run produced.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct StreamInfo {

@@ -82,6 +82,8 @@ pub enum StopCause {
     CommandFrozen,
     /// Commands come from somebody else than from who drove.
     SecondWriter,
+    /// The clock that stamps the commands was set.
+    ClockJump,
     /// The process that carries commands and reports is gone.
     TransportLost,
     /// Localization reports that the pose is lost.
@@ -100,6 +102,7 @@ impl StopCause {
             Self::Emergency => "emergency stop",
             Self::CommandFrozen => "the command is frozen",
             Self::SecondWriter => "commands of a second writer",
+            Self::ClockJump => "the clock of the commands was set",
             Self::TransportLost => "the transport was lost",
             Self::PoseLost => "the pose is lost",
             Self::PoseImplausible => "the pose does not move as the wheels do",

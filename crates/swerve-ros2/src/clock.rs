@@ -6,7 +6,8 @@
 //! long, so that a slow drift is followed; the spread over the buckets' minima says how well the offset is known.
 //!
 //! Once that is known a stamp can be judged: one from the future or long past is refused, as is one that runs
-//! backwards. A clock that was set is noticed by some refused stamps in a row that agree with one another.
+//! backwards. A clock that was set is noticed by some refused stamps in a row that agree with one another: it is
+//! followed, or refused as long as the estimator is held.
 //!
 //! Pure: no clock is read here, both times are inputs.
 
@@ -57,6 +58,8 @@ pub enum StampVerdict {
     Learning,
     /// The clock was set: from here on this is the time.
     Jumped,
+    /// The clock was set while its offset is held.
+    JumpRefused,
     /// It is zero or before that: nobody set it.
     Unset,
     /// It is older than the newest before it.
@@ -70,7 +73,7 @@ pub enum StampVerdict {
 impl StampVerdict {
     /// Whether the message is to be refused.
     pub fn is_refused(self) -> bool {
-        matches!(self, Self::Unset | Self::Backwards | Self::Ahead | Self::Behind)
+        matches!(self, Self::JumpRefused | Self::Unset | Self::Backwards | Self::Ahead | Self::Behind)
     }
 }
 
@@ -100,6 +103,7 @@ pub struct ClockEstimator {
     newest_stamp_ns: Option<i64>,
     /// Differences of refused stamps in a row, ns.
     odd: Vec<i64>,
+    is_held: bool,
     stamps: u64,
     jumps: u32,
 }
@@ -115,9 +119,15 @@ impl ClockEstimator {
             recent: VecDeque::new(),
             newest_stamp_ns: None,
             odd: Vec::new(),
+            is_held: false,
             stamps: 0,
             jumps: 0,
         }
+    }
+
+    /// Holds the offset: a clock that was set is refused until it is released. Drift is followed as before.
+    pub fn hold(&mut self, is_held: bool) {
+        self.is_held = is_held;
     }
 
     /// Judges a stamp, received at this host time, and learns from it if it is plausible.
@@ -139,6 +149,9 @@ impl ClockEstimator {
         self.odd.push(difference);
         if !self.agree() {
             return verdict;
+        }
+        if self.is_held {
+            return StampVerdict::JumpRefused;
         }
         self.jumps += 1;
         let odd = std::mem::take(&mut self.odd);
@@ -294,6 +307,67 @@ mod tests {
         }
     }
 
+    /// Stamps of one writer, good ones and ones that are off by the given seconds; every one is received 2 ms after
+    /// its instant.
+    fn mixed(clock: &mut ClockEstimator, start_ns: i64, off_s: &[i64]) -> Vec<StampVerdict> {
+        let one = |(i, off_s): (usize, &i64)| {
+            let now = start_ns + i as i64 * 10 * MS;
+            clock.judge(now + off_s * S, now + 2 * MS)
+        };
+        off_s.iter().enumerate().map(one).collect()
+    }
+
+    #[test]
+    fn set_clock_is_refused_while_the_offset_is_held_and_followed_once_released() {
+        for step in [3600, -3600] {
+            let mut clock = ClockEstimator::new(ClockParams::default());
+            feed(&mut clock, 100_000 * S, 50, 0);
+            clock.hold(true);
+            let known = clock.offset();
+            let wrong = if step > 0 { StampVerdict::Ahead } else { StampVerdict::Behind };
+            let verdicts = mixed(&mut clock, 100_003 * S, &[step; 200]);
+            assert!(verdicts[..4].iter().all(|v| *v == wrong), "{verdicts:?}");
+            assert!(verdicts[4..].iter().all(|v| *v == StampVerdict::JumpRefused), "{verdicts:?}");
+            assert_eq!(clock.offset(), known);
+            // The writer's old time is still its time.
+            assert_eq!(mixed(&mut clock, 100_006 * S, &[0; 3]), [StampVerdict::Plausible; 3]);
+            mixed(&mut clock, 100_007 * S, &[step; 20]);
+            clock.hold(false);
+            let after = mixed(&mut clock, 100_008 * S, &[step; 3]);
+            assert_eq!(after, [StampVerdict::Jumped, StampVerdict::Plausible, StampVerdict::Plausible]);
+            assert_eq!(clock.offset().unwrap().jumps, 1);
+        }
+    }
+
+    #[test]
+    fn wrong_stamps_among_good_ones_are_refused_each() {
+        for off in [[0, 3600], [3600, -3600], [-3600, 0]] {
+            let mut clock = ClockEstimator::new(ClockParams::default());
+            feed(&mut clock, 100_000 * S, 50, 0);
+            clock.hold(true);
+            let verdicts = mixed(&mut clock, 100_003 * S, &off.repeat(100));
+            for (i, verdict) in verdicts.iter().enumerate() {
+                assert_eq!(verdict.is_refused(), off[i % 2] != 0, "{i} of {off:?}: {verdict:?}");
+                assert_ne!(*verdict, StampVerdict::JumpRefused, "{i} of {off:?}: no five in a row agree");
+            }
+        }
+    }
+
+    #[test]
+    fn drift_is_followed_while_the_offset_is_held() {
+        // 200 ppm, ten times that of a poor quartz, for an hour: 0.72 s in all.
+        for ppm in [200, -200] {
+            let mut clock = ClockEstimator::new(ClockParams::default());
+            clock.hold(true);
+            for i in 0..36_000 {
+                let stamp = 10 * S + i * 100 * MS;
+                let verdict =
+                    clock.judge(stamp, stamp + i * 100 * MS * ppm / 1_000_000 + (2 + i * 7 % 20) * MS);
+                assert!(!verdict.is_refused(), "{i}: {verdict:?}");
+            }
+        }
+    }
+
     #[test]
     fn repeats_of_what_was_overtaken_are_no_clock_that_was_set() {
         let mut clock = ClockEstimator::new(ClockParams::default());
@@ -322,13 +396,17 @@ mod tests {
 
         /// Whatever comes: no panic, and what is plausible never runs backwards.
         #[test]
-        fn any_stream_is_judged(stream in prop::collection::vec((any::<i64>(), any::<i64>()), 0..200), near in any::<bool>()) {
+        fn any_stream_is_judged(stream in prop::collection::vec((any::<i64>(), any::<i64>()), 0..200), near in any::<bool>(), is_held in any::<bool>()) {
             let mut clock = ClockEstimator::new(ClockParams::default());
+            clock.hold(is_held);
             let mut newest = i64::MIN;
             for (stamp, received) in stream {
                 let (stamp, received) = if near { (stamp.rem_euclid(S) + S, received.rem_euclid(S) + S) } else { (stamp, received) };
                 match clock.judge(stamp, received) {
-                    StampVerdict::Jumped => newest = stamp,
+                    StampVerdict::Jumped => {
+                        prop_assert!(!is_held);
+                        newest = stamp;
+                    }
                     StampVerdict::Plausible | StampVerdict::Learning => {
                         prop_assert!(stamp >= newest);
                         newest = stamp;

@@ -143,7 +143,10 @@ impl Transport {
         })?;
         let transport = Self { endpoints: options.endpoints.clone(), shared, watch: Some(thread) };
         let (mut state, _) = transport.shared.wait(START_WITHIN, |state| state.began.is_some());
-        let refused = |reason| BridgeError::Transport { at: "process".to_owned(), reason };
+        let refused = |reason: String| BridgeError::Transport {
+            at: "process".to_owned(),
+            reason: reason + &few_descriptors(),
+        };
         match state.began.take() {
             Some(Ok(())) => {}
             Some(Err(why)) => return Err(refused(why)),
@@ -307,6 +310,16 @@ impl Transport {
         drop(state);
         let _done = watch.join();
     }
+}
+
+/// A hint where this process may open few files: RustDDS does not always pass on why the system refuses a socket.
+fn few_descriptors() -> String {
+    const ENOUGH: u64 = 256;
+    let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    let few = most.filter(|most| *most < ENOUGH);
+    few.map_or_else(String::new, |most| {
+        format!("; at most {most} file descriptors are allowed (`ulimit -n`)")
+    })
 }
 
 impl Drop for Transport {

@@ -27,6 +27,9 @@ const LIGHT_BESIDE_ROAD_M: f64 = 1.0;
 /// Angles, radians.
 const ANGLE: Range = Range::between(-6.3, 6.3);
 
+/// Actors of a scenario: a state of the world holds all of them, and a log all states.
+const ACTORS_MAX: usize = 20_000;
+
 /// Reads and checks a whole document.
 pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
     let reading = Reading::of(document);
@@ -55,10 +58,14 @@ fn read(top: &TableReader<'_>) -> Scenario {
     } else {
         top.text("name")
     };
-    let description = top.text_like("description", DESCRIPTION, is_description).unwrap_or_default();
+    let description = top.paragraph_like("description", DESCRIPTION, is_description).unwrap_or_default();
     let road = road(top);
     let ego = ego(top);
-    let tables = top.tables("actor", |actor| actor.text_if_any("name"));
+    let mut tables = top.tables("actor", |actor| actor.text_if_any("name"));
+    if let Some(all) = top.value("actor").filter(|_| tables.len() > ACTORS_MAX) {
+        top.mistyped("actor", &format!("at most {ACTORS_MAX} tables"), all);
+        tables.truncate(ACTORS_MAX);
+    }
     let names: Vec<String> = tables.iter().map(|actor| actor.text("name")).collect();
     unique(&tables, &names);
     let actors = tables.iter().zip(&names).map(|(table, name)| actor::read(table, name, &names)).collect();

@@ -11,6 +11,7 @@ mod imu;
 mod lights;
 mod motion;
 mod obstacles;
+mod occluders;
 mod odometry;
 mod radar;
 mod timing;

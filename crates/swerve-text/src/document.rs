@@ -9,6 +9,7 @@ use std::sync::Arc;
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
+use crate::bound::TooLong;
 use crate::{Problem, Problems, read_bytes, read_meant};
 
 /// No file that people write is larger, bytes.
@@ -108,7 +109,7 @@ impl Document {
     /// Takes text that is already at hand; `file` names it in messages.
     ///
     /// # Errors
-    /// It is not TOML.
+    /// It is not TOML, or a key or text is too long.
     pub fn parse(file: &str, text: impl AsRef<str>) -> Result<Self, Problem> {
         let text = text.as_ref();
         let syntax = |error: toml::de::Error| Problem {
@@ -118,6 +119,9 @@ impl Document {
             message: not_toml(error.message().trim_end()),
         };
         let parsed = DeTable::parse(text).map_err(syntax)?;
+        if let Some(TooLong { key, start, message }) = TooLong::find(parsed.get_ref()) {
+            return Err(Problem { file: file.to_owned(), line: Some(line_of(text, start)), key, message });
+        }
         let mut places = Places::new();
         note_table(parsed.get_ref(), "", &Lines::of(text), &mut places);
         let table = toml::from_str(text).map_err(|error| {

@@ -12,6 +12,7 @@
 //! Absences: no crate of ours, no type of any domain; the only file it opens is the one that it is given.
 
 mod assign;
+mod bound;
 mod document;
 mod file;
 mod form;
@@ -22,6 +23,7 @@ mod table;
 mod words;
 
 pub use assign::{parse_assignment, parse_assignments, set};
+pub use bound::{NAME_MAX, PARAGRAPH_MAX};
 pub use document::{Document, NotText, decoded, read_text, unreadable};
 pub use file::{FILE_MAX, read_bytes, read_string};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};

@@ -1,6 +1,8 @@
 use std::fmt;
 use std::ops::Deref;
 
+use crate::bound::shortened;
+
 /// One thing wrong with one text.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Problem {
@@ -14,6 +16,7 @@ pub struct Problem {
     pub message: String,
 }
 
+/// Long keys and texts are cut.
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.file)?;
@@ -22,9 +25,9 @@ impl fmt::Display for Problem {
         }
         f.write_str(": ")?;
         if !self.key.is_empty() {
-            write!(f, "{}: ", self.key)?;
+            write!(f, "{}: ", shortened(&self.key))?;
         }
-        f.write_str(&self.message)
+        f.write_str(&shortened(&self.message))
     }
 }
 

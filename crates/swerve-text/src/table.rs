@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use toml::Value;
 
+use crate::bound::{NAME_MAX, too_long};
 use crate::words::{describe, did_you_mean, is_shown, list, unknown_key, unknown_name};
 use crate::{Document, Problem, Problems};
 
@@ -82,10 +83,10 @@ impl<'d> Reading<'d> {
     /// Notes a problem with dotted `key`, named as in messages.
     pub fn report(&self, key: &str, message: impl Into<String>) {
         let named = self.named.borrow();
-        let table =
-            named.iter().filter(|(name, _)| crate::is_within(key, name)).max_by_key(|(name, _)| name.len());
-        let place =
-            table.map_or_else(|| key.to_owned(), |(name, place)| format!("{place}{}", &key[name.len()..]));
+        let ends = key.rmatch_indices(['.', '[']).map(|(at, _)| at);
+        let mut tables = std::iter::once(key.len()).chain(ends).map(|end| key.split_at(end));
+        let place = tables.find_map(|(name, rest)| named.get(name).map(|place| format!("{place}{rest}")));
+        let place = place.unwrap_or_else(|| key.to_owned());
         self.note(&place, key, message.into());
     }
 
@@ -248,8 +249,22 @@ impl<'r> TableReader<'r> {
         self.text_like(key, "a text that is not blank, without control characters", is_shown)
     }
 
-    /// A text of a certain form, where there is one.
+    /// A name of a certain form, where there is one: at most [`NAME_MAX`] characters.
     pub fn text_like(
+        &self,
+        key: &'static str,
+        wanted: &str,
+        is_right: impl Fn(&str) -> bool,
+    ) -> Option<String> {
+        let text = self.paragraph_like(key, wanted, is_right)?;
+        let Some(message) = too_long(&text, NAME_MAX) else { return Some(text) };
+        self.reading.guess();
+        self.report(key, message);
+        None
+    }
+
+    /// A text of a certain form, where there is one.
+    pub fn paragraph_like(
         &self,
         key: &'static str,
         wanted: &str,
@@ -425,71 +440,4 @@ fn as_number(value: &Value) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Reads a form with one key of every kind; the problems of `text`.
-    fn said(text: &str, with_lines: bool) -> Vec<String> {
-        let document = Document::parse("a.toml", text).unwrap();
-        let reading = if with_lines { Reading::of(&document) } else { Reading::without_text("[a]") };
-        let top = reading.top(&document.table);
-        top.number("share", Range::between(0.0, 1.0));
-        top.number_or("speed", 1.0, Range::positive(10.0));
-        top.whole_if_any("count", 1, 9);
-        top.truth_if_any("is_on");
-        top.text_if_any("note");
-        top.one_of_if_any("way", &["left", "right"]);
-        for thing in top.tables("thing", |thing| thing.text_if_any("name")) {
-            thing.pairs("points", "pairs [s, d]", [Range::between(0.0, 5.0); 2]);
-            thing.only_one(&["stay", "go"]);
-            thing.finish();
-        }
-        for name in top.table_if_any("free").iter().flat_map(TableReader::keys) {
-            reading.report(&format!("free.{name}"), "is here");
-        }
-        top.finish();
-        reading.into_problems().iter().map(ToString::to_string).collect()
-    }
-
-    #[test]
-    fn every_problem_has_its_line_and_its_name() {
-        let right = "share = 0.5\nspeed = 3\ncount = 2\nis_on = true\nnote = \"x\"\nway = \"left\"\n\
-                     [[thing]]\nname = \"a\"\npoints = [[1, 2.5]]\nstay = 1\n";
-        assert_eq!(said(right, true), [""; 0]);
-        let wrong = "speed = 0\ncount = 2.5\nis_on = 1\nnote = \" \"\nway = \"lft\"\nspede = 1\n\
-                     [[thing]]\nname = \"a\"\npoints = [[1, 2], [1, 9]]\ngo = 1\nstay = 1\n\
-                     [[thing]]\npoints = []\ngoo = 1\n[free]\nz = 1\na = 2\n";
-        assert_eq!(
-            said(wrong, true),
-            [
-                "a.toml:1: share: is missing: expected a number from 0 to 1",
-                "a.toml:1: speed: expected a number above 0 and at most 10, found 0",
-                "a.toml:2: count: expected a whole number from 1 to 9, found 2.5",
-                "a.toml:3: is_on: expected true or false, found 1",
-                "a.toml:4: note: expected a text that is not blank, without control characters, found the text \" \"",
-                "a.toml:5: way: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
-                "a.toml:6: spede: unknown key; did you mean \"speed\"?",
-                "a.toml:7: thing.a: expected only one of \"stay\", \"go\", found \"stay\", \"go\"",
-                "a.toml:9: thing.a.points[1]: expected a pair of a number from 0 to 5 and a number from 0 to 5, \
-                 found an array of 2",
-                "a.toml:12: thing[1]: expected one of \"stay\", \"go\"; did you mean \"go\"?",
-                "a.toml:13: thing[1].points: expected pairs [s, d], found an empty array",
-                "a.toml:14: thing[1].goo: unknown key; did you mean \"go\"?",
-                "a.toml:16: free.z: is here",
-                "a.toml:17: free.a: is here",
-            ]
-        );
-    }
-
-    #[test]
-    fn without_its_text_a_table_has_no_lines() {
-        assert_eq!(
-            said("count = 0\nthing = [3]\n", false),
-            [
-                "[a]: share: is missing: expected a number from 0 to 1",
-                "[a]: count: expected a whole number from 1 to 9, found 0",
-                "[a]: thing[0]: expected a table, found 3",
-            ]
-        );
-    }
-}
+mod tests;

@@ -2,6 +2,8 @@
 
 use toml::Value;
 
+use crate::NAME_MAX;
+
 /// A number as a reader would write it, without hundreds of digits.
 pub fn number(x: f64) -> String {
     let is_plain = x == 0.0 || (1e-6..1e15).contains(&x.abs()) || !x.is_finite();
@@ -9,7 +11,7 @@ pub fn number(x: f64) -> String {
 }
 
 /// The name nearest to `wrong`, if any is near: by letters in common, by few slips of the pen, or because `wrong` is a
-/// part of it.
+/// part of it. A text that is too long for a name is near none.
 pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let score = |name: &'n str| {
         let slips = strsim::damerau_levenshtein(wrong, name);
@@ -20,6 +22,9 @@ pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Opt
     };
     // Of names that are equally near, the first.
     let nearer = |best: (f64, &'n str), other: (f64, &'n str)| if other.0 > best.0 { other } else { best };
+    if wrong.len() > NAME_MAX {
+        return None;
+    }
     names.into_iter().filter_map(score).reduce(nearer).map(|(_, name)| name)
 }
 

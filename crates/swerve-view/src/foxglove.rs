@@ -23,6 +23,8 @@ use swerve_foxglove::{Form, Foxglove};
 use swerve_log::{Bag, View, ViewTopic, Views};
 use swerve_report::output::tell;
 
+use crate::reception::receive;
+use gate::Knock;
 use hub::{Hub, Message};
 
 /// Where the Foxglove app looks first.
@@ -90,21 +92,22 @@ impl Streams {
     }
 }
 
-fn listen(hub: &Arc<Hub>, listener: &TcpListener) {
+fn listen(hub: &Arc<Hub>, listener: &TcpListener) -> std::io::Result<()> {
     let open = Arc::new(AtomicUsize::new(0));
-    for stream in listener.incoming().flatten() {
+    receive(listener, |stream, request| {
+        let Some(knock) = Knock::admit(stream, request) else { return };
         // Who is one too many is hung up on.
-        if open.fetch_add(1, Ordering::Relaxed) >= MOST {
-            open.fetch_sub(1, Ordering::Relaxed);
-            continue;
+        if open.load(Ordering::Relaxed) >= MOST {
+            return;
         }
+        open.fetch_add(1, Ordering::Relaxed);
         let (hub, open) = (Arc::clone(hub), Arc::clone(&open));
         std::thread::spawn(move || {
             // A viewer that has gone, or was none, is nobody's concern.
-            let _ended = viewer::serve(&hub, stream);
+            let _ended = viewer::serve(&hub, knock);
             open.fetch_sub(1, Ordering::Relaxed);
         });
-    }
+    })
 }
 
 /// Shows a run while it goes on. What it costs the run is to hand the messages over; viewers make them.

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 /// Bytes of a request at most, its body included.
 pub(crate) const LONGEST: usize = 16 * 1024;
-/// How long a client may take to say or to hear something.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a client may take to send its request, and to take a part of the answer.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What a client asks for, checked: it knows the token and is no other site's page.
 #[derive(Debug, PartialEq, Eq)]
@@ -45,6 +45,10 @@ impl Answer {
         format!("{} {}", self.status, self.body)
     }
 
+    pub(crate) fn cut_off() -> Self {
+        Self::refusal("408 Request Timeout", "the request was cut off")
+    }
+
     pub(crate) fn refusal(status: &'static str, why: impl Into<String>) -> Self {
         Self { status, kind: "text/plain; charset=utf-8", body: why.into() + "\n" }
     }
@@ -58,12 +62,8 @@ pub(crate) struct Door {
 }
 
 impl Door {
-    /// Reads a request, or says why it is refused.
-    pub(crate) fn read(&self, stream: &mut TcpStream) -> Result<Request, Answer> {
-        self.admit(&read_whole(stream)?)
-    }
-
-    fn admit(&self, bytes: &[u8]) -> Result<Request, Answer> {
+    /// Reads a request, or gives the reason for which it is refused.
+    pub(crate) fn admit(&self, bytes: &[u8]) -> Result<Request, Answer> {
         let bad = || Answer::refusal("400 Bad Request", "expected a request of HTTP/1.1");
         let text = core::str::from_utf8(bytes).map_err(|_| bad())?;
         let (head, body) = text.split_once("\r\n\r\n").ok_or_else(bad)?;
@@ -96,29 +96,47 @@ impl Door {
     }
 }
 
-/// Reads a whole request or answer, and what has come with it; or says why it is none.
-pub(crate) fn read_whole(stream: &mut TcpStream) -> Result<Vec<u8>, Answer> {
-    let cut_off = |_| Answer::refusal("408 Request Timeout", "the request was cut off");
-    stream.set_read_timeout(Some(PATIENCE)).map_err(cut_off)?;
-    stream.set_write_timeout(Some(PATIENCE)).map_err(cut_off)?;
-    let mut bytes = Vec::new();
-    let mut wanted = None;
-    while wanted.is_none_or(|wanted| bytes.len() < wanted) {
+/// A request or answer as far as it has arrived.
+#[derive(Debug, Default)]
+pub(crate) struct Incoming {
+    pub(crate) bytes: Vec<u8>,
+    /// Length of the whole, once its head is complete.
+    length: Option<usize>,
+}
+
+impl Incoming {
+    /// Reads once; gives whether it is complete.
+    ///
+    /// # Errors
+    /// It is too long, or the connection has ended.
+    pub(crate) fn read(&mut self, mut from: impl Read) -> Result<bool, Answer> {
         let mut part = [0; 4096];
-        let read = match stream.read(&mut part) {
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue, // by a signal
-            read => read.map_err(cut_off)?,
+        let read = match from.read(&mut part) {
+            Err(error) if error.kind() == ErrorKind::Interrupted => return Ok(false), // by a signal
+            read => read.map_err(|_| Answer::cut_off())?,
         };
-        bytes.extend_from_slice(&part[..read]);
-        wanted = wanted.or_else(|| whole_length(&bytes));
-        if bytes.len() > LONGEST || wanted.is_some_and(|wanted| wanted > LONGEST) {
+        self.bytes.extend_from_slice(&part[..read]);
+        self.length = self.length.or_else(|| whole_length(&self.bytes));
+        if self.bytes.len() > LONGEST || self.length.is_some_and(|length| length > LONGEST) {
             return Err(Answer::refusal("413 Content Too Large", format!("over {LONGEST} bytes")));
         }
-        if read == 0 && wanted.is_none_or(|wanted| bytes.len() < wanted) {
+        let is_complete = self.length.is_some_and(|length| self.bytes.len() >= length);
+        if read == 0 && !is_complete {
             return Err(Answer::refusal("400 Bad Request", "the request was cut off"));
         }
+        Ok(is_complete)
     }
-    Ok(bytes)
+}
+
+/// Reads a whole request or answer and what has arrived with it.
+///
+/// # Errors
+/// Those of [`Incoming::read`]; nothing arrives for [`PATIENCE`].
+pub(crate) fn read_whole(stream: &TcpStream) -> Result<Vec<u8>, Answer> {
+    stream.set_read_timeout(Some(PATIENCE)).map_err(|_| Answer::cut_off())?;
+    let mut incoming = Incoming::default();
+    while !incoming.read(stream)? {}
+    Ok(incoming.bytes)
 }
 
 /// How long a head is, with the empty line after it, once it is there.
@@ -141,7 +159,7 @@ fn whole_length(bytes: &[u8]) -> Option<usize> {
 }
 
 /// Sends an answer and closes; a client that has gone is nobody's concern.
-pub(crate) fn answer(mut stream: TcpStream, answer: &Answer) {
+pub(crate) fn answer(mut stream: &TcpStream, answer: &Answer) {
     let Answer { status, kind, body } = answer;
     let head = format!(
         "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\
@@ -149,7 +167,10 @@ pub(crate) fn answer(mut stream: TcpStream, answer: &Answer) {
          Content-Security-Policy: frame-ancestors 'none'\r\n\r\n",
         body.len()
     );
-    let _gone = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(body.as_bytes()));
+    let _gone = stream
+        .set_write_timeout(Some(PATIENCE))
+        .and_then(|()| stream.write_all(head.as_bytes()))
+        .and_then(|()| stream.write_all(body.as_bytes()));
 }
 
 #[cfg(test)]
@@ -162,11 +183,12 @@ mod tests {
     fn asked(request: &str) -> Result<String, String> {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
-        let (mut server, _) = listener.accept().unwrap();
+        let (server, _) = listener.accept().unwrap();
         client.write_all(request.as_bytes()).unwrap();
         client.shutdown(Shutdown::Write).unwrap();
         let door = Door { host: "127.0.0.1:80".into(), token: "secret".into() };
-        door.read(&mut server).map(|request| request.path + &request.body).map_err(|no| no.status[..3].into())
+        let request = read_whole(&server).and_then(|bytes| door.admit(&bytes));
+        request.map(|request| request.path + &request.body).map_err(|no| no.status[..3].into())
     }
 
     #[test]

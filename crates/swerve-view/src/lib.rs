@@ -6,6 +6,7 @@ mod foxglove;
 mod http;
 mod looks;
 mod open;
+mod reception;
 mod server;
 mod show;
 mod vehicle;

@@ -1,6 +1,6 @@
-//! The server: a thread a connection, few at a time.
+//! The server: a thread for each request that has the token, few at a time.
 
-use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -9,9 +9,10 @@ use swerve_text::{Problem, from_json};
 
 use crate::drive::Begins;
 use crate::http::{Answer, Door, Request, answer};
+use crate::reception::receive;
 use crate::show::{Ask, Show};
 
-/// Connections at a time.
+/// Requests that are answered at a time.
 const MOST: usize = 32;
 
 pub(crate) struct Server {
@@ -39,25 +40,22 @@ impl Server {
         Ok(address)
     }
 
-    fn listen(self: Arc<Self>, listener: &TcpListener) {
-        for stream in listener.incoming().flatten() {
-            if self.open.fetch_add(1, Ordering::Relaxed) >= MOST {
-                self.open.fetch_sub(1, Ordering::Relaxed);
-                answer(stream, &Answer::refusal("503 Service Unavailable", "too many connections"));
-                continue;
+    /// Answers requests. Refusals are short enough for a connection to take them at once.
+    fn listen(self: &Arc<Self>, listener: &TcpListener) -> std::io::Result<()> {
+        receive(listener, |stream, bytes| match self.door.admit(&bytes) {
+            Err(refusal) => answer(&stream, &refusal),
+            Ok(_) if self.open.load(Ordering::Relaxed) >= MOST => {
+                answer(&stream, &Answer::refusal("503 Service Unavailable", "too many requests"));
             }
-            let server = Arc::clone(&self);
-            std::thread::spawn(move || {
-                server.serve(stream);
-                server.open.fetch_sub(1, Ordering::Relaxed);
-            });
-        }
-    }
-
-    fn serve(&self, mut stream: TcpStream) {
-        let said =
-            self.door.read(&mut stream).map_or_else(|refusal| refusal, |request| self.answer(&request));
-        answer(stream, &said);
+            Ok(request) => {
+                self.open.fetch_add(1, Ordering::Relaxed);
+                let server = Arc::clone(self);
+                std::thread::spawn(move || {
+                    answer(&stream, &server.answer(&request));
+                    server.open.fetch_sub(1, Ordering::Relaxed);
+                });
+            }
+        })
     }
 
     fn answer(&self, request: &Request) -> Answer {

@@ -14,7 +14,7 @@ use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
 use swerve_flow::{Decision, Event, Observer, PayloadType, Publication, RunOptions, run_replay};
 use swerve_live::graph::LiveGraph;
-use swerve_log::{LeavesOut, Log, Record, Recorder, left_out};
+use swerve_log::{LeavesOut, Log, Record, Recorder, RunEnd, left_out};
 use swerve_msg::truth::PointInstances;
 use swerve_msg::{Image, LocalPose, PointCloud, PoseMatch, TrackList};
 use swerve_report::files::{RunFolder, write_whole};
@@ -302,6 +302,7 @@ pub struct Comparison {
     logged_digest: Option<Digest>,
     digest: Digest,
     leaves_out: Option<LeavesOut>,
+    incomplete: Option<String>,
 }
 
 /// A publication, reduced to what has to be the same.
@@ -350,9 +351,10 @@ impl Comparison {
         Self {
             expected: expected.into_iter().map(|(name, said)| (name, said.into_iter())).collect(),
             streams,
-            logged_digest: log.end.as_ref().map(|end| end.digest),
+            logged_digest: log.end.as_ref().and_then(RunEnd::whole_digest),
             digest: Digest::default(),
             leaves_out: None,
+            incomplete: log.end.as_ref().and_then(RunEnd::incomplete),
         }
     }
 
@@ -373,6 +375,9 @@ impl Comparison {
             if let Some(first) = &counts.first {
                 text += &format!("{name}: first difference {first}\n");
             }
+        }
+        if let Some(incomplete) = &self.incomplete {
+            text += &format!("{incomplete}; the comparison ends before it, without the digest\n");
         }
         if compare_digest && let Some(logged) = self.logged_digest {
             let relation = if logged == self.digest { "as logged" } else { "not the logged one" };

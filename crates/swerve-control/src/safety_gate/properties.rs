@@ -32,7 +32,11 @@ prop_compose! {
 
 /// Why the wire, localization or the pose has the car stopped: mostly nothing.
 fn any_fault() -> impl Strategy<Value = (Option<StopCause>, Option<PoseMode>, Option<[f64; 3]>)> {
-    let alarm = prop_oneof![Just(StopCause::SecondWriter), Just(StopCause::TransportLost)];
+    let alarm = prop_oneof![
+        Just(StopCause::SecondWriter),
+        Just(StopCause::ClockJump),
+        Just(StopCause::TransportLost)
+    ];
     let mode =
         prop_oneof![4 => Just(PoseMode::Good), 1 => Just(PoseMode::Coasting), 1 => Just(PoseMode::Lost)];
     let alarm = prop::option::weighted(0.02, alarm);

@@ -66,7 +66,7 @@ impl Bench {
 
 #[test]
 fn an_alarm_of_the_wire_stops_the_car_and_the_switch_lets_it_drive_again() {
-    for cause in [StopCause::SecondWriter, StopCause::TransportLost] {
+    for cause in [StopCause::SecondWriter, StopCause::ClockJump, StopCause::TransportLost] {
         let mut bench = Bench::driving();
         bench.input.alarm = Some(cause);
         let output = bench.run(1);

@@ -10,7 +10,7 @@ use swerve_flow::SourceHandle;
 use swerve_msg::{GateMode, MotionCommand, StopCause, Switch, WireAlarm};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::bridge::{EndpointId, Received};
-use swerve_ros2::clock::{ClockOffset, ClockParams};
+use swerve_ros2::clock::{ClockOffset, ClockParams, StampVerdict};
 use swerve_ros2::convert::{Epoch, SteeringGear, control_from_ros};
 use swerve_ros2::mapping::{Mapping, Purpose, Role};
 use swerve_ros2::msg::autoware_vehicle_msgs::ControlModeReport;
@@ -162,6 +162,17 @@ impl Listener {
         self.raise(StopCause::SecondWriter, what);
     }
 
+    /// Has the gate stop the car: commands whose instants are unknown cannot be judged by their age.
+    fn tell_set_clock(&mut self) {
+        if self.alarm.cause.is_some() {
+            return;
+        }
+        let what = "the clock that stamps the commands was set: they are refused and the car is stopped; let go of the \
+                    switch and press it to drive by the new time";
+        self.tell(what);
+        self.raise(StopCause::ClockJump, what.to_owned());
+    }
+
     /// Has the gate stop the car, unless it does so already, or the switch is off.
     fn raise(&mut self, cause: StopCause, what: String) {
         if self.alarm.cause.is_none() && self.switch.is_some_and(|switch| switch.enable) {
@@ -197,6 +208,7 @@ impl Listener {
         let action = self.engagement.step(&requests, &at);
         // The switch is the act by which a person says who drives.
         self.writers.pin(action.switch.enable);
+        self.clock.hold(action.switch.enable);
         if !action.switch.enable && self.alarm.cause.is_some() {
             self.say(WireAlarm::default());
         }
@@ -235,8 +247,11 @@ impl Listener {
         let stamp = match stamp.map(|stamp| self.clock.time(stamp.ns(), now, 0)) {
             None => self.clock.unstamped(now),
             Some(Ok(stamp)) => stamp,
-            Some(Err(_)) => {
+            Some(Err(verdict)) => {
                 self.report.implausible += 1;
+                if verdict == StampVerdict::JumpRefused {
+                    self.tell_set_clock();
+                }
                 return;
             }
         };

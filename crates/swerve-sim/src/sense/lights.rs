@@ -5,7 +5,8 @@ use swerve_msg::truth::WorldState;
 use swerve_msg::{TrafficLight, TrafficLights};
 use swerve_scenario::{Road, TrafficLight as Light};
 
-use super::obstacles::{SensorMount, SensorParams, View, blocks};
+use super::obstacles::{SensorMount, SensorParams, View};
+use super::occluders::Occluders;
 
 /// Height of the middle of a head over the road, metres: heads are 1 m high with their tops at 3.4 m.
 const MIDDLE_M: f64 = 2.9;
@@ -36,9 +37,10 @@ impl TrafficLightSensor {
     pub fn sense(&self, world: &WorldState, mount: &SensorMount, params: &SensorParams) -> TrafficLights {
         let view = View::new(world, mount, params);
         let eye = Point2::new(view.eye.coords.x, view.eye.coords.y);
+        let occluders = Occluders::new(world, view.eye);
         let seen = |(light, head, towards): &(Light, Point<Map>, Vector2)| {
             let at = Point2::new(head.coords.x, head.coords.y);
-            let is_blocked = || world.actors.iter().any(|actor| blocks(actor, view.eye, *head));
+            let is_blocked = || occluders.hide(*head, None);
             let is_seen = eye.distance(at) <= params.range_m
                 && (at - eye).dot(*towards) > 0.0
                 && view.in_field(*head)

@@ -13,6 +13,8 @@ use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Obstacle, ObstacleList, Side};
 use swerve_vehicle::Shape;
 
+use super::occluders::Occluders;
+
 /// So near to a face of the car's box a sensor is on it, metres.
 const FACE_M: f64 = 1e-3;
 
@@ -103,8 +105,9 @@ impl Default for SensorParams {
 pub fn visible_obstacles(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> ObstacleList {
     let mut list = ObstacleList { stamp: world.stamp, obstacles: Vec::with_capacity(world.actors.len()) };
     let view = View::new(world, mount, params);
+    let occluders = params.occlusion.then(|| Occluders::new(world, view.eye));
     for (i, actor) in world.actors.iter().enumerate() {
-        let visible_share = view.share(world, i, params);
+        let visible_share = view.share(world, i, params, occluders.as_ref());
         if visible_share > 0.0 {
             list.obstacles.push(Obstacle {
                 id: actor.id,
@@ -165,7 +168,13 @@ impl View {
         }
     }
 
-    fn share(&self, world: &WorldState, target: usize, params: &SensorParams) -> f64 {
+    fn share(
+        &self,
+        world: &WorldState,
+        target: usize,
+        params: &SensorParams,
+        occluders: Option<&Occluders<'_>>,
+    ) -> f64 {
         let actor = &world.actors[target];
         let range_m = params.range_person_m.filter(|_| actor.kind.is_person()).unwrap_or(params.range_m);
         let eye = Point2::new(self.eye.coords.x, self.eye.coords.y);
@@ -174,7 +183,7 @@ impl View {
         }
         let points = fixed_points(actor);
         let seen = |point: &&Point<Map>| {
-            self.in_field(**point) && !(params.occlusion && self.is_blocked(world, target, **point))
+            self.in_field(**point) && !occluders.is_some_and(|all| all.hide(**point, Some(target)))
         };
         points.iter().filter(seen).count() as f64 / points.len() as f64
     }
@@ -186,10 +195,6 @@ impl View {
         let to = point - self.eye;
         let bearing = math::atan2(to.coords.y, to.coords.x);
         wrap_angle(bearing - self.axis_rad).abs() <= self.half_fov_rad
-    }
-
-    fn is_blocked(&self, world: &WorldState, target: usize, point: Point<Map>) -> bool {
-        world.actors.iter().enumerate().any(|(i, actor)| i != target && blocks(actor, self.eye, point))
     }
 }
 

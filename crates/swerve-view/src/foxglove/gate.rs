@@ -69,12 +69,12 @@ pub(super) struct Knock {
 }
 
 impl Knock {
-    /// Hears who knocks; whoever may not look is told so and sent away.
-    pub(super) fn hear(mut viewer: TcpStream) -> Option<Self> {
-        match read_whole(&mut viewer).and_then(admit) {
+    /// Admits a viewer by its request, or answers with a refusal.
+    pub(super) fn admit(viewer: TcpStream, request: Vec<u8>) -> Option<Self> {
+        match admit(request) {
             Ok((request, by_old_name)) => Some(Self { viewer, request, by_old_name }),
             Err(refusal) => {
-                crate::http::answer(viewer, &refusal);
+                crate::http::answer(&viewer, &refusal);
                 None
             }
         }
@@ -85,7 +85,7 @@ impl Knock {
         let mut server = TcpStream::connect(server)?;
         server.set_nodelay(true)?;
         server.write_all(&self.request)?;
-        let answer = read_whole(&mut server).map_err(|_| io::ErrorKind::InvalidData)?;
+        let answer = read_whole(&server).map_err(|_| io::ErrorKind::InvalidData)?;
         let (head, begun) = answer.split_at(head_length(&answer).unwrap_or(answer.len()));
         let text = String::from_utf8_lossy(head);
         let named = if self.by_old_name { text.replace(NAME, OLD_NAME) } else { text.into_owned() };

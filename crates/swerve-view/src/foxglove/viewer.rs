@@ -1,7 +1,6 @@
 //! One viewer, and its server fed.
 
 use std::io;
-use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -41,8 +40,7 @@ impl Listener for Ears {
 ///
 /// # Errors
 /// The connection broke off, or never was one.
-pub(super) fn serve(hub: &Arc<Hub>, stream: TcpStream) -> io::Result<()> {
-    let Some(knock) = Knock::hear(stream) else { return Ok(()) };
+pub(super) fn serve(hub: &Arc<Hub>, knock: Knock) -> io::Result<()> {
     let (id, session) = hub.enter();
     let listener = Ears { hub: Arc::clone(hub), id };
     // Twice: times and messages wait in queues of their own, and neither may ever be full.

@@ -5,6 +5,7 @@
 
 mod local;
 mod packets;
+mod stamps;
 
 use std::net::UdpSocket;
 use std::process::{Child, Command, Stdio};
@@ -163,6 +164,8 @@ struct Stack {
     enable: EndpointId,
     odometry: Option<Odometry>,
     mode: u8,
+    /// How far its clock is ahead of the run's, s.
+    ahead_s: i32,
     /// How far the car was beside its lane at the most, m.
     beside_m: f64,
 }
@@ -172,7 +175,7 @@ impl Stack {
         let topics = ["command", "enable", "odometry", "control_mode"];
         let bridge = Arc::new(Bridge::start(&options(network, Side::Stack, "other", &topics)).unwrap());
         let [command, enable] = ["command", "enable"].map(|name| bridge.endpoint(name).unwrap());
-        Self { bridge, command, enable, odometry: None, mode: 0, beside_m: 0.0 }
+        Self { bridge, command, enable, odometry: None, mode: 0, ahead_s: 0, beside_m: 0.0 }
     }
 
     fn writer(&self) -> WriterGuid {
@@ -205,6 +208,7 @@ impl Stack {
         let yaw = 2.0 * math::atan2(pose.orientation.z, pose.orientation.w);
         let ahead = math::atan2(-pose.position.y, 8.0) - yaw;
         let mut control = Control { stamp: odometry.header.stamp, ..Control::default() };
+        control.stamp.sec += self.ahead_s;
         control.lateral.steering_tire_angle = math::atan(2.0 * WHEELBASE_M * math::sin(ahead) / 8.0) as f32;
         control.longitudinal.velocity = 5.0;
         control.longitudinal.acceleration = (5.0 - speed).clamp(-2.0, 2.0) as f32;

@@ -21,6 +21,7 @@ mod processes; // runs over several processes: the same digest, and what is lost
 mod ray; // shards on Ray workers
 mod report; // pages of runs and studies, drawn by a real browser
 mod ros2; // the simulated car on ROS 2's topics, recorded drives
+mod scarce; // names and crowds out of proportion, few descriptors, no shared memory
 mod sensors; // a rig from a file, its log, its faults
 mod slurm; // the shards of a Slurm array, simulated
 mod soak; // memory and descriptors over a long drive

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use swerve_core::{Digest, Rng, Time};
 use swerve_drive::process::Processes;
 use swerve_drive::program::Program;
-use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start};
+use swerve_drive::{Outcome, drive_pipeline, read_scenario, run_start, set_up};
 use swerve_flow::{Event, Observer};
 use swerve_ipc::{OnLoss, Traffic};
 use swerve_log::{Log, Recorder};
@@ -249,6 +249,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let mut killer = Killer { after: publications, process, killed: None };
     let mut recorder =
         Recorder::create(&log, &run_start(config, &pipeline.scenario, &scenario_file())).unwrap();
+    set_up(&mut recorder, config, &pipeline);
     let other = match moment {
         Moment::Publications(_) => None,
         Moment::After(wait) => Some(after(wait, move || {
@@ -259,6 +260,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let driven = drive_pipeline(pipeline, seed, 1, &mut [&mut killer, &mut recorder]);
     let ended = now();
     recorder.finish().unwrap();
+    let path = log;
     let Err(error) = driven else {
         other.unwrap().join().unwrap();
         drop(processes);
@@ -268,18 +270,36 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let error = error.to_string();
     let killed = other.map(|other| other.join().unwrap()).or(killer.killed).unwrap();
     assert!(error.contains(&format!("process `{name}` ended (signal: 9")), "{error}");
-    let log = Log::read(&log).unwrap();
+    let log = Log::read(&path).unwrap();
     assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
-    assert_eq!(log.end.unwrap().reason, format!("failed: {error}"));
+    let end = log.end.unwrap();
+    assert_eq!(end.failure(), Some(&error[..]));
+    // What is complete of it is verified.
+    let said = verify(&path);
+    let failed = format!("the run failed at {:.3} s ({error}): that instant is incomplete", end.at.as_secs());
+    assert!(said.contains(&failed), "{said}");
     drop(processes);
     assert_eq!(left_over(&prefix), [""; 0]);
     Some(ended - killed)
 }
 
+/// Verifies a log; gives the output.
+fn verify(log: &Path) -> String {
+    let verified = Command::new(PROGRAM).args(["replay", "--verify"]).arg(log).output().unwrap();
+    let [said, error] = [verified.stdout, verified.stderr].map(|all| String::from_utf8(all).unwrap());
+    assert!(verified.status.success(), "{said}{error}");
+    said
+}
+
 #[test]
-fn a_killed_process_ends_a_virtual_run_with_its_log_whole() {
+fn a_killed_process_ends_a_virtual_run_with_its_log_whole_and_verified() {
     let config = config("two_processes", &[]);
-    assert!(lose_one(&config, 0, Moment::Publications(300)).is_some());
+    // Consecutive counts end at all places of an instant: before the tracker, predictor, planner, and after them.
+    for publications in 296..308 {
+        for process in 0..2 {
+            assert!(lose_one(&config, process, Moment::Publications(publications)).is_some());
+        }
+    }
 }
 
 #[test]
@@ -401,10 +421,7 @@ fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
     recorder.finish().unwrap();
     drop(processes);
     assert!(outcome.report.operator("world").unwrap().ticks.unwrap().ticks > 200);
-    let verified = Command::new(PROGRAM).args(["replay", "--verify"]).arg(&log).output().unwrap();
-    let said =
-        String::from_utf8_lossy(&verified.stdout).into_owned() + &String::from_utf8_lossy(&verified.stderr);
-    assert!(verified.status.success(), "{said}");
+    verify(&log);
     watcher
 }
 

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -233,6 +234,44 @@ fn page_starts_no_program_and_names_no_file() {
         }
     }
     assert!(!bench.path("ran").exists());
+}
+
+#[test]
+fn idle_connections_without_the_token_keep_nobody_out() {
+    const IDLE: usize = 200;
+    let bench = Bench::new();
+    let viewed = Viewed::start(&bench, &["short.toml", "--paused"]);
+    let host = viewed.address.strip_prefix("http://").unwrap().split('/').next().unwrap().to_owned();
+    let is_over = AtomicBool::new(false);
+    let opened = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            // Half of them send the beginning of a request.
+            let mut idle = std::collections::VecDeque::new();
+            while !is_over.load(Ordering::Relaxed) {
+                let Ok(mut stream) = TcpStream::connect(&host) else { continue };
+                if opened.fetch_add(1, Ordering::Relaxed).is_multiple_of(2) {
+                    let _may_be_closed = stream.write_all(b"GET / HTTP/1.1\r\n");
+                }
+                idle.push_back(stream);
+                if idle.len() > IDLE {
+                    idle.pop_front();
+                }
+            }
+        });
+        while opened.load(Ordering::Relaxed) < 2 * IDLE {
+            std::thread::yield_now();
+        }
+        let (before, begun) = (opened.load(Ordering::Relaxed), Instant::now());
+        let all = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            (0..50).map(|_| viewed.ask("GET", "", "").0).collect::<Vec<_>>()
+        }));
+        let took = begun.elapsed();
+        is_over.store(true, Ordering::Relaxed);
+        assert_eq!(all.unwrap(), [200; 50]);
+        assert!(took < Duration::from_secs(20), "50 pages took {took:?}");
+        assert!(opened.load(Ordering::Relaxed) > before, "none was opened meanwhile");
+    });
 }
 
 #[test]

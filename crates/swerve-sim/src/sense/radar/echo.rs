@@ -6,7 +6,7 @@ use swerve_msg::truth::{Actor, WorldState};
 
 use super::{RadarParams, decibels, rcs_dbsm, velocity_of};
 use crate::sense::SensorMount;
-use crate::sense::obstacles::blocks;
+use crate::sense::occluders::Occluders;
 
 /// Share of the cross-section at the nearest place of a box, and at each of two corners beside it.
 const SHARES: [f64; 3] = [0.6, 0.2, 0.2];
@@ -74,16 +74,13 @@ impl Eye {
 /// The echoes of all scatterers that the sensor can see, as though it could tell them all apart.
 pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec<Echo> {
     let mut found = Vec::new();
+    let occluders = Occluders::new(world, eye.at);
     for (i, actor) in world.actors.iter().enumerate() {
         let eye_on_ground = Point2::<Map>::new(eye.at.coords.x, eye.at.coords.y);
         let to_eye = eye_on_ground - actor.pose.point();
         let rcs = rcs_dbsm(actor.kind, to_eye.heading() - actor.pose.heading_rad);
         for scatterer in scatterers(actor, eye_on_ground) {
-            let hidden = || {
-                let others = world.actors.iter().enumerate().filter(|(j, _)| *j != i);
-                params.occlusion
-                    && others.into_iter().any(|(_, other)| blocks(other, eye.at, scatterer.place))
-            };
+            let hidden = || params.occlusion && occluders.hide(scatterer.place, Some(i));
             let Some(echo) = echo(eye, actor, &scatterer, rcs, params) else { continue };
             if !hidden() {
                 found.push(echo);

@@ -1,0 +1,124 @@
+//! Bodies around a sensor by direction: a line of sight is compared with those in its direction only.
+
+use std::f64::consts::{PI, TAU};
+
+use swerve_geom::{Map, Point, Point2, Vector2, math};
+use swerve_msg::truth::{Actor, WorldState};
+
+use super::obstacles::blocks;
+
+/// Of fewer actors, all are compared: that takes less than sorting them.
+const SORTED_MIN: usize = 64;
+/// Sectors of the ground around the sensor.
+const SECTORS: usize = 512;
+/// What rounding may do to a direction, rad, and to a distance, m.
+const MARGIN: f64 = 1e-6;
+
+/// The actors that can hide something from a sensor.
+pub(super) struct Occluders<'w> {
+    actors: &'w [Actor],
+    eye: Point<Map>,
+    /// Indices of the actors that reach into each sector, counter-clockwise from -pi; without sectors, all count.
+    sectors: Vec<Vec<usize>>,
+}
+
+impl<'w> Occluders<'w> {
+    pub(super) fn new(world: &'w WorldState, eye: Point<Map>) -> Self {
+        let actors = &world.actors[..];
+        let mut sectors = Vec::new();
+        if actors.len() >= SORTED_MIN {
+            sectors.resize(SECTORS, Vec::new());
+            for (i, actor) in actors.iter().enumerate() {
+                let off = actor.pose.point() - on_ground(eye);
+                let (from, to) = reach(off, actor.footprint().radius());
+                (from..=to).for_each(|sector| sectors[sector.rem_euclid(SECTORS as i64) as usize].push(i));
+            }
+        }
+        Self { actors, eye, sectors }
+    }
+
+    /// Whether an actor other than `target` hides this place.
+    pub(super) fn hide(&self, place: Point<Map>, target: Option<usize>) -> bool {
+        let hides = |i: usize| target != Some(i) && blocks(&self.actors[i], self.eye, place);
+        if self.sectors.is_empty() {
+            return (0..self.actors.len()).any(hides);
+        }
+        let sector = sector((on_ground(place) - on_ground(self.eye)).heading());
+        self.sectors[sector.rem_euclid(SECTORS as i64) as usize].iter().copied().any(hides)
+    }
+}
+
+fn on_ground(place: Point<Map>) -> Point2<Map> {
+    Point2::new(place.coords.x, place.coords.y)
+}
+
+/// The sector of a direction; those beyond a turn are counted on.
+fn sector(direction_rad: f64) -> i64 {
+    ((direction_rad + PI) / TAU * SECTORS as f64).floor() as i64
+}
+
+/// The first and the last sector that a circle at `off` from the sensor reaches into.
+fn reach(off: Vector2, radius_m: f64) -> (i64, i64) {
+    let distance_m = off.norm();
+    if distance_m <= radius_m + MARGIN {
+        return (0, SECTORS as i64 - 1);
+    }
+    let (middle, half) = (off.heading(), math::asin(radius_m / distance_m) + MARGIN);
+    (sector(middle - half), sector(middle + half))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{actor, person, world};
+    use super::*;
+    use swerve_msg::ActorKind;
+
+    /// Bodies of all sizes around the sensor, one of them over it, drawn by a fixed congruential sequence.
+    fn crowd(count: u32) -> WorldState {
+        let mut state = 7_u64;
+        let mut next = |most: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            most * (state >> 33) as f64 / (1_u64 << 31) as f64
+        };
+        let mut actors: Vec<Actor> = (0..count)
+            .map(|id| {
+                let (x, y) = (next(120.0) - 60.0, next(120.0) - 60.0);
+                if id % 3 == 0 {
+                    person(id, x, y)
+                } else {
+                    actor(id, ActorKind::Car, x, y, [next(12.0), 2.0, 3.0])
+                }
+            })
+            .collect();
+        actors.push(actor(count, ActorKind::Truck, 1.0, 0.0, [8.0, 2.0, 1.0]));
+        world(actors)
+    }
+
+    #[test]
+    fn sectors_hide_exactly_what_all_actors_hide() {
+        let world = crowd(300);
+        let eye = Point::new(0.5, -0.25, 1.9);
+        let sorted = Occluders::new(&world, eye);
+        assert!(!sorted.sectors.is_empty());
+        let all = Occluders { sectors: Vec::new(), ..Occluders::new(&world, eye) };
+        let mut hidden = 0;
+        for i in 0..4000 {
+            let (sin, cos) = math::sin_cos(0.001_571 * f64::from(i));
+            let range_m = 0.02 * f64::from(i % 3500);
+            let place = Point::new(eye.coords.x + cos * range_m, eye.coords.y + sin * range_m, 0.7);
+            for target in [None, Some(i as usize % 300)] {
+                assert_eq!(sorted.hide(place, target), all.hide(place, target), "{place:?}");
+                hidden += u32::from(all.hide(place, target));
+            }
+        }
+        assert!((1000..7000).contains(&hidden), "{hidden} of 8000 are hidden");
+    }
+
+    #[test]
+    fn few_of_many_actors_are_compared() {
+        let world = crowd(3000);
+        let sorted = Occluders::new(&world, Point::new(0.0, 0.0, 1.9));
+        let most = sorted.sectors.iter().map(Vec::len).max().unwrap();
+        assert!(most < 300, "{most} of 3001 actors in one direction");
+    }
+}
