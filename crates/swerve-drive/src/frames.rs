@@ -120,6 +120,8 @@ struct Eye {
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
     hides_ego: bool,
+    /// Whether it sees through fog and rain, as a map does: over 60 m little of the road would be left.
+    is_map: bool,
 }
 
 impl Eye {
@@ -132,7 +134,13 @@ impl Eye {
         let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
         let camera = Camera::new(CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() })?;
         let ego_from_camera = mount(at_m, 0.0, pitch_deg.to_radians(), 0.0);
-        Ok(Self { frame: Frame::new(&camera, Outputs::RGB), camera, ego_from_camera, hides_ego: false })
+        Ok(Self {
+            frame: Frame::new(&camera, Outputs::RGB),
+            camera,
+            ego_from_camera,
+            hides_ego: false,
+            is_map: false,
+        })
     }
 
     fn look(
@@ -143,7 +151,12 @@ impl Eye {
     ) -> anyhow::Result<()> {
         let mut view = View::new(&self.camera, map_from_ego * self.ego_from_camera);
         view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
-        Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?)
+        if !self.is_map {
+            return Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?);
+        }
+        let mut scene = street.scene().clone();
+        (scene.weather.fog_1pm, scene.weather.rain) = (0.0, 0.0);
+        Ok(renderer.render(&scene, &view, self.frame.as_mut())?)
     }
 }
 
@@ -177,7 +190,8 @@ impl Frames {
         driver.hides_ego = true;
         // From 7 m behind to 29 m ahead, 34 m across.
         let above_px = (BESIDE_PX, HEIGHT_PX - DRIVER_HEIGHT_PX);
-        let above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
+        let mut above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
+        above.is_map = true;
         let cameras = config
             .camera
             .iter()
