@@ -40,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let map_from_camera = map_from_ego * mount(at, 0.0, pitch_rad, yaw_rad);
     // The lamps of the car that carries the camera.
     let map_from_body = Transform::from_roll_pitch_yaw(Point::new(0.0, -1.9, 0.0), 0.0, 0.0, 0.0);
-    scene.lights.push(Light::head_lamps(&map_from_body, 1.0, 0.7));
+    scene.lights.extend(Light::head_lamps(&map_from_body, 1.0, 0.7));
     let mut renderer = Renderer::new(RenderOptions { threads: 2, ..RenderOptions::default() })?;
     let mut frame = Frame::new(&camera, Outputs::ALL);
     renderer.render(&scene, &View::new(&camera, map_from_camera), frame.as_mut())?;

@@ -120,7 +120,13 @@ impl ttf_parser::OutlineBuilder for Pen {
     }
 }
 
-/// Width of a text, pixels, rather too much than too little: a viewer of SVG may have wider letters than ours.
+/// Width of a text in the program's font, pixels. SVG states it with each text (`textLength`), so that a text in another
+/// font is as wide.
+pub(crate) fn drawn_width(text: &str, how: Text) -> f64 {
+    how.size * Font::of(how.bold).width(text)
+}
+
+/// Room that a text needs, pixels: its width and a reserve for viewers of SVG that ignore `textLength`.
 pub fn width_of(text: &str, how: Text) -> f64 {
-    WIDER * how.size * Font::of(how.bold).width(text)
+    WIDER * drawn_width(text, how)
 }

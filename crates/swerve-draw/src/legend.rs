@@ -24,6 +24,19 @@ pub enum Sign {
 /// A sign and what it means.
 pub type Entry = (Sign, String);
 
+/// Draws lines and their names below each other from a place beside a plot; gives the width that they take.
+pub fn names_beside(canvas: &mut Canvas, (left, top): At, lines: &[(Style, String)]) -> f64 {
+    const ROW: f64 = 16.0;
+    let mut most = 0.0_f64;
+    for (k, (style, name)) in lines.iter().enumerate() {
+        let y = top + 12.0 + ROW * k as f64;
+        canvas.line((left, y - 4.0), (left + SIGN, y - 4.0), *style);
+        canvas.text((left + SIGN + TO_TEXT, y), name, Text::PLAIN);
+        most = most.max(width_of(name, Text::PLAIN));
+    }
+    SIGN + TO_TEXT + most
+}
+
 /// Draws entries beside each other from a place on, in as many lines as they need up to the right edge; gives the
 /// height of the last line.
 pub fn legend(canvas: &mut Canvas, (left, top): At, right: f64, entries: &[Entry]) -> f64 {

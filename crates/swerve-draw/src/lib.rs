@@ -20,6 +20,6 @@ pub use canvas::{At, Canvas, Picture, Step};
 pub use color::Color;
 pub use font::{STACK, width_of};
 pub use format::{Format, PictureError};
-pub use legend::{Entry, Sign, legend};
+pub use legend::{Entry, Sign, legend, names_beside};
 pub use style::{Anchor, Style, Text};
 pub use svg::escape;

@@ -5,7 +5,7 @@ use core::fmt::Write;
 use crate::axes::number;
 use crate::canvas::{Element, Picture, Step};
 use crate::color;
-use crate::font::STACK;
+use crate::font::{STACK, drawn_width};
 use crate::style::{Anchor, RIM, Style, Text};
 
 impl Picture {
@@ -99,14 +99,18 @@ fn text(((x, y), turn_deg): ((f64, f64), f64), text: &str, how: Text) -> String 
         Anchor::Middle => "middle",
         Anchor::End => "end",
     };
+    let length = number(drawn_width(text, how));
     let (x, y, size) = (number(x), number(y), number(how.size));
     let weight = if how.bold { " font-weight=\"bold\"" } else { "" };
     let turn = match turn_deg {
         0.0 => String::new(),
         turn_deg => format!(" transform=\"rotate({} {x} {y})\"", number(turn_deg)),
     };
-    let head =
-        format!("<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turn}");
+    // The length that the layout assumes, whatever font the viewer has.
+    let head = format!(
+        "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turn} \
+         textLength=\"{length}\" lengthAdjust=\"spacingAndGlyphs\""
+    );
     let text = escape(text);
     let written = format!("{head} fill=\"{}\">{text}</text>", how.color);
     if !how.rim {

@@ -1,6 +1,7 @@
 //! Pictures of a drive as it goes: what a driver and a follower would see, with plan and obstacles drawn in.
 //!
-//! Beside them, in a folder of its own, what each camera of the configuration publishes.
+//! Beside them, in a folder for each camera of the configuration, the images that it publishes, and in another one the
+//! same with what the operators that read them find.
 //! An observer of the run: it changes nothing in it. Its pictures are the same bytes for the same run.
 
 mod annotate;
@@ -19,7 +20,7 @@ use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
 use swerve_geom::{Ego, Map, Transform};
 use swerve_msg::truth::WorldState;
-use swerve_msg::{Detections, Image, Lanes, ObstacleList, Pixels, Plan, TrafficLights};
+use swerve_msg::{Detections, Image, Lanes, ObstacleList, Plan, TrafficLights};
 use swerve_report::files::{write_png_by, written_by};
 use swerve_scenario::Scenario;
 use swerve_stack::assembly::{Assembly, Placed};
@@ -35,6 +36,8 @@ pub use overlay::overlay;
 const PERIOD: Span = Span::from_ms(50);
 /// What a picture says of itself: one without it is somebody else's, whatever its name.
 const OURS: &str = "swerve --frames";
+/// Ends the name of the folder of a stream's images with what was found in them.
+const SEEN: &str = "seen";
 /// How long the ego's poses are remembered, for what is told later than it was seen.
 const MEMORY: Span = Span::from_ms(1000);
 /// The follower's view, pixels. Beside it, where they hide nobody, the driver's and below that the one from above.
@@ -92,8 +95,8 @@ pub struct Frames {
     /// Of each stream of images: the camera, and how many were written.
     cameras: BTreeMap<String, Camera>,
     written: BTreeMap<String, usize>,
-    /// Of each stream the newest image, which detectors still look at; and who looks at which.
-    waiting: BTreeMap<String, (Time, Frame)>,
+    /// Of each stream the newest image with its number, which detectors still look at; and who looks at which.
+    waiting: BTreeMap<String, (Time, usize, Frame)>,
     detectors: BTreeMap<String, String>,
     failure: Option<anyhow::Error>,
 }
@@ -117,6 +120,8 @@ struct Eye {
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
     hides_ego: bool,
+    /// Whether it sees through fog and rain, as a map does: over 60 m little of the road would be left.
+    is_map: bool,
 }
 
 impl Eye {
@@ -129,7 +134,13 @@ impl Eye {
         let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
         let camera = Camera::new(CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() })?;
         let ego_from_camera = mount(at_m, 0.0, pitch_deg.to_radians(), 0.0);
-        Ok(Self { frame: Frame::new(&camera, Outputs::RGB), camera, ego_from_camera, hides_ego: false })
+        Ok(Self {
+            frame: Frame::new(&camera, Outputs::RGB),
+            camera,
+            ego_from_camera,
+            hides_ego: false,
+            is_map: false,
+        })
     }
 
     fn look(
@@ -140,7 +151,12 @@ impl Eye {
     ) -> anyhow::Result<()> {
         let mut view = View::new(&self.camera, map_from_ego * self.ego_from_camera);
         view.hidden_instance = self.hides_ego.then_some(EGO_INSTANCE);
-        Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?)
+        if !self.is_map {
+            return Ok(renderer.render(street.scene(), &view, self.frame.as_mut())?);
+        }
+        let mut scene = street.scene().clone();
+        (scene.weather.fog_1pm, scene.weather.rain) = (0.0, 0.0);
+        Ok(renderer.render(&scene, &view, self.frame.as_mut())?)
     }
 }
 
@@ -174,7 +190,8 @@ impl Frames {
         driver.hides_ego = true;
         // From 7 m behind to 29 m ahead, 34 m across.
         let above_px = (BESIDE_PX, HEIGHT_PX - DRIVER_HEIGHT_PX);
-        let above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
+        let mut above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
+        above.is_map = true;
         let cameras = config
             .camera
             .iter()
@@ -216,26 +233,26 @@ impl Frames {
         failure.map_or(Ok(self.count), Err)
     }
 
-    /// Draws an image of a camera of the configuration: colour with what the stack sees in it, others in colours. It is
-    /// written with the boxes that detectors find in it, or without when the next one comes.
+    /// Writes an image of a camera of the configuration as it was published. Where operators read it, a copy waits for what
+    /// they find: it is written with their boxes, or without when the next image comes.
     fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
         if self.folder.is_none() {
             return Ok(());
         }
         let (width_px, height_px) = (image.width_px as usize, image.height_px as usize);
         let mut frame = Frame { width_px, height_px, rgb: colours::of(&image.pixels), ..Frame::default() };
-        if let (Pixels::Rgb8(_), Some(camera), Some(world)) =
-            (&image.pixels, self.cameras.get(operator), &self.seen.world)
-        {
+        let count = self.written.entry(stream.to_owned()).or_default();
+        let number = *count;
+        *count += 1;
+        self.write_image(&stream.replace('.', "/"), number, &frame)?;
+        self.write(stream)?;
+        let is_read = self.detectors.values().any(|read| read == stream);
+        if let (true, Some(camera), Some(world)) = (is_read, self.cameras.get(operator), &self.seen.world) {
             let camera_from_map = (world.ego.map_from_ego * image.camera.ego_from_camera).inverse();
             let mut canvas = Canvas::new(&mut frame, camera, camera_from_map);
             self.seen.lanes.values().for_each(|(lanes, map_from_ego)| canvas.lanes(lanes, *map_from_ego));
-            if let Some(list) = &self.seen.obstacles {
-                canvas.obstacles(list, world, &self.seen.names);
-            }
+            self.waiting.insert(stream.to_owned(), (image.stamp, number, frame));
         }
-        self.write(stream)?;
-        self.waiting.insert(stream.to_owned(), (image.stamp, frame));
         Ok(())
     }
 
@@ -250,27 +267,27 @@ impl Frames {
     /// Draws into the image of this stamp that an operator looked at, and tells whether it still waits.
     fn draw(&mut self, operator: &str, stamp: Time, draw: impl FnOnce(&mut Canvas<'_>)) -> bool {
         let Some(stream) = self.detectors.get(operator) else { return false };
-        let newest = self.waiting.get_mut(stream).filter(|(at, _)| *at == stamp);
+        let newest = self.waiting.get_mut(stream).filter(|(at, ..)| *at == stamp);
         let camera = stream.split('.').next().and_then(|camera| self.cameras.get(camera));
-        let (Some((_, frame)), Some(camera)) = (newest, camera) else { return false };
+        let (Some((.., frame)), Some(camera)) = (newest, camera) else { return false };
         draw(&mut Canvas::new(frame, camera, nowhere()));
         true
     }
 
-    /// Writes the image of a stream that waits.
+    /// Writes the image of a stream that waits, with what was found in it.
     fn write(&mut self, stream: &str) -> anyhow::Result<()> {
-        let Some((_, frame)) = self.waiting.remove(stream) else { return Ok(()) };
+        let Some((_, number, frame)) = self.waiting.remove(stream) else { return Ok(()) };
+        self.write_image(&format!("{}_{SEEN}", stream.replace('.', "/")), number, &frame)
+    }
+
+    /// Writes an image into a folder below that of the pictures, which is made for the first.
+    fn write_image(&self, below: &str, number: usize, frame: &Frame) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let folder = folder.join(stream.replace('.', "/"));
-        let count = match self.written.get(stream) {
-            Some(count) => *count,
-            None => {
-                std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
-                0
-            }
-        };
-        self.written.insert(stream.to_owned(), count + 1);
-        write_picture(&folder.join(format!("{count:05}.png")), &frame)
+        let folder = folder.join(below);
+        if !folder.is_dir() {
+            std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        }
+        write_picture(&folder.join(format!("{number:05}.png")), frame)
     }
 
     /// Takes away the pictures of an earlier run, once.

@@ -160,20 +160,34 @@ pub struct Light {
 }
 
 impl Light {
-    /// The pair of head lamps of a vehicle as one low beam; `front_m` is from the body's origin to the lamps.
-    pub fn head_lamps(map_from_body: &Transform<Map, Body>, front_m: f64, height_m: f64) -> Self {
+    /// The pair of head lamps of a vehicle on low beam; `front_m` is from the body's origin to the lamps.
+    ///
+    /// A beam that lights a person at 60 m (UN Regulation 112 asks for 12 lx at 25 m: as much as street lamps give), and a
+    /// weak wide one for what is close by and beside the lane.
+    pub fn head_lamps(map_from_body: &Transform<Map, Body>, front_m: f64, height_m: f64) -> [Self; 2] {
         let position = *map_from_body * Point::new(front_m + 0.1, 0.0, height_m);
-        let ahead = *map_from_body * Point::new(front_m + 1.1, 0.0, height_m - 0.045);
-        let direction = ahead - position;
-        let length = direction.norm();
-        Self {
-            position_m: position.coords.into(),
-            direction: (direction * (1.0 / length)).coords.into(),
-            intensity: [85.0, 80.0, 70.0],
-            range_m: 70.0,
-            cos_inner: 0.975,
-            cos_outer: 0.82,
-        }
+        let aimed = |down: f64| -> [f64; 3] {
+            let direction = *map_from_body * Point::new(front_m + 1.1, 0.0, height_m - down) - position;
+            (direction * (1.0 / direction.norm())).coords.into()
+        };
+        let position_m = position.coords.into();
+        let far = Self {
+            position_m,
+            direction: aimed(0.02),
+            intensity: [150.0, 141.0, 124.0],
+            range_m: 90.0,
+            cos_inner: 0.9976,
+            cos_outer: 0.94,
+        };
+        let wide = Self {
+            position_m,
+            direction: aimed(0.1),
+            intensity: [14.0, 13.2, 11.6],
+            range_m: 25.0,
+            cos_inner: 0.9,
+            cos_outer: 0.35,
+        };
+        [far, wide]
     }
 
     /// A street lamp that shines down.

@@ -258,7 +258,7 @@ fn traffic(scene: &mut Scene, seed: u64) {
             instance.look = instance.look.with_lamp(lamps::HEAD, is_dark).with_lamp(lamps::TAIL, is_dark);
             instance.look = instance.look.with_lamp(lamps::BRAKE, id == 1);
             let front = 0.5 * f64::from(model.size.metres()[0]);
-            scene.lights.push(Light::head_lamps(&instance.map_from_body, front, 0.7));
+            scene.lights.extend(Light::head_lamps(&instance.map_from_body, front, 0.7));
         }
         let speed = if vehicle { 8.0 } else { 4.0 };
         instance.motion.linear_mps = [if yaw == 0.0 { speed } else { -speed }, 0.0, 0.0];

@@ -121,7 +121,7 @@ fn put_vehicle(scene: &mut Scene, mut instance: Instance, model: Model) {
     instance.look = instance.look.with_lamp(lamps::HEAD, on).with_lamp(lamps::TAIL, on);
     if on {
         let front_m = 0.5 * f64::from(model.size.metres()[0]);
-        scene.lights.push(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
+        scene.lights.extend(Light::head_lamps(&instance.map_from_body, front_m, 0.7));
     }
     scene.dynamics.push(instance);
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_core::{Span, Time};
 use swerve_draw::color::{Look, looks_repeat, series as look_of};
-use swerve_draw::{Axes, Canvas, Picture, Style, Text};
+use swerve_draw::{Axes, Canvas, Picture, Style, Text, names_beside};
 use swerve_drive::{Outcome, drive_observed};
 use swerve_flow::{Event, Observer};
 use swerve_msg::Imu;
@@ -92,6 +92,7 @@ impl Curve {
         let mut canvas = Canvas::default();
         let title = if study.description.is_empty() { &study.name } else { &study.description };
         canvas.text((LEFT, 28.0), title, Text::TITLE);
+        let mut width = LEFT + PANEL_W + 24.0;
         for (row, panel) in panels.iter().enumerate() {
             let top = TOP + row as f64 * (PANEL_H + GAP);
             scale.draw_axes(&mut canvas, top, &format!("{panel}: {}", self.title()));
@@ -99,17 +100,16 @@ impl Curve {
             if let Some(note) = looks_repeat(of_panel.clone().count()) {
                 canvas.text((LEFT, top + PANEL_H + 44.0), &note, Text::SOFT);
             }
+            let mut names: Vec<(Style, String)> = Vec::new();
             for (k, (series, band)) in of_panel.enumerate() {
-                let look = look_of(k);
-                scale.draw_band(&mut canvas, top, (band, look));
-                let at = (LEFT + PANEL_W - 130.0, top + 18.0 + 16.0 * k as f64);
-                let how = Text { bold: true, rim: true, ..Text::PLAIN };
-                canvas.line((at.0 - 30.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), line_of(look));
-                canvas.text(at, &series.name, how);
+                scale.draw_band(&mut canvas, top, (band, look_of(k)));
+                names.push((line_of(look_of(k)), series.name.clone()));
             }
+            let used = names_beside(&mut canvas, (LEFT + PANEL_W + 12.0, top), &names);
+            width = width.max(LEFT + PANEL_W + 12.0 + used + 16.0);
         }
         let height = TOP + panels.len() as f64 * (PANEL_H + GAP) + 10.0;
-        canvas.finish(LEFT + PANEL_W + 24.0, height, title)
+        canvas.finish(width, height, title)
     }
 }
 
@@ -215,5 +215,29 @@ mod tests {
         assert_eq!(series.bands(), [[2.0, 3.0, 4.0], [5.5, 6.0, 6.5]]);
         assert_eq!(quartiles(Vec::new()), [0.0; 3]);
         assert_eq!(quartiles(vec![3.0, 1.0]), [1.5, 2.0, 2.5]);
+    }
+
+    /// The curve is at its peak over the whole panel, so any name within it would cover data.
+    #[test]
+    fn names_of_lines_are_beside_the_panel() {
+        let study = crate::table::tests::study();
+        let of = |cell| CellResult { curve: vec![50.0; 80], ..CellResult::blank(cell, "avoided") };
+        let results: Vec<_> = study.cells.iter().map(|cell| Some(of(cell))).collect();
+        let svg = Curve::LateralJerk.draw(&study, &results).svg();
+        let number = |line: &str, name: &str| -> f64 {
+            line.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        let texts = |name: &str| -> Vec<&str> {
+            svg.lines()
+                .filter(|line| line.starts_with("<text") && line.contains(&format!(">{name}<")))
+                .collect()
+        };
+        for name in ["16", "18"] {
+            let named = texts(name);
+            assert_eq!(named.len(), 1, "{name}");
+            let left = number(named[0], " x");
+            assert!(left > LEFT + PANEL_W, "{name} at {left}");
+            assert!(left + number(named[0], "textLength") < number(&svg, "width"), "{name} is cut");
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::frontend::light::Environment;
 use crate::frontend::surface::{Surface, flag, slot};
 use crate::frontend::texture;
 use lanes::{F, Lanes, V, clamp01, columns, dot8, mix8, splat, splat3, splats};
-use light::{Gloss, daylight, ground_tone, through_fog};
+use light::{Gloss, Lit, daylight, ground_tone, through_fog};
 
 /// Everything that shading reads.
 #[derive(Clone, Copy)]
@@ -179,7 +179,8 @@ impl Shading<'_> {
         };
         let mut light = daylight(environment, normal, sun, open);
         if environment.lamps_on {
-            self.add_lamps(rays, point, normal, lanes.numbers[slot::RETRO], &mut light);
+            let lit = Lit { retro: lanes.numbers[slot::RETRO], ground: lanes.numbers[slot::GROUND] };
+            self.add_lamps(rays, (point, normal), lit, &mut light);
         }
         let mut colour = [0, 1, 2].map(|k| albedo[k] * light[k]);
         if lanes.has(flag::SHINY) || (lanes.has(flag::GROUND) && environment.wetness > 0.0) {

@@ -194,11 +194,13 @@ fn lamps_are_alike() {
                 rows: [-1.0, 1e6],
             };
             let (normal, retro) = (direction(draws), draws.between(0.0, 1.0));
+            let ground = draws.between(0.0, 1.0);
             let mut cpu = splat([0.0; 3]);
             let point = [0.5, -0.5, 1.0];
             let shading = Shading { lamps: core::slice::from_ref(&lamp), ..*shading };
             let rays = shading.rays(F::splat(3.0), F::splat(3.0));
-            shading.add_lamps(&rays, splat(point), splat(normal), F::splat(retro), &mut cpu);
+            let lit = light::Lit { retro: F::splat(retro), ground: F::splat(ground) };
+            shading.add_lamps(&rays, (splat(point), splat(normal)), lit, &mut cpu);
             let gpu = Lamp {
                 position: vec3(lamp.position),
                 range: lamp.range,
@@ -207,7 +209,7 @@ fn lamps_are_alike() {
                 intensity: vec3(lamp.intensity),
                 over_fall: lamp.over_fall,
             };
-            let strength = wgsl::lamp_strength(gpu, vec3(point), vec3(normal), retro);
+            let strength = wgsl::lamp_strength(gpu, vec3(point), vec3(normal), retro, ground);
             assert_near(lamp.intensity.map(|c| c * strength), first(cpu), "lamp");
         }
     });

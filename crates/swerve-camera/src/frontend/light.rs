@@ -31,6 +31,13 @@ pub(crate) struct Environment {
     pub(crate) exposure: f32,
 }
 
+/// The horizon of a clear evening.
+const EVENING_SKY: [f32; 3] = [0.62, 0.24, 0.06];
+/// The sky in heavy rain at a low sun.
+const BELOW_THE_CLOUDS: [f32; 3] = [0.20, 0.105, 0.055];
+/// The light of street lamps that comes by way of walls and ground: a seventh of what they give the road between them.
+const SCATTERED_LAMPLIGHT: [f32; 3] = [0.018, 0.015, 0.0105];
+
 const WHITE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 fn smooth(x: f32, low: f32, high: f32) -> f32 {
@@ -55,6 +62,13 @@ impl Environment {
         let clear_horizon = scale(mix([0.58, 0.34, 0.19], [0.50, 0.66, 0.86], low), day);
         let grey =
             scale(mix([0.40, 0.37, 0.36], [0.60, 0.62, 0.65], low), day * (1.0 - 0.25 * weather.rain as f32));
+        // Around a low sun the clear sky is orange. Clouds hide that, but a deck of heavy rain lets little through from
+        // above: what light there is comes in below its edge, dim and reddened. At noon both shares are zero.
+        let dusk = 1.0 - low;
+        let open = dusk * (1.0 - smooth(cloudiness, 0.2, 0.85));
+        let heavy = dusk * smooth(weather.rain as f32, 0.25, 1.0);
+        let clear_horizon = mix(clear_horizon, scale(EVENING_SKY, day), open);
+        let grey = scale(mix(grey, scale(BELOW_THE_CLOUDS, day), heavy), 1.0 - 0.7 * heavy);
         let night = [0.0016, 0.0022, 0.0042];
         let cover = smooth(cloudiness, 0.3, 1.0);
         let zenith = add(mix(clear_zenith, scale(grey, 0.75), cover), night);
@@ -63,6 +77,9 @@ impl Environment {
         // Clouds near the sun's colour in clear weather, grey in bad.
         let cloud = add(mix(scale(add(sunlight, clear_horizon), 0.62), grey, cover), night);
         let ambient = scale(add(scale(zenith, 0.45), scale(horizon, 0.33)), 1.0 - 0.1 * cover);
+        // Between lamps it is not black: walls and ground scatter their light.
+        let scattered = if weather.lamps_on { 1.0 - day } else { 0.0 };
+        let ambient = add(ambient, scale(SCATTERED_LAMPLIGHT, scattered));
         let lit = add(scale(sunlight, height.max(0.0)), ambient);
         let bounce = scale(lit, 0.16);
         // Low sun lights little of the ground, but the bright sky is in the picture too.
@@ -101,5 +118,44 @@ impl Environment {
     /// Direction towards the sun if it casts shadows.
     pub(crate) fn shadow_sun(&self) -> Option<[f32; 3]> {
         self.has_shadows().then_some(self.sun)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use swerve_scene::WeatherPreset;
+
+    use super::*;
+
+    /// Red over blue at the horizon: blue sky at noon, orange at sunset where the sun comes through, below the clouds of
+    /// heavy rain too, and hardly lighter than street lamps there.
+    #[test]
+    fn a_sunset_is_warm_and_noon_is_not() {
+        let light = |preset| Environment::new(&Scene::new(preset), Exposure::Metered);
+        let warmth = |preset| {
+            let light = light(preset);
+            light.horizon[0] / light.horizon[2]
+        };
+        for preset in [WeatherPreset::ClearSunset, WeatherPreset::WetSunset, WeatherPreset::HardRainSunset] {
+            assert!(warmth(preset) > 1.5, "{preset:?}: {}", warmth(preset));
+        }
+        for preset in [WeatherPreset::ClearNoon, WeatherPreset::HardRainNoon] {
+            assert!(warmth(preset) < 1.0, "{preset:?}: {}", warmth(preset));
+        }
+        let sky = |preset| dot(light(preset).horizon, WHITE);
+        assert!(sky(WeatherPreset::HardRainSunset) < 0.4 * sky(WeatherPreset::HardRainNoon));
+    }
+
+    /// What lamps scatter between houses, by night alone.
+    #[test]
+    fn lamps_scatter_light_at_night_alone() {
+        let ambient = |preset, lamps_on| {
+            let mut scene = Scene::new(preset);
+            scene.weather.lamps_on = lamps_on;
+            Environment::new(&scene, Exposure::Metered).ambient
+        };
+        let night = WeatherPreset::ClearNight;
+        assert!(dot(ambient(night, true), WHITE) > 3.0 * dot(ambient(night, false), WHITE));
+        assert_eq!(ambient(WeatherPreset::ClearNoon, true), ambient(WeatherPreset::ClearNoon, false));
     }
 }

@@ -182,7 +182,14 @@ fn sky(view: u32, e: Environment, direction: vec3<f32>, focal: f32) -> vec3<f32>
     return clouded(e, direction, open_sky(e, direction), large, small);
 }
 
-fn lamps_on(view: u32, lamps: vec4<u32>, pixel: vec2<f32>, point: vec3<f32>, normal: vec3<f32>, retro: f32) -> vec3<f32> {
+// `sends_back` is as rough ground, and into head lamps.
+fn lamps_on(
+    lamps: vec4<u32>,
+    pixel: vec2<f32>,
+    point: vec3<f32>,
+    normal: vec3<f32>,
+    sends_back: vec2<f32>,
+) -> vec3<f32> {
     var light = vec3<f32>(0.0);
     for (var k = 0u; k < lamps.y; k++) {
         let row = lamps.x + 4u * k;
@@ -200,7 +207,7 @@ fn lamps_on(view: u32, lamps: vec4<u32>, pixel: vec2<f32>, point: vec3<f32>, nor
         lamp.cos_outer = b.w;
         lamp.intensity = c.xyz;
         lamp.over_fall = c.w;
-        light += lamp.intensity * lamp_strength(lamp, point, normal, retro);
+        light += lamp.intensity * lamp_strength(lamp, point, normal, sends_back.y, sends_back.x);
     }
     return light;
 }
@@ -249,7 +256,7 @@ fn surface_light(sub_frame: u32, view: u32, e: Environment, ray: Ray, pixel: vec
     var light = daylight(e, seen.normal, sun, open);
     let lamps = frame[sub_frame + 15u];
     if lamps.y > 0u {
-        light += lamps_on(view, lamps, pixel, point, seen.normal, n3.y);
+        light += lamps_on(lamps, pixel, point, seen.normal, n3.xy);
     }
     var colour = albedo * light;
     if (more.y & 2u) != 0u || ((more.y & 4u) != 0u && e.wetness > 0.0) {

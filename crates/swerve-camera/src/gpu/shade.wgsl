@@ -110,14 +110,14 @@ fn daylight(e: Environment, normal: vec3<f32>, sun: f32, open: f32) -> vec3<f32>
     return e.sunlight * sun + e.ambient * up + e.bounce * down;
 }
 
-// How strongly a lamp lights a surface.
-fn lamp_strength(lamp: Lamp, point: vec3<f32>, normal: vec3<f32>, retro: f32) -> f32 {
+// How strongly a lamp lights a surface. The grains of `ground` stand up into light that comes along it.
+fn lamp_strength(lamp: Lamp, point: vec3<f32>, normal: vec3<f32>, retro: f32, ground: f32) -> f32 {
     let to_lamp = lamp.position - point;
     let square = max(dot(to_lamp, to_lamp), 0.04);
     let over = 1.0 / root(square);
     let cone = 0.0 - dot(to_lamp, lamp.direction) * over;
     let beam = unit((cone - lamp.cos_outer) * lamp.over_fall);
-    let cosine = max(dot(to_lamp, normal) * over, 0.0);
+    let cosine = max(dot(to_lamp, normal) * over, 0.2 * ground);
     let fade = unit(1.0 - square * (1.0 / (lamp.range * lamp.range)));
     // A lamp has a size: near it the light no longer grows with the inverse square.
     let spread = 1.0 / (square + 9.0);

@@ -2,8 +2,8 @@
 
 use core::convert::Infallible;
 
-use embedded_graphics::mono_font::MonoTextStyle;
-use embedded_graphics::mono_font::ascii::{FONT_7X13_BOLD, FONT_10X20};
+use embedded_graphics::mono_font::ascii::{FONT_9X18_BOLD, FONT_10X20};
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
 use embedded_graphics::pixelcolor::{Rgb888, RgbColor as _};
 use embedded_graphics::prelude::{
     DrawTarget, Drawable as _, OriginDimensions, Pixel, Point as At, Primitive as _, Size,
@@ -35,6 +35,8 @@ pub(super) struct Canvas<'a> {
     frame: &'a mut Frame,
     camera: &'a Camera,
     camera_from_map: Transform<swerve_geom::Camera, Map>,
+    /// Where labels are.
+    taken: Vec<Rectangle>,
 }
 
 impl<'a> Canvas<'a> {
@@ -43,7 +45,7 @@ impl<'a> Canvas<'a> {
         camera: &'a Camera,
         camera_from_map: Transform<swerve_geom::Camera, Map>,
     ) -> Self {
-        Self { frame, camera, camera_from_map }
+        Self { frame, camera, camera_from_map, taken: Vec::new() }
     }
 
     /// The rest of a plan, over the road; orange where the planner found none and falls back.
@@ -83,7 +85,7 @@ impl<'a> Canvas<'a> {
             let words = format!("{name} {:.0} m", ego.distance(obstacle.pose.point()));
             let top = [obstacle.pose.x_m, obstacle.pose.y_m, obstacle.extent.height_m + 0.25];
             if let Some([x, y]) = self.pixel(top) {
-                self.label(At::new(x as i32 - 4 * words.len() as i32, y as i32), &words, colour);
+                self.label(At::new(x as i32 - (9 * words.len() / 2) as i32, y as i32), &words, colour);
             }
         }
     }
@@ -128,20 +130,35 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Words with a dark edge, readable on any ground.
+    /// Words on a dark plate, readable on any ground; the place is the left end of their base line.
     fn words(&mut self, at: At, text: &str, colour: Rgb888) {
-        for (x, y, ink) in
-            [(1, 1, Rgb888::BLACK), (-1, 1, Rgb888::BLACK), (1, -1, Rgb888::BLACK), (0, 0, colour)]
-        {
-            let Ok(_) = Text::new(text, at + At::new(x, y), MonoTextStyle::new(&FONT_10X20, ink)).draw(self);
-        }
+        self.plate(at, text, (&FONT_10X20, colour));
     }
 
-    fn label(&mut self, at: At, text: &str, colour: Rgb888) {
-        for (x, ink) in [(1, Rgb888::BLACK), (-1, Rgb888::BLACK), (0, colour)] {
-            let Ok(_) =
-                Text::new(text, at + At::new(x, 0), MonoTextStyle::new(&FONT_7X13_BOLD, ink)).draw(self);
+    /// Words over a box, above those that are there.
+    fn label(&mut self, mut at: At, text: &str, colour: Rgb888) {
+        let font = &FONT_9X18_BOLD;
+        while let Some(other) = self.taken.iter().find(|other| meet(**other, plate_of(at, text, font))) {
+            let above =
+                other.top_left.y - plate_of(at, text, font).bottom_right().map_or(at.y, |end| end.y) - 1;
+            at.y += above.min(-1);
         }
+        self.taken.push(plate_of(at, text, font));
+        self.plate(at, text, (font, colour));
+    }
+
+    fn plate(&mut self, at: At, text: &str, (font, colour): (&MonoFont<'_>, Rgb888)) {
+        let plate = plate_of(at, text, font);
+        let (width, height) = (self.frame.width_px as i32, self.frame.height_px as i32);
+        let within =
+            |from: i32, size: u32, most: i32| from.clamp(0, most)..(from + size as i32).clamp(0, most);
+        for y in within(plate.top_left.y, plate.size.height, height) {
+            for x in within(plate.top_left.x, plate.size.width, width) {
+                let start = 3 * (y * width + x) as usize;
+                self.frame.rgb[start..start + 3].iter_mut().for_each(|c| *c /= 5);
+            }
+        }
+        let Ok(_) = Text::new(text, at, MonoTextStyle::new(font, colour)).draw(self);
     }
 
     /// Where a point of the map appears.
@@ -167,6 +184,19 @@ impl<'a> Canvas<'a> {
             }
         }
     }
+}
+
+/// The plate behind words whose base line begins at a place.
+fn plate_of(at: At, text: &str, font: &MonoFont<'_>) -> Rectangle {
+    const AROUND: i32 = 3;
+    let letter = font.character_size;
+    let width = letter.width * text.chars().count() as u32;
+    let top_left = At::new(at.x - AROUND, at.y - font.baseline as i32 - AROUND);
+    Rectangle::new(top_left, Size::new(width, letter.height) + Size::new_equal(2 * AROUND as u32))
+}
+
+fn meet(a: Rectangle, b: Rectangle) -> bool {
+    !a.intersection(&b).is_zero_sized()
 }
 
 /// The four corners of a box on the ground, then those above them.

@@ -118,19 +118,88 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
     frames.camera("eye", "eye.rgb", &image).unwrap();
     let (stream, stamp) = ("eye.rgb".to_owned(), image.stamp);
     let pixel = |frame: &Frame| frame.rgb[3 * (60 * 160 + 40)..][..3].to_vec();
-    let before = frames.waiting[&stream].1.clone();
+    let before = frames.waiting[&stream].2.clone();
     let late = Detections { stamp: stamp + Span::from_ms(1), boxes: vec![found] };
     frames.found("objects", &late).unwrap();
-    assert_eq!(pixel(&frames.waiting[&stream].1), pixel(&before), "of another image");
+    assert_eq!(pixel(&frames.waiting[&stream].2), pixel(&before), "of another image");
     frames.found("objects", &Detections { stamp, boxes: vec![found] }).unwrap();
     assert!(frames.waiting.is_empty());
     frames.finish().unwrap();
-    let mut names: Vec<_> = std::fs::read_dir(folder.path().join("eye/rgb")).unwrap().collect();
-    let last = folder.path().join("eye/rgb").join(format!("{:05}.png", names.len() - 1));
-    assert!(names.len() >= 4 && names.drain(..).all(|entry| entry.is_ok()));
-    let mut reader =
-        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(last).unwrap())).read_info().unwrap();
-    let mut rgb = vec![0; 3 * 160 * 120];
-    reader.next_frame(&mut rgb).unwrap();
-    assert_ne!(rgb[3 * (60 * 160 + 40)..][..3], pixel(&before)[..], "the box's edge");
+    let (published, seen) = ("eye/rgb", "eye/rgb_seen");
+    let count = |name: &str| std::fs::read_dir(folder.path().join(name)).unwrap().count();
+    assert!(count(published) >= 4 && count(seen) == count(published));
+    let last = |name: &str| {
+        let file = folder.path().join(name).join(format!("{:05}.png", count(name) - 1));
+        let file = std::io::BufReader::new(std::fs::File::open(file).unwrap());
+        let mut rgb = vec![0; 3 * 160 * 120];
+        png::Decoder::new(file).read_info().unwrap().next_frame(&mut rgb).unwrap();
+        rgb
+    };
+    assert_ne!(last(seen)[3 * (60 * 160 + 40)..][..3], pixel(&before)[..], "the box's edge");
+    // What the camera published has nothing drawn in, or a detector that is tried on it would see the boxes.
+    assert_eq!(last(published), colours::of(&image.pixels));
+}
+
+/// A camera that sees the truck of the scenario: what the obstacle sensor knows of it is in no image of the camera.
+#[test]
+fn images_of_cameras_are_as_published() {
+    let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
+                [operator.objects]\nkind = \"camera_objects\"\nrung = \"fastest\"\n";
+    let document = swerve_text::Document::parse("c.toml", text).unwrap();
+    let config = Config::from_document(&document, &[]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut pipeline = Pipeline::build(&config, &scenario()).unwrap();
+    pipeline.until = Time::ZERO + Span::from_ms(320);
+    let mut frames = Frames::create(into(folder.path()), String::new(), &pipeline.scenario, &config).unwrap();
+    let mut published = Published::default();
+    drive_pipeline(pipeline, config.seed, 1, &mut [&mut frames, &mut published]).unwrap();
+    frames.finish().unwrap();
+    assert!(published.0.len() >= 2, "{}", published.0.len());
+    for (k, expected) in published.0.iter().enumerate() {
+        let file = std::fs::File::open(folder.path().join(format!("eye/rgb/{k:05}.png"))).unwrap();
+        let mut rgb = vec![0; 3 * 160 * 120];
+        let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+        reader.next_frame(&mut rgb).unwrap();
+        assert!(rgb == *expected, "image {k}");
+    }
+}
+
+/// The images that are published, in colours.
+#[derive(Default)]
+struct Published(Vec<Vec<u8>>);
+
+impl Observer for Published {
+    fn event(&mut self, event: &Event<'_>) {
+        if let Event::Publication(publication) = event
+            && let Some(image) = publication.payload.and_then(|payload| payload.downcast_ref::<Image>())
+        {
+            self.0.push(colours::of(&image.pixels));
+        }
+    }
+}
+
+/// Labels keep their distance from each other, and are light on dark on a white wall and in fog.
+#[test]
+fn labels_in_pictures_can_be_read() {
+    let camera = Camera::new(CameraSpec { width_px: 320, height_px: 120, ..CameraSpec::default() }).unwrap();
+    let mut frame = sheet((320, 120));
+    frame.rgb.fill(230);
+    let mut canvas = Canvas::new(&mut frame, &camera, nowhere());
+    let found = |left: f64| swerve_msg::DetectedBox {
+        kind: swerve_msg::ActorKind::Truck,
+        score: 0.5,
+        pose: swerve_geom::Pose2::default(),
+        bottom_m: 0.0,
+        extent: swerve_msg::Extent::default(),
+        image_px: Some([left, 90.0, left + 40.0, 110.0]),
+        covariance_m2: None,
+        radial_speed_mps: None,
+    };
+    canvas.found(&Detections { boxes: vec![found(100.0), found(110.0)], ..Detections::default() });
+    let dark = |row: usize| (0..320).filter(|x| frame.rgb[3 * (320 * row + x)] < 60).count();
+    // Two plates of ten letters (9 x 18 pixels) below each other.
+    let rows: Vec<usize> = (0..96).filter(|row| dark(*row) > 40).collect();
+    assert!((44..=52).contains(&rows.len()), "{rows:?}");
+    let widest = rows.iter().map(|row| dark(*row)).max().unwrap();
+    assert!(widest <= 10 * 9 + 6, "{widest}: one over the other, not beside");
 }

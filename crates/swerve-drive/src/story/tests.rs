@@ -20,7 +20,7 @@ struct Label {
     room: [f64; 4],
 }
 
-/// All texts of a figure but those that stand on end; letters of Helvetica are half as wide as they are high.
+/// All texts of a figure but those that stand on end, as wide as the figure says.
 fn labels(svg: &str) -> Vec<Label> {
     let mut labels: Vec<Label> = Vec::new();
     for line in svg.lines().filter(|line| line.starts_with("<text") && !line.contains("rotate(")) {
@@ -29,8 +29,7 @@ fn labels(svg: &str) -> Vec<Label> {
         let text = line.split('>').nth(1).unwrap().split('<').next().unwrap();
         let text = text.replace("&lt;", "<").replace("&amp;", "&");
         let (x, y, size) = (number(" x"), number(" y"), number("font-size"));
-        let each = if line.contains("font-weight") { 0.55 } else { 0.5 };
-        let width = each * size * text.chars().count() as f64;
+        let width = number("textLength");
         let left = match of("text-anchor") {
             "middle" => x - 0.5 * width,
             "end" => x - width,
@@ -61,6 +60,54 @@ fn meet(r: &[f64; 4], s: &[f64; 4]) -> bool {
     r[0] < s[2] && s[0] < r[2] && r[1] < s[3] && s[1] < r[3]
 }
 
+/// The numbers in a line of a figure, from a part of it on.
+fn numbers_after(line: &str, name: &str) -> Vec<f64> {
+    let way = line.split(name).nth(1).unwrap().split('"').next().unwrap();
+    way.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
+        .filter_map(|n| n.parse().ok())
+        .collect()
+}
+
+/// The pieces of the lines of plans, each from a place to a place.
+fn plan_lines(svg: &str) -> Vec<[f64; 4]> {
+    let is_plan = |line: &&str| {
+        line.starts_with("<path")
+            && line.contains("stroke-width=\"2\"")
+            && line.contains("stroke-opacity=\"0.8\"")
+    };
+    let pieces = |line: &str| {
+        let n = numbers_after(line, "d=\"");
+        n.windows(4).step_by(2).map(|n| [n[0], n[1], n[2], n[3]]).collect::<Vec<_>>()
+    };
+    svg.lines().filter(is_plan).flat_map(pieces).collect()
+}
+
+/// The labels of the view from above that a line of a plan runs through, though no plate hides the line there.
+fn struck_through<'a>(svg: &str, labels: &'a [Label]) -> Vec<&'a Label> {
+    let plates: Vec<[f64; 4]> = svg
+        .lines()
+        .filter(|line| line.starts_with("<rect") && line.contains("fill-opacity=\"0.9\""))
+        .map(|line| {
+            let of = |name: &str| numbers_after(line, name)[0];
+            let (x, y) = (of(" x=\""), of(" y=\""));
+            [x, y, x + of(" width=\""), y + of(" height=\"")]
+        })
+        .collect();
+    let plans = plan_lines(svg);
+    let is_in = |r: &[f64; 4], [x, y]: [f64; 2]| x > r[0] && x < r[2] && y > r[1] && y < r[3];
+    let crosses = |r: &[f64; 4], [ax, ay, bx, by]: &[f64; 4]| {
+        (0..=40).map(|k| f64::from(k) / 40.0).any(|t| is_in(r, [ax + t * (bx - ax), ay + t * (by - ay)]))
+    };
+    let is_hidden = |r: &[f64; 4]| {
+        plates.iter().any(|p| p[0] <= r[0] && p[1] <= r[1] + 1.0 && p[2] >= r[2] && p[3] >= r[3] - 1.0)
+    };
+    let is_struck =
+        |label: &&Label| !is_hidden(&label.room) && plans.iter().any(|piece| crosses(&label.room, piece));
+    // The numbers of plans are on discs.
+    let is_number = |label: &&Label| label.text.parse::<u32>().is_ok();
+    labels.iter().filter(|label| !is_number(label)).filter(is_struck).collect()
+}
+
 /// Whether a label is an instant, such as `4.5` or `4.5 s`.
 fn is_time(label: &Label) -> bool {
     let text = label.text.strip_suffix(" s").unwrap_or(&label.text);
@@ -88,18 +135,27 @@ fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     (story, svg)
 }
 
-/// The scenarios of the house, those of `scenarios/` beside this file, and, where they lie beside the checkout, others.
+/// All shipped scenarios, those of `scenarios/` beside this file, and, where they are beside the checkout, others.
 fn scenarios() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folders = ["scenarios", "crates/swerve-drive/src/story/scenarios", "../shared/data/scenarios"];
+    let folders = [
+        "scenarios",
+        "scenarios/everyday",
+        "crates/swerve-drive/src/story/scenarios",
+        "../shared/data/scenarios",
+        "../shared/data/field/everyday",
+        "../shared/data/field/scenarios",
+    ];
     let mut files: Vec<PathBuf> = Vec::new();
     for folder in folders {
         match std::fs::read_dir(root.join(folder)) {
             Ok(entries) => files.extend(entries.map(|entry| entry.unwrap().path())),
-            Err(_) => println!("skipped: {folder} is not there"),
+            Err(_) => println!("skipped: {folder} is missing"),
         }
     }
-    files.retain(|file| file.extension().is_some_and(|e| e == "toml"));
+    // Beside scenarios there are studies.
+    let is_study = |file: &Path| std::fs::read_to_string(file).unwrap().contains("[[axis]]");
+    files.retain(|file| file.extension().is_some_and(|e| e == "toml") && !is_study(file));
     files.sort();
     files
 }
@@ -107,7 +163,7 @@ fn scenarios() -> Vec<PathBuf> {
 #[test]
 fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
     let files = scenarios();
-    assert!(files.len() >= 12, "{files:?}");
+    assert!(files.len() >= 45, "{files:?}");
     for file in files {
         let (story, svg) = picture(&file, &[]);
         if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
@@ -128,6 +184,8 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
                 assert!(!meet(&r, &b.room), "{}: {a:?} lies on {b:?}", file.display());
             }
         }
+        let struck = struck_through(&svg, &labels);
+        assert!(struck.is_empty(), "{}: struck through: {struck:?}", file.display());
         // Each step of the chain is named, on the time axis or before it; the end may come when the car has long left
         // the view.
         let steps = story.why.iter().flat_map(|why| &why.steps);
@@ -166,4 +224,27 @@ fn where_the_gate_decided_the_picture_is_of_its_stop_and_of_no_actor() {
     assert!(labels.iter().any(|label| label.text == "2.0 s"), "{labels:?}");
     assert!(labels.iter().all(|label| !label.text.contains("closest")), "{labels:?}");
     assert!(labels.iter().any(|label| label.text == "STOPPED"), "{labels:?}");
+}
+
+/// Of a roundabout that the ego drove through all is in view, not the exit alone before which somebody stood.
+#[test]
+fn a_roundabout_is_in_view_as_a_whole() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/story/scenarios/roundabout.toml");
+    let (story, svg) = picture(&file, &[]);
+    if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
+        std::fs::write(Path::new(&folder).join("roundabout_alone.svg"), &svg).unwrap();
+    }
+    // 270 degrees of a circle of 20 m: the way through it is as wide as the circle, 40 m, and so is the view at least.
+    let ego: Vec<(f64, f64)> = story.ego.iter().map(|ego| (ego.pose.x_m, ego.pose.y_m)).collect();
+    let width = |of: fn(&(f64, f64)) -> f64| {
+        let all = ego.iter().map(of);
+        all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
+    };
+    assert!(width(|p| p.1) > 39.0, "the scenario has a roundabout");
+    // The times of the way around it are named: it takes 94 m at 6 m/s and more, from 12 s to 28 s.
+    let labels = labels(&svg);
+    for second in [15, 20, 25] {
+        let text = format!("{second}.0 s");
+        assert!(labels.iter().any(|label| label.text == text), "no {text}: {labels:?}");
+    }
 }

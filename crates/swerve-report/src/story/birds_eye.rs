@@ -1,7 +1,7 @@
 //! The view from above.
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Obb, Point2};
+use swerve_geom::{Obb, Point2, math};
 use swerve_msg::ActorKind;
 
 use super::labels::{Importance, Labels};
@@ -25,31 +25,32 @@ const MOVED_M: f64 = 0.3;
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     canvas.rect(view.corner, view.size, Style::fill(color::GROUND));
     canvas.begin_clip(view.corner, view.size);
-    road(canvas, story, view);
-    grid(canvas, view);
     let mut labels = Labels::new(view.corner, view.size);
+    road(canvas, &mut labels, story, view);
+    grid(canvas, view);
     lights::draw(canvas, &mut labels, story, view);
     for actor in story.actors.iter().filter(|actor| view.shows(actor)) {
         actor_trace(canvas, &mut labels, (story, actor), view);
     }
     names(&mut labels, story, view);
     tracks::draw(canvas, &mut labels, story, view);
-    plans(canvas, story, view);
+    plans(canvas, &mut labels, story, view);
     ego_trace(canvas, &mut labels, story, view);
     marks::sight(canvas, &mut labels, story, view);
     marks::closest(canvas, &mut labels, story, view);
     marks::off_road(canvas, &mut labels, story, view);
     plan_numbers(&mut labels, story, view);
-    labels.draw(canvas);
     canvas.end_clip();
     axes(canvas, view);
+    // Not clipped: letters of another font may be wider.
+    labels.draw(canvas);
 }
 
 fn polyline(canvas: &mut Canvas, view: &View, points: &[Point2], style: Style) {
     canvas.path(points.iter().map(|p| view.at(*p)), false, style);
 }
 
-fn road(canvas: &mut Canvas, story: &Story, view: &View) {
+fn road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let route = &story.route;
     let (a, b) = (view.beside(story, |s_m| route.left_m(s_m)), view.beside(story, |s_m| -route.right_m(s_m)));
     let outline: Vec<At> = a.iter().chain(b.iter().rev()).map(|p| view.at(*p)).collect();
@@ -65,6 +66,7 @@ fn road(canvas: &mut Canvas, story: &Story, view: &View) {
     }
     for edge in [&a, &b] {
         let style = Style::line(color::ROAD_EDGE, 2.0);
+        labels.keep_off_line(edge.iter().map(|p| view.at(*p)));
         polyline(canvas, view, edge, style);
     }
 }
@@ -123,6 +125,36 @@ fn seconds(at: Time) -> String {
     format!("{:.1}", at.as_secs())
 }
 
+/// Asks for the instants of outlines, round ones first: within or beside the outline, off all lines.
+fn ask_times(labels: &mut Labels, view: &View, mut times: Vec<(Time, Obb)>, (paint, unit): (Color, &str)) {
+    let how = Text { size: 10.0, color: paint, anchor: Anchor::Middle, rim: true, ..Text::default() };
+    for (_, footprint) in &times {
+        let corners = footprint.corners().map(|corner| view.at(corner));
+        labels.keep_off_line(corners.into_iter().chain([corners[0]]));
+    }
+    let fineness = |at: Time| [10, 2].iter().position(|n| at.ns() % (n * OUTLINE_EVERY_NS) == 0).unwrap_or(2);
+    times.sort_by_key(|(at, _)| fineness(*at));
+    for (at, footprint) in times {
+        let text = format!("{}{unit}", seconds(at));
+        let places = beside(view, &footprint, width_of(&text, how));
+        labels.ask(Importance::Time, places, text, how);
+    }
+}
+
+/// Places of a text of this width within an outline's lower half, then beside the outline, to its right first.
+fn beside(view: &View, footprint: &Obb, width: f64) -> Vec<At> {
+    let [front_left, _, _, front_right] = footprint.corners().map(|corner| view.at(corner));
+    let (x, y) = view.at(footprint.center.point());
+    let across = (front_right.0 - front_left.0, front_right.1 - front_left.1);
+    let size = math::hypot(across.0, across.1).max(1e-6);
+    let (nx, ny) = (across.0 / size, across.1 / size);
+    let away = 0.5 * size + 4.0 + 0.5 * width * nx.abs() + 5.0 * ny.abs();
+    let outside = [0.0, 12.0, 24.0]
+        .into_iter()
+        .flat_map(move |more| [away + more, -away - more].map(|r| (x + nx * r, y + ny * r + 3.0)));
+    [(x, y + 12.0)].into_iter().chain(outside).collect()
+}
+
 fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story, &ActorTrace), view: &View) {
     let (paint, person) = (actor_color(actor.kind), actor.kind.is_person());
     let solid = Style::fill(paint).filled_by(0.75).outlined(paint, 1.0);
@@ -132,9 +164,11 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
         return;
     }
     let way = actor.poses.iter().filter(|(at, _)| *at <= view.span.1).map(|(_, pose)| view.at(pose.point()));
+    labels.keep_off_line(way.clone());
     canvas.path(way, false, Style::line(paint, 1.5));
     let faint = Style::fill(paint).filled_by(0.18).outlined(paint, 1.0);
     let mut last: Option<At> = None;
+    let mut times: Vec<(Time, Obb)> = Vec::new();
     let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
     // Of those who matter less every full second is enough.
     for at in half_seconds(view).filter(|at| is_hero || at.ns() % (2 * OUTLINE_EVERY_NS) == 0) {
@@ -145,29 +179,14 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
         }
         last = Some(place);
         shape(canvas, view, &actor.shape(pose), if person { solid } else { faint });
-        let how = Text { size: 10.0, color: paint, anchor: Anchor::Start, rim: true, ..Text::default() };
-        let beside = 0.5 * actor.extent.width_m.min(1.0) * view.scale + 5.0;
-        let places = vec![
-            (place.0 + beside, place.1 + 3.5),
-            (place.0 - beside - 16.0, place.1 + 3.5),
-            (place.0 - 8.0, place.1 - beside - 2.0),
-            (place.0 - 8.0, place.1 + beside + 9.0),
-            (place.0 - 8.0, place.1 - beside - 13.0),
-            (place.0 - 8.0, place.1 + beside + 20.0),
-        ];
-        labels.ask(Importance::Time, places, seconds(at), how);
+        times.push((at, actor.extent.footprint(pose)));
     }
+    ask_times(labels, view, times, (paint, ""));
     let end = story.ego.last().map_or(view.span.1, |e| e.stamp).min(view.span.1);
     if let Some(pose) = actor.pose_at(end) {
         let last = Style::line(paint, 1.5);
         shape(canvas, view, &actor.shape(pose), last);
     }
-}
-
-/// Whether a place is within the view.
-fn is_in(view: &View, (x, y): At) -> bool {
-    let within = |v: f64, from: f64, size: f64| v >= from && v <= from + size;
-    within(x, view.corner.0, view.size.0) && within(y, view.corner.1, view.size.1)
 }
 
 /// The names of the actors in view beside them, first of those that the ego came nearest to; kinds before the run is
@@ -183,10 +202,18 @@ fn names(labels: &mut Labels, story: &Story, view: &View) {
         let how =
             Text { size: 11.0, color: color::INK, anchor: Anchor::Middle, rim: true, ..Text::default() };
         let at = |time: Time| actor.pose_at(time).map(|pose| view.at(pose.point()));
-        // Where it begins in this view, and if that is too full further along its way.
-        let times: Vec<Time> = half_seconds(view).collect();
+        // Where it begins in this view, and if that is too full further along its way; at the edge where no more than its
+        // outline comes into view.
+        let times: Vec<Time> = half_seconds(view).chain([view.span.1]).collect();
         let times = if actor.moves() { times } else { vec![view.span.0] };
-        let along: Vec<At> = times.into_iter().filter_map(at).filter(|place| is_in(view, *place)).collect();
+        let half = 0.5 * width_of(&name, how) + 4.0;
+        let reach = actor.extent.length_m.max(actor.extent.width_m) * view.scale;
+        let inside = |place: At| {
+            let near = view.nearest(place, half);
+            let (dx, dy) = ((near.0 - place.0).abs(), (near.1 - place.1).abs());
+            (dx <= half + reach && dy <= reach).then_some(near)
+        };
+        let along: Vec<At> = times.into_iter().filter_map(at).filter_map(inside).collect();
         // Within its outline, where that has room for it.
         let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
         let first = if is_roomy { 4.0 } else { -12.0 };
@@ -214,22 +241,20 @@ pub(super) fn kind_name(kind: ActorKind) -> &'static str {
 fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let paint = color::EGO;
     let faint = Style::fill(paint).filled_by(0.10).outlined(paint, 1.2);
-    let mut drawn: Option<Point2> = None;
+    let mut times: Vec<(Time, Obb)> = Vec::new();
     for at in half_seconds(view) {
         let Some(ego) = story.ego_at(at) else { continue };
         let footprint = story.outline.footprint(ego.pose);
-        let center = footprint.center.point();
-        if drawn.is_some_and(|last| last.distance(center) < MOVED_M) {
+        let place = footprint.center.point();
+        if times.last().is_some_and(|(_, last)| last.center.point().distance(place) < MOVED_M) {
             continue;
         }
-        drawn = Some(center);
         outline(canvas, view, &footprint, faint);
-        let (x, y) = view.at(center);
-        let how = Text { size: 10.0, color: paint, anchor: Anchor::Middle, rim: true, ..Text::default() };
-        // Below the middle, where the ego's way does not run through it.
-        labels.ask(Importance::Time, vec![(x, y + 12.0)], format!("{} s", seconds(at)), how);
+        times.push((at, footprint));
     }
+    ask_times(labels, view, times, (paint, " s"));
     let way: Vec<Point2> = story.ego.iter().map(|e| e.pose.point()).collect();
+    labels.keep_off_line(way.iter().map(|p| view.at(*p)));
     polyline(canvas, view, &way, Style::line(paint, 1.6));
 }
 
@@ -310,12 +335,13 @@ pub(super) fn plan_color(plan: &swerve_msg::Plan) -> Color {
     if plan.status.is_fallback() { color::FALLBACK } else { color::PLAN }
 }
 
-fn plans(canvas: &mut Canvas, story: &Story, view: &View) {
+fn plans(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     for mark in changes(story, view).shown {
         let paint = plan_color(&mark.plan);
         let style = Style::line(paint, 2.0).lined_by(0.8);
         let style = if mark.plan.status.is_fallback() { style.dashed(3.0, 3.0) } else { style };
         let points: Vec<Point2> = mark.plan.points.iter().map(|p| p.pose.point()).collect();
+        labels.keep_off_line(points.iter().map(|p| view.at(*p)));
         polyline(canvas, view, &points, style);
     }
 }

@@ -1,6 +1,6 @@
-//! Labels that do not lie on each other: all that a view is to say is asked for, and then placed by importance.
+//! Labels that overlap neither each other nor lines: all labels of a view are requested, then placed by importance.
 
-use swerve_draw::{Anchor, At, Canvas, Color, Text, color, width_of};
+use swerve_draw::{Anchor, At, Canvas, Color, Style, Text, color, width_of};
 
 /// What a label is for; the first ones are placed first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -20,6 +20,8 @@ pub(super) struct Labels {
     room: Room,
     /// Signs that names and times may not hide.
     signs: Vec<Room>,
+    /// Parts of lines that texts should not cross.
+    lines: Vec<[At; 2]>,
     asked: Vec<Asked>,
 }
 
@@ -38,6 +40,7 @@ impl Labels {
         Self {
             room: [x + 2.0, y + 2.0, x + width - 2.0, y + height - 2.0],
             signs: Vec::new(),
+            lines: Vec::new(),
             asked: Vec::new(),
         }
     }
@@ -45,6 +48,21 @@ impl Labels {
     /// A sign is drawn here: names and times keep off it.
     pub(super) fn keep_off(&mut self, sign: Room) {
         self.signs.push(sign);
+    }
+
+    /// A line is drawn through these places: texts keep off it where there is room beside it.
+    pub(super) fn keep_off_line(&mut self, places: impl IntoIterator<Item = At>) {
+        let mut places = places.into_iter();
+        let Some(mut from) = places.next() else { return };
+        let mut last = from;
+        for place in places {
+            last = place;
+            if (place.0 - from.0).abs() + (place.1 - from.1).abs() > LINE_STEP {
+                self.lines.push([from, place]);
+                from = place;
+            }
+        }
+        self.lines.push([from, last]);
     }
 
     /// Asks for a text at the first of these places that is free; where none is, it is left out.
@@ -55,7 +73,8 @@ impl Labels {
     /// An event beside a place: as near to it as there is room.
     pub(super) fn event(&mut self, (x, y): At, text: String, paint: Color) {
         let how = Text { size: 11.0, color: paint, anchor: Anchor::Middle, bold: true, rim: true };
-        let [left, _, right, _] = self.room;
+        let [left, top, right, bottom] = self.room;
+        let y = y.min(bottom - 4.0).max(top + 12.0);
         let half = 0.5 * width_of(&text, how);
         let clamped = |x: f64| x.min(right - half).max(left + half);
         let mut places = Vec::new();
@@ -79,26 +98,74 @@ impl Labels {
         self.asked.push(Asked { importance: Importance::Badge, places, text, how, disc: Some(paint) });
     }
 
-    /// Draws what there is room for.
+    /// Draws what there is room for. Of the free places the first one off all lines is taken. Without one, a time is left
+    /// out, since its neighbours tell it; other texts take the first free place, on a plate that hides the lines.
     pub(super) fn draw(mut self, canvas: &mut Canvas) {
         self.asked.sort_by_key(|asked| asked.importance);
         let mut taken: Vec<Room> = Vec::new();
-        for Asked { importance, places, text, how, disc } in &self.asked {
-            let room = |at: At| match disc {
-                Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
-                None => room_of(at, text, *how),
-            };
+        for asked in &self.asked {
+            let Asked { importance, places, text, how, disc } = asked;
             let signs = if *importance >= Importance::Name { &self.signs[..] } else { &[] };
-            let is_free =
-                |r: &Room| is_within(r, &self.room) && !taken.iter().chain(signs).any(|t| overlap(t, r));
-            let Some(at) = places.iter().copied().find(|at| is_free(&room(*at))) else { continue };
-            taken.push(room(at));
-            match disc {
-                Some(paint) => super::birds_eye::badge(canvas, at, text, *paint),
-                None => canvas.text(at, text, *how),
+            let is_free = |at: &At| {
+                let r = asked.room(*at);
+                is_within(&r, &self.room) && !taken.iter().chain(signs).any(|t| overlap(t, &r))
+            };
+            let free = || places.iter().copied().filter(is_free);
+            if let Some(paint) = disc {
+                let Some(at) = free().next() else { continue };
+                taken.push(asked.room(at));
+                super::birds_eye::badge(canvas, at, text, *paint);
+                continue;
             }
+            let crosses = |at: At| self.lines.iter().any(|line| is_crossed(&asked.room(at), *line));
+            let clear = free().take(CLEAR_AMONG).find(|at| !crosses(*at));
+            let fallback = || free().next().filter(|_| *importance != Importance::Time);
+            let Some(at) = clear.or_else(fallback) else { continue };
+            let room = asked.room(at);
+            taken.push(room);
+            if clear.is_none() {
+                let [left, top, right, bottom] = room;
+                let plate = Style::fill(color::PAPER).filled_by(0.9).rounded(2.0);
+                canvas.rect((left - 2.0, top), (right - left + 4.0, bottom - top), plate);
+            }
+            canvas.text(at, text, *how);
         }
     }
+}
+
+impl Asked {
+    /// The room that it takes at a place.
+    fn room(&self, at: At) -> Room {
+        match self.disc {
+            Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
+            None => room_of(at, &self.text, self.how),
+        }
+    }
+}
+
+/// Lines are known in steps of this, pixels.
+const LINE_STEP: f64 = 3.0;
+/// So many free places are tried for one off all lines: farther ones belong to something else.
+const CLEAR_AMONG: usize = 24;
+
+/// Whether a part of a line passes through a room (Liang and Barsky, "A new concept and method for line clipping", 1984).
+fn is_crossed(room: &Room, [from, to]: [At; 2]) -> bool {
+    let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+    let edges =
+        [(-dx, from.0 - room[0]), (dx, room[2] - from.0), (-dy, from.1 - room[1]), (dy, room[3] - from.1)];
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    for (p, q) in edges {
+        if p == 0.0 {
+            if q < 0.0 {
+                return false;
+            }
+        } else if p < 0.0 {
+            enter = enter.max(q / p);
+        } else {
+            leave = leave.min(q / p);
+        }
+    }
+    enter <= leave
 }
 
 /// Room of a text whose base line is at a place.

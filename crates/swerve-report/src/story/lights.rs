@@ -44,6 +44,7 @@ pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view
         let place = |s_m, d_m| view.at(route.unproject(FrenetPoint { s_m, d_m }));
         let (left, right) = (place(light.stop_s_m, left_m), place(light.stop_s_m, -right_m));
         canvas.line(left, right, Style::line(color::INK, 3.0));
+        labels.keep_off_line([left, right]);
         let end = story.ego.last().map_or(view.span.1, |ego| ego.stamp);
         let crossing = crossed(story, light);
         let at = crossing.unwrap_or(end);

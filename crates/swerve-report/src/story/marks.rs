@@ -41,10 +41,11 @@ pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, vie
     outline(canvas, view, &footprint, dashed);
     let (from, to) = (view.at(footprint.center.point()), view.at(pose.point()));
     canvas.line(from, to, dashed);
+    labels.keep_off_line([from, to]);
     shape(canvas, view, &actor.shape(pose), Style::line(paint, 2.0));
     let (on_ego, on_actor) = actor.shape(pose).nearest(&footprint);
     let away_m = on_ego.distance(on_actor);
-    let end = if from.0 < view.corner.0 { ", before this view" } else { "" };
+    let end = if view.holds(from) { "" } else { ", outside this view" };
     let label = format!("{} first visible {:.2} s, {away_m:.1} m away{end}", hero.name, seconds(at));
     // On the side away from the actor, where the line of sight does not cross it.
     labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, color::SIGHT_TEXT);
@@ -70,6 +71,7 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
         }
         None => {
             canvas.line(from, to, Style::line(paint, 3.0));
+            labels.keep_off_line([from, to]);
             [from, to].into_iter().for_each(|end| canvas.circle(end, 2.5, Style::fill(paint)));
             format!("closest to {} {:.2} s, {:.2} m", hero.name, seconds(at), hero.min_distance_m)
         }

@@ -252,6 +252,10 @@ fn steps_of_the_chain_from_before_the_view_are_on_the_time_axis_or_told_in_short
         assert!(svg.contains(&format!(">{} {at_s:.3} s<", what.name())), "{}", what.name());
     }
     assert!(!svg.contains(">before this: ") && svg.contains("step of why, named below"));
+    // A step at the very start is on the axis, and on it alone.
+    let svg = draw_with(&mut story, &[(Milestone::Light, 0.0), (Milestone::Planned, from_s - 2.0)]);
+    assert!(from_s <= 5.0, "else the start is long before the view");
+    assert!(svg.contains(">light 0.000 s<") && !svg.contains(">before this: "), "named twice");
     // As if this drive had begun earlier.
     let far = [(Milestone::Visible, from_s - 9.0), (Milestone::Planned, from_s + 1.0)];
     let svg = draw_with(&mut story, &far);

@@ -14,6 +14,12 @@ const BEYOND_M: f64 = 25.0;
 const BESIDE_M: f64 = 1.6;
 /// Shown of the route at most, metres: longer parts make strips in which nothing can be read.
 const SHOWN_MAX_M: f64 = 110.0;
+/// A stretch of the route bends where its curvature is at least this, 1/m: a junction or a roundabout, no country road.
+const BEND_1PM: f64 = 1.0 / 60.0;
+/// A bend that ends nearer than this to the part shown belongs to it, metres along the route.
+const BEND_NEAR_M: f64 = 15.0;
+/// Shown of the road before and beyond such a bend, metres.
+const BEND_ENDS_M: f64 = 5.0;
 /// Actors that came no nearer than this do not decide what is shown, metres.
 const MATTERS_M: f64 = 15.0;
 /// Actors are shown up to so far beside the road, metres.
@@ -78,6 +84,18 @@ impl View {
         )
     }
 
+    /// Whether a place in the figure is within the view.
+    pub(super) fn holds(&self, (x, y): At) -> bool {
+        let within = |v: f64, from: f64, size: f64| v >= from && v <= from + size;
+        within(x, self.corner.0, self.size.0) && within(y, self.corner.1, self.size.1)
+    }
+
+    /// The place within the view that is nearest to one, this far from its left and right edges.
+    pub(super) fn nearest(&self, (x, y): At, from_sides: f64) -> At {
+        let (left, right) = (self.corner.0 + from_sides, self.corner.0 + self.size.0 - from_sides);
+        (x.min(right).max(left), y.min(self.corner.1 + self.size.1).max(self.corner.1))
+    }
+
     /// Range of the axes: left, right, bottom, top, metres.
     pub(super) fn range(&self) -> [f64; 4] {
         let (width, height) = (self.size.0 / self.scale, self.size.1 / self.scale);
@@ -115,8 +133,8 @@ impl View {
             high = Point2::new(high.x_m.max(p.x_m), high.y_m.max(p.y_m + margin_m));
         };
         let (route, (from, to)) = (&story.route, self.s_m);
-        for k in 0..=50 {
-            let s_m = from + (to - from) * f64::from(k) / 50.0;
+        for k in 0..=200 {
+            let s_m = from + (to - from) * f64::from(k) / 200.0;
             hold(route.unproject(FrenetPoint { s_m, d_m: route.left_m(s_m) }), BESIDE_M);
             hold(route.unproject(FrenetPoint { s_m, d_m: -route.right_m(s_m) }), BESIDE_M);
         }
@@ -198,7 +216,31 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     // However far apart: the ego where it came nearest is in view.
     let nearest = super::marks::closest_at(story).and_then(|at| story.ego_at(at));
     let ego_m = nearest.map_or(from, |ego| line.project(ego.pose.point()).s_m);
-    Some((from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)))
+    Some(with_bends(story, (from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)), driven))
+}
+
+/// The part shown with the whole of the bends at its ends, as far as the ego drove through them: of a roundabout all is
+/// shown or nothing. Bends too large for one view stay outside.
+fn with_bends(story: &Story, (from, to): (f64, f64), driven: (f64, f64)) -> (f64, f64) {
+    let line = story.route.line();
+    let heading = |s_m: f64| line.at(s_m).pose.heading_rad;
+    let is_bent = |s_m: f64| angle_between(heading(s_m - 2.0), heading(s_m + 2.0)).abs() >= 4.0 * BEND_1PM;
+    // From an end of the view on to the far end of the bend that is there, in steps of one metre.
+    let end = |start: f64, step: f64| {
+        let (mut far, mut s_m) = (start, start);
+        while (s_m - far).abs() <= BEND_NEAR_M && s_m >= driven.0 && s_m <= driven.1 {
+            far = if is_bent(s_m) { s_m } else { far };
+            s_m += step;
+        }
+        if far == start { start } else { (far + step * BEND_ENDS_M).max(driven.0).min(driven.1) }
+    };
+    let wide = (end(from, -1.0).min(from), end(to, 1.0).max(to));
+    let n = 64;
+    let points =
+        (0..=n).map(|k| line.at(wide.0 + (wide.1 - wide.0) * f64::from(k) / f64::from(n)).pose.point());
+    let middle = line.at(0.5 * (from + to)).pose.point();
+    let reach_m = points.map(|p| p.distance(middle)).fold(0.0, f64::max);
+    if reach_m <= SHOWN_MAX_M { wide } else { (from, to) }
 }
 
 /// When the ego is within the part shown; all of the run where it never is.

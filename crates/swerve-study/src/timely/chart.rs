@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use swerve_draw::color::{Look, looks_repeat, series};
-use swerve_draw::{At, Axes, Canvas, Picture, Style, Text, number, width_of};
+use swerve_draw::{At, Axes, Canvas, Picture, Style, Text, names_beside, number};
 use swerve_report::output::align;
 
 use super::Timely;
@@ -155,16 +155,13 @@ impl<'a> Chart<'a> {
                     draw_line(&scale, &mut canvas, line, series(k));
                 }
             }
-            for (k, line) in panels.first().into_iter().flat_map(|panel| self.lines_of(panel)).enumerate() {
-                let at = (LEFT + WIDTH + 44.0, top + 12.0 + 16.0 * k as f64);
-                let look = line_of(series(k));
-                canvas.line((at.0 - 32.0, at.1 - 4.0), (at.0 - 6.0, at.1 - 4.0), look);
-                canvas.text(at, &line.name, Text::PLAIN);
-                names_w = names_w.max(width_of(&line.name, Text::PLAIN));
-            }
+            let of_row = panels.first().into_iter().flat_map(|panel| self.lines_of(panel)).enumerate();
+            let names: Vec<(Style, String)> =
+                of_row.map(|(k, line)| (line_of(series(k)), line.name.clone())).collect();
+            names_w = names_w.max(names_beside(&mut canvas, (LEFT + WIDTH + 12.0, top), &names));
         }
         let height = TOP + rows.len() as f64 * (PANEL_H + GAP_Y) - 10.0;
-        canvas.finish(LEFT + WIDTH + 44.0 + names_w + 16.0, height, self.title)
+        canvas.finish(LEFT + WIDTH + 12.0 + names_w + 16.0, height, self.title)
     }
 
     /// The panels in rows: what is judged both ways, at the start of a result and streaming, is beside each other.

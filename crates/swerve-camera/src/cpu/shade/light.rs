@@ -19,6 +19,15 @@ pub(in crate::cpu) struct Gloss {
     pub(in crate::cpu) open: F,
 }
 
+/// How a surface sends back the light of lamps.
+#[derive(Clone, Copy)]
+pub(in crate::cpu) struct Lit {
+    /// 1 for what shines back into head lamps.
+    pub(in crate::cpu) retro: F,
+    /// 1 for rough ground.
+    pub(in crate::cpu) ground: F,
+}
+
 impl Shading<'_> {
     /// Light that a polished surface mirrors, and its share of all light.
     pub(in crate::cpu) fn mirror(&self, normal: V, direction: V, facing: F, gloss: &Gloss) -> (V, F) {
@@ -48,8 +57,16 @@ impl Shading<'_> {
         ([0, 1, 2].map(|k| seen[k] * share + sun[k] * glint * fresnel), share)
     }
 
-    /// Adds the light of lamps.
-    pub(in crate::cpu) fn add_lamps(&self, rays: &PixelRays, point: V, normal: V, retro: F, light: &mut V) {
+    /// Adds the light of lamps. Ground scatters what comes along it as if from this cosine at least: its grains stand up
+    /// into the light, so that head lamps show it farther than a smooth surface.
+    pub(in crate::cpu) fn add_lamps(
+        &self,
+        rays: &PixelRays,
+        (point, normal): (V, V),
+        of: Lit,
+        light: &mut V,
+    ) {
+        let along = of.ground * splat(0.2);
         let (row, columns) = (rays.y.to_array()[0], rays.x.to_array());
         let (first, last) = (columns[0], columns[7]);
         for lamp in self.lamps {
@@ -61,11 +78,11 @@ impl Shading<'_> {
             let over = F::ONE / square.sqrt();
             let cone = F::ZERO - dot8(to, splat3(lamp.direction)) * over;
             let beam = clamp01((cone - splat(lamp.cos_outer)) * splat(lamp.over_fall));
-            let cosine = (dot8(to, normal) * over).fast_max(F::ZERO);
+            let cosine = (dot8(to, normal) * over).fast_max(along);
             let fade = clamp01(F::ONE - square * splat(1.0 / (lamp.range * lamp.range)));
             // A lamp has a size: near it the light no longer grows with the inverse square.
             let spread = F::ONE / (square + splat(9.0));
-            let strength = beam * beam * fade * spread * (cosine + retro * splat(2.5));
+            let strength = beam * beam * fade * spread * (cosine + of.retro * splat(2.5));
             for (light, intensity) in light.iter_mut().zip(lamp.intensity) {
                 *light += splat(intensity) * strength;
             }

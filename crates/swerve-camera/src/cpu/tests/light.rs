@@ -110,3 +110,65 @@ fn noise_has_its_size_and_follows_seed_and_frame() {
     assert!(later.rgb != b.rgb && later.depth_m == b.depth_m);
     assert!(shot(&scene, &View::new(&noisy, pose)) == b);
 }
+
+/// Mean of the pixels of an instance, 0 to 255.
+fn mean_of(frame: &Frame, id: u32) -> f64 {
+    let pixels = frame.rgb.chunks_exact(3).zip(&frame.instance).filter(|(_, of)| **of == id);
+    let (sum, n) = pixels.fold((0.0, 0.0), |(sum, n), (p, _)| {
+        (sum + p.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0, n + 1.0)
+    });
+    assert!(n > 20.0, "{n} pixels of {id}");
+    sum / n
+}
+
+/// A night without street lamps: 4 m ahead of the lamps and beside the lane, where a wide beam is needed; 25 m ahead, where
+/// UN Regulation 112 asks for as much light as street lamps give; and 60 m, the range of low beams.
+#[test]
+fn head_lamps_light_people_before_them() {
+    let camera = small(|s| (s.width_px, s.height_px) = (800, 600));
+    let view = View::new(&camera, looking([-0.5, 0.0, 1.3], 0.0, 0.0));
+    let image = |lit: bool, [x, y]: [f64; 2]| {
+        let mut scene = Scene::new(WeatherPreset::ClearNight);
+        let ground = scene.meshes.add(flat(200.0));
+        scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
+        let model = scene.meshes.model(Kind::Pedestrian { phase: 3 }, 5);
+        scene.dynamics.push(Instance::new(&model, x, y, 0.0).with_id(7));
+        if lit {
+            let body = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
+            scene.lights.extend(swerve_scene::Light::head_lamps(&body, 0.0, 0.7));
+        }
+        mean_of(&shot(&scene, &view), 7)
+    };
+    for (place, least) in [([4.0, 2.8], 60.0), ([25.0, 0.5], 60.0), ([60.0, 0.0], 0.0)] {
+        let (dark, light) = (image(false, place), image(true, place));
+        assert!(light > least && light > dark + 4.0, "{place:?}: {light:.0} with lamps, {dark:.0} without");
+    }
+}
+
+/// The road between a car that comes towards the camera and the camera.
+#[test]
+fn the_lamps_of_an_oncoming_car_light_the_road() {
+    let camera = small(|_| {});
+    let view = View::new(&camera, looking([0.0, -2.0, 4.0], 0.15, 0.0));
+    let road = |lit: bool| {
+        let mut scene = Scene::new(WeatherPreset::ClearNight);
+        // Grey as asphalt, and rough.
+        let asphalt = Material { is_ground: true, ..Material::matt([0.1; 3], 0.2) };
+        let parts = MeshParts { materials: vec![asphalt], ..flat_parts(200.0) };
+        let ground = scene.meshes.add(Mesh::new(parts).unwrap());
+        scene.add_static(Instance { instance_id: 3, ..instance(ground, [0.0; 3], 0.0, SemanticClass::Road) });
+        if lit {
+            let body =
+                Transform::from_roll_pitch_yaw(Point::new(40.0, 1.8, 0.0), 0.0, 0.0, core::f64::consts::PI);
+            scene.lights.extend(swerve_scene::Light::head_lamps(&body, 0.0, 0.7));
+        }
+        let frame = shot(&scene, &view);
+        // From 20 to 36 m: 4 to 20 m before the lamps.
+        let near = |d: &f32| (20.0..36.0).contains(d);
+        let pixels = frame.rgb.chunks_exact(3).zip(&frame.depth_m).filter(|(_, d)| near(d));
+        let brightest = pixels.map(|(p, _)| p[1]).max();
+        f64::from(brightest.unwrap())
+    };
+    let (dark, light) = (road(false), road(true));
+    assert!(light > 60.0 && light > 2.0 * dark, "{light} with lamps, {dark} without");
+}
