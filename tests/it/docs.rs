@@ -17,8 +17,7 @@ fn root() -> &'static Path {
 fn pages() -> Vec<(PathBuf, String)> {
     let mut paths: Vec<PathBuf> =
         ["README.md", "ARCHITECTURE.md", "docs/README.md"].map(PathBuf::from).into();
-    let howto = std::fs::read_dir(root().join("docs/howto")).unwrap();
-    paths.extend(howto.map(|entry| Path::new("docs/howto").join(entry.unwrap().file_name())));
+    paths.extend(markdown("docs/howto"));
     paths.sort();
     assert!(paths.len() >= 9, "pages are missing: {paths:?}");
     let read = |path: PathBuf| {
@@ -26,6 +25,13 @@ fn pages() -> Vec<(PathBuf, String)> {
         (path, text)
     };
     paths.into_iter().map(read).collect()
+}
+
+/// The pages in a folder.
+fn markdown(folder: &str) -> impl Iterator<Item = PathBuf> {
+    let files = std::fs::read_dir(root().join(folder)).unwrap();
+    let files = files.map(move |entry| Path::new(folder).join(entry.unwrap().file_name()));
+    files.filter(|path| path.extension().is_some_and(|extension| extension == "md"))
 }
 
 /// A fenced block: where it begins, what its fence says, its text.
@@ -36,8 +42,12 @@ struct Block {
 }
 
 fn blocks() -> Vec<Block> {
+    blocks_of(pages())
+}
+
+fn blocks_of(pages: Vec<(PathBuf, String)>) -> Vec<Block> {
     let mut blocks = Vec::new();
-    for (path, text) in pages() {
+    for (path, text) in pages {
         let mut open: Option<Block> = None;
         for (i, line) in text.lines().enumerate() {
             match (line.strip_prefix("```"), &mut open) {
@@ -108,7 +118,10 @@ fn calls(line: &str) -> Vec<Vec<String>> {
 #[test]
 fn every_command_parses() {
     let mut seen = 0;
-    for block in blocks().iter().filter(|block| block.info == "sh") {
+    let mut pages = pages();
+    let more = markdown("docs").filter(|path| !path.ends_with("README.md"));
+    pages.extend(more.map(|path| (path.clone(), std::fs::read_to_string(root().join(path)).unwrap())));
+    for block in blocks_of(pages).iter().filter(|block| block.info == "sh") {
         for line in block.text.replace("\\\n", " ").lines() {
             for call in calls(line) {
                 let parsed = cli::parse(&call);
@@ -118,6 +131,61 @@ fn every_command_parses() {
         }
     }
     assert!(seen >= 20, "only {seen} commands found");
+}
+
+/// The README names every argument that a command requires; names in capitals are the reader's.
+#[test]
+fn commands_in_the_readmes_text_parse() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let mut seen = 0;
+    for quoted in readme.split('`').skip(1).step_by(2).filter(|quoted| quoted.starts_with("swerve ")) {
+        let words: Vec<&str> = quoted.split_whitespace().collect();
+        // A command's name alone is no call.
+        if words.len() > 2 && words[1] != "help" {
+            let parsed = cli::parse(&words);
+            assert!(parsed.is_ok(), "README.md: `{quoted}`\n{}", parsed.unwrap_err());
+            seen += 1;
+        }
+    }
+    assert!(seen >= 10, "only {seen} commands found");
+}
+
+/// What `.ci/figures` compares is in the pages, by commands that parse.
+#[test]
+fn listed_figures_are_in_their_pages() {
+    let list = std::fs::read_to_string(root().join("tests/reference/figures.toml")).unwrap();
+    let list: toml::Table = list.parse().unwrap();
+    let text_of =
+        |entry: &toml::Value, key: &str| entry.get(key).map(|text| text.as_str().unwrap().to_owned());
+    let entries = |command: &toml::Value, key: &str| -> Vec<toml::Value> {
+        command.get(key).map_or_else(Vec::new, |entries| entries.as_array().unwrap().clone())
+    };
+    let mut seen = 0;
+    for command in list["command"].as_array().unwrap() {
+        let before = entries(command, "before");
+        let lines = before.iter().map(|line| line.as_str().unwrap()).chain(command["run"].as_str());
+        for line in lines {
+            let call = std::iter::once("swerve".to_owned()).chain(words(line)).collect::<Vec<_>>();
+            assert!(cli::parse(&call).is_ok(), "{line}: {}", cli::parse(&call).unwrap_err());
+        }
+        for entry in entries(command, "figure").iter().chain(&entries(command, "table")) {
+            let name = text_of(entry, "page").unwrap();
+            let page = std::fs::read_to_string(root().join(&name)).unwrap();
+            let rows = entry.get("rows").and_then(toml::Value::as_table).into_iter().flatten();
+            if entry.get("made").is_some() {
+                continue;
+            }
+            let mut texts: Vec<String> = rows.map(|(label, _)| format!("| {label} |")).collect();
+            texts.extend(["text", "block", "after"].iter().filter_map(|key| text_of(entry, key)));
+            assert!(!texts.is_empty(), "{name}: an entry without a text: {entry}");
+            for text in texts {
+                let plain = text.replace(['{', '}'], "");
+                assert!(page.contains(&plain), "{name} does not contain `{plain}`");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen >= 20, "only {seen} figures found");
 }
 
 /// Those who read the folder and those who read the site (`docs/SUMMARY.md` is its list) find the same pages.

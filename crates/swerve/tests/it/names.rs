@@ -111,6 +111,30 @@ fn scenarios_of_the_folder_and_of_the_program_are_listed() {
     assert_eq!(both.lines().count(), 1 + shipped.lines().count(), "{both}");
 }
 
+/// Every command that the README types, in an empty folder: drives last half a second, of a study one cell is driven.
+#[test]
+fn commands_of_the_readme_run_in_an_empty_folder() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md")).unwrap();
+    let fenced = readme.split("```sh\n").skip(1).filter_map(|block| block.split("```").next());
+    let studies =
+        readme.split('`').filter(|code| code.starts_with("swerve study ") && !code.contains("FILE"));
+    let bench = Bench::new();
+    let mut seen = 0;
+    for line in fenced.flat_map(str::lines).chain(studies) {
+        let line = line.replace("cargo run --release -p swerve -- ", "swerve ");
+        let shorter = match line.split_whitespace().nth(1) {
+            _ if !line.starts_with("swerve ") => continue,
+            Some("run") => " --set scenario.end.timeout_s=0.5",
+            Some("study") => " --threads 1 --shard 1/10000",
+            _ => "",
+        };
+        let said = bench.shell(&format!("{line}{shorter}"));
+        assert_eq!(said.code, Some(0), "{line}: {said:?}");
+        seen += 1;
+    }
+    assert!(seen >= 8, "only {seen} commands found");
+}
+
 /// Everything that the README of a new folder shows.
 #[test]
 fn a_new_folder_runs_at_once() {
