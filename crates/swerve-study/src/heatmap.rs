@@ -17,6 +17,8 @@ const PAGE_W: f64 = 900.0;
 /// From one line of the legend to the next, and the sign of one.
 const LEGEND_H: f64 = 18.0;
 const SIGN: (f64, f64) = (16.0, 12.0);
+/// Height of the strip of safe stops, below the lines of a square.
+const STRIP_H: f64 = 5.0;
 
 /// A name beside the squares.
 const NAME: Text = Text { size: 13.0, color: color::INK, anchor: Anchor::Middle, bold: false, rim: false };
@@ -29,7 +31,7 @@ const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
 const COUNTS: &str = "in a square: runs without a collision, runs that stayed on the road, median impact (of how many), other ends; 95 % intervals";
-const STOPS: &str = "of the square's width: share of runs that stopped safely";
+const STOPS: &str = "strip below, of the square's width: share of runs that stopped safely";
 const LAYER: &str = "comfortable: plans that the comfortable layer made; the planner itself made the others";
 const BEYOND: &str =
     "more than the row or column `limit`: what one swerve or braking from first sight can do";
@@ -149,20 +151,19 @@ impl Paint {
         let counts = budget_max.is_none() && square.runs > 0;
         let stopped = if counts { square.stopped as f64 / square.runs as f64 } else { 0.0 };
         let fill = level.map_or(color::NOTHING, color::graded);
-        let ink = if stopped > 0.0 { color::INK } else { color::ink_on(fill) };
-        Self { fill, ink, stopped }
+        Self { fill, ink: color::ink_on(fill), stopped }
     }
 
     fn square(&self, canvas: &mut Canvas, lines: &[String], (x, y): At, (width, height): (f64, f64)) {
         let (at, size) = ((x + 2.0, y + 2.0), (width - 4.0, height - 4.0));
         canvas.rect(at, size, Style::fill(self.fill).rounded(4.0));
         if self.stopped > 0.0 {
-            let part = size.0 * self.stopped;
-            stopped_area(canvas, (at.0 + size.0 - part, at.1), (part, size.1));
+            let strip = (size.0 * self.stopped, STRIP_H);
+            stopped_area(canvas, (at.0, at.1 + size.1 - STRIP_H), strip);
         }
         let first_y = y + 0.5 * height + 5.5 - 0.5 * LINE_H * (lines.len() - 1) as f64;
         for (k, line) in lines.iter().enumerate() {
-            let how = Text { color: self.ink, rim: self.stopped > 0.0, ..if k == 0 { FIRST } else { MORE } };
+            let how = Text { color: self.ink, ..if k == 0 { FIRST } else { MORE } };
             canvas.text((x + 0.5 * width, first_y + LINE_H * k as f64), line, how);
         }
     }
@@ -254,7 +255,6 @@ mod tests {
         };
         let svg = draw(&grid, "t").svg();
         let (squares, texts) = (squares(&svg), texts(&svg));
-        // Where squares have a rim around their ink, a text is there twice.
         assert!(texts.len() >= 4, "{svg}");
         for (left, right, text) in texts {
             assert!(squares.iter().any(|[from, to]| *from <= left && right <= *to), "{text} in {squares:?}");
