@@ -15,7 +15,7 @@ use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
 use crate::{AccelToPedals, Pedals, pid};
-use stop::Stop;
+use stop::{Blind, Stop};
 
 pub use params::{AlongParams, Following, Law, Params, SlipParams, StopParams};
 
@@ -86,8 +86,9 @@ pub struct Controller {
     route_speed_mps: Option<f64>,
     /// How the ego is being stopped.
     stopping: Option<Stop>,
-    /// The last state that it could drive by.
+    /// The last state that it could drive by, and the motion since then while there is none.
     seen: Option<EgoState>,
+    blind: Option<Blind>,
     before: Option<Time>,
     steering_rad: f64,
     mpc: Option<Predictive>,
@@ -123,6 +124,7 @@ impl Controller {
             route_speed_mps: None,
             stopping: None,
             seen: None,
+            blind: None,
             before: None,
             steering_rad: 0.0,
             place: LineTracker::default(),
@@ -141,7 +143,7 @@ impl Controller {
         self.before = Some(input.now);
         let is_seen = self.is_usable(input.ego, input.now);
         if is_seen {
-            self.seen = Some(*input.ego);
+            (self.seen, self.blind) = (Some(*input.ego), None);
         }
         let Some(seen) = self.seen else { return self.held() };
         self.route_m = self.place.locate(input.route.line(), seen.pose).s_m;
@@ -151,6 +153,7 @@ impl Controller {
         let here = self.here(input, status);
         let mut report = None;
         let (steering_rad, drive) = match (&self.mpc, self.params.law) {
+            _ if !is_seen => self.step_blind(&ego, &here),
             (_, Law::Pid) => self.step_pid(input, &here, dt_s),
             (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
             _ => self.step_tracker(input, &here, dt_s),
@@ -219,8 +222,8 @@ impl Controller {
         }
         let status = if is_seen { status } else { Status::Blind };
         match status {
-            Status::Stopping(_) | Status::Blind => self.begin_stop(now, ego, !is_seen),
-            Status::Route | Status::Plan => self.stopping = None,
+            Status::Stopping(_) => self.begin_stop(now, ego),
+            Status::Route | Status::Plan | Status::Blind => self.stopping = None,
         }
         status
     }
@@ -231,7 +234,9 @@ impl Controller {
         let by_time = status == Status::Plan && self.params.following == Following::Time;
         let point = ego.pose.point();
         let along = self.params.along;
-        let due_m = self.reference.s_at(now);
+        // A late state is compared with the plan of its own instant: an ego is not behind for being heard of late.
+        let then = ego.stamp.min(now);
+        let due_m = self.reference.s_at(then);
         let mut s_m = if by_time {
             self.reference.project_near(point, due_m, along.reach_m)
         } else {
@@ -244,7 +249,7 @@ impl Controller {
             s_m = self.reference.project(point);
         }
         let from_m = if by_time { due_m } else { s_m };
-        let planned = input.plan.filter(|_| by_time).and_then(|plan| plan.at(now));
+        let planned = input.plan.filter(|_| by_time).and_then(|plan| plan.at(then));
         let here = planned.or_else(|| self.reference.at(from_m)).unwrap_or_default();
         let mut target = Target { speed_mps: here.speed_mps, accel_mps2: here.accel_mps2 };
         if by_time {
@@ -351,6 +356,7 @@ impl Controller {
     /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
     fn lay_knots(&self, input: &Input<'_>, here: &Here, status: Status, knots: &mut Vec<Knot>) {
         let Input { now, ego, route, .. } = *input;
+        let then = ego.stamp.min(now);
         let dt = Span::from_secs(self.params.mpc.dt_s);
         let dt_s = dt.as_secs();
         let (mut s_m, mut speed_mps) = (here.s_m, ego.speed_mps.max(0.0));
@@ -359,7 +365,7 @@ impl Controller {
         knots.clear();
         for k in 0..=self.params.mpc.horizon as i64 {
             let on_path = self.at(s_m);
-            let wanted = self.wanted(input, status, now + dt * k, s_m);
+            let wanted = self.wanted(input, status, then + dt * k, s_m);
             let change = (wanted.speed_mps - speed_mps).clamp(slowest, fastest);
             let (left_m, right_m) = self.room(route, &on_path, s_m - here.s_m);
             knots.push(Knot {

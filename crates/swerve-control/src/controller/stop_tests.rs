@@ -147,3 +147,83 @@ fn a_state_is_too_old_after_its_time() {
         }
     }
 }
+
+/// A plan that brakes at 6 m/s² is braked along as hard without a state.
+#[test]
+fn a_stop_without_a_state_is_no_softer_than_planned() {
+    let mut plan = curve(|_| (0.0, 0.0, 0.0), 12.0, 8.0);
+    for point in &mut plan.points {
+        let braked_s = (point.at.as_secs() - 1.0).clamp(0.0, 2.0);
+        point.pose.x_m = 12.0 * point.at.as_secs().min(1.0) + (12.0 - 3.0 * braked_s) * braked_s;
+        point.speed_mps = 12.0 - 6.0 * braked_s;
+        point.accel_mps2 = if (1.0..3.0).contains(&point.at.as_secs()) { -6.0 } else { 0.0 };
+    }
+    for law in LAWS {
+        let mut controller = controller(law);
+        let mut state = ego(plan.points[0].pose, 12.0);
+        let mut seen = state;
+        for k in 0..600 {
+            let now = Time::from_ms(10 * k);
+            // The last state is of 1.1 s: just before the plan brakes hard.
+            if k <= 110 {
+                seen = state;
+            }
+            let output = controller.step(&Input { now, ego: &seen, plan: Some(&plan), route: &road() });
+            bicycle::drive(&mut state, output.command, Span::from_ms(10));
+        }
+        // 12 m at 12 m/s, then 12 m at 6 m/s²; at 3 m/s² it would be 12 m more.
+        assert!(state.speed_mps < 0.01 && state.pose.x_m < 27.0, "{law:?}: {}", state.pose.x_m);
+    }
+}
+
+/// A state that is 0.2 s late is compared with the plan of its own instant: the ego is neither behind nor in a hurry.
+#[test]
+fn late_states_do_not_make_it_faster() {
+    let plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 20.0);
+    for law in LAWS {
+        for late_ms in [0, 50, 100, 200, 250] {
+            let mut controller = controller(law);
+            let mut states = vec![ego(plan.points[0].pose, 10.0)];
+            for k in 0..1500 {
+                let now = Time::from_ms(10 * k);
+                let known = states.len() - 1 - (late_ms / 10).min(states.len() - 1);
+                let input = Input { now, ego: &states[known], plan: Some(&plan), route: &road() };
+                let command = controller.step(&input).command;
+                let mut next = states[states.len() - 1];
+                bicycle::drive(&mut next, command, Span::from_ms(10));
+                states.push(next);
+            }
+            let off = states.iter().map(|state| (state.speed_mps - 10.0).abs()).fold(0.0, f64::max);
+            let behind_m = (states[1500].pose.x_m - 150.0).abs();
+            assert!(off < 0.4 && behind_m < 1.0, "{law:?}, {late_ms} ms: {off} m/s, {behind_m} m");
+        }
+    }
+}
+
+/// The wheels of a car that understeers are turned as a steady bend needs, by every law alike.
+#[test]
+fn a_stop_without_a_state_turns_the_wheels_as_the_bend_needs() {
+    let radius_m = 120.0;
+    let arc = |x: f64| {
+        let root = (radius_m * radius_m - x * x).sqrt();
+        (radius_m - root, x / root, radius_m * radius_m / (root * root * root))
+    };
+    let plan = curve(arc, 15.0, 6.0);
+    for law in LAWS {
+        let params = Params { law, ..Params::default() };
+        let mut controller = Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE));
+        let seen =
+            EgoState { stamp: Time::from_ms(1000), ..ego(plan.at(Time::from_ms(1000)).unwrap().pose, 15.0) };
+        for now_ms in (1000..2500).step_by(10) {
+            let input = Input { now: Time::from_ms(now_ms), ego: &seen, plan: Some(&plan), route: &road() };
+            let output = controller.step(&input);
+            if output.status == Status::Blind {
+                let v = 15.0 - 3.0 * (now_ms - 1310) as f64 * 1e-3;
+                let needed = math::atan(Shape::default().wheelbase_m / radius_m)
+                    + params.slip.understeer_s2pm * v * v / radius_m;
+                let steering_rad = output.command.steering_rad;
+                assert!((steering_rad - needed).abs() < 0.003, "{law:?}: {steering_rad} for {needed}");
+            }
+        }
+    }
+}
