@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use swerve_text::{FILE_MAX, read_bytes};
 
-pub use write::{Part, is_ours, refuse_unwritable, write_whole};
+pub use write::{Part, is_ours, is_unchanged, refuse_unwritable, write_whole};
 use write::{beside, refuse_irregular};
 
 /// Reads a file whole.

@@ -6,7 +6,7 @@ use anyhow::bail;
 use serde_json::Value;
 use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
-use swerve_report::files::{CELLS, folder_of};
+use swerve_report::files::{CELLS, folder_of, is_unchanged};
 use swerve_report::page::data_of;
 use swerve_text::{FILE_MAX, read_string};
 
@@ -29,10 +29,18 @@ pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf>
         bail!("{shown}: the results of a run are there: expected another --out");
     }
     let is_there = |name: &&&str| folder.join(name).symlink_metadata().is_ok();
-    if let Some(name) = FILES.iter().find(is_there).filter(|_| !folder.join(CELLS).is_dir()) {
-        bail!("{shown}: {name} is there, and is of no study: expected another --out");
+    let written_by = written_by(&folder);
+    let is_kept = folder.join(CELLS).is_dir();
+    for name in FILES.iter().filter(is_there) {
+        match is_unchanged(&folder.join(name)) {
+            Some(true) if is_kept => {}
+            Some(false) => bail!("{shown}: {name} was changed since it was written: expected another --out"),
+            // A file system without attributes, or a copy: the page tells whose folder it is.
+            None if is_kept && written_by.is_some() => {}
+            _ => bail!("{shown}: {name} is there, and is of no study: expected another --out"),
+        }
     }
-    match written_by(&folder) {
+    match written_by {
         Some(name) if name != study.name => {
             bail!("{shown}: the results of another study, `{name}`, are there: expected another --out")
         }

@@ -201,15 +201,26 @@ fn mark(path: &Path, file: &File) {
     let _ = (path, file);
 }
 
-/// Whether this program wrote a file, and nobody has changed it since; a report is known by its content.
-pub fn is_ours(path: &Path) -> bool {
+/// Whether a file is as this program wrote it, by its attribute; none where it has none.
+pub fn is_unchanged(path: &Path) -> Option<bool> {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
         let mut kept = [0; 64];
-        let length = rustix::fs::lgetxattr(path, ATTRIBUTE, &mut kept).unwrap_or(0);
-        if length > 0 && digest_of(path).is_ok_and(|digest| kept.get(..length) == Some(digest.as_bytes())) {
-            return true;
-        }
+        let length = rustix::fs::lgetxattr(path, ATTRIBUTE, &mut kept).ok().filter(|length| *length > 0)?;
+        Some(digest_of(path).is_ok_and(|digest| kept.get(..length) == Some(digest.as_bytes())))
+    }
+    #[cfg(not(any(target_os = "linux", target_os = "macos")))]
+    {
+        let _ = path;
+        None
+    }
+}
+
+/// Whether this program wrote a file, and nobody has changed it since. Where the file system keeps no attributes, a report is
+/// known by its content.
+pub fn is_ours(path: &Path) -> bool {
+    if let Some(is_unchanged) = is_unchanged(path) {
+        return is_unchanged;
     }
     let is_page = path.extension().is_some_and(|ending| ending == "html");
     is_page && std::fs::read_to_string(path).is_ok_and(|text| data_of(&text).is_some())

@@ -184,6 +184,40 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     );
 }
 
+/// What is in the folder of a study and was not written by it, or was edited since, is not replaced; and nothing waits for
+/// a pipe.
+#[test]
+fn nothing_of_others_is_replaced_in_a_study_s_folder() {
+    let bench = bench();
+    let study = |out: &str| bench.swerve(&["study", "study.toml", "--out", out]);
+    for name in ["report.html", "cells.csv", "commands.txt", "heatmap.svg"] {
+        let out = format!("mine_{name}");
+        std::fs::create_dir_all(bench.path(&out).join("cells")).unwrap();
+        bench.write(&format!("{out}/{name}"), "mine");
+        let said = study(&out);
+        let told = format!("{out}: {name} is there, and is of no study");
+        assert!(said.code == Some(1) && said.stderr.contains(&told), "{said:?}");
+        assert_eq!(bench.read(&format!("{out}/{name}")), "mine");
+    }
+    bench.good(&["study", "study.toml", "--out", "o"]);
+    for name in ["report.html", "cells.csv", "commands.txt", "heatmap.svg"] {
+        let file = format!("o/{name}");
+        let (before, edited) = (bench.read(&file), bench.read(&file) + "my note");
+        std::fs::write(bench.path(&file), &edited).unwrap();
+        let said = study("o");
+        let told = format!("o: {name} was changed since it was written");
+        assert!(said.code == Some(1) && said.stderr.contains(&told), "{said:?}");
+        assert_eq!(bench.read(&file), edited);
+        std::fs::write(bench.path(&file), before).unwrap();
+        assert_eq!(study("o").code, Some(0));
+    }
+    let cell = cells(&bench, "o").remove(0);
+    std::fs::remove_file(&cell).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&cell).status().unwrap().success());
+    let said = study("o");
+    assert!(said.code == Some(1) && said.stderr.contains("expected a regular file"), "{said:?}");
+}
+
 /// One that was edited is another study of the same name.
 #[test]
 fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
