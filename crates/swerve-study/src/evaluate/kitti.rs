@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use serde::Serialize;
 use swerve_eval::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
 use swerve_report::output::{align, tell};
@@ -88,6 +88,7 @@ fn labels(folder: &Path, of: Of) -> anyhow::Result<Labels> {
     for entry in std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))? {
         let path = entry?.path();
         if path.extension().is_some_and(|e| e == "txt") {
+            ensure!(path.is_file(), "{}: expected a regular file", path.display());
             let text = text(&path)?;
             let mut labels = Vec::new();
             for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
