@@ -262,15 +262,16 @@ fn idle_connections_without_the_token_keep_nobody_out() {
         while opened.load(Ordering::Relaxed) < 2 * IDLE {
             std::thread::yield_now();
         }
-        let (before, begun) = (opened.load(Ordering::Relaxed), Instant::now());
+        let before = opened.load(Ordering::Relaxed);
+        let is_opening = || opened.load(Ordering::Relaxed) > before + IDLE;
+        // On a busy host the other thread may not have come to its turn by then.
         let all = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            (0..50).map(|_| viewed.ask("GET", "", "").0).collect::<Vec<_>>()
+            let asks = (0..5000).take_while(|k| *k < 50 || !is_opening());
+            asks.map(|_| viewed.ask("GET", "", "").0).collect::<Vec<_>>()
         }));
-        let took = begun.elapsed();
         is_over.store(true, Ordering::Relaxed);
-        assert_eq!(all.unwrap(), [200; 50]);
-        assert!(took < Duration::from_secs(20), "50 pages took {took:?}");
-        assert!(opened.load(Ordering::Relaxed) > before, "none was opened meanwhile");
+        assert!(all.unwrap().into_iter().all(|status| status == 200));
+        assert!(is_opening(), "none was opened meanwhile");
     });
 }
 
