@@ -62,9 +62,11 @@ fn files_of_others_are_replaced_with_consent_only() {
     assert_eq!(bench.read("mine.txt"), "mine\n");
     assert_eq!(track(&bench, "mine.txt", &["--overwrite"]).code, Some(0));
     let rows = bench.read("mine.txt");
-    // It is the program's own from now on, until somebody changes it.
-    assert_eq!(track(&bench, "mine.txt", &[]).code, Some(0));
-    bench.write("mine.txt", &(rows.clone() + "a note\n"));
+    // It is the program's own from now on, until somebody changes it: where the file system keeps attributes.
+    if swerve_report::files::is_unchanged(&bench.path("mine.txt")).is_some() {
+        assert_eq!(track(&bench, "mine.txt", &[]).code, Some(0));
+        bench.write("mine.txt", &(rows.clone() + "a note\n"));
+    }
     refused("mine.txt", "changed since");
     // A link is not followed, with consent neither.
     bench.write("target", "target\n");
