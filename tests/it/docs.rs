@@ -150,7 +150,7 @@ fn commands_in_the_readmes_text_parse() {
     assert!(seen >= 10, "only {seen} commands found");
 }
 
-/// What `.ci/figures` compares is in the pages, by commands that parse.
+/// The texts that `.ci/figures` compares are in the pages, and its commands parse.
 #[test]
 fn listed_figures_are_in_their_pages() {
     let list = std::fs::read_to_string(root().join("tests/reference/figures.toml")).unwrap();

@@ -32,6 +32,13 @@ pub struct Input<'a> {
     pub route: &'a Route,
 }
 
+impl Input<'_> {
+    /// Instant of the state. A late state is compared with the plan of this instant: latency is no lag behind the plan.
+    fn stated(&self) -> Time {
+        self.ego.stamp.min(self.now)
+    }
+}
+
 /// Result of a step.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Output {
@@ -84,7 +91,7 @@ pub struct Controller {
     speed: SpeedLaw,
     /// Speed at which the route is followed before the first plan.
     route_speed_mps: Option<f64>,
-    /// How the ego is being stopped.
+    /// The stop under way.
     stopping: Option<Stop>,
     /// The last state that it could drive by, and the motion since then while there is none.
     seen: Option<EgoState>,
@@ -234,8 +241,7 @@ impl Controller {
         let by_time = status == Status::Plan && self.params.following == Following::Time;
         let point = ego.pose.point();
         let along = self.params.along;
-        // A late state is compared with the plan of its own instant: an ego is not behind for being heard of late.
-        let then = ego.stamp.min(now);
+        let then = input.stated();
         let due_m = self.reference.s_at(then);
         let mut s_m = if by_time {
             self.reference.project_near(point, due_m, along.reach_m)
@@ -355,8 +361,8 @@ impl Controller {
 
     /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
     fn lay_knots(&self, input: &Input<'_>, here: &Here, status: Status, knots: &mut Vec<Knot>) {
-        let Input { now, ego, route, .. } = *input;
-        let then = ego.stamp.min(now);
+        let Input { ego, route, .. } = *input;
+        let then = input.stated();
         let dt = Span::from_secs(self.params.mpc.dt_s);
         let dt_s = dt.as_secs();
         let (mut s_m, mut speed_mps) = (here.s_m, ego.speed_mps.max(0.0));

@@ -120,7 +120,7 @@ struct Eye {
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
     hides_ego: bool,
-    /// Whether it sees through fog and rain, as a map does: over 60 m little of the road would be left.
+    /// True to see through fog and rain, as a map does: over 60 m little of the road would be left.
     is_map: bool,
 }
 

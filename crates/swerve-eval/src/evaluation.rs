@@ -345,7 +345,7 @@ impl Evaluation {
         }
     }
 
-    /// Whether the ego stopped, or had to, since its pose was too uncertain or none came.
+    /// True if the ego stopped, or had to, for a pose that was too uncertain or missing.
     fn stops_for_pose(&self) -> bool {
         self.plans.pose_uncertain_since_s.is_some() || self.localization.silent_since().is_some()
     }

@@ -34,7 +34,7 @@ impl IpcError {
     }
 }
 
-/// Whether this process may open hardly any more files: iceoryx2 does not pass on why the system refuses one.
+/// True if this process may open hardly any more files: iceoryx2 does not pass on why the system refuses one.
 fn has_few_descriptors() -> bool {
     const FEW: u64 = 16;
     let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;

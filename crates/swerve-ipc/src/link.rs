@@ -167,7 +167,7 @@ impl Watched {
     }
 }
 
-/// How a worker's answers are waited for.
+/// Wait for a worker's answers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Waits {
     /// For so long without sleeping.

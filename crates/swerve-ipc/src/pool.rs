@@ -357,7 +357,7 @@ impl Watch {
 /// A worker that was started again and is not ready after so many seconds is told.
 pub const LATE_S: i64 = 1;
 
-/// How long a worker may take to read its setup.
+/// Longest time for a worker to read its setup.
 const SETUP_WITHIN: Duration = Duration::from_secs(10);
 
 /// So many times in turn a worker may end before it is ready.

@@ -90,7 +90,7 @@ impl Kind {
     }
 }
 
-/// Whether this user may make files in a folder.
+/// True if this user may make files in a folder.
 ///
 /// # Errors
 /// Why not, as the system says it.

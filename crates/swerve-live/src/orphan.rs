@@ -38,7 +38,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 pub struct Legacy {
     /// The last command.
     pub last: GateOutput,
-    /// How a stop is driven.
+    /// Drive of a stop.
     pub stop: GateParams,
 }
 

@@ -82,7 +82,7 @@ pub struct Sink<'a> {
     pub clock: HostClock,
     /// Which instant of ROS's clock the run's time zero is.
     pub epoch: Epoch,
-    /// How a stop is driven.
+    /// Drive of a stop.
     pub stop: GateParams,
     /// How long a stop may take.
     pub stop_max: Span,

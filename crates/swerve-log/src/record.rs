@@ -35,7 +35,7 @@ pub struct RunEnd {
     pub report: String,
 }
 
-/// What the reason of a run that failed begins with.
+/// Beginning of the reason of a failed run.
 pub(crate) const FAILED: &str = "failed: ";
 
 impl RunEnd {

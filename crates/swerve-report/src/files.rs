@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, anyhow, bail};
 use swerve_text::{FILE_MAX, read_bytes};
 
-pub use write::{Part, is_ours, is_unchanged, refuse_unwritable, write_whole};
-use write::{beside, refuse_irregular};
+use write::beside;
+pub use write::{Part, is_ours, is_unchanged, refuse_irregular, refuse_unwritable, write_whole};
 
 /// Reads a file whole.
 ///
@@ -89,7 +89,7 @@ impl RunFolder {
                 let what = if is_of_run { what.to_owned() } else { format!("{what} is") };
                 bail!("{path}: {what} there: expected another --out, or --overwrite");
             }
-            refuse_irregular(path, &OF_RUN)?;
+            OF_RUN.iter().try_for_each(|name| refuse_irregular(&path.join(name)))?;
             for part in PARTS.map(|(part, _)| path.join(part)).iter().filter(|part| part.exists()) {
                 std::fs::remove_file(part).with_context(|| format!("removing {}", part.display()))?;
             }

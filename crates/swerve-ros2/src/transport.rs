@@ -50,7 +50,7 @@ pub struct TransportProcess {
     pub command: Box<dyn Fn() -> Command + Send>,
     /// The memory that it may take, MiB.
     pub memory_mib: u32,
-    /// What it needs, beside the newest state, to go on alone; handed on to [`run`] in [`Orphan`].
+    /// Its needs, beside the newest state, to go on alone; handed on to [`run`] in [`Orphan`].
     pub setup: Vec<u8>,
 }
 

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Hasher};
 use swerve_drive::Outcome;
-use swerve_report::files::CELLS;
+use swerve_report::files::{CELLS, refuse_irregular};
 use swerve_report::progress::Progress;
 use swerve_scenario::Expectation;
 use swerve_text::{FILE_MAX, read_string};
@@ -198,14 +198,6 @@ impl CellStore {
         swerve_report::files::write_whole(&self.path(cell, fingerprint), sealed.as_bytes())
     }
 
-    /// Refuses a pipe, a link or a folder in the place of a kept cell, which would be waited for or written through.
-    fn refuse_irregular(&self, cell: &Cell, fingerprint: Digest) -> anyhow::Result<()> {
-        let path = self.path(cell, fingerprint);
-        let is_regular = path.symlink_metadata().map_or(true, |found| found.is_file());
-        ensure!(is_regular, "{}: expected a regular file", path.display());
-        Ok(())
-    }
-
     fn path(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
         self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
     }
@@ -268,7 +260,7 @@ impl Runner<'_> {
                 return Ok(None);
             }
             let fingerprint = prepare(cell)?;
-            self.store.refuse_irregular(cell, fingerprint)?;
+            refuse_irregular(&self.store.path(cell, fingerprint))?;
             let kept = self.store.load(cell, fingerprint).unwrap_or_else(|error| {
                 progress.tell(&format!("{error:#}; the cell is computed again"));
                 None

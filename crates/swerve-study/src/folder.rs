@@ -35,7 +35,7 @@ pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf>
         match is_unchanged(&folder.join(name)) {
             Some(true) if is_kept => {}
             Some(false) => bail!("{shown}: {name} was changed since it was written: expected another --out"),
-            // A file system without attributes, or a copy: the page tells whose folder it is.
+            // A file system without attributes, or a copy: the page names its study.
             None if is_kept && written_by.is_some() => {}
             _ => bail!("{shown}: {name} is there, and is of no study: expected another --out"),
         }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// Bytes of a request at most, its body included.
 pub(crate) const LONGEST: usize = 16 * 1024;
-/// How long a client may take to send its request, and to take a part of the answer.
+/// Longest time for a client to send its request, and to take a part of the answer.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What a client asks for, checked: it knows the token and is no other site's page.

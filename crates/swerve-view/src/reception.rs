@@ -15,7 +15,7 @@ use crate::http::{Answer, Incoming, PATIENCE, answer};
 const INCOMPLETE_MAX: usize = 256;
 /// Connections that are accepted before the others are read again.
 const ACCEPTED_MAX: usize = 16;
-/// How long to wait where the process has no descriptor left.
+/// Pause while the process has no descriptor left.
 const SCARCE: Duration = Duration::from_millis(100);
 
 /// A connection whose request is incomplete.

@@ -146,7 +146,7 @@ mod tests {
         assert!(sky(WeatherPreset::HardRainSunset) < 0.4 * sky(WeatherPreset::HardRainNoon));
     }
 
-    /// What lamps scatter between houses, by night alone.
+    /// Light of lamps scattered between houses, at night only.
     #[test]
     fn lamps_scatter_light_at_night_alone() {
         let ambient = |preset, lamps_on| {

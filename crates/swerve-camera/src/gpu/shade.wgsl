@@ -110,7 +110,7 @@ fn daylight(e: Environment, normal: vec3<f32>, sun: f32, open: f32) -> vec3<f32>
     return e.sunlight * sun + e.ambient * up + e.bounce * down;
 }
 
-// How strongly a lamp lights a surface. The grains of `ground` stand up into light that comes along it.
+// Share of a lamp's light that a surface reflects. The grains of `ground` stand up into light that comes along it.
 fn lamp_strength(lamp: Lamp, point: vec3<f32>, normal: vec3<f32>, retro: f32, ground: f32) -> f32 {
     let to_lamp = lamp.position - point;
     let square = max(dot(to_lamp, to_lamp), 0.04);

@@ -43,7 +43,7 @@ pub(super) struct Blind {
 }
 
 impl Controller {
-    /// Whether a state can be driven by.
+    /// True if a state is finite and recent enough for control.
     pub(super) fn is_usable(&self, ego: &EgoState, now: Time) -> bool {
         super::is_finite(ego) && now - ego.stamp <= Span::from_secs(self.params.stop.blind_after_s)
     }

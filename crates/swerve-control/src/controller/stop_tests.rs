@@ -94,7 +94,7 @@ fn a_stop_without_a_state_ends_on_the_path() {
     }
 }
 
-/// What is not finite, or older than 0.3 s, is no state. Nothing of the stop is left in the integrals afterwards.
+/// A state that is not finite, or older than 0.3 s, is unusable. The integrals are reset by the stop.
 #[test]
 fn an_unusable_state_is_driven_by_no_more() {
     let plan = curve(slalom, 10.0, 20.0);

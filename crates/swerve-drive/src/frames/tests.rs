@@ -136,7 +136,7 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
         rgb
     };
     assert_ne!(last(seen)[3 * (60 * 160 + 40)..][..3], pixel(&before)[..], "the box's edge");
-    // What the camera published has nothing drawn in, or a detector that is tried on it would see the boxes.
+    // The published image has nothing drawn in, or a detector that is tried on it would see the boxes.
     assert_eq!(last(published), colours::of(&image.pixels));
 }
 

@@ -201,7 +201,7 @@ fn mark(path: &Path, file: &File) {
     let _ = (path, file);
 }
 
-/// Whether a file is as this program wrote it, by its attribute; none where it has none.
+/// True if a file is as this program wrote it, by its attribute; none without the attribute.
 pub fn is_unchanged(path: &Path) -> Option<bool> {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
@@ -216,7 +216,7 @@ pub fn is_unchanged(path: &Path) -> Option<bool> {
     }
 }
 
-/// Whether this program wrote a file, and nobody has changed it since. Where the file system keeps no attributes, a report is
+/// True if this program wrote a file and it is unchanged since. Where the file system keeps no attributes, a report is
 /// known by its content.
 pub fn is_ours(path: &Path) -> bool {
     if let Some(is_unchanged) = is_unchanged(path) {
@@ -245,13 +245,13 @@ pub fn refuse_unwritable(path: &Path, overwrite: bool) -> anyhow::Result<()> {
     Part::create(path).map(drop)
 }
 
-/// Refuses what could be followed or written through in a folder for results.
+/// Refuses a file for results that could be followed, written through or waited for.
 ///
 /// # Errors
-/// One of the names is there and no regular file.
-pub(super) fn refuse_irregular(folder: &Path, names: &[&str]) -> anyhow::Result<()> {
-    names.iter().try_for_each(|name| match Destination::of(&folder.join(name))? {
+/// It exists and is no regular file.
+pub fn refuse_irregular(path: &Path) -> anyhow::Result<()> {
+    match Destination::of(path)? {
         Destination::Free | Destination::Regular(_) => Ok(()),
-        Destination::Stream => bail!("writing {}: expected a regular file", folder.join(name).display()),
-    })
+        Destination::Stream => bail!("writing {}: expected a regular file", path.display()),
+    }
 }

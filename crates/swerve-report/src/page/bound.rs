@@ -34,7 +34,7 @@ impl Default for Limits {
     }
 }
 
-/// How full the tables are whose rows differ in length, and what has gone.
+/// Fill of the tables whose rows differ in length, and their losses.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fill {
     pub(super) limits: Limits,

@@ -17,7 +17,7 @@ pub struct Have {
     pub predictions: Option<i64>,
     /// Plans.
     pub plans: Option<i64>,
-    /// How many pictures it has, or had and has no more.
+    /// Number of its pictures, including those dropped.
     pub photos: usize,
     /// All actors' ways.
     pub actors: Option<i64>,

@@ -56,7 +56,7 @@ pub struct RunPage {
     pub drops: Marks,
     /// Pictures of the cameras.
     pub photos: Vec<Photo>,
-    /// How many older pictures are left out.
+    /// Number of older pictures left out.
     #[serde(skip_serializing_if = "is_zero")]
     pub photos_before: usize,
     /// Tables of what belongs to no single step.

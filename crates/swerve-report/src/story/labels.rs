@@ -99,7 +99,7 @@ impl Labels {
     }
 
     /// Draws what there is room for. Of the free places the first one off all lines is taken. Without one, a time is left
-    /// out, since its neighbours tell it; other texts take the first free place, on a plate that hides the lines.
+    /// out, since its neighbours show it; other texts take the first free place, on a plate that hides the lines.
     pub(super) fn draw(mut self, canvas: &mut Canvas) {
         self.asked.sort_by_key(|asked| asked.importance);
         let mut taken: Vec<Room> = Vec::new();
@@ -148,7 +148,7 @@ const LINE_STEP: f64 = 3.0;
 /// So many free places are tried for one off all lines: farther ones belong to something else.
 const CLEAR_AMONG: usize = 24;
 
-/// Whether a part of a line passes through a room (Liang and Barsky, "A new concept and method for line clipping", 1984).
+/// True if a part of a line passes through a room (Liang and Barsky, "A new concept and method for line clipping", 1984).
 fn is_crossed(room: &Room, [from, to]: [At; 2]) -> bool {
     let (dx, dy) = (to.0 - from.0, to.1 - from.1);
     let edges =

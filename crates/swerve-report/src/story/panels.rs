@@ -187,7 +187,7 @@ pub(super) fn has_chain(story: &Story, view: &View) -> bool {
 
 /// What came before a time axis, in short.
 fn earlier(story: &Story, from_s: f64, how: Text, room: f64) -> Option<String> {
-    // What is on the edge is named there.
+    // A point on the edge is named there.
     let before = steps(story, (f64::NEG_INFINITY, from_s)).filter(|step| step.at_s < from_s);
     let named: Vec<String> = before.map(named).collect();
     let listed = format!("before this: {}", named.join(", "));

@@ -84,7 +84,7 @@ impl View {
         )
     }
 
-    /// Whether a place in the figure is within the view.
+    /// True if a place in the figure is within the view.
     pub(super) fn holds(&self, (x, y): At) -> bool {
         let within = |v: f64, from: f64, size: f64| v >= from && v <= from + size;
         within(x, self.corner.0, self.size.0) && within(y, self.corner.1, self.size.1)

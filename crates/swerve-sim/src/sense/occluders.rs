@@ -11,7 +11,7 @@ use super::obstacles::blocks;
 const SORTED_MIN: usize = 64;
 /// Sectors of the ground around the sensor.
 const SECTORS: usize = 512;
-/// What rounding may do to a direction, rad, and to a distance, m.
+/// Rounding errors of a direction, rad, and of a distance, m.
 const MARGIN: f64 = 1e-6;
 
 /// The actors that can hide something from a sensor.
@@ -37,7 +37,7 @@ impl<'w> Occluders<'w> {
         Self { actors, eye, sectors }
     }
 
-    /// Whether an actor other than `target` hides this place.
+    /// True if an actor other than `target` hides this place.
     pub(super) fn hide(&self, place: Point<Map>, target: Option<usize>) -> bool {
         let hides = |i: usize| target != Some(i) && blocks(&self.actors[i], self.eye, place);
         if self.sectors.is_empty() {

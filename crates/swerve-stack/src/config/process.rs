@@ -105,7 +105,7 @@ impl ProcessConfig {
         Duration::from_secs_f64((self.spin_us * 1e-6).max(0.0))
     }
 
-    /// How long an answer may take.
+    /// Longest time for an answer.
     pub fn reply_within(&self) -> Duration {
         Duration::from_secs_f64(self.reply_within_s.clamp(0.1, 86_400.0))
     }

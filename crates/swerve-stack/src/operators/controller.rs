@@ -117,7 +117,7 @@ impl PlanFollower {
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
-        // What no car can do is no measurement and no plan: the last one counts until it is too old.
+        // An implausible state or plan is ignored: the last one counts until it is too old.
         let ego = input.ego.get().filter(|ego| ego.is_plausible());
         self.ego = ego.map(|ego| **ego).or(self.ego);
         let ego = &self.ego?;

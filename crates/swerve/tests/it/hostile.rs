@@ -164,7 +164,7 @@ struct Stack {
     enable: EndpointId,
     odometry: Option<Odometry>,
     mode: u8,
-    /// How far its clock is ahead of the run's, s.
+    /// Lead of its clock over the run's, s.
     ahead_s: i32,
     /// How far the car was beside its lane at the most, m.
     beside_m: f64,

@@ -274,7 +274,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
     let end = log.end.unwrap();
     assert_eq!(end.failure(), Some(&error[..]));
-    // What is complete of it is verified.
+    // Its complete part is verified.
     let said = verify(&path);
     let failed = format!("the run failed at {:.3} s ({error}): that instant is incomplete", end.at.as_secs());
     assert!(said.contains(&failed), "{said}");

@@ -184,8 +184,8 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     );
 }
 
-/// What is in the folder of a study and was not written by it, or was edited since, is not replaced; and nothing waits for
-/// a pipe.
+/// Files in the folder of a study that it did not write, or that were edited since, are not replaced, and a pipe does not block
+/// it.
 #[test]
 fn nothing_of_others_is_replaced_in_a_study_s_folder() {
     let bench = bench();
@@ -200,7 +200,7 @@ fn nothing_of_others_is_replaced_in_a_study_s_folder() {
         assert_eq!(bench.read(&format!("{out}/{name}")), "mine");
     }
     bench.good(&["study", "study.toml", "--out", "o"]);
-    // Without attributes of files an edit cannot be told.
+    // Without attributes of files an edit is not recognised.
     let keeps = |name: &&str| swerve_report::files::is_unchanged(&bench.path(&format!("o/{name}"))).is_some();
     for name in ["report.html", "cells.csv", "commands.txt", "heatmap.svg"].into_iter().filter(keeps) {
         let file = format!("o/{name}");

@@ -19,7 +19,7 @@ pub(in crate::cpu) struct Gloss {
     pub(in crate::cpu) open: F,
 }
 
-/// How a surface sends back the light of lamps.
+/// Reflection of the light of lamps by a surface.
 #[derive(Clone, Copy)]
 pub(in crate::cpu) struct Lit {
     /// 1 for what shines back into head lamps.

@@ -44,7 +44,7 @@ fn under_wall_clock_a_stopped_worker_is_started_again() {
     assert!(told.last().unwrap().is_empty(), "{told:?}");
 }
 
-/// Whether a process is there: neither gone nor waiting to be reaped.
+/// True if a process exists: neither gone nor waiting to be reaped.
 fn is_there(process: u32) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     stat.rsplit(") ").next().is_some_and(|rest| !rest.is_empty() && !rest.starts_with(['Z', 'X']))
