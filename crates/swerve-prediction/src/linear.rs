@@ -23,6 +23,10 @@ pub enum SingleSighting {
     Static,
 }
 
+/// Slower than this an outline is turned as it was seen, m/s: errors of both poses make a standing vehicle seem to move at
+/// some decimetres a second in any direction, and a truck that lay across its lane would fill the next one.
+pub(crate) const HEADING_SPEED_MPS: f64 = 0.5;
+
 /// Parameters of the linear predictor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -48,7 +52,7 @@ impl Default for Params {
             past_steps: 5,
             future_steps: 40,
             step_s: 0.05,
-            heading_speed_min_mps: 0.1,
+            heading_speed_min_mps: HEADING_SPEED_MPS,
             single_sighting: SingleSighting::Velocity,
             brake_window_s: 0.6,
         }

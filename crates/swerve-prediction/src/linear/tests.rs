@@ -132,6 +132,19 @@ fn equal_stamps_do_not_divide_by_zero() {
 }
 
 #[test]
+fn a_standing_vehicle_is_not_turned_by_errors_of_the_poses() {
+    // 0.2 m/s sideways, as in the onset of a swerve of the ego.
+    let seen: Vec<(i64, f64, f64)> = (0..5).map(|k| (50 * k, 4.0, 5.0 + 0.01 * k as f64)).collect();
+    let prediction = only(&track(&seen), &Params::default());
+    assert!(prediction.path.iter().all(|p| p.pose.heading_rad == 1.0), "{prediction:?}");
+    // At walking pace it is the direction of motion.
+    let seen: Vec<(i64, f64, f64)> = (0..5).map(|k| (50 * k, 4.0, 5.0 + 0.06 * k as f64)).collect();
+    let prediction = only(&track(&seen), &Params::default());
+    let across_rad = core::f64::consts::FRAC_PI_2;
+    assert!(prediction.path.iter().all(|p| (p.pose.heading_rad - across_rad).abs() < 1e-9), "{prediction:?}");
+}
+
+#[test]
 fn parameters_out_of_range_are_named() {
     assert_eq!(standing().validate(), Ok(()));
     let error = Params { step_s: 0.0, ..Params::default() }.validate().unwrap_err();

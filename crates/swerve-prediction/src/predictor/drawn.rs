@@ -5,9 +5,7 @@ use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{ActorKind, Forecast, ForecastPose, Mode};
 
 use super::{Horizon, Seen};
-
-/// Slower than this a body's heading is the one before, m/s.
-const HEADING_SPEED_MPS: f64 = 0.1;
+use crate::linear::HEADING_SPEED_MPS;
 
 /// A place, and its covariance xx, xy, yy in m².
 pub(super) type Spot = (Point2, [f64; 3]);

@@ -102,7 +102,7 @@ impl Operator for Carried {
             yaw_rate_radps: imu.gyro_radps[2],
             steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
         };
-        out.local.send(self.odometer.advance(&state));
+        out.local.send(self.odometer.advance(&state, 0.0));
         out.state.send(state);
         let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
         let [xx, xy, yy] = found.covariance_m2;

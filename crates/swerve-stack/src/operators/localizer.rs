@@ -325,7 +325,7 @@ impl Operator for Filter {
         }
         if quality.mode != PoseMode::Lost {
             let state = self.state(&estimate);
-            out.local.send(self.odometer.advance(&state));
+            out.local.send(self.odometer.advance(&state, estimate.velocity_mps.y));
             out.state.send(state);
         }
         out.quality.send(quality);

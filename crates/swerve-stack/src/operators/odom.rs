@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 
 use swerve_core::{Span, Time};
 use swerve_flow::Message;
-use swerve_geom::{Ego, Odom, Point2, Pose2, Vector2, angle_between, math};
+use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
 use swerve_msg::{EgoState, LocalPose, Plan};
 
 use super::localizer::new;
@@ -24,6 +24,13 @@ const STEP_MAX_S: f64 = 0.2;
 /// Slip angle of the rear axle for each m/s² of lateral acceleration, radians. Assumed: a tyre whose lateral force grows by 22
 /// times its load for each radian, as that of the simulated car (`sim.vehicle.tyre.lateral.stiffness`).
 const SLIP_RAD_PER_MPS2: f64 = 1.0 / (22.0 * 9.81);
+
+/// Time constant of a swerve's lateral velocity beside that of a steady turn, seconds. What stays for longer is an error of the
+/// heading.
+const SWAY_S: f64 = 1.0;
+
+/// A lateral velocity that changes faster than this is a correction, m/s².
+const SWAY_MAX_MPS2: f64 = 15.0;
 
 /// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
@@ -38,40 +45,58 @@ const LAG_MAX_RAD: f64 = 0.03;
 
 /// Makes poses for control of the states that localization estimates.
 ///
-/// The odometry integrates speed and yaw rate. The lateral velocity of the rear axle is that of its tyres' slip in a turn: the
-/// estimate of localization is mostly an error of the heading.
+/// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity of the rear axle in a steady turn is that
+/// of its tyres' slip: the estimate of localization is mostly an error of the heading. Changes of the estimate are right: they
+/// are the onset of a swerve, with the roll of the body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
+    /// Lateral velocity beside that of a steady turn, m/s.
+    sway_mps: f64,
     /// Time since the first state, seconds.
     age_s: f64,
-    /// The state before, and the pose in the map for control then.
-    before: Option<(EgoState, Pose2)>,
+    /// The state before with its estimated lateral velocity (m/s), and the pose in the map for control then.
+    before: Option<(EgoState, f64, Pose2)>,
 }
 
 impl Odometer {
-    /// The pose for control of a state.
-    pub(super) fn advance(&mut self, state: &EgoState) -> LocalPose {
+    /// The pose for control of a state and of the lateral velocity that localization estimates with it, m/s.
+    pub(super) fn advance(&mut self, state: &EgoState, lateral_mps: f64) -> LocalPose {
         let mut map = state.pose;
-        if let Some((before, smooth)) = self.before {
+        if let Some((before, lateral_before_mps, smooth)) = self.before {
             let dt_s = (state.stamp - before.stamp).as_secs().clamp(0.0, STEP_MAX_S);
-            let (ahead_m, turn_rad) = (before.speed_mps * dt_s, before.yaw_rate_radps * dt_s);
-            let slip_rad = -SLIP_RAD_PER_MPS2 * before.speed_mps * before.yaw_rate_radps;
-            self.odom = moved(self.odom, ahead_m, [turn_rad, slip_rad]);
+            let mean = |one: f64, other: f64| 0.5 * (one + other);
+            let speed_mps = mean(before.speed_mps, state.speed_mps);
+            let yaw_rate_radps = mean(before.yaw_rate_radps, state.yaw_rate_radps);
+            let gained_mps = lateral_mps - lateral_before_mps - (steady_mps(state) - steady_mps(&before));
+            let sway_before_mps = self.sway_mps;
+            if gained_mps.abs() <= SWAY_MAX_MPS2 * dt_s {
+                self.sway_mps += gained_mps;
+            }
+            self.sway_mps *= math::exp(-dt_s / SWAY_S);
+            let sideways_mps = mean(steady_mps(&before) + sway_before_mps, steady_mps(state) + self.sway_mps);
+            let step: Point2<Ego> = Point2::new(speed_mps * dt_s, sideways_mps * dt_s);
+            let turn_rad = yaw_rate_radps * dt_s;
+            self.odom = moved(self.odom, step, turn_rad);
             self.age_s += dt_s;
             let share = dt_s / CORRECTION_S.min(CORRECTION_SHARE * self.age_s).max(1e-3);
-            map = corrected(moved(smooth, ahead_m, [turn_rad, slip_rad]), state.pose, share);
+            map = corrected(moved(smooth, step, turn_rad), state.pose, share);
         }
-        self.before = Some((*state, map));
+        self.before = Some((*state, lateral_mps, map));
         LocalPose::new(state.stamp, self.odom, map)
     }
 }
 
-/// A pose further along an arc, with a course that is off the heading by `slip_rad`.
-fn moved<F>(pose: Pose2<F>, ahead_m: f64, [turn_rad, slip_rad]: [f64; 2]) -> Pose2<F> {
-    let chord = Vector2::from_heading(pose.heading_rad + 0.5 * turn_rad + slip_rad) * ahead_m;
-    let to = pose.point() + chord;
-    Pose2::new(to.x_m, to.y_m, pose.heading_rad + turn_rad)
+/// Lateral velocity of the rear axle in a steady turn with the speed and yaw rate of a state, m/s.
+fn steady_mps(state: &EgoState) -> f64 {
+    -SLIP_RAD_PER_MPS2 * state.speed_mps * state.speed_mps * state.yaw_rate_radps
+}
+
+/// A pose after a step (ahead and to the left at the middle of the turn, metres) with a turn.
+fn moved<F>(pose: Pose2<F>, step: Point2<Ego>, turn_rad: f64) -> Pose2<F> {
+    let Pose2 { x_m, y_m, heading_rad, .. } = pose;
+    let to = Pose2::<F>::new(x_m, y_m, heading_rad + 0.5 * turn_rad).from_local(step);
+    Pose2::new(to.x_m, to.y_m, heading_rad + turn_rad)
 }
 
 /// A pose led towards an estimate for a share of the time constant.

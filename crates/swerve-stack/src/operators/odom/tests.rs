@@ -18,7 +18,7 @@ const BEFORE: i64 = 200;
 fn with_step(off_m: f64, steps: i64) -> Vec<LocalPose> {
     let mut odometer = Odometer::default();
     let off_m = |step: i64| if step < BEFORE { 0.0 } else { off_m };
-    (0..BEFORE + steps).map(|step| odometer.advance(&state(step, off_m(step)))).collect()
+    (0..BEFORE + steps).map(|step| odometer.advance(&state(step, off_m(step)), 0.0)).collect()
 }
 
 #[test]
@@ -42,8 +42,8 @@ fn a_correction_enters_with_its_time_constant() {
 fn at_the_start_a_correction_enters_at_once() {
     // 0.2 m from the second step on: 1 - exp(-1 / 0.25) = 98 % of it with the first, as its time constant is a quarter of 10 ms.
     let mut odometer = Odometer::default();
-    odometer.advance(&state(0, 0.0));
-    let pose = odometer.advance(&state(1, 0.2));
+    odometer.advance(&state(0, 0.0), 0.0);
+    let pose = odometer.advance(&state(1, 0.2), 0.0);
     let entered_m = 0.2 * (1.0 - swerve_geom::math::exp(-4.0));
     assert!((pose.to_map(pose.odom).y_m - entered_m).abs() < 1e-9, "{pose:?}");
 }
@@ -52,6 +52,56 @@ fn at_the_start_a_correction_enters_at_once() {
 fn a_large_correction_leaves_no_more_than_the_largest_lag() {
     let first = with_step(3.0, 1).pop().unwrap();
     assert!((first.to_map(first.odom).y_m - (3.0 - LAG_MAX_M)).abs() < 1e-9);
+}
+
+/// Largest distance of the odometry from a way of 0.4 s into a turn of 0.4 rad/s at 18 m/s, on which the rear axle goes
+/// sideways by `lateral_mps`, with an estimate of it that is off by `error_mps`.
+fn off_in_a_swerve_m(lateral_mps: impl Fn(f64) -> f64, error_mps: impl Fn(f64) -> f64) -> f64 {
+    const FINE: i64 = 100;
+    let yaw_rate_radps = |t: f64| (2.0 * t).min(0.4);
+    let mut odometer = Odometer::default();
+    let mut way = Pose2::<Odom>::default();
+    let mut off_m: f64 = 0.0;
+    for step in 0..40 {
+        let t = 0.01 * step as f64;
+        let state = EgoState {
+            stamp: Time::from_ms(10 * step),
+            speed_mps: 18.0,
+            yaw_rate_radps: yaw_rate_radps(t),
+            ..EgoState::default()
+        };
+        let local = odometer.advance(&state, lateral_mps(t) + error_mps(t));
+        off_m = off_m.max(local.odom.point().distance(way.point()));
+        for k in 0..FINE {
+            let (t, dt_s) = (t + 1e-4 * (k as f64 + 0.5), 1e-4);
+            let moved: Point2<Ego> = Point2::new(18.0 * dt_s, lateral_mps(t) * dt_s);
+            let to = way.from_local(moved);
+            way = Pose2::new(to.x_m, to.y_m, way.heading_rad + yaw_rate_radps(t) * dt_s);
+        }
+    }
+    off_m
+}
+
+/// The tail moves out late: a tyre's force builds up, and the body rolls the other way first.
+fn late(t: f64) -> f64 {
+    -5.0 * (t - 0.05).max(0.0).powi(2)
+}
+
+#[test]
+fn the_onset_of_a_swerve_is_in_the_odometry() {
+    let off_m = off_in_a_swerve_m(late, |_| 0.0);
+    assert!(off_m < 0.02, "{off_m}");
+    // Without the estimate.
+    let untold_m = off_in_a_swerve_m(late, |t| -late(t));
+    assert!(untold_m > 2.0 * off_m, "{untold_m} {off_m}");
+}
+
+#[test]
+fn an_error_of_the_heading_is_no_motion_and_a_correction_none() {
+    let right_m = off_in_a_swerve_m(late, |_| 0.0);
+    assert!((off_in_a_swerve_m(late, |_| 0.3) - right_m).abs() < 1e-9);
+    let corrected_m = off_in_a_swerve_m(late, |t| if t < 0.2 { 0.3 } else { -0.4 });
+    assert!((corrected_m - right_m).abs() < 5e-3, "{corrected_m} {right_m}");
 }
 
 #[test]
