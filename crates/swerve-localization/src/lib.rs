@@ -24,6 +24,7 @@ pub mod odometry;
 mod params;
 pub mod ply;
 pub mod recorded;
+pub mod sideways;
 pub mod sweep;
 pub mod voxels;
 

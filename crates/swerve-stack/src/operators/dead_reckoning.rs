@@ -6,6 +6,7 @@ use swerve_flow::{At, Context, Inputs, Operator, Window};
 use swerve_geom::Pose2;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
+use swerve_localization::sideways::Sideways;
 use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
@@ -24,6 +25,7 @@ const DRIFT_RADPS: f64 = 0.002;
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
+    sideways: Sideways,
     odometer: Odometer,
     taken: [u64; 2],
 }
@@ -66,8 +68,15 @@ impl Kind for Carried {
         wrong.map(|(key, s)| (key.to_owned(), format!("expected 0.01 to 2.9, found {s}"))).collect()
     }
 
-    fn new(keys: Keys, _: &Site<'_>) -> anyhow::Result<Self> {
-        Ok(Self { keys, car: DeadReckoning::new(), odometer: Odometer::default(), taken: [0; 2] })
+    fn new(keys: Keys, site: &Site<'_>) -> anyhow::Result<Self> {
+        let config = site.settings().config;
+        Ok(Self {
+            keys,
+            car: DeadReckoning::new(),
+            sideways: Sideways::new(config.sensing.imu.at_m(&config.sim.vehicle)),
+            odometer: Odometer::default(),
+            taken: [0; 2],
+        })
     }
 }
 
@@ -81,6 +90,7 @@ impl Operator for Carried {
             self.car.take(stamp, reading);
         }
         let stamp = imu.stamp;
+        let lateral_mps = self.sideways.take(stamp, imu.accel_mps2, imu.gyro_radps, self.car.speed_mps());
         let told = input.matches.newest().and_then(|found| {
             let age_s = (stamp - found.stamp).as_secs();
             let is_lost = age_s > self.keys.lost_after_s;
@@ -102,7 +112,7 @@ impl Operator for Carried {
             yaw_rate_radps: imu.gyro_radps[2],
             steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
         };
-        out.local.send(self.odometer.advance(&state, 0.0));
+        out.local.send(self.odometer.advance(&state, lateral_mps));
         out.state.send(state);
         let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
         let [xx, xy, yy] = found.covariance_m2;

@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use swerve_core::{Span, Time};
 use swerve_flow::Message;
 use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
+use swerve_localization::sideways;
 use swerve_msg::{EgoState, LocalPose, Plan};
 
 use super::localizer::new;
@@ -21,16 +22,12 @@ use super::localizer::new;
 /// Longest step of the odometry, seconds: beyond it the motion since the state before is unknown.
 const STEP_MAX_S: f64 = 0.2;
 
-/// Slip angle of the rear axle for each m/s² of lateral acceleration, radians. Assumed: a tyre whose lateral force grows by 22
-/// times its load for each radian, as that of the simulated car (`sim.vehicle.tyre.lateral.stiffness`).
-const SLIP_RAD_PER_MPS2: f64 = 1.0 / (22.0 * 9.81);
-
 /// Time constant of a swerve's lateral velocity beside that of a steady turn, seconds. What stays for longer is an error of the
 /// heading.
 const SWAY_S: f64 = 1.0;
 
 /// A lateral velocity that changes faster than this is a correction, m/s².
-const SWAY_MAX_MPS2: f64 = 15.0;
+const SWAY_MAX_MPS2: f64 = 8.0;
 
 /// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
@@ -68,9 +65,9 @@ impl Odometer {
             let mean = |one: f64, other: f64| 0.5 * (one + other);
             let speed_mps = mean(before.speed_mps, state.speed_mps);
             let yaw_rate_radps = mean(before.yaw_rate_radps, state.yaw_rate_radps);
-            let gained_mps = lateral_mps - lateral_before_mps - (steady_mps(state) - steady_mps(&before));
             let sway_before_mps = self.sway_mps;
-            if gained_mps.abs() <= SWAY_MAX_MPS2 * dt_s {
+            let gained_mps = lateral_mps - lateral_before_mps - (steady_mps(state) - steady_mps(&before));
+            if gained_mps.abs() <= SWAY_MAX_MPS2 * dt_s && dt_s < STEP_MAX_S {
                 self.sway_mps += gained_mps;
             }
             self.sway_mps *= math::exp(-dt_s / SWAY_S);
@@ -89,7 +86,7 @@ impl Odometer {
 
 /// Lateral velocity of the rear axle in a steady turn with the speed and yaw rate of a state, m/s.
 fn steady_mps(state: &EgoState) -> f64 {
-    -SLIP_RAD_PER_MPS2 * state.speed_mps * state.speed_mps * state.yaw_rate_radps
+    sideways::steady_mps(state.speed_mps, state.yaw_rate_radps)
 }
 
 /// A pose after a step (ahead and to the left at the middle of the turn, metres) with a turn.

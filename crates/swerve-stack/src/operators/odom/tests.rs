@@ -55,10 +55,9 @@ fn a_large_correction_leaves_no_more_than_the_largest_lag() {
 }
 
 /// Largest distance of the odometry from a way of 0.4 s into a turn of 0.4 rad/s at 18 m/s, on which the rear axle goes
-/// sideways by `lateral_mps`, with an estimate of it that is off by `error_mps`.
-fn off_in_a_swerve_m(lateral_mps: impl Fn(f64) -> f64, error_mps: impl Fn(f64) -> f64) -> f64 {
+/// sideways by [`late`], with an estimate of it.
+fn off_in_a_swerve_m(estimated_mps: impl Fn(f64) -> f64) -> f64 {
     const FINE: i64 = 100;
-    let yaw_rate_radps = |t: f64| (2.0 * t).min(0.4);
     let mut odometer = Odometer::default();
     let mut way = Pose2::<Odom>::default();
     let mut off_m: f64 = 0.0;
@@ -67,40 +66,44 @@ fn off_in_a_swerve_m(lateral_mps: impl Fn(f64) -> f64, error_mps: impl Fn(f64) -
         let state = EgoState {
             stamp: Time::from_ms(10 * step),
             speed_mps: 18.0,
-            yaw_rate_radps: yaw_rate_radps(t),
+            yaw_rate_radps: turning(t),
             ..EgoState::default()
         };
-        let local = odometer.advance(&state, lateral_mps(t) + error_mps(t));
+        let local = odometer.advance(&state, estimated_mps(t));
         off_m = off_m.max(local.odom.point().distance(way.point()));
         for k in 0..FINE {
             let (t, dt_s) = (t + 1e-4 * (k as f64 + 0.5), 1e-4);
-            let moved: Point2<Ego> = Point2::new(18.0 * dt_s, lateral_mps(t) * dt_s);
+            let moved: Point2<Ego> = Point2::new(18.0 * dt_s, late(t) * dt_s);
             let to = way.from_local(moved);
-            way = Pose2::new(to.x_m, to.y_m, way.heading_rad + yaw_rate_radps(t) * dt_s);
+            way = Pose2::new(to.x_m, to.y_m, way.heading_rad + turning(t) * dt_s);
         }
     }
     off_m
 }
 
-/// The tail moves out late: a tyre's force builds up, and the body rolls the other way first.
+/// Yaw rate of a way into a turn, rad/s.
+fn turning(t: f64) -> f64 {
+    (2.0 * t).clamp(0.0, 0.4)
+}
+
+/// Lateral velocity of the tail, m/s: that of a steady turn a tenth of a second before.
 fn late(t: f64) -> f64 {
-    -5.0 * (t - 0.05).max(0.0).powi(2)
+    sideways::steady_mps(18.0, turning(t - 0.1))
 }
 
 #[test]
 fn the_onset_of_a_swerve_is_in_the_odometry() {
-    let off_m = off_in_a_swerve_m(late, |_| 0.0);
-    assert!(off_m < 0.02, "{off_m}");
-    // Without the estimate.
-    let untold_m = off_in_a_swerve_m(late, |t| -late(t));
-    assert!(untold_m > 2.0 * off_m, "{untold_m} {off_m}");
+    let estimated_m = off_in_a_swerve_m(late);
+    // A tail that does not move out at all.
+    let none_m = off_in_a_swerve_m(|_| 0.0);
+    assert!(estimated_m < 0.02 && none_m > 2.0 * estimated_m, "{estimated_m} {none_m}");
 }
 
 #[test]
 fn an_error_of_the_heading_is_no_motion_and_a_correction_none() {
-    let right_m = off_in_a_swerve_m(late, |_| 0.0);
-    assert!((off_in_a_swerve_m(late, |_| 0.3) - right_m).abs() < 1e-9);
-    let corrected_m = off_in_a_swerve_m(late, |t| if t < 0.2 { 0.3 } else { -0.4 });
+    let right_m = off_in_a_swerve_m(late);
+    assert!((off_in_a_swerve_m(|t| late(t) + 0.3) - right_m).abs() < 1e-9);
+    let corrected_m = off_in_a_swerve_m(|t| late(t) + if t < 0.2 { 0.3 } else { -0.4 });
     assert!((corrected_m - right_m).abs() < 5e-3, "{corrected_m} {right_m}");
 }
 
