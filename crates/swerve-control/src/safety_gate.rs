@@ -17,8 +17,9 @@
 //!                    before standstill                      Driving
 //! ```
 //!
-//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the mode
-//! and of what was sent before. No report enters it: not its sign, its noise or its absence.
+//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the mode,
+//! of what was sent before, and of how hard the plan before the stop was to brake. No report enters it: not its sign, its
+//! noise or its absence.
 //!
 //! The rules are those of Autoware's `vehicle_cmd_gate` and of drive-by-wire kits: an outdated command is a stop,
 //! not the last command for ever; the driver always wins; enabling is an act, not a state.
@@ -305,7 +306,8 @@ impl SafetyGate {
     }
 
     /// The command of a stop, and whether the deceleration is still building up. The deceleration is a function of the
-    /// mode and of what was sent before, and of no measurement: the speed is 0, the acceleration is never above 0.
+    /// mode, of what was sent before and of the last plan, and of no measurement: the speed is 0, the acceleration is never
+    /// above 0.
     /// The wheels are turned along the path of the stop; they are held where there is none, and at standstill.
     fn brake(
         &self,
@@ -320,12 +322,17 @@ impl SafetyGate {
             Some(wanted_rad) => self.steered(wanted_rad, steering_before, dt_s),
             None => steering_before,
         };
+        // Who asked for hard braking last, or planned it, may have had a reason: a stop never brakes less.
         let before = (-accel_before).max(0.0);
+        let planned = path.map_or(0.0, |path| path.planned_mps2(now).min(p.decel_max_mps2));
+        let asked = before.max(planned);
+        let built_up = before + p.jerk_max_mps3 * dt_s;
         let (wanted, most) = match self.mode {
             GateMode::Holding(_) => (p.hold_decel_mps2, p.hold_decel_mps2),
-            GateMode::Stopping(StopCause::Emergency) => (p.emergency_decel_mps2, p.emergency_decel_mps2),
-            // Who asked for hard braking last may have had a reason: a stop never brakes less.
-            _ => (p.stop_decel_mps2.max(before), before + p.jerk_max_mps3 * dt_s),
+            GateMode::Stopping(StopCause::Emergency) => {
+                (p.emergency_decel_mps2.max(asked), p.emergency_decel_mps2.max(built_up))
+            }
+            _ => (p.stop_decel_mps2.max(asked), built_up),
         };
         let decel = wanted.min(most);
         (MotionCommand { stamp: now, steering_rad, speed_mps: 0.0, accel_mps2: 0.0 - decel }, decel < wanted)

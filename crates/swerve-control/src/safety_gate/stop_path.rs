@@ -1,4 +1,4 @@
-//! Steering of a stop: along the last plan, by dead reckoning from a pose that was plausible.
+//! Steering of a stop: along the last plan, by dead reckoning from a pose that was plausible. And how hard that plan braked.
 
 use swerve_core::Time;
 use swerve_msg::Plan;
@@ -12,6 +12,8 @@ use crate::reference::Reference;
 pub(super) struct StopPath {
     reference: Reference,
     anchor: Anchor,
+    /// Decelerations of the plan, m/s², each the largest until then.
+    decels: Vec<(Time, f64)>,
 }
 
 impl StopPath {
@@ -20,7 +22,17 @@ impl StopPath {
         let plan = plan.filter(|plan| plan.is_plausible() && !plan.points.is_empty())?;
         let mut reference = Reference::default();
         reference.load_plan(plan);
-        Some(Self { reference, anchor: check.anchor()? })
+        let hardest = plan.points.iter().scan(0.0_f64, |hardest, point| {
+            *hardest = hardest.max(-point.accel_mps2);
+            Some((point.at, *hardest))
+        });
+        Some(Self { reference, anchor: check.anchor()?, decels: hardest.collect() })
+    }
+
+    /// The largest deceleration that the plan had until an instant, m/s².
+    pub(super) fn planned_mps2(&self, now: Time) -> f64 {
+        let until = self.decels.partition_point(|(at, _)| *at <= now);
+        until.checked_sub(1).map_or(0.0, |newest| self.decels[newest].1)
     }
 
     /// Angle of the front road wheels, radians: that of Stanley's law. `None` where reports are missing.

@@ -286,6 +286,41 @@ fn a_stop_never_brakes_less_than_was_asked_for() {
 }
 
 #[test]
+fn a_stop_brakes_as_hard_as_the_plan_before_it() {
+    let mut bench = Bench::driving();
+    (bench.report().speed_mps, bench.report().steering_rad) = (20.0, 0.0);
+    (bench.command().accel_mps2, bench.command().steering_rad) = (0.0, 0.0);
+    let silent_ms = bench.now_ms;
+    // At constant speed for 2 s, then at 6 m/s² and, as it comes to rest, at 2 m/s².
+    let point = |k: i64| swerve_msg::PlanPoint {
+        at: Time::from_ms(silent_ms + 100 * k),
+        pose: swerve_geom::Pose2::new(2.0 * k as f64, 0.0, 0.0),
+        accel_mps2: match k {
+            ..20 => 0.0,
+            20..50 => -6.0,
+            _ => -2.0,
+        },
+        ..swerve_msg::PlanPoint::default()
+    };
+    bench.input.plan =
+        Some(Box::leak(Box::new(Plan { points: (0..80).map(point).collect(), ..Plan::default() })));
+    bench.input.pose =
+        Some(EgoState { stamp: Time::from_ms(silent_ms), speed_mps: 20.0, ..EgoState::default() });
+    bench.stack = false;
+    let stopping = bench.run(80);
+    assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
+    assert_eq!(stopping.command.accel_mps2, -1.5, "by itself");
+    assert_eq!(bench.run(60).command.accel_mps2, -6.0, "as planned");
+    assert_eq!(bench.run(80).command.accel_mps2, -6.0, "and no less");
+    bench.input.emergency = true;
+    assert_eq!(
+        bench.tick().command.accel_mps2,
+        -6.0,
+        "an emergency stop brakes with 5, and no less than before"
+    );
+}
+
+#[test]
 fn commands_that_are_not_sound_are_refused_and_counted() {
     type Spoil = fn(&mut MotionCommand, Time);
     let spoils: [(Refusal, Spoil); 6] = [
