@@ -7,17 +7,17 @@ use super::pose_check::{Anchor, PoseCheck};
 use crate::lateral::{OnPath, StanleyParams, stanley};
 use crate::reference::Reference;
 
-/// The path of a stop, and the pose that dead reckoning starts from.
+/// The path of a stop, and the pose that dead reckoning starts from, where one is known.
 #[derive(Clone, Debug)]
 pub(super) struct StopPath {
     reference: Reference,
-    anchor: Anchor,
+    anchor: Option<Anchor>,
     /// Decelerations of the plan, m/s², each the largest until then.
     decels: Vec<(Time, f64)>,
 }
 
 impl StopPath {
-    /// Along `plan`, if a car can follow it and a pose from before is known.
+    /// Along `plan`, if a car can follow it.
     pub(super) fn new(plan: Option<&Plan>, check: &PoseCheck) -> Option<Self> {
         let plan = plan.filter(|plan| plan.is_plausible() && !plan.points.is_empty())?;
         let mut reference = Reference::default();
@@ -26,7 +26,7 @@ impl StopPath {
             *hardest = hardest.max(-point.accel_mps2);
             Some((point.at, *hardest))
         });
-        Some(Self { reference, anchor: check.anchor()?, decels: hardest.collect() })
+        Some(Self { reference, anchor: check.anchor(), decels: hardest.collect() })
     }
 
     /// The largest deceleration that the plan had until an instant, m/s².
@@ -35,9 +35,9 @@ impl StopPath {
         until.checked_sub(1).map_or(0.0, |newest| self.decels[newest].1)
     }
 
-    /// Angle of the front road wheels, radians: that of Stanley's law. `None` where reports are missing.
+    /// Angle of the front road wheels, radians: that of Stanley's law. `None` where reports or a pose from before are missing.
     pub(super) fn steering_rad(&self, check: &PoseCheck, now: Time, wheelbase_m: f64) -> Option<f64> {
-        let (pose, motion) = check.place_since(&self.anchor, now)?;
+        let (pose, motion) = check.place_since(self.anchor.as_ref()?, now)?;
         // Damping by the yaw rate would carry the noise of a reported angle to the wheels.
         let params = StanleyParams { yaw_damping_s: 0.0, ..StanleyParams::default() };
         let s_m = self.reference.project(pose.point());
