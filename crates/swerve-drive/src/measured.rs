@@ -5,7 +5,6 @@ use swerve_eval::{Evaluation, Norm, Outline};
 use swerve_flow::{Event, Observer};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{Command, EgoState, GateMode, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
-use swerve_stack::Assembly;
 use swerve_stack::pipeline::Pipeline;
 use swerve_vehicle::Shape;
 
@@ -16,6 +15,8 @@ use crate::rungs::Rungs;
 struct Publishers {
     imu: Option<String>,
     pose: Option<String>,
+    /// Whose poses the readers get: those of the last fault of that stream.
+    pose_heard: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
     /// Who commands the car's pedals; nobody where a gate lets commands through.
@@ -23,11 +24,13 @@ struct Publishers {
 }
 
 impl Publishers {
-    fn new(assembly: &Assembly) -> Self {
+    fn new(pipeline: &Pipeline) -> Self {
+        let assembly = &pipeline.assembly;
         let pedals = assembly.publisher::<Command>().filter(|_| assembly.publisher::<GateOutput>().is_none());
         Self {
             imu: assembly.publisher::<Imu>().map(str::to_owned),
             pose: assembly.publisher::<EgoState>().map(str::to_owned),
+            pose_heard: pipeline.heard::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),
@@ -82,7 +85,7 @@ impl Measured {
         Ok(Self {
             evaluation: Evaluation::new(params),
             operators,
-            publishers: Publishers::new(&pipeline.assembly),
+            publishers: Publishers::new(pipeline),
             route: pipeline.route.clone(),
             shape,
             road_margin_m: f64::INFINITY,
@@ -103,6 +106,9 @@ impl Observer for Measured {
                 let Some(payload) = publication.payload else { return };
                 let evaluation = &mut self.evaluation;
                 let is_of = |publisher: &Option<String>| publisher.as_deref() == Some(publication.operator);
+                if let (Some(ego), true) = (payload.downcast_ref(), is_of(&self.publishers.pose_heard)) {
+                    evaluation.pose_heard(ego);
+                }
                 if let Some(world) = payload.downcast_ref::<WorldState>() {
                     evaluation.world(world);
                     let footprint = self.shape.footprint(world.ego.state.pose);

@@ -86,7 +86,8 @@ pub struct Metrics {
     /// How far the poses that it drove by were off; absent where they were the simulator's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub localization: Option<LocalizationMetrics>,
-    /// Stamp of the last pose, seconds, where none came any more up to the end; absent otherwise.
+    /// Stamp of the last pose that reached its readers and said something new, seconds, where none came any more up to the end;
+    /// absent otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_silent_since_s: Option<f64>,
     /// Run times per operator.
@@ -235,6 +236,11 @@ impl Evaluation {
         self.felt_mps2 = Some((world.stamp, world.ego.specific_force_mps2.coords.y));
         self.response.world_step(world.stamp);
         self.localization.truth(&world.ego.state);
+    }
+
+    /// A pose as it reaches its readers, after the faults of its stream.
+    pub fn pose_heard(&mut self, ego: &EgoState) {
+        self.localization.heard(ego);
     }
 
     /// A pose that the stack drives by, after the world state of its stamp.

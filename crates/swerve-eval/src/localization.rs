@@ -71,6 +71,8 @@ pub struct Localization {
     truth: VecDeque<EgoState>,
     /// Stamp and error of the newest pose: forward, to the left, heading; and in the map.
     newest: Option<(Time, Vector3<f64>)>,
+    /// The newest pose that reached its readers and said something new.
+    heard: Option<EgoState>,
     first_truth: Option<Time>,
     distances_m: Vec<f32>,
     squares: f64,
@@ -155,11 +157,19 @@ impl Localization {
         }
     }
 
-    /// Stamp of the last pose, or of the beginning, where none came any more up to the end.
+    /// A pose as it reaches its readers, after the faults of its stream.
+    pub fn heard(&mut self, pose: &EgoState) {
+        if !self.heard.is_some_and(|before| pose.repeats(&before)) {
+            self.heard = Some(*pose);
+        }
+    }
+
+    /// Stamp of the last pose that reached its readers and said something new, or of the beginning, where none came any more up
+    /// to the end.
     pub fn silent_since(&self) -> Option<Time> {
         let localizes = self.qualities > 0;
         let never = || self.first_truth.filter(|_| localizes);
-        let since = self.newest.map(|(stamp, _)| stamp).or_else(never)?;
+        let since = self.heard.map(|pose| pose.stamp).or_else(never)?;
         self.truth.back().filter(|last| last.stamp - since > SILENT).map(|_| since)
     }
 

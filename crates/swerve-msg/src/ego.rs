@@ -30,6 +30,11 @@ impl EgoState {
         Pose2::new(self.pose.x_m + way_m * cos, self.pose.y_m + way_m * sin, heading_rad)
     }
 
+    /// Whether this says nothing but what the state before said although the car moves: whoever made it hangs.
+    pub fn repeats(&self, before: &Self) -> bool {
+        self.speed_mps.abs() >= MOVES_MPS && Self { stamp: before.stamp, ..*self } == *before
+    }
+
     /// Whether a car can be in this state: all numbers finite, and none beyond anything on wheels.
     pub fn is_plausible(&self) -> bool {
         let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } =
@@ -44,6 +49,9 @@ impl EgoState {
         is_plausible_place(&pose) && within.into_iter().all(|(x, most)| x.abs() <= most)
     }
 }
+
+/// Numbers of a car that is as fast as this change from state to state, m/s.
+const MOVES_MPS: f64 = 0.1;
 
 /// Faster than this moves nothing on a road, m/s.
 const SPEED_MAX_MPS: f64 = 150.0;

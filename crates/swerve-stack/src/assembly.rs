@@ -173,9 +173,13 @@ impl Assembly {
 
     /// The first operator that publishes messages of this type. What faults make of them is published by others.
     pub fn publisher<T: Payload>(&self) -> Option<&str> {
+        self.first_stream::<T>().map(|(placed, _)| placed.name.as_str())
+    }
+
+    /// The first stream of messages of this type, with the operator that publishes it.
+    pub(crate) fn first_stream<T: Payload>(&self) -> Option<(&Placed, &Output)> {
         let payload = PayloadType::of::<T>();
-        let carries = |(_, output): &(&Placed, &Output)| output.port.payload == payload;
-        self.streams().find(carries).map(|(placed, _)| placed.name.as_str())
+        self.streams().find(|(_, output)| output.port.payload == payload)
     }
 
     /// The stream of images that an operator looks for boxes or lights in, where it is one that detects.

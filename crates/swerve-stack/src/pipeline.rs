@@ -43,6 +43,8 @@ pub struct Pipeline {
     sources: BTreeMap<String, Box<dyn Any + Send>>,
     /// What cameras and lidars share, where there are any.
     stage: Option<SharedStage>,
+    /// Of each stream that faults befall, by its name, the last fault.
+    last_fault: BTreeMap<String, String>,
 }
 
 impl Pipeline {
@@ -77,12 +79,24 @@ impl Pipeline {
         let assembly = Assembly::new(config)?;
         let (route, vehicle) = (scenario.road.route(), config.sim.vehicle.clone());
         let around = Surroundings { scenario, route, vehicle };
-        let Building { graph, memory, sources, stage, .. } =
+        let Building { graph, memory, sources, stage, last_fault, .. } =
             assemble(config, &assembly, &around).context("building the pipeline")?;
         let Surroundings { scenario, route, vehicle } = around;
         let until = last_step(Span::from_secs(scenario.end.timeout_s), span_of_ms(config.sim.dt_ms));
         let clock = config.clock.source;
-        Ok(Self { graph, assembly, scenario, route, vehicle, until, memory, clock, sources, stage })
+        Ok(Self {
+            graph,
+            assembly,
+            scenario,
+            route,
+            vehicle,
+            until,
+            memory,
+            clock,
+            sources,
+            stage,
+            last_fault,
+        })
     }
 
     /// Takes the handle by which the operator of this name is fed from outside, if there is such a one that takes
@@ -97,6 +111,12 @@ impl Pipeline {
         let takes = |(_, source): &(&String, &Box<dyn Any + Send>)| source.is::<SourceHandle<T>>();
         let operator = self.sources.iter().find(takes)?.0.clone();
         self.take_source(&operator)
+    }
+
+    /// The operator whose messages of this type are read: the last fault of the first stream of them, else who publishes it.
+    pub fn heard<T: Payload>(&self) -> Option<&str> {
+        let (placed, output) = self.assembly.first_stream::<T>()?;
+        Some(self.last_fault.get(&output.stream).unwrap_or(&placed.name))
     }
 
     /// What the house knows of an operator; none of what stands between operators, such as a fault.
@@ -206,6 +226,7 @@ fn put_faults(building: &mut Building, config: &Config, placed: &Placed) -> anyh
             let stream = stream.with_context(|| format!("there is no stream `{}`", output.stream))?;
             let befallen = corruptible.put_on(&mut building.graph, stream, (name, fault), config.seed)?;
             building.befallen.insert(output.stream.clone(), befallen);
+            building.last_fault.insert(output.stream.clone(), name.clone());
         }
     }
     Ok(())

@@ -35,6 +35,8 @@ pub(crate) struct Building {
     pub(crate) graph: Graph,
     /// Of each stream that faults befall, by its name, the stream that its readers get.
     pub(crate) befallen: BTreeMap<String, swerve_flow::AnyStream>,
+    /// Of each stream that faults befall, by its name, the last fault.
+    pub(crate) last_fault: BTreeMap<String, String>,
     /// Feedback edges and the streams that they show.
     pub(crate) loops: Vec<(AnyFeedback, crate::assembly::Edge)>,
     /// Where the images and point clouds of each stream lie.

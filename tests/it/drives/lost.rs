@@ -104,12 +104,24 @@ fn a_car_without_a_pose_is_braked_by_its_controller() {
             assert!(commands.len() > 100 && commands.iter().all(|(_, c)| c.throttle == 0.0 && c.brake > 0.0));
             assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01, "{settings:?}");
             assert!(outcome.metrics.left_road_at_s.is_none(), "{settings:?}");
-            if pose == "localizer.state" {
-                assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{settings:?}");
-                let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
-                let told = format!("it had no pose: none came from {:.2} s on", last.as_secs());
-                assert!(why.sentence.contains(&told), "{}", why.sentence);
-            }
+            assert_eq!(outcome.metrics.verdict, Verdict::Stopped, "{settings:?}");
+            let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+            let told = format!("it had no pose: none came from {:.2} s on", last.as_secs());
+            assert!(why.sentence.contains(&told), "{}", why.sentence);
         }
     }
+}
+
+/// A pose that says the same under new stamps while the car moves is none.
+#[test]
+fn a_car_whose_pose_hangs_is_braked_by_its_controller() {
+    let folder = tempfile::tempdir().unwrap();
+    let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&road, ROAD).unwrap();
+    let frozen = "fault.f={ stream = \"pose\", freeze_ms = 60000, from_ms = 5000, until_ms = 5005 }";
+    let outcome = common::record(&common::config(&[frozen]), &road, &path, 1);
+    assert_eq!(outcome.metrics.verdict, Verdict::Stopped);
+    assert!(outcome.metrics.drive.speed_end_mps.abs() < 0.01);
+    let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
+    assert!(why.sentence.contains("it had no pose: none came from 5.0"), "{}", why.sentence);
 }

@@ -117,8 +117,9 @@ impl PlanFollower {
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
-        // An implausible state or plan is ignored: the last one counts until it is too old.
-        let ego = input.ego.get().filter(|ego| ego.is_plausible());
+        // An implausible state or plan is ignored, and a state that only repeats the last one: that counts until it is too old.
+        let hangs = |ego: &EgoState| self.ego.is_some_and(|before| ego.repeats(&before));
+        let ego = input.ego.get().filter(|ego| ego.is_plausible() && !hangs(ego));
         self.ego = ego.map(|ego| **ego).or(self.ego);
         let ego = &self.ego?;
         self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
