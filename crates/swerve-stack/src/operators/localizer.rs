@@ -52,6 +52,8 @@ pub(super) struct Filter {
     started: Option<Time>,
     await_match_s: f64,
     wheelbase_m: f64,
+    /// Understeer gradient, rad s²/m.
+    understeer_rads2pm: f64,
     steering_rad: f64,
     /// Stamp of the newest pose, and how long after it the next one is due where the inertial unit is silent.
     newest: Time,
@@ -266,6 +268,7 @@ impl Kind for Filter {
             started: None,
             await_match_s: table.await_match_s,
             wheelbase_m: config.sim.vehicle.shape.wheelbase_m,
+            understeer_rads2pm: config.sim.vehicle.understeer_gradient_rads2pm(),
             steering_rad: 0.0,
             newest: Time::ZERO,
             due_after: span_of_ms(config.sensing.imu_period_ms * SILENT),
@@ -357,8 +360,11 @@ impl Filter {
     /// Speed and steering angle as a measurement.
     fn wheels(&mut self, wheels: &WheelOdometry) -> Sensed {
         self.steering_rad = wheels.steering_rad;
-        let curvature_1pm = Some(math::tan(wheels.steering_rad) / self.wheelbase_m);
-        Sensed::Wheels { speed_mps: wheels.speed_mps, curvature_1pm }
+        // An oversteering car has a speed from which on this is no longer so.
+        let speed_mps = wheels.speed_mps;
+        let length_m = self.wheelbase_m + self.understeer_rads2pm * speed_mps * speed_mps;
+        let curvature_1pm = Some(math::tan(wheels.steering_rad) / length_m.max(0.5 * self.wheelbase_m));
+        Sensed::Wheels { speed_mps, curvature_1pm }
     }
 
     fn fix(&mut self, fix: &Gnss) {
