@@ -141,6 +141,8 @@ pub struct Estimate {
     pub velocity_mps: Vector3<f64>,
     /// Acceleration at the inertial unit along the ego's axes, gravity taken out, m/s².
     pub accel_mps2: Vector3<f64>,
+    /// Turn rate about the ego's x axis, rad/s.
+    pub roll_rate_radps: f64,
     /// Turn rate about the ego's z axis, rad/s.
     pub yaw_rate_radps: f64,
     /// Covariance of x (m), y (m) and heading (rad).

@@ -412,6 +412,7 @@ impl Fold {
             heading_rad: yaw_rad(&n.attitude),
             velocity_mps: self.axle(params).0,
             accel_mps2: self.accel_mps2(params, &rotation),
+            roll_rate_radps: self.turn_radps().x,
             yaw_rate_radps: self.turn_radps().z,
             covariance,
             position_covariance,

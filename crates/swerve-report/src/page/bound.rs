@@ -1,4 +1,4 @@
-//! A bound on what the page of a long run holds. A run of some minutes is shown whole; of a longer one the past is shown
+//! A bound on what the page of a long run holds. A run of a minute or two is shown whole; of a longer one the past is shown
 //! at fewer instants, and of steps and messages the newest.
 
 use super::run::{Marks, RunPage};
@@ -6,16 +6,16 @@ use super::run::{Marks, RunPage};
 /// The most rows of each table, numbers and texts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Steps and messages: six minutes at 700 a second. The older half goes.
+    /// Steps and messages: three minutes at 700 a second. The older half goes.
     newest: usize,
-    /// States of the ego, commands, poses of localization: ten minutes at 100 a second. Every second one goes, as in
+    /// States of the ego, commands, poses of localization: five minutes at 100 a second. Every second one goes, as in
     /// all that follow.
     states: usize,
-    /// Plans: 13 minutes at 20 a second.
+    /// Plans: 100 seconds at 20 a second.
     plans: usize,
-    /// Numbers of tracks, and of predictions: seven minutes with ten actors.
+    /// Numbers of tracks, and of predictions: 100 seconds with ten actors.
     numbers: usize,
-    /// Poses of all actors: eight minutes with ten that move.
+    /// Poses of all actors: two minutes with ten that move.
     poses: usize,
     /// Pictures of all cameras. The older half goes.
     photos: usize,
@@ -24,11 +24,11 @@ pub(super) struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            newest: 1 << 18,
-            states: 1 << 16,
-            plans: 1 << 14,
-            numbers: 1 << 22,
-            poses: 1 << 20,
+            newest: 1 << 17,
+            states: 1 << 15,
+            plans: 1 << 11,
+            numbers: 1 << 20,
+            poses: 1 << 18,
             photos: 1 << 11,
         }
     }

@@ -6,7 +6,7 @@ use swerve_flow::{At, Context, Inputs, Operator, Window};
 use swerve_geom::Pose2;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
-use swerve_localization::sideways::Sideways;
+use swerve_localization::sideways::Roll;
 use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
@@ -25,7 +25,7 @@ const DRIFT_RADPS: f64 = 0.002;
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
-    sideways: Sideways,
+    roll: Roll,
     odometer: Odometer,
     taken: [u64; 2],
 }
@@ -73,8 +73,8 @@ impl Kind for Carried {
         Ok(Self {
             keys,
             car: DeadReckoning::new(),
-            sideways: Sideways::new(config.sensing.imu.at_m(&config.sim.vehicle)),
-            odometer: Odometer::default(),
+            roll: Roll::default(),
+            odometer: Odometer::new(config.sensing.imu.at_m(&config.sim.vehicle)),
             taken: [0; 2],
         })
     }
@@ -90,7 +90,7 @@ impl Operator for Carried {
             self.car.take(stamp, reading);
         }
         let stamp = imu.stamp;
-        let lateral_mps = self.sideways.take(stamp, imu.accel_mps2, imu.gyro_radps, self.car.speed_mps());
+        let lateral_accel_mps2 = self.roll.take(stamp, imu.accel_mps2[1], imu.gyro_radps[0]);
         let told = input.matches.newest().and_then(|found| {
             let age_s = (stamp - found.stamp).as_secs();
             let is_lost = age_s > self.keys.lost_after_s;
@@ -108,11 +108,11 @@ impl Operator for Carried {
             pose: Pose2::new(at.x, at.y, yaw_rad(&map_from_ego.rotation)),
             speed_mps: self.car.speed_mps(),
             accel_mps2: imu.accel_mps2[0],
-            lateral_accel_mps2: imu.accel_mps2[1],
+            lateral_accel_mps2,
             yaw_rate_radps: imu.gyro_radps[2],
             steering_rad: wheels.last().map_or(0.0, |wheels| wheels.steering_rad),
         };
-        out.local.send(self.odometer.advance(&state, lateral_mps));
+        out.local.send(self.odometer.advance(&state, imu.gyro_radps[0]));
         out.state.send(state);
         let mode = if age_s > self.keys.coasting_after_s { PoseMode::Coasting } else { PoseMode::Good };
         let [xx, xy, yy] = found.covariance_m2;

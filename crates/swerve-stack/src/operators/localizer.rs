@@ -272,7 +272,7 @@ impl Kind for Filter {
             steering_rad: 0.0,
             newest: Time::ZERO,
             due_after: span_of_ms(config.sensing.imu_period_ms * SILENT),
-            odometer: Odometer::default(),
+            odometer: Odometer::new(params.imu_at_m),
             stored: StoredPose::new(site),
             wheels_due: span_of_ms(config.sensing.odometry_period_ms * SILENT),
         })
@@ -328,7 +328,7 @@ impl Operator for Filter {
         }
         if quality.mode != PoseMode::Lost {
             let state = self.state(&estimate);
-            out.local.send(self.odometer.advance(&state, estimate.velocity_mps.y));
+            out.local.send(self.odometer.advance(&state, estimate.roll_rate_radps));
             out.state.send(state);
         }
         out.quality.send(quality);

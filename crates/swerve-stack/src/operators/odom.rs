@@ -14,20 +14,13 @@ use std::collections::VecDeque;
 use swerve_core::{Span, Time};
 use swerve_flow::Message;
 use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
-use swerve_localization::sideways;
+use swerve_localization::sideways::{Moves, Sideways};
 use swerve_msg::{EgoState, LocalPose, Plan};
 
 use super::localizer::new;
 
 /// Longest step of the odometry, seconds: beyond it the motion since the state before is unknown.
 const STEP_MAX_S: f64 = 0.2;
-
-/// Time constant of a swerve's lateral velocity beside that of a steady turn, seconds. What stays for longer is an error of the
-/// heading.
-const SWAY_S: f64 = 1.0;
-
-/// A lateral velocity that changes faster than this is a correction, m/s².
-const SWAY_MAX_MPS2: f64 = 8.0;
 
 /// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
@@ -42,51 +35,54 @@ const LAG_MAX_RAD: f64 = 0.03;
 
 /// Makes poses for control of the states that localization estimates.
 ///
-/// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity of the rear axle in a steady turn is that
-/// of its tyres' slip: the estimate of localization is mostly an error of the heading. Changes of the estimate are right: they
-/// are the onset of a swerve, with the roll of the body.
-#[derive(Clone, Copy, Debug, Default)]
+/// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity that localization estimates is mostly an
+/// error of the heading: it is that of tyres and inertial unit ([`swerve_localization::sideways`]).
+#[derive(Clone, Debug)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
-    /// Lateral velocity beside that of a steady turn, m/s.
-    sway_mps: f64,
+    sideways: Sideways,
     /// Time since the first state, seconds.
     age_s: f64,
-    /// The state before with its estimated lateral velocity (m/s), and the pose in the map for control then.
-    before: Option<(EgoState, f64, Pose2)>,
+    before: Option<Before>,
+}
+
+/// The state before.
+#[derive(Clone, Copy, Debug)]
+struct Before {
+    state: EgoState,
+    lateral_mps: f64,
+    /// The pose in the map for control.
+    map: Pose2,
 }
 
 impl Odometer {
-    /// The pose for control of a state and of the lateral velocity that localization estimates with it, m/s.
-    pub(super) fn advance(&mut self, state: &EgoState, lateral_mps: f64) -> LocalPose {
+    /// For states by an inertial unit at this place in the ego frame, metres.
+    pub(super) fn new(unit_at_m: [f64; 3]) -> Self {
+        Self { odom: Pose2::default(), sideways: Sideways::new(unit_at_m), age_s: 0.0, before: None }
+    }
+
+    /// The pose for control of a state. Its lateral acceleration is that of the unit, gravity taken out; the body rolls at this
+    /// rate, rad/s.
+    pub(super) fn advance(&mut self, state: &EgoState, roll_radps: f64) -> LocalPose {
+        let EgoState {
+            stamp, speed_mps, lateral_accel_mps2: lateral_mps2, yaw_rate_radps: yaw_radps, ..
+        } = *state;
+        let lateral_mps = self.sideways.take(stamp, Moves { lateral_mps2, roll_radps, yaw_radps, speed_mps });
         let mut map = state.pose;
-        if let Some((before, lateral_before_mps, smooth)) = self.before {
-            let dt_s = (state.stamp - before.stamp).as_secs().clamp(0.0, STEP_MAX_S);
+        if let Some(before) = self.before {
+            let dt_s = (stamp - before.state.stamp).as_secs().clamp(0.0, STEP_MAX_S);
             let mean = |one: f64, other: f64| 0.5 * (one + other);
-            let speed_mps = mean(before.speed_mps, state.speed_mps);
-            let yaw_rate_radps = mean(before.yaw_rate_radps, state.yaw_rate_radps);
-            let sway_before_mps = self.sway_mps;
-            let gained_mps = lateral_mps - lateral_before_mps - (steady_mps(state) - steady_mps(&before));
-            if gained_mps.abs() <= SWAY_MAX_MPS2 * dt_s && dt_s < STEP_MAX_S {
-                self.sway_mps += gained_mps;
-            }
-            self.sway_mps *= math::exp(-dt_s / SWAY_S);
-            let sideways_mps = mean(steady_mps(&before) + sway_before_mps, steady_mps(state) + self.sway_mps);
-            let step: Point2<Ego> = Point2::new(speed_mps * dt_s, sideways_mps * dt_s);
-            let turn_rad = yaw_rate_radps * dt_s;
+            let ahead_m = mean(before.state.speed_mps, speed_mps) * dt_s;
+            let step: Point2<Ego> = Point2::new(ahead_m, mean(before.lateral_mps, lateral_mps) * dt_s);
+            let turn_rad = mean(before.state.yaw_rate_radps, yaw_radps) * dt_s;
             self.odom = moved(self.odom, step, turn_rad);
             self.age_s += dt_s;
             let share = dt_s / CORRECTION_S.min(CORRECTION_SHARE * self.age_s).max(1e-3);
-            map = corrected(moved(smooth, step, turn_rad), state.pose, share);
+            map = corrected(moved(before.map, step, turn_rad), state.pose, share);
         }
-        self.before = Some((*state, lateral_mps, map));
-        LocalPose::new(state.stamp, self.odom, map)
+        self.before = Some(Before { state: *state, lateral_mps, map });
+        LocalPose::new(stamp, self.odom, map)
     }
-}
-
-/// Lateral velocity of the rear axle in a steady turn with the speed and yaw rate of a state, m/s.
-fn steady_mps(state: &EgoState) -> f64 {
-    sideways::steady_mps(state.speed_mps, state.yaw_rate_radps)
 }
 
 /// A pose after a step (ahead and to the left at the middle of the turn, metres) with a turn.
