@@ -159,7 +159,7 @@ impl Localization {
 
     /// A pose as it reaches its readers, after the faults of its stream.
     pub fn heard(&mut self, pose: &EgoState) {
-        if !self.heard.is_some_and(|before| pose.repeats(&before)) {
+        if pose.is_plausible() && !self.heard.is_some_and(|before| pose.repeats(&before)) {
             self.heard = Some(*pose);
         }
     }

@@ -230,7 +230,7 @@ impl Sensed {
     }
 
     /// Whether a sensor on a road can say this.
-    fn is_sound(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
         let within = |of: [f64; 3], most: f64| of.iter().all(|x| x.abs() <= most);
         match *self {
             Self::Imu { accel_mps2, gyro_radps } => within(accel_mps2, 500.0) && within(gyro_radps, 100.0),

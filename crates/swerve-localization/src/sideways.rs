@@ -1,6 +1,6 @@
 //! How fast a car goes sideways: by its inertial unit in a swerve, by the slip of its tyres in a steady turn.
 //!
-//! A filter estimates it with everything else; this is for who has none.
+//! What a filter estimates of it is mostly an error of the heading, and jumps with every correction; this has neither.
 
 use swerve_core::Time;
 use swerve_geom::math;

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_flow::{At, Context, Inputs, Operator, Window};
 use swerve_geom::Pose2;
+use swerve_localization::Sensed;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
 use swerve_localization::sideways::Roll;
@@ -85,7 +86,11 @@ impl Operator for Carried {
     type Out = Out;
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Out) {
-        let (Some(imu), wheels) = (input.imu.get(), input.wheels.get()) else { return };
+        let is_sound =
+            |&Imu { accel_mps2, gyro_radps, .. }: &Imu| Sensed::Imu { accel_mps2, gyro_radps }.is_sound();
+        let (Some(imu), wheels) = (input.imu.get().filter(|imu| is_sound(imu)), input.wheels.get()) else {
+            return;
+        };
         for (stamp, reading) in readings(core::slice::from_ref(imu), wheels, &mut self.taken) {
             self.car.take(stamp, reading);
         }
