@@ -154,15 +154,13 @@ fn a_viewer_gets_what_it_subscribes_to() {
     for k in 2..100 {
         publish(&hub, "/view/ego", k * 20_000_000, 1);
         publish(&hub, "/view/ground", k * 20_000_000, 1);
+        // A viewer that is too slow for a busy host loses some.
+        client.until(|client| client.messages.len() as u64 == 2 * k);
     }
-    client.until(|client| client.messages.len() == 198);
+    client.until(|client| client.times.last() >= Some(&(99 * 20_000_000)));
     let of = |id: u32| client.messages.iter().filter(move |(of, ..)| *of == id).map(|(_, at, _)| *at);
     assert!(of(8).eq((1..100).map(|k| k * 20_000_000)) && client.messages.is_sorted_by_key(|m| m.1));
-    assert!(
-        client.times.is_sorted() && client.times.last() >= Some(&(99 * 20_000_000)),
-        "{:?}",
-        client.times
-    );
+    assert!(client.times.is_sorted(), "{:?}", client.times);
     assert_eq!(client.dropped, 0);
     let said = json!({ "op": "unsubscribe", "subscriptionIds": [7, 8] });
     client.socket.send(Frame::text(said.to_string())).unwrap();
