@@ -15,7 +15,7 @@ use crate::rungs::Rungs;
 struct Publishers {
     imu: Option<String>,
     pose: Option<String>,
-    /// Whose poses the readers get: those of the last fault of that stream.
+    /// The last fault of that stream, whose poses the readers get.
     pose_heard: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
@@ -30,7 +30,7 @@ impl Publishers {
         Self {
             imu: assembly.publisher::<Imu>().map(str::to_owned),
             pose: assembly.publisher::<EgoState>().map(str::to_owned),
-            pose_heard: pipeline.heard::<EgoState>().map(str::to_owned),
+            pose_heard: pipeline.publisher_after_faults::<EgoState>().map(str::to_owned),
             obstacles: assembly.publisher::<ObstacleList>().map(str::to_owned),
             plan: assembly.publisher::<Plan>().map(str::to_owned),
             pedals: pedals.map(str::to_owned),

@@ -15,6 +15,7 @@ pub mod flat;
 mod grid;
 pub mod icp;
 mod lanes;
+pub mod lateral_velocity;
 mod localizer;
 pub mod map_file;
 pub mod matcher;
@@ -24,7 +25,6 @@ pub mod odometry;
 mod params;
 pub mod ply;
 pub mod recorded;
-pub mod sideways;
 pub mod sweep;
 pub mod voxels;
 

@@ -30,7 +30,7 @@ impl EgoState {
         Pose2::new(self.pose.x_m + way_m * cos, self.pose.y_m + way_m * sin, heading_rad)
     }
 
-    /// Whether this says nothing but what the state before said although the car moves: whoever made it hangs.
+    /// True if a moving car has the same numbers as in the state before, under a new stamp: its publisher hangs.
     pub fn repeats(&self, before: &Self) -> bool {
         self.speed_mps.abs() >= MOVES_MPS && Self { stamp: before.stamp, ..*self } == *before
     }

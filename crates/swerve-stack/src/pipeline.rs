@@ -114,7 +114,7 @@ impl Pipeline {
     }
 
     /// The operator whose messages of this type are read: the last fault of the first stream of them, else who publishes it.
-    pub fn heard<T: Payload>(&self) -> Option<&str> {
+    pub fn publisher_after_faults<T: Payload>(&self) -> Option<&str> {
         let (placed, output) = self.assembly.first_stream::<T>()?;
         Some(self.last_fault.get(&output.stream).unwrap_or(&placed.name))
     }

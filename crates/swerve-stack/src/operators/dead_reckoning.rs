@@ -7,7 +7,7 @@ use swerve_geom::Pose2;
 use swerve_localization::Sensed;
 use swerve_localization::dead_reckoning::DeadReckoning;
 use swerve_localization::eskf::yaw_rad;
-use swerve_localization::sideways::Roll;
+use swerve_localization::lateral_velocity::RollEstimate;
 use swerve_msg::{EgoState, Imu, PoseMatch, PoseMode, PoseQuality, WheelOdometry};
 
 use super::localizer::Out;
@@ -26,7 +26,7 @@ const DRIFT_RADPS: f64 = 0.002;
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
-    roll: Roll,
+    roll: RollEstimate,
     odometer: Odometer,
     taken: [u64; 2],
 }
@@ -74,7 +74,7 @@ impl Kind for Carried {
         Ok(Self {
             keys,
             car: DeadReckoning::new(),
-            roll: Roll::default(),
+            roll: RollEstimate::default(),
             odometer: Odometer::new(config.sensing.imu.at_m(&config.sim.vehicle)),
             taken: [0; 2],
         })

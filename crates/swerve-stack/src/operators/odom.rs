@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use swerve_core::{Span, Time};
 use swerve_flow::Message;
 use swerve_geom::{Ego, Odom, Point2, Pose2, angle_between, math};
-use swerve_localization::sideways::{Moves, Sideways};
+use swerve_localization::lateral_velocity::{LateralMotion, LateralVelocity};
 use swerve_msg::{EgoState, LocalPose, Plan};
 
 use super::localizer::new;
@@ -36,11 +36,11 @@ const LAG_MAX_RAD: f64 = 0.03;
 /// Makes poses for control of the states that localization estimates.
 ///
 /// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity that localization estimates is mostly an
-/// error of the heading: it is that of tyres and inertial unit ([`swerve_localization::sideways`]).
+/// error of the heading: it is that of tyres and inertial unit ([`swerve_localization::lateral_velocity`]).
 #[derive(Clone, Debug)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
-    sideways: Sideways,
+    lateral_velocity: LateralVelocity,
     /// Time since the first state, seconds.
     age_s: f64,
     before: Option<Before>,
@@ -58,7 +58,12 @@ struct Before {
 impl Odometer {
     /// For states by an inertial unit at this place in the ego frame, metres.
     pub(super) fn new(unit_at_m: [f64; 3]) -> Self {
-        Self { odom: Pose2::default(), sideways: Sideways::new(unit_at_m), age_s: 0.0, before: None }
+        Self {
+            odom: Pose2::default(),
+            lateral_velocity: LateralVelocity::new(unit_at_m),
+            age_s: 0.0,
+            before: None,
+        }
     }
 
     /// The pose for control of a state. Its lateral acceleration is that of the unit, gravity taken out; the body rolls at this
@@ -67,7 +72,9 @@ impl Odometer {
         let EgoState {
             stamp, speed_mps, lateral_accel_mps2: lateral_mps2, yaw_rate_radps: yaw_radps, ..
         } = *state;
-        let lateral_mps = self.sideways.take(stamp, Moves { lateral_mps2, roll_radps, yaw_radps, speed_mps });
+        let lateral_mps = self
+            .lateral_velocity
+            .take(stamp, LateralMotion { lateral_mps2, roll_radps, yaw_radps, speed_mps });
         let mut map = state.pose;
         if let Some(before) = self.before {
             let dt_s = (stamp - before.state.stamp).as_secs().clamp(0.0, STEP_MAX_S);

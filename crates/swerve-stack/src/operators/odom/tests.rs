@@ -1,7 +1,7 @@
 use swerve_msg::PlanPoint;
 
 use super::*;
-use swerve_localization::sideways::steady_mps;
+use swerve_localization::lateral_velocity::steady_mps;
 
 const SPEED_MPS: f64 = 8.0;
 

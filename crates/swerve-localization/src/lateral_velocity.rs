@@ -1,6 +1,6 @@
-//! How fast a car goes sideways: by its inertial unit in a swerve, by the slip of its tyres in a steady turn.
+//! Lateral velocity of a car: by its inertial unit in a swerve, by the slip of its tyres in a steady turn.
 //!
-//! What a filter estimates of it is mostly an error of the heading, and jumps with every correction; this has neither.
+//! The estimate of a filter is mostly an error of the heading, and jumps with every correction; this has neither.
 
 use swerve_core::Time;
 use swerve_geom::math;
@@ -28,9 +28,9 @@ pub fn steady_mps(speed_mps: f64, yaw_rate_radps: f64) -> f64 {
     -SLIP_RAD_PER_MPS2 * speed_mps * speed_mps * yaw_rate_radps
 }
 
-/// What a car does at one instant.
+/// Motion of a car at one instant.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Moves {
+pub struct LateralMotion {
     /// Acceleration of the inertial unit to the left, gravity taken out, m/s².
     pub lateral_mps2: f64,
     /// Turn rate about the ego's x axis, rad/s.
@@ -43,24 +43,24 @@ pub struct Moves {
 
 /// The lateral velocity of the ego origin, on the ground below the rear axle.
 #[derive(Clone, Debug)]
-pub struct Sideways {
+pub struct LateralVelocity {
     /// The unit's place ahead of the origin and above it, metres.
     ahead_m: f64,
     up_m: f64,
-    before: Option<(Time, Moves)>,
+    before: Option<(Time, LateralMotion)>,
     /// Lateral velocity of the unit, m/s.
     unit_mps: f64,
 }
 
-impl Sideways {
+impl LateralVelocity {
     /// By a unit at this place in the ego frame, metres.
     pub fn new([ahead_m, _, up_m]: [f64; 3]) -> Self {
         Self { ahead_m, up_m, before: None, unit_mps: 0.0 }
     }
 
     /// Goes on to an instant; the lateral velocity of the origin then, m/s to the left.
-    pub fn take(&mut self, stamp: Time, moves: Moves) -> f64 {
-        let Moves { roll_radps, yaw_radps, speed_mps, .. } = moves;
+    pub fn take(&mut self, stamp: Time, moves: LateralMotion) -> f64 {
+        let LateralMotion { roll_radps, yaw_radps, speed_mps, .. } = moves;
         let turned_mps = yaw_radps * self.ahead_m;
         let steady_mps = steady_mps(speed_mps, yaw_radps) + turned_mps;
         let before = self.before.replace((stamp, moves));
@@ -69,7 +69,7 @@ impl Sideways {
             self.unit_mps = steady_mps;
             return steady_mps - turned_mps;
         };
-        let gained = |moves: Moves| moves.lateral_mps2 - moves.speed_mps * moves.yaw_radps;
+        let gained = |moves: LateralMotion| moves.lateral_mps2 - moves.speed_mps * moves.yaw_radps;
         let gained_mps2 = (0.5 * (gained(before) + gained(moves))).clamp(-GAIN_MAX_MPS2, GAIN_MAX_MPS2);
         self.unit_mps = led(self.unit_mps + gained_mps2 * dt_s, steady_mps, dt_s);
         self.unit_mps - turned_mps + roll_radps * self.up_m
@@ -78,12 +78,12 @@ impl Sideways {
 
 /// The lateral acceleration of a unit whose readings have a share of gravity, as the body rolls.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Roll {
+pub struct RollEstimate {
     before: Option<Time>,
     roll_rad: f64,
 }
 
-impl Roll {
+impl RollEstimate {
     /// Goes on to an instant with its specific force to the left (m/s²) and turn rate about the x axis (rad/s). Returns the
     /// acceleration to the left, m/s².
     pub fn take(&mut self, stamp: Time, force_mps2: f64, roll_radps: f64) -> f64 {
@@ -116,7 +116,7 @@ mod tests {
         (0.2 * (1.0 - math::cos(2.0 * t)), 0.4 * math::sin(2.0 * t))
     }
 
-    /// Roll, its rate and the lateral velocity with its derivative.
+    /// RollEstimate, its rate and the lateral velocity with its derivative.
     fn roll(t: f64) -> (f64, f64) {
         (0.02 * (1.0 - math::cos(2.0 * t)), 0.04 * math::sin(2.0 * t))
     }
@@ -125,13 +125,13 @@ mod tests {
         (-1.2 * (1.0 - math::cos(2.0 * t)), -2.4 * math::sin(2.0 * t))
     }
 
-    fn moves(lateral_mps2: f64, roll_radps: f64, yaw_radps: f64) -> Moves {
-        Moves { lateral_mps2, roll_radps, yaw_radps, speed_mps: SPEED_MPS }
+    fn moves(lateral_mps2: f64, roll_radps: f64, yaw_radps: f64) -> LateralMotion {
+        LateralMotion { lateral_mps2, roll_radps, yaw_radps, speed_mps: SPEED_MPS }
     }
 
     #[test]
     fn a_swerve_is_felt_before_it_is_a_steady_turn() {
-        let (mut sideways, mut rolls) = (Sideways::new(AT_M), Roll::default());
+        let (mut lateral_velocity, mut rolls) = (LateralVelocity::new(AT_M), RollEstimate::default());
         let (mut off_mps, mut steady_off_mps): (f64, f64) = (0.0, 0.0);
         for step in 0..=50 {
             let t = 0.01 * f64::from(step);
@@ -141,7 +141,7 @@ mod tests {
             let unit_mps2 = mps2 + SPEED_MPS * yaw_radps + yaw_radps2 * AT_M[0] - roll_radps2 * AT_M[2];
             let stamp = Time::ZERO + Span::from_secs(t);
             let lateral_mps2 = rolls.take(stamp, unit_mps2 + G_MPS2 * roll_rad, roll_radps);
-            let found = sideways.take(stamp, moves(lateral_mps2, roll_radps, yaw_radps));
+            let found = lateral_velocity.take(stamp, moves(lateral_mps2, roll_radps, yaw_radps));
             off_mps = off_mps.max((found - lateral(t).0).abs());
             steady_off_mps = steady_off_mps.max((steady_mps(SPEED_MPS, yaw_radps) - lateral(t).0).abs());
         }
@@ -150,11 +150,11 @@ mod tests {
 
     #[test]
     fn what_a_unit_is_off_by_does_not_add_up() {
-        let (mut sideways, mut rolls) = (Sideways::new(AT_M), Roll::default());
+        let (mut lateral_velocity, mut rolls) = (LateralVelocity::new(AT_M), RollEstimate::default());
         let mut take = |ms: i64, force_mps2: f64, yaw_radps: f64| {
             let stamp = Time::from_ms(ms);
             let lateral_mps2 = rolls.take(stamp, force_mps2, 0.0);
-            sideways.take(stamp, moves(lateral_mps2, 0.0, yaw_radps))
+            lateral_velocity.take(stamp, moves(lateral_mps2, 0.0, yaw_radps))
         };
         let found = (0..6000).map(|step| take(10 * step, 0.02, 0.0)).last().unwrap();
         assert!(found.abs() < 0.03, "{found}");
