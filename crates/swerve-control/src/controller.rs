@@ -15,9 +15,9 @@ use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
 use crate::{AccelToPedals, Pedals, pid};
-use stop::{Blind, Stop};
+use stop::{Reckoned, Stop};
 
-pub use params::{AlongParams, Following, Law, Params, SlipParams, StopParams};
+pub use params::{AlongParams, Following, Law, Params, StopParams};
 
 /// Everything that one step of control may know.
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +78,8 @@ pub enum StopReason {
     PlanEmpty,
     /// A number of the plan is not finite.
     PlanNotFinite,
+    /// The plan is from before a state of the ego came again: the ego is not where it was to be by then.
+    PlanOutdated,
 }
 
 /// Follows plans with one of the [`Law`]s.
@@ -93,9 +95,11 @@ pub struct Controller {
     route_speed_mps: Option<f64>,
     /// The stop under way.
     stopping: Option<Stop>,
-    /// The last state that it could drive by, and the motion since then while there is none.
+    /// The last state that it could drive by, and the motion since then.
     seen: Option<EgoState>,
-    blind: Option<Blind>,
+    reckoned: Option<Reckoned>,
+    /// Stamp of the first state after a time without any.
+    seen_again: Option<Time>,
     before: Option<Time>,
     steering_rad: f64,
     mpc: Option<Predictive>,
@@ -131,7 +135,8 @@ impl Controller {
             route_speed_mps: None,
             stopping: None,
             seen: None,
-            blind: None,
+            reckoned: None,
+            seen_again: None,
             before: None,
             steering_rad: 0.0,
             place: LineTracker::default(),
@@ -149,14 +154,15 @@ impl Controller {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
         let is_seen = self.is_usable(input.ego, input.now);
+        self.reckon(input.now);
         if is_seen {
-            (self.seen, self.blind) = (Some(*input.ego), None);
+            self.see(input.ego, input.now);
         }
         let Some(seen) = self.seen else { return self.held() };
-        self.route_m = self.place.locate(input.route.line(), seen.pose).s_m;
-        let status = self.load(&Input { ego: &seen, ..*input }, is_seen);
-        let ego = if is_seen { seen } else { self.reckoned(&seen, input) };
+        let ego = if is_seen { seen } else { self.blind(&seen, input).unwrap_or(seen) };
         let input = &Input { ego: &ego, ..*input };
+        self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
+        let status = self.load(input, is_seen);
         let here = self.here(input, status);
         let mut report = None;
         let (steering_rad, drive) = match (&self.mpc, self.params.law) {
@@ -194,8 +200,8 @@ impl Controller {
         }
         let v = input.ego.speed_mps.abs().max(SLOW_MPS);
         let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
-        // Before the first plan nothing is known that would be worth a swerve.
-        if status == Status::Route {
+        // Before the first plan nothing is known that would be worth a swerve, and none is known for the ego's place.
+        if matches!(status, Status::Route | Status::Stopping(StopReason::PlanOutdated)) {
             return gentle;
         }
         if status != Status::Plan || !comfortable {
@@ -212,17 +218,23 @@ impl Controller {
 
     /// Decides what to follow and loads it as the reference.
     fn load(&mut self, input: &Input<'_>, is_seen: bool) -> Status {
+        use StopReason::{PlanExpired, PlanOutdated};
         let Input { now, ego, route, .. } = *input;
         let route_speed = *self.route_speed_mps.get_or_insert(ego.speed_mps.max(0.0));
         let status = match input.plan {
             None => Status::Route,
             Some(plan) if plan.points.is_empty() => Status::Stopping(StopReason::PlanEmpty),
             Some(plan) if !plan_is_finite(plan) => Status::Stopping(StopReason::PlanNotFinite),
+            Some(plan) if self.seen_again.is_some_and(|again| plan.stamp < again) => {
+                Status::Stopping(StopReason::PlanOutdated)
+            }
             Some(plan) if now > plan.end() => Status::Stopping(StopReason::PlanExpired),
             Some(_) => Status::Plan,
         };
         match (status, input.plan) {
-            (Status::Plan | Status::Stopping(StopReason::PlanExpired), Some(plan)) => {
+            // The path of before.
+            _ if !is_seen => {}
+            (Status::Plan | Status::Stopping(PlanExpired | PlanOutdated), Some(plan)) => {
                 self.reference.load_plan(plan);
             }
             _ => self.reference.load_route(route, self.route_m, route_speed, now),
@@ -294,10 +306,16 @@ impl Controller {
 
     fn step_tracker(&mut self, input: &Input<'_>, here: &Here, dt_s: f64) -> (f64, Drive) {
         let ego = input.ego;
+        let steering_rad = self.steering_by(self.params.law, ego, here, 0.0);
+        let accel_mps2 = self.speed.accel(here.target, ego.speed_mps, dt_s);
+        (steering_rad, self.drive_at(here.target.speed_mps, accel_mps2, ego))
+    }
+
+    /// Angle of the front road wheels by a law that tracks a path, radians; the slip of the tyres is that at a deceleration.
+    fn steering_by(&self, law: Law, ego: &EgoState, here: &Here, decel_mps2: f64) -> f64 {
         let beside = self.at(here.s_m);
-        let slip = self.params.slip;
         let speed = ego.speed_mps.max(0.0);
-        let preview_s = match self.params.law {
+        let preview_s = match law {
             Law::PurePursuit => self.params.pure_pursuit.preview_s,
             _ => self.params.stanley.preview_s,
         };
@@ -305,7 +323,7 @@ impl Controller {
         let on_path = OnPath { pose: beside.pose, curvature_1pm: ahead.curvature_1pm };
         let course = self.course(ego, &beside);
         let wheelbase = self.shape.wheelbase_m;
-        let steering = if self.params.law == Law::PurePursuit {
+        let steering_rad = if law == Law::PurePursuit {
             let params = &self.params.pure_pursuit;
             let goal = self.at(here.s_m + params.lookahead_m(ego.speed_mps)).pose.point();
             lateral::pure_pursuit(course, goal, on_path, wheelbase, params)
@@ -313,17 +331,15 @@ impl Controller {
             let params = &self.params.stanley;
             lateral::stanley(course, ego.speed_mps, ego.yaw_rate_radps, on_path, wheelbase, params)
         };
-        let steering = steering + slip.understeer_s2pm * speed * speed * ahead.curvature_1pm;
-        let accel_mps2 = self.speed.accel(here.target, ego.speed_mps, dt_s);
-        (steering, self.drive_at(here.target.speed_mps, accel_mps2, ego))
+        steering_rad + self.params.slip.added_m(wheelbase, speed, decel_mps2) * ahead.curvature_1pm
     }
 
     /// The ego with the direction in which its rear axle goes on the path for a heading: the nose points
     /// further into a turn than that.
     fn course(&self, ego: &EgoState, beside: &PlanPoint) -> Pose2 {
-        let lateral = ego.speed_mps * ego.speed_mps * beside.curvature_1pm;
-        let heading = ego.pose.heading_rad - self.params.slip.rear_s2pm * lateral;
-        Pose2::new(ego.pose.x_m, ego.pose.y_m, heading)
+        let EgoState { pose, speed_mps, .. } = *ego;
+        let course_rad = self.params.slip.course_rad(pose.heading_rad, beside.curvature_1pm, speed_mps);
+        Pose2::new(pose.x_m, pose.y_m, course_rad)
     }
 
     fn step_mpc(

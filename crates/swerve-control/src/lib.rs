@@ -20,11 +20,12 @@ pub mod pedals;
 pub mod pid;
 mod reference;
 pub mod safety_gate;
+mod slip;
 pub mod speed;
 mod validate;
 
 pub use controller::{
-    AlongParams, Controller, Following, Input, Law, Output, Params, SlipParams, Status, StopParams,
-    StopReason,
+    AlongParams, Controller, Following, Input, Law, Output, Params, Status, StopParams, StopReason,
 };
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
+pub use slip::SlipParams;

@@ -10,7 +10,8 @@ const ROUTE_STEP_M: f64 = 1.0;
 /// Reach of the search for the place of a path's end along the route, metres.
 const ROUTE_REACH_M: f64 = 15.0;
 
-/// A path by arc length. Before its first and beyond its last point it goes on straight.
+/// A path by arc length. Before its first and beyond its last point it goes on straight; who is before it turns as its first
+/// point does already.
 ///
 /// Buffers are kept between loads, so that a steady state allocates nothing.
 #[derive(Clone, Debug, Default)]
@@ -116,7 +117,7 @@ impl Reference {
         let after = self.s_m.partition_point(|&s| s <= s_m);
         let first = self.points.first()?;
         if after == 0 {
-            return Some(PlanPoint { pose: first.pose.ahead(s_m), curvature_1pm: 0.0, ..*first });
+            return Some(PlanPoint { pose: first.pose.ahead(s_m), ..*first });
         }
         let a = &self.points[after - 1];
         let Some(b) = self.points.get(after) else {

@@ -226,7 +226,8 @@ impl SafetyGate {
         if finite && !ahead && !older {
             self.report = Some(report);
             self.standstill.take(&report);
-            self.pose.take_report(&report, &self.params);
+            let decel_mps2 = self.sent.map_or(0.0, |(_, accel_mps2)| -accel_mps2);
+            self.pose.take_report(&report, decel_mps2, &self.params);
         }
     }
 
@@ -317,7 +318,8 @@ impl SafetyGate {
     ) -> (MotionCommand, bool) {
         let p = &self.params;
         let path = self.stop_path.as_ref().filter(|_| !self.standstill.stands());
-        let steering_rad = path.and_then(|path| path.steering_rad(&self.pose, now, p.wheelbase_m));
+        let steering_rad =
+            path.and_then(|path| path.steering_rad(&self.pose, now, -accel_before, p.wheelbase_m));
         let steering_rad = match steering_rad {
             Some(wanted_rad) => self.steered(wanted_rad, steering_before, dt_s),
             None => steering_before,

@@ -72,7 +72,8 @@ impl Params {
         let fits = self.law != Law::Mpc || (1..=HORIZON_MAX).contains(&horizon);
         require("mpc.horizon", horizon, fits, "1 to 200")?;
         require("slip.rear_s2pm", self.slip.rear_s2pm, true, "a finite number")?;
-        require("slip.understeer_s2pm", self.slip.understeer_s2pm, true, "a finite number")
+        require("slip.understeer_s2pm", self.slip.understeer_s2pm, true, "a finite number")?;
+        require("slip.braking_s4pm2", self.slip.braking_s4pm2, true, "a finite number")
     }
 }
 

@@ -125,3 +125,54 @@ fn a_car_whose_pose_hangs_is_braked_by_its_controller() {
     let why = Logged::read(&path, &Registry::standard()).unwrap().why(&outcome.metrics).unwrap();
     assert!(why.sentence.contains("it had no pose: none came from 5.0"), "{}", why.sentence);
 }
+
+/// A bend of 3.5 m wide lanes: of 167 m at 18 m/s, where tyres slip and a brake turns the car further in.
+const BEND: &str = r#"name = "bend"
+
+[road]
+segments = [{ length_m = 60.0 }, { length_m = 250.0, curvature_1pm = 0.006 }, { length_m = 60.0 }]
+lane_width_m = 3.5
+
+[ego]
+target_speed_mps = 20.0
+end_m = 330.0
+
+[end]
+timeout_s = 25.0
+"#;
+
+/// Without a pose a bend is followed by dead reckoning. As the pose comes again the car brakes on, and turns its wheels no
+/// faster than in comfort, until there is a plan from where it is.
+#[test]
+fn a_pose_that_is_lost_in_a_bend_and_comes_again_is_no_surprise() {
+    let folder = tempfile::tempdir().unwrap();
+    let [road, path] = ["bend.toml", "log.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&road, BEND).unwrap();
+    let ways = [
+        ("drop = true", 60_000, Verdict::Stopped),
+        ("drop = true", 2_000, Verdict::Completed),
+        ("freeze_ms = 2000", 10, Verdict::Completed),
+    ];
+    // At the entry of the bend, in it, and before its end.
+    for (from_ms, (what, lasts_ms, verdict)) in
+        [3000, 5500, 9000].iter().flat_map(|at| ways.map(|way| (at, way)))
+    {
+        let until_ms = from_ms + lasts_ms;
+        let fault =
+            format!("fault.f={{ stream = \"pose\", {what}, from_ms = {from_ms}, until_ms = {until_ms} }}");
+        let metrics = common::record(&common::config(&[&fault]), &road, &path, 1).metrics;
+        assert_eq!((metrics.verdict, metrics.left_road_at_s), (verdict, None), "{fault}");
+        let log = Log::read(&path).unwrap();
+        let commands =
+            log.publications("controller").map(|p| (p.header.stamp, p.decode::<Command>().unwrap()));
+        let commands: Vec<_> = commands.collect();
+        let blind = Time::from_ms(from_ms + 320)..Time::from_ms(from_ms + 2000);
+        for pair in commands.windows(2) {
+            let [(_, before), (at, now)] = [pair[0], pair[1]];
+            assert!(!blind.contains(&at) || now.throttle == 0.0, "{fault}: {at:?} {now:?}");
+            // Where it comes again, and after.
+            let turned_rad = (now.steering_rad - before.steering_rad).abs();
+            assert!(at < blind.end || turned_rad < 0.005, "{fault}: {at:?} {turned_rad} rad");
+        }
+    }
+}

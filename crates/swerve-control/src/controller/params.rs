@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
-use crate::{mpc, pid, speed};
+use crate::{SlipParams, mpc, pid, speed};
 
 /// How a plan is followed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -79,23 +79,6 @@ impl Default for Params {
             mpc: mpc::Params::default(),
             comfort_jerk_mps3: 6.5,
         }
-    }
-}
-
-/// Slip of the tyres, which adds to the geometry of steering: fed forward, from the path's own lateral acceleration.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct SlipParams {
-    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
-    /// further in than the rear axle goes. Near the inverse of the tyres' stiffness per load and of gravity.
-    pub rear_s2pm: f64,
-    /// Steering beyond the geometric angle per lateral acceleration, rad s²/m: the understeer gradient.
-    pub understeer_s2pm: f64,
-}
-
-impl Default for SlipParams {
-    fn default() -> Self {
-        Self { rear_s2pm: 0.0055, understeer_s2pm: 0.0005 }
     }
 }
 

@@ -6,15 +6,19 @@
 //!                              harder as planned
 //! ```
 //!
-//! Without a state the ego is taken to be on its path, as far along it as this motion brings it: the wheels follow the
-//! curvature of the path, whichever law steers otherwise.
+//! Without a state the ego is where the last one and the commands since then have it. It follows the path that it was on:
+//! plans that still come may be made without a state, too.
 
 use swerve_core::{Span, Time};
+use swerve_geom::{Pose2, math};
 use swerve_msg::EgoState;
 
-use super::{Controller, Drive, Here, Input};
+use super::{Controller, Drive, Here, Input, Law};
 use crate::Pedals;
 use crate::speed::{SpeedLaw, Target};
+
+/// Slower than this the yaw rate says nothing about how the car turns, m/s.
+const SLOW_MPS: f64 = 1.0;
 
 /// A stop: since when, from which speed, how hard.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -32,14 +36,16 @@ impl Stop {
     }
 }
 
-/// The motion of an ego without a state.
+/// The motion of an ego since its last state, by the commands given since then.
 #[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Blind {
+pub(super) struct Reckoned {
     at: Time,
+    pose: Pose2,
     speed_mps: f64,
-    /// The way since its last state, metres.
-    way_m: f64,
-    decel_mps2: f64,
+    /// How the nose turns, 1/m.
+    curvature_1pm: f64,
+    /// Deceleration of the stop: none while the last state is recent enough.
+    decel_mps2: Option<f64>,
 }
 
 impl Controller {
@@ -48,59 +54,75 @@ impl Controller {
         super::is_finite(ego) && now - ego.stamp <= Span::from_secs(self.params.stop.blind_after_s)
     }
 
+    /// True while it stops without a state.
+    pub(super) fn is_blind(&self) -> bool {
+        self.reckoned.is_some_and(|reckoned| reckoned.decel_mps2.is_some())
+    }
+
     /// Stops from now on, unless it does already.
     pub(super) fn begin_stop(&mut self, now: Time, ego: &EgoState) {
         let from_mps = ego.speed_mps.max(0.0);
         self.stopping.get_or_insert(Stop { since: now, from_mps, decel_mps2: self.params.stop.decel_mps2 });
     }
 
-    /// The ego where it should be by now without a state since `seen`; the path is loaded. Integrals begin anew afterwards.
-    pub(super) fn reckoned(&mut self, seen: &EgoState, input: &Input<'_>) -> EgoState {
+    /// Goes on from a state. Who was without one brakes on as hard until there is a plan from where it is.
+    pub(super) fn see(&mut self, ego: &EgoState, now: Time) {
+        if let Some(decel_mps2) = self.reckoned.and_then(|before| before.decel_mps2) {
+            self.seen_again = Some(ego.stamp);
+            self.stopping = Some(Stop { since: now, from_mps: ego.speed_mps.max(0.0), decel_mps2 });
+        }
+        if self.seen.is_none_or(|before| before.stamp != ego.stamp) {
+            let speed_mps = ego.speed_mps.max(0.0);
+            let pose = ego.pose_after((now - ego.stamp).as_secs().max(0.0));
+            let curvature_1pm = ego.yaw_rate_radps / speed_mps.max(SLOW_MPS);
+            self.reckoned = Some(Reckoned { at: now, pose, speed_mps, curvature_1pm, decel_mps2: None });
+        }
+        self.seen = Some(*ego);
+    }
+
+    /// Moves the ego on to `now` by dead reckoning, under the last command; it answers to the wheels with the lag of steering
+    /// and tyres.
+    pub(super) fn reckon(&mut self, now: Time) {
+        let (slip, lag_s) = (self.params.slip, self.params.stanley.preview_s);
+        let Some(ego) = &mut self.reckoned else { return };
+        let dt_s = (now - ego.at).as_secs().max(0.0);
+        let decel_mps2 = ego.decel_mps2.unwrap_or(0.0);
+        let before_mps = ego.speed_mps;
+        ego.speed_mps = (before_mps - decel_mps2 * dt_s).max(0.0);
+        let wanted_1pm =
+            slip.curvature_1pm(self.steering_rad, self.shape.wheelbase_m, ego.speed_mps, decel_mps2);
+        let answered = 1.0 - math::exp(-dt_s / lag_s.max(1e-3));
+        ego.curvature_1pm += answered * (wanted_1pm - ego.curvature_1pm);
+        let way_m = 0.5 * (before_mps + ego.speed_mps) * dt_s;
+        ego.pose = slip.moved(ego.pose, ego.curvature_1pm, ego.speed_mps, way_m);
+        ego.at = now;
+    }
+
+    /// The ego by dead reckoning, braking: `blind_decel_mps2`, and as hard as planned where that is harder. Integrals begin
+    /// anew afterwards.
+    pub(super) fn blind(&mut self, seen: &EgoState, input: &Input<'_>) -> Option<EgoState> {
         self.pid.reset();
         self.speed = SpeedLaw::new(self.params.speed);
-        let Blind { way_m, speed_mps, decel_mps2, .. } = self.slowed(seen, input);
-        let s_m = self.reference.project(seen.pose.point());
-        let until_m = s_m.max(0.0) + way_m + self.reach_m(seen.speed_mps);
-        self.reference.extend(input.route, self.route_m - s_m.max(0.0), until_m);
-        let there = self.at(s_m + way_m);
-        EgoState {
-            stamp: input.now,
-            pose: there.pose,
-            speed_mps,
-            accel_mps2: -decel_mps2,
-            yaw_rate_radps: there.curvature_1pm * speed_mps,
-            ..*seen
-        }
+        let planned_mps2 =
+            input.plan.and_then(|plan| plan.at(input.now)).map_or(0.0, |point| -point.accel_mps2);
+        let decel_mps2 = planned_mps2.min(self.limits.brake_max_mps2).max(self.params.stop.blind_decel_mps2);
+        let reckoned = self.reckoned.as_mut()?;
+        reckoned.decel_mps2 = Some(decel_mps2);
+        let Reckoned { pose, speed_mps, curvature_1pm, .. } = *reckoned;
+        let yaw_rate_radps = curvature_1pm * speed_mps;
+        Some(EgoState { stamp: input.now, pose, speed_mps, accel_mps2: -decel_mps2, yaw_rate_radps, ..*seen })
     }
 
-    /// The motion without a state up to now: braking, and as hard as planned where that is harder.
-    fn slowed(&mut self, seen: &EgoState, input: &Input<'_>) -> Blind {
-        let now = input.now;
-        let planned_mps2 = input.plan.and_then(|plan| plan.at(now)).map_or(0.0, |point| -point.accel_mps2);
-        let least_mps2 = self.params.stop.blind_decel_mps2;
-        let decel_mps2 = planned_mps2.min(self.limits.brake_max_mps2).max(least_mps2);
-        let v = seen.speed_mps.max(0.0);
-        let begun =
-            || Blind { at: now, speed_mps: v, way_m: v * (now - seen.stamp).as_secs().max(0.0), decel_mps2 };
-        let before = self.blind.unwrap_or_else(begun);
-        let speed_mps = (before.speed_mps - decel_mps2 * (now - before.at).as_secs()).max(0.0);
-        let way_m = before.way_m + 0.5 * (before.speed_mps + speed_mps) * (now - before.at).as_secs();
-        *self.blind.insert(Blind { at: now, speed_mps, way_m, decel_mps2 })
-    }
-
-    /// Steers as the path asks a car that is on it, and brakes.
+    /// Steers by Stanley's law, whichever law steers otherwise, and brakes.
     pub(super) fn step_blind(&self, ego: &EgoState, here: &Here) -> (f64, Drive) {
-        let v = ego.speed_mps;
-        let curvature_1pm = self.at(here.s_m + self.params.stanley.preview_s * v).curvature_1pm;
-        let steering_rad =
-            self.steering_of(curvature_1pm) + self.params.slip.understeer_s2pm * v * v * curvature_1pm;
-        (steering_rad, self.drive_at(v, ego.accel_mps2, ego))
+        let steering_rad = self.steering_by(Law::Stanley, ego, here, -ego.accel_mps2);
+        (steering_rad, self.drive_at(ego.speed_mps, ego.accel_mps2, ego))
     }
 
     /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
     /// at least what holds it.
     pub(super) fn braked(&self, drive: Drive, now: Time) -> Drive {
-        if self.blind.is_some() {
+        if self.is_blind() {
             return Drive { pedals: Pedals { throttle: 0.0, ..drive.pedals }, ..drive };
         }
         let Some(stop) = self.stopping else { return drive };

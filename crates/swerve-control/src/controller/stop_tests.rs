@@ -1,8 +1,8 @@
 //! Stops that the controller makes by itself, under reports with noise and without any.
 
 use super::*;
-use crate::LinearPedals;
 use crate::bicycle::{self, curve, ego, lane_change, road, slalom};
+use crate::{LinearPedals, SlipParams};
 use swerve_core::Rng;
 
 const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
@@ -53,7 +53,7 @@ fn a_stop_of_the_controller_never_presses_the_accelerator() {
 
 fn controller(law: Law) -> Controller {
     let mut params = Params { law, ..Params::default() };
-    params.slip = SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 };
+    params.slip = SlipParams::NONE;
     (params.pure_pursuit.preview_s, params.stanley.preview_s, params.stanley.yaw_damping_s) = (0.0, 0.0, 0.0);
     Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
 }
@@ -112,10 +112,11 @@ fn an_unusable_state_is_driven_by_no_more() {
             stamp: Time::from_ms(ms),
             ..ego(plan.at(Time::from_ms(ms)).unwrap().pose, 8.0)
         };
-        let mut step = |now_ms: i64, ego: &EgoState| {
+        let mut step_by = |now_ms: i64, ego: &EgoState, plan: &Plan| {
             let now = Time::from_ms(now_ms);
-            controller.step(&Input { now, ego, plan: Some(&plan), route: &road() })
+            controller.step(&Input { now, ego, plan: Some(plan), route: &road() })
         };
+        let mut step = |now_ms: i64, ego: &EgoState| step_by(now_ms, ego, &plan);
         let mut bad = good(1000);
         spoil(&mut bad);
         let never = step(1000, &bad);
@@ -128,7 +129,17 @@ fn an_unusable_state_is_driven_by_no_more() {
             let Command { steering_rad, throttle, brake } = output.command;
             assert!(throttle == 0.0 && brake > 0.3 && steering_rad.abs() < 0.2, "{law:?}: {steering_rad}");
         }
-        let again = step(3010, &good(3010));
+        // A state again: it brakes until there is a plan for it.
+        let last = step(3000, &bad).command;
+        for now_ms in (3010..=3100).step_by(10) {
+            let Output { status, command, .. } = step(now_ms, &good(now_ms));
+            assert_eq!(status, Status::Stopping(StopReason::PlanOutdated), "{law:?} at {now_ms} ms");
+            assert!(command.throttle == 0.0, "{law:?} at {now_ms} ms: {command:?}");
+            let turned_rad = (command.steering_rad - last.steering_rad).abs();
+            assert!(law == Law::Pid || turned_rad < 0.04, "{law:?} at {now_ms} ms: {turned_rad} rad");
+        }
+        let renewed = Plan { stamp: Time::from_ms(3010), ..plan.clone() };
+        let again = step_by(3110, &good(3110), &renewed);
         assert_eq!(again.status, Status::Plan, "and goes on afterwards");
         assert!(again.command.throttle <= first.command.throttle + 0.1, "{law:?}: {:?}", again.command);
     }
@@ -200,29 +211,42 @@ fn late_states_do_not_make_it_faster() {
     }
 }
 
-/// The wheels of a car that understeers are turned as a steady bend needs, by every law alike.
+/// The wheels of a car that slips are turned as a steady bend needs under the brake, by every law alike.
 #[test]
 fn a_stop_without_a_state_turns_the_wheels_as_the_bend_needs() {
-    let radius_m = 120.0;
+    let (radius_m, from_mps) = (120.0, 15.0);
     let arc = |x: f64| {
         let root = (radius_m * radius_m - x * x).sqrt();
         (radius_m - root, x / root, radius_m * radius_m / (root * root * root))
     };
-    let plan = curve(arc, 15.0, 6.0);
+    let plan = curve(arc, from_mps, 6.0);
+    let params = Params::default();
+    let SlipParams { rear_s2pm, understeer_s2pm, braking_s4pm2 } = params.slip;
+    let wheels = |v: f64, decel_mps2: f64| {
+        let gradient_s2pm = understeer_s2pm - braking_s4pm2 * decel_mps2;
+        math::atan(Shape::default().wheelbase_m / radius_m) + gradient_s2pm * v * v / radius_m
+    };
     for law in LAWS {
-        let params = Params { law, ..Params::default() };
+        let params = Params { law, ..params };
         let mut controller = Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE));
-        let seen =
-            EgoState { stamp: Time::from_ms(1000), ..ego(plan.at(Time::from_ms(1000)).unwrap().pose, 15.0) };
-        for now_ms in (1000..2500).step_by(10) {
-            let input = Input { now: Time::from_ms(now_ms), ego: &seen, plan: Some(&plan), route: &road() };
-            let output = controller.step(&input);
-            if output.status == Status::Blind {
-                let v = 15.0 - 3.0 * (now_ms - 1310) as f64 * 1e-3;
-                let needed = math::atan(Shape::default().wheelbase_m / radius_m)
-                    + params.slip.understeer_s2pm * v * v / radius_m;
+        // The nose points into the bend, the rear axle goes along it.
+        let on_plan = |now: Time| {
+            let mut pose = plan.at(now).unwrap().pose;
+            pose.heading_rad += rear_s2pm * from_mps * from_mps / radius_m;
+            EgoState { stamp: now, yaw_rate_radps: from_mps / radius_m, ..ego(pose, from_mps) }
+        };
+        for now_ms in (500..3000).step_by(10) {
+            let now = Time::from_ms(now_ms);
+            let seen = on_plan(now.min(Time::from_ms(1000)));
+            let output = controller.step(&Input { now, ego: &seen, plan: Some(&plan), route: &road() });
+            // Half a second for what a law did before.
+            if output.status == Status::Blind && now_ms > 1800 {
+                let needed = wheels(from_mps - 3.0 * (now_ms - 1310) as f64 * 1e-3, 3.0);
                 let steering_rad = output.command.steering_rad;
-                assert!((steering_rad - needed).abs() < 0.003, "{law:?}: {steering_rad} for {needed}");
+                assert!(
+                    (steering_rad - needed).abs() < 0.003,
+                    "{law:?} at {now_ms} ms: {steering_rad} for {needed}"
+                );
             }
         }
     }

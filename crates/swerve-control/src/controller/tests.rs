@@ -1,4 +1,5 @@
 use super::*;
+use crate::SlipParams;
 use crate::bicycle::{self, DRIVE, curve, ego, lane_change, road, slalom};
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_map::{Border, Borders, Station};
@@ -52,7 +53,7 @@ fn errors(states: &[EgoState], plan: &Plan) -> (f64, f64) {
 /// Parameters for the bicycle of these tests, which neither lags nor slips.
 fn law(law: Law, following: Following) -> Params {
     let mut params = Params { law, following, ..Params::default() };
-    params.slip = SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 };
+    params.slip = SlipParams::NONE;
     (params.pure_pursuit.preview_s, params.stanley.preview_s, params.stanley.yaw_damping_s) = (0.0, 0.0, 0.0);
     params.mpc.lead_s = params.mpc.dt_s;
     params

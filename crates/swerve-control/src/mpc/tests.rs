@@ -297,7 +297,7 @@ fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
     let params = crate::Params {
         law: Law::Mpc,
         following: Following::Time,
-        slip: crate::SlipParams { rear_s2pm: 0.0, understeer_s2pm: 0.0 },
+        slip: crate::SlipParams::NONE,
         // The bicycle has no lag.
         mpc: Params { lead_s: mpc_params.dt_s, ..mpc_params },
         ..crate::Params::default()

@@ -12,10 +12,11 @@
 use std::collections::VecDeque;
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Map, Point2, Pose2, angle_between, math};
+use swerve_geom::{Map, Point2, Pose2, angle_between};
 use swerve_msg::{EgoState, PoseQuality, VehicleReport};
 
 use super::GateParams;
+use crate::SlipParams;
 
 /// Time over which the two motions are compared.
 const WINDOW: Span = Span::from_ms(1000);
@@ -45,21 +46,18 @@ pub(super) struct Reckoned {
     /// Way so far, metres; forwards and backwards both count.
     way_m: f64,
     pub(super) speed_mps: f64,
-    pub(super) yaw_rate_radps: f64,
+    /// How the nose turns, 1/m.
+    pub(super) curvature_1pm: f64,
+    slip: SlipParams,
 }
 
 impl Reckoned {
-    /// Moves on with a constant speed and yaw rate.
+    /// Moves on with a constant speed and curvature.
     fn at(&self, stamp: Time) -> Self {
         let dt_s = (stamp - self.stamp).as_secs();
-        let ego = EgoState {
-            pose: self.pose,
-            speed_mps: self.speed_mps,
-            yaw_rate_radps: self.yaw_rate_radps,
-            ..EgoState::default()
-        };
+        let pose = self.slip.moved(self.pose, self.curvature_1pm, self.speed_mps, self.speed_mps * dt_s);
         let way_m = self.way_m + self.speed_mps.abs() * dt_s.max(0.0);
-        Self { stamp, pose: ego.pose_after(dt_s), way_m, ..*self }
+        Self { stamp, pose, way_m, ..*self }
     }
 }
 
@@ -91,11 +89,12 @@ pub(super) struct Anchor {
 }
 
 impl PoseCheck {
-    /// Takes a report with finite numbers, in order of stamps.
-    pub(super) fn take_report(&mut self, report: &VehicleReport, params: &GateParams) {
+    /// Takes a report with finite numbers, in order of stamps, of a car that is asked for a deceleration.
+    pub(super) fn take_report(&mut self, report: &VehicleReport, decel_mps2: f64, params: &GateParams) {
         let VehicleReport { stamp, speed_mps, steering_rad, .. } = *report;
         let steering_rad = steering_rad.clamp(-params.steering_max_rad, params.steering_max_rad);
-        let yaw_rate_radps = speed_mps * math::tan(steering_rad) / params.wheelbase_m;
+        let slip = SlipParams::default();
+        let curvature_1pm = slip.curvature_1pm(steering_rad, params.wheelbase_m, speed_mps, decel_mps2);
         let last = self.reckoned.back().copied();
         let last = last.filter(|last| stamp - last.stamp <= GAP_MAX);
         if last.is_none() {
@@ -105,7 +104,7 @@ impl PoseCheck {
         }
         let moved = last.map(|last| last.at(stamp));
         let (pose, way_m) = moved.map_or((Pose2::default(), 0.0), |moved| (moved.pose, moved.way_m));
-        self.reckoned.push_back(Reckoned { stamp, pose, way_m, speed_mps, yaw_rate_radps });
+        self.reckoned.push_back(Reckoned { stamp, pose, way_m, speed_mps, curvature_1pm, slip });
         if self.reckoned.len() > KEPT {
             self.reckoned.pop_front();
         }

@@ -1,9 +1,11 @@
 //! Steering of a stop: along the last plan, by dead reckoning from a pose that was plausible. And how hard that plan braked.
 
 use swerve_core::Time;
+use swerve_geom::Pose2;
 use swerve_msg::Plan;
 
 use super::pose_check::{Anchor, PoseCheck};
+use crate::SlipParams;
 use crate::lateral::{OnPath, StanleyParams, stanley};
 use crate::reference::Reference;
 
@@ -35,16 +37,29 @@ impl StopPath {
         until.checked_sub(1).map_or(0.0, |newest| self.decels[newest].1)
     }
 
-    /// Angle of the front road wheels, radians: that of Stanley's law. `None` where reports or a pose from before are missing.
-    pub(super) fn steering_rad(&self, check: &PoseCheck, now: Time, wheelbase_m: f64) -> Option<f64> {
+    /// Angle of the front road wheels at a deceleration, radians: that of Stanley's law. `None` where reports or a pose from
+    /// before are missing.
+    pub(super) fn steering_rad(
+        &self,
+        check: &PoseCheck,
+        now: Time,
+        decel_mps2: f64,
+        wheelbase_m: f64,
+    ) -> Option<f64> {
         let (pose, motion) = check.place_since(self.anchor.as_ref()?, now)?;
+        let slip = SlipParams::default();
         // Damping by the yaw rate would carry the noise of a reported angle to the wheels.
         let params = StanleyParams { yaw_damping_s: 0.0, ..StanleyParams::default() };
+        let speed_mps = motion.speed_mps.max(0.0);
         let s_m = self.reference.project(pose.point());
         let beside = self.reference.at(s_m)?;
-        let ahead = self.reference.at(s_m + params.preview_s * motion.speed_mps.max(0.0))?;
-        let on_path = OnPath { pose: beside.pose, curvature_1pm: ahead.curvature_1pm };
-        let angle_rad = stanley(pose, motion.speed_mps, motion.yaw_rate_radps, on_path, wheelbase_m, &params);
+        let curvature_1pm = self.reference.at(s_m + params.preview_s * speed_mps)?.curvature_1pm;
+        let on_path = OnPath { pose: beside.pose, curvature_1pm };
+        let course_rad = slip.course_rad(pose.heading_rad, beside.curvature_1pm, speed_mps);
+        let course = Pose2::new(pose.x_m, pose.y_m, course_rad);
+        let yaw_rate_radps = motion.curvature_1pm * motion.speed_mps;
+        let angle_rad = stanley(course, motion.speed_mps, yaw_rate_radps, on_path, wheelbase_m, &params)
+            + slip.added_m(wheelbase_m, speed_mps, decel_mps2) * curvature_1pm;
         angle_rad.is_finite().then_some(angle_rad)
     }
 }

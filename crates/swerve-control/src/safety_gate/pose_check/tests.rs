@@ -1,4 +1,5 @@
 use super::*;
+use swerve_geom::math;
 
 fn params() -> GateParams {
     GateParams { lane_margin_m: 0.8, stop_decel_mps2: 3.0, ..GateParams::default() }
@@ -41,7 +42,7 @@ impl Drive {
             let (stamp, of_ms) = (Time::from_ms(ms), ms - self.late_ms);
             let Drive { speed_mps, steering_rad, .. } = *self;
             let report = VehicleReport { stamp, speed_mps, steering_rad, driver_active: false };
-            check.take_report(&report, &params);
+            check.take_report(&report, 0.0, &params);
             if of_ms < 0 {
                 continue;
             }
@@ -112,7 +113,7 @@ fn gaps_begin_the_comparison_anew() {
     let (mut check, params) = (PoseCheck::default(), params());
     let mut take = |ms: i64, x_m: f64, speed_mps: f64| {
         let stamp = Time::from_ms(ms);
-        check.take_report(&VehicleReport { stamp, speed_mps, ..VehicleReport::default() }, &params);
+        check.take_report(&VehicleReport { stamp, speed_mps, ..VehicleReport::default() }, 0.0, &params);
         let pose = Pose2::new(x_m, 0.0, 0.0);
         check.take_pose(&EgoState { stamp, pose, ..EgoState::default() }, None, &params);
         check.is_implausible()
