@@ -2,6 +2,7 @@
 
 pub mod files;
 pub mod graph;
+mod halved;
 pub mod output;
 pub mod page;
 pub mod progress;

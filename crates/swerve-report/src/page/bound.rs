@@ -1,22 +1,23 @@
-//! A bound on what the page of a long run holds. A run of a minute or two is shown whole; of a longer one the past is shown
+//! A bound on what the page of a long run holds. A run of a minute is shown whole; of a longer one the past is shown
 //! at fewer instants, and of steps and messages the newest.
 
 use super::run::{Marks, RunPage};
+use crate::halved::halve;
 
 /// The most rows of each table, numbers and texts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Steps and messages: three minutes at 700 a second. The older half goes.
+    /// Steps and messages: a minute at 700 a second. The older half goes.
     newest: usize,
-    /// States of the ego, commands, poses of localization: five minutes at 100 a second. Every second one goes, as in
-    /// all that follow.
+    /// States of the ego, commands, poses of localization: 80 seconds at 100 a second. Every second one goes, as in all
+    /// that follow.
     states: usize,
-    /// Plans: 100 seconds at 20 a second.
-    plans: usize,
-    /// Numbers of tracks, and of predictions: 100 seconds with ten actors.
+    /// Plans, and lists of tracks and of predictions: a minute at 20 a second.
+    lists: usize,
+    /// Numbers in those of tracks, and of predictions: a minute with ten actors.
     numbers: usize,
-    /// Poses of all actors: two minutes with ten that move.
-    poses: usize,
+    /// Poses of an actor, and of all: a minute at 200 a second, with ten that move.
+    poses: [usize; 2],
     /// Pictures of all cameras. The older half goes.
     photos: usize,
 }
@@ -24,11 +25,11 @@ pub(super) struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            newest: 1 << 17,
-            states: 1 << 15,
-            plans: 1 << 11,
-            numbers: 1 << 20,
-            poses: 1 << 18,
+            newest: 45_000,
+            states: 1 << 13,
+            lists: 1_250,
+            numbers: 640_000,
+            poses: [13_000, 130_000],
             photos: 1 << 11,
         }
     }
@@ -49,7 +50,7 @@ pub(super) struct Fill {
 impl Fill {
     /// Makes room in those tables that are full.
     pub(super) fn make_room(&mut self, page: &mut RunPage) {
-        let Limits { newest, states, plans, numbers, poses, photos } = self.limits;
+        let Limits { newest, states, lists, numbers, poses: [of_one, of_all], photos } = self.limits;
         let RunPage { ego, located, commands, .. } = page;
         if ego.t.len() >= states {
             self.is_thinned = true;
@@ -67,21 +68,21 @@ impl Fill {
             let columns = [&mut commands.t, &mut commands.steer, &mut commands.throttle, &mut commands.brake];
             columns.into_iter().for_each(halve);
         }
-        if page.plans.len() >= plans {
+        if page.plans.len() >= lists {
             self.is_thinned = true;
             halve(&mut page.plans);
         }
-        if self.tracked >= numbers {
+        if page.tracks.len() >= lists || self.tracked >= numbers {
             self.is_thinned = true;
             halve(&mut page.tracks);
             self.tracked = page.tracks.iter().map(|tracks| 8 * tracks.of.len()).sum();
         }
-        if self.predicted >= numbers {
+        if page.predictions.len() >= lists || self.predicted >= numbers {
             self.is_thinned = true;
             halve(&mut page.predictions);
             self.predicted = page.predictions.iter().flat_map(|all| &all.of).map(Vec::len).sum();
         }
-        if self.poses >= poses {
+        if self.poses >= of_all || page.actors.iter().any(|actor| actor.t.len() >= of_one) {
             self.is_thinned = true;
             for actor in &mut page.actors {
                 [&mut actor.t, &mut actor.x, &mut actor.y, &mut actor.h].into_iter().for_each(halve);
@@ -137,16 +138,6 @@ impl Fill {
     }
 }
 
-/// Drops every second row. The first and the last stay.
-fn halve<T>(rows: &mut Vec<T>) {
-    let mut left = rows.len();
-    let mut is_first = true;
-    rows.retain(|_| {
-        left -= 1;
-        core::mem::take(&mut is_first) || left.is_multiple_of(2)
-    });
-}
-
 #[cfg(test)]
 mod tests {
     use swerve_core::{Span, Time};
@@ -156,7 +147,7 @@ mod tests {
     use super::super::{Collector, Have, Message};
     use super::*;
 
-    const TINY: Limits = Limits { newest: 64, states: 32, plans: 8, numbers: 100, poses: 8, photos: 4 };
+    const TINY: Limits = Limits { newest: 64, states: 32, lists: 8, numbers: 100, poses: [8, 8], photos: 4 };
 
     fn track(pose: Pose2) -> Track {
         let extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
@@ -201,12 +192,12 @@ mod tests {
     }
 
     #[test]
-    fn drive_of_some_minutes_is_shown_whole_and_without_notes() {
-        let (long, tiny) = (driven(10_000, Limits::default()), driven(10_000, TINY));
+    fn drive_of_a_minute_is_shown_whole_and_without_notes() {
+        let (long, tiny) = (driven(1_200, Limits::default()), driven(1_200, TINY));
         assert_eq!(long.notes().count(), 0);
-        assert_eq!(long.so_far().ego.t.len(), 10_000);
+        assert_eq!(long.so_far().ego.t.len(), 1_200);
         let notes: Vec<String> = tiny.notes().collect();
-        assert!(notes.len() == 2 && notes[1].contains("before 199 s"), "{notes:?}");
+        assert!(notes.len() == 2 && notes[1].contains("before 23 s"), "{notes:?}");
     }
 
     #[test]

@@ -9,6 +9,8 @@ use swerve_msg::{
     ActorId, ActorKind, EgoState, Extent, Plan, PlanStatus, PredictionList, Route, Track, TrackList,
 };
 
+use crate::halved::push_within;
+
 /// Tracks are kept every so often.
 const TRACKS_EVERY: Span = Span::from_ms(250);
 /// A track farther than this from the outline of everybody is stale, metres.
@@ -17,6 +19,12 @@ const STALE_M: f64 = 1.5;
 const EGO_EVERY: Span = Span::from_ms(20);
 /// Actor poses nearer to each other than this are left out, metres and radians.
 const ACTOR_MOVED: f64 = 0.01;
+/// Most states of the ego, and poses of an actor: 80 seconds. Of a longer run every second one goes.
+const EGO_MAX: usize = 1 << 12;
+const POSES_MAX: usize = 1 << 14;
+/// Most plans that are kept, and places of tracks.
+const PLANS_MAX: usize = 1 << 8;
+const TRACKS_MAX: usize = 1 << 12;
 /// A plan that deviates sideways by more than this from the one before it, or from the one kept last, is a
 /// changed plan, metres.
 const CHANGE_OF_MIND_M: f64 = 0.3;
@@ -115,7 +123,7 @@ impl Story {
         let due = self.ego.last().is_none_or(|last| world.stamp - last.stamp >= EGO_EVERY);
         let eventful = world.ended.is_some() || !world.collisions.is_empty();
         if due || eventful {
-            self.ego.push(world.ego.state);
+            push_within(&mut self.ego, EGO_MAX, world.ego.state);
         }
         for actor in &world.actors {
             let place = self.actors.binary_search_by_key(&actor.id, |a| a.id).unwrap_or_else(|place| {
@@ -133,7 +141,8 @@ impl Story {
         // shows a slow drift.
         let before = self.newest.iter().chain(self.plans.last().map(|mark| &mark.plan));
         if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
-            self.plans.push(PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() });
+            let mark = PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() };
+            push_within(&mut self.plans, PLANS_MAX, mark);
         }
         if self.statuses.last().is_none_or(|(_, status)| *status != plan.status) {
             self.statuses.push((at, plan.status));
@@ -173,7 +182,9 @@ impl Story {
             let is_someone = self.actors.iter().filter_map(|a| away_m(a, track)).any(|m| m <= STALE_M);
             TrackMark { at: list.stamp, point: track.pose.point(), is_stale: !is_someone }
         });
-        self.tracks.extend(marks.collect::<Vec<_>>());
+        for mark in marks.collect::<Vec<_>>() {
+            push_within(&mut self.tracks, TRACKS_MAX, mark);
+        }
     }
 
     /// Takes in where the others are predicted to be.
@@ -240,7 +251,7 @@ impl ActorTrace {
                 || angle_between(last.heading_rad, pose.heading_rad).abs() > ACTOR_MOVED
         };
         if self.poses.last().is_none_or(|(_, last)| moved(last)) {
-            self.poses.push((at, pose));
+            push_within(&mut self.poses, POSES_MAX, (at, pose));
         }
     }
 

@@ -1,0 +1,19 @@
+//! Rows of a long run: every second one goes where they become too many.
+
+/// Drops every second row. The first and the last stay.
+pub(crate) fn halve<T>(rows: &mut Vec<T>) {
+    let mut left = rows.len();
+    let mut is_first = true;
+    rows.retain(|_| {
+        left -= 1;
+        core::mem::take(&mut is_first) || left.is_multiple_of(2)
+    });
+}
+
+/// Appends a row, to at most so many.
+pub(crate) fn push_within<T>(rows: &mut Vec<T>, most: usize, row: T) {
+    if rows.len() >= most {
+        halve(rows);
+    }
+    rows.push(row);
+}
