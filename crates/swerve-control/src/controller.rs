@@ -159,7 +159,11 @@ impl Controller {
             self.see(input.ego, input.now);
         }
         let Some(seen) = self.seen else { return self.held() };
-        let ego = if is_seen { seen } else { self.blind(&seen, input).unwrap_or(seen) };
+        if !is_seen {
+            self.brake_blind(input);
+        }
+        let is_known = is_seen && !self.is_overdue(input.now);
+        let ego = if is_known { seen } else { self.by_reckoning(&seen) };
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
         let status = self.load(input, is_seen);
@@ -233,7 +237,7 @@ impl Controller {
         };
         match (status, input.plan) {
             // The path of before.
-            _ if !is_seen => {}
+            _ if !is_seen || self.is_overdue(now) => {}
             (Status::Plan | Status::Stopping(PlanExpired | PlanOutdated), Some(plan)) => {
                 self.reference.load_plan(plan);
             }

@@ -1,13 +1,14 @@
 //! Stops of the controller itself: along the last path where no plan comes, by dead reckoning where no state comes.
 //!
 //! ```text
-//! last state       blind_after_s          standstill
-//!     |-- as fast as then --|-- blind_decel_mps2, --|
-//!                              harder as planned
+//! last state         blind_after_s          standstill
+//!     |---- as fast as then ----|-- blind_decel_mps2, --|
+//!          |                       harder as planned
+//!       overdue: by dead reckoning, along the path of the last plan
 //! ```
 //!
-//! Without a state the ego is where the last one and the commands since then have it. It follows the path that it was on:
-//! plans that still come may be made without a state, too.
+//! Once a state is overdue the ego is where the last one and the commands since then have it. It follows the path that it was
+//! on: plans that still come may be made without a state, too.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, math};
@@ -19,6 +20,9 @@ use crate::speed::{SpeedLaw, Target};
 
 /// Slower than this the yaw rate says nothing about how the car turns, m/s.
 const SLOW_MPS: f64 = 1.0;
+
+/// A state is overdue after this time: five periods of a pose at 100 Hz.
+const OVERDUE: Span = Span::from_ms(50);
 
 /// A stop: since when, from which speed, how hard.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -40,6 +44,8 @@ impl Stop {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Reckoned {
     at: Time,
+    /// When the last state came.
+    since: Time,
     pose: Pose2,
     speed_mps: f64,
     /// How the nose turns, 1/m.
@@ -75,7 +81,8 @@ impl Controller {
             let speed_mps = ego.speed_mps.max(0.0);
             let pose = ego.pose_after((now - ego.stamp).as_secs().max(0.0));
             let curvature_1pm = ego.yaw_rate_radps / speed_mps.max(SLOW_MPS);
-            self.reckoned = Some(Reckoned { at: now, pose, speed_mps, curvature_1pm, decel_mps2: None });
+            self.reckoned =
+                Some(Reckoned { at: now, since: now, pose, speed_mps, curvature_1pm, decel_mps2: None });
         }
         self.seen = Some(*ego);
     }
@@ -98,19 +105,32 @@ impl Controller {
         ego.at = now;
     }
 
-    /// The ego by dead reckoning, braking: `blind_decel_mps2`, and as hard as planned where that is harder. Integrals begin
-    /// anew afterwards.
-    pub(super) fn blind(&mut self, seen: &EgoState, input: &Input<'_>) -> Option<EgoState> {
+    /// True if a new state should have come: the ego is where dead reckoning has it.
+    pub(super) fn is_overdue(&self, now: Time) -> bool {
+        self.reckoned.is_some_and(|reckoned| now - reckoned.since > OVERDUE)
+    }
+
+    /// The ego by dead reckoning.
+    pub(super) fn by_reckoning(&self, seen: &EgoState) -> EgoState {
+        let Some(Reckoned { at, pose, speed_mps, curvature_1pm, decel_mps2, .. }) = self.reckoned else {
+            return *seen;
+        };
+        let accel_mps2 = decel_mps2.map_or(seen.accel_mps2, |decel_mps2| -decel_mps2);
+        let yaw_rate_radps = curvature_1pm * speed_mps;
+        EgoState { stamp: at, pose, speed_mps, accel_mps2, yaw_rate_radps, ..*seen }
+    }
+
+    /// Brakes without a state: by `blind_decel_mps2`, and as hard as planned where that is harder. Integrals begin anew
+    /// afterwards.
+    pub(super) fn brake_blind(&mut self, input: &Input<'_>) {
         self.pid.reset();
         self.speed = SpeedLaw::new(self.params.speed);
         let planned_mps2 =
             input.plan.and_then(|plan| plan.at(input.now)).map_or(0.0, |point| -point.accel_mps2);
         let decel_mps2 = planned_mps2.min(self.limits.brake_max_mps2).max(self.params.stop.blind_decel_mps2);
-        let reckoned = self.reckoned.as_mut()?;
-        reckoned.decel_mps2 = Some(decel_mps2);
-        let Reckoned { pose, speed_mps, curvature_1pm, .. } = *reckoned;
-        let yaw_rate_radps = curvature_1pm * speed_mps;
-        Some(EgoState { stamp: input.now, pose, speed_mps, accel_mps2: -decel_mps2, yaw_rate_radps, ..*seen })
+        if let Some(reckoned) = &mut self.reckoned {
+            reckoned.decel_mps2 = Some(decel_mps2);
+        }
     }
 
     /// Steers by Stanley's law, whichever law steers otherwise, and brakes.
