@@ -6,7 +6,7 @@ use swerve_msg::{ActorKind, PredictedPose, Prediction};
 use crate::comfort::{LANE_EDGE_M, LATERAL_STEP_M};
 use crate::fot::line::Line;
 use crate::request::Request;
-use crate::traffic::{Mover, STANDS_MPS, Traffic};
+use crate::traffic::{Knot, Mover, STANDS_MPS, Traffic};
 
 /// Distances that are wanted, metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -100,16 +100,24 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
 
 /// True of a road user in the ego's lane.
 fn is_in_lane(mover: &Mover, request: &Request<'_>) -> bool {
-    share_in_lane(mover, request) > 0.0
+    share_at(&mover.knots[0], request) > 0.0
 }
 
-/// Share of a road user's width that is in the ego's lane.
+/// Share of the width of a road user in the ego's lane that is within it, now or while the ego passes.
 fn share_in_lane(mover: &Mover, request: &Request<'_>) -> f64 {
-    let now = mover.knots[0];
-    let s_m = 0.5 * (now.from_m + now.to_m);
+    if !is_in_lane(mover, request) {
+        return 0.0;
+    }
+    let soon = mover.knots.iter().take_while(|knot| knot.t_s <= SLOWS_S);
+    soon.map(|knot| share_at(knot, request)).fold(0.0, f64::max)
+}
+
+/// Share of a road user's width that is in the ego's lane at one instant.
+fn share_at(knot: &Knot, request: &Request<'_>) -> f64 {
+    let s_m = 0.5 * (knot.from_m + knot.to_m);
     let lane = request.route.lane();
-    let inside_m = now.left_m.min(lane.left_m(s_m)) - now.right_m.max(-lane.right_m(s_m));
-    (inside_m / (now.left_m - now.right_m).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+    let inside_m = knot.left_m.min(lane.left_m(s_m)) - knot.right_m.max(-lane.right_m(s_m));
+    (inside_m / (knot.left_m - knot.right_m).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
 /// True of a road user whom the ego cannot pass at this distance within its lane.
