@@ -6,7 +6,7 @@ use swerve_msg::{ActorKind, PredictedPose, Prediction};
 use crate::comfort::{LANE_EDGE_M, LATERAL_STEP_M};
 use crate::fot::line::Line;
 use crate::request::Request;
-use crate::traffic::{Knot, Mover, STANDS_MPS, Traffic};
+use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
 
 /// Distances that are wanted, metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -41,6 +41,15 @@ pub(crate) struct Room {
 }
 
 impl Room {
+    /// True of traffic in which no more room will come: nobody is predicted to move.
+    pub(crate) fn is_final(traffic: &Traffic) -> bool {
+        let is_still = |mover: &Mover| {
+            let (first, last) = (mover.at(0.0), mover.at(HORIZON_S));
+            (last.from_m - first.from_m).abs() < STILL_M && (last.left_m - first.left_m).abs() < STILL_M
+        };
+        traffic.movers.iter().all(is_still)
+    }
+
     /// For an ego at `s_m` of `line`, which goes as far to the left and to the right of it as `reach_m`; `None` where nobody
     /// is to be given more than the clearance.
     pub(crate) fn new(
@@ -186,6 +195,9 @@ const PAST_MPS: f64 = 5.5;
 
 /// So long before it draws level the ego begins to slow for that, seconds.
 const SLOWS_S: f64 = 4.0;
+
+/// Predicted to get no further than this a road user does not move, metres.
+const STILL_M: f64 = 0.1;
 
 /// Less room than is wanted by this counts, metres.
 const SHORT_M: f64 = 0.05;

@@ -22,9 +22,6 @@ const END_S: f64 = 0.5;
 /// Slower than this a vehicle stands, m/s.
 pub(crate) const STANDS_MPS: f64 = 0.3;
 
-/// Predicted to get no further than this a road user does not move, metres.
-const STILL_M: f64 = 0.1;
-
 /// Only road users within this distance along the line are projected, metres.
 const REACH_M: f64 = 200.0;
 
@@ -239,12 +236,6 @@ impl Mover {
     /// True of a road user that stands, or is predicted to come to rest.
     pub(crate) fn comes_to_rest(&self) -> bool {
         self.motion(HORIZON_S).0.abs() < STANDS_MPS
-    }
-
-    /// True of a road user that is predicted not to move at all.
-    pub(crate) fn is_still(&self) -> bool {
-        let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);
-        (last.from_m - first.from_m).abs() < STILL_M && (last.left_m - first.left_m).abs() < STILL_M
     }
 
     /// Whether it stands all the time.

@@ -57,8 +57,7 @@ impl Comfort {
         };
         let plan = free(self, &room.traffic, room.slow_mps);
         let firm_mps2 = FIRM_SHARE * limits.brake_max_mps2;
-        // Where nobody moves, no more room will come.
-        let in_vain = traffic.movers.iter().all(Mover::is_still);
+        let in_vain = Room::is_final(&traffic);
         let is_waiting = |plan: &Plan| {
             let hurries = start.speed_mps < AT_REST_MPS || brakes_mps2(plan) > firm_mps2;
             if in_vain { ends_slower(plan, CREEPS_MPS) } else { rests(plan) && hurries }
