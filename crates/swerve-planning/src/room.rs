@@ -6,7 +6,7 @@ use swerve_msg::{ActorKind, PredictedPose, Prediction};
 use crate::comfort::{LANE_EDGE_M, LATERAL_STEP_M};
 use crate::fot::line::Line;
 use crate::request::Request;
-use crate::traffic::{Mover, STANDS_MPS, Traffic};
+use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
 
 /// Distances that are wanted, metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -17,6 +17,16 @@ pub(crate) struct Wanted {
     pub(crate) person_m: f64,
     /// To moving vehicles.
     pub(crate) vehicle_m: f64,
+    /// Left free before the face of a pedestrian in the lane.
+    pub(crate) step_out_m: f64,
+}
+
+impl Wanted {
+    /// For an ego that finds no way past with all of it: half of what is wanted beyond the clearance.
+    pub(crate) fn less(self) -> Self {
+        let half = |wanted_m: f64| 0.5 * (self.clearance_m + wanted_m);
+        Self { person_m: half(self.person_m), vehicle_m: half(self.vehicle_m), step_out_m: 0.0, ..self }
+    }
 }
 
 /// The traffic with the room that is left to each road user.
@@ -31,6 +41,15 @@ pub(crate) struct Room {
 }
 
 impl Room {
+    /// True of traffic in which no more room will come: nobody is predicted to move.
+    pub(crate) fn is_final(traffic: &Traffic) -> bool {
+        let is_still = |mover: &Mover| {
+            let (first, last) = (mover.at(0.0), mover.at(HORIZON_S));
+            (last.from_m - first.from_m).abs() < STILL_M && (last.left_m - first.left_m).abs() < STILL_M
+        };
+        traffic.movers.iter().all(is_still)
+    }
+
     /// For an ego at `s_m` of `line`, which goes as far to the left and to the right of it as `reach_m`; `None` where nobody
     /// is to be given more than the clearance.
     pub(crate) fn new(
@@ -43,23 +62,26 @@ impl Room {
         let mut room: Option<Self> = None;
         for (k, mover) in traffic.movers.iter().enumerate() {
             let one = &traffic.predictions[mover.index];
-            let facing = mover.faces_across() && is_in_lane(mover, request);
+            let in_lane = share_in_lane(mover, request);
+            let facing = if mover.faces_across() { in_lane } else { 0.0 };
             let Some(wanted_m) = wanted_m(wanted, mover, request) else { continue };
             let room = room.get_or_insert_with(|| Self {
                 traffic: traffic.clone(),
                 slow_mps: f64::INFINITY,
                 slower_mps: f64::INFINITY,
             });
-            let spare_m = spare_m(request, traffic, (k, mover), reach_m) - wanted.clearance_m;
             let more_m = (wanted_m - wanted.clearance_m).max(0.0);
+            // Who leaves room within the lane is passed there, with what the steps of the offsets leave.
+            let is_blocked = blocks(mover, request, wanted_m);
+            let spare_m = spare_m(request, traffic, (k, mover, is_blocked), reach_m) - wanted.clearance_m;
             let aside_m = spare_m.clamp(0.0, more_m);
-            let ahead_m = if facing { (spare_m - aside_m).clamp(0.0, STEP_OUT_M) } else { 0.0 };
+            let ahead_m = (spare_m - aside_m).clamp(0.0, facing * wanted.step_out_m);
             room.traffic.replace(k, wider(one, aside_m, ahead_m), request, line);
-            if one.kind.is_person() && is_in_lane(mover, request) {
-                let slow_mps = slow_mps(mover, request, s_m);
-                room.slower_mps = room.slower_mps.min(slow_mps);
-                if facing || aside_m + SHORT_M < more_m {
-                    room.slow_mps = room.slow_mps.min(slow_mps);
+            if one.kind.is_person() && in_lane > 0.0 {
+                let slow_mps = |share: f64| slow_mps(mover, share, request, s_m);
+                room.slower_mps = room.slower_mps.min(slow_mps(1.0));
+                if facing > 0.0 || aside_m + SHORT_M < more_m {
+                    room.slow_mps = room.slow_mps.min(slow_mps(in_lane));
                 }
             }
         }
@@ -87,19 +109,48 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
 
 /// True of a road user in the ego's lane.
 fn is_in_lane(mover: &Mover, request: &Request<'_>) -> bool {
+    share_at(&mover.knots[0], request) > 0.0
+}
+
+/// Share of the width of a road user in the ego's lane that is within it, now or while the ego passes.
+fn share_in_lane(mover: &Mover, request: &Request<'_>) -> f64 {
+    if !is_in_lane(mover, request) {
+        return 0.0;
+    }
+    let soon = mover.knots.iter().take_while(|knot| knot.t_s <= SLOWS_S);
+    soon.map(|knot| share_at(knot, request)).fold(0.0, f64::max)
+}
+
+/// Share of a road user's width that is in the ego's lane at one instant.
+fn share_at(knot: &Knot, request: &Request<'_>) -> f64 {
+    let s_m = 0.5 * (knot.from_m + knot.to_m);
+    let lane = request.route.lane();
+    let inside_m = knot.left_m.min(lane.left_m(s_m)) - knot.right_m.max(-lane.right_m(s_m));
+    (inside_m / (knot.left_m - knot.right_m).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+}
+
+/// True of a road user whom the ego cannot pass at this distance within its lane.
+fn blocks(mover: &Mover, request: &Request<'_>, distance_m: f64) -> bool {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
     let lane = request.route.lane();
-    now.right_m < lane.left_m(s_m) && now.left_m > -lane.right_m(s_m)
+    let room_m = (lane.left_m(s_m) - now.left_m).max(now.right_m + lane.right_m(s_m));
+    room_m < request.shape.width_m + distance_m
 }
 
-/// The distance that the widest way past leaves, metres: by the ground beside the lane for those in it, else within it.
-fn spare_m(request: &Request<'_>, traffic: &Traffic, (k, mover): (usize, &Mover), reach_m: [f64; 2]) -> f64 {
+/// The distance that the widest way past leaves, metres: by the ground beside the lane for those who block it, else within it.
+fn spare_m(
+    request: &Request<'_>,
+    traffic: &Traffic,
+    (k, mover, is_blocked): (usize, &Mover, bool),
+    reach_m: [f64; 2],
+) -> f64 {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
     let (lane, half_m) = (request.route.lane(), 0.5 * request.shape.width_m);
     let [left_m, right_m] = reach_m.map(|reach_m| reach_m + half_m);
-    let ground_m = if is_in_lane(mover, request) { request.route.left_m(s_m) } else { lane.left_m(s_m) };
+    let is_passed_beyond = is_blocked && is_in_lane(mover, request);
+    let ground_m = if is_passed_beyond { request.route.left_m(s_m) } else { lane.left_m(s_m) };
     let stands_beside = |(j, other): &(usize, &Mover)| {
         let at = other.knots[0];
         let beside = at.to_m > now.from_m - BESIDE_M && at.from_m < now.to_m + BESIDE_M;
@@ -112,7 +163,7 @@ fn spare_m(request: &Request<'_>, traffic: &Traffic, (k, mover): (usize, &Mover)
     let on_left_m = in_lane_m(free_m.min(lane.left_m(s_m))) - half_m - now.left_m;
     let on_right_m = in_lane_m(lane.right_m(s_m).min(right_m)) - half_m + now.right_m;
     let beyond_m = free_m - now.left_m - request.shape.width_m - SPARE_M;
-    on_left_m.max(on_right_m).max(beyond_m) - ROUNDED_M
+    on_left_m.max(on_right_m).max(beyond_m) - SETTLES_M
 }
 
 /// A prediction that is wider to all sides, and ahead.
@@ -126,15 +177,17 @@ fn wider(one: &Prediction, aside_m: f64, ahead_m: f64) -> Prediction {
     one
 }
 
-/// The speed to pass a road user with, m/s, once it is near.
-fn slow_mps(mover: &Mover, request: &Request<'_>, s_m: f64) -> f64 {
+/// The speed to pass a road user with, m/s, once it is near: the less of it is in the lane, the closer to the target speed.
+fn slow_mps(mover: &Mover, in_lane: f64, request: &Request<'_>, s_m: f64) -> f64 {
     let (now, shape) = (mover.knots[0], request.shape);
     let rear_m = s_m - shape.rear_overhang_m;
     let gap_m = now.from_m - rear_m - shape.length_m;
     let its_mps = mover.motion(0.0).0;
     let closing_mps = (request.start.speed_mps - its_mps).max(PAST_MPS);
     let is_near = now.to_m > rear_m && gap_m < SLOWS_S * closing_mps;
-    if is_near { its_mps.max(0.0) + PAST_MPS } else { f64::INFINITY }
+    let slow_mps = its_mps.max(0.0) + PAST_MPS;
+    let free_mps = (request.target_speed_mps - slow_mps).max(0.0);
+    if is_near { slow_mps + (1.0 - in_lane) * free_mps } else { f64::INFINITY }
 }
 
 /// Faster than a person by this the ego passes it with less room than is wanted, or before its face, m/s: 20 km/h.
@@ -143,11 +196,11 @@ const PAST_MPS: f64 = 5.5;
 /// So long before it draws level the ego begins to slow for that, seconds.
 const SLOWS_S: f64 = 4.0;
 
+/// Predicted to get no further than this a road user does not move, metres.
+const STILL_M: f64 = 0.1;
+
 /// Less room than is wanted by this counts, metres.
 const SHORT_M: f64 = 0.05;
-
-/// A step of a pedestrian to the side that she faces, metres.
-const STEP_OUT_M: f64 = 1.0;
 
 /// Things that stand within this along the road are beside, metres.
 const BESIDE_M: f64 = 12.0;
@@ -155,5 +208,5 @@ const BESIDE_M: f64 = 12.0;
 /// Left over beyond the lane for the edge of the road and the step of the lattice, metres.
 const SPARE_M: f64 = 0.3;
 
-/// Left over within the lane, metres.
-const ROUNDED_M: f64 = 0.02;
+/// Left over within the lane, metres: a lateral motion by a metre is within this of its end after four fifths of its time.
+const SETTLES_M: f64 = 0.05;

@@ -27,6 +27,9 @@ pub enum SingleSighting {
 /// some decimetres a second in any direction, and a truck that lay across its lane would fill the next one.
 pub(crate) const HEADING_SPEED_MPS: f64 = 0.5;
 
+/// A motion or a deceleration counts from this many of its standard errors on.
+const DEVIATIONS: f64 = 3.0;
+
 /// Parameters of the linear predictor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -44,6 +47,9 @@ pub struct Params {
     /// Sightings over this time are searched for braking, seconds: a vehicle that brakes is predicted to go on braking
     /// until it stops. 0: everything keeps its speed, as in Pylot.
     pub brake_window_s: f64,
+    /// An actor that is reported slower than this stands, unless its sightings show a significant motion, m/s. 0: the fitted
+    /// velocity is always extrapolated, as in Pylot.
+    pub rest_speed_mps: f64,
 }
 
 impl Default for Params {
@@ -55,6 +61,7 @@ impl Default for Params {
             heading_speed_min_mps: HEADING_SPEED_MPS,
             single_sighting: SingleSighting::Velocity,
             brake_window_s: 0.6,
+            rest_speed_mps: REST_MPS,
         }
     }
 }
@@ -67,7 +74,8 @@ impl Params {
         require("future_steps", future_steps, future_steps <= 10_000, "at most 10000")?;
         require_within("step_s", step_s, [1e-3, 10.0])?;
         require_not_negative("heading_speed_min_mps", heading_speed_min_mps)?;
-        require_within("brake_window_s", self.brake_window_s, [0.0, 10.0])
+        require_within("brake_window_s", self.brake_window_s, [0.0, 10.0])?;
+        require_not_negative("rest_speed_mps", self.rest_speed_mps)
     }
 }
 
@@ -82,7 +90,8 @@ pub fn predict(tracks: &TrackList, params: &Params) -> PredictionList {
 }
 
 fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
-    let recent = &track.history[track.history.len().saturating_sub(params.past_steps)..];
+    let history = settled(&track.history, track.velocity_mps, params.rest_speed_mps);
+    let recent = &history[history.len().saturating_sub(params.past_steps)..];
     let line = Line::fit(recent, stamp).unwrap_or_else(|| Line {
         point: track.pose.point(),
         velocity_mps: match params.single_sighting {
@@ -141,8 +150,10 @@ impl Line {
 }
 
 mod braking;
+mod rest;
 
 pub(crate) use braking::Braking;
+pub(crate) use rest::{REST_MPS, settled};
 
 #[cfg(test)]
 mod tests;

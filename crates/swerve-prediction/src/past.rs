@@ -4,6 +4,8 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::{ActorKind, Sighting, Track};
 
+use crate::linear::{REST_MPS, settled};
+
 /// Who is seen further on than this allows has not moved there: another one, or a fault, m/s.
 const JUMP_MPS: f64 = 100.0;
 
@@ -20,7 +22,8 @@ pub(crate) struct Past {
 
 impl Past {
     /// Up to `stamp`. Sightings that are not newer than the one before are left out, and so is all before a jump that
-    /// nothing on a road can make. Without any the present pose is the one sighting.
+    /// nothing on a road can make. Those of an actor at rest are all at one place. Without any the present pose is the one
+    /// sighting.
     pub(crate) fn of(track: &Track, stamp: Time) -> Self {
         let mut sightings: Vec<Sighting> = Vec::with_capacity(track.history.len());
         for sighting in track.history.iter().filter(|sighting| sighting.at <= stamp) {
@@ -38,6 +41,7 @@ impl Past {
         if sightings.is_empty() {
             sightings.push(Sighting { at: stamp, point: track.pose.point() });
         }
+        let sightings = settled(&sightings, track.velocity_mps, REST_MPS).into_owned();
         Self { kind: track.kind, sightings, reported_mps: track.velocity_mps }
     }
 

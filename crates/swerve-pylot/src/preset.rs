@@ -31,9 +31,12 @@ impl Preset {
     pub fn linear(self) -> linear::Params {
         let best = linear::Params::default();
         match self {
-            Self::Paper => {
-                linear::Params { single_sighting: SingleSighting::Static, brake_window_s: 0.0, ..best }
-            }
+            Self::Paper => linear::Params {
+                single_sighting: SingleSighting::Static,
+                brake_window_s: 0.0,
+                rest_speed_mps: 0.0,
+                ..best
+            },
             Self::Best => best,
         }
     }

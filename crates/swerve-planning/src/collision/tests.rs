@@ -140,3 +140,17 @@ fn containment_is_a_hit_and_nothing_is_free() {
     assert!(none.free(&car(0.0, 0.0, 0.0), Time::ZERO, 9.0));
     assert_eq!(none.clearance_m(&car(0.0, 0.0, 0.0), Time::ZERO), f64::INFINITY);
 }
+
+/// A drift of 4 cm at 45 degrees to a square outline of 2.5 m, whose diagonal is 3.5 m.
+#[test]
+fn ground_of_a_small_drift_is_not_turned_against_the_outline() {
+    let mut stands = walker();
+    stands.extent = Extent { length_m: 2.5, width_m: 2.5, height_m: 1.8 };
+    for (k, p) in stands.path.iter_mut().enumerate() {
+        let drift_m = 0.04 / 2f64.sqrt() * k as f64 / 20.0;
+        p.pose = Pose2::new(20.0 + drift_m, 4.0 - drift_m, 0.0);
+    }
+    let may_stop = Obstacles::new(&[stands], CollisionMode::MayStop);
+    let clearance_m = may_stop.clearance_m(&car(20.0, 0.0, 0.0), Time::from_ms(5000));
+    assert!((clearance_m - (4.0 - 0.04 / 2f64.sqrt() - 1.25 - 0.93)).abs() < 1e-9, "{clearance_m}");
+}

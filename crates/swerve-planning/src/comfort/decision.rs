@@ -41,37 +41,52 @@ impl Comfort {
         let curves = self.curves(&easy, place.s_m);
         let curves_mps = curves.at(place.s_m);
         let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
-        let room = self.room(&easy, &traffic, place.s_m);
-        let mut free = |traffic: &Traffic, slow_mps: f64| {
+        let mut free = |layer: &mut Self, traffic: &Traffic, slow_mps: f64| {
             let predictions =
-                if self.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
+                if layer.manner == Manner::Waits { request.predictions } else { &traffic.predictions };
             let at_once = curves_mps.min(slow_mps) < hurried_mps || hurried_mps > request.target_speed_mps;
             let target_speed_mps = hurried_mps.min(curves_mps).min(slow_mps);
             let easy = Request { target_speed_mps, predictions, ..easy };
             let vehicle = request.limits;
-            self.free_in(&Scene { request: &easy, place, traffic, vehicle, curves: &curves, at_once }, budget)
+            layer
+                .free_in(&Scene { request: &easy, place, traffic, vehicle, curves: &curves, at_once }, budget)
         };
-        let Some(room) = room else { return free(&traffic, f64::INFINITY) };
-        let plan = free(&room.traffic, room.slow_mps);
+        let wanted = self.wanted();
+        let Some(room) = self.room(wanted, &easy, &traffic, place.s_m) else {
+            return free(self, &traffic, f64::INFINITY);
+        };
+        let plan = free(self, &room.traffic, room.slow_mps);
         let firm_mps2 = FIRM_SHARE * limits.brake_max_mps2;
-        let is_waiting =
-            |plan: &Plan| rests(plan) && (start.speed_mps < AT_REST_MPS || brakes_mps2(plan) > firm_mps2);
+        let in_vain = Room::is_final(&traffic);
+        let is_waiting = |plan: &Plan| {
+            let hurries = start.speed_mps < AT_REST_MPS || brakes_mps2(plan) > firm_mps2;
+            if in_vain { ends_slower(plan, CREEPS_MPS) } else { rests(plan) && hurries }
+        };
         if plan.as_ref().is_some_and(|plan| !is_waiting(plan)) {
             return plan;
         }
         // An ego neither stands nor brakes hard for more room than the clearance.
-        let close = free(&traffic, room.slower_mps);
+        let less = self.room(wanted.less(), &easy, &traffic, place.s_m);
+        let plan_with_less = less.and_then(|less| free(self, &less.traffic, room.slower_mps));
+        if plan_with_less.as_ref().is_some_and(|plan| !ends_slower(plan, CREEPS_MPS)) {
+            return plan_with_less;
+        }
+        let close = free(self, &traffic, room.slower_mps);
         if close.as_ref().is_none_or(rests) { plan.or(close) } else { close }
+    }
+
+    /// Distances at which others are passed where the road has the room.
+    fn wanted(&self) -> Wanted {
+        let Params { clearance_m, pass_person_m, pass_vehicle_m, .. } = self.params;
+        Wanted { clearance_m, person_m: pass_person_m, vehicle_m: pass_vehicle_m, step_out_m: STEP_OUT_M }
     }
 
     /// The traffic with the room that is left to others where they are passed; `None` where nobody is given more than the
     /// clearance.
-    fn room(&self, request: &Request<'_>, traffic: &Traffic, s_m: f64) -> Option<Room> {
+    fn room(&self, wanted: Wanted, request: &Request<'_>, traffic: &Traffic, s_m: f64) -> Option<Room> {
         if self.manner == Manner::Waits {
             return None;
         }
-        let Params { clearance_m, pass_person_m, pass_vehicle_m, .. } = self.params;
-        let wanted = Wanted { clearance_m, person_m: pass_person_m, vehicle_m: pass_vehicle_m };
         Room::new(wanted, request, (self.gentle.line(), s_m), traffic, [LEFT_MAX_M, RIGHT_MAX_M])
     }
 
@@ -442,6 +457,9 @@ fn ends_beyond(plan: &Plan, other: &Plan) -> bool {
 fn brakes_mps2(plan: &Plan) -> f64 {
     plan.points.iter().map(|p| -p.accel_mps2).fold(0.0, f64::max)
 }
+
+/// A step of a pedestrian to the side that she faces, metres.
+const STEP_OUT_M: f64 = 1.0;
 
 /// A stop that takes more than this share of the deceleration of comfort is not made for more room than the clearance.
 const FIRM_SHARE: f64 = 0.75;

@@ -429,6 +429,31 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
     }
 }
 
+/// A pedestrian of half a metre faces the lane, whose border is at -1.75 m, 80 m ahead. With nobody else there the ego goes out
+/// to 0.75 m, its side to -0.18 m. A fifth of her in the lane takes a fifth of the way from 14 to 5.5 m/s.
+#[test]
+fn pedestrian_at_the_edge_of_the_lane_is_passed_the_slower_the_further_she_is_in_it() {
+    for manner in &MANNERS[1..] {
+        let cases = [
+            (2.3, 1.4, 14.0),
+            (2.0, 1.4, 14.0),
+            (1.9, 1.3, 12.3),
+            (1.8, 1.2, 10.6),
+            (1.7, 1.1, 8.9),
+            (1.5, 0.9, 5.5),
+        ];
+        for (right_m, distance_m, speed_mps) in cases {
+            let person = |t_s: f64| [80.0, -right_m + 1e-4 * t_s];
+            let drive = drive_among(ActorKind::Pedestrian, 14.0, false, *manner, &[&person], 25.0);
+            let (beside_mps, nearest_m) = passes(&drive);
+            assert!(nearest_m > distance_m, "{manner:?} {right_m} {nearest_m}");
+            assert!((beside_mps - speed_mps).abs() < 0.8, "{manner:?} {right_m} {beside_mps}");
+            let slowest_mps = drive.iter().map(|i| i.ego.speed_mps).fold(f64::INFINITY, f64::min);
+            assert!(slowest_mps > speed_mps - 0.8, "{manner:?} {right_m} {slowest_mps}");
+        }
+    }
+}
+
 #[test]
 fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
     // It keeps to 1.7 m beside the ego's line: its side is at 0.8 m, the ego's at 0.93 m. Within the lane the ego can

@@ -4,7 +4,7 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
 use swerve_msg::{ActorKind, Sighting, Track};
 
-use super::Line;
+use super::{DEVIATIONS, Line};
 
 /// Fewest sightings that an acceleration is estimated from, and the shortest time that they span, seconds.
 const SIGHTINGS_MIN: usize = 6;
@@ -15,9 +15,6 @@ const BRAKE_MIN_MPS2: f64 = 0.5;
 
 /// Largest deceleration of a vehicle on a dry road, m/s².
 const BRAKE_MAX_MPS2: f64 = 10.0;
-
-/// A deceleration counts from this many of its standard deviations on.
-const DEVIATIONS: f64 = 3.0;
 
 /// Slower than this a vehicle has no direction to brake along, m/s.
 const SPEED_MIN_MPS: f64 = 0.5;
