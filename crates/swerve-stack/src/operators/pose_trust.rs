@@ -24,11 +24,15 @@ const GROWN_M: f64 = 0.05;
 const RESUME: f64 = 1.1;
 const RESUME_M: f64 = 10.0;
 
-/// Deceleration of the stop, m/s²: the pose gets worse on the way, so between comfort and the 4 m/s² that a manoeuvre of
-/// minimal risk may take (UN Regulation 157, 5.5.3). It ends this far behind the line that is not passed, metres.
+/// Deceleration of the stop, m/s², and the largest of a minimal risk manoeuvre (UN Regulation 157, 5.5.3). It builds up
+/// within this time, seconds, and ends this far before the line that is not passed, metres.
 const STOP_MPS2: f64 = 2.5;
 const STOP_MAX_MPS2: f64 = 4.0;
+const BUILD_UP_S: f64 = 0.5;
 const STOP_GAP_M: f64 = 2.0;
+
+/// Further than this over the left line the outline is in the other lane, metres.
+const OVER_LINE_M: f64 = 0.1;
 
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
 const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
@@ -46,12 +50,63 @@ const STANDS_M: f64 = 0.5;
 /// Share of the room beside the car that deviations may take without slowing beside cover.
 const SPARE: f64 = 0.3;
 
+/// Lowest target speed of a car that is not to stop, m/s.
+const SLOWEST_MPS: f64 = 1.0;
+
 /// Slower than this the car stands, m/s.
 const STANDS_MPS: f64 = 0.5;
 
+/// The ego and its place on the route.
+#[derive(Clone, Copy)]
+pub(super) struct Here<'a> {
+    pub(super) ego: &'a EgoState,
+    pub(super) place: FrenetPoint,
+    pub(super) route: &'a Route,
+}
+
+impl Here<'_> {
+    /// Whether an outline with its origin at a place reaches into the lane to the left.
+    fn is_over_line(&self, place: FrenetPoint, shape: &Shape) -> bool {
+        place.d_m + 0.5 * shape.width_m > self.route.lane().left_m(place.s_m) + OVER_LINE_M
+    }
+}
+
+/// A stop because of the pose.
+pub(super) struct Stop {
+    /// The obstacle on the line that is not passed.
+    pub(super) wall: Prediction,
+    /// Whether the ego is in the lane to its left now.
+    from_other_lane: bool,
+}
+
+impl Stop {
+    /// True of a plan before the wall that is a minimal risk manoeuvre: it brakes with at most [`STOP_MAX_MPS2`] and does
+    /// not come to rest in the other lane. From there it has to lead back.
+    pub(super) fn is_fit(&self, plan: &Plan, here: Here<'_>, shape: &Shape) -> bool {
+        let Some(end) = plan.points.last() else { return false };
+        let driven_m = here.ego.pose.point().distance(end.pose.point());
+        let half_m = 0.5 * driven_m + 1.0;
+        let place = here.route.project_near(end.pose.point(), here.place.s_m + half_m, half_m);
+        let ends = self.from_other_lane || end.speed_mps < STANDS_MPS;
+        hardest_mps2(plan) <= STOP_MAX_MPS2 && !(ends && here.is_over_line(place, shape))
+    }
+
+    /// Whether a plan that does not know of the wall is the better one in place of a stop that is not fit.
+    pub(super) fn is_worse_than(stop: &Plan, free: &Plan) -> bool {
+        hardest_mps2(free) <= hardest_mps2(stop).max(STOP_MAX_MPS2)
+    }
+}
+
+/// Largest deceleration of a plan, m/s²; infinite without a way out.
+fn hardest_mps2(plan: &Plan) -> f64 {
+    if matches!(plan.status, PlanStatus::Brake | PlanStatus::Stop | PlanStatus::GaveUp) {
+        return f64::INFINITY;
+    }
+    plan.points.iter().map(|point| -point.accel_mps2).fold(0.0, f64::max)
+}
+
 /// Room to the nearer edge of the ground: beside the car in the middle of its lane, and where it is.
 struct Room {
-    s_m: f64,
     room_m: f64,
     beside_m: f64,
     needed_m: f64,
@@ -72,6 +127,8 @@ pub(super) struct PoseTrust {
     narrowed: Option<(u32, Route)>,
     /// Arc length of the line that is not passed, while the ego stops for its pose.
     stop_s_m: Option<f64>,
+    /// Whether the stop waits until the ego is back in its lane.
+    is_postponed: bool,
 }
 
 impl PoseTrust {
@@ -84,6 +141,7 @@ impl PoseTrust {
             shape,
             narrowed: None,
             stop_s_m: None,
+            is_postponed: false,
         }
     }
 
@@ -95,18 +153,27 @@ impl PoseTrust {
         self.good_m = good.map(|quality| quality.sigma_m()).or(self.good_m);
     }
 
+    /// Target speed by the accuracy of the pose, m/s. A stop has its own deceleration, and a car that has to leave the other
+    /// lane before its stop is not slowed down there: for both no less than the present speed.
+    pub(super) fn target_speed_mps(&self, wanted_mps: f64, here: Here<'_>, others: &[Prediction]) -> f64 {
+        let most_mps = self.speed_max_mps(here).max(SLOWEST_MPS);
+        let least_mps =
+            if self.stop_s_m.is_some() || self.is_postponed { here.ego.speed_mps } else { 0.0 };
+        (wanted_mps * self.speed_share(here, others)).min(most_mps).max(least_mps).min(wanted_mps)
+    }
+
     /// Share of the target speed; 1 without localization.
-    pub(super) fn speed_share(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
+    fn speed_share(&self, here: Here<'_>, others: &[Prediction]) -> f64 {
         let by_place =
             self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m));
-        by_place.min(self.share_beside_cover(ego, route, others))
+        by_place.min(self.share_beside_cover(here, others))
     }
 
     /// Highest speed from which a car stops in its lane by dead reckoning, m/s. While fixes come that is for the first fault:
     /// they stay away and are missed after [`NOTICED_S`]. A car without an inertial unit is in its first fault: its heading
     /// has to hold between fixes, of which some are refused ([`SPARSE_S`]).
-    pub(super) fn speed_max_mps(&self, ego: &EgoState, route: &Route) -> f64 {
-        let Some(Room { way_m, .. }) = self.room(ego, route) else { return f64::INFINITY };
+    fn speed_max_mps(&self, here: Here<'_>) -> f64 {
+        let Some(Room { way_m, .. }) = self.room(here) else { return f64::INFINITY };
         let is_good = self.quality.is_some_and(|quality| quality.mode == PoseMode::Good);
         match self.is_fixed() {
             true if is_good => way_m / NOTICED_S,
@@ -123,33 +190,35 @@ impl PoseTrust {
 
     /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
     /// take of it is made up for by a shorter way to stop.
-    fn share_beside_cover(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
-        let Some(Room { s_m, room_m, needed_m, .. }) = self.room(ego, route) else { return 1.0 };
+    fn share_beside_cover(&self, here: Here<'_>, others: &[Prediction]) -> f64 {
+        let Here { ego, place, route } = here;
+        let Some(Room { room_m, needed_m, .. }) = self.room(here) else { return 1.0 };
         let taken = needed_m / room_m.max(1e-3);
-        if taken <= SPARE || !others.iter().any(|one| is_cover(one, route, s_m, ego.speed_mps)) {
+        if taken <= SPARE || !others.iter().any(|one| is_cover(one, route, place.s_m, ego.speed_mps)) {
             return 1.0;
         }
         speed_share(taken, [SPARE, 1.0])
     }
 
-    /// Room beside the car in the middle of its lane at the arc length of `ego`, and the deviations that have to fit there,
-    /// metres. `None` where they need not.
-    fn room(&self, ego: &EgoState, route: &Route) -> Option<Room> {
+    /// Room beside the car in the middle of its lane at its arc length, and the deviations that have to fit there, metres.
+    /// `None` where they need not.
+    fn room(&self, Here { place, route, .. }: Here<'_>) -> Option<Room> {
         let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
-        let FrenetPoint { s_m, d_m } = route.project(ego.pose.point());
+        let FrenetPoint { s_m, d_m } = place;
         let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
         let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
         let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
         let heading_rad = route.line().at(s_m).pose.heading_rad;
         let needed_m = self.lane_sigmas * quality.across_sigma_m(heading_rad);
         let way_m = quality.way_until_m(heading_rad, room_m / self.lane_sigmas);
-        Some(Room { s_m, room_m, beside_m, needed_m, way_m })
+        Some(Room { room_m, beside_m, needed_m, way_m })
     }
 
     /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
     /// stands the ground is as wide as where it is: from beyond it no plan leads back.
-    pub(super) fn ground<'a>(&'a mut self, ego: &EgoState, route: &'a Route) -> &'a Route {
-        let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(ego, route) else { return route };
+    pub(super) fn ground<'a>(&'a mut self, here: Here<'a>) -> &'a Route {
+        let Here { ego, route, .. } = here;
+        let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(here) else { return route };
         let stands = ego.speed_mps < STANDS_MPS;
         let most_m = (room_m - LEFT_M).min(if stands { beside_m - NARROWED_M } else { f64::INFINITY });
         let steps = (needed_m.min(most_m) / NARROWED_M).max(0.0) as u32;
@@ -162,19 +231,32 @@ impl PoseTrust {
         self.narrowed.as_ref().map_or(route, |(_, narrowed)| narrowed)
     }
 
-    /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
-    pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let Room { s_m, room_m, needed_m, way_m, .. } = self.room(ego, route)?;
+    /// The stop of an ego whose pose does not suffice for its lane: before an obstacle across the road. Never nearer than a
+    /// stop at [`STOP_MAX_MPS2`] ends: who is beside the plan of the stop does not brake harder for it.
+    pub(super) fn stop(&mut self, here: Here<'_>) -> Option<Stop> {
+        let Here { ego, place, route } = here;
+        let Room { room_m, needed_m, way_m, .. } = self.room(here)?;
         let [spare, least_m] = if self.stop_s_m.is_some() { [RESUME, RESUME_M] } else { [1.0, STOP_GAP_M] };
         let square = 0.5 * ego.speed_mps * ego.speed_mps;
         let ends_beside = !self.is_fixed() && (square / STOP_MAX_MPS2).max(least_m) > way_m;
         if needed_m * spare <= room_m && !ends_beside {
-            self.stop_s_m = None;
+            (self.stop_s_m, self.is_postponed) = (None, false);
             return None;
         }
-        let front_m = self.shape.length_m - self.shape.rear_overhang_m;
-        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + square / STOP_MPS2 + STOP_GAP_M);
-        Some(wall(WALL_ID, stop_s_m, route, ego.stamp))
+        let front_s_m = place.s_m + self.shape.length_m - self.shape.rear_overhang_m;
+        let begun_m = BUILD_UP_S * ego.speed_mps.max(0.0) + STOP_GAP_M;
+        let mut stop_s_m = self.stop_s_m.unwrap_or(front_s_m + square / STOP_MPS2 + begun_m);
+        if ego.speed_mps > STANDS_MPS {
+            stop_s_m = stop_s_m.max(front_s_m + square / STOP_MAX_MPS2 + STOP_GAP_M);
+        }
+        (self.stop_s_m, self.is_postponed) = (Some(stop_s_m), false);
+        let from_other_lane = here.is_over_line(place, &self.shape);
+        Some(Stop { wall: wall(WALL_ID, stop_s_m, route, ego.stamp), from_other_lane })
+    }
+
+    /// The ego drives on for now: its stop begins anew from where it is next.
+    pub(super) fn postpone(&mut self) {
+        (self.stop_s_m, self.is_postponed) = (None, true);
     }
 
     /// The plan, with the reason for which it stops.
