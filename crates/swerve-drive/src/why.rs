@@ -20,12 +20,10 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
+use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
 use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
-use swerve_msg::{
-    ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList,
-};
+use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -59,6 +57,46 @@ struct Ending {
     words: String,
     /// When the car hit somebody: what came then or later is no part of why.
     impact: Option<Time>,
+}
+
+/// How a drive ended that an actor decided, in words.
+fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
+    let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
+    let stands_before = metrics.stands_before == Some(decided.actor);
+    match (metrics.verdict, metrics.impact) {
+        (_, Some(i)) => {
+            let mut stops = metrics.gate.iter().flat_map(|gate| &gate.stops);
+            let stop = stops.rfind(|stop| stop.at_s < i.at_s);
+            let stopped = stop.map_or_else(String::new, |stop| {
+                format!(", stopped by the safety gate from {:.2} s on ({})", stop.at_s, stop.cause.words())
+            });
+            hit(&decided.name, &i) + &stopped
+        }
+        (Verdict::LeftRoad, _) => {
+            let left_s = metrics.left_road_at_s.unwrap_or_default();
+            let then = match stands_before {
+                true => format!("later it stood before {}", decided.name),
+                false => passed(),
+            };
+            format!("it left the road at {left_s:.2} s; {then}")
+        }
+        _ if stands_before => format!("it stands before {}", decided.name),
+        (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
+            let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
+            // Backwards by less than is shown is no motion.
+            let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
+            let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
+            format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
+        }
+        (Verdict::Unfinished, _) => {
+            let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
+            format!(
+                "it was not over at {at_s:.2} s; by then it had come within {least_m:.2} m of {}",
+                decided.name
+            )
+        }
+        _ => passed(),
+    }
 }
 
 /// Slower than this an ego that is hit stands, m/s.
@@ -125,46 +163,7 @@ impl Logged {
         let DecidedBy::Actor(decided) = metrics.decided_by() else {
             return other::told(self, &pipeline, metrics);
         };
-        let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
-        let stands_before = metrics.stands_before == Some(decided.actor);
-        let words = match (metrics.verdict, metrics.impact) {
-            (_, Some(i)) => {
-                let mut stops = metrics.gate.iter().flat_map(|gate| &gate.stops);
-                let stop = stops.rfind(|stop| stop.at_s < i.at_s);
-                let stopped = stop.map_or_else(String::new, |stop| {
-                    format!(
-                        ", stopped by the safety gate from {:.2} s on ({})",
-                        stop.at_s,
-                        stop.cause.words()
-                    )
-                });
-                hit(&decided.name, &i) + &stopped
-            }
-            (Verdict::LeftRoad, _) => {
-                let left_s = metrics.left_road_at_s.unwrap_or_default();
-                let then = match stands_before {
-                    true => format!("later it stood before {}", decided.name),
-                    false => passed(),
-                };
-                format!("it left the road at {left_s:.2} s; {then}")
-            }
-            _ if stands_before => format!("it stands before {}", decided.name),
-            (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
-                let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
-                // Backwards by less than is shown is no motion.
-                let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
-                let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
-                format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
-            }
-            (Verdict::Unfinished, _) => {
-                let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
-                format!(
-                    "it was not over at {at_s:.2} s; by then it had come within {least_m:.2} m of {}",
-                    decided.name
-                )
-            }
-            _ => passed(),
-        };
+        let words = ending(metrics, decided);
         let impact = impact_of(metrics);
         let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
         self.chain(pipeline, ending)

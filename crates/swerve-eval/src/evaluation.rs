@@ -497,7 +497,8 @@ mod tests {
             let mut state = world(100 * k, k as f64);
             state.ego.state.speed_mps = if k < 5 { 5.0 } else { 0.0 };
             e.world(&state);
-            let status = if (3..7).contains(&k) { PlanStatus::PoseUncertain } else { PlanStatus::Comfortable };
+            let status =
+                if (3..7).contains(&k) { PlanStatus::PoseUncertain } else { PlanStatus::Comfortable };
             e.plan(&Plan { stamp: Time::from_ms(100 * k), status, ..Plan::default() });
         }
         // At rest from 0.4 s on; the plans of 0.4 to 0.6 s held until 0.7 s.
