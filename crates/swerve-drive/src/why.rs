@@ -20,10 +20,10 @@ use std::path::Path;
 use anyhow::{Context as _, bail};
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, Clearances, DecidedBy, Metrics, Milestone, Until, Why};
-use swerve_log::{Log, Record};
+use swerve_eval::{Account, ActorMetrics, Clearances, DecidedBy, Impact, Metrics, Milestone, Until, Why};
+use swerve_log::{Log, PublicationRecord, Record};
 use swerve_msg::truth::{EgoTruth, EndReason, Verdict, WorldState};
-use swerve_msg::{ActorId, Detections, GateOutput, Plan, PredictionList, TrackList};
+use swerve_msg::{ActorId, Detections, EgoState, GateOutput, Plan, PoseQuality, PredictionList, TrackList};
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
@@ -57,6 +57,58 @@ struct Ending {
     words: String,
     /// When the car hit somebody: what came then or later is no part of why.
     impact: Option<Time>,
+}
+
+/// How a drive ended that an actor decided, in words.
+fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
+    let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
+    let stands_before = metrics.stands_before == Some(decided.actor);
+    match (metrics.verdict, metrics.impact) {
+        (_, Some(i)) => {
+            let mut stops = metrics.gate.iter().flat_map(|gate| &gate.stops);
+            let stop = stops.rfind(|stop| stop.at_s < i.at_s);
+            let stopped = stop.map_or_else(String::new, |stop| {
+                format!(", stopped by the safety gate from {:.2} s on ({})", stop.at_s, stop.cause.words())
+            });
+            hit(&decided.name, &i) + &stopped
+        }
+        (Verdict::LeftRoad, _) => {
+            let left_s = metrics.left_road_at_s.unwrap_or_default();
+            let then = match stands_before {
+                true => format!("later it stood before {}", decided.name),
+                false => passed(),
+            };
+            format!("it left the road at {left_s:.2} s; {then}")
+        }
+        _ if stands_before => format!("it stands before {}", decided.name),
+        (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
+            let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
+            // Backwards by less than is shown is no motion.
+            let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
+            let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
+            format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
+        }
+        (Verdict::Unfinished, _) => {
+            let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
+            format!(
+                "it was not over at {at_s:.2} s; by then it had come within {least_m:.2} m of {}",
+                decided.name
+            )
+        }
+        _ => passed(),
+    }
+}
+
+/// Slower than this an ego that is hit stands, m/s.
+const STANDS_MPS: f64 = 0.1;
+
+/// A contact in words: who stands does not hit anybody.
+fn hit(name: &str, impact: &Impact) -> String {
+    let Impact { at_s, ego_speed_mps, closing_speed_mps, .. } = *impact;
+    if ego_speed_mps.abs() < STANDS_MPS {
+        return format!("{name} hit it at {at_s:.2} s with {closing_speed_mps:.1} m/s while it stood");
+    }
+    format!("it hit {name} at {at_s:.2} s with {ego_speed_mps:.1} m/s")
 }
 
 fn impact_of(metrics: &Metrics) -> Option<Time> {
@@ -111,44 +163,7 @@ impl Logged {
         let DecidedBy::Actor(decided) = metrics.decided_by() else {
             return other::told(self, &pipeline, metrics);
         };
-        let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
-        let words = match (metrics.verdict, metrics.impact) {
-            (_, Some(i)) => {
-                let mut stops = metrics.gate.iter().flat_map(|gate| &gate.stops);
-                let stop = stops.rfind(|stop| stop.at_s < i.at_s);
-                let stopped = stop.map_or_else(String::new, |stop| {
-                    format!(
-                        ", stopped by the safety gate from {:.2} s on ({})",
-                        stop.at_s,
-                        stop.cause.words()
-                    )
-                });
-                format!("it hit {} at {:.2} s with {:.1} m/s{stopped}", decided.name, i.at_s, i.ego_speed_mps)
-            }
-            _ if metrics.stands_before == Some(decided.actor) => format!("it stands before {}", decided.name),
-            (Verdict::LeftRoad, _) => {
-                format!(
-                    "it left the road at {:.2} s; {}",
-                    metrics.left_road_at_s.unwrap_or_default(),
-                    passed()
-                )
-            }
-            (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
-                let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
-                // Backwards by less than is shown is no motion.
-                let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
-                let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
-                format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
-            }
-            (Verdict::Unfinished, _) => {
-                let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
-                format!(
-                    "it was not over at {at_s:.2} s; by then it had come within {least_m:.2} m of {}",
-                    decided.name
-                )
-            }
-            _ => passed(),
-        };
+        let words = ending(metrics, decided);
         let impact = impact_of(metrics);
         let ending = Ending { actor: decided.actor, verdict: metrics.verdict, words, impact };
         self.chain(pipeline, ending)
@@ -188,16 +203,26 @@ impl Logged {
             lights: light_courses(&pipeline.scenario, pipeline.until),
             norm: norm(&pipeline),
         });
-        if let Some(gate) = pipeline.assembly.publisher::<GateOutput>() {
-            for publication in self.log.publications(gate) {
-                evaluation.gate(publication.header.visible_at, &publication.decode()?);
-            }
-        }
-        let stream =
-            pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
+        let assembly = &pipeline.assembly;
+        let (gate, plans) = (assembly.publisher::<GateOutput>(), assembly.publisher::<Plan>());
+        let (poses, heard) =
+            (assembly.publisher::<EgoState>(), pipeline.publisher_after_faults::<EgoState>());
+        let stream = assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
         let mut near = Clearances::new(outline(&pipeline.vehicle.shape));
         let (mut known_s, mut is_known) = (Vec::new(), at_s.is_none());
-        for publication in self.log.publications(stream) {
+        for publication in self.log.all_publications() {
+            if is_of::<GateOutput>(publication, gate) {
+                evaluation.gate(publication.header.visible_at, &publication.decode()?);
+            } else if is_of::<Plan>(publication, plans) {
+                evaluation.plan(&publication.decode()?);
+            } else if is_of::<PoseQuality>(publication, poses) {
+                evaluation.pose_quality(&publication.decode()?);
+            } else if is_of::<EgoState>(publication, heard) {
+                evaluation.pose_heard(&publication.decode()?);
+            }
+            if !is_of::<WorldState>(publication, Some(stream)) {
+                continue;
+            }
             let world: WorldState = publication.decode()?;
             let stamp_s = world.stamp.as_secs();
             if at_s.is_some_and(|at_s| (stamp_s - at_s).abs() < 0.5 * self.config.sim.dt_ms * 1e-3 + 1e-9) {
@@ -323,6 +348,12 @@ impl Logged {
         }
         Ok((steps, until))
     }
+}
+
+/// Whether an operator published this as a message of the type.
+fn is_of<T>(publication: &PublicationRecord, operator: Option<&str>) -> bool {
+    let stream = &publication.stream;
+    operator == Some(stream.operator.as_str()) && stream.type_name == core::any::type_name::<T>()
 }
 
 /// The ego of a logged state of the world: what comes after it, the others, is most of the state and is not read.

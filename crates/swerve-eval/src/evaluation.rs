@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::{EndReason, WorldState};
-use swerve_msg::{ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Plan, PoseQuality, Route};
+use swerve_msg::{
+    ActorId, ActorKind, EgoState, GateOutput, Imu, ObstacleList, Plan, PlanStatus, PoseQuality, Route,
+};
 
 use crate::comfort::{Comfort, ComfortMetrics};
 use crate::gate::stop_cause;
@@ -11,8 +13,8 @@ use crate::traffic::{Norm, Traffic, TrafficMetrics};
 use crate::verdict::STANDS_MPS;
 use crate::{
     Clearances, Drive, DriveMetrics, GateMetrics, GateStop, GateUse, Impact, LateralJerk, LightCourse,
-    Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, ResponseTimes,
-    RunTimes, Summary, Verdict, seconds,
+    Localization, LocalizationMetrics, OperatorMetrics, Outcome, Outline, PlanMetrics, PoseGap,
+    ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
 /// Facts that an evaluation has to know beforehand.
@@ -90,9 +92,19 @@ pub struct Metrics {
     /// absent otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_silent_since_s: Option<f64>,
+    /// Times in which no new pose reached its readers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pose_gaps: Vec<PoseGap>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
 }
+
+/// An ego that leaves the road within this time after a gap between poses left it because of that, seconds: plans take as
+/// long to lead back to the middle of the lane.
+const AFTER_GAP_S: f64 = 4.0;
+
+/// An ego that stood for less than this for its pose did not run out of time for it, seconds.
+const STOOD_MIN_S: f64 = 1.0;
 
 /// Who or what decided how a run went.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -107,6 +119,10 @@ pub enum DecidedBy<'a> {
     Pose(f64),
     /// The controller stopped the ego, since there was no pose from this instant on, seconds.
     NoPose(f64),
+    /// The ego left the road without a pose, or soon after.
+    LostPose(PoseGap),
+    /// The accuracy of the pose, for which the ego stood most of the time that it stood until the time was over, seconds.
+    PoseDelay(f64),
     /// Nobody: there was no other.
     Nobody,
 }
@@ -118,18 +134,39 @@ impl Metrics {
         if self.impact.is_some() {
             return actor();
         }
+        if let Some(gap) = self.gap_before_leaving() {
+            return DecidedBy::LostPose(gap);
+        }
         let held = self.gate.as_ref().filter(|gate| stop_cause(gate.end).is_some());
         if let Some(stop) = held.and_then(|gate| gate.stops.last()) {
             return DecidedBy::Gate(*stop);
         }
         match &self.waits_at_light {
             Some(light) if self.stands_before.is_none() => DecidedBy::Light(light),
+            _ if self.verdict == Verdict::Timeout && self.stood_for_pose() => {
+                DecidedBy::PoseDelay(self.plans.stood_uncertain_s)
+            }
             _ if self.verdict == Verdict::Stopped && self.stands_before.is_none() => {
                 let none = || self.pose_silent_since_s.map_or_else(actor, DecidedBy::NoPose);
                 self.plans.pose_uncertain_since_s.map_or_else(none, DecidedBy::Pose)
             }
             _ => actor(),
         }
+    }
+
+    /// The gap between poses in which the ego left the road, or after which it did soon.
+    fn gap_before_leaving(&self) -> Option<PoseGap> {
+        let left_s = self.left_road_at_s?;
+        let is_before = |gap: &&PoseGap| {
+            gap.from_s <= left_s && gap.until_s.is_none_or(|until_s| left_s <= until_s + AFTER_GAP_S)
+        };
+        self.pose_gaps.iter().rev().find(is_before).copied()
+    }
+
+    /// Whether the ego stood for long, and most of that for its pose.
+    fn stood_for_pose(&self) -> bool {
+        let PlanMetrics { stood_s, stood_uncertain_s, .. } = self.plans;
+        stood_uncertain_s >= STOOD_MIN_S && stood_uncertain_s > 0.5 * stood_s
     }
 
     /// The actor that decided the verdict: the one hit, else the one that the ego stands before, else of the people,
@@ -194,6 +231,8 @@ pub struct Evaluation {
     comfort: Comfort,
     traffic: Traffic,
     plans: PlanMetrics,
+    /// Stamp and status of the newest plan.
+    last_plan: Option<(Time, PlanStatus)>,
     sights: Vec<Sight>,
     response: ResponseTimes,
     gate: GateUse,
@@ -214,6 +253,7 @@ impl Evaluation {
             jerk: LateralJerk::default(),
             comfort: Comfort::default(),
             plans: PlanMetrics::default(),
+            last_plan: None,
             sights: Vec::new(),
             response: ResponseTimes::new(params.dead_time),
             gate: GateUse::default(),
@@ -273,6 +313,10 @@ impl Evaluation {
 
     /// A plan was published.
     pub fn plan(&mut self, plan: &Plan) {
+        let before = self.last_plan.replace((plan.stamp, plan.status));
+        if let Some((since, status)) = before.filter(|_| self.outcome.stands_again()) {
+            self.plans.stood(status, (plan.stamp - since).as_secs().max(0.0));
+        }
         self.plans.take(plan);
     }
 
@@ -337,6 +381,7 @@ impl Evaluation {
             plans: self.plans,
             gate: self.gate.metrics(),
             pose_silent_since_s: self.localization.silent_since().map(seconds),
+            pose_gaps: self.localization.gaps(),
             localization: self.localization.metrics(),
             operators: self.runtimes.table(),
         }
@@ -385,7 +430,7 @@ mod tests {
     use super::*;
     use crate::verdict::tests::{actor, hit, world};
     use swerve_geom::{Pose2, Vector2};
-    use swerve_msg::{Extent, Obstacle, PlanStatus};
+    use swerve_msg::{Extent, Obstacle};
 
     fn evaluation() -> Evaluation {
         Evaluation::new(Params {
@@ -446,6 +491,22 @@ mod tests {
     }
 
     #[test]
+    fn time_at_rest_counts_by_the_plan_that_held_then() {
+        let mut e = evaluation();
+        for k in 0..=10 {
+            let mut state = world(100 * k, k as f64);
+            state.ego.state.speed_mps = if k < 5 { 5.0 } else { 0.0 };
+            e.world(&state);
+            let status =
+                if (3..7).contains(&k) { PlanStatus::PoseUncertain } else { PlanStatus::Comfortable };
+            e.plan(&Plan { stamp: Time::from_ms(100 * k), status, ..Plan::default() });
+        }
+        // At rest from 0.4 s on; the plans of 0.4 to 0.6 s held until 0.7 s.
+        let PlanMetrics { stood_s, stood_uncertain_s, .. } = e.metrics().plans;
+        assert!((stood_s - 0.6).abs() < 1e-9 && (stood_uncertain_s - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
     fn metrics_survive_their_file() {
         let mut e = evaluation();
         let mut state = world(0, 0.0);
@@ -454,6 +515,41 @@ mod tests {
         let text = serde_json::to_string_pretty(&e.metrics()).unwrap();
         assert_eq!(serde_json::from_str::<Metrics>(&text).unwrap(), e.metrics());
         assert!(text.contains("\"verdict\": \"unfinished\""), "{text}");
+    }
+
+    #[test]
+    fn a_drive_off_the_road_without_a_pose_is_decided_by_that() {
+        let decided = |left_s: f64, until_s: Option<f64>| {
+            let mut metrics = evaluation().metrics();
+            metrics.verdict = Verdict::LeftRoad;
+            metrics.left_road_at_s = Some(left_s);
+            metrics.pose_gaps = vec![PoseGap { from_s: 3.6, until_s }];
+            matches!(metrics.decided_by(), DecidedBy::LostPose(gap) if gap.from_s == 3.6)
+        };
+        for (left_s, until_s, is_lost) in [
+            (3.5, Some(5.6), false),
+            (4.0, Some(5.6), true),
+            (9.5, Some(5.6), true),
+            (9.7, Some(5.6), false),
+            (9.7, None, true),
+        ] {
+            assert_eq!(decided(left_s, until_s), is_lost, "{left_s} {until_s:?}");
+        }
+    }
+
+    #[test]
+    fn time_that_is_over_while_the_ego_stands_for_its_pose_is_decided_by_that() {
+        let decided = |stood_s: f64, stood_uncertain_s: f64| {
+            let mut metrics = evaluation().metrics();
+            metrics.verdict = Verdict::Timeout;
+            (metrics.plans.stood_s, metrics.plans.stood_uncertain_s) = (stood_s, stood_uncertain_s);
+            metrics.decided_by() == DecidedBy::PoseDelay(stood_uncertain_s)
+        };
+        for (stood_s, uncertain_s, is_for_pose) in
+            [(8.0, 6.0, true), (8.0, 3.9, false), (0.9, 0.9, false), (1.0, 1.0, true)]
+        {
+            assert_eq!(decided(stood_s, uncertain_s), is_for_pose, "{stood_s} {uncertain_s}");
+        }
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub use gate::{GateMetrics, GateStop, GateUse};
 pub use jerk::{CUTOFF_HZ, LateralJerk, LowPass};
 pub use kitti::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
 pub use light::LightCourse;
-pub use localization::{Localization, LocalizationMetrics, QualityMetrics};
+pub use localization::{Localization, LocalizationMetrics, PoseGap, QualityMetrics};
 pub use overlap::{ground_iou, overlapping, shared_area_m2, volume_iou};
 pub use plan::{PlanCounts, PlanMetrics};
 pub use response::ResponseTimes;

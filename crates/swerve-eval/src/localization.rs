@@ -42,6 +42,15 @@ impl LocalizationMetrics {
     }
 }
 
+/// A time in which no new pose reached its readers, for longer than the controller waits for one.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct PoseGap {
+    /// Stamp of the last pose before it, or the beginning of the drive, seconds.
+    pub from_s: f64,
+    /// Stamp of the first new pose after it, seconds; null where none came up to the end.
+    pub until_s: Option<f64>,
+}
+
 /// What localization says of itself.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct QualityMetrics {
@@ -73,6 +82,7 @@ pub struct Localization {
     newest: Option<(Time, Vector3<f64>)>,
     /// The newest pose that reached its readers and said something new.
     heard: Option<EgoState>,
+    gaps: Vec<PoseGap>,
     first_truth: Option<Time>,
     distances_m: Vec<f32>,
     squares: f64,
@@ -159,9 +169,21 @@ impl Localization {
 
     /// A pose as it reaches its readers, after the faults of its stream.
     pub fn heard(&mut self, pose: &EgoState) {
-        if pose.is_plausible() && !self.heard.is_some_and(|before| pose.repeats(&before)) {
-            self.heard = Some(*pose);
+        if !pose.is_plausible() || self.heard.is_some_and(|before| pose.repeats(&before)) {
+            return;
         }
+        let since = self.heard.map(|before| before.stamp).or(self.first_truth);
+        if let Some(since) = since.filter(|since| pose.stamp - *since > SILENT) {
+            let [from_s, until_s] = [since, pose.stamp].map(crate::seconds);
+            self.gaps.push(PoseGap { from_s, until_s: Some(until_s) });
+        }
+        self.heard = Some(*pose);
+    }
+
+    /// The gaps between poses as they reached their readers, in order of time.
+    pub fn gaps(&self) -> Vec<PoseGap> {
+        let last = self.silent_since().map(|since| PoseGap { from_s: crate::seconds(since), until_s: None });
+        self.gaps.iter().copied().chain(last).collect()
     }
 
     /// Stamp of the last pose that reached its readers and said something new, or of the beginning, where none came any more up
@@ -236,6 +258,23 @@ mod tests {
         assert!((metrics.across_rms_m - 0.3).abs() < 1e-12, "east is to the right of who goes north");
         assert!((metrics.heading_rms_deg - 0.01_f64.to_degrees()).abs() < 1e-9);
         assert!((metrics.silent_max_s - 0.01).abs() < 1e-12 && metrics.quality.is_none());
+    }
+
+    #[test]
+    fn gaps_are_between_new_poses_that_reach_their_readers() {
+        let mut localization = Localization::default();
+        for k in 0..=300 {
+            localization.truth(&ego(10 * k, 0.1 * k as f64, 0.0, 0.0));
+            // Dropped from 0.5 to 0.9 s, for 0.2 s at 1.2 s, frozen at 1.5 s for 0.4 s, and dropped from 2.5 s on.
+            let repeats = (150..190).contains(&k);
+            let of = if repeats { 150 } else { k };
+            let is_heard = !(51..90).contains(&k) && !(121..140).contains(&k) && k <= 250;
+            if is_heard {
+                localization.heard(&ego(10 * of, 0.1 * of as f64, 0.0, 0.0));
+            }
+        }
+        let gaps: Vec<_> = localization.gaps().iter().map(|gap| (gap.from_s, gap.until_s)).collect();
+        assert_eq!(gaps, [(0.5, Some(0.9)), (1.5, Some(1.9)), (2.5, None)]);
     }
 
     #[test]

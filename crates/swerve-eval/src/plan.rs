@@ -49,9 +49,21 @@ pub struct PlanMetrics {
     /// Stamp since which all plans up to the end stop for an uncertain pose, seconds.
     #[serde(default)]
     pub pose_uncertain_since_s: Option<f64>,
+    /// Time that the ego stood after it had set off, seconds.
+    #[serde(default)]
+    pub stood_s: f64,
+    /// Part of that time in which the plan stopped for an uncertain pose, seconds.
+    #[serde(default)]
+    pub stood_uncertain_s: f64,
 }
 
 impl PlanMetrics {
+    /// The ego, which had set off before, stood for so long under a plan of this status.
+    pub fn stood(&mut self, status: PlanStatus, for_s: f64) {
+        self.stood_s += for_s;
+        self.stood_uncertain_s += if status == PlanStatus::PoseUncertain { for_s } else { 0.0 };
+    }
+
     /// Takes in one plan.
     pub fn take(&mut self, plan: &Plan) {
         let counts = &mut self.counts;

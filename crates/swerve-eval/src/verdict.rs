@@ -44,6 +44,7 @@ pub struct Outcome {
     lights: Vec<LightCourse>,
     gate: GateMode,
     has_driven: bool,
+    stands: bool,
     impact: Option<(Time, Impact)>,
     left_road: Option<Time>,
     end: Option<EndReason>,
@@ -71,6 +72,7 @@ impl Outcome {
             lights,
             gate: GateMode::Manual,
             has_driven: false,
+            stands: false,
             impact: None,
             left_road: None,
             end: None,
@@ -117,6 +119,7 @@ impl Outcome {
         self.is_alone &= world.actors.is_empty();
         let stands = world.ego.state.speed_mps.abs() <= STANDS_MPS;
         self.has_driven |= !stands;
+        self.stands = stands;
         if self.end.is_none() && world.ended.is_some() {
             self.end = world.ended;
             // One that never set off was not brought to rest by anything.
@@ -126,6 +129,11 @@ impl Outcome {
                 self.is_held = stop_cause(self.gate).is_some();
             }
         }
+    }
+
+    /// Whether the ego stands that has set off.
+    pub(crate) fn stands_again(&self) -> bool {
+        self.has_driven && self.stands
     }
 
     /// The verdict on what was taken in. A collision outweighs leaving the road, that

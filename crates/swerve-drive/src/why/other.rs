@@ -1,7 +1,7 @@
-//! What decided a drive where that was no actor: the safety gate, a red light, the end of the way, the time.
+//! What decided a drive where that was no actor: the safety gate, the pose, a red light, the end of the way, the time.
 
 use swerve_core::{Span, Time};
-use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, Verdict, Why};
+use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, PoseGap, Verdict, Why};
 use swerve_geom::LineTracker;
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_msg::{EgoState, Signal};
@@ -16,6 +16,9 @@ const STANDS: Span = Span::from_ms(500);
 /// As far before a stop line, and beyond it, the front of a car that waits at it is, metres.
 const BEFORE_LINE_M: f64 = 25.0;
 const BEYOND_LINE_M: f64 = 1.0;
+
+/// A stop by the gate follows from a gap between poses until this time after it, seconds.
+const GATE_AFTER_S: f64 = 0.3;
 
 /// A step, when it happened, and what went by until then.
 type Step = (Milestone, Time, String);
@@ -38,6 +41,8 @@ pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> a
             way.uncertain(since_s, "its pose was too uncertain for the lane: the planner braked")
         }
         DecidedBy::NoPose(since_s) => way.uncertain(since_s, "it had no pose: none came"),
+        DecidedBy::LostPose(gap) => way.without_pose(gap),
+        DecidedBy::PoseDelay(stood_s) => way.delayed(stood_s),
         _ => way.lights_and_end(),
     };
     steps.sort_by_key(|(_, at, _)| *at);
@@ -89,14 +94,17 @@ impl<'a> Way<'a> {
             }
             None => text += " and did not come to a standstill",
         }
+        // Without a pose the controller falls silent, and the gate knows of that alone.
+        let is_then = |gap: &&PoseGap| {
+            gap.from_s <= stop.at_s && gap.until_s.is_none_or(|until_s| stop.at_s <= until_s + GATE_AFTER_S)
+        };
+        if let Some(gap) = self.metrics.pose_gaps.iter().find(is_then) {
+            text += &format!("; {}", no_pose(gap));
+        }
         if let Some(left_s) = self.metrics.left_road_at_s {
             text = format!("it left the road at {left_s:.2} s; {text}");
         }
-        let nearest = self.metrics.min_distance_m.zip(self.metrics.min_distance_name.as_ref());
-        text += &nearest.map_or_else(
-            || "; there was nobody else".into(),
-            |(away_m, name)| format!("; {name} was nearest, {away_m:.2} m away"),
-        );
+        text += &self.nearest();
         (text, steps)
     }
 
@@ -110,6 +118,44 @@ impl<'a> Way<'a> {
             steps.push((Milestone::Standstill, stands.stamp, "braking".into()));
         }
         (text, steps)
+    }
+
+    /// The car left the road without a pose, or soon after.
+    fn without_pose(&self, gap: PoseGap) -> (String, Vec<Step>) {
+        let left_s = self.metrics.left_road_at_s.unwrap_or_default();
+        let mut text = format!("it left the road at {left_s:.2} s; {}", no_pose(&gap));
+        let mut stops = self.metrics.gate.iter().flat_map(|gate| &gate.stops);
+        if let Some(stop) = stops.find(|stop| stop.at_s >= gap.from_s) {
+            let cause = stop.cause.words();
+            text += &format!("; the safety gate stopped it from {:.2} s on ({cause})", stop.at_s);
+        }
+        (text + &self.nearest(), self.rest_and_end())
+    }
+
+    /// The car stood for its pose until the time was over, most of the time that it stood.
+    fn delayed(&self, stood_s: f64) -> (String, Vec<Step>) {
+        let reason = "because its pose was too uncertain for the lane";
+        let text = format!("{}; it had stood for {stood_s:.1} s {reason}", self.end());
+        (text + &self.nearest(), self.rest_and_end())
+    }
+
+    /// The first standstill after driving, and the end.
+    fn rest_and_end(&self) -> Vec<Step> {
+        let moves = self.states.iter().position(|state| !is_still(state)).unwrap_or(self.states.len());
+        let stands = self.states[moves..].iter().find(|state| is_still(state));
+        let stands = stands.map(|state| (Milestone::Standstill, state.stamp, "driving".into()));
+        let went_by = if stands.is_some() { "standing and driving" } else { "driving" };
+        let end = self.states.last().map(|state| (Milestone::End, state.stamp, went_by.into()));
+        stands.into_iter().chain(end).collect()
+    }
+
+    /// Who was nearest, in words.
+    fn nearest(&self) -> String {
+        let nearest = self.metrics.min_distance_m.zip(self.metrics.min_distance_name.as_ref());
+        nearest.map_or_else(
+            || "; there was nobody else".into(),
+            |(away_m, name)| format!("; {name} was nearest, {away_m:.2} m away"),
+        )
     }
 
     /// The car waited at a light, or was alone on its way.
@@ -204,6 +250,14 @@ impl<'a> Way<'a> {
             })
         };
         self.lights.iter().filter_map(passes).collect()
+    }
+}
+
+/// A gap between poses in words.
+fn no_pose(&PoseGap { from_s, until_s }: &PoseGap) -> String {
+    match until_s {
+        Some(until_s) => format!("no new pose came from {from_s:.2} to {until_s:.2} s"),
+        None => format!("no new pose came from {from_s:.2} s on"),
     }
 }
 

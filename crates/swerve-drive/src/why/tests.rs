@@ -32,6 +32,99 @@ fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]
     (Logged::read(&path, &registry).unwrap(), outcome.metrics)
 }
 
+/// The measures of a drive past one car, as `of` makes them.
+fn measured(of: impl Fn(&mut Metrics)) -> Metrics {
+    let mut metrics = swerve_eval::Evaluation::new(swerve_eval::Params {
+        ego: swerve_eval::Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 1.5 },
+        dead_time: Span::ZERO,
+        operators: Vec::new(),
+        actors: vec!["lead".into()],
+        route: None,
+        lights: Vec::new(),
+        norm: swerve_eval::Norm::default(),
+    })
+    .metrics();
+    metrics.actors = vec![ActorMetrics {
+        actor: ActorId(1),
+        name: "lead".into(),
+        kind: swerve_msg::ActorKind::Car,
+        min_distance_m: 0.7,
+        min_distance_at_s: 4.0,
+        first_sight_s: None,
+    }];
+    of(&mut metrics);
+    metrics
+}
+
+fn words(of: impl Fn(&mut Metrics)) -> String {
+    let metrics = measured(of);
+    ending(&metrics, &metrics.actors[0])
+}
+
+#[test]
+fn departure_comes_before_a_later_standstill() {
+    let left = |metrics: &mut Metrics| {
+        (metrics.verdict, metrics.left_road_at_s) = (Verdict::LeftRoad, Some(6.131));
+    };
+    assert_eq!(words(left), "it left the road at 6.13 s; it passed lead at 0.70 m");
+    let stood = |metrics: &mut Metrics| {
+        left(metrics);
+        metrics.stands_before = Some(ActorId(1));
+    };
+    assert_eq!(words(stood), "it left the road at 6.13 s; later it stood before lead");
+    let stopped = |metrics: &mut Metrics| {
+        (metrics.verdict, metrics.stands_before) = (Verdict::Stopped, Some(ActorId(1)));
+    };
+    assert_eq!(words(stopped), "it stands before lead");
+}
+
+#[test]
+fn an_ego_at_rest_is_hit() {
+    let hit = |ego_speed_mps: f64| {
+        words(|metrics| {
+            metrics.verdict = Verdict::Collision;
+            let (actor, closing_speed_mps) = (ActorId(1), 4.2);
+            let impact = Impact { actor, at_s: 5.0, ego_speed_mps, closing_speed_mps, impulse_n_s: 900.0 };
+            metrics.impact = Some(impact);
+        })
+    };
+    assert_eq!(hit(3.26), "it hit lead at 5.00 s with 3.3 m/s");
+    for ego_speed_mps in [0.0, 0.05, -0.01] {
+        assert_eq!(hit(ego_speed_mps), "lead hit it at 5.00 s with 4.2 m/s while it stood");
+    }
+}
+
+/// Soon after 2 s without a new pose the car is off the road: the gap decides.
+#[test]
+fn departure_without_a_pose_names_the_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = "name = \"bend\"\n[road]\nsegments = [{ length_m = 100 }, { length_m = 180, curvature_1pm = 0.003 }, \
+                { length_m = 120 }]\nlane_width_m = 3.5\n[ego]\ntarget_speed_mps = 25\nend_m = 360\n[end]\n\
+                timeout_s = 45\n";
+    let file = folder.path().join("bend.toml");
+    std::fs::write(&file, road).unwrap();
+    let fault = "fault.f={ stream=\"pose\", freeze_ms=2000, from_ms=3600, until_ms=3900 }";
+    let (logged, metrics) = driven(folder.path(), file.to_str().unwrap(), &[fault]);
+    let why = logged.why(&metrics).unwrap();
+    println!("{}", why.text());
+    assert_eq!((&why.actor, why.verdict), (&None, Verdict::LeftRoad), "{}", why.text());
+    assert!(why.sentence.contains("no new pose came from 3.60 to 5.60 s"), "{}", why.sentence);
+    assert!(why.sentence.starts_with("it left the road at "), "{}", why.sentence);
+    adds_up(&why);
+    assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
+}
+
+/// A pose that is too uncertain for the lane is named by the log alone, too.
+#[test]
+fn stop_for_an_uncertain_pose_is_known_from_the_log_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let city = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/urban_gnss.toml");
+    let (logged, metrics) = driven_with(folder.path(), "lane", vec![city], &[]);
+    let why = logged.why(&metrics).unwrap();
+    assert!(why.sentence.contains("its pose was too uncertain for the lane"), "{}", why.sentence);
+    assert_eq!(logged.why_of(None, None).unwrap(), why);
+}
+
 /// Each step's waits are the time since the step before.
 fn adds_up(why: &Why) {
     for pair in why.steps.windows(2) {

@@ -19,7 +19,7 @@ use swerve_vehicle::{Limits, Shape};
 use super::deadlines::planner_deadline;
 use super::ladder::{on_ladder, take};
 use super::odom::{LocalPoses, carried};
-use super::pose_trust::PoseTrust;
+use super::pose_trust::{Here, PoseTrust, Stop};
 use crate::config::execution::Runtime;
 use crate::config::model::{Model, Rung};
 use crate::config::{Config, StartState};
@@ -135,9 +135,6 @@ impl OperatorKind for Planners {
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
 
-/// Lowest target speed of a car that is not to stop, m/s.
-const SLOWEST_MPS: f64 = 1.0;
-
 /// Asks a motion planner for a plan, frame by frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
@@ -219,20 +216,19 @@ impl PlannerOperator {
                 Cow::Owned(plausible.cloned().collect())
             }
         };
-        let speed_share = self.trust.speed_share(measured, &self.route, &predictions);
-        let predictions = match self.trust.wall(measured, &self.route) {
-            Some(wall) => Cow::Owned(predictions.iter().cloned().chain([wall]).collect()),
-            None => predictions,
-        };
-        let most_mps = self.trust.speed_max_mps(measured, &self.route).max(SLOWEST_MPS);
-        let ground = self.trust.ground(measured, &self.route);
+        let on_route = Here { ego: measured, place: here, route: &self.route };
+        let stop = self.trust.stop(on_route);
+        let target_speed_mps = self.trust.target_speed_mps(self.target_speed_mps, on_route, &predictions);
+        let walled: Option<Vec<Prediction>> =
+            stop.as_ref().map(|stop| predictions.iter().chain([&stop.wall]).cloned().collect());
+        let ground = self.trust.ground(on_route);
         let request = Request {
             stamp,
             start,
             route: ground,
             along_m: Some(place.s_m),
-            target_speed_mps: (self.target_speed_mps * speed_share).min(most_mps),
-            predictions: &predictions,
+            target_speed_mps,
+            predictions: walled.as_ref().unwrap_or(&predictions),
             shape: &self.shape,
             limits: &self.limits,
             previous,
@@ -244,18 +240,30 @@ impl PlannerOperator {
             Some(planner) => (planner, &mut unlimited),
             None => (&mut *self.planner, &mut metered),
         };
-        let mut plan_for = |request: &Request<'_>| match self.risk_max {
+        let mut plan_once = |request: &Request<'_>| match self.risk_max {
             Some(risk_max) => plan_within_risk(planner, request, risk_max, budget),
             None => planner.plan(request, budget),
         };
-        let mut plan = plan_for(&request);
         let is_comfortable = |plan: &Plan| plan.status == PlanStatus::Comfortable;
-        let is_poor = plan.status.is_fallback() || (self.has_comfort && !is_comfortable(&plan));
-        if is_poor && !core::ptr::eq(ground, &self.route) {
-            // Where the deviations leave no comfortable plan, or none at all, the whole ground counts.
-            let whole = plan_for(&Request { route: &self.route, ..request });
-            if is_comfortable(&whole) || plan.status.is_fallback() {
-                plan = whole;
+        let mut plan_for = |request: &Request<'_>| {
+            let plan = plan_once(request);
+            let is_poor = plan.status.is_fallback() || (self.has_comfort && !is_comfortable(&plan));
+            if is_poor && !core::ptr::eq(ground, &self.route) {
+                // Where the deviations leave no comfortable plan, or none at all, the whole ground counts.
+                let whole = plan_once(&Request { route: &self.route, ..*request });
+                if is_comfortable(&whole) || plan.status.is_fallback() {
+                    return whole;
+                }
+            }
+            plan
+        };
+        let mut plan = plan_for(&request);
+        if stop.is_some_and(|stop| !stop.is_fit(&plan, on_route, &self.shape)) {
+            // No stop that begins now ends in the own lane, or gently enough: first the ego drives on.
+            let free = plan_for(&Request { predictions: &predictions, ..request });
+            if Stop::is_worse_than(&plan, &free) {
+                plan = free;
+                self.trust.postpone();
             }
         }
         let plan = Arc::new(self.trust.explained(plan));

@@ -24,11 +24,16 @@ const GROWN_M: f64 = 0.05;
 const RESUME: f64 = 1.1;
 const RESUME_M: f64 = 10.0;
 
-/// Deceleration of the stop, m/s²: the pose gets worse on the way, so between comfort and the 4 m/s² that a manoeuvre of
-/// minimal risk may take (UN Regulation 157, 5.5.3). It ends this far behind the line that is not passed, metres.
+/// Deceleration of the stop, m/s²; by dead reckoning, where the pose gets worse on the way; and the largest of a minimal risk
+/// manoeuvre (UN Regulation 157, 5.5.3). It builds up within this time, seconds, and ends this far before the line that is not passed, metres.
 const STOP_MPS2: f64 = 2.5;
+const STOP_RECKONED_MPS2: f64 = 3.0;
 const STOP_MAX_MPS2: f64 = 4.0;
+const BUILD_UP_S: f64 = 0.5;
 const STOP_GAP_M: f64 = 2.0;
+
+/// Further than this over the left line the outline is in the other lane, metres.
+const OVER_LINE_M: f64 = 0.1;
 
 /// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
 const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
@@ -46,12 +51,63 @@ const STANDS_M: f64 = 0.5;
 /// Share of the room beside the car that deviations may take without slowing beside cover.
 const SPARE: f64 = 0.3;
 
+/// Lowest target speed of a car that is not to stop, m/s.
+const SLOWEST_MPS: f64 = 1.0;
+
 /// Slower than this the car stands, m/s.
 const STANDS_MPS: f64 = 0.5;
 
+/// The ego and its place on the route.
+#[derive(Clone, Copy)]
+pub(super) struct Here<'a> {
+    pub(super) ego: &'a EgoState,
+    pub(super) place: FrenetPoint,
+    pub(super) route: &'a Route,
+}
+
+impl Here<'_> {
+    /// Whether an outline with its origin at a place reaches into the lane to the left.
+    fn is_over_line(&self, place: FrenetPoint, shape: &Shape) -> bool {
+        place.d_m + 0.5 * shape.width_m > self.route.lane().left_m(place.s_m) + OVER_LINE_M
+    }
+}
+
+/// A stop because of the pose.
+pub(super) struct Stop {
+    /// The obstacle on the line that is not passed.
+    pub(super) wall: Prediction,
+    /// Whether the ego is in the lane to its left now.
+    from_other_lane: bool,
+}
+
+impl Stop {
+    /// True of a plan before the wall that is a minimal risk manoeuvre: it brakes with at most [`STOP_MAX_MPS2`] and does
+    /// not come to rest in the other lane. From there it has to lead back.
+    pub(super) fn is_fit(&self, plan: &Plan, here: Here<'_>, shape: &Shape) -> bool {
+        let Some(end) = plan.points.last() else { return false };
+        let driven_m = here.ego.pose.point().distance(end.pose.point());
+        let half_m = 0.5 * driven_m + 1.0;
+        let place = here.route.project_near(end.pose.point(), here.place.s_m + half_m, half_m);
+        let ends = self.from_other_lane || end.speed_mps < STANDS_MPS;
+        hardest_mps2(plan) <= STOP_MAX_MPS2 && !(ends && here.is_over_line(place, shape))
+    }
+
+    /// Whether a plan that does not know of the wall is the better one in place of a stop that is not fit.
+    pub(super) fn is_worse_than(stop: &Plan, free: &Plan) -> bool {
+        hardest_mps2(free) <= hardest_mps2(stop).max(STOP_MAX_MPS2)
+    }
+}
+
+/// Largest deceleration of a plan, m/s²; infinite without a way out.
+fn hardest_mps2(plan: &Plan) -> f64 {
+    if matches!(plan.status, PlanStatus::Brake | PlanStatus::Stop | PlanStatus::GaveUp) {
+        return f64::INFINITY;
+    }
+    plan.points.iter().map(|point| -point.accel_mps2).fold(0.0, f64::max)
+}
+
 /// Room to the nearer edge of the ground: beside the car in the middle of its lane, and where it is.
 struct Room {
-    s_m: f64,
     room_m: f64,
     beside_m: f64,
     needed_m: f64,
@@ -72,6 +128,8 @@ pub(super) struct PoseTrust {
     narrowed: Option<(u32, Route)>,
     /// Arc length of the line that is not passed, while the ego stops for its pose.
     stop_s_m: Option<f64>,
+    /// Whether the stop waits until the ego is back in its lane.
+    is_postponed: bool,
 }
 
 impl PoseTrust {
@@ -84,6 +142,7 @@ impl PoseTrust {
             shape,
             narrowed: None,
             stop_s_m: None,
+            is_postponed: false,
         }
     }
 
@@ -95,18 +154,26 @@ impl PoseTrust {
         self.good_m = good.map(|quality| quality.sigma_m()).or(self.good_m);
     }
 
+    /// Target speed by the accuracy of the pose, m/s. A stop has its own deceleration, and a car that has to leave the other
+    /// lane before its stop is not slowed down there: for both no less than the present speed.
+    pub(super) fn target_speed_mps(&self, wanted_mps: f64, here: Here<'_>, others: &[Prediction]) -> f64 {
+        let most_mps = self.speed_max_mps(here).max(SLOWEST_MPS);
+        let least_mps = if self.stop_s_m.is_some() || self.is_postponed { here.ego.speed_mps } else { 0.0 };
+        (wanted_mps * self.speed_share(here, others)).min(most_mps).max(least_mps).min(wanted_mps)
+    }
+
     /// Share of the target speed; 1 without localization.
-    pub(super) fn speed_share(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
+    fn speed_share(&self, here: Here<'_>, others: &[Prediction]) -> f64 {
         let by_place =
             self.quality.map_or(1.0, |quality| speed_share(quality.sigma_m(), self.slow_by_sigma_m));
-        by_place.min(self.share_beside_cover(ego, route, others))
+        by_place.min(self.share_beside_cover(here, others))
     }
 
     /// Highest speed from which a car stops in its lane by dead reckoning, m/s. While fixes come that is for the first fault:
     /// they stay away and are missed after [`NOTICED_S`]. A car without an inertial unit is in its first fault: its heading
     /// has to hold between fixes, of which some are refused ([`SPARSE_S`]).
-    pub(super) fn speed_max_mps(&self, ego: &EgoState, route: &Route) -> f64 {
-        let Some(Room { way_m, .. }) = self.room(ego, route) else { return f64::INFINITY };
+    fn speed_max_mps(&self, here: Here<'_>) -> f64 {
+        let Some(Room { way_m, .. }) = self.room(here) else { return f64::INFINITY };
         let is_good = self.quality.is_some_and(|quality| quality.mode == PoseMode::Good);
         match self.is_fixed() {
             true if is_good => way_m / NOTICED_S,
@@ -123,33 +190,35 @@ impl PoseTrust {
 
     /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
     /// take of it is made up for by a shorter way to stop.
-    fn share_beside_cover(&self, ego: &EgoState, route: &Route, others: &[Prediction]) -> f64 {
-        let Some(Room { s_m, room_m, needed_m, .. }) = self.room(ego, route) else { return 1.0 };
+    fn share_beside_cover(&self, here: Here<'_>, others: &[Prediction]) -> f64 {
+        let Here { ego, place, route } = here;
+        let Some(Room { room_m, needed_m, .. }) = self.room(here) else { return 1.0 };
         let taken = needed_m / room_m.max(1e-3);
-        if taken <= SPARE || !others.iter().any(|one| is_cover(one, route, s_m, ego.speed_mps)) {
+        if taken <= SPARE || !others.iter().any(|one| is_cover(one, route, place.s_m, ego.speed_mps)) {
             return 1.0;
         }
         speed_share(taken, [SPARE, 1.0])
     }
 
-    /// Room beside the car in the middle of its lane at the arc length of `ego`, and the deviations that have to fit there,
-    /// metres. `None` where they need not.
-    fn room(&self, ego: &EgoState, route: &Route) -> Option<Room> {
+    /// Room beside the car in the middle of its lane at its arc length, and the deviations that have to fit there, metres.
+    /// `None` where they need not.
+    fn room(&self, Here { place, route, .. }: Here<'_>) -> Option<Room> {
         let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
-        let FrenetPoint { s_m, d_m } = route.project(ego.pose.point());
+        let FrenetPoint { s_m, d_m } = place;
         let [left_m, right_m] = [route.left_m(s_m), route.right_m(s_m)];
         let room_m = left_m.min(right_m) - 0.5 * self.shape.width_m;
         let beside_m = (left_m - d_m).min(right_m + d_m) - 0.5 * self.shape.width_m;
         let heading_rad = route.line().at(s_m).pose.heading_rad;
         let needed_m = self.lane_sigmas * quality.across_sigma_m(heading_rad);
         let way_m = quality.way_until_m(heading_rad, room_m / self.lane_sigmas);
-        Some(Room { s_m, room_m, beside_m, needed_m, way_m })
+        Some(Room { room_m, beside_m, needed_m, way_m })
     }
 
     /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
     /// stands the ground is as wide as where it is: from beyond it no plan leads back.
-    pub(super) fn ground<'a>(&'a mut self, ego: &EgoState, route: &'a Route) -> &'a Route {
-        let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(ego, route) else { return route };
+    pub(super) fn ground<'a>(&'a mut self, here: Here<'a>) -> &'a Route {
+        let Here { ego, route, .. } = here;
+        let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(here) else { return route };
         let stands = ego.speed_mps < STANDS_MPS;
         let most_m = (room_m - LEFT_M).min(if stands { beside_m - NARROWED_M } else { f64::INFINITY });
         let steps = (needed_m.min(most_m) / NARROWED_M).max(0.0) as u32;
@@ -162,19 +231,33 @@ impl PoseTrust {
         self.narrowed.as_ref().map_or(route, |(_, narrowed)| narrowed)
     }
 
-    /// An obstacle across the road ahead of an ego whose pose does not suffice for its lane: it stops before that.
-    pub(super) fn wall(&mut self, ego: &EgoState, route: &Route) -> Option<Prediction> {
-        let Room { s_m, room_m, needed_m, way_m, .. } = self.room(ego, route)?;
+    /// The stop of an ego whose pose does not suffice for its lane: before an obstacle across the road. Never nearer than a
+    /// stop at [`STOP_MAX_MPS2`] ends: who is beside the plan of the stop does not brake harder for it.
+    pub(super) fn stop(&mut self, here: Here<'_>) -> Option<Stop> {
+        let Here { ego, place, route } = here;
+        let Room { room_m, needed_m, way_m, .. } = self.room(here)?;
         let [spare, least_m] = if self.stop_s_m.is_some() { [RESUME, RESUME_M] } else { [1.0, STOP_GAP_M] };
         let square = 0.5 * ego.speed_mps * ego.speed_mps;
         let ends_beside = !self.is_fixed() && (square / STOP_MAX_MPS2).max(least_m) > way_m;
         if needed_m * spare <= room_m && !ends_beside {
-            self.stop_s_m = None;
+            (self.stop_s_m, self.is_postponed) = (None, false);
             return None;
         }
-        let front_m = self.shape.length_m - self.shape.rear_overhang_m;
-        let stop_s_m = *self.stop_s_m.get_or_insert(s_m + front_m + square / STOP_MPS2 + STOP_GAP_M);
-        Some(wall(WALL_ID, stop_s_m, route, ego.stamp))
+        let front_s_m = place.s_m + self.shape.length_m - self.shape.rear_overhang_m;
+        let begun_m = BUILD_UP_S * ego.speed_mps.max(0.0) + STOP_GAP_M;
+        let brake_mps2 = if self.is_fixed() { STOP_MPS2 } else { STOP_RECKONED_MPS2 };
+        let mut stop_s_m = self.stop_s_m.unwrap_or(front_s_m + square / brake_mps2 + begun_m);
+        if ego.speed_mps > STANDS_MPS {
+            stop_s_m = stop_s_m.max(front_s_m + square / STOP_MAX_MPS2 + STOP_GAP_M);
+        }
+        (self.stop_s_m, self.is_postponed) = (Some(stop_s_m), false);
+        let from_other_lane = here.is_over_line(place, &self.shape);
+        Some(Stop { wall: wall(WALL_ID, stop_s_m, route, ego.stamp), from_other_lane })
+    }
+
+    /// The ego drives on for now: its stop begins anew from where it is next.
+    pub(super) fn postpone(&mut self) {
+        (self.stop_s_m, self.is_postponed) = (None, true);
     }
 
     /// The plan, with the reason for which it stops.
@@ -208,7 +291,7 @@ fn speed_share(sigma_m: f64, [from_m, to_m]: [f64; 2]) -> f64 {
 mod tests {
     use swerve_core::Time;
     use swerve_geom::{Point2, Polyline, Pose2};
-    use swerve_msg::{ActorKind, PredictedPose};
+    use swerve_msg::{ActorKind, PlanPoint, PredictedPose};
 
     use super::*;
 
@@ -234,10 +317,22 @@ mod tests {
 
     /// The obstacle ahead of an ego at 50 m with 6 m/s, on a road along x of 4 m to the left and 2 m to the right.
     fn ahead(trust: &mut PoseTrust, along_m: f64, across_m: f64) -> Option<Prediction> {
+        uncertain(trust, along_m, across_m);
+        let pose = Pose2::new(50.0, 0.0, 0.0);
+        stop(trust, &EgoState { pose, speed_mps: 6.0, ..EgoState::default() }).map(|stop| stop.wall)
+    }
+
+    fn uncertain(trust: &mut PoseTrust, along_m: f64, across_m: f64) {
         let covariance = [along_m * along_m, 0.0, across_m * across_m, 0.0, 0.0, 0.0];
         trust.quality = Some(PoseQuality { covariance, ..PoseQuality::default() });
-        let pose = Pose2::new(50.0, 0.0, 0.0);
-        trust.wall(&EgoState { pose, speed_mps: 6.0, ..EgoState::default() }, &route())
+    }
+
+    fn here<'a>(ego: &'a EgoState, route: &'a Route) -> Here<'a> {
+        Here { ego, place: route.project(ego.pose.point()), route }
+    }
+
+    fn stop(trust: &mut PoseTrust, ego: &EgoState) -> Option<Stop> {
+        trust.stop(here(ego, &route()))
     }
 
     #[test]
@@ -247,9 +342,9 @@ mod tests {
         assert!([0.1, 0.52].iter().all(|&sigma_m| ahead(&mut trust, 0.1, sigma_m).is_none()));
         assert!(ahead(&mut trust, 3.0, 0.1).is_none(), "a place that is open along the lane is in the lane");
         let wall = ahead(&mut trust, 0.1, 0.53).unwrap();
-        // The front is 4 m ahead of the origin, 6 m/s stop within 7.2 m by 2.5 m/s2, and 2 m are left.
+        // The front is 4 m ahead of the origin, 3 m/s2 build up within 3 m and stop 6 m/s within 6 m, and 2 m are left.
         let near_m = wall.path[0].pose.x_m - 0.5 * wall.extent.length_m;
-        assert!((near_m - 63.2).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
+        assert!((near_m - 65.0).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
         let status = |trust: &PoseTrust, status| trust.explained(Plan { status, ..Plan::default() }).status;
         assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::PoseUncertain);
         assert_eq!(status(&trust, PlanStatus::Brake), PlanStatus::Brake, "an emergency is one");
@@ -275,7 +370,7 @@ mod tests {
         let mut speed = |mode, good_m| {
             reckoning(&mut trust, mode);
             trust.good_m = good_m;
-            trust.speed_max_mps(&at(10.0), &route())
+            trust.speed_max_mps(here(&at(10.0), &route()))
         };
         // 2 s until the want of fixes is noticed, 0.5 s between two fixes without an inertial unit; else 40 m at 2.5 m/s2.
         for (mode, good_m, expected) in [
@@ -296,11 +391,11 @@ mod tests {
         for (speed_mps, stops) in [(17.0, false), (18.0, true)] {
             trust.stop_s_m = None;
             reckoning(&mut trust, PoseMode::Coasting);
-            assert_eq!(trust.wall(&at(speed_mps), &route()).is_some(), stops, "{speed_mps}");
+            assert_eq!(stop(&mut trust, &at(speed_mps)).is_some(), stops, "{speed_mps}");
         }
         // With fixes nothing is reckoned. A stop is over when 10 m are possible.
         trust.good_m = Some(0.315);
-        assert!(trust.wall(&at(18.0), &route()).is_none());
+        assert!(stop(&mut trust, &at(18.0)).is_none());
         trust.stop_s_m = Some(60.0);
         trust.good_m = None;
         let mut left = |way_m: f64| {
@@ -308,9 +403,113 @@ mod tests {
             let covariance = [0.0, 0.0, 0.315 * 0.315, 0.0, 0.0, heading_rad * heading_rad];
             let mode = PoseMode::Coasting;
             trust.quality = Some(PoseQuality { mode, covariance, ..PoseQuality::default() });
-            trust.wall(&at(0.0), &route()).is_some()
+            stop(&mut trust, &at(0.0)).is_some()
         };
         assert!(left(9.0) && !left(11.0));
+    }
+
+    /// The near side of the wall, metres ahead of the front.
+    fn ahead_of_front_m(stop: &Stop, ego: &EgoState) -> f64 {
+        stop.wall.path[0].pose.x_m - 0.5 * stop.wall.extent.length_m - ego.pose.x_m - 4.0
+    }
+
+    #[test]
+    fn wall_is_never_nearer_than_a_stop_at_4_mps2() {
+        let mut trust = trust(2.0);
+        uncertain(&mut trust, 0.1, 0.6);
+        trust.good_m = Some(0.6);
+        let at = |x_m: f64, speed_mps: f64| EgoState { pose: Pose2::new(x_m, 0.0, 0.0), ..at(speed_mps) };
+        let mut ahead_m = |ego: EgoState| ahead_of_front_m(&stop(&mut trust, &ego).unwrap(), &ego);
+        // 20 m at 2.5 m/s2, 5 m to build up and 2 m; 7 m on it stays where it is; 12.5 m at 4 m/s2 and 2 m are the least.
+        for (x_m, speed_mps, expected_m) in [(50.0, 10.0, 27.0), (57.0, 10.0, 20.0), (66.0, 10.0, 14.5)] {
+            let found_m = ahead_m(at(x_m, speed_mps));
+            assert!((found_m - expected_m).abs() < 1e-9, "{x_m}: {found_m}");
+        }
+        // One that stands is not led on.
+        assert!((ahead_m(at(80.0, 0.2)) - 0.5).abs() < 1e-9);
+    }
+
+    /// A plan from 50 m on, 3 m to the left, at 10 m/s.
+    fn plan(accel_mps2: f64, end_d_m: f64, end_mps: f64, status: PlanStatus) -> Plan {
+        let point = |x_m: f64, d_m: f64, speed_mps: f64| PlanPoint {
+            pose: Pose2::new(x_m, d_m, 0.0),
+            speed_mps,
+            accel_mps2,
+            ..PlanPoint::default()
+        };
+        Plan {
+            status,
+            points: vec![point(50.0, 3.0, 10.0), point(75.0, end_d_m, end_mps)],
+            ..Plan::default()
+        }
+    }
+
+    #[test]
+    fn stop_from_the_other_lane_ends_in_the_own_lane_or_waits() {
+        let mut trust = trust(2.0);
+        let lane = Route::uniform(route().line().clone(), 2.0, 2.0);
+        let route = route().in_lane(lane.borders().clone());
+        uncertain(&mut trust, 0.1, 0.6);
+        let mut is_fit = |d_m: f64, plan: &Plan| {
+            let ego = EgoState { pose: Pose2::new(50.0, d_m, 0.0), speed_mps: 10.0, ..EgoState::default() };
+            let here = here(&ego, &route);
+            trust.stop(here).unwrap().is_fit(plan, here, &trust.shape)
+        };
+        use PlanStatus::{Brake, Comfortable, Found};
+        // The line is 2 m to the left: with 0.95 m of the car and 0.1 m of tolerance, 1.15 m is in the own lane.
+        for (d_m, accel_mps2, end_d_m, end_mps, status, expected) in [
+            (3.0, -3.0, 1.1, 0.0, Comfortable, true),
+            (3.0, -3.0, 1.2, 0.0, Comfortable, false),
+            (3.0, -3.0, 1.2, 5.0, Comfortable, false),
+            (0.0, -3.0, 1.2, 5.0, Comfortable, true),
+            (0.0, -3.0, 1.2, 0.0, Comfortable, false),
+            (0.0, -4.0, 0.0, 0.0, Found, true),
+            (0.0, -4.1, 0.0, 0.0, Found, false),
+            (0.0, -3.0, 0.0, 0.0, Brake, false),
+        ] {
+            let plan = plan(accel_mps2, end_d_m, end_mps, status);
+            assert_eq!(is_fit(d_m, &plan), expected, "{d_m} {accel_mps2} {end_d_m} {end_mps} {status:?}");
+        }
+        // A plan without the wall is taken in its place, but for one that brakes harder.
+        let hard = plan(-8.0, 3.0, 0.0, Found);
+        for (accel_mps2, status, is_worse) in
+            [(-1.0, Comfortable, true), (-8.0, Found, true), (-8.5, Found, false), (-1.0, Brake, false)]
+        {
+            assert_eq!(Stop::is_worse_than(&hard, &plan(accel_mps2, 3.0, 0.0, status)), is_worse);
+        }
+    }
+
+    #[test]
+    fn target_speed_is_not_lowered_during_a_stop_or_before_a_late_one() {
+        let (mut trust, route) = (trust(2.0), route());
+        let ego = at(10.0);
+        uncertain(&mut trust, 0.1, 0.6);
+        let target_mps = |trust: &PoseTrust| trust.target_speed_mps(12.0, here(&ego, &route), &[]);
+        // No way by dead reckoning is left.
+        assert_eq!(target_mps(&trust), SLOWEST_MPS);
+        assert!(stop(&mut trust, &ego).is_some());
+        assert_eq!(target_mps(&trust), 10.0);
+        trust.postpone();
+        assert_eq!(target_mps(&trust), 10.0);
+        uncertain(&mut trust, 0.1, 0.1);
+        assert!(stop(&mut trust, &ego).is_none() && !trust.is_postponed);
+        assert_eq!(target_mps(&trust), 12.0);
+    }
+
+    /// At the crossing of a route with itself the other stretch is nearer: the wall is on the stretch that is driven.
+    #[test]
+    fn wall_is_on_the_stretch_that_the_ego_is_on() {
+        let mut trust = trust(2.0);
+        uncertain(&mut trust, 0.6, 0.6);
+        let points = [(0.0, 0.0), (100.0, 0.0), (100.0, 60.0), (50.0, 60.0), (50.0, -60.0)];
+        let line = Polyline::new(&points.map(|(x_m, y_m)| Point2::new(x_m, y_m))).unwrap();
+        let route = Route::uniform(line, 4.0, 2.0);
+        let ego = EgoState { pose: Pose2::new(49.8, 0.4, 0.0), speed_mps: 6.0, ..EgoState::default() };
+        let place = route.project_near(ego.pose.point(), 48.0, 10.0);
+        let wall = trust.stop(Here { ego: &ego, place, route: &route }).unwrap().wall;
+        // On the other stretch it would be at x = 50 m.
+        let at = wall.path[0].pose;
+        assert!((at.x_m - 65.25).abs() < 1.0 && (at.y_m - 1.0).abs() < 0.5, "{wall:?}");
     }
 
     #[test]
@@ -319,7 +518,7 @@ mod tests {
         let mut right_m = |sigma_m: f64| {
             let _ = ahead(&mut trust, 3.0, sigma_m);
             let pose = Pose2::new(50.0, 0.0, 0.0);
-            trust.ground(&EgoState { pose, ..EgoState::default() }, &route()).right_m(50.0)
+            trust.ground(here(&EgoState { pose, ..EgoState::default() }, &route())).right_m(50.0)
         };
         // Two deviations in steps of 0.1 m; of the 1.05 m beside the car 0.25 m are left.
         for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.36, 1.3), (0.5, 1.2)] {
@@ -330,8 +529,9 @@ mod tests {
     #[test]
     fn zero_deviations_and_the_true_pose_never_stop() {
         assert!(ahead(&mut trust(0.0), 0.1, 5.0).is_none());
-        assert!(trust(2.0).wall(&EgoState::default(), &route()).is_none());
-        assert_eq!(trust(2.0).speed_share(&EgoState::default(), &route(), &[]), 1.0);
+        let (ego, route) = (EgoState::default(), route());
+        assert!(stop(&mut trust(2.0), &ego).is_none());
+        assert_eq!(trust(2.0).target_speed_mps(7.0, here(&ego, &route), &[]), 7.0);
     }
 
     #[test]
@@ -340,7 +540,8 @@ mod tests {
         let mut right_m = |d_m: f64, speed_mps: f64| {
             let _ = ahead(&mut trust, 3.0, 0.5);
             let pose = Pose2::new(50.0, d_m, 0.0);
-            trust.ground(&EgoState { pose, speed_mps, ..EgoState::default() }, &route()).right_m(50.0)
+            let ego = EgoState { pose, speed_mps, ..EgoState::default() };
+            trust.ground(here(&ego, &route())).right_m(50.0)
         };
         // To the right of the car 1.05 m and its offset; 0.1 m of it is left, in steps of 0.1 m.
         for (d_m, left_m) in [(0.0, 1.2), (-0.12, 1.2), (2.2, 1.3), (-0.76, 1.9), (-1.0, 2.0)] {
@@ -358,7 +559,7 @@ mod tests {
             let path = vec![at(x_m), at(x_m + moves_m)];
             let one = Prediction { kind, path, ..wall(WALL_ID, 0.0, &route(), Time::ZERO) };
             let ego = EgoState { pose: Pose2::new(50.0, 0.0, 0.0), speed_mps: 10.0, ..EgoState::default() };
-            trust.speed_share(&ego, &route(), &[one])
+            trust.speed_share(here(&ego, &route()), &[one])
         };
         // 1.05 m beside the car. Two deviations of 0.1575 m take 0.3 of it, of 0.34125 m 0.65: half way to 0.3.
         for (sigma_m, expected) in [(0.157, 1.0), (0.341_25, 0.65), (0.525, 0.3)] {
