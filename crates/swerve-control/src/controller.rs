@@ -1,13 +1,15 @@
 //! The controller: what to follow, at which speed, by which law.
 
 mod params;
+mod reckoning;
 mod stop;
+mod wheels;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
-use swerve_geom::{FrenetPoint, LineTracker, Pose2, angle_between, math};
-use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus, Route};
+use swerve_geom::{FrenetPoint, LineTracker, Pose2, math};
+use swerve_msg::{Command, EgoState, Plan, PlanPoint, Route};
 use swerve_vehicle::{Limits, Shape};
 
 use crate::lateral::{self, OnPath};
@@ -15,7 +17,8 @@ use crate::mpc::{self, Knot, Mpc, State};
 use crate::reference::Reference;
 use crate::speed::{SpeedLaw, Target};
 use crate::{AccelToPedals, Pedals, pid};
-use stop::{Reckoned, Stop};
+use reckoning::Reckoning;
+use stop::Stop;
 
 pub use params::{AlongParams, Following, Law, Params, StopParams};
 
@@ -95,9 +98,9 @@ pub struct Controller {
     route_speed_mps: Option<f64>,
     /// The stop under way.
     stopping: Option<Stop>,
-    /// The last state that it could drive by, and the motion since then.
+    /// The last state that it could drive by.
     seen: Option<EgoState>,
-    reckoned: Option<Reckoned>,
+    reckoning: Reckoning,
     /// Stamp of the first state after a time without any.
     seen_again: Option<Time>,
     before: Option<Time>,
@@ -135,7 +138,7 @@ impl Controller {
             route_speed_mps: None,
             stopping: None,
             seen: None,
-            reckoned: None,
+            reckoning: Reckoning::new(params.slip, shape.wheelbase_m, params.stanley.preview_s),
             seen_again: None,
             before: None,
             steering_rad: 0.0,
@@ -154,7 +157,10 @@ impl Controller {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
         let is_seen = self.is_usable(input.ego, input.now);
-        self.reckon(input.now);
+        self.reckoning.advance(input.now, self.steering_rad);
+        if is_finite(input.ego) {
+            self.reckoning.take(input.ego);
+        }
         if is_seen {
             self.see(input.ego, input.now);
         }
@@ -162,8 +168,8 @@ impl Controller {
         if !is_seen {
             self.brake_blind(input);
         }
-        let is_known = is_seen && !self.is_overdue(input.now);
-        let ego = if is_known { seen } else { self.by_reckoning(&seen) };
+        let is_known = is_seen && !self.reckoning.is_overdue();
+        let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
         let status = self.load(input, is_seen);
@@ -193,33 +199,6 @@ impl Controller {
         Output { command, speed_mps: 0.0, accel_mps2: None, status: Status::Blind, mpc: None }
     }
 
-    /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
-    /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
-    fn steering_change_rad(&self, input: &Input<'_>, status: Status, here: &Here, dt_s: f64) -> f64 {
-        let is_gentle =
-            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
-        let comfortable = input.plan.is_some_and(is_gentle);
-        if self.params.law == Law::Pid {
-            return f64::INFINITY;
-        }
-        let v = input.ego.speed_mps.abs().max(SLOW_MPS);
-        let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
-        // Before the first plan nothing is known that would be worth a swerve, and none is known for the ego's place.
-        if matches!(status, Status::Route | Status::Stopping(StopReason::PlanOutdated)) {
-            return gentle;
-        }
-        if status != Status::Plan || !comfortable {
-            return f64::INFINITY;
-        }
-        let (ego, beside) = (input.ego, self.at(here.s_m).pose);
-        let off_m = beside.point().distance(ego.pose.point());
-        let off_rad = angle_between(beside.heading_rad, ego.pose.heading_rad).abs();
-        if off_m > ON_PLAN_M || off_rad > ON_PLAN_RAD {
-            return f64::INFINITY;
-        }
-        gentle
-    }
-
     /// Decides what to follow and loads it as the reference.
     fn load(&mut self, input: &Input<'_>, is_seen: bool) -> Status {
         use StopReason::{PlanExpired, PlanOutdated};
@@ -237,7 +216,7 @@ impl Controller {
         };
         match (status, input.plan) {
             // The path of before.
-            _ if !is_seen || self.is_overdue(now) => {}
+            _ if !is_seen || self.reckoning.is_overdue() => {}
             (Status::Plan | Status::Stopping(PlanExpired | PlanOutdated), Some(plan)) => {
                 self.reference.load_plan(plan);
             }
@@ -462,13 +441,6 @@ impl Controller {
 
 /// Reach of the search for a point of the path along the route, metres.
 const ROOM_REACH_M: f64 = 20.0;
-
-/// Slower than this the wheels are turned no faster than at it while that is comfortable, m/s.
-const SLOW_MPS: f64 = 6.0;
-
-/// An ego that is no further from its plan, and heads no further off it, is on it.
-const ON_PLAN_M: f64 = 0.2;
-const ON_PLAN_RAD: f64 = 0.03;
 
 /// A law's answer for the speed.
 struct Drive {

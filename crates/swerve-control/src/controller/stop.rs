@@ -11,18 +11,11 @@
 //! on: plans that still come may be made without a state, too.
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Pose2, math};
 use swerve_msg::EgoState;
 
 use super::{Controller, Drive, Here, Input, Law};
 use crate::Pedals;
 use crate::speed::{SpeedLaw, Target};
-
-/// Slower than this the yaw rate says nothing about how the car turns, m/s.
-const SLOW_MPS: f64 = 1.0;
-
-/// A state is overdue after this time: five periods of a pose at 100 Hz.
-const OVERDUE: Span = Span::from_ms(50);
 
 /// A stop: since when, from which speed, how hard.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -40,29 +33,10 @@ impl Stop {
     }
 }
 
-/// The motion of an ego since its last state, by the commands given since then.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub(super) struct Reckoned {
-    at: Time,
-    /// When the last state came.
-    since: Time,
-    pose: Pose2,
-    speed_mps: f64,
-    /// How the nose turns, 1/m.
-    curvature_1pm: f64,
-    /// Deceleration of the stop: none while the last state is recent enough.
-    decel_mps2: Option<f64>,
-}
-
 impl Controller {
     /// True if a state is finite and recent enough for control.
     pub(super) fn is_usable(&self, ego: &EgoState, now: Time) -> bool {
         super::is_finite(ego) && now - ego.stamp <= Span::from_secs(self.params.stop.blind_after_s)
-    }
-
-    /// True while it stops without a state.
-    pub(super) fn is_blind(&self) -> bool {
-        self.reckoned.is_some_and(|reckoned| reckoned.decel_mps2.is_some())
     }
 
     /// Stops from now on, unless it does already.
@@ -73,51 +47,11 @@ impl Controller {
 
     /// Goes on from a state. Who was without one brakes on as hard until there is a plan from where it is.
     pub(super) fn see(&mut self, ego: &EgoState, now: Time) {
-        if let Some(decel_mps2) = self.reckoned.and_then(|before| before.decel_mps2) {
+        if let Some(decel_mps2) = self.reckoning.decel_mps2.take() {
             self.seen_again = Some(ego.stamp);
             self.stopping = Some(Stop { since: now, from_mps: ego.speed_mps.max(0.0), decel_mps2 });
         }
-        if self.seen.is_none_or(|before| before.stamp != ego.stamp) {
-            let speed_mps = ego.speed_mps.max(0.0);
-            let pose = ego.pose_after((now - ego.stamp).as_secs().max(0.0));
-            let curvature_1pm = ego.yaw_rate_radps / speed_mps.max(SLOW_MPS);
-            self.reckoned =
-                Some(Reckoned { at: now, since: now, pose, speed_mps, curvature_1pm, decel_mps2: None });
-        }
         self.seen = Some(*ego);
-    }
-
-    /// Moves the ego on to `now` by dead reckoning, under the last command; it answers to the wheels with the lag of steering
-    /// and tyres.
-    pub(super) fn reckon(&mut self, now: Time) {
-        let (slip, lag_s) = (self.params.slip, self.params.stanley.preview_s);
-        let Some(ego) = &mut self.reckoned else { return };
-        let dt_s = (now - ego.at).as_secs().max(0.0);
-        let decel_mps2 = ego.decel_mps2.unwrap_or(0.0);
-        let before_mps = ego.speed_mps;
-        ego.speed_mps = (before_mps - decel_mps2 * dt_s).max(0.0);
-        let wanted_1pm =
-            slip.curvature_1pm(self.steering_rad, self.shape.wheelbase_m, ego.speed_mps, decel_mps2);
-        let answered = 1.0 - math::exp(-dt_s / lag_s.max(1e-3));
-        ego.curvature_1pm += answered * (wanted_1pm - ego.curvature_1pm);
-        let way_m = 0.5 * (before_mps + ego.speed_mps) * dt_s;
-        ego.pose = slip.moved(ego.pose, ego.curvature_1pm, ego.speed_mps, way_m);
-        ego.at = now;
-    }
-
-    /// True if a new state should have come: the ego is where dead reckoning has it.
-    pub(super) fn is_overdue(&self, now: Time) -> bool {
-        self.reckoned.is_some_and(|reckoned| now - reckoned.since > OVERDUE)
-    }
-
-    /// The ego by dead reckoning.
-    pub(super) fn by_reckoning(&self, seen: &EgoState) -> EgoState {
-        let Some(Reckoned { at, pose, speed_mps, curvature_1pm, decel_mps2, .. }) = self.reckoned else {
-            return *seen;
-        };
-        let accel_mps2 = decel_mps2.map_or(seen.accel_mps2, |decel_mps2| -decel_mps2);
-        let yaw_rate_radps = curvature_1pm * speed_mps;
-        EgoState { stamp: at, pose, speed_mps, accel_mps2, yaw_rate_radps, ..*seen }
     }
 
     /// Brakes without a state: by `blind_decel_mps2`, and as hard as planned where that is harder. Integrals begin anew
@@ -128,9 +62,7 @@ impl Controller {
         let planned_mps2 =
             input.plan.and_then(|plan| plan.at(input.now)).map_or(0.0, |point| -point.accel_mps2);
         let decel_mps2 = planned_mps2.min(self.limits.brake_max_mps2).max(self.params.stop.blind_decel_mps2);
-        if let Some(reckoned) = &mut self.reckoned {
-            reckoned.decel_mps2 = Some(decel_mps2);
-        }
+        self.reckoning.decel_mps2 = Some(decel_mps2);
     }
 
     /// Steers by Stanley's law, whichever law steers otherwise, and brakes.
@@ -142,7 +74,7 @@ impl Controller {
     /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
     /// at least what holds it.
     pub(super) fn braked(&self, drive: Drive, now: Time) -> Drive {
-        if self.is_blind() {
+        if self.reckoning.decel_mps2.is_some() {
             return Drive { pedals: Pedals { throttle: 0.0, ..drive.pedals }, ..drive };
         }
         let Some(stop) = self.stopping else { return drive };

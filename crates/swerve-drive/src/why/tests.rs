@@ -94,7 +94,7 @@ fn an_ego_at_rest_is_hit() {
     }
 }
 
-/// Soon after 2 s without a new pose the car is off the road: the gap decides.
+/// On a slippery road, soon after 2 s without a new pose, the car is off the road: the gap decides.
 #[test]
 fn departure_without_a_pose_names_the_gap() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,9 +104,9 @@ fn departure_without_a_pose_names_the_gap() {
     let file = folder.path().join("bend.toml");
     std::fs::write(&file, road).unwrap();
     let fault = "fault.f={ stream=\"pose\", freeze_ms=2000, from_ms=3600, until_ms=3900 }";
-    let (logged, metrics) = driven(folder.path(), file.to_str().unwrap(), &[fault]);
+    let slippery = "sim.vehicle.tyre.friction=0.3";
+    let (logged, metrics) = driven(folder.path(), file.to_str().unwrap(), &[fault, slippery]);
     let why = logged.why(&metrics).unwrap();
-    println!("{}", why.text());
     assert_eq!((&why.actor, why.verdict), (&None, Verdict::LeftRoad), "{}", why.text());
     assert!(why.sentence.contains("no new pose came from 3.60 to 5.60 s"), "{}", why.sentence);
     assert!(why.sentence.starts_with("it left the road at "), "{}", why.sentence);

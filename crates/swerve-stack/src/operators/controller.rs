@@ -117,9 +117,11 @@ impl PlanFollower {
 
     /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
-        // An implausible state or plan is ignored, and a state that only repeats the last one: that counts until it is too old.
-        let hangs = |ego: &EgoState| self.ego.is_some_and(|before| ego.repeats(&before));
-        let ego = input.ego.get().filter(|ego| ego.is_plausible() && !hangs(ego));
+        // An implausible state or plan is ignored, and a state that only repeats the last one or was overtaken by it: that
+        // one counts until it is too old.
+        let is_news =
+            |ego: &EgoState| self.ego.is_none_or(|before| ego.stamp >= before.stamp && !ego.repeats(&before));
+        let ego = input.ego.get().filter(|ego| ego.is_plausible() && is_news(ego));
         self.ego = ego.map(|ego| **ego).or(self.ego);
         let ego = &self.ego?;
         self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));

@@ -38,7 +38,7 @@ fn serving() -> (Arc<Hub>, String) {
 impl Client {
     fn try_connect(address: &str, name: &'static str, origin: Option<&'static str>) -> Result<Self, u16> {
         let stream = TcpStream::connect(address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
         let mut request = format!("ws://{address}/").into_client_request().unwrap();
         request.headers_mut().insert("sec-websocket-protocol", name.parse().unwrap());
         if let Some(origin) = origin {

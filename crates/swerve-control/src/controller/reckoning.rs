@@ -1,0 +1,124 @@
+//! Dead reckoning by the commands: where the ego is between its states, and after the last one.
+//!
+//! ```text
+//! states     S1 ......... S2                    known until here, and late
+//! commands   c c c c c c c c c c c c c c c c    known until now
+//! ego        S2 moved on as the commands since its stamp move a single track
+//! ```
+
+use std::collections::VecDeque;
+
+use swerve_core::{Span, Time};
+use swerve_geom::{Odom, Pose2, angle_between, math};
+use swerve_msg::EgoState;
+
+use crate::SlipParams;
+
+/// A state is overdue this long after the one before it: five periods of a pose at 100 Hz.
+const OVERDUE: Span = Span::from_ms(50);
+
+/// States are looked for this far back: older ones are moved on by their own speed and yaw rate first.
+const KEPT: Span = Span::from_ms(1000);
+
+/// Slower than this the yaw rate says nothing about how the car turns, m/s.
+const SLOW_MPS: f64 = 1.0;
+
+/// The motion of an ego by its commands, and the newest state of it.
+#[derive(Clone, Debug)]
+pub(super) struct Reckoning {
+    slip: SlipParams,
+    wheelbase_m: f64,
+    /// Lag of steering and tyres, seconds.
+    lag_s: f64,
+    at: Time,
+    odom: Pose2<Odom>,
+    speed_mps: f64,
+    /// How the nose turns, 1/m.
+    curvature_1pm: f64,
+    /// Deceleration of a stop without a state.
+    pub(super) decel_mps2: Option<f64>,
+    trail: VecDeque<(Time, Pose2<Odom>)>,
+    newest: Option<Newest>,
+}
+
+/// A state, and its place in the odometry frame.
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    state: EgoState,
+    came: Time,
+    pose: Pose2,
+    odom: Pose2<Odom>,
+}
+
+impl Reckoning {
+    /// For a single track with this slip, whose nose answers to the wheels with a lag.
+    pub(super) fn new(slip: SlipParams, wheelbase_m: f64, lag_s: f64) -> Self {
+        Self {
+            slip,
+            wheelbase_m,
+            lag_s,
+            at: Time::MIN,
+            odom: Pose2::default(),
+            speed_mps: 0.0,
+            curvature_1pm: 0.0,
+            decel_mps2: None,
+            trail: VecDeque::with_capacity(256),
+            newest: None,
+        }
+    }
+
+    /// Moves on to `now` with the wheels at the angle of the last command.
+    pub(super) fn advance(&mut self, now: Time, steering_rad: f64) {
+        let dt_s = if self.at == Time::MIN { 0.0 } else { (now - self.at).as_secs().max(0.0) };
+        let decel_mps2 = self.decel_mps2.unwrap_or(0.0);
+        let before_mps = self.speed_mps;
+        self.speed_mps = (before_mps - decel_mps2 * dt_s).max(0.0);
+        let wheels_1pm = self.slip.curvature_1pm(steering_rad, self.wheelbase_m, self.speed_mps, decel_mps2);
+        let answered = 1.0 - math::exp(-dt_s / self.lag_s.max(1e-3));
+        self.curvature_1pm += answered * (wheels_1pm - self.curvature_1pm);
+        let way_m = 0.5 * (before_mps + self.speed_mps) * dt_s;
+        self.odom = self.slip.moved(self.odom, self.curvature_1pm, self.speed_mps, way_m);
+        self.at = now;
+        self.trail.push_back((now, self.odom));
+        while self.trail.front().is_some_and(|(at, _)| now - *at > KEPT) {
+            self.trail.pop_front();
+        }
+    }
+
+    /// Takes in a state; one that is not newer than the last is none.
+    pub(super) fn take(&mut self, state: &EgoState) {
+        if self.newest.is_some_and(|newest| state.stamp <= newest.state.stamp) {
+            return;
+        }
+        let after = self.trail.partition_point(|(at, _)| *at < state.stamp);
+        let (at, odom) = self.trail.get(after).copied().unwrap_or((self.at, self.odom));
+        let pose = state.pose_after((at - state.stamp).as_secs().max(0.0));
+        let age = self.at - state.stamp;
+        let slowed_mps = self.decel_mps2.unwrap_or(0.0) * age.as_secs().max(0.0);
+        self.speed_mps = (state.speed_mps.max(0.0) - slowed_mps).max(0.0);
+        if age <= OVERDUE {
+            self.curvature_1pm = state.yaw_rate_radps / self.speed_mps.max(SLOW_MPS);
+        }
+        self.newest = Some(Newest { state: *state, came: self.at, pose, odom });
+    }
+
+    /// True if a new state should have come.
+    pub(super) fn is_overdue(&self) -> bool {
+        self.newest.is_some_and(|newest| self.at - newest.came > OVERDUE)
+    }
+
+    /// The ego now. `None` before its first state.
+    pub(super) fn state(&self) -> Option<EgoState> {
+        let Newest { state, pose, odom, .. } = self.newest?;
+        let place = pose.from_local(odom.to_local::<Odom>(self.odom.point()));
+        let turn_rad = angle_between(odom.heading_rad, self.odom.heading_rad);
+        Some(EgoState {
+            stamp: self.at,
+            pose: Pose2::new(place.x_m, place.y_m, pose.heading_rad + turn_rad),
+            speed_mps: self.speed_mps,
+            accel_mps2: self.decel_mps2.map_or(state.accel_mps2, |decel_mps2| -decel_mps2),
+            yaw_rate_radps: self.curvature_1pm * self.speed_mps,
+            ..state
+        })
+    }
+}

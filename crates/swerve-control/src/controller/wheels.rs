@@ -1,0 +1,53 @@
+//! How fast the wheels are turned.
+
+use swerve_geom::angle_between;
+use swerve_msg::{Plan, PlanStatus};
+
+use super::{Controller, Here, Input, Law, Status, StopReason};
+
+/// Slower than this the wheels are turned no faster than at it while that is comfortable, m/s.
+const SLOW_MPS: f64 = 6.0;
+
+/// An ego that is no further from its plan, and heads no further off it, is on it.
+const ON_PLAN_M: f64 = 0.2;
+const ON_PLAN_RAD: f64 = 0.03;
+
+impl Controller {
+    /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
+    /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
+    pub(super) fn steering_change_rad(
+        &self,
+        input: &Input<'_>,
+        status: Status,
+        here: &Here,
+        dt_s: f64,
+    ) -> f64 {
+        let is_gentle =
+            |plan: &Plan| matches!(plan.status, PlanStatus::Comfortable | PlanStatus::PoseUncertain);
+        let comfortable = input.plan.is_some_and(is_gentle);
+        if self.params.law == Law::Pid {
+            return f64::INFINITY;
+        }
+        let v = input.ego.speed_mps.abs().max(SLOW_MPS);
+        let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
+        // Before the first plan nothing is known that would be worth a swerve.
+        if status == Status::Route {
+            return gentle;
+        }
+        let is_outdated = status == Status::Stopping(StopReason::PlanOutdated);
+        if !comfortable || !(is_outdated || status == Status::Plan) {
+            return f64::INFINITY;
+        }
+        // An ego that is beside a plan for another place is led back by the next one.
+        if is_outdated {
+            return gentle;
+        }
+        let (ego, beside) = (input.ego, self.at(here.s_m).pose);
+        let off_m = beside.point().distance(ego.pose.point());
+        let off_rad = angle_between(beside.heading_rad, ego.pose.heading_rad).abs();
+        if off_m > ON_PLAN_M || off_rad > ON_PLAN_RAD {
+            return f64::INFINITY;
+        }
+        gentle
+    }
+}
