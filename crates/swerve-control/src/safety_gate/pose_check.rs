@@ -12,7 +12,7 @@
 use std::collections::VecDeque;
 
 use swerve_core::{Span, Time};
-use swerve_geom::{Map, Point2, Pose2, angle_between};
+use swerve_geom::{Map, Point2, Pose2, angle_between, math};
 use swerve_msg::{EgoState, PoseQuality, VehicleReport};
 
 use super::GateParams;
@@ -38,26 +38,30 @@ const WAY_SHARE: f64 = 0.05;
 /// Standard deviations of its own that localization may correct itself by.
 const SIGMAS: f64 = 3.0;
 
-/// Dead reckoning by the reports up to a stamp.
+/// Dead reckoning by the reports up to a stamp: by their geometry, which the bounds of the comparison are for, and with slip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reckoned {
     stamp: Time,
     pose: Pose2<Map>,
+    slipped: Pose2<Map>,
     /// Way so far, metres; forwards and backwards both count.
     way_m: f64,
     pub(super) speed_mps: f64,
-    /// How the nose turns, 1/m.
+    yaw_rate_radps: f64,
+    /// How the nose turns with slip, 1/m.
     pub(super) curvature_1pm: f64,
-    slip: SlipParams,
 }
 
 impl Reckoned {
-    /// Moves on with a constant speed and curvature.
+    /// Moves on with a constant speed, yaw rate and curvature.
     fn at(&self, stamp: Time) -> Self {
         let dt_s = (stamp - self.stamp).as_secs();
-        let pose = self.slip.moved(self.pose, self.curvature_1pm, self.speed_mps, self.speed_mps * dt_s);
-        let way_m = self.way_m + self.speed_mps.abs() * dt_s.max(0.0);
-        Self { stamp, pose, way_m, ..*self }
+        let Self { pose, speed_mps, yaw_rate_radps, .. } = *self;
+        let ego = EgoState { pose, speed_mps, yaw_rate_radps, ..EgoState::default() };
+        let slip = SlipParams::default();
+        let slipped = slip.moved(self.slipped, self.curvature_1pm, speed_mps, speed_mps * dt_s);
+        let way_m = self.way_m + speed_mps.abs() * dt_s.max(0.0);
+        Self { stamp, pose: ego.pose_after(dt_s), slipped, way_m, ..*self }
     }
 }
 
@@ -93,6 +97,7 @@ impl PoseCheck {
     pub(super) fn take_report(&mut self, report: &VehicleReport, decel_mps2: f64, params: &GateParams) {
         let VehicleReport { stamp, speed_mps, steering_rad, .. } = *report;
         let steering_rad = steering_rad.clamp(-params.steering_max_rad, params.steering_max_rad);
+        let yaw_rate_radps = speed_mps * math::tan(steering_rad) / params.wheelbase_m;
         let slip = SlipParams::default();
         let curvature_1pm = slip.curvature_1pm(steering_rad, params.wheelbase_m, speed_mps, decel_mps2);
         let last = self.reckoned.back().copied();
@@ -103,8 +108,10 @@ impl PoseCheck {
             return;
         }
         let moved = last.map(|last| last.at(stamp));
-        let (pose, way_m) = moved.map_or((Pose2::default(), 0.0), |moved| (moved.pose, moved.way_m));
-        self.reckoned.push_back(Reckoned { stamp, pose, way_m, speed_mps, curvature_1pm, slip });
+        let (pose, slipped, way_m) =
+            moved.map_or_else(Default::default, |moved| (moved.pose, moved.slipped, moved.way_m));
+        let now = Reckoned { stamp, pose, slipped, way_m, speed_mps, yaw_rate_radps, curvature_1pm };
+        self.reckoned.push_back(now);
         if self.reckoned.len() > KEPT {
             self.reckoned.pop_front();
         }
@@ -150,8 +157,8 @@ impl PoseCheck {
     pub(super) fn place_since(&self, anchor: &Anchor, now: Time) -> Option<(Pose2<Map>, Reckoned)> {
         let reckoned = self.reckoned_at(now).filter(|_| anchor.epoch == self.epoch)?;
         let Pair { pose, reckoned: then, .. } = anchor.pair;
-        let place = pose.from_local(then.pose.to_local::<Map>(reckoned.pose.point()));
-        let turn_rad = angle_between(then.pose.heading_rad, reckoned.pose.heading_rad);
+        let place = pose.from_local(then.slipped.to_local::<Map>(reckoned.slipped.point()));
+        let turn_rad = angle_between(then.slipped.heading_rad, reckoned.slipped.heading_rad);
         Some((Pose2::new(place.x_m, place.y_m, pose.heading_rad + turn_rad), reckoned))
     }
 

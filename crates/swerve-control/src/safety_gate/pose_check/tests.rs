@@ -1,5 +1,4 @@
 use super::*;
-use swerve_geom::math;
 
 fn params() -> GateParams {
     GateParams { lane_margin_m: 0.8, stop_decel_mps2: 3.0, ..GateParams::default() }
