@@ -18,6 +18,8 @@ pub(crate) struct Rules {
     pub(crate) gain_min_mps: f64,
     /// Longest time over the line to pass what moves, seconds.
     pub(crate) over_line_max_s: f64,
+    /// Longest way over the line to pass what moves, metres, for an ego that is in its own lane.
+    pub(crate) over_line_max_m: f64,
     /// Whether the ego is in the other lane already.
     pub(crate) under_way: bool,
     /// A road user that moves in the other lane has all of it, not only the place where it is.
@@ -146,17 +148,17 @@ impl<'a> Passing<'a> {
         if self.waits {
             return false;
         }
-        let (mut over_since_s, mut widest_m, mut passed_s) = (None, f64::NEG_INFINITY, None::<f64>);
-        let over_line_max_s = self.over_line_max_s();
+        let (mut over_since, mut widest_m, mut passed_s) = (None, f64::NEG_INFINITY, None::<f64>);
+        let [over_line_max_s, over_line_max_m] = self.over_line_max();
         let count = ((HORIZON_S + over_line_max_s) / LOOK_S) as usize;
         for k in 0..=count {
             let t_s = k as f64 * LOOK_S;
             let at = motion.next(start.stamp + Span::from_secs(t_s));
             widest_m = widest_m.max(at.d_m + 0.5 * self.shape.width_m);
-            if over_since_s.is_none() && self.lane.is_over(at.s_m, at.d_m) {
-                over_since_s = Some(t_s);
+            if over_since.is_none() && self.lane.is_over(at.s_m, at.d_m) {
+                over_since = Some((t_s, at.s_m));
             }
-            let Some(since_s) = over_since_s else { continue };
+            let Some((since_s, since_m)) = over_since else { continue };
             let returned = passed_s.map_or(0.0, |passed_s| ((t_s - passed_s) / RETURN_S).min(1.0));
             let at = Place { d_m: at.d_m * (1.0 - returned), ..at };
             if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
@@ -166,17 +168,20 @@ impl<'a> Passing<'a> {
                 passed_s = Some(t_s);
             }
             if passed_s.is_some_and(|passed_s| t_s > passed_s + RETURN_S) {
-                return t_s - since_s <= over_line_max_s;
+                return t_s - since_s <= over_line_max_s && at.s_m - since_m <= over_line_max_m;
             }
         }
         // In the own lane throughout.
-        over_since_s.is_none()
+        over_since.is_none()
     }
 
-    /// Longest time over the line, seconds: longer where everything that is passed stands, and waiting gains nothing.
-    fn over_line_max_s(&self) -> f64 {
+    /// Longest time over the line, seconds, and way, metres: longer where everything that is passed stands, and waiting
+    /// gains nothing. A pass that is under way ends by its time alone.
+    fn over_line_max(&self) -> [f64; 2] {
+        let Rules { over_line_max_s, over_line_max_m, under_way, .. } = self.rules;
         let stands = self.blocking.iter().all(|one| one.stands());
-        self.rules.over_line_max_s * if stands { STANDING_SHARE } else { 1.0 }
+        let way_m = if stands || under_way { f64::INFINITY } else { over_line_max_m };
+        [over_line_max_s * if stands { STANDING_SHARE } else { 1.0 }, way_m]
     }
 
     /// True of a plan that gives the pass up and may be driven: until it is back in the own lane everybody in the other lane keeps

@@ -20,6 +20,8 @@ pub struct Request<'a> {
     pub along_m: Option<f64>,
     /// Speed to hold when nothing is in the way, m/s.
     pub target_speed_mps: f64,
+    /// Longest way over the line of the own lane to overtake what moves, metres: as far as the pose lasts without a fix.
+    pub overtake_max_m: f64,
     /// Motions of the others, ordered by identity.
     pub predictions: &'a [Prediction],
     /// Outline of the ego.

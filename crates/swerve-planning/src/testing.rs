@@ -117,6 +117,7 @@ impl World {
             route: &self.route,
             along_m: None,
             target_speed_mps: self.target_speed_mps,
+            overtake_max_m: f64::INFINITY,
             predictions: &self.predictions,
             shape: &self.shape,
             limits: &self.limits,

@@ -35,6 +35,9 @@ const STEERING_RAD: f64 = 0.005;
 /// Share of a turn that slip of the tyres makes, and of a way that their sideslip and their radius make.
 const TURN_SHARE: f64 = 0.15;
 const WAY_SHARE: f64 = 0.05;
+/// Lateral acceleration that tyres hold, m/s²: wheels that are turned further turn the car no more. [`TURN_SHARE`] is what
+/// more or less grip makes of it.
+const GRIP_MPS2: f64 = 8.0;
 /// Standard deviations of its own that localization may correct itself by.
 const SIGMAS: f64 = 3.0;
 
@@ -97,7 +100,9 @@ impl PoseCheck {
     pub(super) fn take_report(&mut self, report: &VehicleReport, decel_mps2: f64, params: &GateParams) {
         let VehicleReport { stamp, speed_mps, steering_rad, .. } = *report;
         let steering_rad = steering_rad.clamp(-params.steering_max_rad, params.steering_max_rad);
-        let yaw_rate_radps = speed_mps * math::tan(steering_rad) / params.wheelbase_m;
+        let grip_radps = GRIP_MPS2 / speed_mps.abs().max(1.0);
+        let yaw_rate_radps =
+            (speed_mps * math::tan(steering_rad) / params.wheelbase_m).clamp(-grip_radps, grip_radps);
         let slip = SlipParams::default();
         let curvature_1pm = slip.curvature_1pm(steering_rad, params.wheelbase_m, speed_mps, decel_mps2);
         let last = self.reckoned.back().copied();

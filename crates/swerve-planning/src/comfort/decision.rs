@@ -229,6 +229,7 @@ impl Comfort {
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
             gain_min_mps: if beyond { f64::NEG_INFINITY } else { self.params.overtake_gain_mps },
             over_line_max_s: self.params.over_line_max_s,
+            over_line_max_m: request.overtake_max_m,
             under_way: beyond,
             whole_lane: true,
         };

@@ -11,6 +11,7 @@ use crate::collision::CollisionMode;
 use crate::request::{Budget, Planner, Request, Unlimited};
 use crate::testing::{braking_m, least_braking_mps2};
 
+mod overtaking;
 mod tight;
 
 /// Between two plans, seconds.
@@ -61,6 +62,18 @@ fn drive_among(
 
 /// The same from any state, towards a target speed, on ground that reaches so far to the left and to the right.
 fn drive_from(
+    ego: EgoState,
+    target_speed_mps: f64,
+    ground: ([f64; 2], Manner),
+    others: (ActorKind, &[Script<'_>]),
+    until_s: f64,
+) -> Vec<Instant> {
+    drive_within(f64::INFINITY, ego, target_speed_mps, ground, others, until_s)
+}
+
+/// The same, overtaking no further than a way over the line.
+fn drive_within(
+    overtake_max_m: f64,
     mut ego: EgoState,
     target_speed_mps: f64,
     ([left_m, right_m], manner): ([f64; 2], Manner),
@@ -112,6 +125,7 @@ fn drive_from(
             along_m: None,
             route: &route,
             target_speed_mps,
+            overtake_max_m,
             predictions: &predictions,
             shape: &shape,
             limits: &limits,

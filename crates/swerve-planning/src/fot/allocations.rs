@@ -30,6 +30,7 @@ fn a_plan_allocates_its_points_only() {
         route: &route,
         along_m: None,
         target_speed_mps: 14.0,
+        overtake_max_m: f64::INFINITY,
         predictions: &[person],
         shape: &Shape::default(),
         limits: &Limits::default(),

@@ -156,6 +156,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             route: &route,
             along_m: None,
             target_speed_mps: speed_mps,
+            overtake_max_m: f64::INFINITY,
             predictions: &predictions,
             shape: &shape,
             limits: &limits,

@@ -221,6 +221,7 @@ impl PlannerOperator {
         let target_speed_mps = self.trust.target_speed_mps(self.target_speed_mps, on_route, &predictions);
         let walled: Option<Vec<Prediction>> =
             stop.as_ref().map(|stop| predictions.iter().chain([&stop.wall]).cloned().collect());
+        let overtake_max_m = self.trust.overtake_max_m(on_route);
         let ground = self.trust.ground(on_route);
         let request = Request {
             stamp,
@@ -228,6 +229,7 @@ impl PlannerOperator {
             route: ground,
             along_m: Some(place.s_m),
             target_speed_mps,
+            overtake_max_m,
             predictions: walled.as_ref().unwrap_or(&predictions),
             shape: &self.shape,
             limits: &self.limits,

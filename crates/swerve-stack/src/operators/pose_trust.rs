@@ -17,7 +17,7 @@ const NOTICED_S: f64 = 2.0;
 /// Longest usual time between two fixes that are accepted, seconds: five periods of a receiver at 10 Hz.
 const SPARSE_S: f64 = 0.5;
 
-/// Deviations that are larger by this than in the last good pose grow for want of fixes, metres.
+/// Deviations that are larger by this than at the newest fix of a good pose grow for want of fixes, metres.
 const GROWN_M: f64 = 0.05;
 
 /// Goes on after a stop when the deviations fit with this much to spare, as a share, and for this way, metres.
@@ -118,7 +118,7 @@ struct Room {
 /// The accuracy of the pose, and the motion that it allows.
 pub(super) struct PoseTrust {
     quality: Option<PoseQuality>,
-    /// Deviation of the place when the mode was good last, metres.
+    /// Deviation of the place at the newest fix of a good pose, metres.
     good_m: Option<f64>,
     slow_by_sigma_m: [f64; 2],
     /// Standard deviations of the lateral position that are kept from the edges of the road; 0 for none.
@@ -149,9 +149,19 @@ impl PoseTrust {
     /// Takes the newest accuracy; while localization is lost, the one before counts.
     pub(super) fn take(&mut self, quality: Option<&Latest<PoseQuality>>) {
         let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
-        self.quality = quality.map(|quality| **quality).or(self.quality);
-        let good = self.quality.filter(|quality| quality.mode == PoseMode::Good);
-        self.good_m = good.map(|quality| quality.sigma_m()).or(self.good_m);
+        if let Some(quality) = quality {
+            self.learn(**quality);
+        }
+    }
+
+    fn learn(&mut self, quality: PoseQuality) {
+        let before = self.quality.replace(quality);
+        // Between fixes all variances grow, after one of them some are less.
+        let is_less = |k: &usize, of: &PoseQuality| quality.covariance[*k] < of.covariance[*k];
+        let is_fixed = before.is_none_or(|before| [0, 2, 5].iter().any(|k| is_less(k, &before)));
+        if quality.mode == PoseMode::Good && is_fixed {
+            self.good_m = Some(quality.sigma_m());
+        }
     }
 
     /// Target speed by the accuracy of the pose, m/s. A stop has its own deceleration, and a car that has to leave the other
@@ -180,6 +190,12 @@ impl PoseTrust {
             true => way_m / SPARSE_S,
             false => (2.0 * STOP_MPS2 * way_m).sqrt(),
         }
+    }
+
+    /// Longest way in the other lane that the pose lasts for if the fixes end where it begins, metres: an ego that stops for
+    /// its pose beside or before what it overtakes is in everybody's way.
+    pub(super) fn overtake_max_m(&self, here: Here<'_>) -> f64 {
+        self.room(here).map_or(f64::INFINITY, |room| room.way_m)
     }
 
     /// True while fixes or matches hold the place: without them the deviations grow.

@@ -16,6 +16,8 @@ struct Drive {
     late_ms: i64,
     /// Declared deviations.
     sigma: [f64; 2],
+    /// Lateral acceleration that the tyres hold, m/s².
+    grip_mps2: f64,
 }
 
 impl Default for Drive {
@@ -27,6 +29,7 @@ impl Default for Drive {
             jump_m: 0.0,
             late_ms: 0,
             sigma: [0.0; 2],
+            grip_mps2: 9.0,
         }
     }
 }
@@ -35,7 +38,9 @@ impl Drive {
     /// Time from the fault to the finding, s.
     fn found_s(&self) -> Option<f64> {
         let (mut check, params) = (PoseCheck::default(), params());
+        let grip_radps = self.grip_mps2 / self.speed_mps.abs().max(1.0);
         let yaw_rate_radps = self.speed_mps * math::tan(self.steering_rad) / params.wheelbase_m;
+        let yaw_rate_radps = yaw_rate_radps.clamp(-grip_radps, grip_radps);
         let truth = EgoState { speed_mps: self.speed_mps, yaw_rate_radps, ..EgoState::default() };
         for ms in (0..6000_i64).step_by(10) {
             let (stamp, of_ms) = (Time::from_ms(ms), ms - self.late_ms);
@@ -75,6 +80,18 @@ fn a_pose_that_moves_as_the_wheels_do_is_plausible() {
             let drive = Drive { speed_mps, late_ms, ..Drive::default() };
             assert_eq!(drive.found_s(), None, "{speed_mps} {late_ms}");
         }
+    }
+}
+
+#[test]
+fn a_car_that_slides_at_the_limit_of_its_tyres_is_plausible() {
+    // The wheels ask for 7 to 16 m/s², the tyres give 7.
+    for steering_rad in [0.14, 0.2, 0.3] {
+        let drive = Drive { speed_mps: 12.0, steering_rad, grip_mps2: 7.0, ..Drive::default() };
+        assert_eq!(drive.found_s(), None, "{steering_rad}");
+        // A heading that drifts on top of that is found.
+        let drifts = Drive { drift_radps: 0.3, ..drive };
+        assert!(drifts.found_s().is_some_and(|s| s < 1.5), "{steering_rad} {:?}", drifts.found_s());
     }
 }
 

@@ -94,6 +94,34 @@ fn speed_is_that_from_which_a_stop_by_dead_reckoning_ends_in_the_lane() {
 }
 
 #[test]
+fn want_of_fixes_is_noticed_while_the_mode_is_still_good() {
+    let quality = |across_m: f64, heading_rad: f64| {
+        let covariance = [0.04, 0.0, across_m * across_m, 0.0, 0.0, heading_rad * heading_rad];
+        PoseQuality { mode: PoseMode::Good, covariance, ..PoseQuality::default() }
+    };
+    let mut trust = trust(2.0);
+    // A heading that gets better is a fix, too, though the place across the lane gets worse.
+    for (k, across_m) in [0.25, 0.29, 0.33].into_iter().enumerate() {
+        trust.learn(quality(across_m, 0.005 - 0.001 * k as f64));
+        assert!(trust.is_fixed(), "{across_m}");
+    }
+    for (across_m, is_fixed) in [(0.35, true), (0.37, true), (0.39, false), (0.41, false), (0.36, true)] {
+        trust.learn(quality(across_m, 0.003));
+        assert_eq!(trust.is_fixed(), is_fixed, "{across_m}");
+    }
+}
+
+#[test]
+fn overtakes_no_further_than_the_pose_lasts() {
+    let mut trust = trust(2.0);
+    reckoning(&mut trust, PoseMode::Good);
+    let way_m = |trust: &PoseTrust| trust.overtake_max_m(here(&at(10.0), &route()));
+    assert!((way_m(&trust) - 40.0).abs() < 1e-9, "{}", way_m(&trust));
+    trust.quality = None;
+    assert_eq!(way_m(&trust), f64::INFINITY, "the true pose");
+}
+
+#[test]
 fn stops_while_a_stop_still_ends_in_the_lane() {
     let mut trust = trust(2.0);
     // 40 m at 4 m/s2: from 17.9 m/s on.
