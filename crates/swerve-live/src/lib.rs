@@ -43,7 +43,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, anyhow};
 use swerve_core::{Span, Time};
 use swerve_drive::interrupt::on_interrupt;
 use swerve_drive::page::{COMMAND, REPORT, page_of_log};
@@ -114,6 +114,12 @@ impl LiveArgs {
         Self { config, code, seconds, out, overwrite: false, enable, set, json: false, threads: 2 }
     }
 
+    /// What is wrong with a file that a key of the configuration names.
+    fn wrong_file(&self, key: &str, error: &anyhow::Error) -> anyhow::Error {
+        let is_set = self.set.iter().any(|set| set.starts_with(key));
+        wrong_file(&self.config, is_set, key, error)
+    }
+
     /// The command line that drives so again.
     fn command_line(&self) -> String {
         let mut line = format!("swerve live {}", quoted(&self.config.display().to_string()));
@@ -170,6 +176,9 @@ impl Drive {
             format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
         })?;
         let route = route_file(Kind::Live.place(file), &live.route);
+        let is_set = sets.iter().any(|(key, _)| key == "live.route");
+        let unread = Kind::Scenario.text(&route).err().map(Into::into);
+        unread.map_or(Ok(()), |error| Err(wrong_file(file, is_set, "live.route", &error)))?;
         let scenario = read_scenario(&route).context("live.route")?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })
@@ -182,6 +191,13 @@ impl Drive {
         let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
         write_whole(&folder.join(REPORT), page.html().as_bytes())
     }
+}
+
+/// What is wrong with a file that a key of a configuration names, with the key's place; `is_set` if `--set` names it.
+fn wrong_file(config: &Path, is_set: bool, key: &str, error: &anyhow::Error) -> anyhow::Error {
+    let document = Kind::Live.document(config).ok().filter(|_| !is_set);
+    let message = format!("{error:#}");
+    document.map_or_else(|| anyhow!("{key}: {message}"), |document| document.problem(key, &message).into())
 }
 
 /// The file of a route, named from the folder of the configuration, or as one that is in the program.
@@ -197,9 +213,8 @@ pub fn route_problems(config: &Path, document: &Document) -> Vec<String> {
     let file = route_file(config, route);
     match read_scenario(&file) {
         Ok(_) => Vec::new(),
-        Err(_) if !file.is_file() => {
-            let message = format!("there is no file {}: expected a scenario", file.display());
-            vec![document.problem("live.route", message).to_string()]
+        Err(error) if Kind::Scenario.text(&file).is_err() => {
+            vec![document.problem("live.route", error.to_string()).to_string()]
         }
         Err(error) => error.to_string().lines().map(str::to_owned).collect(),
     }

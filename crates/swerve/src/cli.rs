@@ -2,7 +2,8 @@
 
 use std::ffi::OsString;
 
-use clap::{Parser, Subcommand};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use swerve_drive::{graph, process, scenarios, why};
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, map, report, suite, track, train};
@@ -83,7 +84,25 @@ enum Command {
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(words)
+    Cli::try_parse_from(words).map_err(suggest_visible)
+}
+
+/// Suggests the nearest command that the help lists, in place of one that it hides.
+fn suggest_visible(mut error: clap::Error) -> clap::Error {
+    let wrong = match error.get(ContextKind::InvalidSubcommand) {
+        Some(ContextValue::String(wrong)) if error.kind() == ErrorKind::InvalidSubcommand => wrong.clone(),
+        _ => return error,
+    };
+    let command = Cli::command();
+    let visible = command.get_subcommands().filter(|command| !command.is_hide_set());
+    match swerve_text::nearest(&wrong, visible.map(clap::Command::get_name)) {
+        Some(near) => {
+            let near = ContextValue::Strings(vec![near.to_owned()]);
+            error.insert(ContextKind::SuggestedSubcommand, near);
+        }
+        None => drop(error.remove(ContextKind::SuggestedSubcommand)),
+    }
+    error
 }
 
 /// Runs the command line.

@@ -1,9 +1,7 @@
 //! `swerve doctor`: what this machine offers, and what will be used of it.
 
 use std::path::Path;
-use std::process::Command;
 
-use swerve_drive::program::Program;
 use swerve_gpu::{self as gpu, AdapterKind, Adapters};
 use swerve_report::output;
 use swerve_stack::config::camera::RenderBackend;
@@ -14,9 +12,6 @@ pub(crate) struct DoctorArgs {}
 
 /// Runs `swerve doctor`.
 pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
-    if with_runtime_dir().unwrap_or(false) {
-        return Ok(());
-    }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let mut lines = vec![
         line("swerve", env!("CARGO_PKG_VERSION")),
@@ -30,19 +25,6 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
     lines.push(String::new());
     lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
     output::print(&(lines.join("\n") + "\n"))
-}
-
-/// Runs it once more with a folder for displays: without one, drivers write errors of their own to standard error, as
-/// if pictures needed a display. Whether that was all.
-fn with_runtime_dir() -> anyhow::Result<bool> {
-    const NAME: &str = "XDG_RUNTIME_DIR";
-    if std::env::var_os(NAME).is_some() {
-        return Ok(false);
-    }
-    let program = Program::this()?.with(&["doctor"]);
-    let ended =
-        Command::new(program.path).args(program.arguments).env(NAME, std::env::temp_dir()).status()?;
-    Ok(ended.success())
 }
 
 fn line(name: &str, value: &str) -> String {

@@ -255,6 +255,8 @@ fn damaged_logs() {
         // What there is of a run that was cut off can be asked all the same.
         for args in [
             &["why", log][..],
+            &["report", log, "--out", "page.html"],
+            &["report", log, "o/log.mcap", "--out", "pair.html"],
             &["replay", log],
             &["replay", log, "--from", "planning", "--set", "planning.planner=waypoint"],
         ] {
