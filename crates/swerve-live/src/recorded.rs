@@ -95,7 +95,10 @@ impl Recording {
         }
         let why = recording.cut_off.join("; ");
         let none = || match why.is_empty() {
-            true => format!("{}: no messages", files.first().map_or_else(String::new, |f| f.display().to_string())),
+            true => format!(
+                "{}: no messages",
+                files.first().map_or_else(String::new, |f| f.display().to_string())
+            ),
             false => format!("no messages that can be read: {why}"),
         };
         let intake = intake.with_context(none)?;

@@ -167,13 +167,30 @@ fn first_of(name: &str, make: impl Fn(&Path) -> std::io::Result<()>) -> anyhow::
 /// The file of a folder that says whose results it is for.
 const OWNER: &str = ".owner";
 
+/// Whose results a folder is for; `None` where it does not say.
+pub fn owner_of(folder: &Path) -> Option<String> {
+    read_string(&folder.join(OWNER), OWNER_MAX).ok()
+}
+
+/// Notes in a folder whose results it is for.
+///
+/// # Errors
+/// The folder or the file cannot be written.
+pub fn set_owner(folder: &Path, owner: &str) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    write_whole(&folder.join(OWNER), owner.as_bytes())
+}
+
+/// An owner is a digest; of longer files nothing is read.
+const OWNER_MAX: u64 = 1 << 10;
+
 /// A folder of its own beside others of the name, as a run has, for results that a later call goes on with: the one that
 /// `owner` had before, else a new one. `out/NAME` leads to it from now on.
 ///
 /// # Errors
 /// It cannot be made.
 pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
-    let is_owned = |path: &Path| read_string(&path.join(OWNER), FILE_MAX).is_ok_and(|text| text == owner);
+    let is_owned = |path: &Path| owner_of(path).is_some_and(|text| text == owner);
     let is_numbered = |path: &Path| {
         let number = path.file_name().and_then(|file| file.to_str()?.strip_prefix(name)?.strip_prefix('-'));
         number.is_some_and(|number| number.parse::<u32>().is_ok())

@@ -257,8 +257,7 @@ impl Writer {
         if count > 0 {
             // The lists may hold samples of the drive that was interrupted: it is driven again.
             let path = out.join(INDEX);
-            let text =
-                read_string(&path, FILE_MAX).with_context(|| format!("reading {}", path.display()))?;
+            let text = read_string(&path, FILE_MAX).with_context(|| format!("reading {}", path.display()))?;
             index = text.split_inclusive('\n').take(1 + count).collect();
             coco = Coco::read(&coco_file(out), count)?;
         }

@@ -139,7 +139,10 @@ impl Document {
         let text = text.as_ref();
         let syntax = |error: toml::de::Error| Problem {
             file: file.to_owned(),
-            line: error.span().map(|span| line_of(text, span.start)).or_else(|| line_that_fails(text, &error)),
+            line: error
+                .span()
+                .map(|span| line_of(text, span.start))
+                .or_else(|| line_that_fails(text, &error)),
             key: String::new(),
             message: not_toml(error.message().trim_end()),
         };

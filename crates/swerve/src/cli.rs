@@ -88,21 +88,22 @@ pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> R
 }
 
 /// Suggests the nearest command that the help lists, in place of one that it hides.
-fn suggest_visible(mut error: clap::Error) -> clap::Error {
+fn suggest_visible(error: clap::Error) -> clap::Error {
     let wrong = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(wrong)) if error.kind() == ErrorKind::InvalidSubcommand => wrong.clone(),
         _ => return error,
     };
     let command = Cli::command();
     let visible = command.get_subcommands().filter(|command| !command.is_hide_set());
-    match swerve_text::nearest(&wrong, visible.map(clap::Command::get_name)) {
-        Some(near) => {
-            let near = ContextValue::Strings(vec![near.to_owned()]);
-            error.insert(ContextKind::SuggestedSubcommand, near);
-        }
-        None => drop(error.remove(ContextKind::SuggestedSubcommand)),
+    let mut suggesting = clap::Error::new(error.kind()).with_cmd(&command);
+    for (kind, value) in error.context().filter(|(kind, _)| *kind != ContextKind::SuggestedSubcommand) {
+        suggesting.insert(kind, value.clone());
     }
-    error
+    if let Some(near) = swerve_text::nearest(&wrong, visible.map(clap::Command::get_name)) {
+        let near = ContextValue::Strings(vec![near.to_owned()]);
+        suggesting.insert(ContextKind::SuggestedSubcommand, near);
+    }
+    suggesting
 }
 
 /// Runs the command line.

@@ -24,6 +24,7 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
     lines.extend(rendering(&gpu::probe()));
     lines.push(String::new());
     lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
+    lines.extend(left_behind(swerve_ipc::dead_runs()).map(|left| line("", &left)));
     output::print(&(lines.join("\n") + "\n"))
 }
 
@@ -64,6 +65,16 @@ fn shared_memory(folder: &Path) -> String {
         },
         _ => format!("none: there is no folder {}", folder.display()),
     }
+}
+
+/// What runs that were killed left there.
+fn left_behind(runs: usize) -> Option<String> {
+    let runs = match runs {
+        0 => return None,
+        1 => "1 run that was killed".to_owned(),
+        more => format!("{more} runs that were killed"),
+    };
+    Some(format!("holds files of {runs}: the next run with processes removes them"))
 }
 
 #[cfg(test)]

@@ -223,7 +223,8 @@ pub fn is_ours(path: &Path) -> bool {
         return is_unchanged;
     }
     let is_page = path.extension().is_some_and(|ending| ending == "html");
-    is_page && swerve_text::read_string(path, swerve_text::FILE_MAX).is_ok_and(|text| data_of(&text).is_some())
+    is_page
+        && swerve_text::read_string(path, swerve_text::FILE_MAX).is_ok_and(|text| data_of(&text).is_some())
 }
 
 /// Refuses a file for a result where [`write_whole`] would fail, and one with something of others in it: what this

@@ -142,10 +142,13 @@ impl<'de> Deserialize<'de> for Values {
                     use std::num::IntErrorKind::{NegOverflow, PosOverflow};
                     matches!(error.kind(), NegOverflow | PosOverflow)
                 };
-                let ends = text.split_once("..").map(|(from, to)| [from, to].map(|end| end.trim().parse::<i64>()));
+                let ends =
+                    text.split_once("..").map(|(from, to)| [from, to].map(|end| end.trim().parse::<i64>()));
                 if ends.iter().flatten().any(|end| end.as_ref().is_err_and(beyond)) {
                     let (min, max) = (i64::MIN, i64::MAX);
-                    return Err(E::custom(format!("expected whole numbers from {min} to {max}, found {text:?}")));
+                    return Err(E::custom(format!(
+                        "expected whole numbers from {min} to {max}, found {text:?}"
+                    )));
                 }
                 let ends = ends.and_then(|[from, to]| Some((from.ok()?, to.ok()?)));
                 let Some((from, to)) = ends else {
