@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory as _, Parser, Subcommand};
 use swerve_drive::{graph, process, scenarios, why};
 use swerve_stack::Registry;
@@ -84,26 +83,7 @@ enum Command {
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(words).map_err(suggest_visible)
-}
-
-/// Suggests the nearest command that the help lists, in place of one that it hides.
-fn suggest_visible(error: clap::Error) -> clap::Error {
-    let wrong = match error.get(ContextKind::InvalidSubcommand) {
-        Some(ContextValue::String(wrong)) if error.kind() == ErrorKind::InvalidSubcommand => wrong.clone(),
-        _ => return error,
-    };
-    let command = Cli::command();
-    let visible = command.get_subcommands().filter(|command| !command.is_hide_set());
-    let mut suggesting = clap::Error::new(error.kind()).with_cmd(&command);
-    for (kind, value) in error.context().filter(|(kind, _)| *kind != ContextKind::SuggestedSubcommand) {
-        suggesting.insert(kind, value.clone());
-    }
-    if let Some(near) = swerve_text::nearest(&wrong, visible.map(clap::Command::get_name)) {
-        let near = ContextValue::Strings(vec![near.to_owned()]);
-        suggesting.insert(ContextKind::SuggestedSubcommand, near);
-    }
-    suggesting
+    Cli::try_parse_from(words).map_err(|error| swerve_drive::suggest::visible(error, &Cli::command()))
 }
 
 /// Runs the command line.
