@@ -277,6 +277,47 @@ fn few_files_know_an_operator_and_its_message() {
     }
 }
 
+/// A named pipe or a device in the place of a file would be waited for: files are opened by `swerve_text::open_file`.
+#[test]
+fn files_are_opened_in_one_place() {
+    // Files of the system and of the program itself: no name of them comes from outside.
+    const OTHERS: [&str; 10] = [
+        "swerve-text/src/file.rs",
+        "swerve-flow/src/host.rs",
+        "swerve-gpu/src/drivers.rs",
+        "swerve-ipc/src/error.rs",
+        "swerve-ipc/src/folder.rs",
+        "swerve-ipc/src/leftovers.rs",
+        "swerve-report/src/files.rs",
+        "swerve-ros2/src/bridge.rs",
+        // Parts of tests.
+        "swerve-vision/src/samples.rs",
+        "swerve-vision/src/video.rs",
+    ];
+    let opens = ["File::open(", "fs::read(", "fs::read_to_string("];
+    let mut found = Vec::new();
+    for (name, text) in sources().into_iter().filter(|(name, _)| !OTHERS.contains(&name.as_str())) {
+        // Tests at the end of the file.
+        let code = text.rsplit_once("\nmod tests {").map_or(&*text, |(code, _)| code);
+        found.extend(opens.iter().filter(|call| code.contains(**call)).map(|call| format!("{name}: {call}")));
+    }
+    assert!(found.is_empty(), "expected `swerve_text::open_file`, `read_bytes` or `read_string`: {found:?}");
+}
+
+/// What stands in the root is meant to be there: results of runs are not.
+#[test]
+fn root_holds_no_results() {
+    let listed = Command::new("git").args(["ls-files"]).current_dir(root()).output();
+    let Ok(listed) = listed.map(|listed| String::from_utf8(listed.stdout).unwrap()) else { return };
+    let strays: Vec<&str> = listed
+        .lines()
+        .filter(|file| !file.contains('/'))
+        .filter(|file| ![".md", ".toml", "Cargo.lock"].iter().any(|ending| file.ends_with(ending)))
+        .filter(|file| !file.starts_with("LICENSE-") && !file.starts_with('.'))
+        .collect();
+    assert!(strays.is_empty(), "{strays:?}");
+}
+
 /// The sources of all crates but their tests: path from `crates/`, text.
 fn sources() -> Vec<(String, String)> {
     let crates = root().join("crates");

@@ -22,6 +22,7 @@ pub mod program;
 pub mod realtime;
 pub mod scenarios;
 pub mod shipped;
+pub mod suggest;
 pub mod threads;
 pub mod trust;
 pub mod views;

@@ -209,6 +209,17 @@ impl Kind {
         self.all().map(|(name, _)| name).find(|name| last(name) == near)
     }
 
+    /// Where to look for a shipped name: the names themselves, if they are few.
+    fn listed(self) -> String {
+        const FEW: usize = 5;
+        let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
+        match self {
+            _ if names.len() <= FEW => format!("; the program has {}", names.join(", ")),
+            Self::Scenario => "; `swerve scenarios` lists those of the program".to_owned(),
+            _ => String::new(),
+        }
+    }
+
     /// The shipped file that `given` names.
     fn find(self, given: &Path) -> Option<&'static Shipped> {
         let path = plain(given)?;
@@ -226,7 +237,15 @@ impl Kind {
     /// # Errors
     /// It cannot be read; where there is no such file, with the nearest name that there is.
     pub fn text(self, given: &Path) -> Result<Cow<'static, str>, Problem> {
-        let error = match swerve_text::read_text(given) {
+        self.text_by(swerve_text::read_text, given)
+    }
+
+    fn text_by(
+        self,
+        read: impl FnOnce(&Path) -> std::io::Result<String>,
+        given: &Path,
+    ) -> Result<Cow<'static, str>, Problem> {
+        let error = match read(given) {
             Ok(text) => return Ok(text.into()),
             Err(error) => error,
         };
@@ -246,21 +265,19 @@ impl Kind {
             }
             problem.message += &match self.nearest(given) {
                 Some(near) => format!(" (did you mean the {} `{near}` that is in the program?)", self.noun()),
-                None => {
-                    let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
-                    format!("; the program has {}", names.join(", "))
-                }
+                None => self.listed(),
             };
         }
         Err(problem)
     }
 
-    /// As [`text`](Self::text), parsed.
+    /// As [`text`](Self::text), parsed; of the command line, a descriptor of the caller (`/dev/stdin`, `<(...)`) is read, too.
     ///
     /// # Errors
     /// It cannot be read, or is no TOML.
     pub fn document(self, given: &Path) -> Result<Document, Problem> {
-        Document::parse(&given.display().to_string(), self.text(given)?)
+        let text = self.text_by(swerve_text::read_given_text, given)?;
+        Document::parse(&given.display().to_string(), text)
     }
 
     /// A scenario, parsed as TOML; none where it is a configuration.

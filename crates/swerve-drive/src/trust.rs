@@ -56,8 +56,8 @@ pub fn doubt(path: &Path, text: &str) -> Option<String> {
         return Some(doubt);
     }
     // Nobody else can change what is there now: it is what was read, or that came from elsewhere.
-    let is_same =
-        std::fs::read(&real).is_ok_and(|bytes| without_mark(&bytes) == without_mark(text.as_bytes()));
+    let is_same = swerve_text::read_bytes(&real, swerve_text::FILE_MAX)
+        .is_ok_and(|bytes| without_mark(&bytes) == without_mark(text.as_bytes()));
     (!is_same).then(|| "the file changed while it was read".into())
 }
 

@@ -35,7 +35,7 @@ pub use command::{WhyArgs, of_run, run};
 use crate::lights::light_courses;
 use crate::load::problems_error;
 use crate::measured::{norm, outline};
-use crate::page::log_so_far;
+use crate::page::LogSoFar;
 use sightings::Sightings;
 use timeline::{Seen, Timeline};
 use unaware::Answer;
@@ -142,7 +142,7 @@ impl Logged {
             bytes.set(bytes.get().saturating_add(size_of::<Record>() + payload));
             bytes.get() <= bytes_max
         };
-        let log = log_so_far(path, is_kept)?;
+        let log = LogSoFar::read(path, is_kept)?.log;
         if bytes.get() > bytes_max {
             bail!("the drive is long: `swerve why` of its log needs {} MiB", bytes.get() >> 20);
         }

@@ -35,6 +35,26 @@ fn vulkan_manifests() -> Option<usize> {
     Some(folders.filter_map(|folder| std::fs::read_dir(folder).ok()).map(Iterator::count).sum())
 }
 
+/// Turns off the layer of Mesa's Vulkan drivers that asks the display which adapter is its own, where there is no display
+/// to ask: it writes `error: XDG_RUNTIME_DIR is invalid or not set in the environment.` to standard error. The layer only
+/// orders adapters, which [`probe`](crate::probe) does as well. To be called first in a program: nothing happens once there
+/// is a second thread.
+pub fn turn_off_display_layer() {
+    const OFF: &str = "NODEVICE_SELECT";
+    let folder = std::env::var_os("XDG_RUNTIME_DIR");
+    let can_ask = folder.is_some_and(|folder| Path::new(&folder).is_absolute());
+    let is_chosen = [OFF, "MESA_VK_DEVICE_SELECT"].iter().any(|name| std::env::var_os(name).is_some());
+    let threads = std::fs::read_dir("/proc/self/task").map_or(0, Iterator::count);
+    if can_ask || is_chosen || threads != 1 {
+        return;
+    }
+    #[expect(unsafe_code, reason = "a layer is turned off by the environment alone")]
+    // SAFETY: this is the only thread, so nobody reads the environment meanwhile.
+    unsafe {
+        std::env::set_var(OFF, "1");
+    }
+}
+
 fn has_library(name: &str) -> bool {
     let listed = std::fs::read("/etc/ld.so.cache")
         .is_ok_and(|cache| cache.windows(name.len()).any(|window| window == name.as_bytes()));

@@ -17,4 +17,5 @@ pub mod testing;
 pub use adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter, probe};
 pub use buffer::GrowingBuffer;
 pub use device::Gpu;
+pub use drivers::turn_off_display_layer;
 pub use wgpu;

@@ -2,7 +2,8 @@
 //!
 //! Shared memory outlives a process that is killed. So every run has a folder in one that is its user's alone, a
 //! prefix for its files in the shared-memory folder, and a lock on a file beside the folder for as long as it
-//! lives. Whoever starts next removes what carries the name of a run whose lock is free.
+//! lives. Whoever starts next removes what carries the name of a run whose lock is free. The run's files in shared memory have a
+//! locked marker beside them, for runs that look into another folder.
 //!
 //! A run can also be given a name. Then others may join its shared memory, such as a tunnel to another host, and
 //! what is there is not the run's alone: iceoryx2 removes what each dead process left, when the next one joins.
@@ -16,6 +17,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::IpcError;
+use crate::leftovers::{self, Marker};
 
 /// Where POSIX shared memory lies.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
@@ -36,6 +38,7 @@ pub(crate) struct RunFolder {
     /// What is removed last; none where all stays.
     lock_file: Option<PathBuf>,
     _lock: File,
+    _marker: Option<Marker>,
 }
 
 impl RunFolder {
@@ -51,6 +54,8 @@ impl RunFolder {
         let guard = OpenOptions::new().create(true).append(true).open(base.join("guard"))?;
         lock(&guard, tries)?;
         remove_dead(base)?;
+        // Runs of this folder have been looked at; what cannot be removed stays.
+        let _left = leftovers::remove_dead(&|run| base.join(format!("{run}.lock")).exists());
         let process = std::process::id();
         let mut n = 0;
         loop {
@@ -61,10 +66,18 @@ impl RunFolder {
                 Err(error) => return Err(error),
                 Ok(lock) => {
                     lock.lock()?;
+                    let marker = match Marker::create(&name) {
+                        Ok(marker) => marker,
+                        Err(_taken) => {
+                            fs::remove_file(lock_file)?;
+                            n += 1;
+                            continue;
+                        }
+                    };
                     let root = base.join(&name);
                     fs::create_dir_all(&root)?;
                     let address = Address { root, prefix: prefix(&name) };
-                    return Ok(Self { address, lock_file: Some(lock_file), _lock: lock });
+                    return Ok(Self { address, lock_file: Some(lock_file), _lock: lock, _marker: marker });
                 }
             }
         }
@@ -83,7 +96,8 @@ impl RunFolder {
             let error = "another run has this name".to_owned();
             return Err(IpcError::Shared { doing: doing(), error });
         }
-        Ok(Self { address: Address { root, prefix: prefix(name) }, lock_file: None, _lock: lock })
+        let address = Address { root, prefix: prefix(name) };
+        Ok(Self { address, lock_file: None, _lock: lock, _marker: None })
     }
 }
 
@@ -112,7 +126,7 @@ fn base() -> PathBuf {
     temporary.unwrap_or_else(|| PathBuf::from("/tmp")).join(format!("swerve_ipc_{}", user()))
 }
 
-fn user() -> u32 {
+pub(crate) fn user() -> u32 {
     fs::metadata("/proc/self").map_or(0, |of| of.uid())
 }
 
@@ -193,7 +207,7 @@ fn remove_run(address: &Address, lock_file: &Path) -> io::Result<()> {
 }
 
 /// That something is not there to be removed is no error.
-fn gone(result: io::Result<()>) -> io::Result<()> {
+pub(crate) fn gone(result: io::Result<()>) -> io::Result<()> {
     match result {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),

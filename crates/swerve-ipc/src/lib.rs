@@ -9,6 +9,7 @@
 //! | file | what |
 //! |---|---|
 //! | `folder.rs` | a name of its own for all that a run leaves on the machine; removal of what dead runs left |
+//! | `leftovers.rs` | shared memory of runs that were killed |
 //! | `service.rs` | the one place where services are made, so that both ends always agree |
 //! | `waker.rs` | wakes the process at the other end |
 //! | `link.rs` | a call and its answer |
@@ -20,6 +21,7 @@
 
 mod error;
 mod folder;
+mod leftovers;
 mod lend;
 mod link;
 mod pool;
@@ -28,6 +30,7 @@ mod waker;
 mod worker;
 
 pub use error::IpcError;
+pub use leftovers::dead_runs;
 pub use link::{Traffic, kill_workers};
 pub use pool::{LATE_S, OnLoss, OnWorkerEvent, WorkerEvent, WorkerPool, WorkerSpec};
 pub use service::writable;

@@ -28,6 +28,7 @@ pub mod intake;
 pub mod orphan;
 pub mod recorded;
 pub mod ros2;
+mod route;
 pub mod sink;
 pub mod summary;
 pub mod time;
@@ -51,7 +52,7 @@ use swerve_drive::process::Processes;
 use swerve_drive::shipped::Kind;
 use swerve_drive::trust::CodeArgs;
 use swerve_drive::views::live_views;
-use swerve_drive::{left_out_of_logs, problems_error, read_scenario};
+use swerve_drive::{left_out_of_logs, problems_error};
 use swerve_flow::{Observer, RunError, RunOptions, RunReport, run_wall};
 use swerve_foxglove::Foxglove;
 use swerve_log::{Recorder, RunStart, TraceWriter};
@@ -66,12 +67,13 @@ use swerve_stack::config::clock::Clock;
 use swerve_stack::config::live::EnableBy;
 use swerve_stack::config::{Config, LiveConfig};
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::{Document, parse_assignments};
+use swerve_text::parse_assignments;
 
 use engage::Engagement;
 use feed::{ControlFlags, Feed, FeedReport, Goal, StatusSink};
 use graph::LiveGraph;
 use intake::Intake;
+pub use route::route_problems;
 use sink::{Sink, SinkReport};
 use summary::Summary;
 use watch::{DriveFigures, Outlet};
@@ -112,6 +114,12 @@ impl LiveArgs {
     pub fn of(config: PathBuf, set: Vec<String>, code: CodeArgs) -> Self {
         let (seconds, out, enable) = (None, None, None);
         Self { config, code, seconds, out, overwrite: false, enable, set, json: false, threads: 2 }
+    }
+
+    /// What is wrong with a file that a key of the configuration names.
+    fn wrong_file(&self, key: &str, error: &anyhow::Error) -> anyhow::Error {
+        let is_set = self.set.iter().any(|set| set.starts_with(key));
+        route::wrong_file(&self.config, is_set, key, error)
     }
 
     /// The command line that drives so again.
@@ -169,8 +177,7 @@ impl Drive {
         let live = config.live.clone().with_context(|| {
             format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
         })?;
-        let route = route_file(Kind::Live.place(file), &live.route);
-        let scenario = read_scenario(&route).context("live.route")?;
+        let (route, scenario) = route::read(file, &sets, &live)?;
         let mapping = config.ros2_mapping()?;
         Ok(Self { config, live, mapping, scenario, route })
     }
@@ -181,27 +188,6 @@ impl Drive {
     fn report(&self, folder: &Path) -> anyhow::Result<()> {
         let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
         write_whole(&folder.join(REPORT), page.html().as_bytes())
-    }
-}
-
-/// The file of a route, named from the folder of the configuration, or as one that is in the program.
-fn route_file(config: &Path, route: &str) -> PathBuf {
-    let beside = config.parent().unwrap_or(Path::new("")).join(route);
-    Kind::Scenario.meant(Path::new(route), beside)
-}
-
-/// What is wrong with the route that a configuration names, whatever else is wrong with that.
-pub fn route_problems(config: &Path, document: &Document) -> Vec<String> {
-    let route = document.table.get("live").and_then(|live| live.get("route")).and_then(toml::Value::as_str);
-    let Some(route) = route.filter(|route| !route.is_empty()) else { return Vec::new() };
-    let file = route_file(config, route);
-    match read_scenario(&file) {
-        Ok(_) => Vec::new(),
-        Err(_) if !file.is_file() => {
-            let message = format!("there is no file {}: expected a scenario", file.display());
-            vec![document.problem("live.route", message).to_string()]
-        }
-        Err(error) => error.to_string().lines().map(str::to_owned).collect(),
     }
 }
 

@@ -95,8 +95,11 @@ impl Recording {
         }
         let why = recording.cut_off.join("; ");
         let none = || match why.is_empty() {
-            true => "the recording has no messages".to_owned(),
-            false => format!("the recording has no messages that can be read: {why}"),
+            true => format!(
+                "{}: no messages",
+                files.first().map_or_else(String::new, |f| f.display().to_string())
+            ),
+            false => format!("no messages that can be read: {why}"),
         };
         let intake = intake.with_context(none)?;
         recording.conclude(&intake);
@@ -247,8 +250,8 @@ pub(super) fn run(
 ) -> anyhow::Result<()> {
     let folder = args.config.parent().unwrap_or(Path::new(""));
     let path = folder.join(&source.rosbag);
-    let mut recording = Recording::read(&files(&path)?, drive)
-        .with_context(|| format!("source.rosbag: {}", path.display()))?;
+    let recording = files(&path).and_then(|files| Recording::read(&files, drive));
+    let mut recording = recording.map_err(|error| args.wrong_file("source.rosbag", &error))?;
     let LiveGraph { mut pipeline, inputs } = LiveGraph::build(&drive.config, &drive.scenario)?;
     let _processes = Processes::start_all(&drive.config, &mut pipeline)?;
     let Pipeline { mut graph, route, .. } = pipeline;

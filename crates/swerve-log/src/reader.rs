@@ -59,7 +59,7 @@ enum Fault {
 /// A file at its beginning, and how long it is.
 pub(crate) fn open_sized(path: &Path) -> Result<(File, u64), LogError> {
     let failed = |source| LogError::Read { path: path.into(), source };
-    let mut file = File::open(path).map_err(failed)?;
+    let mut file = swerve_text::open_file(path).map_err(failed)?;
     let size = file.seek(SeekFrom::End(0)).and_then(|size| file.rewind().map(|()| size)).map_err(failed)?;
     Ok((file, size))
 }

@@ -8,17 +8,17 @@ use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail};
-use swerve_text::{FILE_MAX, read_bytes};
+use swerve_text::{FILE_MAX, open_file, read_given, read_string};
 
 use write::beside;
 pub use write::{Part, is_ours, is_unchanged, refuse_irregular, refuse_unwritable, write_whole};
 
-/// Reads a file whole.
+/// Reads a file of the command line whole, or what a descriptor of the caller (`/dev/stdin`, `/dev/fd/N`) gives.
 ///
 /// # Errors
-/// It cannot be read, or is longer than 1 GiB; 64 MiB of a pipe or device.
+/// It cannot be read, is not a regular file, or is longer than 1 GiB; 64 MiB of a descriptor.
 pub fn read_whole(path: &Path) -> anyhow::Result<Vec<u8>> {
-    read_bytes(path, FILE_MAX).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))
+    read_given(path, FILE_MAX).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))
 }
 
 /// Refuses results that would take the place of what they are made of.
@@ -167,13 +167,30 @@ fn first_of(name: &str, make: impl Fn(&Path) -> std::io::Result<()>) -> anyhow::
 /// The file of a folder that says whose results it is for.
 const OWNER: &str = ".owner";
 
+/// Whose results a folder is for; `None` where it does not say.
+pub fn owner_of(folder: &Path) -> Option<String> {
+    read_string(&folder.join(OWNER), OWNER_MAX).ok()
+}
+
+/// Notes in a folder whose results it is for.
+///
+/// # Errors
+/// The folder or the file cannot be written.
+pub fn set_owner(folder: &Path, owner: &str) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    write_whole(&folder.join(OWNER), owner.as_bytes())
+}
+
+/// An owner is a digest; of longer files nothing is read.
+const OWNER_MAX: u64 = 1 << 10;
+
 /// A folder of its own beside others of the name, as a run has, for results that a later call goes on with: the one that
 /// `owner` had before, else a new one. `out/NAME` leads to it from now on.
 ///
 /// # Errors
 /// It cannot be made.
 pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
-    let is_owned = |path: &Path| std::fs::read_to_string(path.join(OWNER)).is_ok_and(|text| text == owner);
+    let is_owned = |path: &Path| owner_of(path).is_some_and(|text| text == owner);
     let is_numbered = |path: &Path| {
         let number = path.file_name().and_then(|file| file.to_str()?.strip_prefix(name)?.strip_prefix('-'));
         number.is_some_and(|number| number.parse::<u32>().is_ok())
@@ -257,7 +274,7 @@ const SOFTWARE: &str = "Software";
 
 /// Whether a file is an image of which [`write_png_by`] was told this writer.
 pub fn written_by(software: &str, path: &Path) -> bool {
-    let Ok(file) = File::open(path) else { return false };
+    let Ok(file) = open_file(path) else { return false };
     let Ok(reader) = png::Decoder::new(BufReader::new(file)).read_info() else { return false };
     let mut texts = reader.info().uncompressed_latin1_text.iter();
     texts.any(|text| text.keyword == SOFTWARE && text.text == software)

@@ -186,8 +186,10 @@ impl CellStore {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
         };
-        let result = unsealed(&text, cell, fingerprint);
-        result.map(Some).with_context(|| format!("{}: not as it was written", path.display()))
+        // The same drive may have had other labels, under another name of its scenario.
+        let result = unsealed(&text, cell, fingerprint)
+            .map(|result| Some(CellResult { labels: cell.labels.clone(), ..result }));
+        result.with_context(|| format!("{}: not as it was written", path.display()))
     }
 
     /// Keeps a finished cell under a checksum: written beside its name first, so that a half-written file is never

@@ -28,6 +28,8 @@ pub(crate) struct Job<'a> {
     pub(crate) code: CodeArgs,
     /// Where the table goes; the shards are in a folder of it.
     pub(crate) out: &'a Path,
+    /// Whether the results of another study may be replaced there.
+    pub(crate) overwrite: bool,
     /// Parts that the study is cut into.
     pub(crate) shards: usize,
     /// Cores of each.
@@ -61,6 +63,10 @@ impl Job<'_> {
         let mut merge = study();
         merge.extend(["merge".into(), "--study".into(), text(self.file), "--out".into(), text(self.out)]);
         merge.extend(sets);
+        if self.overwrite {
+            shard.push("--overwrite".into());
+            merge.push("--overwrite".into());
+        }
         [shard, merge]
     }
 

@@ -33,6 +33,7 @@ use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::config::camera::{CameraConfig, Output, RenderBackend};
 use swerve_stack::config::sensors::LidarConfig;
+use swerve_text::{FILE_MAX, read_bytes, read_string};
 
 use coco::Coco;
 use kitti::Kitti;
@@ -157,7 +158,8 @@ fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::
         args.crossing,
     ));
     for file in config.files() {
-        hasher.bytes(&std::fs::read(file).with_context(|| format!("reading {}", file.display()))?);
+        let bytes = read_bytes(file, FILE_MAX).with_context(|| format!("reading {}", file.display()))?;
+        hasher.bytes(&bytes);
     }
     let weathers: Vec<&str> = args.weathers.iter().map(|weather| weather.name()).collect();
     hasher.value(&(&args.seeds, weathers));
@@ -255,8 +257,7 @@ impl Writer {
         if count > 0 {
             // The lists may hold samples of the drive that was interrupted: it is driven again.
             let path = out.join(INDEX);
-            let text =
-                std::fs::read_to_string(&path).with_context(|| format!("reading {}", path.display()))?;
+            let text = read_string(&path, FILE_MAX).with_context(|| format!("reading {}", path.display()))?;
             index = text.split_inclusive('\n').take(1 + count).collect();
             coco = Coco::read(&coco_file(out), count)?;
         }

@@ -6,7 +6,7 @@ use anyhow::bail;
 use serde_json::Value;
 use swerve_core::{Digest, Hasher};
 use swerve_drive::page::REPORT;
-use swerve_report::files::{CELLS, folder_of, is_unchanged};
+use swerve_report::files::{CELLS, folder_of, is_unchanged, owner_of, set_owner};
 use swerve_report::page::data_of;
 use swerve_text::{FILE_MAX, read_string};
 
@@ -15,37 +15,69 @@ use crate::grid::Study;
 /// Files of a study's folder.
 const FILES: [&str; 4] = [REPORT, "cells.csv", "commands.txt", "heatmap.svg"];
 
-/// The folder that is asked for, where what an earlier call of the study left, as it is now or was before an edit, is
-/// gone on from; or else one of its own beside those of others of its name, which go on in theirs.
-///
-/// # Errors
-/// A run or another study has written there.
-pub(crate) fn of(study: &Study, asked: Option<&Path>) -> anyhow::Result<PathBuf> {
-    let Some(folder) = asked.map(Path::to_path_buf) else {
-        return folder_of(&identity(study).to_string(), &study.name);
-    };
-    let shown = folder.display();
-    if folder.join("metrics.json").exists() {
-        bail!("{shown}: the results of a run are there: expected another --out");
+/// Where the results of a study go.
+#[derive(clap::Args, Clone, Default, Debug)]
+pub(crate) struct OutArgs {
+    /// Output folder [default: one of its own, out/NAME-1 and so on, where a suite has the name suite; out/NAME leads to the
+    /// newest]
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the results of another study in the folder of --out; finished cells that are the same are kept
+    #[arg(long, requires = "out")]
+    pub(crate) overwrite: bool,
+}
+
+/// Way out of a refusal.
+const EXPECTED: &str = "expected another --out, or --overwrite";
+
+impl OutArgs {
+    /// The folder that is asked for, in which an interrupted call of the same study continues; without one, a folder of
+    /// its own beside those of other studies of the name.
+    ///
+    /// # Errors
+    /// A run or another study has written there, or the folder holds other files.
+    pub(crate) fn folder(&self, study: &Study) -> anyhow::Result<PathBuf> {
+        let identity = identity(study).to_string();
+        let Some(folder) = &self.out else { return folder_of(&identity, &study.name) };
+        if folder.join("metrics.json").exists() {
+            bail!("{}: the results of a run are there: expected another --out", folder.display());
+        }
+        if !self.overwrite {
+            refuse_others(folder, study, &identity)?;
+        }
+        if owner_of(folder).as_deref() != Some(&identity) {
+            set_owner(folder, &identity)?;
+        }
+        Ok(folder.clone())
     }
+}
+
+/// Refuses a folder with results of another study, and with files that are of no study or were changed.
+fn refuse_others(folder: &Path, study: &Study, identity: &str) -> anyhow::Result<()> {
+    let shown = folder.display();
     let is_there = |name: &&&str| folder.join(name).symlink_metadata().is_ok();
-    let written_by = written_by(&folder);
+    let written_by = written_by(folder);
     let is_kept = folder.join(CELLS).is_dir();
     for name in FILES.iter().filter(is_there) {
         match is_unchanged(&folder.join(name)) {
             Some(true) if is_kept => {}
-            Some(false) => bail!("{shown}: {name} was changed since it was written: expected another --out"),
+            Some(false) => bail!("{shown}: {name} was changed since it was written: {EXPECTED}"),
             // A file system without attributes, or a copy: the page names its study.
             None if is_kept && written_by.is_some() => {}
-            _ => bail!("{shown}: {name} is there, and is of no study: expected another --out"),
+            _ => bail!("{shown}: {name} is there, and is of no study: {EXPECTED}"),
         }
     }
-    match written_by {
-        Some(name) if name != study.name => {
-            bail!("{shown}: the results of another study, `{name}`, are there: expected another --out")
-        }
-        _ => Ok(folder),
+    if let Some(name) = written_by.filter(|name| *name != study.name) {
+        bail!("{shown}: the results of another study, `{name}`, are there: {EXPECTED}");
     }
+    if is_kept && owner_of(folder).is_some_and(|owner| owner != identity) {
+        let name = &study.name;
+        bail!(
+            "{shown}: the results of another study `{name}` are there, with other axes, another base or another --set: \
+             {EXPECTED}"
+        );
+    }
+    Ok(())
 }
 
 /// What makes it this study and no other of its name: its axes, what its cells drive and what is measured there. How that

@@ -61,6 +61,7 @@ use consent::{Bases, StudyConsent};
 
 use cells::{CellResult, CellStore, Runner, Shard};
 use cluster::{Cluster, Job};
+use folder::OutArgs;
 use grid::{Cell, Study};
 
 /// `swerve study`.
@@ -72,9 +73,8 @@ pub struct StudyArgs {
     /// Study file (TOML), or the name of one that is in the program
     #[arg(required = true)]
     file: Option<PathBuf>,
-    /// Output folder [default: one of its own, out/NAME-1 and so on; out/NAME leads to the newest]
-    #[arg(long)]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArgs,
     #[command(flatten)]
     pictures: PictureArgs,
     /// Cells run at once [default: one a core]
@@ -109,9 +109,8 @@ enum StudyCommand {
         /// Study file (TOML)
         #[arg(long)]
         study: PathBuf,
-        /// Output folder [default: one of its own, out/NAME-1 and so on; out/NAME leads to the newest]
-        #[arg(long)]
-        out: Option<PathBuf>,
+        #[command(flatten)]
+        out: OutArgs,
         #[command(flatten)]
         pictures: PictureArgs,
         /// Set a configuration key in every cell, as in the shards' calls
@@ -124,7 +123,7 @@ enum StudyCommand {
 pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
     match (&args.command, &args.file) {
         (Some(StudyCommand::Merge { folders, study, out, set, pictures }), _) => {
-            merge::merge(registry, study, folders, (out.as_deref(), *pictures), set)
+            merge::merge(registry, study, folders, (out, *pictures), set)
         }
         (None, Some(file)) => {
             let bench = Bench::open(registry, file, &args.set)?.with_code(args.code);
@@ -133,13 +132,13 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
                 !args.reports || bench.is_of_drives(),
                 "--reports: a cell of this study is no single drive, so there is no page of one to keep"
             );
-            let out = &folder::of(&bench.study, args.out.as_deref())?;
+            let out = &args.out.folder(&bench.study)?;
             if let Some(cluster) = args.on {
                 let threads = args.threads.unwrap_or(1);
                 // Shards run in other folders; what is refused here is refused by now.
                 let code = CodeArgs { allow_code: args.code.allow_code || !bench.programs().is_empty() };
-                let sets = &args.set;
-                return Job { file, sets, code, out, shards: args.shards, threads }.submit(cluster);
+                let (sets, overwrite, shards) = (&args.set, args.out.overwrite, args.shards);
+                return Job { file, sets, code, out, overwrite, shards, threads }.submit(cluster);
             }
             let (threads, shard, reports) = (args.threads, args.shard, args.reports);
             let how = How { out, threads, shard, reports, pictures: args.pictures };

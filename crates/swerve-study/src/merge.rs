@@ -8,7 +8,7 @@ use swerve_report::files::{read_whole, write_whole};
 use swerve_stack::Registry;
 
 use crate::cells::CellStore;
-use crate::{Bench, folder, report};
+use crate::{Bench, OutArgs, report};
 
 /// Joins the finished cells of these folders.
 ///
@@ -18,11 +18,11 @@ pub(crate) fn merge(
     registry: &Registry,
     file: &Path,
     folders: &[PathBuf],
-    (out, pictures): (Option<&Path>, PictureArgs),
+    (out, pictures): (&OutArgs, PictureArgs),
     sets: &[String],
 ) -> anyhow::Result<()> {
     let bench = Bench::open(registry, file, sets)?;
-    let out = folder::of(&bench.study, out)?;
+    let out = out.folder(&bench.study)?;
     for folder in folders {
         anyhow::ensure!(
             folder.join("cells").is_dir(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use serde_json::Value;
 use swerve_drive::overwrite::OverwriteArgs;
-use swerve_drive::page::{REPORT, log_of, page_of_log, pair_of_logs};
+use swerve_drive::page::{LogSoFar, REPORT, log_of, page_of_log, pair_of_logs};
 use swerve_report::files::write_whole;
 use swerve_report::output::print;
 use swerve_report::page::{Page, Pair, data_of};
@@ -45,7 +45,10 @@ pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
     args.overwrite.check([out.as_path()])?;
     let html = match (a, args.b.as_deref().map(Source::read).transpose()?) {
         (Source::Log(log), None) => page_of_log(registry, &log)?.html(),
-        (Source::Log(a), Some(Source::Log(b))) => pair_of_logs(registry, &a, &b)?.html(),
+        (Source::Log(a), Some(Source::Log(b))) => {
+            let [a, b] = [LogSoFar::read(&a, |_| true)?, LogSoFar::read(&b, |_| true)?];
+            pair_of_logs(registry, &a, &b)?.html()
+        }
         (Source::Study(study), None) => swerve_report::page::page(&title(&study), &study),
         (Source::Study(a), Some(Source::Study(b))) => {
             let title = format!("{} | {}", title(&a), title(&b));

@@ -18,8 +18,9 @@ use swerve_text::{Document, Problem};
 
 use crate::cells::CellResult;
 use crate::chance::interval;
+use crate::folder::OutArgs;
 use crate::grid::{CELLS_MAX, SCENARIO, Step, Study, overridden};
-use crate::{Bench, How, finish, folder};
+use crate::{Bench, How, finish};
 
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
@@ -40,9 +41,8 @@ pub struct SuiteArgs {
     /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
     #[arg(long, default_value = "1..3")]
     seeds: Seeds,
-    /// Output folder [default: one of its own, out/suite-1 and so on; out/suite leads to the newest]
-    #[arg(long)]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    out: OutArgs,
     #[command(flatten)]
     pictures: PictureArgs,
     /// Drives at once [default: one a core]
@@ -91,7 +91,7 @@ pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let bench = Bench::of(registry, study(args)?)?.with_code(args.code);
     bench.refuse_programs()?;
     let (threads, reports) = (args.threads, args.reports);
-    let out = &folder::of(&bench.study, args.out.as_deref())?;
+    let out = &args.out.folder(&bench.study)?;
     let how = How { out, threads, shard: None, reports, pictures: args.pictures };
     let driven = bench.drive_cells(&how)?;
     let count = Count::of(&driven.0);

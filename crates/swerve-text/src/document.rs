@@ -10,17 +10,30 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
 use crate::bound::TooLong;
-use crate::{Problem, Problems, read_bytes, read_meant};
+use crate::{Problem, Problems, read_bytes, read_given, read_meant};
 
 /// No file that people write is larger, bytes.
 const TEXT_MAX: u64 = 16 << 20;
 
-/// The text of a file that people write; a device or a data set given by mistake is not read to its end.
+/// The text of a file that people write: a regular file.
 ///
 /// # Errors
 /// The file cannot be read, holds no UTF-8 or more than 16 MiB.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    let bytes = read_bytes(path, TEXT_MAX).map_err(|error| match error.kind() {
+    text_of(read_bytes(path, TEXT_MAX))
+}
+
+/// As [`read_text`], of a path from the command line: a descriptor that the caller opened (`/dev/stdin`, `/dev/fd/N`, the
+/// `<(...)` of a shell) is read as a stream.
+///
+/// # Errors
+/// As there.
+pub fn read_given_text(path: &Path) -> io::Result<String> {
+    text_of(read_given(path, TEXT_MAX))
+}
+
+fn text_of(read: io::Result<Vec<u8>>) -> io::Result<String> {
+    let bytes = read.map_err(|error| match error.kind() {
         io::ErrorKind::FileTooLarge => {
             io::Error::other("it is larger than 16 MiB: expected a file of settings")
         }
@@ -43,6 +56,18 @@ pub fn decoded(mut bytes: Vec<u8>) -> Result<String, NotText> {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         NotText { line: line_of(before, before.len()) }
     })
+}
+
+/// The line with which a text that is not TOML begins to be none for this reason, where the parser does not say: that of
+/// keys with too many dots.
+fn line_that_fails(text: &str, error: &toml::de::Error) -> Option<usize> {
+    let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).chain([text.len()]).collect();
+    let fails = |end: &usize| {
+        let part = DeTable::parse(&text[..*end]).map(drop);
+        part.is_err_and(|other| other.span().is_none() && other.message() == error.message())
+    };
+    let before = ends.partition_point(|end| !fails(end));
+    (before < ends.len()).then_some(before + 1)
 }
 
 /// Bytes that are not UTF-8.
@@ -114,7 +139,10 @@ impl Document {
         let text = text.as_ref();
         let syntax = |error: toml::de::Error| Problem {
             file: file.to_owned(),
-            line: error.span().map(|span| line_of(text, span.start)),
+            line: error
+                .span()
+                .map(|span| line_of(text, span.start))
+                .or_else(|| line_that_fails(text, &error)),
             key: String::new(),
             message: not_toml(error.message().trim_end()),
         };
@@ -347,6 +375,14 @@ mod tests {
             (
                 &format!("a = 1\nb = {}1\n", "[".repeat(500)),
                 "a.toml:2: not TOML: tables and arrays are nested too",
+            ),
+            (
+                &format!("a = 1\nb{} = 1\nc = 2\n", ".b".repeat(200)),
+                "a.toml:2: not TOML: tables and arrays are nested too",
+            ),
+            (
+                &format!("a = 1\n[b]\nc = 1\n[d{}]\ne = 1\n[f]\n", ".d".repeat(200)),
+                "a.toml:4: not TOML: tables and arrays are nested too",
             ),
         ] {
             let said = problem(text);

@@ -7,7 +7,8 @@
 //!
 //! JSON that comes from outside is read by [`from_json`], which tells the first mistake in the same words.
 //!
-//! Files that are read whole, settings or not, are read by [`read_bytes`], which has a bound.
+//! Every file that is read is opened by [`open_file`], which takes regular files alone; what is read whole, settings or
+//! not, is read by [`read_bytes`], which has a bound.
 //!
 //! Absences: no crate of ours, no type of any domain; the only file it opens is the one that it is given.
 
@@ -24,8 +25,8 @@ mod words;
 
 pub use assign::{parse_assignment, parse_assignments, set};
 pub use bound::{NAME_MAX, PARAGRAPH_MAX};
-pub use document::{Document, NotText, decoded, read_text, unreadable};
-pub use file::{FILE_MAX, read_bytes, read_string};
+pub use document::{Document, NotText, decoded, read_given_text, read_text, unreadable};
+pub use file::{FILE_MAX, open_file, read_bytes, read_given, read_string};
 pub use form::{Guessed, Misread, built_in, is_within, keys, read, read_meant};
 pub use json::from_json;
 pub use overridden::overridden;

@@ -17,7 +17,10 @@ pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Opt
         let slips = strsim::damerau_levenshtein(wrong, name);
         let likeness = strsim::jaro_winkler(wrong, name);
         let is_part = name.split('_').any(|part| part == wrong);
-        let is_near = likeness > 0.75 || slips <= wrong.chars().count() / 3 || is_part;
+        // One slip of two letters is few: `rn` is near `run`.
+        let letters = wrong.chars().count();
+        let few = if letters == 2 { 1 } else { letters / 3 };
+        let is_near = likeness > 0.75 || slips <= few || is_part;
         is_near.then_some((likeness - slips as f64 * 0.01, name))
     };
     // Of names that are equally near, the first.

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use swerve_flow::{Event, Observer};
 use swerve_foxglove::{Form, Foxglove};
-use swerve_log::{Bag, View, ViewTopic, Views};
+use swerve_log::{Bag, LogError, View, ViewTopic, Views};
 use swerve_report::output::tell;
 
 use crate::reception::receive;
@@ -147,7 +147,13 @@ fn play(hub: &Hub, log: &Path, speed: Option<f64>) -> anyhow::Result<()> {
     let mut bag = Bag::open(log)?;
     let begun = Instant::now();
     let mut topics = BTreeSet::new();
-    while let Some(message) = bag.next_message()? {
+    loop {
+        let message = match bag.next_message() {
+            Ok(Some(message)) => message,
+            // The page of the log reported where it is cut off.
+            Ok(None) | Err(LogError::CutOff { .. }) => break,
+            Err(error) => return Err(error.into()),
+        };
         let topic = &bag.topics()[message.topic];
         if !topic.name.starts_with("/view/") {
             continue;

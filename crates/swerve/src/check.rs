@@ -68,7 +68,10 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
         let names: Vec<String> = foreign.iter().map(|file| file.display().to_string()).collect();
         tell(&format!("left out, as none of their keys is one of Swerve's: {}", names.join(", ")));
     }
-    anyhow::ensure!(!files.is_empty(), "no .toml file to check");
+    if files.is_empty() {
+        let folders: Vec<String> = given.iter().map(|path| path.display().to_string()).collect();
+        bail!("{}: no .toml file in this folder: expected files to check", folders.join(", "));
+    }
     let mut faults = Vec::new();
     for file in &files {
         // A study tells what is wrong with its scenario and its configuration, which may be among the files.

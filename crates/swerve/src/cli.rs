@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use swerve_drive::{graph, process, scenarios, why};
 use swerve_stack::Registry;
 use swerve_study::{calibrate, dataset, evaluate, map, report, suite, track, train};
@@ -83,7 +83,7 @@ enum Command {
 
 /// Reads a command line, the program's name first; the error is what the terminal would show.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(words)
+    Cli::try_parse_from(words).map_err(|error| swerve_drive::suggest::visible(error, &Cli::command()))
 }
 
 /// Runs the command line.

@@ -1,9 +1,7 @@
 //! `swerve doctor`: what this machine offers, and what will be used of it.
 
 use std::path::Path;
-use std::process::Command;
 
-use swerve_drive::program::Program;
 use swerve_gpu::{self as gpu, AdapterKind, Adapters};
 use swerve_report::output;
 use swerve_stack::config::camera::RenderBackend;
@@ -14,9 +12,6 @@ pub(crate) struct DoctorArgs {}
 
 /// Runs `swerve doctor`.
 pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
-    if with_runtime_dir().unwrap_or(false) {
-        return Ok(());
-    }
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let mut lines = vec![
         line("swerve", env!("CARGO_PKG_VERSION")),
@@ -29,20 +24,8 @@ pub(crate) fn run(_: &DoctorArgs) -> anyhow::Result<()> {
     lines.extend(rendering(&gpu::probe()));
     lines.push(String::new());
     lines.push(line("shared memory", &shared_memory(Path::new("/dev/shm"))));
+    lines.extend(left_behind(swerve_ipc::dead_runs()).map(|left| line("", &left)));
     output::print(&(lines.join("\n") + "\n"))
-}
-
-/// Runs it once more with a folder for displays: without one, drivers write errors of their own to standard error, as
-/// if pictures needed a display. Whether that was all.
-fn with_runtime_dir() -> anyhow::Result<bool> {
-    const NAME: &str = "XDG_RUNTIME_DIR";
-    if std::env::var_os(NAME).is_some() {
-        return Ok(false);
-    }
-    let program = Program::this()?.with(&["doctor"]);
-    let ended =
-        Command::new(program.path).args(program.arguments).env(NAME, std::env::temp_dir()).status()?;
-    Ok(ended.success())
 }
 
 fn line(name: &str, value: &str) -> String {
@@ -82,6 +65,16 @@ fn shared_memory(folder: &Path) -> String {
         },
         _ => format!("none: there is no folder {}", folder.display()),
     }
+}
+
+/// What runs that were killed left there.
+fn left_behind(runs: usize) -> Option<String> {
+    let runs = match runs {
+        0 => return None,
+        1 => "1 run that was killed".to_owned(),
+        more => format!("{more} runs that were killed"),
+    };
+    Some(format!("holds files of {runs}: the next run with processes removes them"))
 }
 
 #[cfg(test)]

@@ -16,7 +16,8 @@ pub use swerve_stack::Registry;
 
 /// The command line, with the operators of a registry: what a binary with operators of one's own calls.
 pub fn main(registry: Registry) -> std::process::ExitCode {
-    let cli = <cli::Cli as clap::Parser>::parse();
+    swerve_gpu::turn_off_display_layer();
+    let cli = cli::parse(std::env::args_os()).unwrap_or_else(|error| error.exit());
     match cli::main(&cli, &registry) {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_drive::page::{COMMAND, log_so_far, pair_of_logs};
+use swerve_drive::page::{COMMAND, LogSoFar, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
@@ -68,10 +68,12 @@ impl ReplayArgs {
 
 /// Runs `swerve replay`.
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
-    let log = match args.verify {
-        true => Log::read(&args.log).context("--verify: expected a complete log")?,
-        false => log_so_far(&args.log, |_| true)?,
+    let whole = || Log::read(&args.log).context("--verify: expected a complete log");
+    let so_far = match args.verify {
+        true => LogSoFar::whole(&args.log, whole()?),
+        false => LogSoFar::read(&args.log, |_| true)?,
     };
+    let log = &so_far.log;
     let sets = parse_assignments(&args.set);
     let asks = args.out.is_some() || !args.set.is_empty();
     let name =
@@ -84,7 +86,7 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let into = part.as_deref().map(|path| (path, args.command_line()));
     let (file, code) = (args.log.display().to_string(), args.code);
     let how = Replay { file, code, from: args.from.as_deref(), sets: &sets?, threads, into };
-    let comparison = how.run(registry, &log).inspect_err(|_| {
+    let comparison = how.run(registry, log).inspect_err(|_| {
         // Of a replay that never began nothing stays; a folder with something in it is not removed.
         let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
     })?;
@@ -92,7 +94,8 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     swerve_report::output::print(&comparison.text(args.set.is_empty()))?;
     if let Some(replayed) = replayed {
         let page = replayed.with_file_name("comparison.html");
-        write_whole(&page, pair_of_logs(registry, &args.log, &replayed)?.html().as_bytes())?;
+        let other = LogSoFar::read(&replayed, |_| true)?;
+        write_whole(&page, pair_of_logs(registry, &so_far, &other)?.html().as_bytes())?;
         let (log, page) = (replayed.display(), page.display());
         swerve_report::output::print(&format!(
             "what would have come out: {log}\nboth beside each other: {page}\n"

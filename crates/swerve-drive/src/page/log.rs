@@ -33,18 +33,34 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
     ["log.mcap", "log.partial.mcap"].map(|name| path.join(name)).into_iter().find(|log| log.is_file())
 }
 
-/// The records of a log that are to be kept, as far as it can be read. Where that is not to its end, standard error says
-/// where it ends.
-///
-/// # Errors
-/// It cannot be read at all.
-pub fn log_so_far(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Log, LogError> {
-    let (log, damage) = Log::salvage_where(path, keep)?;
-    if let Some(damage) = damage {
-        let until_s = log.whole_until().as_secs().max(0.0);
-        tell(&format!("note: the log is not complete, it is read up to {until_s:.3} s: {damage}"));
+/// A log as far as it can be read.
+pub struct LogSoFar {
+    /// The records that were kept.
+    pub log: Log,
+    path: PathBuf,
+    /// Reason that it is not read to its end.
+    damage: Option<LogError>,
+}
+
+impl LogSoFar {
+    /// Reads the records of a log that are to be kept. Where that is not to its end, a line on standard error gives the
+    /// instant and the place: the one line about it, whatever is made of the log afterwards.
+    ///
+    /// # Errors
+    /// It cannot be read at all.
+    pub fn read(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
+        let (log, damage) = Log::salvage_where(path, keep)?;
+        if let Some(damage) = &damage {
+            let until_s = log.whole_until().as_secs().max(0.0);
+            tell(&format!("note: the log is not complete, it is read up to {until_s:.3} s: {damage}"));
+        }
+        Ok(Self { log, path: path.to_owned(), damage })
     }
-    Ok(log)
+
+    /// Takes a log that was read to its end.
+    pub fn whole(path: &Path, log: Log) -> Self {
+        Self { log, path: path.to_owned(), damage: None }
+    }
 }
 
 /// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
@@ -53,17 +69,12 @@ pub fn log_so_far(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Log, Lo
 /// # Errors
 /// The log cannot be read at all, or holds no configuration that this program reads.
 pub fn page_of_log(registry: &Registry, path: &Path) -> anyhow::Result<Page<RunPage>> {
-    let (log, damage) = Log::salvage(path)?;
-    page_of(registry, path, &log, damage)
+    page_of(registry, &LogSoFar::read(path, |_| true)?)
 }
 
 /// As [`page_of_log`], of a log that is read already.
-fn page_of(
-    registry: &Registry,
-    path: &Path,
-    log: &Log,
-    damage: Option<LogError>,
-) -> anyhow::Result<Page<RunPage>> {
+fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPage>> {
+    let LogSoFar { log, path, damage } = so_far;
     let document = Config::logged(&log.start.config)?;
     let config = Config::from_document_with(registry, &document, &[]).map_err(|p| problems_error(&p))?;
     let text = log.start.extra.get("scenario").context("the log holds no scenario")?;
@@ -82,7 +93,7 @@ fn page_of(
         // Where the log is not complete, that is told already.
         let _cut_off = photos(&mut report.collector, path, log);
     }
-    report.page.notes.extend(damage.map(|damage| format!("The log is not complete: {damage}")));
+    report.page.notes.extend(damage.iter().map(|damage| format!("The log is not complete: {damage}")));
     let digest = log.end.as_ref().map_or_else(String::new, |end| end.digest.to_string());
     let metrics = metrics_beside(path, &digest).unwrap_or_else(|why| {
         report.page.notes.push(format!("{why}: verdict and metrics are not shown."));
@@ -217,20 +228,16 @@ fn about(message: &PublicationRecord) -> Message<'_> {
 /// Two runs beside each other, from their logs: where they part.
 ///
 /// # Errors
-/// As [`page_of_log`].
+/// As [`page_of_log`], but for reading the logs.
 pub fn pair_of_logs(
     registry: &Registry,
-    a: &Path,
-    b: &Path,
+    a: &LogSoFar,
+    b: &LogSoFar,
 ) -> anyhow::Result<Page<Pair<Page<RunPage>, Vec<Parting>>>> {
-    let read = |path: &Path| -> anyhow::Result<(Log, Page<RunPage>)> {
-        let (log, damage) = Log::salvage(path)?;
-        let page = page_of(registry, path, &log, damage)?;
-        Ok((log, page))
-    };
-    let ((log_a, a), (log_b, b)) = (read(a)?, read(b)?);
+    let parting = partings(&a.log, &b.log);
+    let (a, b) = (page_of(registry, a)?, page_of(registry, b)?);
     let title = format!("{} | {}", a.title, b.title);
-    Ok(Page::new("runs", title, Pair { a, b, parting: partings(&log_a, &log_b) }))
+    Ok(Page::new("runs", title, Pair { a, b, parting }))
 }
 
 /// Of every stream of two logs where it first differs, the earliest first; those that never do come last.

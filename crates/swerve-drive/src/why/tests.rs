@@ -180,6 +180,33 @@ fn a_chain_says_what_each_step_waited_for() {
     }
 }
 
+/// What the missed deadlines account for is what they cost: the same drive without a deadline plans earlier by just that.
+#[test]
+fn deadline_accounts_for_the_time_that_it_held_a_result_back() {
+    const DEADLINE: [&str; 2] =
+        ["operator.planner.deadline.ms=150", "operator.planner.deadline.reaction=reuse_last"];
+    let run_time = ["operator.planner.runtime.fixed_ms=180"];
+    let asked = |set: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        let (logged, metrics) = driven(folder.path(), "people_crossing", set);
+        let why = logged.why(&metrics).unwrap();
+        adds_up(&why);
+        why
+    };
+    let planned_s = |why: &Why| {
+        let planned = why.steps.iter().find(|step| step.what == Milestone::Planned);
+        planned.unwrap().at_s
+    };
+    let (held_back, free) = (asked(&[&run_time[..], &DEADLINE].concat()), asked(&run_time));
+    let later_ms = (planned_s(&held_back) - planned_s(&free)) * 1e3;
+    let of = |why: &Why, reason| waited(why, Milestone::Planned, reason);
+    assert!((later_ms - 110.0).abs() < 1e-6, "{later_ms}");
+    assert!((of(&held_back, "deadline of planner") - later_ms).abs() < 1e-6, "{}", held_back.text());
+    for reason in ["no difference to planner", "busy planner", "run time of planner"] {
+        assert_eq!(of(&held_back, reason), of(&free, reason), "{reason}: {}", held_back.text());
+    }
+}
+
 #[test]
 fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -164,6 +164,14 @@ impl<'a> Timeline<'a> {
         self.header(stream, stamp).map(|header| Seen { stamp, at: header.visible_at })
     }
 
+    /// Whether the result of a frame was published before an instant as the answer to the deadline of another one.
+    pub(super) fn is_repeated(&self, stream: &str, stamp: Time, before: Time) -> bool {
+        let later = self.messages.get(stream).into_iter().flat_map(|of| of.range(stamp..));
+        later
+            .map(|(_, message)| &message.header)
+            .any(|h| h.reused_from == Some(stamp) && h.visible_at < before)
+    }
+
     /// The messages of a stream, in order of their stamps.
     pub(super) fn all(&self, stream: &str) -> impl Iterator<Item = Seen> {
         let of = self.messages.get(stream).into_iter().flatten();

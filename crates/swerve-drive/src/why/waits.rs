@@ -48,8 +48,11 @@ impl Timeline<'_> {
         for (stamp, loss) in self.frames(stream, since.stamp, frame).into_iter().rev() {
             let reason = match loss {
                 Some(Loss::Dropped) => format!("busy {operator}"),
-                Some(Loss::Missed) => format!("deadline of {operator}"),
-                None => format!("{idle} {operator}"),
+                Some(Loss::Missed) if !self.is_repeated(stream, stamp, until.at) => {
+                    format!("deadline of {operator}")
+                }
+                // Its result came later, in answer to another frame's deadline.
+                Some(Loss::Missed) | None => format!("{idle} {operator}"),
             };
             account.since(stamp, reason);
         }
@@ -89,17 +92,26 @@ impl Timeline<'_> {
         self.inputs(next).find(|input| input.from.as_deref() == Some(operator))?.stream.clone()
     }
 
-    /// Explains the time before a message, back to the stamp of its frame, which it gives.
+    /// Explains the time before a message, back to the stamp of the frame that its result was computed for, which it
+    /// gives.
     fn message(&self, stream: &str, stamp: Time, account: &mut Ledger) -> Time {
         let operator = self.publisher(stream);
         let Some(header) = self.header(stream, stamp) else { return stamp };
         account.since(header.visible_at, format!("delay of {operator}"));
-        let step = self.step(operator, header.reused_from.unwrap_or(stamp));
-        if self.loss(operator, stamp) == Some(Loss::Missed) {
-            account.since(step.map_or(stamp, |step| step.start), format!("deadline of {operator}"));
-        } else if let Some(step) = step {
-            account.since(step.end, format!("queue of {operator}"));
-            account.since(step.start, format!("run time of {operator}"));
+        // A missed deadline may have repeated the result of an earlier frame, which was held back until then.
+        let (answers, stamp) = (stamp, header.reused_from.unwrap_or(stamp));
+        let is_missed = self.loss(operator, answers) == Some(Loss::Missed);
+        let held_back = if is_missed && answers != stamp { "deadline" } else { "queue" };
+        match self.step(operator, stamp) {
+            // The deadline answered before there was a result.
+            step if is_missed && step.is_none_or(|step| step.end > header.visible_at) => {
+                account.since(step.map_or(stamp, |step| step.start), format!("deadline of {operator}"));
+            }
+            Some(step) => {
+                account.since(step.end, format!("{held_back} of {operator}"));
+                account.since(step.start, format!("run time of {operator}"));
+            }
+            None => {}
         }
         if self.is_timed(operator) {
             account.since(stamp, format!("busy {operator}"));

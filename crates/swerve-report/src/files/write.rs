@@ -180,7 +180,7 @@ pub(super) fn beside(path: &Path, number: u32) -> PathBuf {
 const ATTRIBUTE: &str = "user.swerve.digest";
 
 fn digest_of(path: &Path) -> std::io::Result<String> {
-    let (mut file, mut hasher) = (File::open(path)?, Hasher::new());
+    let (mut file, mut hasher) = (swerve_text::open_file(path)?, Hasher::new());
     let mut part = vec![0; 1 << 16];
     loop {
         match file.read(&mut part)? {
@@ -223,7 +223,8 @@ pub fn is_ours(path: &Path) -> bool {
         return is_unchanged;
     }
     let is_page = path.extension().is_some_and(|ending| ending == "html");
-    is_page && std::fs::read_to_string(path).is_ok_and(|text| data_of(&text).is_some())
+    is_page
+        && swerve_text::read_string(path, swerve_text::FILE_MAX).is_ok_and(|text| data_of(&text).is_some())
 }
 
 /// Refuses a file for a result where [`write_whole`] would fail, and one with something of others in it: what this

@@ -13,7 +13,7 @@ use swerve_vision::acf::{Ground, Rung, Weights, WeightsError};
 use swerve_vision::{segmentation, shipped};
 
 /// The longest file of weights, bytes.
-const WEIGHTS_MAX: u64 = 256 << 20;
+pub(super) const WEIGHTS_MAX: u64 = 256 << 20;
 
 use super::execution::Runtime;
 use super::{Config, OperatorConfig};

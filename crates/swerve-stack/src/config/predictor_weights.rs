@@ -1,8 +1,11 @@
 //! Weights of a learned predictor from a file, in place of the shipped ones.
 
+use std::path::Path;
+
 use swerve_prediction::learned::Weights;
 use swerve_prediction::{PredictorName, shipped};
 
+use super::camera_detectors::WEIGHTS_MAX;
 use super::{Config, PredictionConfig};
 
 impl PredictionConfig {
@@ -18,7 +21,8 @@ impl PredictionConfig {
             let name = self.predictor.name();
             return Err(format!("expected with a predictor of {}, found `{name}`", learned.join(", ")));
         };
-        let bytes = std::fs::read(path).map_err(|error| format!("reading {path}: {error}"))?;
+        let bytes = swerve_text::read_bytes(Path::new(path), WEIGHTS_MAX);
+        let bytes = bytes.map_err(|error| format!("reading {path}: {error}"))?;
         let weights = Weights::read(&bytes).map_err(|error| format!("{path}: {error}"))?;
         if weights.shape.model == own.shape.model {
             return Ok(Some(weights));

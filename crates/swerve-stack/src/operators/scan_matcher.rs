@@ -200,7 +200,7 @@ fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
 
 /// The map of a file.
 fn read(path: &Path) -> anyhow::Result<MapFile> {
-    ensure!(path.is_file(), "there is no such file; `swerve map build` writes one");
+    ensure!(path.exists(), "there is no such file; `swerve map build` writes one");
     Ok(MapFile::read(&read_bytes(path, FILE_MAX)?)?)
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use swerve_msg::{ActorKind, Image, Pixels};
+use swerve_text::{FILE_MAX, read_string};
 
 use super::kitti::PIXELS_MIN;
 use super::sample::{Object, Sample};
@@ -109,7 +110,7 @@ impl Coco {
     /// The list of the first `samples` images of a file.
     pub(super) fn read(path: &Path, samples: usize) -> anyhow::Result<Self> {
         let reading = || format!("reading {}", path.display());
-        let text = std::fs::read_to_string(path).with_context(reading)?;
+        let text = read_string(path, FILE_MAX).with_context(reading)?;
         let mut coco: Self = serde_json::from_str(&text).with_context(reading)?;
         coco.images.retain(|image| image.id < samples);
         coco.annotations.retain(|annotation| annotation.image_id < samples);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail};
 use serde::{Deserialize, Serialize};
 use swerve_report::files::write_whole;
+use swerve_text::{FILE_MAX, read_string};
 
 /// File of the state.
 const FILE: &str = ".dataset.json";
@@ -41,7 +42,7 @@ impl State {
             return Ok(Self { call, drives: 0, samples: 0, is_complete: false });
         }
         let reading = || format!("reading {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(reading)?;
+        let text = read_string(&path, FILE_MAX).with_context(reading)?;
         let state: Self = serde_json::from_str(&text).with_context(reading)?;
         if state.call != call && state.samples == 0 && !out.join(super::SAMPLES).exists() {
             // Another call was interrupted before its first sample.
@@ -66,7 +67,7 @@ impl State {
 /// Whether a folder holds a complete data set.
 pub(crate) fn is_complete(out: &Path) -> bool {
     // Data sets of earlier versions have no state and got their index at the end.
-    let state = std::fs::read_to_string(file(out)).map(|text| serde_json::from_str::<State>(&text).ok());
+    let state = read_string(&file(out), FILE_MAX).map(|text| serde_json::from_str::<State>(&text).ok());
     state.map_or_else(
         |_| out.join(super::INDEX).exists(),
         |state| state.is_some_and(|state| state.is_complete),

@@ -95,8 +95,11 @@ impl Range {
         if let (Value::Integer(from), Value::Integer(to), Value::Integer(step)) =
             (&self.from, &self.to, &self.step)
         {
-            let count = to.checked_sub(*from).filter(|way| *way >= 0 && *step > 0).ok_or_else(wrong)? / step;
-            return many(usize::try_from(count).ok(), |k| Value::Integer(from + k as i64 * step));
+            if to < from || *step <= 0 {
+                return Err(wrong().to_owned());
+            }
+            let last = to.checked_sub(*from).and_then(|way| usize::try_from(way / step).ok());
+            return many(last, |k| Value::Integer(from + k as i64 * step));
         }
         let number = |value: &Value| match value {
             Value::Integer(whole) => Some(*whole as f64),
@@ -135,11 +138,25 @@ impl<'de> Deserialize<'de> for Values {
             }
 
             fn visit_str<E: de::Error>(self, text: &str) -> Result<Values, E> {
-                let whole = |word: &str| word.trim().parse::<i64>().ok();
-                let ends = text.split_once("..").and_then(|(from, to)| Some((whole(from)?, whole(to)?)));
+                let beyond = |error: &std::num::ParseIntError| {
+                    use std::num::IntErrorKind::{NegOverflow, PosOverflow};
+                    matches!(error.kind(), NegOverflow | PosOverflow)
+                };
+                let ends =
+                    text.split_once("..").map(|(from, to)| [from, to].map(|end| end.trim().parse::<i64>()));
+                if ends.iter().flatten().any(|end| end.as_ref().is_err_and(beyond)) {
+                    let (min, max) = (i64::MIN, i64::MAX);
+                    return Err(E::custom(format!(
+                        "expected whole numbers from {min} to {max}, found {text:?}"
+                    )));
+                }
+                let ends = ends.and_then(|[from, to]| Some((from.ok()?, to.ok()?)));
                 let Some((from, to)) = ends else {
                     return Err(E::invalid_value(de::Unexpected::Str(text), &self));
                 };
+                if to < from {
+                    return Err(E::custom(format!("expected the lower number first, found {text:?}")));
+                }
                 let range = Range { from: from.into(), to: to.into(), step: 1.into() };
                 range.values().map(Values).map_err(E::custom)
             }

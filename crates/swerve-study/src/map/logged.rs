@@ -33,7 +33,7 @@ const POSE_S: f64 = 0.2;
 pub(super) fn is_log(path: &Path) -> bool {
     use std::io::Read as _;
     let mut head = [0; MAGIC.len()];
-    let begins = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    let begins = swerve_text::open_file(path).and_then(|mut file| file.read_exact(&mut head));
     path.extension().is_some_and(|ending| ending == "mcap") || (begins.is_ok() && head == *MAGIC)
 }
 

@@ -171,7 +171,7 @@ pub(super) fn camera_text(camera: &Camera) -> String {
 
 /// Width, height and bytes of an image of 8 bits a colour, upright by its EXIF data.
 pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
-    let file = std::fs::File::open(path).with_context(|| format!("reading {}", path.display()))?;
+    let file = swerve_text::open_file(path).with_context(|| format!("reading {}", path.display()))?;
     decode_png(std::io::BufReader::new(file), path, MEGAPIXELS_MAX)
 }
 

@@ -2,6 +2,9 @@
 
 mod checked;
 
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
 use crate::support::{Bench, SHORT, Said};
 
 /// A call that has to fail: the file written before it, its arguments, and what the one line of its message holds.
@@ -255,6 +258,8 @@ fn damaged_logs() {
         // What there is of a run that was cut off can be asked all the same.
         for args in [
             &["why", log][..],
+            &["report", log, "--out", "page.html"],
+            &["report", log, "o/log.mcap", "--out", "pair.html"],
             &["replay", log],
             &["replay", log, "--from", "planning", "--set", "planning.planner=waypoint"],
         ] {
@@ -263,6 +268,15 @@ fn damaged_logs() {
             assert!(said.stderr.starts_with("note: the log is not complete, it is read up to "), "{said:?}");
         }
     }
+    // While its page is shown as well.
+    let mut view = bench.command(&["view", "short.mcap", "--no-open", "--port", "0"]);
+    let mut view = view.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut address = String::new();
+    BufReader::new(view.stdout.take().unwrap()).read_line(&mut address).unwrap();
+    view.kill().unwrap();
+    let said = String::from_utf8(view.wait_with_output().unwrap().stderr).unwrap();
+    assert!(address.starts_with("http://"), "{address}{said}");
+    assert!(said.starts_with("note: the log is not complete, ") && said.lines().count() == 1, "{said}");
     assert_eq!(std::fs::read(bench.path("o/log.mcap")).unwrap(), whole);
     assert!(!bench.path("p").exists());
     bench.good(&["replay", "o/log.mcap", "--verify"]);
@@ -395,7 +409,7 @@ fn a_file_without_end_is_not_read_to_its_end() {
         assert!(said.code != Some(0) && said.stderr.contains("larger than 16 MiB"), "{args:?}: {said:?}");
     }
     if cfg!(unix) {
-        assert!(bench.swerve(&["run", "/dev/zero"]).stderr.contains("larger than 16 MiB"));
+        assert!(bench.shell("swerve run /dev/stdin < /dev/zero").stderr.contains("larger than 16 MiB"));
     }
 }
 

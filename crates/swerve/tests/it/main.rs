@@ -9,6 +9,7 @@ mod browser; // a browser whose page is typed into
 mod decoders; // bytes from outside never make a decoder panic
 mod faults; // a full disk, no memory, no descriptors
 mod hostile; // peers of ROS 2 topics that mean ill
+mod inputs; // what is read: regular files, and what cannot be read is named
 mod instructions; // what calls cost, counted, not timed
 mod interrupt; // Ctrl-C in a study
 mod live; // a car of another make, driven over ROS 2's topics

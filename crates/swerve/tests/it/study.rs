@@ -164,9 +164,15 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     assert_eq!((again.code, again.stderr.as_str()), (Some(0), ""));
     assert_eq!(kept(), [true, false, true, true]);
     // Under another configuration every cell is another one.
-    bench.good(&["study", "study.toml", "--out", "o", "--set", "sim.dt_ms=4"]);
+    let other = ["study", "study.toml", "--out", "o", "--set", "sim.dt_ms=4"];
+    let said = bench.swerve(&other);
+    let told = "o: the results of another study `study` are there, with other axes, another base or another --set: expected \
+                another --out, or --overwrite";
+    assert!(said.code == Some(1) && said.stderr.contains(told), "{said:?}");
+    assert_eq!((bench.read("o/cells.csv"), kept()), (csv.clone(), vec![true, false, true, true]));
+    bench.good(&[&other[..], &["--overwrite"]].concat());
     assert_ne!(bench.read("o/cells.csv"), csv);
-    bench.good(&["study", "study.toml", "--out", "o"]);
+    bench.good(&["study", "study.toml", "--out", "o", "--overwrite"]);
     assert_eq!(bench.read("o/cells.csv"), csv);
     assert_eq!(kept(), [true, false, true, true]);
     // Another study's tables stay, as a run's results do.
@@ -241,6 +247,19 @@ fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
         assert!(said.contains(&format!("1 of 1 cells in out/{folder}: ")), "{said}");
         assert!(bench.read("out/suite/cells.csv").contains(&format!("\n{scenario},1,")));
     }
+    // In a folder of --out as well, the second suite replaces nothing of the first one.
+    let suite = |scenario: &str, more: &[&str]| {
+        let words = ["suite", scenario, "--seeds", "1", "--out", "s"];
+        bench.swerve(&[&words[..], more].concat())
+    };
+    assert_eq!(suite("short.toml", &[]).code, Some(0));
+    let table = bench.read("s/cells.csv");
+    let said = suite("other.toml", &[]);
+    assert!(said.code == Some(1) && said.stderr.contains("another study `suite`"), "{said:?}");
+    assert_eq!(said.stderr.lines().count(), 1, "{said:?}");
+    assert_eq!((bench.read("s/cells.csv"), suite("short.toml", &[]).code), (table, Some(0)));
+    assert_eq!(suite("other.toml", &["--overwrite"]).code, Some(0));
+    assert!(bench.read("s/cells.csv").contains("\nother,1,"));
     // And a run does not go where one is.
     let run = bench.swerve(&["run", "short.toml", "--out", "out/suite-1"]);
     assert!(
