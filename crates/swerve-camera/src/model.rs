@@ -11,7 +11,7 @@ pub use distortion::Distortion;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require};
+use swerve_core::param::{ParamError, require, require_all_within, require_within};
 use swerve_geom::{Ego, Point, Transform, math};
 
 /// Largest width or height of an image, pixels.
@@ -288,22 +288,22 @@ fn check_optics(spec: &CameraSpec) -> Result<(), ParamError> {
     require("near_m", spec.near_m, (1e-3..=10.0).contains(&spec.near_m), "0.001 to 10 m")?;
     let far_in = spec.far_m > spec.near_m && spec.far_m <= 1e5;
     require("far_m", spec.far_m, far_in, "more than near_m, at most 100000 m")?;
-    require("vignetting", spec.vignetting, (0.0..=1.0).contains(&spec.vignetting), "a number from 0 to 1")?;
-    let share = "a share of full scale from 0 to 1";
-    require("noise.read", spec.noise.read, (0.0..=1.0).contains(&spec.noise.read), share)?;
-    require("noise.shot", spec.noise.shot, (0.0..=1.0).contains(&spec.noise.shot), share)?;
+    require_all_within(&[
+        ("vignetting", spec.vignetting, [0.0, 1.0]),
+        ("noise.read", spec.noise.read, [0.0, 1.0]),
+        ("noise.shot", spec.noise.shot, [0.0, 1.0]),
+    ])?;
     match spec.exposure {
         Exposure::Metered => {}
         Exposure::Stops(stops) => {
-            require("exposure.stops", stops, stops.abs() <= 16.0, "-16 to 16 stops")?;
+            require_within("exposure.stops", stops, [-16.0, 16.0])?;
         }
         Exposure::Factor(factor) => {
-            let fine = factor > 0.0 && factor <= 1e6;
-            require("exposure.factor", factor, fine, "a factor above 0, at most 1000000")?;
+            require_within("exposure.factor", factor, [1e-6, 1e6])?;
         }
     }
     for (field, value) in spec.distortion.fields() {
-        require(field, value, value.abs() <= 10.0, "-10 to 10")?;
+        require_within(field, value, [-10.0, 10.0])?;
     }
     Ok(())
 }

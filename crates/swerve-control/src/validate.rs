@@ -1,6 +1,6 @@
 //! Whether parameters are in range.
 
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require, require_all_within};
 
 use crate::{Law, Params};
 
@@ -10,79 +10,65 @@ const HORIZON_MAX: usize = 200;
 impl Params {
     /// The first parameter outside its range, if there is one.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let weights = &self.mpc.weights;
-        above_zero(&[
-            ("stop.decel_mps2", self.stop.decel_mps2),
-            ("waypoint.steer_full_rad", self.waypoint.steer_full_rad),
-            ("pure_pursuit.lookahead_min_m", self.pure_pursuit.lookahead_min_m),
-            ("stanley.softening_mps", self.stanley.softening_mps),
-            ("along.gain_ps", self.along.gain_ps),
-            ("along.reach_m", self.along.reach_m),
-            ("comfort_jerk_mps3", self.comfort_jerk_mps3),
-            ("mpc.dt_s", self.mpc.dt_s),
-            ("mpc.jerk_max_mps3", self.mpc.jerk_max_mps3),
-            ("mpc.corridor_m", self.mpc.corridor_m),
-            ("mpc.weights.steering_rate", weights.steering_rate),
-            ("mpc.weights.jerk", weights.jerk),
-            ("mpc.weights.slack_squared", weights.slack_squared),
-            ("stanley.full_gain_mps", self.stanley.full_gain_mps),
-            ("stop.blind_after_s", self.stop.blind_after_s),
-            ("stop.blind_decel_mps2", self.stop.blind_decel_mps2),
+        let Self { stop, pid, waypoint, pure_pursuit, stanley, speed, along, slip, mpc, .. } = self;
+        let (gain, weight) = ([0.0, 1000.0], [0.0, 1e9]);
+        require_all_within(&[
+            ("stop.decel_mps2", stop.decel_mps2, [0.1, 20.0]),
+            ("stop.blind_decel_mps2", stop.blind_decel_mps2, [0.1, 20.0]),
+            ("stop.blind_after_s", stop.blind_after_s, [0.001, 60.0]),
+            ("pid.kp_spm", pid.kp_spm, gain),
+            ("pid.ki_pm", pid.ki_pm, gain),
+            ("pid.kd_s2pm", pid.kd_s2pm, gain),
+            ("pid.throttle_max", pid.throttle_max, [0.0, 1.0]),
+            ("pid.brake_max", pid.brake_max, [0.0, 1.0]),
+            ("waypoint.steer_full_rad", waypoint.steer_full_rad, [0.01, 10.0]),
+            ("waypoint.steer_gain", waypoint.steer_gain, gain),
+            ("waypoint.waypoint_min_m", waypoint.waypoint_min_m, [0.0, 1000.0]),
+            ("pure_pursuit.lookahead_min_m", pure_pursuit.lookahead_min_m, [0.1, 1000.0]),
+            ("pure_pursuit.lookahead_max_m", pure_pursuit.lookahead_max_m, [0.1, 1000.0]),
+            ("pure_pursuit.lookahead_s", pure_pursuit.lookahead_s, [0.0, 60.0]),
+            ("pure_pursuit.preview_s", pure_pursuit.preview_s, [0.0, 10.0]),
+            ("stanley.gain_ps", stanley.gain_ps, gain),
+            ("stanley.softening_mps", stanley.softening_mps, [0.001, 100.0]),
+            ("stanley.full_gain_mps", stanley.full_gain_mps, [0.001, 1000.0]),
+            ("stanley.yaw_damping_s", stanley.yaw_damping_s, [0.0, 10.0]),
+            ("stanley.preview_s", stanley.preview_s, [0.0, 10.0]),
+            ("speed.kp_ps", speed.kp_ps, gain),
+            ("speed.ki_ps2", speed.ki_ps2, gain),
+            ("speed.integral_max_mps2", speed.integral_max_mps2, [0.0, 100.0]),
+            ("speed.hold_mps2", speed.hold_mps2, [0.0, 100.0]),
+            ("along.gain_ps", along.gain_ps, [0.001, 100.0]),
+            ("along.speed_max_mps", along.speed_max_mps, [0.0, 100.0]),
+            ("along.reach_m", along.reach_m, [0.1, 1000.0]),
+            ("comfort_jerk_mps3", self.comfort_jerk_mps3, [0.1, 1000.0]),
+            ("slip.rear_s2pm", slip.rear_s2pm, [-1.0, 1.0]),
+            ("slip.understeer_s2pm", slip.understeer_s2pm, [-1.0, 1.0]),
+            ("slip.braking_s4pm2", slip.braking_s4pm2, [-1.0, 1.0]),
+            ("mpc.dt_s", mpc.dt_s, [0.01, 1.0]),
+            ("mpc.speed_max_mps", mpc.speed_max_mps, [0.0, 200.0]),
+            ("mpc.jerk_max_mps3", mpc.jerk_max_mps3, [0.1, 1000.0]),
+            ("mpc.corridor_m", mpc.corridor_m, [0.01, 100.0]),
+            ("mpc.edge_m", mpc.edge_m, [0.0, 100.0]),
+            ("mpc.lead_s", mpc.lead_s, [0.0, 10.0]),
+            ("mpc.shift_max_s", mpc.shift_max_s, [0.0, 60.0]),
+            ("mpc.fallback_brake_mps2", mpc.fallback_brake_mps2, [0.0, 20.0]),
+            ("mpc.weights.along", mpc.weights.along, weight),
+            ("mpc.weights.across", mpc.weights.across, weight),
+            ("mpc.weights.heading", mpc.weights.heading, weight),
+            ("mpc.weights.speed", mpc.weights.speed, weight),
+            ("mpc.weights.steering", mpc.weights.steering, weight),
+            ("mpc.weights.accel", mpc.weights.accel, weight),
+            ("mpc.weights.terminal", mpc.weights.terminal, weight),
+            ("mpc.weights.slack", mpc.weights.slack, weight),
+            ("mpc.weights.steering_rate", mpc.weights.steering_rate, [1e-6, 1e9]),
+            ("mpc.weights.jerk", mpc.weights.jerk, [1e-6, 1e9]),
+            ("mpc.weights.slack_squared", mpc.weights.slack_squared, [1e-6, 1e9]),
         ])?;
-        not_negative(&[
-            ("pid.kp_spm", self.pid.kp_spm),
-            ("pid.ki_pm", self.pid.ki_pm),
-            ("pid.kd_s2pm", self.pid.kd_s2pm),
-            ("waypoint.steer_gain", self.waypoint.steer_gain),
-            ("waypoint.waypoint_min_m", self.waypoint.waypoint_min_m),
-            ("pure_pursuit.lookahead_s", self.pure_pursuit.lookahead_s),
-            ("pure_pursuit.preview_s", self.pure_pursuit.preview_s),
-            ("stanley.gain_ps", self.stanley.gain_ps),
-            ("stanley.yaw_damping_s", self.stanley.yaw_damping_s),
-            ("stanley.preview_s", self.stanley.preview_s),
-            ("speed.kp_ps", self.speed.kp_ps),
-            ("speed.ki_ps2", self.speed.ki_ps2),
-            ("speed.integral_max_mps2", self.speed.integral_max_mps2),
-            ("speed.hold_mps2", self.speed.hold_mps2),
-            ("along.speed_max_mps", self.along.speed_max_mps),
-            ("mpc.speed_max_mps", self.mpc.speed_max_mps),
-            ("mpc.edge_m", self.mpc.edge_m),
-            ("mpc.lead_s", self.mpc.lead_s),
-            ("mpc.shift_max_s", self.mpc.shift_max_s),
-            ("mpc.fallback_brake_mps2", self.mpc.fallback_brake_mps2),
-            ("mpc.weights.along", weights.along),
-            ("mpc.weights.across", weights.across),
-            ("mpc.weights.heading", weights.heading),
-            ("mpc.weights.speed", weights.speed),
-            ("mpc.weights.steering", weights.steering),
-            ("mpc.weights.accel", weights.accel),
-            ("mpc.weights.terminal", weights.terminal),
-            ("mpc.weights.slack", weights.slack),
-        ])?;
-        let share = "0 to 1";
-        for (key, value) in
-            [("pid.throttle_max", self.pid.throttle_max), ("pid.brake_max", self.pid.brake_max)]
-        {
-            require(key, value, (0.0..=1.0).contains(&value), share)?;
-        }
-        let reach = self.pure_pursuit.lookahead_max_m;
-        let ordered = reach >= self.pure_pursuit.lookahead_min_m;
-        require("pure_pursuit.lookahead_max_m", reach, ordered, "finite and at least lookahead_min_m")?;
-        let horizon = self.mpc.horizon;
-        let fits = self.law != Law::Mpc || (1..=HORIZON_MAX).contains(&horizon);
-        require("mpc.horizon", horizon, fits, "1 to 200")?;
-        require("slip.rear_s2pm", self.slip.rear_s2pm, true, "a finite number")?;
-        require("slip.understeer_s2pm", self.slip.understeer_s2pm, true, "a finite number")?;
-        require("slip.braking_s4pm2", self.slip.braking_s4pm2, true, "a finite number")
+        let (reach, least) = (pure_pursuit.lookahead_max_m, pure_pursuit.lookahead_min_m);
+        require("pure_pursuit.lookahead_max_m", reach, reach >= least, "at least lookahead_min_m")?;
+        let fits = self.law != Law::Mpc || (1..=HORIZON_MAX).contains(&mpc.horizon);
+        require("mpc.horizon", mpc.horizon, fits, "1 to 200")
     }
-}
-
-fn above_zero(values: &[(&'static str, f64)]) -> Result<(), ParamError> {
-    values.iter().try_for_each(|&(key, value)| require_positive(key, value))
-}
-
-fn not_negative(values: &[(&'static str, f64)]) -> Result<(), ParamError> {
-    values.iter().try_for_each(|&(key, value)| require_not_negative(key, value))
 }
 
 #[cfg(test)]
@@ -102,12 +88,12 @@ mod tests {
             assert_eq!(params.validate().unwrap_err().to_string(), want);
         };
         check(|p| p.mpc.horizon = 0, "`mpc.horizon` is 0, expected 1 to 200");
-        check(|p| p.mpc.dt_s = f64::NAN, "`mpc.dt_s` is NaN, expected a finite number above 0");
-        check(|p| p.pid.kp_spm = -1.0, "`pid.kp_spm` is -1, expected a finite number that is not negative");
-        check(|p| p.stop.blind_after_s = 0.0, "`stop.blind_after_s` is 0, expected a finite number above 0");
+        check(|p| p.mpc.dt_s = f64::NAN, "`mpc.dt_s` is NaN, expected 0.01 to 1");
+        check(|p| p.pid.kp_spm = -1.0, "`pid.kp_spm` is -1, expected 0 to 1000");
+        check(|p| p.stop.blind_after_s = 0.0, "`stop.blind_after_s` is 0, expected 0.001 to 60");
         check(
             |p| p.pure_pursuit.lookahead_max_m = 1.0,
-            "`pure_pursuit.lookahead_max_m` is 1, expected finite and at least lookahead_min_m",
+            "`pure_pursuit.lookahead_max_m` is 1, expected at least lookahead_min_m",
         );
     }
 }

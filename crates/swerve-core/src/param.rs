@@ -94,31 +94,31 @@ pub fn require(
     Err(ParamError { key: key.into(), value, expected: expected.into() })
 }
 
-/// Refuses a parameter that is not a finite number above zero.
-///
-/// # Errors
-/// It is none.
-pub fn require_positive(key: &'static str, value: f64) -> Result<(), ParamError> {
-    require(key, value, value > 0.0, "a finite number above 0")
-}
-
-/// Refuses a parameter that is not a finite number of zero or more.
-///
-/// # Errors
-/// It is none.
-pub fn require_not_negative(key: &'static str, value: f64) -> Result<(), ParamError> {
-    require(key, value, value >= 0.0, "a finite number that is not negative")
-}
-
 /// Refuses a parameter that is not from `low` to `high`, both included.
 ///
 /// # Errors
-/// It is not.
-pub fn require_within(key: &'static str, value: f64, [low, high]: [f64; 2]) -> Result<(), ParamError> {
+/// The value is outside, or NaN.
+pub fn require_within(
+    key: impl Into<Cow<'static, str>>,
+    value: f64,
+    [low, high]: [f64; 2],
+) -> Result<(), ParamError> {
+    // The message is made only where it is needed: planners check their parameters in every call.
     if (low..=high).contains(&value) {
         return Ok(());
     }
-    require(key, value, false, format!("{low} to {high}"))
+    Err(ParamError { key: key.into(), value: value.into(), expected: format!("{low} to {high}").into() })
+}
+
+/// Key, value and range of a parameter: the ends of the range are included.
+pub type Ranged = (&'static str, f64, [f64; 2]);
+
+/// Refuses the first parameter of a table that is outside its range.
+///
+/// # Errors
+/// A value is outside its range, or NaN.
+pub fn require_all_within(table: &[Ranged]) -> Result<(), ParamError> {
+    table.iter().try_for_each(|&(key, value, range)| require_within(key, value, range))
 }
 
 #[cfg(test)]
@@ -129,14 +129,7 @@ mod tests {
     fn an_error_says_key_value_and_range() {
         let said = |result: Result<(), ParamError>| result.unwrap_err().to_string();
         assert_eq!(said(require_within("share", 1.5, [0.0, 1.0])), "`share` is 1.5, expected 0 to 1");
-        assert_eq!(
-            said(require_positive("step_s", -0.0)),
-            "`step_s` is -0, expected a finite number above 0"
-        );
-        assert_eq!(
-            said(require_not_negative("gain", f64::NAN)),
-            "`gain` is NaN, expected a finite number that is not negative"
-        );
+        assert_eq!(said(require_within("gain", f64::NAN, [0.5, 2.0])), "`gain` is NaN, expected 0.5 to 2");
         assert_eq!(said(require("n", 513_usize, false, "at most 512")), "`n` is 513, expected at most 512");
         assert_eq!(
             said(require("list", "empty", false, "one at least")),
@@ -148,8 +141,15 @@ mod tests {
     #[test]
     fn what_holds_is_let_through_if_it_is_finite() {
         assert_eq!(require_within("a", 1.0, [0.0, 1.0]), Ok(()));
-        assert_eq!(require_not_negative("a", 0.0), Ok(()));
-        assert!(require("a", f64::INFINITY, true, "finite").is_err() && require_positive("a", 0.0).is_err());
+        assert!(require("a", f64::INFINITY, true, "finite").is_err());
         assert!(require_within("a", f64::NAN, [0.0, 1.0]).is_err());
+        assert!(require_within("a", 1e300, [0.0, f64::INFINITY]).is_ok());
+    }
+
+    #[test]
+    fn first_parameter_outside_its_range_is_refused() {
+        let table = [("a", 1.0, [0.0, 1.0]), ("b", 3.0, [0.0, 2.0]), ("c", -1.0, [0.0, 1.0])];
+        assert_eq!(require_all_within(&table).unwrap_err().key, "b");
+        assert_eq!(require_all_within(&table[..1]), Ok(()));
     }
 }

@@ -4,7 +4,7 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require};
+use swerve_core::param::{ParamError, require, require_all_within, require_within};
 
 use crate::presets::LidarPreset;
 
@@ -86,21 +86,18 @@ impl LidarSpec {
         require("beams x columns", shots, shots <= SHOTS_MAX, "at most 4194304 shots per turn")?;
         let rate = self.rate_hz;
         require("rate_hz", rate, (0.01..=1000.0).contains(&rate), "0.01 to 1000 turns per second")?;
-        let first = self.first_azimuth_rad;
-        require("first_azimuth_rad", first, first.abs() <= 2.0 * PI, "an angle from -2 pi to 2 pi")?;
+        require_all_within(&[
+            ("first_azimuth_rad", self.first_azimuth_rad, [-2.0 * PI, 2.0 * PI]),
+            ("range_min_m", self.range_min_m, [0.0, 1000.0]),
+            ("range_max_m", self.range_max_m, [0.1, 1e4]),
+            ("reach_m", self.reach_m, [0.1, 1e6]),
+            ("range_sigma_m", self.range_sigma_m, [0.0, 10.0]),
+            ("range_step_m", self.range_step_m, [0.0, 1.0]),
+            ("dropout", self.dropout, [0.0, 1.0]),
+            ("intensity_full_m", self.intensity_full_m, [0.1, 1e4]),
+        ])?;
         let (near, far) = (self.range_min_m, self.range_max_m);
-        require("range_min_m", near, (0.0..=1e4).contains(&near), "0 to 10000 m")?;
-        require("range_max_m", far, far > 0.0 && far <= 1e4, "a range above 0, at most 10000 m")?;
-        require("range_min_m", near, near < far, "less than range_max_m")?;
-        let reach = self.reach_m;
-        require("reach_m", reach, reach > 0.0 && reach <= 1e6, "a distance above 0, at most 1000000 m")?;
-        let sigma = self.range_sigma_m;
-        require("range_sigma_m", sigma, (0.0..=10.0).contains(&sigma), "0 to 10 m")?;
-        let step = self.range_step_m;
-        require("range_step_m", step, (0.0..=1.0).contains(&step), "0 to 1 m")?;
-        require("dropout", self.dropout, (0.0..=1.0).contains(&self.dropout), "a share from 0 to 1")?;
-        let full = self.intensity_full_m;
-        require("intensity_full_m", full, full > 0.0 && full <= 1e4, "a distance above 0, at most 10000 m")
+        require("range_min_m", near, near < far, "less than range_max_m")
     }
 
     fn check_beams(&self) -> Result<(), ParamError> {
@@ -109,10 +106,8 @@ impl LidarSpec {
         require("beams", format!("a table of {count}"), count <= BEAMS_MAX, "at most 512 beams")?;
         for (k, beam) in self.beams.iter().enumerate() {
             let (elevation, azimuth) = (beam.elevation_rad, beam.azimuth_rad);
-            let upright = "an angle from -pi/2 to pi/2";
-            require(format!("beams[{k}].elevation_rad"), elevation, elevation.abs() <= FRAC_PI_2, upright)?;
-            let around = "an angle from -pi to pi";
-            require(format!("beams[{k}].azimuth_rad"), azimuth, azimuth.abs() <= PI, around)?;
+            require_within(format!("beams[{k}].elevation_rad"), elevation, [-FRAC_PI_2, FRAC_PI_2])?;
+            require_within(format!("beams[{k}].azimuth_rad"), azimuth, [-PI, PI])?;
         }
         let same = |a: &Beam, b: &Beam| {
             (a.elevation_rad - b.elevation_rad).abs() < SAME_ANGLE_RAD

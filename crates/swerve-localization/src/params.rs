@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
+use swerve_core::param::{ParamError, require_all_within, require_within};
 
 /// How long a reading of the inertial unit holds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -175,7 +175,7 @@ impl Params {
         axes("gyro_noise", self.gyro_noise, 1.0)?;
         axes("imu_at_m", self.imu_at_m.map(f64::abs), 20.0)?;
         axes("antenna_at_m", self.antenna_at_m.map(f64::abs), 20.0)?;
-        let checks = [
+        require_all_within(&[
             ("gravity_mps2", self.gravity_mps2, [-20.0, 20.0]),
             ("accel_bias_mps2", self.accel_bias_mps2, [0.0, 10.0]),
             ("accel_bias_walk", self.accel_bias_walk, [0.0, 10.0]),
@@ -200,7 +200,6 @@ impl Params {
             ("believed_after_s", self.believed_after_s, [0.1, 1000.0]),
             ("lost_sigma_m", self.lost_sigma_m, [0.01, 1000.0]),
             ("level_rad", self.level_rad, [1e-4, 1.0]),
-        ];
-        checks.into_iter().try_for_each(|(key, value, ends)| require_within(key, value, ends))
+        ])
     }
 }

@@ -21,7 +21,6 @@ pub mod lidar;
 mod road;
 pub mod tracker;
 pub mod traffic_lights;
-mod validate;
 
 pub use ab3dmot::Ab3dMot;
 pub use camera::CameraObjects;

@@ -15,12 +15,11 @@ pub mod train;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::{Ego, Lidar, Obb, Point2, Pose2, Transform};
 use swerve_msg::{ActorKind, DetectedBox, Detections, EgoState, Extent, PointCloud, Route};
 
 use crate::road::Road;
-use crate::validate::within;
 use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
 use clusters::{Cluster, Clusters};
 use ground::{Ground, Method};
@@ -53,7 +52,7 @@ impl Params {
     /// # Errors
     /// There is one.
     pub fn validate(&self) -> Result<(), ParamError> {
-        within(&[
+        require_all_within(&[
             ("reach_m", self.reach_m, [5.0, 200.0]),
             ("points_min", self.points_min as f64, [2.0, 1000.0]),
             ("score_min", self.score_min, [0.0, 1.0]),

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require, require_all_within};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
 
@@ -51,19 +51,21 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_positive("time_to_collision_s", self.time_to_collision_s)?;
-        require("release_factor", self.release_factor, self.release_factor >= 1.0, "at least 1")?;
-        require_not_negative("clearance_m", self.clearance_m)?;
-        require_positive("horizon_s", self.horizon_s)?;
-        let steps = self.time_to_collision_s * self.release_factor / self.step_s;
-        require(
-            "step_s",
-            self.step_s,
-            self.step_s > 0.0 && steps <= 10_000.0,
-            "a number above 0 that is not tiny",
-        )
+        require_all_within(&[
+            ("time_to_collision_s", self.time_to_collision_s, [0.01, 60.0]),
+            ("release_factor", self.release_factor, [1.0, 10.0]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("step_s", self.step_s, [0.001, 1.0]),
+            ("horizon_s", self.horizon_s, [0.1, 60.0]),
+        ])?;
+        let least_s = self.time_to_collision_s * self.release_factor / STEPS_MAX;
+        let expected = format!("at least {least_s}, {STEPS_MAX} steps to the time to collision");
+        require("step_s", self.step_s, self.step_s >= least_s, expected)
     }
 }
+
+/// Steps of one look ahead at most.
+const STEPS_MAX: f64 = 10_000.0;
 
 /// The planner, with the storage it keeps from call to call.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_not_negative, require_positive, require_within};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::{angle_between, math};
 use swerve_msg::{EgoState, Plan};
 use swerve_vehicle::{Limits, Shape};
@@ -86,20 +86,22 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_positive("lateral_accel_max_mps2", self.lateral_accel_max_mps2)?;
-        require_positive("lateral_jerk_max_mps3", self.lateral_jerk_max_mps3)?;
-        require_positive("accel_max_mps2", self.accel_max_mps2)?;
-        require_positive("brake_max_mps2", self.brake_max_mps2)?;
-        require_not_negative("clearance_m", self.clearance_m)?;
-        require_not_negative("pass_person_m", self.pass_person_m)?;
-        require_not_negative("pass_vehicle_m", self.pass_vehicle_m)?;
-        require_within("ease_m", self.ease_m, [0.0, EASE_MAX_M])?;
-        require_within("time_gap_s", self.time_gap_s, [0.5, 10.0])?;
-        require_within("standstill_gap_m", self.standstill_gap_m, [0.5, 50.0])?;
-        require_within("steer_out_gap_m", self.steer_out_gap_m, [0.5, 50.0])?;
-        require_not_negative("other_lane_ttc_s", self.other_lane_ttc_s)?;
-        require_not_negative("overtake_gain_mps", self.overtake_gain_mps)?;
-        require_not_negative("over_line_max_s", self.over_line_max_s)
+        require_all_within(&[
+            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, [0.1, 30.0]),
+            ("lateral_jerk_max_mps3", self.lateral_jerk_max_mps3, [0.1, 1000.0]),
+            ("accel_max_mps2", self.accel_max_mps2, [0.1, 20.0]),
+            ("brake_max_mps2", self.brake_max_mps2, [0.1, 20.0]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("pass_person_m", self.pass_person_m, [0.0, 10.0]),
+            ("pass_vehicle_m", self.pass_vehicle_m, [0.0, 10.0]),
+            ("ease_m", self.ease_m, [0.0, EASE_MAX_M]),
+            ("time_gap_s", self.time_gap_s, [0.5, 10.0]),
+            ("standstill_gap_m", self.standstill_gap_m, [0.5, 50.0]),
+            ("steer_out_gap_m", self.steer_out_gap_m, [0.5, 50.0]),
+            ("other_lane_ttc_s", self.other_lane_ttc_s, [0.0, 60.0]),
+            ("overtake_gain_mps", self.overtake_gain_mps, [0.0, 100.0]),
+            ("over_line_max_s", self.over_line_max_s, [0.0, 600.0]),
+        ])
     }
 
     /// Largest steering rate at a speed, rad/s.
@@ -225,13 +227,14 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
         Manner::GoesRound => round,
         // Nearness is summed over samples: seconds are to weigh as much as there.
         Manner::KeepsAway { weight_obstacle, time_step_s } => {
-            fot::Params { weight_obstacle: weight_obstacle * round.time_step_s / time_step_s, ..round }
+            let weight_obstacle = (weight_obstacle * round.time_step_s / time_step_s).min(fot::WEIGHT_MAX);
+            fot::Params { weight_obstacle, ..round }
         }
     }
 }
 
 /// More than any vehicle's speed, m/s.
-const SPEED_MAX_MPS: f64 = 1e3;
+const SPEED_MAX_MPS: f64 = 150.0;
 
 /// An ego nearer to its plan than this, in place, speed and heading, takes it up where it should be by now.
 const ON_PLAN_M: f64 = 0.5;

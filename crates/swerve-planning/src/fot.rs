@@ -17,6 +17,7 @@ pub(crate) mod poly;
 pub mod search;
 
 pub use params::Params;
+pub(crate) use params::WEIGHT_MAX;
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, math};

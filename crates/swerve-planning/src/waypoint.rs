@@ -8,9 +8,11 @@
 //! stops before whatever is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile
 //! that ends at zero there. A `standstill_gap_m` of zero leaves the factors alone.
 
+use std::f64::consts::PI;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::{angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
@@ -81,24 +83,23 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("person_distance_m", self.person_distance_m),
-            ("person_angle_rad", self.person_angle_rad),
-            ("person_emergency_distance_m", self.person_emergency_distance_m),
-            ("person_emergency_angle_rad", self.person_emergency_angle_rad),
-            ("vehicle_distance_m", self.vehicle_distance_m),
-            ("vehicle_angle_rad", self.vehicle_angle_rad),
-            ("coast_factor", self.coast_factor),
-            ("predicted_places", f64::from(self.predicted_places)),
-            ("direction_ahead_m", self.direction_ahead_m),
-            ("comfort_brake_mps2", self.comfort_brake_mps2),
-            ("horizon_s", self.horizon_s),
-            ("stop_below", self.stop_below),
-        ] {
-            require_positive(key, value)?;
-        }
-        require_not_negative("standstill_gap_m", self.standstill_gap_m)?;
-        require_not_negative("corridor_margin_m", self.corridor_margin_m)
+        let (distance, angle) = ([0.1, 1000.0], [0.001, PI]);
+        require_all_within(&[
+            ("person_distance_m", self.person_distance_m, distance),
+            ("person_angle_rad", self.person_angle_rad, angle),
+            ("person_emergency_distance_m", self.person_emergency_distance_m, distance),
+            ("person_emergency_angle_rad", self.person_emergency_angle_rad, angle),
+            ("vehicle_distance_m", self.vehicle_distance_m, distance),
+            ("vehicle_angle_rad", self.vehicle_angle_rad, angle),
+            ("coast_factor", self.coast_factor, [0.1, 100.0]),
+            ("predicted_places", f64::from(self.predicted_places), [1.0, 10_000.0]),
+            ("direction_ahead_m", self.direction_ahead_m, distance),
+            ("comfort_brake_mps2", self.comfort_brake_mps2, [0.1, 20.0]),
+            ("horizon_s", self.horizon_s, [0.1, 60.0]),
+            ("stop_below", self.stop_below, [0.001, 1.0]),
+            ("standstill_gap_m", self.standstill_gap_m, [0.0, 100.0]),
+            ("corridor_margin_m", self.corridor_margin_m, [0.0, 10.0]),
+        ])
     }
 
     /// Share of the target speed that a person allows, at `distance_m` and `angle_rad` off the route.

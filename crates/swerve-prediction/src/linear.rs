@@ -7,7 +7,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_not_negative, require_within};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
@@ -69,13 +69,14 @@ impl Default for Params {
 impl Params {
     /// The first parameter outside its range, if there is one.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let Self { past_steps, future_steps, step_s, heading_speed_min_mps, .. } = *self;
-        require("past_steps", past_steps, past_steps >= 1, "at least 1")?;
-        require("future_steps", future_steps, future_steps <= 10_000, "at most 10000")?;
-        require_within("step_s", step_s, [1e-3, 10.0])?;
-        require_not_negative("heading_speed_min_mps", heading_speed_min_mps)?;
-        require_within("brake_window_s", self.brake_window_s, [0.0, 10.0])?;
-        require_not_negative("rest_speed_mps", self.rest_speed_mps)
+        require_all_within(&[
+            ("past_steps", self.past_steps as f64, [1.0, 1000.0]),
+            ("future_steps", self.future_steps as f64, [0.0, 10_000.0]),
+            ("step_s", self.step_s, [1e-3, 10.0]),
+            ("heading_speed_min_mps", self.heading_speed_min_mps, [0.0, 100.0]),
+            ("brake_window_s", self.brake_window_s, [0.0, 10.0]),
+            ("rest_speed_mps", self.rest_speed_mps, [0.0, 100.0]),
+        ])
     }
 }
 

@@ -16,7 +16,7 @@ mod truth;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_within};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_core::{Span, Time};
 use swerve_msg::{Forecast, ForecastList, Route, Track, TrackList};
 
@@ -111,8 +111,10 @@ pub struct Horizon {
 impl Horizon {
     /// The first part outside its range, if there is one.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require("steps", self.steps, (1..=10_000).contains(&self.steps), "from 1 to 10000")?;
-        require_within("step_s", self.step.as_secs(), [1e-3, 10.0])
+        require_all_within(&[
+            ("steps", self.steps as f64, [1.0, 10_000.0]),
+            ("step_s", self.step.as_secs(), [1e-3, 10.0]),
+        ])
     }
 
     /// The instants, the stamp first.

@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::ParamError;
-use swerve_core::param::{require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::Pose2;
 use swerve_msg::Plan;
 use swerve_planning::path::piece::{Piece, advance};
@@ -87,30 +86,26 @@ impl HybridAstarParams {
     /// # Errors
     /// The first parameter out of its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("step_m", self.step_m),
-            ("rad_step", self.rad_step),
-            ("rad_range", self.rad_range),
-            ("radius_m", self.radius_m),
-            ("completion_m", self.completion_m),
-            ("car_length_m", self.car_length_m),
-            ("car_width_m", self.car_width_m),
-            ("obstacle_range_m", self.obstacle_range_m),
-            ("goal_ahead_m", self.goal_ahead_m),
-        ] {
-            require_positive(key, value)?;
-        }
-        require_not_negative("lane_width_m", self.lane_width_m)?;
-        require_not_negative("clearance_m", self.clearance_m)?;
-        let coarse = self.rad_step * 1000.0 >= self.rad_range;
-        require("rad_step", self.rad_step, coarse, "at least a thousandth of rad_range")?;
-        let n = self.iterations_max;
-        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
+        // A thousand arcs of a scan at most.
+        require_all_within(&[
+            ("step_m", self.step_m, [0.1, 100.0]),
+            ("rad_step", self.rad_step, [0.01, 10.0]),
+            ("rad_range", self.rad_range, [0.01, 10.0]),
+            ("radius_m", self.radius_m, [0.5, 100.0]),
+            ("completion_m", self.completion_m, [0.01, 100.0]),
+            ("lane_width_m", self.lane_width_m, [0.0, 100.0]),
+            ("car_length_m", self.car_length_m, [0.1, 30.0]),
+            ("car_width_m", self.car_width_m, [0.1, 10.0]),
+            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
+            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
+        ])
     }
 }
 
 /// Most expansions that may be asked for: they bound the memory.
-const ITERATIONS_MAX: usize = 100_000;
+const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// The planner, with the storage it keeps from call to call.
 #[derive(Clone, Debug)]

@@ -3,8 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Rng;
-use swerve_core::param::ParamError;
-use swerve_core::param::{require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::Plan;
 use swerve_planning::{Budget, CollisionMode, Planner, Request};
@@ -70,29 +69,21 @@ impl RrtStarParams {
     /// # Errors
     /// The first parameter out of its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("step_m", self.step_m),
-            ("obstacle_range_m", self.obstacle_range_m),
-            ("goal_ahead_m", self.goal_ahead_m),
-        ] {
-            require_positive(key, value)?;
-        }
-        for (key, value) in [
-            ("arrival_m", self.arrival_m),
-            ("lane_width_m", self.lane_width_m),
-            ("clearance_m", self.clearance_m),
-        ] {
-            require_not_negative(key, value)?;
-        }
-        let share = self.goal_share;
-        require("goal_share", share, (0.0..=1.0).contains(&share), "0 to 1")?;
-        let n = self.iterations_max;
-        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
+        require_all_within(&[
+            ("step_m", self.step_m, [0.01, 100.0]),
+            ("arrival_m", self.arrival_m, [0.0, 100.0]),
+            ("lane_width_m", self.lane_width_m, [0.0, 100.0]),
+            ("goal_share", self.goal_share, [0.0, 1.0]),
+            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
+            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
+        ])
     }
 }
 
 /// Most iterations that may be asked for: they bound the memory.
-const ITERATIONS_MAX: u64 = 100_000;
+const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// The planner, with the storage it keeps from call to call.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ use core::f64::consts::{PI, TAU};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_positive, require_within};
+use swerve_core::param::{ParamError, require, require_all_within};
 
 /// A moment of Pylot's history.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -164,11 +164,12 @@ impl Rules {
     /// # Errors
     /// The first rule that cannot be.
     pub fn validate(&self, original: Original) -> Result<(), ParamError> {
-        let heading = self.heading_of_road_rad;
-        require("heading_of_road_rad", heading, heading.abs() <= TAU, "-2 pi to 2 pi")?;
-        require_positive("steer_gain", self.steer_gain)?;
-        require_within("default_throttle", self.default_throttle, [0.0, 1.0])?;
-        self.person_half_m.map_or(Ok(()), |half_m| require_within("person_half_m", half_m, [0.0, 1.0]))?;
+        require_all_within(&[
+            ("heading_of_road_rad", self.heading_of_road_rad, [-TAU, TAU]),
+            ("steer_gain", self.steer_gain, [0.001, 100.0]),
+            ("default_throttle", self.default_throttle, [0.0, 1.0]),
+            ("person_half_m", self.person_half_m.unwrap_or(0.0), [0.0, 1.0]),
+        ])?;
         let borders = original == Original::Fot && self.borders_only;
         let solid = self.solid_left.to_string();
         require("solid_left", solid, !(borders && self.solid_left), "false: `borders_only` excludes it")
@@ -212,7 +213,7 @@ mod tests {
         );
         assert_eq!(
             wrong(Rules { heading_of_road_rad: f64::NAN, ..fot }),
-            "`heading_of_road_rad` is NaN, expected -2 pi to 2 pi"
+            "`heading_of_road_rad` is NaN, expected -6.283185307179586 to 6.283185307179586"
         );
         assert_eq!(Rules { solid_left: true, borders_only: false, ..fot }.validate(Original::Fot), Ok(()));
     }

@@ -78,11 +78,13 @@ fn of_file(kind: FileKind) -> Vec<Key> {
 pub fn keys(registry: &Registry) -> Vec<Key> {
     let mut keys = schema::keys(&schema_for!(Config), "", None, Arrays::Whole);
     for key in &mut keys {
-        key.range = limits::range(&key.key, &key.form);
         key.choices.extend(limits::known_names(&key.key));
         key.choices.extend(kinds(&key.key, registry));
     }
     keys.extend(params::keys(registry));
+    for key in &mut keys {
+        key.range = limits::range(key);
+    }
     // Kinds that have keys in common, such as those of `[operator.NAME]`, tell them in one place.
     keys.sort_by(|a, b| (&a.key, &a.only_with).cmp(&(&b.key, &b.only_with)));
     keys

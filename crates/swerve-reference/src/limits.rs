@@ -9,7 +9,7 @@ use schemars::Schema;
 use serde_json::{Map, Number, Value};
 use swerve_scene::WeatherPreset;
 use swerve_stack::config::{Config, detectors};
-use swerve_text::parse_assignment;
+use swerve_text::{Document, parse_assignment};
 
 use crate::key::{Choice, Key};
 use crate::schema::{Arrays, keys_with_places};
@@ -39,7 +39,10 @@ fn keywords(key: &Key) -> Keywords {
     if !names.is_empty() {
         return Keywords::from_iter([("enum".to_owned(), names.into())]);
     }
-    range(&key.key, &key.form).map_or_else(Keywords::new, |range| ends(&key.key, &key.form, &range))
+    if !matches!(key.form.as_str(), "number" | "whole number") {
+        return Keywords::new();
+    }
+    range(key).map_or_else(Keywords::new, |range| ends(key, &range))
 }
 
 /// Names that a text may be, where the type does not say them and there are no others.
@@ -65,36 +68,112 @@ fn accepted_names(key: &str) -> Vec<String> {
     known_names(key).into_iter().map(|choice| choice.name).chain(carla).collect()
 }
 
-/// What the check of a configuration says of a number that is far too large, or too small.
-pub(crate) fn range(key: &str, form: &str) -> Option<String> {
-    const FAR: [&str; 6] = ["1e300", "-1e300", "4000000000000000000", "4000000000", "255", "0"];
-    if !matches!(form, "number" | "whole number") {
-        return None;
+/// Settings without which the check does not come to a key, by the beginning of the key: a preset, or keys beside it that
+/// have no default.
+const NEEDED: [(&str, &str); 10] = [
+    ("execution.detector_ms", "execution.model = \"periodic\"\nperception.detector = \"efficientdet-d5@d3\""),
+    ("execution.planner_ms", "execution.model = \"periodic\""),
+    ("operator.NAME.runtime.work", "operator.any.runtime.work = { per_unit_us = 1.0 }"),
+    (
+        "perception.calibration",
+        "perception.calibration = { target_ap = 0.5, ap = 0.5, ap_held_out = 0.5, measure = { overlap = \"image\", \
+         kinds = \"all\", recalls = \"coco101\" }, error_level = 1.0, within_m = 50.0, scenarios = [], seeds = [], draws_seed = 1, frames = 1, \
+         objects = 1 }",
+    ),
+    ("perception.params", "perception.detector = \"custom\""),
+    ("planning.cost.NAME.NAME.work", "planning.cost.fot.fast.work = { per_unit_us = 1.0 }"),
+    ("planning.rules", "planning.preset = \"paper\""),
+    ("sensing.mount", "sensing.mount = { x_m = 1.0, y_m = 0.0, z_m = 1.9, yaw_rad = 0.0 }"),
+    (
+        "sim.vehicle.tyre.lateral",
+        "sim.vehicle.tyre.lateral = { stiffness = 22.0, shape = 1.4, curvature = 0.0 }",
+    ),
+    (
+        "sim.vehicle.tyre.longitudinal",
+        "sim.vehicle.tyre.longitudinal = { stiffness = 22.0, shape = 1.6, curvature = 0.4 }",
+    ),
+];
+
+/// A configuration in which a key of the list can be set, as TOML, and the key in it.
+fn surroundings(key: &Key) -> (toml::Table, String) {
+    let needed = NEEDED.iter().find(|(start, _)| key.key.starts_with(start)).map_or("", |(_, needed)| needed);
+    let mut table: toml::Table = needed.parse().expect("a test asks for every key");
+    let place = key.key.replace("planning.cost.NAME.NAME", "planning.cost.fot.fast").replace("NAME", "any");
+    let section = ["planning", "perception.tracker", "operator.any"]
+        .into_iter()
+        .find(|section| place.starts_with(section));
+    for setting in key.only_with.iter().flat_map(|with| with.split(", ")) {
+        let setting = setting.replace(" = ", "=");
+        if let (Ok((name, value)), Some(section)) = (parse_assignment(&setting), section) {
+            let _is_table = swerve_text::set(&mut table, &format!("{section}.{name}"), value);
+        }
     }
-    // That a number has to be a whole one tells its type, a choice of names tells of other keys.
+    (table, place)
+}
+
+/// A number in the form of a key: an array has it everywhere.
+fn of_form(form: &str, number: &toml::Value) -> Option<toml::Value> {
+    if matches!(form, "number" | "whole number") {
+        return Some(number.clone());
+    }
+    let of = form.strip_prefix("array of ")?;
+    let counted = of.split_once(" x ").and_then(|(count, of)| Some((count.parse().ok()?, of)));
+    let (count, of) = counted.unwrap_or((1, of));
+    Some(toml::Value::Array(vec![of_form(of, number)?; count]))
+}
+
+/// The range that the check of a configuration states for a number that is far too large, or too small.
+pub(crate) fn range(key: &Key) -> Option<String> {
+    const FAR: [&str; 6] = ["1e300", "-1e300", "4000000000000000000", "4000000000", "255", "0"];
+    // The type of a number states that it is whole, and a choice of names belongs to other keys.
     let is_range = |told: &String| {
         !["a whole number", "one of", "exactly one of"].iter().any(|start| told.starts_with(start))
     };
-    let told = FAR.iter().filter_map(|value| expected(key, value)).find(is_range);
-    told.or_else(|| expected(key, "-1").filter(|told| told.starts_with("a whole number")))
+    let of_places = expected(key, FAR[0]);
+    if key.form.starts_with("array") && of_places.windows(2).any(|two| two[0] != two[1]) {
+        return None;
+    }
+    let told = FAR.iter().flat_map(|value| expected(key, value)).find(is_range);
+    told.or_else(|| expected(key, "-1").into_iter().find(|told| told.starts_with("a whole number")))
 }
 
-/// What the check says that it expected in the place of a value; none where it takes it.
-fn expected(key: &str, value: &str) -> Option<String> {
-    let key = key.replace("NAME", "any");
-    let set = parse_assignment(&format!("{key}={value}")).ok()?;
-    let problems = Config::load(None, &[set]).err()?;
-    let told = problems.iter().find(|problem| problem.key == key)?;
-    let (_, expected) = told.message.split_once("expected ")?;
-    let expected = expected.split(", found").next()?.split("; ").next()?;
-    Some(expected.to_owned())
+/// The ranges that the check expected in the place of a value; none where it accepts the value.
+fn expected(key: &Key, value: &str) -> Vec<String> {
+    expected_with(key, value, &[])
 }
 
-/// The ends of a range that is told in words.
-fn ends(key: &str, form: &str, range: &str) -> Keywords {
-    let whole = form == "whole number";
+/// The same, with other keys set too.
+fn expected_with(key: &Key, value: &str, with: &[(String, toml::Value)]) -> Vec<String> {
+    let (mut table, place) = surroundings(key);
+    for (key, value) in with {
+        if swerve_text::set(&mut table, key, value.clone()).is_err() {
+            return Vec::new();
+        }
+    }
+    let number =
+        parse_assignment(&format!("x={value}")).ok().and_then(|(_, number)| of_form(&key.form, &number));
+    let Some(number) = number else { return Vec::new() };
+    if swerve_text::set(&mut table, &place, number).is_err() {
+        return Vec::new();
+    }
+    let document = Document::parse("range", table.to_string());
+    let problems =
+        document.ok().and_then(|document| Config::from_document(&document, &[]).err()).unwrap_or_default();
+    let is_here =
+        |key: &str| key.strip_prefix(&place).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
+    let here = problems.iter().filter(|problem| is_here(&problem.key));
+    let ranges = here.filter_map(|problem| {
+        let (_, expected) = problem.message.split_once("expected ")?;
+        Some(expected.split(", found").next()?.split("; ").next()?.to_owned())
+    });
+    ranges.collect()
+}
+
+/// The ends of a range that is stated in words.
+fn ends(key: &Key, range: &str) -> Keywords {
+    let whole = key.form == "whole number";
     let text = |x: f64| if whole { format!("{x:.0}") } else { format!("{x:e}") };
-    let is_out = |x: f64| expected(key, &text(x)).as_deref() == Some(range);
+    let is_out = |x: f64| expected(key, &text(x)).iter().any(|told| told == range);
     let mut found = Keywords::new();
     for end in numbers(range).into_iter().filter(|end| !whole || end.fract() == 0.0) {
         let beside = if whole { 1.0 } else { (end.abs() * 1e-6).max(1e-12) };
@@ -119,28 +198,4 @@ fn numbers(text: &str) -> Vec<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ends_are_those_of_the_reader() {
-        let of = |key: &str, form: &str| {
-            let keywords = ends(key, form, &range(key, form).unwrap());
-            keywords
-                .into_iter()
-                .map(|(keyword, end)| format!("{keyword} {end}"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
-        for (key, form, wanted) in [
-            ("planning.added_latency_ms", "number", "maximum 100000, minimum 0"),
-            ("sim.dt_ms", "number", "maximum 20, minimum 1"),
-            ("camera.NAME.vignetting", "number", "maximum 1, minimum 0"),
-            ("sim.vehicle.tyre.friction", "number", "exclusiveMinimum 0, maximum 4"),
-            ("seed", "whole number", "minimum 0"),
-            ("log.jpeg_quality", "whole number", "maximum 100, minimum 1"),
-        ] {
-            assert_eq!(of(key, form), wanted, "{key}");
-        }
-    }
-}
+mod tests;

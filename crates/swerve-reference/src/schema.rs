@@ -94,7 +94,7 @@ impl<'a> Walk<'a> {
             form: form(self.defs, inner),
             default: default.and_then(as_toml),
             unit: unit(name),
-            range: None,
+            range: range(inner),
             doc: doc.unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" "),
             choices: choices(inner),
         }
@@ -164,6 +164,12 @@ fn form(defs: &Map<String, Value>, schema: &Value) -> String {
     });
     let told: Vec<String> = told.collect();
     if told.is_empty() { "any value".to_owned() } else { told.join(" or ") }
+}
+
+/// The range of a number that has both ends.
+fn range(schema: &Value) -> Option<String> {
+    let end = |keyword| schema.get(keyword).and_then(Value::as_f64);
+    Some(format!("{} to {}", end("minimum")?, end("maximum")?))
 }
 
 /// The names that a value may be.

@@ -15,11 +15,11 @@ const PLACE: Range = Range::between(-100_000.0, 100_000.0);
 /// Speeds, m/s.
 const SPEED: Range = Range::between(0.0, 100.0);
 /// Moving speeds, m/s.
-const MOVING: Range = Range::positive(100.0);
+const MOVING: Range = Range::between(0.01, 100.0);
 /// Ways and distances, metres.
-const WAY: Range = Range::positive(100_000.0);
+const WAY: Range = Range::between(0.001, 100_000.0);
 /// Lengths of time, seconds.
-const DURATION: Range = Range::positive(86_400.0);
+const DURATION: Range = Range::between(0.001, 86_400.0);
 /// A light whose place is not given stands this far behind its stop line, metres.
 const LIGHT_BEHIND_STOP_M: f64 = 2.0;
 /// And this far to the right of the drivable ground, metres.
@@ -93,10 +93,10 @@ fn road(top: &TableReader<'_>) -> Road {
         lights: Vec::new(),
     };
     let Some(table) = top.table("road") else { return road };
-    road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::positive(20.0));
-    road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::positive(100.0));
-    road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::positive(100.0));
-    road.friction = table.number_or("friction", road.friction, Range::positive(4.0));
+    road.lane_width_m = table.number_or("lane_width_m", road.lane_width_m, Range::between(0.1, 20.0));
+    road.left_m = table.number_or("left_m", 0.5 * road.lane_width_m, Range::between(0.05, 100.0));
+    road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::between(0.05, 100.0));
+    road.friction = table.number_or("friction", road.friction, Range::between(0.01, 4.0));
     for segment in table.tables("segments", |_| None) {
         // Zero is let through here: that the whole has no length is one clear problem of its own.
         let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::math;
 
 /// A weather by name.
@@ -207,17 +207,13 @@ impl Weather {
     /// # Errors
     /// The first field that is not.
     pub fn check(&self) -> Result<(), ParamError> {
-        let shares = [
-            ("cloudiness", self.cloudiness),
-            ("rain", self.rain),
-            ("wetness", self.wetness),
-            ("puddles", self.puddles),
-        ];
-        for (key, value) in shares {
-            require(key, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")?;
-        }
-        let fog = (0.0..=1.0).contains(&self.fog_1pm);
-        require("fog_1pm", self.fog_1pm, fog, "an extinction from 0 to 1 per metre")
+        require_all_within(&[
+            ("cloudiness", self.cloudiness, [0.0, 1.0]),
+            ("rain", self.rain, [0.0, 1.0]),
+            ("wetness", self.wetness, [0.0, 1.0]),
+            ("puddles", self.puddles, [0.0, 1.0]),
+            ("fog_1pm", self.fog_1pm, [0.0, 1.0]),
+        ])
     }
 
     /// Share of the direct sunlight that reaches the ground.

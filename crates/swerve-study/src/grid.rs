@@ -154,10 +154,9 @@ impl Budget {
         let mut below = (1e5, String::new());
         for (name, ms) in times {
             let (most_ms, whose) = below;
-            if !(ms.is_finite() && ms > 0.0 && ms <= most_ms) {
+            if !(BUDGET_MIN_MS..=most_ms).contains(&ms) {
                 let (most, found) = (number(most_ms), number(ms));
-                let message =
-                    format!("expected milliseconds above 0 and at most {most}{whose}, found {found}");
+                let message = format!("expected {BUDGET_MIN_MS} to {most}{whose}, found {found}");
                 problems.push(document.problem(&format!("budget.{name}"), message));
                 return;
             }
@@ -165,6 +164,9 @@ impl Budget {
         }
     }
 }
+
+/// The shortest time of a budget, ms.
+const BUDGET_MIN_MS: f64 = 0.1;
 
 /// A checked study.
 #[derive(Clone, Debug)]

@@ -9,35 +9,25 @@ use crate::bound::{NAME_MAX, too_long};
 use crate::words::{describe, did_you_mean, is_shown, list, unknown_key, unknown_name};
 use crate::{Document, Problem, Problems};
 
-/// Values that a number may take.
+/// Values that a number may take, both ends included.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
     low: f64,
     high: f64,
-    low_is_in: bool,
 }
 
 impl Range {
-    /// Both ends included.
+    /// From `low` to `high`.
     pub const fn between(low: f64, high: f64) -> Self {
-        Self { low, high, low_is_in: true }
-    }
-
-    /// Above zero, up to and with `high`.
-    pub const fn positive(high: f64) -> Self {
-        Self { low: 0.0, high, low_is_in: false }
+        Self { low, high }
     }
 
     fn holds(&self, x: f64) -> bool {
-        x <= self.high && if self.low_is_in { x >= self.low } else { x > self.low }
+        (self.low..=self.high).contains(&x)
     }
 
     fn wanted(&self) -> String {
-        if self.low_is_in {
-            format!("a number from {} to {}", self.low, self.high)
-        } else {
-            format!("a number above {} and at most {}", self.low, self.high)
-        }
+        format!("a number from {} to {}", self.low, self.high)
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use swerve_core::Span;
-use swerve_flow::{Policy, Reaction};
+use swerve_flow::{Policy, Reaction, RuntimeModel};
 use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
 use swerve_text::{Document, Problems, nearest, number};
 
@@ -144,7 +144,11 @@ impl Reader<'_> {
             at,
             latest,
             feedback,
-            runtime: self.keep(&key("runtime"), runtime(&table.runtime)).unwrap_or_default(),
+            runtime: runtime(&table.runtime).unwrap_or_else(|(inner, message)| {
+                let dot = if inner.is_empty() { "" } else { "." };
+                self.problem(&format!("{}{dot}{inner}", key("runtime")), message);
+                RuntimeModel::default()
+            }),
             policy: self.keep(&key("policy"), policy).unwrap_or_default(),
             deadline: deadline.and_then(|deadline| self.keep(&key("deadline"), deadline)),
             uses: table.uses.as_deref().and_then(|name| self.uses(&key("uses"), name)),
@@ -247,15 +251,14 @@ impl Reader<'_> {
     }
 }
 
-fn runtime(table: &Runtime) -> Result<swerve_flow::RuntimeModel, String> {
+/// The model of a run time; the key in it that is wrong, and what is wrong.
+fn runtime(table: &Runtime) -> Result<RuntimeModel, (&'static str, String)> {
     if table.work.is_some() || table.measured.is_some() {
-        return Err(
-            "a black box does no work to be counted or measured: expected one of zero, fixed_ms, cycle_ms, \
-                    normal_ms, log_normal_ms, percentiles_ms"
-                .to_owned(),
-        );
+        let message = "a black box does no work to be counted or measured: expected one of zero, fixed_ms, cycle_ms, \
+                       normal_ms, log_normal_ms, percentiles_ms";
+        return Err(("", message.to_owned()));
     }
-    table.model()
+    table.model_by_key()
 }
 
 fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {

@@ -110,7 +110,7 @@ fn times_that_are_none_are_refused() {
         refused(
             "fixed_ms = 80",
             &format!("fixed_ms = {bad}"),
-            "9: operator[1].runtime: expected milli",
+            "9: operator[1].runtime.fixed_ms: expected 0 to 86400000",
             "found",
         );
         refused(
@@ -130,9 +130,9 @@ fn a_run_time_is_required_and_one() {
     for (bad, part) in [
         ("", "exactly one"),
         ("fixed_ms = 80, zero = true", "exactly one"),
-        ("zero = false", "only be true"),
+        ("zero = false", "expected true"),
         ("cycle_ms = []", "at least one"),
-        ("cycle_ms = [5, 0]", "above zero"),
+        ("cycle_ms = [5, 0]", "expected 0.001 to 86400000"),
         ("normal_ms = [1]", "normal_ms"),
         ("percentiles_ms = [[50, 70], [50, 80]]", "rising"),
         ("percentiles_ms = [[50, 70], [60, 60]]", "rising"),

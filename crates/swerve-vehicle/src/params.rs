@@ -7,7 +7,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require};
+use swerve_core::param::{ParamError, Ranged, require, require_all_within};
 
 use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape, SteeringParams};
 
@@ -266,97 +266,77 @@ impl Default for AeroParams {
 impl VehicleParams {
     /// The first parameter that is out of range, if any.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in self.positive() {
-            require(key, value, value > 0.0, "above 0")?;
-        }
-        for (key, value) in self.not_negative() {
-            require(key, value, value >= 0.0, "at least 0")?;
-        }
-        for (key, value) in self.shares() {
-            require(key, value, (0.0..=1.0).contains(&value), "between 0 and 1")?;
-        }
-        let weight = self.body.front_weight_share;
-        require("body.front_weight_share", weight, (0.2..=0.8).contains(&weight), "inside 0.2 to 0.8")?;
-        let steering = self.limits.steering_max_rad;
-        let sound = steering > 0.0 && steering <= 1.25;
-        require("limits.steering_max_rad", steering, sound, "inside 0 to 1.25")?;
-        let curve = &self.steering.curve;
+        require_all_within(&self.ranged_of_chassis())?;
+        require_all_within(&self.ranged_of_actuators())?;
         let sound = self.steering.curve_is_sound();
-        require("steering.curve", format!("{curve:?}"), sound, "increasing speeds with shares from 0 to 1")?;
-        let friction = self.tyre.friction.unwrap_or(1.0);
-        require("tyre.friction", friction, friction > 0.0 && friction <= 4.0, "above 0 and at most 4")?;
-        let dead = self.dead_time_s;
-        require("dead_time_s", dead, (0.0..=10.0).contains(&dead), "inside 0 to 10")?;
-        let tyre = &self.tyre;
-        for (key, shape) in
-            [("tyre.longitudinal.shape", tyre.longitudinal.shape), ("tyre.lateral.shape", tyre.lateral.shape)]
-        {
-            require(key, shape, (1.0..=2.0).contains(&shape), "inside 1 to 2")?;
-        }
-        for (key, curvature) in [
-            ("tyre.longitudinal.curvature", tyre.longitudinal.curvature),
-            ("tyre.lateral.curvature", tyre.lateral.curvature),
-        ] {
-            require(key, curvature, (-10.0..=1.0).contains(&curvature), "inside -10 to 1")?;
-        }
-        Ok(())
+        let curve = format!("{:?}", self.steering.curve);
+        let wanted = "increasing speeds from 0 to 200 with shares from 0 to 1";
+        require("steering.curve", curve, sound, wanted)
     }
 
-    fn positive(&self) -> [(&'static str, f64); 19] {
-        let Self { shape, limits, body, suspension, wheel, tyre, drivetrain, brakes, .. } = self;
+    fn ranged_of_chassis(&self) -> [Ranged; 34] {
+        let Self { shape, body, suspension, wheel, tyre, aero, .. } = self;
         [
-            ("shape.length_m", shape.length_m),
-            ("shape.width_m", shape.width_m),
-            ("shape.height_m", shape.height_m),
-            ("shape.wheelbase_m", shape.wheelbase_m),
-            ("limits.steering_rate_max_radps", limits.steering_rate_max_radps),
-            ("body.mass_kg", body.mass_kg),
-            ("body.roll_inertia_kgm2", body.roll_inertia_kgm2),
-            ("body.pitch_inertia_kgm2", body.pitch_inertia_kgm2),
-            ("body.yaw_inertia_kgm2", body.yaw_inertia_kgm2),
-            ("body.track_m", body.track_m),
-            ("suspension.front_spring_npm", suspension.front_spring_npm),
-            ("suspension.rear_spring_npm", suspension.rear_spring_npm),
-            ("wheel.radius_m", wheel.radius_m),
-            ("wheel.spin_inertia_kgm2", wheel.spin_inertia_kgm2),
-            ("tyre.nominal_load_n", tyre.nominal_load_n),
-            ("tyre.relaxation_longitudinal_m", tyre.relaxation_longitudinal_m),
-            ("tyre.relaxation_lateral_m", tyre.relaxation_lateral_m),
-            ("drivetrain.torque_max_nm", drivetrain.torque_max_nm),
-            ("brakes.torque_max_nm", brakes.torque_max_nm),
+            ("shape.length_m", shape.length_m, [0.5, 30.0]),
+            ("shape.width_m", shape.width_m, [0.3, 5.0]),
+            ("shape.height_m", shape.height_m, [0.3, 6.0]),
+            ("shape.wheelbase_m", shape.wheelbase_m, [0.3, 20.0]),
+            ("shape.rear_overhang_m", shape.rear_overhang_m, [0.0, 15.0]),
+            ("body.mass_kg", body.mass_kg, [50.0, 100_000.0]),
+            ("body.cg_height_m", body.cg_height_m, [0.0, 5.0]),
+            ("body.front_weight_share", body.front_weight_share, [0.2, 0.8]),
+            ("body.roll_inertia_kgm2", body.roll_inertia_kgm2, [1.0, 1e6]),
+            ("body.pitch_inertia_kgm2", body.pitch_inertia_kgm2, [1.0, 1e7]),
+            ("body.yaw_inertia_kgm2", body.yaw_inertia_kgm2, [1.0, 1e7]),
+            ("body.track_m", body.track_m, [0.2, 5.0]),
+            ("suspension.front_spring_npm", suspension.front_spring_npm, [1000.0, 1e6]),
+            ("suspension.rear_spring_npm", suspension.rear_spring_npm, [1000.0, 1e6]),
+            ("suspension.damper_nspm", suspension.damper_nspm, [0.0, 1e5]),
+            ("suspension.front_anti_roll_npm", suspension.front_anti_roll_npm, [0.0, 1e6]),
+            ("suspension.rear_anti_roll_npm", suspension.rear_anti_roll_npm, [0.0, 1e6]),
+            ("suspension.bump_stop_m", suspension.bump_stop_m, [0.0, 1.0]),
+            ("suspension.bump_stop_npm", suspension.bump_stop_npm, [0.0, 1e7]),
+            ("wheel.radius_m", wheel.radius_m, [0.05, 2.0]),
+            ("wheel.spin_inertia_kgm2", wheel.spin_inertia_kgm2, [0.01, 100.0]),
+            ("wheel.rolling_resistance", wheel.rolling_resistance, [0.0, 1.0]),
+            ("tyre.longitudinal.stiffness", tyre.longitudinal.stiffness, [1.0, 200.0]),
+            ("tyre.longitudinal.shape", tyre.longitudinal.shape, [1.0, 2.0]),
+            ("tyre.longitudinal.curvature", tyre.longitudinal.curvature, [-10.0, 1.0]),
+            ("tyre.lateral.stiffness", tyre.lateral.stiffness, [1.0, 200.0]),
+            ("tyre.lateral.shape", tyre.lateral.shape, [1.0, 2.0]),
+            ("tyre.lateral.curvature", tyre.lateral.curvature, [-10.0, 1.0]),
+            ("tyre.friction", tyre.friction.unwrap_or(1.0), [0.01, 4.0]),
+            ("tyre.nominal_load_n", tyre.nominal_load_n, [10.0, 1e6]),
+            ("tyre.load_sensitivity", tyre.load_sensitivity, [0.0, 1.0]),
+            ("tyre.stiffness_load_sensitivity", tyre.stiffness_load_sensitivity, [0.0, 1.0]),
+            ("aero.drag_area_m2", aero.drag_area_m2, [0.0, 100.0]),
+            ("aero.air_density_kgpm3", aero.air_density_kgpm3, [0.0, 100.0]),
         ]
     }
 
-    fn not_negative(&self) -> [(&'static str, f64); 17] {
-        let Self { shape, limits, body, suspension, wheel, drivetrain, brakes, steering, aero, .. } = self;
+    fn ranged_of_actuators(&self) -> [Ranged; 20] {
+        let Self { limits, tyre, drivetrain, brakes, steering, .. } = self;
         [
-            ("shape.rear_overhang_m", shape.rear_overhang_m),
-            ("limits.accel_max_mps2", limits.accel_max_mps2),
-            ("limits.brake_max_mps2", limits.brake_max_mps2),
-            ("limits.lateral_accel_max_mps2", limits.lateral_accel_max_mps2),
-            ("body.cg_height_m", body.cg_height_m),
-            ("suspension.damper_nspm", suspension.damper_nspm),
-            ("suspension.front_anti_roll_npm", suspension.front_anti_roll_npm),
-            ("suspension.rear_anti_roll_npm", suspension.rear_anti_roll_npm),
-            ("suspension.bump_stop_m", suspension.bump_stop_m),
-            ("suspension.bump_stop_npm", suspension.bump_stop_npm),
-            ("wheel.rolling_resistance", wheel.rolling_resistance),
-            ("drivetrain.power_max_w", drivetrain.power_max_w),
-            ("drivetrain.lag_s", drivetrain.lag_s),
-            ("brakes.build_up_s", brakes.build_up_s),
-            ("steering.lag_s", steering.lag_s),
-            ("aero.drag_area_m2", aero.drag_area_m2),
-            ("aero.air_density_kgpm3", aero.air_density_kgpm3),
-        ]
-    }
-
-    fn shares(&self) -> [(&'static str, f64); 5] {
-        [
-            ("drivetrain.front_share", self.drivetrain.front_share),
-            ("brakes.front_share", self.brakes.front_share),
-            ("brakes.abs.slip_target", self.brakes.abs.slip_target),
-            ("tyre.load_sensitivity", self.tyre.load_sensitivity),
-            ("tyre.stiffness_load_sensitivity", self.tyre.stiffness_load_sensitivity),
+            ("limits.steering_max_rad", limits.steering_max_rad, [0.01, 1.25]),
+            ("limits.steering_rate_max_radps", limits.steering_rate_max_radps, [0.01, 10.0]),
+            ("limits.lateral_accel_max_mps2", limits.lateral_accel_max_mps2, [0.1, 50.0]),
+            ("limits.accel_max_mps2", limits.accel_max_mps2, [0.1, 50.0]),
+            ("limits.brake_max_mps2", limits.brake_max_mps2, [0.1, 50.0]),
+            ("tyre.relaxation_longitudinal_m", tyre.relaxation_longitudinal_m, [0.01, 10.0]),
+            ("tyre.relaxation_lateral_m", tyre.relaxation_lateral_m, [0.01, 10.0]),
+            ("drivetrain.torque_max_nm", drivetrain.torque_max_nm, [1.0, 1e6]),
+            ("drivetrain.power_max_w", drivetrain.power_max_w, [0.0, 1e7]),
+            ("drivetrain.lag_s", drivetrain.lag_s, [0.0, 10.0]),
+            ("drivetrain.front_share", drivetrain.front_share, [0.0, 1.0]),
+            ("brakes.torque_max_nm", brakes.torque_max_nm, [1.0, 1e6]),
+            ("brakes.front_share", brakes.front_share, [0.0, 1.0]),
+            ("brakes.build_up_s", brakes.build_up_s, [0.0, 10.0]),
+            ("brakes.abs.slip_target", brakes.abs.slip_target, [0.0, 1.0]),
+            ("brakes.abs.apply_rate_ps", brakes.abs.apply_rate_ps, [0.0, 1000.0]),
+            ("brakes.abs.release_rate_ps", brakes.abs.release_rate_ps, [0.0, 1000.0]),
+            ("brakes.abs.speed_min_mps", brakes.abs.speed_min_mps, [0.0, 100.0]),
+            ("steering.lag_s", steering.lag_s, [0.0, 10.0]),
+            ("dead_time_s", self.dead_time_s, [0.0, 10.0]),
         ]
     }
 
@@ -435,21 +415,15 @@ mod tests {
             change(&mut params);
             params.validate().unwrap_err().to_string()
         };
-        assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "`body.mass_kg` is -1, expected above 0");
-        assert_eq!(
-            wrong(|p| p.tyre.friction = Some(9.0)),
-            "`tyre.friction` is 9, expected above 0 and at most 4"
-        );
+        assert_eq!(wrong(|p| p.body.mass_kg = -1.0), "`body.mass_kg` is -1, expected 50 to 100000");
+        assert_eq!(wrong(|p| p.tyre.friction = Some(9.0)), "`tyre.friction` is 9, expected 0.01 to 4");
         assert_eq!(
             wrong(|p| p.steering.curve[1][1] = 1.5),
-            "`steering.curve` is [[0.0, 1.0], [10.0, 1.5], [20.0, 1.0], [30.0, 1.0]], expected increasing speeds with \
-             shares from 0 to 1"
+            "`steering.curve` is [[0.0, 1.0], [10.0, 1.5], [20.0, 1.0], [30.0, 1.0]], expected increasing speeds \
+             from 0 to 200 with shares from 0 to 1"
         );
-        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "`dead_time_s` is NaN, expected inside 0 to 10");
-        assert_eq!(
-            wrong(|p| p.brakes.front_share = 1.5),
-            "`brakes.front_share` is 1.5, expected between 0 and 1"
-        );
+        assert_eq!(wrong(|p| p.dead_time_s = f64::NAN), "`dead_time_s` is NaN, expected 0 to 10");
+        assert_eq!(wrong(|p| p.brakes.front_share = 1.5), "`brakes.front_share` is 1.5, expected 0 to 1");
         assert_eq!(
             wrong(|p| p.limits.steering_max_rad = 3.0),
             "`limits.steering_max_rad` is 3, expected inside 0 to 1.25"

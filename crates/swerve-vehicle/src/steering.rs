@@ -29,7 +29,8 @@ impl SteeringParams {
     }
 
     pub(crate) fn curve_is_sound(&self) -> bool {
-        let shares = self.curve.iter().all(|[v, share]| v.is_finite() && (0.0..=1.0).contains(share));
+        let shares =
+            self.curve.iter().all(|[v, share]| (0.0..=200.0).contains(v) && (0.0..=1.0).contains(share));
         shares && self.curve.windows(2).all(|pair| pair[0][0] < pair[1][0])
     }
 }

@@ -24,8 +24,7 @@ mod simulated;
 #[cfg(test)]
 mod tests;
 
-use swerve_core::ParamError;
-use swerve_core::param::require;
+use swerve_core::param::{ParamError, require, require_all_within};
 use swerve_geom::{Camera, Ego, Point, Transform, math};
 use thiserror::Error;
 
@@ -131,10 +130,11 @@ impl LaneSettings {
     /// The first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
         let [narrow, wide] = self.width_m;
-        require("mark_m", self.mark_m, (0.02..=1.0).contains(&self.mark_m), "0.02 to 1 m")?;
-        require("reach_m", self.reach_m, (10.0..=200.0).contains(&self.reach_m), "10 to 200 m")?;
-        let pitch = self.pitch_deviation_rad;
-        require("pitch_deviation_rad", pitch, (1e-4..=0.05).contains(&pitch), "0.0001 to 0.05")?;
+        require_all_within(&[
+            ("mark_m", self.mark_m, [0.02, 1.0]),
+            ("reach_m", self.reach_m, [10.0, 200.0]),
+            ("pitch_deviation_rad", self.pitch_deviation_rad, [1e-4, 0.05]),
+        ])?;
         require("width_m", narrow, (1.0..=20.0).contains(&narrow), "a narrowest lane of 1 to 20 m")?;
         require(
             "width_m",

@@ -168,7 +168,7 @@ fn what_cannot_be_drawn_is_refused() {
     };
     let mut odd = scene.clone();
     odd.weather.rain = 7.0;
-    assert_eq!(refused(&odd, &view), "weather: `rain` is 7, expected a number from 0 to 1");
+    assert_eq!(refused(&odd, &view), "weather: `rain` is 7, expected 0 to 1");
     let mut odd = scene.clone();
     odd.sun.azimuth_rad = f64::NAN;
     assert_eq!(refused(&odd, &view), "the sun's direction is not finite");

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_vehicle::VehicleParams;
 
 /// Limits and times of a [`SafetyGate`](super::SafetyGate).
@@ -99,11 +99,11 @@ impl GateParams {
             steering_rate_max_radps: limits.steering_rate_max_radps,
             lateral_accel_max_mps2: swerve_vehicle::GRAVITY_MPS2,
             wheelbase_m: vehicle.shape.wheelbase_m,
-            accel_max_mps2: limits.accel_max_mps2,
-            decel_max_mps2: brakes_mps2.min(20.0),
-            jerk_max_mps3: (brakes_mps2 / build_up_s).min(1000.0),
+            accel_max_mps2: limits.accel_max_mps2.clamp(0.1, 20.0),
+            decel_max_mps2: brakes_mps2.clamp(0.1, 20.0),
+            jerk_max_mps3: (brakes_mps2 / build_up_s).clamp(0.1, 1000.0),
             stop_decel_mps2: 3.0,
-            emergency_decel_mps2: limits.brake_max_mps2,
+            emergency_decel_mps2: limits.brake_max_mps2.clamp(0.1, 20.0),
             lane_margin_m: (0.5 * (LANE_WIDTH_M - vehicle.shape.width_m)).max(0.2),
             ..Self::default()
         }
@@ -116,26 +116,25 @@ impl GateParams {
     /// # Errors
     /// The first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let checks = [
-            ("command_timeout_s", self.command_timeout_s, 0.01, 10.0),
-            ("report_timeout_s", self.report_timeout_s, 0.01, 10.0),
-            ("repeat_max_s", self.repeat_max_s, 0.0, 60.0),
-            ("origin_timeout_s", self.origin_timeout_s, 0.0, 60.0),
-            ("ahead_max_s", self.ahead_max_s, 0.0, 10.0),
-            ("steering_max_rad", self.steering_max_rad, 0.01, 1.5),
-            ("steering_rate_max_radps", self.steering_rate_max_radps, 0.01, 10.0),
-            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, 0.1, 30.0),
-            ("wheelbase_m", self.wheelbase_m, 0.1, 20.0),
-            ("speed_max_mps", self.speed_max_mps, 0.1, 150.0),
-            ("reverse_max_mps", self.reverse_max_mps, 0.0, 20.0),
-            ("accel_max_mps2", self.accel_max_mps2, 0.1, 20.0),
-            ("decel_max_mps2", self.decel_max_mps2, 0.1, 20.0),
-            ("jerk_max_mps3", self.jerk_max_mps3, 0.1, 1000.0),
-            ("stop_decel_mps2", self.stop_decel_mps2, 0.1, 20.0),
-            ("emergency_decel_mps2", self.emergency_decel_mps2, 0.1, 20.0),
-            ("hold_decel_mps2", self.hold_decel_mps2, 0.1, 20.0),
-            ("lane_margin_m", self.lane_margin_m, 0.0, 10.0),
-        ];
-        checks.into_iter().try_for_each(|(key, value, min, max)| require_within(key, value, [min, max]))
+        require_all_within(&[
+            ("command_timeout_s", self.command_timeout_s, [0.01, 10.0]),
+            ("report_timeout_s", self.report_timeout_s, [0.01, 10.0]),
+            ("repeat_max_s", self.repeat_max_s, [0.0, 60.0]),
+            ("origin_timeout_s", self.origin_timeout_s, [0.0, 60.0]),
+            ("ahead_max_s", self.ahead_max_s, [0.0, 10.0]),
+            ("steering_max_rad", self.steering_max_rad, [0.01, 1.5]),
+            ("steering_rate_max_radps", self.steering_rate_max_radps, [0.01, 10.0]),
+            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, [0.1, 30.0]),
+            ("wheelbase_m", self.wheelbase_m, [0.1, 20.0]),
+            ("speed_max_mps", self.speed_max_mps, [0.1, 150.0]),
+            ("reverse_max_mps", self.reverse_max_mps, [0.0, 20.0]),
+            ("accel_max_mps2", self.accel_max_mps2, [0.1, 20.0]),
+            ("decel_max_mps2", self.decel_max_mps2, [0.1, 20.0]),
+            ("jerk_max_mps3", self.jerk_max_mps3, [0.1, 1000.0]),
+            ("stop_decel_mps2", self.stop_decel_mps2, [0.1, 20.0]),
+            ("emergency_decel_mps2", self.emergency_decel_mps2, [0.1, 20.0]),
+            ("hold_decel_mps2", self.hold_decel_mps2, [0.1, 20.0]),
+            ("lane_margin_m", self.lane_margin_m, [0.0, 10.0]),
+        ])
     }
 }

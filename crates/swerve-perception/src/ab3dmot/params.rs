@@ -2,11 +2,10 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_msg::ActorKind;
 
 use super::solid::Solid;
-use crate::validate::within;
 
 /// What makes a box and a track alike.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -134,7 +133,7 @@ impl Params {
             Affinity::Distance => [0.01, 50.0],
         };
         let counts = [1.0, 100.0];
-        within(&[
+        require_all_within(&[
             ("score_min", self.score_min, [0.0, 1.0]),
             ("sightings_max", self.sightings_max as f64, [1.0, 1000.0]),
             ("frame_s", self.frame_s, [1e-3, 10.0]),

@@ -2,12 +2,10 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::math;
 
 use super::drift::Drift;
-
-use crate::validate::within;
 
 /// What a detector looks with; sets how far off the places are.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -125,6 +123,6 @@ impl Params {
             ("pose_errors.correlation", self.pose_errors.correlation, [0.0, 1.0]),
             ("pose_errors.period_s", self.pose_errors.period_s, [1e-3, 1e3]),
         ];
-        within(&all)
+        require_all_within(&all)
     }
 }

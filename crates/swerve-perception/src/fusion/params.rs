@@ -2,9 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
-
-use crate::validate::within;
+use swerve_core::param::{ParamError, require_all_within};
 
 /// Parameters of the fusion.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -60,7 +58,7 @@ impl Params {
     /// # Errors
     /// There is one.
     pub fn validate(&self) -> Result<(), ParamError> {
-        within(&[
+        require_all_within(&[
             ("iou_min", self.iou_min, [0.01, 1.0]),
             // Above zero, or a covariance could be none.
             ("edge_noise_px", self.edge_noise_px, [0.01, 100.0]),

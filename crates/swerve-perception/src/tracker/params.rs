@@ -2,10 +2,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_msg::ActorKind;
-
-use crate::validate::within;
 
 /// How things of a kind move.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -117,6 +115,6 @@ impl Params {
             ("fixed.accel_density", self.fixed.accel_density, [1e-6, 1e3]),
             ("fixed.change_mps", self.fixed.change_mps, [0.0, 100.0]),
         ];
-        within(&all)
+        require_all_within(&all)
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require, require_all_within};
 
 /// Parameters of the policy.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -58,36 +58,29 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("detector_min_s", self.detector_min_s),
-            ("planner_min_s", self.planner_min_s),
-            ("brake_mps2", self.brake_mps2),
-            ("count_within_m", self.count_within_m),
+        // A day.
+        let budget = [0.001, 86_400.0];
+        require_all_within(&[
+            ("detector_min_s", self.detector_min_s, budget),
+            ("detector_max_s", self.detector_max_s, budget),
+            ("planner_min_s", self.planner_min_s, budget),
+            ("planner_max_s", self.planner_max_s, budget),
+            ("brake_mps2", self.brake_mps2, [0.1, 20.0]),
+            ("margin_m", self.margin_m, [0.0, 100.0]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("reach_m", self.reach_m, [0.0, 100.0]),
+            ("count_within_m", self.count_within_m, [0.1, 1000.0]),
+            ("planner_share_empty", self.planner_share_empty, [0.0, 1.0]),
+            ("planner_share_full", self.planner_share_full, [0.0, 1.0]),
+            ("full_at", f64::from(self.full_at), [1.0, 10_000.0]),
+        ])?;
+        for (key, high, low_key, low) in [
+            ("detector_max_s", self.detector_max_s, "detector_min_s", self.detector_min_s),
+            ("planner_max_s", self.planner_max_s, "planner_min_s", self.planner_min_s),
+            ("planner_share_full", self.planner_share_full, "planner_share_empty", self.planner_share_empty),
         ] {
-            require_positive(key, value)?;
+            require(key, high, high >= low, format!("at least {low_key}, which is {low}"))?;
         }
-        for (key, value) in [
-            ("margin_m", self.margin_m),
-            ("clearance_m", self.clearance_m),
-            ("reach_m", self.reach_m),
-            ("planner_share_empty", self.planner_share_empty),
-        ] {
-            require_not_negative(key, value)?;
-        }
-        let day_s = 86_400.0;
-        let most = |key, least: f64, most: f64| {
-            require(
-                key,
-                most,
-                (least..=day_s).contains(&most),
-                "a number not below the least, nor above a day",
-            )
-        };
-        most("detector_max_s", self.detector_min_s, self.detector_max_s)?;
-        most("planner_max_s", self.planner_min_s, self.planner_max_s)?;
-        let full = self.planner_share_full;
-        let share = (self.planner_share_empty..=1.0).contains(&full);
-        require("planner_share_full", full, share, "planner_share_empty to 1")?;
-        require("full_at", self.full_at, self.full_at > 0, "at least 1")
+        Ok(())
     }
 }

@@ -2,12 +2,15 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require, require_all_within};
 
 use crate::collision::CollisionMode;
 
 /// Most candidates that a lattice may have.
 const CANDIDATES_MAX: f64 = 5e6;
+
+/// Largest weight of a cost.
+pub(crate) const WEIGHT_MAX: f64 = 1e6;
 
 /// Parameters; the defaults are those of the paper's person-avoidance experiment (Pylot,
 /// `person_avoidance_frenet_*`), with left and right in our right-handed frame.
@@ -130,46 +133,38 @@ impl Params {
 
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("obstacle_range_m", self.obstacle_range_m),
-            ("max_speed_mps", self.max_speed_mps),
-            ("max_accel_mps2", self.max_accel_mps2),
-            ("max_curvature_1pm", self.max_curvature_1pm),
-            ("lateral_step_m", self.lateral_step_m),
-            ("time_step_s", self.time_step_s),
-            ("horizon_min_s", self.horizon_min_s),
-            ("speed_step_mps", self.speed_step_mps),
-        ] {
-            require_positive(key, value)?;
-        }
-        for (key, value) in [
-            ("follow_gap_m", self.follow_gap_m),
-            ("follow_time_s", self.follow_time_s),
-            ("clearance_m", self.clearance_m),
-            ("road_margin_m", self.road_margin_m),
-            ("tail_s", self.tail_s),
-            ("weight_offset", self.weight_offset),
-            ("weight_lateral_speed", self.weight_lateral_speed),
-            ("weight_accel", self.weight_accel),
-            ("weight_jerk", self.weight_jerk),
-            ("weight_time", self.weight_time),
-            ("weight_obstacle", self.weight_obstacle),
-            ("weight_lateral", self.weight_lateral),
-            ("weight_longitudinal", self.weight_longitudinal),
-        ] {
-            require_not_negative(key, value)?;
-        }
+        let weight = [0.0, WEIGHT_MAX];
+        require_all_within(&[
+            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
+            ("max_speed_mps", self.max_speed_mps, [0.1, 150.0]),
+            ("max_accel_mps2", self.max_accel_mps2, [0.1, 100.0]),
+            ("max_curvature_1pm", self.max_curvature_1pm, [0.001, 100.0]),
+            ("left_m", self.left_m, [-100.0, 100.0]),
+            ("right_m", self.right_m, [-100.0, 100.0]),
+            ("lateral_step_m", self.lateral_step_m, [0.01, 100.0]),
+            ("time_step_s", self.time_step_s, [0.02, 10.0]),
+            ("horizon_min_s", self.horizon_min_s, [0.1, 60.0]),
+            ("horizon_max_s", self.horizon_max_s, [0.1, 60.0]),
+            ("speed_step_mps", self.speed_step_mps, [0.01, 50.0]),
+            ("speed_steps", f64::from(self.speed_steps), [0.0, 1000.0]),
+            ("slower_speeds", f64::from(self.slower_speeds), [0.0, 1000.0]),
+            ("follow_gap_m", self.follow_gap_m, [0.0, 100.0]),
+            ("follow_time_s", self.follow_time_s, [0.0, 60.0]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("road_margin_m", self.road_margin_m, [0.0, 10.0]),
+            ("tail_s", self.tail_s, [0.0, 60.0]),
+            ("weight_offset", self.weight_offset, weight),
+            ("weight_lateral_speed", self.weight_lateral_speed, weight),
+            ("weight_accel", self.weight_accel, weight),
+            ("weight_jerk", self.weight_jerk, weight),
+            ("weight_time", self.weight_time, weight),
+            ("weight_obstacle", self.weight_obstacle, weight),
+            ("weight_lateral", self.weight_lateral, weight),
+            ("weight_longitudinal", self.weight_longitudinal, weight),
+        ])?;
         let (low, high) = (self.horizon_min_s, self.horizon_max_s);
         require("horizon_max_s", high, high >= low, "at least horizon_min_s")?;
         require("left_m", self.left_m, self.left_m >= -self.right_m, "a place to the left of -right_m")?;
-        require("right_m", self.right_m, true, "a finite number")?;
-        let dense = self.time_step_s * 10_000.0 >= high;
-        require(
-            "time_step_s",
-            self.time_step_s,
-            dense,
-            "a step that leaves at most 10000 samples in the horizon",
-        )?;
         let n = self.candidates();
         let step = format!("{} (a lattice of {n} candidates)", self.lateral_step_m);
         require("lateral_step_m", step, n <= CANDIDATES_MAX, "a lattice of at most 5 million candidates")

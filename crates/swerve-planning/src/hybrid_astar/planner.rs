@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_not_negative, require_positive};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_msg::Plan;
 
 use super::motions::fan;
@@ -54,22 +54,19 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        for (key, value) in [
-            ("obstacle_range_m", self.obstacle_range_m),
-            ("goal_ahead_m", self.goal_ahead_m),
-            ("horizon_s", self.horizon_s),
-        ] {
-            require_positive(key, value)?;
-        }
-        require_not_negative("clearance_m", self.clearance_m)?;
-        require_not_negative("goal_ahead_s", self.goal_ahead_s)?;
-        let n = self.iterations_max;
-        require("iterations_max", n as f64, (1..=ITERATIONS_MAX).contains(&n), "1 to 100000")
+        require_all_within(&[
+            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
+            ("clearance_m", self.clearance_m, [0.0, 10.0]),
+            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
+            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
+            ("goal_ahead_s", self.goal_ahead_s, [0.0, 60.0]),
+            ("horizon_s", self.horizon_s, [0.1, 60.0]),
+        ])
     }
 }
 
 /// Most expansions that may be asked for: they bound the memory.
-const ITERATIONS_MAX: usize = 100_000;
+const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// Hybrid A* as a motion planner.
 #[derive(Clone, Debug)]

@@ -113,7 +113,9 @@ impl Posed {
     /// In words what is wrong, if anything is.
     fn new(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Result<Self, String> {
         let params = params(config);
-        params.validate().map_err(|e| ParamError { key: key_in_file(&e.key).into(), ..e }.to_string())?;
+        // Every obstacle counts, however far it is.
+        let ranged = Params { obstacle_range_m: Params::default().obstacle_range_m, ..params };
+        ranged.validate().map_err(|e| ParamError { key: key_in_file(&e.key).into(), ..e }.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
         let polyline = smoothed(&points).map_err(|e| format!("the waypoints: {e}"))?;
         let mut line = Line::default();

@@ -1,7 +1,7 @@
 //! Posed problems for Hybrid A*.
 
-use swerve_core::param::{require, require_not_negative, require_positive};
-use swerve_core::{ParamError, Time};
+use swerve_core::Time;
+use swerve_core::param::{ParamError, require, require_all_within};
 use swerve_geom::Pose2;
 use swerve_planning::hybrid_astar::fan;
 use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
@@ -176,17 +176,20 @@ fn lattice<'a>(config: &HybridAstarConfig, motions: &'a mut Vec<Piece>) -> Latti
 
 /// Refuses numbers of the problem and of its settings that are out of range, by their keys in the file.
 fn check(problem: &HybridAstarProblem, config: &HybridAstarConfig) -> Result<(), ParamError> {
-    require_positive("step_size", config.step_size)?;
-    require_positive("rad_step", config.rad_step)?;
-    require_positive("completion_threshold", config.completion_threshold)?;
-    require_positive("radius", config.radius)?;
-    require_positive("car_length", config.car_length)?;
-    require_positive("car_width", config.car_width)?;
-    require_not_negative("obstacle_clearance", config.obstacle_clearance)?;
-    require_not_negative("lane_width", config.lane_width)?;
-    require_not_negative("rad_lower_range", config.rad_lower_range)?;
-    require_not_negative("rad_upper_range", config.rad_upper_range)?;
-    require_not_negative("angle_completion_threshold", config.angle_completion_threshold)?;
+    let length = [0.01, 1000.0];
+    require_all_within(&[
+        ("step_size", config.step_size, length),
+        ("rad_step", config.rad_step, [0.001, 10.0]),
+        ("completion_threshold", config.completion_threshold, [1e-6, 1000.0]),
+        ("radius", config.radius, length),
+        ("car_length", config.car_length, length),
+        ("car_width", config.car_width, length),
+        ("obstacle_clearance", config.obstacle_clearance, [0.0, 1000.0]),
+        ("lane_width", config.lane_width, [0.0, 1000.0]),
+        ("rad_lower_range", config.rad_lower_range, [0.0, 10.0]),
+        ("rad_upper_range", config.rad_upper_range, [0.0, 10.0]),
+        ("angle_completion_threshold", config.angle_completion_threshold, [0.0, 1000.0]),
+    ])?;
     let steps_fit = config.rad_step * 1000.0 >= config.rad_lower_range + config.rad_upper_range;
     let expected = "a thousandth of rad_lower_range + rad_upper_range or more";
     require("rad_step", config.rad_step, steps_fit, expected)?;

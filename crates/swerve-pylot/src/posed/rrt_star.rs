@@ -4,8 +4,8 @@ mod bend;
 mod boxes;
 mod round;
 
-use swerve_core::param::{require_not_negative, require_positive};
-use swerve_core::{ParamError, Rng, Time};
+use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{Rng, Time};
 use swerve_geom::{Point2, Pose2};
 use swerve_planning::path::Ends;
 use swerve_planning::path::ground::{Outline, around};
@@ -322,10 +322,12 @@ fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
 
 /// Refuses numbers of the problem and of its settings that are out of range, by their keys in the file.
 fn check(problem: &RrtStarProblem, config: &RrtStarConfig) -> Result<(), ParamError> {
-    require_positive("step_size", config.step_size)?;
-    require_not_negative("end_dist_threshold", config.end_dist_threshold)?;
-    require_not_negative("obstacle_clearance", config.obstacle_clearance)?;
-    require_not_negative("lane_width", config.lane_width)?;
+    require_all_within(&[
+        ("step_size", config.step_size, [0.001, 1000.0]),
+        ("end_dist_threshold", config.end_dist_threshold, [0.0, 1000.0]),
+        ("obstacle_clearance", config.obstacle_clearance, [0.0, 1000.0]),
+        ("lane_width", config.lane_width, [0.0, 1000.0]),
+    ])?;
     require_near("start", &problem.start)?;
     require_near("goal", &problem.goal)?;
     problem.obstacles.iter().try_for_each(|b| require_near("obstacles", b))

@@ -22,7 +22,7 @@ pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Act
         name: name.to_owned(),
         kind,
         extent: extent(table, kind, size),
-        mass_kg: table.number_or("mass_kg", mass, Range::positive(100_000.0)),
+        mass_kg: table.number_or("mass_kg", mass, Range::between(0.1, 100_000.0)),
         s_m: table.number("s_m", PLACE),
         d_m: table.number("d_m", PLACE),
         heading_rad: table.number_or("heading_rad", 0.0, ANGLE),
@@ -38,10 +38,10 @@ pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Act
 
 fn extent(table: &TableReader<'_>, kind: ActorKind, usual: [f64; 3]) -> Extent {
     let [mut length_m, mut width_m, mut height_m] = usual;
-    let side = Range::positive(1_000.0);
+    let side = Range::between(0.01, 1_000.0);
     if let Some(size) = table.table_if_any("size") {
         if kind == ActorKind::Pedestrian {
-            width_m = 2.0 * size.number_or("radius_m", 0.5 * width_m, Range::positive(2.0));
+            width_m = 2.0 * size.number_or("radius_m", 0.5 * width_m, Range::between(0.01, 2.0));
             length_m = width_m;
         } else {
             length_m = size.number_or("length_m", length_m, side);

@@ -283,11 +283,8 @@ fn wrong_traffic_lights_are_reported_with_line_and_key() {
             without("stop_s_m"),
             "5 road.light.a.stop_s_m: is missing: expected a number from -100000 to 100000",
         ),
-        (
-            without("green_s"),
-            "5 road.light.a.green_s: is missing: expected a number above 0 and at most 86400",
-        ),
-        (without("red_s"), "5 road.light.a.red_s: is missing: expected a number above 0 and at most 86400"),
+        (without("green_s"), "5 road.light.a.green_s: is missing: expected a number from 0.001 to 86400"),
+        (without("red_s"), "5 road.light.a.red_s: is missing: expected a number from 0.001 to 86400"),
         (
             with("s_m = \"here\""),
             "10 road.light.a.s_m: expected a number from -100000 to 100000, found the text \"here\"",
@@ -310,7 +307,7 @@ fn wrong_traffic_lights_are_reported_with_line_and_key() {
         ),
         (
             with("").replace("green_s = 9.0", "green_s = 0"),
-            "8 road.light.a.green_s: expected a number above 0 and at most 86400, found 0",
+            "8 road.light.a.green_s: expected a number from 0.001 to 86400, found 0",
         ),
         (
             with("[[road.light]]\nname = \"a\"\nstop_s_m = 70.0\ngreen_s = 9.0\nred_s = 9.0"),

@@ -3,8 +3,11 @@
 //! A **bias** is drawn once per (seed, sensor) and holds for the run; **noise** is drawn per (seed, sensor,
 //! stamp). Both are normal with the given standard deviations; zero gives the truth.
 
+use std::f64::consts::PI;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::param::{ParamError, require_all_within};
 use swerve_core::{Rng, Time};
 use swerve_geom::Pose2;
 use swerve_msg::EgoState;
@@ -24,6 +27,22 @@ pub struct PoseParams {
     pub heading_bias_rad: f64,
     /// Noise of the speed, m/s.
     pub speed_noise_mps: f64,
+}
+
+impl PoseParams {
+    /// Refuses the first parameter that is out of its range.
+    ///
+    /// # Errors
+    /// There is one.
+    pub fn validate(&self) -> Result<(), ParamError> {
+        require_all_within(&[
+            ("position_noise_m", self.position_noise_m, [0.0, 1000.0]),
+            ("position_bias_m", self.position_bias_m, [0.0, 1000.0]),
+            ("heading_noise_rad", self.heading_noise_rad, [0.0, PI]),
+            ("heading_bias_rad", self.heading_bias_rad, [0.0, PI]),
+            ("speed_noise_mps", self.speed_noise_mps, [0.0, 100.0]),
+        ])
+    }
 }
 
 /// The draws of one sensor at one stamp.

@@ -51,7 +51,7 @@ impl SensorMount {
     pub fn problems(&self) -> Vec<ParamError> {
         let turn = core::f64::consts::TAU;
         let all = [
-            ("x_m", self.x_m, [-20.0, 20.0]),
+            ("x_m", self.x_m, [-30.0, 30.0]),
             ("y_m", self.y_m, [-5.0, 5.0]),
             ("z_m", self.z_m, [0.0, 10.0]),
             ("yaw_rad", self.yaw_rad, [-turn, turn]),

@@ -14,7 +14,7 @@ use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 
-use super::sensors::{range, timing_faults};
+use super::sensors::range;
 
 /// How the world is rendered.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -253,7 +253,13 @@ impl CameraConfig {
             range(&mut faults, key, value, [-360.0, 360.0]);
         }
         self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
-        faults.extend(timing_faults(&self.timing()));
+        // What the renderer averages over and what it sweeps over.
+        range(&mut faults, "exposure_ms", self.exposure_ms, [0.0, 1000.0]);
+        range(&mut faults, "readout_ms", self.readout_ms, [0.0, 1000.0]);
+        range(&mut faults, "transfer_ms", self.transfer_ms, [0.0, 10_000.0]);
+        if let Some(fov_deg) = self.fov_deg {
+            range(&mut faults, "fov_deg", fov_deg, [0.1, 179.9]);
+        }
         let given = [
             ("fov_deg", self.fov_deg.is_some()),
             ("matrix", self.matrix.is_some()),
@@ -276,17 +282,14 @@ impl CameraConfig {
         {
             let key = match error.key.as_ref() {
                 "intrinsics.horizontal_fov_rad" => "fov_deg",
+                "shutter.exposure_s" => "exposure_ms",
+                "shutter.readout_s" => "readout_ms",
                 "intrinsics.matrix" => "matrix",
                 "intrinsics.orthographic_m_per_px" => "m_per_px",
                 "shutter.blur_samples" => "blur_samples",
                 other => other,
             };
-            let message = if key == "fov_deg" {
-                let fov_deg = self.fov_deg.unwrap_or(FOV_DEG);
-                format!("expected an angle above 0 and below 180, found {fov_deg}")
-            } else {
-                format!("expected {}, found {}", error.expected, error.value)
-            };
+            let message = format!("expected {}, found {}", error.expected, error.value);
             faults.push((key.to_owned(), message));
         }
         faults

@@ -1,6 +1,7 @@
 //! Problems of the values, and of the pipeline that they make.
 
 use super::Config;
+use super::planner::{outside, within};
 use crate::assembly::Assembly;
 
 impl Config {
@@ -20,6 +21,7 @@ impl Config {
         range("sim.dt_ms", self.sim.dt_ms, 1.0, 20.0);
         range("sensing.period_ms", sensing.period_ms, 1.0, 10_000.0);
         range("sensing.range_m", sensing.range_m, 0.1, 10_000.0);
+        range("sensing.range_person_m", sensing.range_person_m.unwrap_or(1.0), 0.1, 10_000.0);
         range("sensing.fov_deg", sensing.fov_deg, 1.0, 360.0);
         range("sensing.pose_period_ms", sensing.pose_period_ms, 1.0, 10_000.0);
         range("sensing.imu_period_ms", sensing.imu_period_ms, 1.0, 10_000.0);
@@ -36,17 +38,15 @@ impl Config {
         range("planning.risk_max", self.planning.risk_max, 0.0, 0.5);
         range("planning.added_latency_ms", self.planning.added_latency_ms, 0.0, 100_000.0);
         range("planning.expected_ms", self.planning.expected_ms.unwrap_or(0.0), 0.0, 10_000.0);
+        let mount = sensing.mount.map(|mount| mount.problems()).unwrap_or_default();
+        faults.extend(mount.into_iter().flat_map(|error| within("sensing.mount", outside(error))));
         let of_sections = [
             ("sim.vehicle", self.sim.vehicle.validate()),
             ("planning.comfort", self.planning.comfort.limits.validate()),
+            ("sensing.pose", sensing.pose.validate()),
         ];
         for (section, checked) in of_sections {
-            if let Err(error) = checked {
-                faults.push((
-                    format!("{section}.{}", error.key),
-                    format!("expected {}, found {}", error.expected, error.value),
-                ));
-            }
+            faults.extend(checked.err().into_iter().flat_map(|error| within(section, outside(error))));
         }
         self.check_gate(&mut faults);
         self.check_operators(&mut faults);

@@ -41,10 +41,16 @@ impl Clock {
     }
 }
 
+/// Highest number of a processor.
+const CPU_MAX: usize = 65_535;
+
 impl Config {
     pub(super) fn check_clock(&self, told: &mut Vec<(String, String)>) {
         let ClockConfig { pin, priority, .. } = &self.clock;
         for (k, cpu) in pin.iter().enumerate() {
+            if *cpu > CPU_MAX {
+                told.push((format!("clock.pin[{k}]"), format!("expected 0 to {CPU_MAX}, found {cpu}")));
+            }
             if pin[..k].contains(cpu) {
                 told.push((format!("clock.pin[{k}]"), format!("processor {cpu} is there twice")));
             }

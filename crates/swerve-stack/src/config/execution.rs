@@ -55,7 +55,14 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
     if ms.is_finite() && (0.0..=MS_MAX).contains(&ms) {
         return Ok(Span::from_secs(ms * 1e-3));
     }
-    Err(format!("expected milliseconds between 0 and {MS_MAX}, found {}", number(ms)))
+    Err(format!("expected 0 to {MS_MAX}, found {}", number(ms)))
+}
+
+/// Milliseconds of what takes time, from a microsecond to a day.
+fn lasting_ms(ms: f64) -> Result<Span, String> {
+    const LEAST_MS: f64 = 0.001;
+    let expected = || format!("expected {LEAST_MS} to {MS_MAX}, found {}", number(ms));
+    span_ms(ms).ok().filter(|_| ms >= LEAST_MS).ok_or_else(expected)
 }
 
 impl Runtime {
@@ -86,67 +93,88 @@ impl Runtime {
         self.percentiles_ms.as_ref().map_or_else(|| self.typical_ms(), last)
     }
 
-    /// The engine's model, or what is wrong.
+    /// The engine's model.
+    ///
+    /// # Errors
+    /// The problem of the key that is wrong.
     pub fn model(&self) -> Result<RuntimeModel, String> {
+        self.model_by_key().map_err(|(key, message)| match key {
+            "" => message,
+            key => format!("`{key}`: {message}"),
+        })
+    }
+
+    /// The engine's model.
+    ///
+    /// # Errors
+    /// The key that is wrong, empty for the whole table, and what is wrong with it.
+    pub fn model_by_key(&self) -> Result<RuntimeModel, (&'static str, String)> {
         let mut models = Vec::new();
+        let span = |key, ms| span_ms(ms).map_err(|message| (key, message));
         if let Some(zero) = self.zero {
             if !zero {
-                return Err("`zero` can only be true; name another model instead".into());
+                return Err(("zero", "expected true; name another model instead".into()));
             }
             models.push(RuntimeModel::Zero);
         }
         if let Some(ms) = self.fixed_ms {
-            models.push(RuntimeModel::Fixed(span_ms(ms)?));
+            models.push(RuntimeModel::Fixed(span("fixed_ms", ms)?));
         }
         if let Some(times) = &self.cycle_ms {
-            let spans: Result<Vec<_>, _> = times.iter().map(|ms| span_ms(*ms)).collect();
-            let spans = spans?;
-            if spans.is_empty() || spans.contains(&Span::ZERO) {
-                return Err("`cycle_ms` needs at least one time, each above zero".into());
+            let lasting = |ms: &f64| lasting_ms(*ms).map_err(|message| ("cycle_ms", message));
+            let spans = times.iter().map(lasting).collect::<Result<Vec<_>, _>>()?;
+            if spans.is_empty() {
+                return Err(("cycle_ms", "expected at least one time".into()));
             }
             models.push(RuntimeModel::Cycle(spans));
         }
         if let Some([mean, deviation]) = self.normal_ms {
-            models.push(RuntimeModel::Normal { mean: span_ms(mean)?, deviation: span_ms(deviation)? });
+            let (mean, deviation) = (span("normal_ms", mean)?, span("normal_ms", deviation)?);
+            models.push(RuntimeModel::Normal { mean, deviation });
         }
         if let Some([median, sigma]) = self.log_normal_ms {
-            if !(sigma.is_finite() && (0.0..=10.0).contains(&sigma)) {
-                return Err(format!(
-                    "`log_normal_ms` needs a sigma between 0 and 10, found {}",
-                    number(sigma)
-                ));
-            }
-            models.push(RuntimeModel::LogNormal { median: span_ms(median)?, sigma });
+            let median = lasting_ms(median).map_err(|message| ("log_normal_ms", message))?;
+            within("log_normal_ms", "a sigma from 0 to 10", sigma, 10.0)?;
+            models.push(RuntimeModel::LogNormal { median, sigma });
         }
         if let Some(points) = &self.percentiles_ms {
-            let points: Result<Vec<_>, String> =
-                points.iter().map(|[p, ms]| Ok((*p, span_ms(*ms)?))).collect();
-            models.push(RuntimeModel::Percentiles(percentiles(points?)?));
+            let points: Result<Vec<_>, _> =
+                points.iter().map(|[p, ms]| Ok((*p, span("percentiles_ms", *ms)?))).collect();
+            let points = percentiles(points?).map_err(|message| ("percentiles_ms", message))?;
+            models.push(RuntimeModel::Percentiles(points));
         }
         if let Some(work) = self.work {
-            let per_unit_ns = span_ms(work.per_unit_us * 1e-3).map(|_| work.per_unit_us * 1e3)?;
-            models.push(RuntimeModel::Work { base: span_ms(work.base_ms)?, per_unit_ns });
+            within("work.per_unit_us", "0 to 1000000", work.per_unit_us, 1e6)?;
+            let base = span("work.base_ms", work.base_ms)?;
+            models.push(RuntimeModel::Work { base, per_unit_ns: work.per_unit_us * 1e3 });
         }
         if let Some(scale) = self.measured {
-            if !(scale.is_finite() && (0.0..=1e6).contains(&scale)) {
-                return Err(format!("`measured` needs a factor between 0 and 1e6, found {}", number(scale)));
-            }
+            within("measured", "0 to 1000000", scale, 1e6)?;
             models.push(RuntimeModel::Measured { scale });
         }
         match models.len() {
             1 => Ok(models.remove(0)),
-            n => Err(format!(
-                "expected exactly one of zero, fixed_ms, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured; found {n}"
+            n => Err((
+                "",
+                format!(
+                    "expected exactly one of zero, fixed_ms, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured; found {n}"
+                ),
             )),
         }
     }
+}
+
+/// Refuses a number below 0 or above `most`.
+fn within(key: &'static str, wanted: &str, x: f64, most: f64) -> Result<(), (&'static str, String)> {
+    let message = || (key, format!("expected {wanted}, found {}", number(x)));
+    if (0.0..=most).contains(&x) { Ok(()) } else { Err(message()) }
 }
 
 fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
     let inside = points.iter().all(|(p, _)| (0.0..=100.0).contains(p));
     let rising = points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1);
     if points.is_empty() || !inside || !rising {
-        return Err("`percentiles_ms` needs pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall".into());
+        return Err("expected pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall".into());
     }
     Ok(points)
 }
@@ -191,7 +219,7 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deadline {
-    /// Length, ms, above zero.
+    /// Length, ms.
     pub ms: f64,
     /// From when it counts.
     #[serde(default)]
@@ -204,10 +232,7 @@ pub struct Deadline {
 impl Deadline {
     /// The engine's deadline, or what is wrong.
     pub fn deadline(&self) -> Result<swerve_flow::Deadline, String> {
-        let length = span_ms(self.ms)?;
-        if length == Span::ZERO {
-            return Err("expected a deadline above zero".into());
-        }
+        let length = lasting_ms(self.ms)?;
         Ok(swerve_flow::Deadline::after(length).anchor(self.anchor).reaction(self.reaction))
     }
 }

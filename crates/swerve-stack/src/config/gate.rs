@@ -3,9 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
+use swerve_text::{KeyProblem, overridden};
 
 use super::Config;
-use super::planner::overridden;
+use super::planner::outside;
 
 /// The safety gate between the controller and the vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -43,15 +44,15 @@ impl Config {
     /// Limits and times of the gate: those of the vehicle, with what the configuration says otherwise.
     ///
     /// # Errors
-    /// What is wrong with them.
-    pub(super) fn gate_params(&self) -> Result<GateParams, String> {
+    /// Problems of the parameters, each by its key in `gate.params`.
+    pub(super) fn gate_params(&self) -> Result<GateParams, Vec<KeyProblem>> {
         let mut params = GateParams::new(&self.sim.vehicle);
         if self.is_driven_over_ros2() {
             // What another stack says may be the same for as long as the road is straight.
             params.repeat_max_s = 0.0;
         }
         let params: GateParams = overridden(&params, &self.gate.params)?;
-        params.validate().map_err(|error| error.to_string())?;
+        params.validate().map_err(outside)?;
         Ok(params)
     }
 
@@ -65,8 +66,15 @@ impl Config {
         };
         range("period_ms", Some(gate.period_ms), 1.0, 100.0);
         range("enable_at_ms", Some(gate.enable_at_ms), 0.0, 1e9);
-        range("release_at_ms", gate.release_at_ms, gate.enable_at_ms, 1e9);
+        range("release_at_ms", gate.release_at_ms, 0.0, 1e9);
         range("emergency_at_ms", gate.emergency_at_ms, 0.0, 1e9);
+        if let Some(release_at_ms) = gate.release_at_ms.filter(|ms| *ms < gate.enable_at_ms) {
+            let (low, found) = (gate.enable_at_ms, swerve_text::number(release_at_ms));
+            told.push((
+                "gate.release_at_ms".into(),
+                format!("expected an instant after `enable_at_ms`, which is {low}, found {found}"),
+            ));
+        }
     }
 }
 
@@ -108,9 +116,15 @@ mod tests {
     fn what_makes_no_gate_is_told_with_its_line() {
         let cases = [
             ("period_ms = 0", "c.toml:2: gate.period_ms: expected 1 to 100, found 0"),
-            ("enable_at_ms = 500\nrelease_at_ms = 400", "c.toml:3: gate.release_at_ms: expected 500 to"),
-            ("params = { stop_decel_mps2 = -1 }", "c.toml:2: gate.params: `stop_decel_mps2` is -1"),
-            ("params = { stop_decel = 1 }", "c.toml:2: gate.params: `stop_decel`: unknown key; did you mean"),
+            (
+                "enable_at_ms = 500\nrelease_at_ms = 400",
+                "c.toml:3: gate.release_at_ms: expected an instant after",
+            ),
+            (
+                "params = { stop_decel_mps2 = -1 }",
+                "c.toml:2: gate.params.stop_decel_mps2: expected 0.1 to 20, found -1",
+            ),
+            ("params = { stop_decel = 1 }", "c.toml:2: gate.params.stop_decel: unknown key; did you mean"),
             ("enable = true", "c.toml:2: gate.enable: unknown key; did you mean \"enabled\"?"),
         ];
         for (line, expected) in cases {

@@ -59,6 +59,9 @@ fn always() -> f64 {
     1.0
 }
 
+/// Bits of a message that are flipped at most.
+const BITS_MAX: u32 = 1_000_000;
+
 /// What a fault does to a message.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum FaultKind {
@@ -149,6 +152,9 @@ impl FaultConfig {
             kinds.push(FaultKind::Corrupt(Corruption::Noise(sigma)));
         }
         if let Some(bits) = self.flip_bits {
+            if !(1..=BITS_MAX).contains(&bits) {
+                return Err(("flip_bits", format!("expected 1 to {BITS_MAX}, found {bits}")));
+            }
             kinds.push(FaultKind::Corrupt(Corruption::FlipBits(bits)));
         }
         match kinds.len() {
@@ -266,7 +272,7 @@ mod tests {
                 "stream = \"pose\"\ndrop = true\nprobability = 1.5",
                 "c.toml:4: fault.f.probability: expected 0",
             ),
-            ("stream = \"pose\"\ndelay_ms = -1", "c.toml:3: fault.f.delay_ms: expected milliseconds"),
+            ("stream = \"pose\"\ndelay_ms = -1", "c.toml:3: fault.f.delay_ms: expected 0 to 86400000"),
             ("stream = \"pose\"\nnoise = nan", "c.toml:3: fault.f.noise: expected 0 to 1000000, found NaN"),
             ("stream = \"pose\"\ndrop = true\nfrom_ms = 5\nuntil_ms = 4", "c.toml:5: fault.f.until_ms: "),
             ("stream = \"front.rgb\"\ndrop = true", "c.toml:2: fault.f.stream: unknown stream `front.rgb`"),

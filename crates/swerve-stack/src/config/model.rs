@@ -8,12 +8,12 @@ use swerve_core::Span;
 use swerve_flow::Reaction;
 use swerve_perception::detector;
 use swerve_planning::deadline::Params;
-use swerve_text::{nearest, number};
+use swerve_text::{KeyProblem, nearest, number, overridden};
 
 use super::detectors::{Published, find, fits, published};
 use super::execution::span_ms;
 use super::perception::{CUSTOM, TRUTH};
-use super::planner::overridden;
+use super::planner::{outside, within};
 use super::{Config, PlannerName};
 
 /// The four models of execution that D3 (Gog et al., EuroSys 2022) compares.
@@ -100,7 +100,10 @@ fn ladders() -> &'static [Ladder] {
 
 impl Config {
     /// The rungs that the emulated detector may take, the fastest first; none where it always is the same.
-    pub(super) fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, (&'static str, String)> {
+    ///
+    /// # Errors
+    /// Problems by their keys in `perception`.
+    pub(super) fn detector_rungs(&self) -> Result<Vec<Rung<detector::Params>>, Vec<KeyProblem>> {
         let name = self.perception.detector.as_str();
         if !self.perception.ladder {
             return Ok(Vec::new());
@@ -110,7 +113,7 @@ impl Config {
                 TRUTH | CUSTOM => format!("`{name}` is on no ladder; name a published detector"),
                 _ => return Ok(Vec::new()),
             };
-            return Err(("ladder", message));
+            return Err(vec![("ladder".into(), message)]);
         };
         let on_it = |d: &&Published| {
             let same = d.name.split_once('@').is_some_and(|(_, other)| other == suffix);
@@ -121,9 +124,9 @@ impl Config {
             let error_level = fits().get(&rung.name).map_or(1.0, |fit| fit.error_level);
             let family = detector::Params::of_error_level(rung.sensing, error_level);
             let what: detector::Params =
-                overridden(&family, &self.perception.params).map_err(|message| ("params", message))?;
-            what.validate().map_err(|error| ("params", error.to_string()))?;
-            let run_time = span_ms(rung.ms).map_err(|message| ("ladder", message))?;
+                overridden(&family, &self.perception.params).map_err(|found| within("params", found))?;
+            what.validate().map_err(|error| within("params", outside(error)))?;
+            let run_time = span_ms(rung.ms).map_err(|message| vec![("ladder".into(), message)])?;
             rungs.push(Rung { name: rung.name.clone(), run_time, what });
         }
         rungs.sort_by_key(|rung| rung.run_time);
@@ -169,9 +172,12 @@ impl Config {
     }
 
     /// The parameters of the deadline policy.
-    pub(super) fn deadline_params(&self) -> Result<Params, String> {
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key in `execution.params`.
+    pub(super) fn deadline_params(&self) -> Result<Params, Vec<KeyProblem>> {
         let params: Params = overridden(&Params::default(), &self.execution.params)?;
-        params.validate().map_err(|error| error.to_string())?;
+        params.validate().map_err(outside)?;
         Ok(params)
     }
 }
@@ -270,8 +276,11 @@ mod tests {
         refused(&["execution.model=periodic", "execution.planner_ms=0"], "expected 1 to 10000, found 0");
         refused(&["execution.reaction=on_deadline"], "expected \"skip\" or \"reuse_last\"");
         refused(&["execution.model=dynamic_deadline"], "dynamic_deadlines");
-        refused(&["execution.params.brake_mps2=-1"], "`brake_mps2` is -1, expected a finite number above 0");
-        refused(&["execution.params.brake=1"], "`brake`: unknown key");
+        refused(
+            &["execution.params.brake_mps2=-1"],
+            "execution.params.brake_mps2: expected 0.1 to 20, found -1",
+        );
+        refused(&["execution.params.brake=1"], "execution.params.brake: unknown key");
         refused(
             &["execution.model=dynamic_deadlines", "operator.planner.deadline={ ms = 5 }"],
             "operator.planner.deadline: `execution.model` sets the deadline",

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Config;
 use super::execution::{self, Deadline, Runtime};
+use super::planner::within;
 
 /// One operator: what it is, what it reads, how it runs.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -114,6 +115,9 @@ pub(crate) fn is_plain_name(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
 }
 
+/// Slots of a resource at most.
+const SLOTS_MAX: usize = 1_000_000;
+
 /// A shared resource.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -130,14 +134,14 @@ impl Config {
                 let message = "expected a name of letters, digits and underscores";
                 faults.push((format!("operator.{name}"), message.into()));
             }
-            if let Some(Err(message)) = operator.runtime.as_ref().map(Runtime::model) {
-                faults.push((key("runtime"), message));
+            if let Some(Err((inner, message))) = operator.runtime.as_ref().map(Runtime::model_by_key) {
+                faults.extend(within(&key("runtime"), vec![(inner.into(), message)]));
             }
             if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
                 faults.push((key("policy"), message));
             }
             if let Some(Err(message)) = operator.deadline.as_ref().map(Deadline::deadline) {
-                faults.push((key("deadline"), message));
+                faults.push((key("deadline.ms"), message));
             }
             if let Err(message) = execution::span_ms(operator.delay_ms) {
                 faults.push((key("delay_ms"), message));
@@ -153,14 +157,15 @@ impl Config {
                 faults.push((key("uses"), message));
             }
         }
-        for (name, _) in self.resource.iter().filter(|(_, r)| r.slots == 0) {
-            faults.push((format!("resource.{name}.slots"), "expected at least 1".into()));
+        for (name, resource) in self.resource.iter().filter(|(_, r)| !(1..=SLOTS_MAX).contains(&r.slots)) {
+            let message = format!("expected 1 to {SLOTS_MAX}, found {}", resource.slots);
+            faults.push((format!("resource.{name}.slots"), message));
         }
         for (planner, by_fineness) in &self.planning.cost {
             for (fineness, cost) in by_fineness {
-                if let Err(message) = cost.model() {
+                if let Err((inner, message)) = cost.model_by_key() {
                     let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
-                    faults.push((key, message));
+                    faults.extend(within(&key, vec![(inner.into(), message)]));
                 }
             }
         }

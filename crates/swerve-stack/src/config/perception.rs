@@ -2,14 +2,15 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::param::require_all_within;
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::{Algorithm, GroundParams, ab3dmot, tracker};
-use swerve_text::nearest;
+use swerve_text::{KeyProblem, nearest, overridden};
 
 use super::camera::CameraConfig;
 use super::detectors::{Measure, find, fits, published};
-use super::planner::overridden;
+use super::planner::{outside, within};
 use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::Scheduled;
@@ -73,6 +74,20 @@ pub struct Calibration {
     pub objects: u64,
 }
 
+impl Calibration {
+    fn problems(&self) -> Vec<KeyProblem> {
+        let share = [0.0, 1.0];
+        let checked = require_all_within(&[
+            ("target_ap", self.target_ap, share),
+            ("ap", self.ap, share),
+            ("ap_held_out", self.ap_held_out, share),
+            ("error_level", self.error_level, [0.0, 1000.0]),
+            ("within_m", self.within_m, [0.1, 10_000.0]),
+        ]);
+        checked.err().map(outside).unwrap_or_default()
+    }
+}
+
 impl Default for PerceptionConfig {
     fn default() -> Self {
         Self {
@@ -111,33 +126,37 @@ impl PerceptionConfig {
     /// The detector that is emulated, if one is.
     ///
     /// # Errors
-    /// What is wrong with it, by key.
-    pub fn emulated(&self) -> Result<Option<Emulated>, (&'static str, String)> {
+    /// Problems by their keys in `perception`.
+    pub fn emulated(&self) -> Result<Option<Emulated>, Vec<KeyProblem>> {
         let (family, sensing, ms) = match self.detector.as_str() {
             TRUTH => return Ok(None),
             CUSTOM => (detector::Params::default(), Sensing::Camera, None),
             name => {
-                let published = find(name).ok_or_else(|| ("detector", unknown(name)))?;
+                let published = find(name).ok_or_else(|| vec![("detector".into(), unknown(name))])?;
                 let error_level = fits().get(name).map_or(1.0, |fit| fit.error_level);
                 let family = detector::Params::of_error_level(published.sensing, error_level);
                 (family, published.sensing, Some(published.ms))
             }
         };
         let params: detector::Params =
-            overridden(&family, &self.params).map_err(|message| ("params", message))?;
-        params.validate().map_err(|error| ("params", error.to_string()))?;
+            overridden(&family, &self.params).map_err(|found| within("params", found))?;
+        params.validate().map_err(|error| within("params", outside(error)))?;
         Ok(Some(Emulated { params, sensing, ms }))
     }
 
     /// The tracker behind a detector.
+    ///
+    /// # Errors
+    /// Problems by their keys in `perception`.
     pub(super) fn tracker(
         &self,
         behind: &detector::Params,
         sightings_max: usize,
-    ) -> Result<GroundParams, (&'static str, String)> {
-        let told = |message| ("tracker", message);
+    ) -> Result<GroundParams, Vec<KeyProblem>> {
+        let told = |found| within("tracker", found);
         let mut own = self.tracker.clone();
-        let params = match own.remove("algorithm").map_or(Ok(Algorithm::Sort), algorithm).map_err(told)? {
+        let named = own.remove("algorithm").map_or(Ok(Algorithm::Sort), algorithm);
+        let params = match named.map_err(|message| vec![("tracker.algorithm".into(), message)])? {
             Algorithm::Sort => {
                 let defaults = tracker::Params {
                     sightings_max,
@@ -153,14 +172,14 @@ impl PerceptionConfig {
                 GroundParams::Ab3dmot(overridden(&defaults, &own).map_err(told)?)
             }
         };
-        params.validate().map_err(|error| told(error.to_string()))?;
+        params.validate().map_err(|error| told(outside(error)))?;
         Ok(params)
     }
 }
 
 /// The tracker of a name.
 fn algorithm(name: toml::Value) -> Result<Algorithm, String> {
-    let told = format!("algorithm: expected \"sort\" or \"ab3dmot\", found {name}");
+    let told = format!("expected \"sort\" or \"ab3dmot\", found {name}");
     let near = name.as_str().map_or_else(String::new, |name| hint(name, ["sort", "ab3dmot"]));
     name.try_into().map_err(|_| told + &near)
 }
@@ -184,6 +203,9 @@ impl Config {
 
     pub(super) fn check_perception(&self, told: &mut Vec<(String, String)>) {
         let perception = &self.perception;
+        if let Some(calibration) = &perception.calibration {
+            told.extend(within("perception.calibration", calibration.problems()));
+        }
         let mut tell = |(key, message): (&str, String)| told.push((format!("perception.{key}"), message));
         if let Some(name) = perception.camera.as_ref().filter(|name| !self.camera.contains_key(*name)) {
             let names: Vec<&str> = self.camera.keys().map(String::as_str).collect();
@@ -270,7 +292,7 @@ mod tests {
             ("{ algorithm = \"ab3dmot\", gate = 3 }", "gate"),
             (
                 "{ algorithm = \"ab3dmot\", pedestrian = { limit = -2 } }",
-                "`pedestrian.limit` is -2, expected -1 to 1",
+                "perception.tracker.pedestrian.limit: expected -1 to 1, found -2",
             ),
         ] {
             let said = self::config(&format!("[perception]\ntracker = {tracker}\n"), &[]).unwrap_err();
@@ -293,7 +315,7 @@ mod tests {
         assert!(said.contains("perception.params") && said.contains("score_separation"), "{said}");
         let said =
             config("[perception]\ndetector = \"custom\"\nparams = { recall_best = 2 }\n", &[]).unwrap_err();
-        assert!(said.contains("`recall_best` is 2, expected 0 to 1"), "{said}");
+        assert!(said.contains("perception.params.recall_best: expected 0 to 1, found 2"), "{said}");
         let said = config("[camera.eye]\n[perception]\ncamera = \"eyes\"\n", &[]).unwrap_err();
         assert!(said.contains("did you mean `eye`"), "{said}");
     }

@@ -1,7 +1,6 @@
 //! From a planner's name, preset, discretisation and parameters to the planner.
 
-use serde::Serialize;
-use serde::de::DeserializeOwned;
+use swerve_core::ParamError;
 use swerve_planning::aeb::{self, Aeb};
 use swerve_planning::comfort::{self, Comfort, Manner};
 use swerve_planning::fot::{self, Fot};
@@ -10,11 +9,15 @@ use swerve_planning::rrt_star::{self, RrtStar};
 use swerve_planning::waypoint::Waypoint;
 use swerve_planning::{Ahead, CollisionMode, Planner};
 use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams, Rules};
+use swerve_text::{KeyProblem, overridden};
 
 use super::{Fineness, PlannerName, PlanningConfig};
 
 /// The planner that a configuration names, with its parameters, below its comfortable layer.
-pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+pub(super) fn planner(
+    planning: &PlanningConfig,
+    params: &toml::Table,
+) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
     let planner = below(planning, params)?;
     if !planning.has_comfort() {
         return Ok(if planning.preset == Preset::Best { Box::new(Ahead(planner)) } else { planner });
@@ -33,11 +36,11 @@ pub(super) fn planner(planning: &PlanningConfig, params: &toml::Table) -> Result
     let limits = planning.comfort.limits;
     let limits = limits.validate().map_or_else(|_| comfort::Params::default(), |()| limits);
     let layered = Comfort::new(limits, collision, manner, planner);
-    Ok(Box::new(layered.map_err(|e| e.to_string())?))
+    Ok(Box::new(layered.map_err(outside)?))
 }
 
 /// The planner itself.
-fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
     let (preset, collision) = (planning.preset, planning.collision());
     if preset == Preset::Paper
         && let Some(planner) = original(planning, params)?
@@ -47,23 +50,23 @@ fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Plan
     Ok(match planning.planner {
         PlannerName::Fot => {
             let params = overridden(&fot_params(planning.config, collision), params)?;
-            Box::new(Fot::new(params).map_err(|e| e.to_string())?)
+            Box::new(Fot::new(params).map_err(outside)?)
         }
         PlannerName::HybridAstar => {
             let defaults = hybrid_astar::Params { collision, ..hybrid_astar::Params::default() };
-            Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
+            Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(outside)?)
         }
         PlannerName::RrtStar => {
             let defaults = rrt_star::Params { collision, ..rrt_star::Params::default() };
-            Box::new(RrtStar::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
+            Box::new(RrtStar::new(overridden(&defaults, params)?).map_err(outside)?)
         }
         PlannerName::Waypoint => {
             let params = overridden(&preset.waypoint(), params)?;
-            Box::new(Waypoint::new(params).map_err(|e| e.to_string())?)
+            Box::new(Waypoint::new(params).map_err(outside)?)
         }
         PlannerName::Aeb => {
             let defaults = aeb::Params { collision, ..aeb::Params::default() };
-            Box::new(Aeb::new(overridden(&defaults, params)?).map_err(|e| e.to_string())?)
+            Box::new(Aeb::new(overridden(&defaults, params)?).map_err(outside)?)
         }
     })
 }
@@ -77,7 +80,10 @@ fn fot_params(fineness: Fineness, collision: CollisionMode) -> fot::Params {
 }
 
 /// The paper's own planner, where it has one.
-fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Box<dyn Planner>>, String> {
+fn original(
+    planning: &PlanningConfig,
+    params: &toml::Table,
+) -> Result<Option<Box<dyn Planner>>, Vec<KeyProblem>> {
     // What is wrong with the rules is told by their own keys.
     let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
     let (config, collision) = (planning.config, planning.collision());
@@ -86,7 +92,7 @@ fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Bo
         PlannerName::Fot => {
             let defaults = fot::Params { obstacle_range_m, ..fot_params(config, collision) };
             let params = overridden(&defaults, params)?;
-            Box::new(swerve_pylot::Fot::new(params, rules).map_err(|e| e.to_string())?)
+            Box::new(swerve_pylot::Fot::new(params, rules).map_err(outside)?)
         }
         PlannerName::HybridAstar => {
             let defaults = match config {
@@ -95,7 +101,7 @@ fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Bo
             };
             let defaults = HybridAstarParams { collision, obstacle_range_m, ..defaults };
             let params = overridden(&defaults, params)?;
-            Box::new(swerve_pylot::HybridAstar::new(params, rules).map_err(|e| e.to_string())?)
+            Box::new(swerve_pylot::HybridAstar::new(params, rules).map_err(outside)?)
         }
         PlannerName::RrtStar => {
             let defaults = match config {
@@ -103,7 +109,7 @@ fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Bo
                 Fineness::Slow => RrtStarParams::slow(),
             };
             let params = overridden(&RrtStarParams { collision, obstacle_range_m, ..defaults }, params)?;
-            Box::new(swerve_pylot::RrtStar::new(params, rules).map_err(|e| e.to_string())?)
+            Box::new(swerve_pylot::RrtStar::new(params, rules).map_err(outside)?)
         }
         PlannerName::Waypoint | PlannerName::Aeb => return Ok(None),
     }))
@@ -112,10 +118,8 @@ fn original(planning: &PlanningConfig, params: &toml::Table) -> Result<Option<Bo
 /// The rules that a configuration names; what is wrong with them, each by its key.
 pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, String)>> {
     let key = |key: &str| format!("planning.rules.{key}");
-    let rules: Rules =
-        swerve_text::overridden(&planning.rules_of_era(), &planning.rules).map_err(|found| {
-            found.into_iter().map(|(rule, message)| (key(&rule), message)).collect::<Vec<_>>()
-        })?;
+    let rules: Rules = overridden(&planning.rules_of_era(), &planning.rules)
+        .map_err(|found| within("planning.rules", found))?;
     if planning.preset != Preset::Paper {
         let only = "only the preset `paper` has one";
         let era = planning.era.map(|_| ("planning.era".to_owned(), only.to_owned()));
@@ -128,16 +132,22 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
         let message = "the paper's planners know `swept_static` and `time_indexed`".to_owned();
         return Err(vec![("planning.collision".into(), message)]);
     }
-    rules.validate(planning.planner.original()).map_err(|error| {
-        vec![(key(&error.key), format!("expected {}, found {}", error.expected, error.value))]
-    })?;
+    rules.validate(planning.planner.original()).map_err(|error| within("planning.rules", outside(error)))?;
     Ok(rules)
 }
 
-/// Parameters with what the configuration says otherwise; all that is wrong with it in one line.
-pub(super) fn overridden<T: Serialize + DeserializeOwned>(
-    defaults: &T,
-    changes: &toml::Table,
-) -> Result<T, String> {
-    swerve_text::overridden(defaults, changes).map_err(|problems| swerve_text::in_one_line(&problems))
+/// The problem of a parameter out of its range.
+pub(super) fn outside(error: ParamError) -> Vec<KeyProblem> {
+    let message = format!("expected {}, found {}", error.expected, error.value);
+    vec![(error.key.into_owned(), message)]
+}
+
+/// Problems of the table at dotted `key`, which is empty for the whole configuration.
+pub(super) fn within(key: &str, problems: Vec<KeyProblem>) -> Vec<KeyProblem> {
+    let whole = |inner: String| match (key.is_empty(), inner.is_empty()) {
+        (true, _) => inner,
+        (_, true) => key.to_owned(),
+        _ => format!("{key}.{inner}"),
+    };
+    problems.into_iter().map(|(inner, message)| (whole(inner), message)).collect()
 }

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_planning::{CollisionMode, Planner, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
+use swerve_text::KeyProblem;
 
 use super::execution::Runtime;
 use super::planner;
@@ -187,13 +188,19 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
-    /// The planner that this names, with its parameters; what is wrong with them, if they make none.
-    pub fn planner(&self) -> Result<Box<dyn Planner>, String> {
+    /// The planner that this names, with its parameters.
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key in `planning.params`.
+    pub fn planner(&self) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
         self.planner_with(&self.params)
     }
 
     /// The same with other parameters.
-    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, String> {
+    ///
+    /// # Errors
+    /// Problems of the parameters, each by its key.
+    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
         planner::planner(self, params)
     }
 

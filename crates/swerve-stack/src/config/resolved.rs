@@ -6,12 +6,13 @@ use swerve_flow::Reaction;
 use swerve_perception::{GroundParams, detector};
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
-use swerve_text::number;
+use swerve_text::{KeyProblem, number};
 use toml::Value;
 
 use super::execution::{Runtime, span_ms};
 use super::model::{Model, Rung};
 use super::perception::Emulated;
+use super::planner::within;
 use super::{Config, OperatorConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
@@ -38,47 +39,45 @@ pub struct Resolved {
 impl Resolved {
     /// All of it. What is wrong is told by key, and a default stands in its place.
     pub fn new(config: &Config, told: &mut KeyProblems) -> Self {
-        let mut tell = |key: String, message: String| told.push((key, message));
+        let mut tell = |section: &str, problems: Vec<KeyProblem>| told.extend(within(section, problems));
         let vehicle = &config.sim.vehicle;
-        let gate = config.gate_params().unwrap_or_else(|message| {
-            // A vehicle with problems of its own has been told.
-            if vehicle.validate().is_ok() {
-                tell("gate.params".into(), message);
-            }
+        let gate = config.gate_params().unwrap_or_else(|found| {
+            tell("gate.params", found);
             GateParams::new(vehicle)
         });
-        let deadlines = config.deadline_params().unwrap_or_else(|message| {
-            tell("execution.params".into(), message);
+        let deadlines = config.deadline_params().unwrap_or_else(|found| {
+            tell("execution.params", found);
             deadline::Params::default()
         });
         let perception = &config.perception;
-        let detector = perception.emulated().unwrap_or_else(|(key, message)| {
-            tell(format!("perception.{key}"), message);
+        let detector = perception.emulated().unwrap_or_else(|found| {
+            tell("perception", found);
             None
         });
         // The noise of a detector that is not emulated is taken to be that of the emulation's defaults.
         let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params);
-        let tracker =
-            perception.tracker(&behind, config.prediction.sightings()).unwrap_or_else(|(key, message)| {
-                tell(format!("perception.{key}"), message);
-                GroundParams::default()
-            });
-        let detector_rungs = config.detector_rungs().unwrap_or_else(|(key, message)| {
-            tell(format!("perception.{key}"), message);
+        let tracker = perception.tracker(&behind, config.prediction.sightings()).unwrap_or_else(|found| {
+            tell("perception", found);
+            GroundParams::default()
+        });
+        // Rungs have the parameters of the detector itself: their problems are the same.
+        let detector_rungs = config.detector_rungs().unwrap_or_else(|mut found| {
+            found.retain(|(key, _)| !key.starts_with("params"));
+            tell("perception", found);
             Vec::new()
         });
         let planner_rungs = config.planner_rungs().unwrap_or_else(|(key, message)| {
-            tell(format!("planning.{key}"), message);
+            tell("planning", vec![(key.to_owned(), message)]);
             Vec::new()
         });
         let planning = &config.planning;
         let rules = planning.rules().unwrap_or_else(|found| {
-            found.into_iter().for_each(|(key, message)| tell(key, message));
+            tell("", found);
             planning.rules_of_era()
         });
         let on_ladder = planner_rungs.iter().find_map(|rung| planning.planner_with(&rung.what).err());
-        if let Some(message) = planning.planner().err().or(on_ladder) {
-            tell("planning.params".into(), message);
+        if let Some(found) = planning.planner().err().or(on_ladder) {
+            tell("planning.params", found);
         }
         Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs, rules }
     }
@@ -158,6 +157,13 @@ impl Config {
             (Scheduled::Detector, execution.detector_ms, detects),
             (Scheduled::Planner, execution.planner_ms, true),
         ];
+        for (scheduled, ms, runs) in lengths {
+            let is_told = used && runs;
+            if let Some(ms) = ms.filter(|ms| !is_told && !(1.0..=10_000.0).contains(ms)) {
+                let message = format!("expected 1 to 10000, found {}", number(ms));
+                told.push((format!("execution.{}", scheduled.key()), message));
+            }
+        }
         for (scheduled, _, runs) in
             lengths.into_iter().filter(|(_, ms, runs)| ms.is_some() && !(used && *runs))
         {

@@ -247,7 +247,7 @@ fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
     told
 }
 
-pub(super) fn timing_faults(timing: &SensorTiming) -> Faults {
+fn timing_faults(timing: &SensorTiming) -> Faults {
     timing.problems().iter().map(|error| (error.key.to_string(), outside(error))).collect()
 }
 

@@ -126,7 +126,7 @@ fn rules_of_the_paper_are_told_with_line_and_key() {
     );
     assert_eq!(
         rules("heading_of_road_rad = nan"),
-        "c.toml:5: planning.rules.heading_of_road_rad: expected -2 pi to 2 pi, found NaN"
+        "c.toml:5: planning.rules.heading_of_road_rad: expected -6.283185307179586 to 6.283185307179586, found NaN"
     );
     let fallback = rules("fallback = \"stop_on_rout\"");
     assert!(fallback.starts_with("c.toml:5: planning.rules.fallback: expected "), "{fallback}");

@@ -14,6 +14,7 @@ use swerve_msg::{
 };
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
+use swerve_text::{KeyProblem, in_one_line};
 use swerve_vehicle::{Limits, Shape};
 
 use super::deadlines::planner_deadline;
@@ -111,7 +112,7 @@ impl OperatorKind for Planners {
         let operator = PlannerOperator::new(config, site.surroundings())?;
         let make = |Rung { name, run_time, what }: &Rung<toml::Table>| {
             let what = config.planning.planner_with(what);
-            let what = what.map_err(|message| anyhow::anyhow!("planning.params: {message}"))?;
+            let what = what.map_err(|found| wrong(&found))?;
             Ok(Rung { name: name.clone(), run_time: *run_time, what })
         };
         let rungs = &site.resolved().planner_rungs;
@@ -164,7 +165,7 @@ impl PlannerOperator {
             StartState::Predicted => Some(Span::from_secs(config.expected_ms() * 1e-3)),
         };
         Ok(Self {
-            planner: planning.planner().map_err(|message| anyhow::anyhow!("planning.params: {message}"))?,
+            planner: planning.planner().map_err(|found| wrong(&found))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
             has_comfort: planning.has_comfort(),
@@ -356,4 +357,9 @@ impl Budget for Metered<'_, '_> {
             swerve_flow::Progress::Stop => Progress::Stop,
         }
     }
+}
+
+/// The error of a planner's parameters.
+fn wrong(problems: &[KeyProblem]) -> anyhow::Error {
+    anyhow::anyhow!("planning.params: {}", in_one_line(problems))
 }

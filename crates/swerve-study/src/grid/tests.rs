@@ -119,7 +119,7 @@ fn nonsense_names_its_place() {
         "s.toml:2: axis[0]: expected `values` or `settings` that are not empty\n\
          s.toml:4: axis[1]: `values` need a `key`\n\
          s.toml:8: budget.limit: no axis of the name `planer`; the study has none\n\
-         s.toml:7: budget.max_ms: expected milliseconds above 0 and at most 100000, found 1e308"
+         s.toml:7: budget.max_ms: expected 0.1 to 100000, found 1e308"
     );
     let budget = |keys: &str| {
         wrong(&format!(
@@ -129,15 +129,12 @@ fn nonsense_names_its_place() {
     for (keys, said) in [
         (
             "max_ms = 300\nscan_ms = 301\n",
-            "5: budget.scan_ms: expected milliseconds above 0 and at most 300 (budget.max_ms), found 301",
+            "5: budget.scan_ms: expected 0.1 to 300 (budget.max_ms), found 301",
         ),
-        (
-            "max_ms = 30\n",
-            "3: budget.scan_ms: expected milliseconds above 0 and at most 30 (budget.max_ms), found 50",
-        ),
+        ("max_ms = 30\n", "3: budget.scan_ms: expected 0.1 to 30 (budget.max_ms), found 50"),
         (
             "max_ms = 300\nscan_ms = 5\nresolution_ms = 6\n",
-            "6: budget.resolution_ms: expected milliseconds above 0 and at most 5 (budget.scan_ms), found 6",
+            "6: budget.resolution_ms: expected 0.1 to 5 (budget.scan_ms), found 6",
         ),
     ] {
         assert_eq!(budget(keys), format!("s.toml:{said}"));

@@ -21,6 +21,7 @@ use swerve_stack::config::camera_detectors::{self, CameraObjectsTable};
 use swerve_stack::config::perception::image_camera;
 use swerve_stack::street::{EGO_INSTANCE, Street};
 use swerve_stack::{ObstacleSight, span_of_ms};
+use swerve_text::in_one_line;
 use swerve_vision::Rgb;
 use swerve_vision::segmentation::Segmenter;
 
@@ -308,7 +309,7 @@ impl Boxes {
         let emulated = config
             .perception
             .emulated()
-            .map_err(|(key, message)| anyhow!("perception.{key}: {message}"))?
+            .map_err(|found| anyhow!("perception: {}", in_one_line(&found)))?
             .ok_or_else(|| anyhow!("perception.detector: expected one to emulate, found `truth`"))?;
         ensure!(
             emulated.sensing == Sensing::Camera,

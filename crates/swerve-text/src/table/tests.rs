@@ -6,7 +6,7 @@ fn said(text: &str, with_lines: bool) -> Vec<String> {
     let reading = if with_lines { Reading::of(&document) } else { Reading::without_text("[a]") };
     let top = reading.top(&document.table);
     top.number("share", Range::between(0.0, 1.0));
-    top.number_or("speed", 1.0, Range::positive(10.0));
+    top.number_or("speed", 1.0, Range::between(0.1, 10.0));
     top.whole_if_any("count", 1, 9);
     top.truth_if_any("is_on");
     top.text_if_any("note");
@@ -35,7 +35,7 @@ fn every_problem_has_its_line_and_its_name() {
         said(wrong, true),
         [
             "a.toml:1: share: is missing: expected a number from 0 to 1",
-            "a.toml:1: speed: expected a number above 0 and at most 10, found 0",
+            "a.toml:1: speed: expected a number from 0.1 to 10, found 0",
             "a.toml:2: count: expected a whole number from 1 to 9, found 2.5",
             "a.toml:3: is_on: expected true or false, found 1",
             "a.toml:4: note: expected a text that is not blank, without control characters, found the text \" \"",

@@ -65,7 +65,7 @@ fn check_tells_all_problems_of_all_files() {
         "g.toml:6: sensing.range_m: expected 0.1 to 10000, found 0, in the cell [0 a]",
         "g.toml:11: ego.speed: unknown key; did you mean \"speed_mps\"?, in the cell [-1 a]",
         "i.toml:1: axis[0].valus: unknown key; did you mean \"values\"?",
-        "i.toml:2: budget.max_ms: expected milliseconds above 0 and at most 100000, found -1",
+        "i.toml:2: budget.max_ms: expected 0.1 to 100000, found -1",
         "j.toml:1: span: unknown key; did you mean \"span_ms\"?",
         "j.toml:4: operator[0].every_ms: expected ",
         "k.toml:1: base.config: gone.toml: cannot be read: ",

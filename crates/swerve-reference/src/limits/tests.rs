@@ -1,0 +1,256 @@
+//! Ranges of keys, held against the readers.
+
+use swerve_scenario::Scenario;
+use swerve_stack::Registry;
+
+use super::*;
+use crate::files::FileKind;
+use crate::keys::keys;
+
+#[test]
+fn ends_are_those_of_the_reader() {
+    let of = |key: &str, form: &str| {
+        let key = Key {
+            key: key.to_owned(),
+            only_with: None,
+            form: form.to_owned(),
+            default: None,
+            unit: None,
+            range: None,
+            doc: String::new(),
+            choices: Vec::new(),
+        };
+        let keywords = ends(&key, &range(&key).unwrap());
+        let keywords = keywords.into_iter().map(|(keyword, end)| format!("{keyword} {end}"));
+        keywords.collect::<Vec<_>>().join(", ")
+    };
+    for (key, form, wanted) in [
+        ("planning.added_latency_ms", "number", "maximum 100000, minimum 0"),
+        ("sim.dt_ms", "number", "maximum 20, minimum 1"),
+        ("camera.NAME.vignetting", "number", "maximum 1, minimum 0"),
+        ("sim.vehicle.tyre.friction", "number", "maximum 4, minimum 0.01"),
+        ("seed", "whole number", "minimum 0"),
+        ("log.jpeg_quality", "whole number", "maximum 100, minimum 1"),
+    ] {
+        assert_eq!(of(key, form), wanted, "{key}");
+    }
+}
+
+/// Keys without a range of numbers: seeds, notes that nothing reads, and keys that stand elsewhere or are one of a list.
+const WITHOUT: [&str; 9] = [
+    "fault.NAME.seed",
+    "lidar.NAME.params.rate_hz",
+    "lidar.NAME.params.seed",
+    "perception.calibration.draws_seed",
+    "perception.calibration.frames",
+    "perception.calibration.objects",
+    "perception.calibration.seeds",
+    "planning.rung_ms",
+    "seed",
+];
+
+/// Arrays of numbers that mean different things, each place with its own range.
+const MIXED: [&str; 11] = [
+    "camera.NAME.matrix",
+    "lidar.NAME.at_m",
+    "lidar.NAME.beams_deg",
+    "localization.stored_pose",
+    "operator.NAME.runtime.log_normal_ms",
+    "operator.NAME.runtime.percentiles_ms",
+    "planning.cost.NAME.NAME.log_normal_ms",
+    "planning.cost.NAME.NAME.percentiles_ms",
+    "planning.slow_by_sigma_m",
+    "radar.NAME.at_m",
+    "sim.vehicle.steering.curve",
+];
+
+/// Keys whose range is narrowed by another key, and the value of that one that leaves all of it.
+const PARTNERS: [(&str, &str, f64); 12] = [
+    ("execution.params.detector_max_s", "execution.params.detector_min_s", 0.001),
+    ("execution.params.planner_max_s", "execution.params.planner_min_s", 0.001),
+    ("execution.params.planner_share_full", "execution.params.planner_share_empty", 0.0),
+    ("fault.NAME.until_ms", "fault.any.from_ms", 0.0),
+    ("gate.release_at_ms", "gate.enable_at_ms", 0.0),
+    ("lidar.NAME.params.range_min_m", "lidar.any.params.range_max_m", 10_000.0),
+    ("lidar.NAME.rate_hz", "sim.dt_ms", 1.0),
+    ("planning.params.horizon_max_s", "planning.params.horizon_min_s", 0.1),
+    ("planning.params.lateral_step_m", "planning.params.horizon_max_s", 2.0),
+    ("planning.params.left_m", "planning.params.right_m", 100.0),
+    ("planning.params.time_step_s", "planning.params.horizon_max_s", 2.0),
+    ("radar.NAME.params.range_min_m", "radar.any.params.range_max_m", 10_000.0),
+];
+
+/// The keys of numbers whose range is one of numbers.
+fn numeric() -> Vec<Key> {
+    let is_numeric = |key: &Key| {
+        key.form.ends_with("number")
+            && !WITHOUT.contains(&key.key.as_str())
+            && !MIXED.contains(&key.key.as_str())
+    };
+    keys(&Registry::standard()).into_iter().filter(is_numeric).collect()
+}
+
+/// Floor and ceiling of a range such as `0.1 to 20 m`.
+fn floor_and_ceiling(range: &str) -> Option<[f64; 2]> {
+    let mut words = range.split([' ', ',']);
+    let low = words.next()?.parse().ok()?;
+    let high = (words.next() == Some("to")).then(|| words.next()?.parse().ok())??;
+    Some([low, high])
+}
+
+/// Numbers outside of a range: those of a slip by orders of magnitude, and those just beside the ends.
+fn outside_of([low, high]: [f64; 2], is_whole: bool) -> Vec<String> {
+    if is_whole {
+        let near = [low - 1.0, high + 1.0].into_iter().filter(|x| *x >= 0.0).map(|x| format!("{x}"));
+        return near.chain(["4000000000000000000".into()]).collect();
+    }
+    let beside = |x: f64| (x.abs() * 1e-3).max(1e-9);
+    let near = [low - beside(low), high + beside(high)].map(|x| format!("{x:e}"));
+    let tiny = (low > 0.0).then(|| "1e-300".to_owned());
+    ["nan", "inf", "-inf", "-1e300", "1e300"].map(str::to_owned).into_iter().chain(near).chain(tiny).collect()
+}
+
+#[test]
+fn every_number_of_a_configuration_has_a_floor_and_a_ceiling() {
+    let mut wrong = Vec::new();
+    let all = numeric();
+    assert!(all.len() > 400, "{}", all.len());
+    for key in &all {
+        let name = format!("{} [{}]", key.key, key.only_with.as_deref().unwrap_or_default());
+        let Some(range) = &key.range else {
+            wrong.push(format!("{name}: no range"));
+            continue;
+        };
+        let Some(ends) = floor_and_ceiling(range) else {
+            wrong.push(format!("{name}: the range `{range}` is not of the form `0.1 to 20`"));
+            continue;
+        };
+        for value in outside_of(ends, key.form.contains("whole")) {
+            let told = expected(key, &value);
+            let is_whole = |told: &String| told.starts_with("a whole number") || told.starts_with("an array");
+            if !told.iter().any(|told| told == range || is_whole(told)) {
+                wrong.push(format!("{name}: {value} is not refused by `{range}`: {told:?}"));
+            }
+        }
+        for end in ends {
+            let told = at_end(key, end);
+            if !told.is_empty() {
+                wrong.push(format!("{name}: the end {end} of `{range}` is refused: {told:?}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), all.len(), wrong.join("\n"));
+}
+
+/// What the check expected of a key at an end of its range.
+fn at_end(key: &Key, end: f64) -> Vec<String> {
+    let partner = PARTNERS.iter().find(|(name, ..)| *name == key.key);
+    let with: Vec<_> =
+        partner.iter().map(|(_, partner, value)| ((*partner).to_owned(), (*value).into())).collect();
+    let text = if key.form.contains("whole") { format!("{end}") } else { format!("{end:?}") };
+    expected_with(key, &text, &with)
+}
+
+/// Every actor, light and end of the text form, with values in the middle of their ranges.
+const SCENARIO: &str = r#"
+    name = "all"
+    road = { segments = [{ length_m = 900.0, curvature_1pm = 0.0 }], lane_width_m = 4.0, left_m = 40.0, right_m = 40.0,
+      friction = 0.9, light = [{ name = "a", s_m = 52.0, d_m = -3.0, stop_s_m = 50.0, green_s = 10.0, yellow_s = 3.0,
+      red_s = 10.0, offset_s = 1.0 }] }
+    ego = { s_m = 5.0, d_m = 0.0, heading_rad = 0.0, target_speed_mps = 10.0, start_speed_mps = 5.0, end_m = 500.0 }
+    end = { timeout_s = 9.0, after_collision_s = 1.0, standstill = { near = "box", within_m = 9.0, for_s = 1.0 } }
+    [[actor]]
+    name = "box"
+    kind = "static"
+    s_m = 100.0
+    d_m = 20.0
+    heading_rad = 0.0
+    mass_kg = 100.0
+    size = { length_m = 1.0, width_m = 1.0, height_m = 1.0 }
+    [[actor]]
+    name = "walker"
+    kind = "pedestrian"
+    s_m = 200.0
+    d_m = 20.0
+    size = { radius_m = 0.3 }
+    trigger = { distance = { within_m = 20.0 } }
+    motion = [{ wait = { for_s = 1.0 } }, { walk = { speed_mps = 1.0, distance_m = 9.0, direction = "left" } }]
+    [[actor]]
+    name = "driver"
+    kind = "car"
+    s_m = 300.0
+    d_m = 20.0
+    trigger = { time = { at_s = 1.0 } }
+    motion = [{ drive = { speed_mps = 9.0, distance_m = 50.0 } }]
+    [[actor]]
+    name = "cyclist"
+    kind = "cyclist"
+    s_m = 400.0
+    d_m = 20.0
+    trigger = { reaches = { s_m = 60.0 } }
+    motion = [{ path = { speed_mps = 3.0, points = [[410.0, 20.0]] } }]
+    [expect]
+    verdict = "avoided"
+"#;
+
+/// Where a key of the list is in [`SCENARIO`].
+fn place_in_scenario(key: &str) -> String {
+    const PLACES: [(&str, &str); 9] = [
+        ("actor.NAME.motion.NAME.wait", "actor.walker.motion.0.wait"),
+        ("actor.NAME.motion.NAME.walk", "actor.walker.motion.1.walk"),
+        ("actor.NAME.motion.NAME.drive", "actor.driver.motion.0.drive"),
+        ("actor.NAME.motion.NAME.path", "actor.cyclist.motion.0.path"),
+        ("actor.NAME.trigger.distance", "actor.walker.trigger.distance"),
+        ("actor.NAME.trigger.time", "actor.driver.trigger.time"),
+        ("actor.NAME.trigger.reaches", "actor.cyclist.trigger.reaches"),
+        ("actor.NAME.size.radius_m", "actor.walker.size.radius_m"),
+        ("expect.pipeline.NAME", "expect.pipeline.fot"),
+    ];
+    let place = PLACES.iter().find_map(|(start, place)| Some(format!("{place}{}", key.strip_prefix(start)?)));
+    let place = place.unwrap_or_else(|| {
+        key.replace("actor.NAME", "actor.box")
+            .replace("light.NAME", "light.a")
+            .replace("segments.NAME", "segments.0")
+    });
+    format!("scenario.{place}")
+}
+
+#[test]
+fn every_number_of_a_scenario_has_a_floor_and_a_ceiling() {
+    let schema = FileKind::Scenario.schema();
+    let all = crate::schema::keys(&schema, "", None, Arrays::Within);
+    let numbers: Vec<&Key> =
+        all.iter().filter(|key| matches!(key.form.as_str(), "number" | "whole number")).collect();
+    assert!(numbers.len() > 80, "{}", numbers.len());
+    let mut wrong = Vec::new();
+    for key in numbers {
+        let ends = key.range.as_deref().and_then(floor_and_ceiling);
+        let Some(ends) = ends else {
+            wrong.push(format!("{}: no range", key.key));
+            continue;
+        };
+        let range = format!("a number from {} to {}", ends[0], ends[1]);
+        let refused = |value: &str| {
+            let (_, value) = parse_assignment(&format!("x={value}")).unwrap();
+            let place = place_in_scenario(&key.key);
+            let problems =
+                Scenario::parse_with("s.toml", SCENARIO, &[(place.clone(), value)]).err().unwrap_or_default();
+            problems.iter().any(|problem| problem.key == place && problem.message.contains(&range))
+        };
+        let slips = outside_of(ends, false);
+        wrong.extend(
+            slips
+                .iter()
+                .filter(|value| !refused(value))
+                .map(|value| format!("{}: {value} is not refused", key.key)),
+        );
+        let taken = ends.map(|end| format!("{end:?}"));
+        wrong.extend(
+            taken
+                .iter()
+                .filter(|end| refused(end))
+                .map(|end| format!("{}: the end {end} is refused", key.key)),
+        );
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
