@@ -104,7 +104,9 @@ pub struct Controller {
     /// Stamp of the first state after a time without any.
     seen_again: Option<Time>,
     before: Option<Time>,
+    /// The last command.
     steering_rad: f64,
+    accel_mps2: f64,
     mpc: Option<Predictive>,
     /// The ego's place along the route, and the arc length of it, metres.
     place: LineTracker,
@@ -142,6 +144,7 @@ impl Controller {
             seen_again: None,
             before: None,
             steering_rad: 0.0,
+            accel_mps2: 0.0,
             place: LineTracker::default(),
             route_m: 0.0,
         }
@@ -157,7 +160,7 @@ impl Controller {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
         let is_seen = self.is_usable(input.ego, input.now);
-        self.reckoning.advance(input.now, self.steering_rad);
+        self.reckoning.advance(input.now, self.steering_rad, self.accel_mps2);
         if is_finite(input.ego) {
             self.reckoning.take(input.ego);
         }
@@ -168,7 +171,7 @@ impl Controller {
         if !is_seen {
             self.brake_blind(input);
         }
-        let is_known = is_seen && !self.reckoning.is_overdue();
+        let is_known = is_seen && !self.reckoning.is_late();
         let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
         let input = &Input { ego: &ego, ..*input };
         self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
@@ -189,6 +192,7 @@ impl Controller {
         let Pedals { throttle, brake } = drive.pedals;
         let command = Command { steering_rad: self.steering_rad, throttle, brake };
         let Drive { speed_mps, accel_mps2, .. } = drive;
+        self.accel_mps2 = accel_mps2.unwrap_or(ego.accel_mps2);
         Output { command, speed_mps, accel_mps2, status, mpc: report }
     }
 

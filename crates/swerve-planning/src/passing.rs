@@ -63,8 +63,8 @@ pub(crate) struct Passing<'a> {
     target_mps: f64,
     /// Offset to the left at which everything is passed, metres.
     pub(crate) offset_m: f64,
-    /// Its place in some seconds is not known yet: a vehicle still brakes, or a pedestrian may walk on before a fast
-    /// ego.
+    /// Its place in some seconds is not known yet: a vehicle still brakes or has just stopped, or a pedestrian may walk on
+    /// before a fast ego.
     waits: bool,
 }
 
@@ -107,7 +107,8 @@ impl<'a> Passing<'a> {
         }
         // The ego passes on the left.
         let may_walk = |one: &Mover| one.faces_across() && one.faces > 0.0 && speed_mps > BEFORE_FACE_MPS;
-        let waits = !rules.under_way && blocking.iter().any(|one| brakes(one) || may_walk(one));
+        let waits =
+            !rules.under_way && blocking.iter().any(|one| brakes(one) || has_stopped(one) || may_walk(one));
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
         let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
@@ -276,6 +277,11 @@ pub(crate) fn is_oncoming(one: &Mover) -> bool {
 fn brakes(one: &Mover) -> bool {
     let (speed_mps, brake_mps2) = one.motion(0.0);
     one.is_vehicle() && speed_mps > STANDS_MPS && brake_mps2 > BRAKES_MPS2
+}
+
+/// True of a vehicle that stands and has not for long.
+fn has_stopped(one: &Mover) -> bool {
+    one.is_vehicle() && one.moved_lately && one.motion(0.0).0.abs() <= STANDS_MPS
 }
 
 /// Faster than this the ego does not go out to pass before the face of a pedestrian, m/s: 23 km/h.

@@ -2,7 +2,7 @@
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Pose2};
-use swerve_msg::{ActorKind, EgoState, Plan, Prediction, Route};
+use swerve_msg::{ActorId, ActorKind, EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
 /// Everything a planner may know.
@@ -24,6 +24,8 @@ pub struct Request<'a> {
     pub overtake_max_m: f64,
     /// Motions of the others, ordered by identity.
     pub predictions: &'a [Prediction],
+    /// Those of them that moved in the last seconds, whatever they do now: who has just stopped may go on.
+    pub moved_lately: &'a [ActorId],
     /// Outline of the ego.
     pub shape: &'a Shape,
     /// Limits of the ego.

@@ -18,6 +18,8 @@ pub(crate) struct Demands {
     pub(crate) clearance_m: f64,
     /// Whether it brakes as hard as it may where neither gap can be kept.
     pub(crate) hardest: bool,
+    /// How fast the deceleration grows, m/s³.
+    pub(crate) jerk_mps3: f64,
 }
 
 /// Whether the poses of a plan may be driven.
@@ -33,7 +35,7 @@ pub(crate) fn stop(
     way: &[Pose2],
     obstacles: &Obstacles,
     brakes_mps2: impl Iterator<Item = f64>,
-    (Demands { gaps_m, clearance_m, hardest }, usable): (Demands, Usable<'_>),
+    (Demands { gaps_m, clearance_m, hardest, jerk_mps3 }, usable): (Demands, Usable<'_>),
 ) -> Option<Plan> {
     let lateral_accel_max_mps2 = request.limits.lateral_accel_max_mps2;
     let path = with_curvature(way);
@@ -46,7 +48,7 @@ pub(crate) fn stop(
     };
     let mut too_near = Vec::new();
     for brake_mps2 in brakes_mps2 {
-        let plan = braking(request, &path, brake_mps2);
+        let plan = braking(request, &path, brake_mps2, jerk_mps3);
         if !plan.points.iter().all(|p| lateral(p) <= lateral_accel_max_mps2) {
             continue;
         }
@@ -68,9 +70,9 @@ pub(crate) fn stop(
     next.or_else(last).map(|k| too_near.swap_remove(k).0)
 }
 
-/// Along `path` to rest: the deceleration grows to `brake_mps2` and dies away before the end, both at [`JERK_MPS3`];
-/// standing after that.
-fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan {
+/// Along `path` to rest: the deceleration grows to `brake_mps2` at `jerk_mps3` and dies away before the end at
+/// [`JERK_MPS3`]; standing after that.
+fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64, jerk_mps3: f64) -> Plan {
     let start = &request.start;
     let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
     let mut accel_mps2 = start.accel_mps2.clamp(-brake_mps2, request.limits.accel_max_mps2);
@@ -82,7 +84,7 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan 
         points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
         // So hard that it can die away until the ego stands, and never so gently that it creeps.
         let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);
-        let next = wanted.max(accel_mps2 - JERK_MPS3 * STEP_S);
+        let next = wanted.max(accel_mps2 - jerk_mps3 * STEP_S);
         let next_mps = (speed_mps + 0.5 * (accel_mps2 + next) * STEP_S).max(0.0);
         s_m += 0.5 * (speed_mps + next_mps) * STEP_S;
         accel_mps2 = if next_mps > 0.0 { next } else { 0.0 };
@@ -93,8 +95,8 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64) -> Plan 
     Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
 }
 
-/// How fast a steady deceleration grows, m/s³.
-const JERK_MPS3: f64 = 5.0;
+/// How fast the deceleration of a steady stop grows, and dies away, m/s³.
+pub(crate) const JERK_MPS3: f64 = 5.0;
 
 /// Least deceleration of a stop, m/s².
 const CREEP_BRAKE_MPS2: f64 = 0.3;

@@ -33,12 +33,24 @@ pub(super) struct Reckoning {
     at: Time,
     odom: Pose2<Odom>,
     speed_mps: f64,
+    /// Acceleration as the car answers to the commands, m/s², and its integral.
+    accel_mps2: f64,
+    gained_mps: f64,
     /// How the nose turns, 1/m.
     curvature_1pm: f64,
+    steering_rad: f64,
     /// Deceleration of a stop without a state.
     pub(super) decel_mps2: Option<f64>,
-    trail: VecDeque<(Time, Pose2<Odom>)>,
+    trail: VecDeque<Past>,
     newest: Option<Newest>,
+}
+
+/// The motion by the commands at an instant.
+#[derive(Clone, Copy, Debug)]
+struct Past {
+    at: Time,
+    odom: Pose2<Odom>,
+    gained_mps: f64,
 }
 
 /// A state, and its place in the odometry frame.
@@ -60,27 +72,35 @@ impl Reckoning {
             at: Time::MIN,
             odom: Pose2::default(),
             speed_mps: 0.0,
+            accel_mps2: 0.0,
+            gained_mps: 0.0,
             curvature_1pm: 0.0,
+            steering_rad: 0.0,
             decel_mps2: None,
             trail: VecDeque::with_capacity(256),
             newest: None,
         }
     }
 
-    /// Moves on to `now` with the wheels at the angle of the last command.
-    pub(super) fn advance(&mut self, now: Time, steering_rad: f64) {
+    /// Moves on to `now` with the wheels at the angle of the last command, and its acceleration.
+    pub(super) fn advance(&mut self, now: Time, steering_rad: f64, accel_mps2: f64) {
         let dt_s = if self.at == Time::MIN { 0.0 } else { (now - self.at).as_secs().max(0.0) };
         let decel_mps2 = self.decel_mps2.unwrap_or(0.0);
-        let before_mps = self.speed_mps;
-        self.speed_mps = (before_mps - decel_mps2 * dt_s).max(0.0);
-        let wheels_1pm = self.slip.curvature_1pm(steering_rad, self.wheelbase_m, self.speed_mps, decel_mps2);
         let answered = 1.0 - math::exp(-dt_s / self.lag_s.max(1e-3));
+        self.accel_mps2 = match self.decel_mps2 {
+            Some(decel_mps2) => -decel_mps2,
+            None => self.accel_mps2 + answered * (accel_mps2 - self.accel_mps2),
+        };
+        let before_mps = self.speed_mps;
+        self.speed_mps = (before_mps + self.accel_mps2 * dt_s).max(0.0);
+        self.gained_mps += self.accel_mps2 * dt_s;
+        let wheels_1pm = self.slip.curvature_1pm(steering_rad, self.wheelbase_m, self.speed_mps, decel_mps2);
         self.curvature_1pm += answered * (wheels_1pm - self.curvature_1pm);
         let way_m = 0.5 * (before_mps + self.speed_mps) * dt_s;
         self.odom = self.slip.moved(self.odom, self.curvature_1pm, self.speed_mps, way_m);
-        self.at = now;
-        self.trail.push_back((now, self.odom));
-        while self.trail.front().is_some_and(|(at, _)| now - *at > KEPT) {
+        (self.at, self.steering_rad) = (now, steering_rad);
+        self.trail.push_back(Past { at: now, odom: self.odom, gained_mps: self.gained_mps });
+        while self.trail.front().is_some_and(|past| now - past.at > KEPT) {
             self.trail.pop_front();
         }
     }
@@ -90,12 +110,12 @@ impl Reckoning {
         if self.newest.is_some_and(|newest| state.stamp <= newest.state.stamp) {
             return;
         }
-        let after = self.trail.partition_point(|(at, _)| *at < state.stamp);
-        let (at, odom) = self.trail.get(after).copied().unwrap_or((self.at, self.odom));
+        let after = self.trail.partition_point(|past| past.at < state.stamp);
+        let now = Past { at: self.at, odom: self.odom, gained_mps: self.gained_mps };
+        let Past { at, odom, gained_mps } = self.trail.get(after).copied().unwrap_or(now);
         let pose = state.pose_after((at - state.stamp).as_secs().max(0.0));
         let age = self.at - state.stamp;
-        let slowed_mps = self.decel_mps2.unwrap_or(0.0) * age.as_secs().max(0.0);
-        self.speed_mps = (state.speed_mps.max(0.0) - slowed_mps).max(0.0);
+        self.speed_mps = (state.speed_mps.max(0.0) + self.gained_mps - gained_mps).max(0.0);
         if age <= OVERDUE {
             self.curvature_1pm = state.yaw_rate_radps / self.speed_mps.max(SLOW_MPS);
         }
@@ -107,17 +127,24 @@ impl Reckoning {
         self.newest.is_some_and(|newest| self.at - newest.came > OVERDUE)
     }
 
+    /// True if the newest state is older than that: the loop of control would swing by its age.
+    pub(super) fn is_late(&self) -> bool {
+        self.newest.is_some_and(|newest| self.at - newest.state.stamp > OVERDUE)
+    }
+
     /// The ego now. `None` before its first state.
     pub(super) fn state(&self) -> Option<EgoState> {
         let Newest { state, pose, odom, .. } = self.newest?;
+        let steering_rad = if self.is_late() { self.steering_rad } else { state.steering_rad };
         let place = pose.from_local(odom.to_local::<Odom>(self.odom.point()));
         let turn_rad = angle_between(odom.heading_rad, self.odom.heading_rad);
         Some(EgoState {
             stamp: self.at,
             pose: Pose2::new(place.x_m, place.y_m, pose.heading_rad + turn_rad),
             speed_mps: self.speed_mps,
-            accel_mps2: self.decel_mps2.map_or(state.accel_mps2, |decel_mps2| -decel_mps2),
+            accel_mps2: self.accel_mps2,
             yaw_rate_radps: self.curvature_1pm * self.speed_mps,
+            steering_rad,
             ..state
         })
     }

@@ -117,7 +117,9 @@ impl Comfort {
             let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
             let predictions = swept.as_deref().unwrap_or(request.predictions);
             let plan = self.gentle.at_speed(&Request { predictions, ..*request }, budget);
-            if let Some(plan) = plan.filter(|plan| self.returns_clear(scene, plan)) {
+            if let Some(plan) =
+                plan.filter(|plan| self.returns_clear(scene, plan) && !self.swings_before_person(scene, plan))
+            {
                 return Some(comfortable(plan));
             }
         }

@@ -126,6 +126,7 @@ fn drive_within(
             route: &route,
             target_speed_mps,
             overtake_max_m,
+            moved_lately: &[],
             predictions: &predictions,
             shape: &shape,
             limits: &limits,

@@ -1,4 +1,4 @@
-//! Stops along the way ahead: in the own lane, and short of people.
+//! Stops along the way ahead, in the own lane and short of people, in place of swinging out before them.
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
@@ -8,7 +8,7 @@ use super::Comfort;
 use super::decision::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
 use crate::passing::is_oncoming;
 use crate::request::Request;
-use crate::steady_stop::{self, Demands};
+use crate::steady_stop::{self, Demands, JERK_MPS3};
 use crate::traffic::Mover;
 
 impl Comfort {
@@ -19,7 +19,7 @@ impl Comfort {
         // As far as the gentlest steady braking takes.
         let further_m = v * v * f64::from(BRAKE_STEPS) / (2.0 * request.limits.brake_max_mps2) + v * SETTLE_S;
         let way = self.gentle.way_on(request, further_m);
-        let clearance_m = self.params.clearance_m;
+        let (clearance_m, jerk_mps3) = (self.params.clearance_m, JERK_MPS3);
         let usable = |poses: &[(Pose2, Time)]| {
             poses.last().is_none_or(|end| request.may_rest_at(end.0))
                 && self.gentle.keeps_road(request, poses)
@@ -27,8 +27,12 @@ impl Comfort {
         let stop = |brakes_mps2: [f64; 2], hardest: bool| {
             let steps = (1..=BRAKE_STEPS).map(|k| f64::from(k) / f64::from(BRAKE_STEPS));
             let brakes = steps.map(|share| brakes_mps2[0] + share * (brakes_mps2[1] - brakes_mps2[0]));
-            let demands =
-                Demands { gaps_m: [standing_m, self.params.standstill_gap_m], clearance_m, hardest };
+            let demands = Demands {
+                gaps_m: [standing_m, self.params.standstill_gap_m],
+                clearance_m,
+                hardest,
+                jerk_mps3,
+            };
             steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
         };
         let comfort_mps2 = request.limits.brake_max_mps2;
@@ -44,8 +48,9 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For a slow ego near people the gentlest steady braking that suffices, up to the vehicle's limit, wherever it comes to
-    /// rest; `None` where a vehicle comes the other way. An ego at rest waits only for people who move.
+    /// For an ego in a town near people the gentlest steady braking that suffices, wherever it comes to rest: up to the
+    /// vehicle's limit at 30 km/h, less above; `None` where a vehicle comes the other way. An ego at rest waits only for
+    /// people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
@@ -55,18 +60,45 @@ impl Comfort {
         }
         let request = &Request { limits: scene.vehicle, ..*scene.request };
         let way = self.gentle.way_on(request, v * SETTLE_S);
-        let brakes =
-            (1..=BRAKE_STEPS).map(|k| scene.vehicle.brake_max_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
+        let vehicle_mps2 = scene.vehicle.brake_max_mps2;
+        let [most_mps2, jerk_mps3] =
+            if v > SLOW_MPS { [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3] } else { [vehicle_mps2, JERK_MPS3] };
+        let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
         let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
-        let demands = Demands { gaps_m: [self.params.clearance_m, clearance_m], clearance_m, hardest: false };
+        let demands = Demands {
+            gaps_m: [self.params.clearance_m, clearance_m],
+            clearance_m,
+            hardest: false,
+            jerk_mps3,
+        };
         let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
         let plan = steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
+
+    /// True of a plan that swings over the line, out of a swerve that began in the lane, where a person crosses.
+    pub(super) fn swings_before_person(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
+        let Scene { request, place, traffic, .. } = *scene;
+        let lane = self.lane(request);
+        let crosses = |one: &Mover| one.kind.is_person() && one.comes_over() && one.knots[0].to_m > place.s_m;
+        if lane.is_over(place.s_m, place.d_m) || !traffic.movers.iter().any(crosses) {
+            return false;
+        }
+        let mut s_m = place.s_m;
+        plan.points.iter().step_by(2).any(|p| {
+            let (at_m, d_m) = self.gentle.line().project(p.pose.point(), s_m);
+            s_m = at_m;
+            lane.is_over(s_m, d_m)
+        })
+    }
 }
 
-/// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 30 km/h.
-const TOWN_MPS: f64 = 8.5;
+/// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 50 km/h; above 30 km/h
+/// only where this deceleration suffices, m/s², which grows so fast, m/s³.
+const TOWN_MPS: f64 = 14.0;
+const SLOW_MPS: f64 = 8.5;
+const FIRM_MPS2: f64 = 6.5;
+const FIRM_MPS3: f64 = 20.0;
 
 /// Time that a deceleration takes to grow, seconds.
 const SETTLE_S: f64 = 2.0;
