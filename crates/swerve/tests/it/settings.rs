@@ -77,6 +77,31 @@ const PAIRS: [[&str; 2]; 5] = [
     ["planning.params.horizon_min_s", "planning.params.horizon_max_s"],
 ];
 
+/// A person steps out so late that the car brakes and swerves as hard as it can.
+const SCENARIO: &str = r#"name = "brakes"
+
+[road]
+segments = [{ length_m = 80.0 }]
+lane_width_m = 4.0
+left_m = 6.0
+right_m = 2.0
+
+[ego]
+target_speed_mps = 12.0
+end_m = 70.0
+
+[[actor]]
+name = "person"
+kind = "pedestrian"
+s_m = 22.0
+d_m = -1.6
+trigger = { distance = { to = "ego", within_m = 18.0 } }
+motion = [{ walk = { speed_mps = 2.0, distance_m = 5.0, direction = "left" } }]
+
+[end]
+timeout_s = 2.5
+"#;
+
 /// One drive: its name in messages, and its configuration.
 struct Drive {
     name: String,
@@ -159,7 +184,7 @@ fn outcome(bench: &Bench, number: usize, drive: &Drive) -> Outcome {
     let limit = MEMORY_MIB << 10;
     let seconds = if drive.name.starts_with("camera") { 0.5 } else { 2.5 };
     let line = format!(
-        "ulimit -v {limit}; ulimit -c 0; exec swerve run short.toml -c {config} --set end.timeout_s={seconds} --out {out} \
+        "ulimit -v {limit}; ulimit -c 0; exec swerve run brakes.toml -c {config} --set end.timeout_s={seconds} --out {out} \
          --threads 1 2>{number}.txt"
     );
     let started = Instant::now();
@@ -199,6 +224,7 @@ fn ended(child: &mut Child, started: Instant) -> Option<Option<i32>> {
 fn drive_at_either_end_of_every_numeric_setting_ends() {
     let _alone = alone();
     let bench = Bench::new();
+    bench.write("brakes.toml", SCENARIO);
     let keys: Vec<Value> = serde_json::from_str(&bench.good(&["keys", "--json"])).unwrap();
     let drives = drives(&keys);
     assert!(drives.len() > 700, "{}", drives.len());
