@@ -71,7 +71,7 @@ impl Params {
     }
 }
 
-/// Most iterations of a search: its time grows with their square, to about a tenth of a second at this count.
+/// Most iterations of a search: its time grows with their square.
 const ITERATIONS_MAX: f64 = 20_000.0;
 
 /// RRT* as a motion planner.

@@ -1,18 +1,16 @@
 //! Numeric settings: a drive at the floor and at the ceiling of each ends, in bounded time and memory.
 
 use std::fmt::Write as _;
-use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::support::{Bench, alone};
+use crate::support::{Bench, Said, alone};
 
 /// A drive may have so much address space, and so long.
 const MEMORY_MIB: u64 = 4096;
-const TIME: Duration = Duration::from_secs(60);
+const TIME_S: u32 = 60;
 
 /// Keys of programs other than `swerve run`, and of what no drive reads.
 const NOT_DRIVEN: [&str; 4] = ["clock.", "live.", "localization.stored_pose", "perception.calibration."];
@@ -184,38 +182,19 @@ fn outcome(bench: &Bench, number: usize, drive: &Drive) -> Outcome {
     let limit = MEMORY_MIB << 10;
     let seconds = if drive.name.starts_with("camera") { 0.5 } else { 2.5 };
     let line = format!(
-        "ulimit -v {limit}; ulimit -c 0; exec swerve run brakes.toml -c {config} --set end.timeout_s={seconds} --out {out} \
-         --threads 1 2>{number}.txt"
+        "ulimit -v {limit}; ulimit -c 0; exec timeout -k 1 {TIME_S} swerve run brakes.toml -c {config} \
+         --set end.timeout_s={seconds} --out {out} --threads 1"
     );
-    let started = Instant::now();
-    let mut child = bench.shell_command(&line).stdout(Stdio::null()).spawn().unwrap();
-    let code = ended(&mut child, started);
-    let error = bench.read(&format!("{number}.txt"));
+    let Said { code, stderr: error, .. } = bench.shell(&line);
     std::fs::remove_dir_all(bench.path(&out)).ok();
     let errors = error.lines().filter(|line| line.starts_with("error")).count();
     let first = error.lines().take(3).collect::<Vec<_>>().join(" / ");
     match code {
-        None => Outcome::Fault(format!("no end within {TIME:?}")),
+        Some(124 | 137) => Outcome::Fault(format!("no end within {TIME_S} s: {first}")),
         // Exit 1 without an error: the drive is not as the scenario expects.
-        Some(Some(0 | 1)) if errors == 0 && !error.contains("panicked") => Outcome::Driven,
-        Some(Some(1)) if errors == 1 && !error.contains("panicked") => Outcome::Refused,
-        Some(code) => Outcome::Fault(format!("exit {code:?}: {first}")),
-    }
-}
-
-/// The exit status, with `None` in it after a signal; `None` where it did not end in time.
-#[expect(clippy::option_option, reason = "no end and no status are different faults")]
-fn ended(child: &mut Child, started: Instant) -> Option<Option<i32>> {
-    loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            return Some(status.code());
-        }
-        if started.elapsed() > TIME {
-            child.kill().unwrap();
-            child.wait().unwrap();
-            return None;
-        }
-        std::thread::park_timeout(Duration::from_millis(5));
+        Some(0 | 1) if errors == 0 && !error.contains("panicked") => Outcome::Driven,
+        Some(1) if errors == 1 && !error.contains("panicked") => Outcome::Refused,
+        code => Outcome::Fault(format!("exit {code:?}: {first}")),
     }
 }
 
