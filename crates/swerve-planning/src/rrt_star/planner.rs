@@ -71,8 +71,8 @@ impl Params {
     }
 }
 
-/// Most iterations that may be asked for: they bound the memory.
-const ITERATIONS_MAX: f64 = 100_000.0;
+/// Most iterations of a search: its time grows with their square.
+const ITERATIONS_MAX: f64 = 20_000.0;
 
 /// RRT* as a motion planner.
 #[derive(Clone, Debug)]

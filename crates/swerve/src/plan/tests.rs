@@ -118,12 +118,12 @@ fn faults_name_file_line_and_the_nearest_name() {
 #[test]
 fn numbers_out_of_range_are_told_with_key_and_range() {
     let cases = [
-        (PosedPlanner::Fot, "\"dt\": 0.3", "\"dt\": -0.3", "`dt` is -0.3, expected a finite number above 0"),
+        (PosedPlanner::Fot, "\"dt\": 0.3", "\"dt\": -0.3", "`dt` is -0.3, expected 0.02 to 10"),
         (
             PosedPlanner::RrtStar,
             "\"step_size\": 0.5",
             "\"step_size\": 0",
-            "`step_size` is 0, expected a finite number above 0",
+            "`step_size` is 0, expected 0.001 to 1000",
         ),
         (
             PosedPlanner::RrtStar,
@@ -134,14 +134,14 @@ fn numbers_out_of_range_are_told_with_key_and_range() {
         (
             PosedPlanner::HybridAstar,
             "\"rad_step\": 0.75",
-            "\"rad_step\": 0.0001",
-            "`rad_step` is 0.0001, expected a thousandth of rad_lower_range + rad_upper_range or more",
+            "\"rad_step\": 0.002",
+            "`rad_step` is 0.002, expected a thousandth of rad_lower_range + rad_upper_range or more",
         ),
         (
             PosedPlanner::HybridAstar,
             "\"radius\": 6.0",
             "\"radius\": -6.0",
-            "`radius` is -6, expected a finite number above 0",
+            "`radius` is -6, expected 0.01 to 1000",
         ),
     ];
     for (planner, right, wrong, expected) in cases {

@@ -125,7 +125,7 @@ fn configurations() {
         ),
         case(
             "[operator.planner]\nruntime = { fixed_ms = -1 }\n",
-            &["bad.toml:2: operator.planner.runtime: expected milliseconds between 0 and 86400000, found -1"],
+            &["bad.toml:2: operator.planner.runtime.fixed_ms: expected 0 to 86400000, found -1"],
         ),
         case("[planning.params]\nnonsense = 1\n", &["bad.toml:", "planning.params", "nonsense"]),
     ]);

@@ -24,6 +24,7 @@ mod report; // pages of runs and studies, drawn by a real browser
 mod ros2; // the simulated car on ROS 2's topics, recorded drives
 mod scarce; // names and crowds out of proportion, few descriptors, no shared memory
 mod sensors; // a rig from a file, its log, its faults
+mod settings; // a drive at either end of every numeric setting
 mod slurm; // the shards of a Slurm array, simulated
 mod soak; // memory and descriptors over a long drive
 mod study; // cells, resuming, shards, failing cells, repeating a cell

@@ -55,7 +55,7 @@ fn a_rig_that_cannot_be_is_refused_with_all_its_faults() {
         assert_eq!(said.code, Some(1), "{said:?}");
         for start in [
             "rig.toml:2: log.sensors[0]: unknown sensor `rof`, expected one of ",
-            "rig.toml:4: camera.eye.fov_deg: expected an angle above 0 and below 180, found 180",
+            "rig.toml:4: camera.eye.fov_deg: expected 0.1 to 179.9, found 180",
             "rig.toml:6: lidar.roof.at_m: expected a place outside the car's body",
             "rig.toml:7: lidar.roof.beams_deg[1]: expected beams that differ",
             "rig.toml:8: radar.eye: expected a name of its own, found that of `[camera.eye]`",
