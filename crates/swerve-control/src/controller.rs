@@ -36,7 +36,8 @@ pub struct Input<'a> {
 }
 
 impl Input<'_> {
-    /// Instant of the state. A late state is compared with the plan of this instant: latency is no lag behind the plan.
+    /// Instant of the state. It is compared with the plan of this instant: latency is no lag behind the plan. A state that is
+    /// later than 50 ms is moved on to now by the commands before.
     fn stated(&self) -> Time {
         self.ego.stamp.min(self.now)
     }

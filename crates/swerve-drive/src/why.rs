@@ -61,7 +61,7 @@ struct Ending {
 
 /// How a drive ended that an actor decided, in words.
 fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
-    let passed = || format!("it passed {} at {:.2} m", decided.name, decided.min_distance_m);
+    let came = || format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
     let stands_before = metrics.stands_before == Some(decided.actor);
     match (metrics.verdict, metrics.impact) {
         (_, Some(i)) => {
@@ -76,7 +76,7 @@ fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
             let left_s = metrics.left_road_at_s.unwrap_or_default();
             let then = match stands_before {
                 true => format!("later it stood before {}", decided.name),
-                false => passed(),
+                false => came(),
             };
             format!("it left the road at {left_s:.2} s; {then}")
         }
@@ -85,8 +85,7 @@ fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
             let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
             // Backwards by less than is shown is no motion.
             let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
-            let nearest = format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
-            format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {nearest}")
+            format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {}", came())
         }
         (Verdict::Unfinished, _) => {
             let (at_s, least_m) = (metrics.drive.duration_s, decided.min_distance_m);
@@ -95,18 +94,22 @@ fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
                 decided.name
             )
         }
-        _ => passed(),
+        _ => came(),
     }
 }
 
 /// Slower than this an ego that is hit stands, m/s.
 const STANDS_MPS: f64 = 0.1;
 
-/// A contact in words: who stands does not hit anybody.
+/// A contact in words: who stands does not hit anybody, and two who both drive into each other collide.
 fn hit(name: &str, impact: &Impact) -> String {
     let Impact { at_s, ego_speed_mps, closing_speed_mps, .. } = *impact;
     if ego_speed_mps.abs() < STANDS_MPS {
         return format!("{name} hit it at {at_s:.2} s with {closing_speed_mps:.1} m/s while it stood");
+    }
+    if closing_speed_mps > ego_speed_mps.abs() + STANDS_MPS {
+        let speeds = format!("it drove {ego_speed_mps:.1} m/s, closing at {closing_speed_mps:.1} m/s");
+        return format!("it and {name} collided at {at_s:.2} s: {speeds}");
     }
     format!("it hit {name} at {at_s:.2} s with {ego_speed_mps:.1} m/s")
 }

@@ -233,12 +233,12 @@ mod tests {
         let why = Why::new(
             "person".into(),
             Verdict::Unfinished,
-            ("it passed person at 6.00 m", Until::End),
+            ("it came within 6.00 m of person", Until::End),
             &steps(),
         );
         assert_eq!(
             why.sentence,
-            "it passed person at 6.00 m: in sight at 4.850 s, tracked 0 ms later, a plan changed because of it 50 ms \
+            "it came within 6.00 m of person: in sight at 4.850 s, tracked 0 ms later, a plan changed because of it 50 ms \
              later; no command followed from that (50 ms in all, 30 of them run time of planner)"
         );
         assert_eq!((why.at_s(Milestone::Planned), why.at_s(Milestone::Effect)), (Some(4.9), None));

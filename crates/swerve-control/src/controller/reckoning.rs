@@ -1,4 +1,4 @@
-//! Dead reckoning by the commands: where the ego is between its states, and after the last one.
+//! Dead reckoning by the commands: where the ego is between its states, after the last one, and where they come late.
 //!
 //! ```text
 //! states     S1 ......... S2                    known until here, and late
@@ -142,7 +142,7 @@ impl Reckoning {
             stamp: self.at,
             pose: Pose2::new(place.x_m, place.y_m, pose.heading_rad + turn_rad),
             speed_mps: self.speed_mps,
-            accel_mps2: self.accel_mps2,
+            accel_mps2: self.decel_mps2.map_or(self.accel_mps2, |decel_mps2| -decel_mps2),
             yaw_rate_radps: self.curvature_1pm * self.speed_mps,
             steering_rad,
             ..state

@@ -4,6 +4,7 @@ use super::*;
 use crate::bicycle::{self, curve, ego, lane_change, road, slalom};
 use crate::{LinearPedals, SlipParams};
 use swerve_core::Rng;
+use swerve_geom::Polyline;
 
 const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
 const LAWS: [Law; 4] = [Law::Pid, Law::PurePursuit, Law::Stanley, Law::Mpc];
@@ -187,7 +188,7 @@ fn a_stop_without_a_state_is_no_softer_than_planned() {
     }
 }
 
-/// A state that is 0.2 s late is compared with the plan of its own instant: the ego is neither behind nor in a hurry.
+/// A late state is moved on by the commands since: the ego is neither behind nor in a hurry.
 #[test]
 fn late_states_do_not_make_it_faster() {
     let plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 20.0);
@@ -207,6 +208,34 @@ fn late_states_do_not_make_it_faster() {
             let off = states.iter().map(|state| (state.speed_mps - 10.0).abs()).fold(0.0, f64::max);
             let behind_m = (states[1500].pose.x_m - 150.0).abs();
             assert!(off < 0.4 && behind_m < 1.0, "{law:?}, {late_ms} ms: {off} m/s, {behind_m} m");
+        }
+    }
+}
+
+/// Without dead reckoning a state that is 0.2 s late makes the wheels swing by more and more.
+#[test]
+fn slalom_is_tracked_with_late_states() {
+    let plan = curve(slalom, 10.0, 12.0);
+    let points: Vec<_> = plan.points.iter().map(|p| p.pose.point()).collect();
+    let line = Polyline::smooth(&points, 0.05).unwrap();
+    let wide = Route::uniform(road().line().clone(), 6.0, 6.0);
+    for law in LAWS {
+        for late_ms in [0, 100, 200, 290] {
+            let mut controller = controller(law);
+            let mut states = vec![EgoState { steering_rad: 0.0, ..ego(plan.points[0].pose, 10.0) }];
+            let mut aside_m = 0.0_f64;
+            for k in 0..1150 {
+                let known = states.len() - 1 - (late_ms / 10).min(states.len() - 1);
+                let now = Time::from_ms(10 * k);
+                let input = Input { now, ego: &states[known], plan: Some(&plan), route: &wide };
+                let command = controller.step(&input).command;
+                let mut next = states[states.len() - 1];
+                bicycle::drive(&mut next, command, Span::from_ms(10));
+                let place = line.project_near(next.pose.point(), 10.0 * now.as_secs(), 10.0);
+                aside_m = aside_m.max(place.d_m.abs());
+                states.push(next);
+            }
+            assert!(aside_m < 0.35, "{law:?}, {late_ms} ms: {aside_m} m");
         }
     }
 }

@@ -66,7 +66,7 @@ fn departure_comes_before_a_later_standstill() {
     let left = |metrics: &mut Metrics| {
         (metrics.verdict, metrics.left_road_at_s) = (Verdict::LeftRoad, Some(6.131));
     };
-    assert_eq!(words(left), "it left the road at 6.13 s; it passed lead at 0.70 m");
+    assert_eq!(words(left), "it left the road at 6.13 s; it came within 0.70 m of lead");
     let stood = |metrics: &mut Metrics| {
         left(metrics);
         metrics.stands_before = Some(ActorId(1));
@@ -88,7 +88,10 @@ fn an_ego_at_rest_is_hit() {
             metrics.impact = Some(impact);
         })
     };
-    assert_eq!(hit(3.26), "it hit lead at 5.00 s with 3.3 m/s");
+    assert_eq!(hit(5.26), "it hit lead at 5.00 s with 5.3 m/s");
+    // The lead comes from behind, or the other way.
+    let both = "it and lead collided at 5.00 s: it drove 3.3 m/s, closing at 4.2 m/s";
+    assert_eq!(hit(3.26), both);
     for ego_speed_mps in [0.0, 0.05, -0.01] {
         assert_eq!(hit(ego_speed_mps), "lead hit it at 5.00 s with 4.2 m/s while it stood");
     }

@@ -123,9 +123,9 @@ fn a_log_tells_why_as_its_run_did() {
     let again = json(&bench.good(&["why", "o/log.mcap", "--json"]));
     assert_eq!(again, run["why"]);
     assert_eq!((&again["actor"], &again["steps"][0]["what"]), (&"person".into(), &"visible".into()));
-    assert!(bench.good(&["why", "o/log.mcap", "--actor", "person"]).starts_with("why: it passed person at "));
+    assert!(bench.good(&["why", "o/log.mcap", "--actor", "person"]).starts_with("why: it came within "));
     assert!(bench.read("o/trace.json").contains("\"person: visible\""));
-    assert!(bench.read("o/story.svg").contains("Why: it passed person at "));
+    assert!(bench.read("o/story.svg").contains("Why: it came within "));
     let end_s = run["drive"]["duration_s"].as_f64().unwrap();
     for (wrong, told) in [
         (["--actor", "persn"], "did you mean `person`?".to_owned()),

@@ -22,3 +22,40 @@ fn a_slow_lead_is_overtaken_only_where_the_pose_lasts() {
         assert!(within(0.0, &stands).last().unwrap().gap_m < -4.5, "{manner:?}");
     }
 }
+
+#[test]
+fn a_lead_that_stops_for_two_seconds_is_not_passed() {
+    // With 4 m/s2 from 8 m/s to rest at 4 s, and on with 2 m/s2 from 6 s on, up to 8 m/s.
+    let stops = |t_s: f64| {
+        let braked_m = at_speeds_m(&[(0.0, 8.0), (2.0, 0.0)], 4.0, t_s.min(4.0));
+        let on_s = (t_s - 6.0).clamp(0.0, 4.0);
+        [30.0 + braked_m + on_s * on_s + 8.0 * (t_s - 10.0).max(0.0), 0.0]
+    };
+    let stays = |t_s: f64| stops(t_s.min(6.0));
+    let ego = EgoState { speed_mps: 8.0, ..EgoState::default() };
+    for manner in &MANNERS[1..] {
+        let among = |lead: Script<'_>| {
+            drive_from(ego, 12.0, ([5.25, 1.75], *manner), (ActorKind::Car, &[lead]), 16.0)
+        };
+        let goes_on = among(&stops);
+        assert!(over_line(&goes_on).0 == 0.0 && goes_on.last().unwrap().gap_m > 2.0, "{manner:?}");
+        assert!(among(&stays).last().unwrap().gap_m < 0.0, "{manner:?}: one that stays is passed");
+    }
+}
+
+#[test]
+fn a_person_who_hurries_across_is_stopped_for() {
+    // From the right edge, when the ego's front is 19 m away, 1.6 m/s, and 3.4 m/s after 2 m.
+    let hurries = |t_s: f64| {
+        let slow_s = (t_s - 2.0).clamp(0.0, 1.25);
+        [47.0, -3.4 + 1.6 * slow_s + 3.4 * (t_s - 3.25).clamp(0.0, 2.0)]
+    };
+    for manner in &MANNERS[1..] {
+        let ego = EgoState { speed_mps: 12.0, ..EgoState::default() };
+        let others: (ActorKind, &[Script<'_>]) = (ActorKind::Pedestrian, &[&hurries]);
+        let drive = drive_from(ego, 12.0, ([5.25, 1.75], *manner), others, 8.0);
+        let least_m = drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min);
+        assert!(least_m > 1.0 && over_line(&drive).0 == 0.0, "{manner:?} {least_m}");
+        assert!(hardest_mps2(&drive) < 6.6, "{manner:?} {}", hardest_mps2(&drive));
+    }
+}
