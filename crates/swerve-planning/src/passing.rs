@@ -281,7 +281,7 @@ fn brakes(one: &Mover) -> bool {
 
 /// True of a vehicle that stands and has not for long.
 fn has_stopped(one: &Mover) -> bool {
-    one.is_vehicle() && one.moved_lately && one.motion(0.0).0.abs() <= STANDS_MPS
+    one.is_vehicle() && one.changed_lately && one.motion(0.0).0.abs() <= STANDS_MPS
 }
 
 /// Faster than this the ego does not go out to pass before the face of a pedestrian, m/s: 23 km/h.

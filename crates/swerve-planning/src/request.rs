@@ -24,8 +24,8 @@ pub struct Request<'a> {
     pub overtake_max_m: f64,
     /// Motions of the others, ordered by identity.
     pub predictions: &'a [Prediction],
-    /// Those of them that moved in the last seconds, whatever they do now: who has just stopped may go on.
-    pub moved_lately: &'a [ActorId],
+    /// Those of them that stopped or set off in the last seconds: they may change their pace again.
+    pub changed_lately: &'a [ActorId],
     /// Outline of the ego.
     pub shape: &'a Shape,
     /// Limits of the ego.

@@ -118,7 +118,7 @@ impl World {
             along_m: None,
             target_speed_mps: self.target_speed_mps,
             overtake_max_m: f64::INFINITY,
-            moved_lately: &[],
+            changed_lately: &[],
             predictions: &self.predictions,
             shape: &self.shape,
             limits: &self.limits,

@@ -159,8 +159,8 @@ pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
     /// Its prediction among those of the [`Traffic`].
     pub(crate) index: usize,
-    /// Whether it moved in the last seconds.
-    pub(crate) moved_lately: bool,
+    /// Whether it stopped or set off in the last seconds.
+    pub(crate) changed_lately: bool,
     /// Where along the route it is looked for, and how far around that, metres.
     near_m: [f64; 2],
     /// Sine of the angle from the line to its heading: 1 where it faces left across the road.
@@ -411,8 +411,8 @@ fn mover(
             left_m: d_m + across_m,
         });
     }
-    let moved_lately = request.moved_lately.contains(&one.id);
-    Some(Mover { kind: one.kind, index, moved_lately, near_m, faces, knots })
+    let changed_lately = request.changed_lately.contains(&one.id);
+    Some(Mover { kind: one.kind, index, changed_lately, near_m, faces, knots })
 }
 
 /// The pose at `at`; `next` is the first place that is not before it. Before the first the first motion is continued: a pose

@@ -2,6 +2,7 @@
 
 mod camera;
 mod camera_objects;
+mod changes;
 mod commands;
 mod controller;
 mod dead_reckoning;

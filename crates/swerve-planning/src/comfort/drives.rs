@@ -17,9 +17,6 @@ mod tight;
 /// Between two plans, seconds.
 const PERIOD_S: f64 = 0.05;
 
-/// Who moved no longer ago than this may go on, seconds.
-const RESTS_S: f64 = 3.0;
-
 /// A scripted vehicle: its place and velocity over time.
 type Script<'a> = &'a dyn Fn(f64) -> [f64; 2];
 
@@ -121,12 +118,16 @@ fn drive_within(
             .enumerate()
             .map(|(id, script)| predicted((id as u32 + 1, kind), *script, t_s, now))
             .collect();
-        let moves = |script: &Script<'_>| {
-            let (before, now) = (script((t_s - RESTS_S).max(0.0)), script(t_s));
-            (now[0] - before[0]).abs() + (now[1] - before[1]).abs() > 0.5
+        let moves = |script: &Script<'_>, t_s: f64| {
+            let (before, now) = (script((t_s - PERIOD_S).max(0.0)), script(t_s));
+            (now[0] - before[0]).abs() + (now[1] - before[1]).abs() > PERIOD_S
         };
-        let moved_lately: Vec<ActorId> =
-            (1..).zip(others).filter(|(_, script)| moves(script)).map(|(id, _)| ActorId(id)).collect();
+        let changes = |script: &Script<'_>| {
+            let mut lately = (0..60).map(|k| t_s - f64::from(k) * PERIOD_S).take_while(|t_s| *t_s > 0.0);
+            lately.any(|then_s| moves(script, then_s) != moves(script, t_s))
+        };
+        let changed_lately: Vec<ActorId> =
+            (1..).zip(others).filter(|(_, script)| changes(script)).map(|(id, _)| ActorId(id)).collect();
         let start = moved(ego, now + Span::from_secs(PERIOD_S));
         let request = Request {
             stamp: now,
@@ -135,7 +136,7 @@ fn drive_within(
             route: &route,
             target_speed_mps,
             overtake_max_m,
-            moved_lately: &moved_lately,
+            changed_lately: &changed_lately,
             predictions: &predictions,
             shape: &shape,
             limits: &limits,

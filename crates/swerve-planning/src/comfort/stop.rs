@@ -49,13 +49,16 @@ impl Comfort {
     }
 
     /// For an ego in a town near people the gentlest steady braking that suffices, wherever it comes to rest: up to the
-    /// vehicle's limit at 30 km/h, less above; `None` where a vehicle comes the other way. An ego at rest waits only for
+    /// vehicle's limit at 30 km/h, above that less, and for who begins to cross alone; `None` where a vehicle comes the other way. An ego at rest waits only for
     /// people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
         let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
         if v > TOWN_MPS || movers.iter().any(is_oncoming) || !movers.iter().any(counts) {
+            return None;
+        }
+        if v > SLOW_MPS && !movers.iter().any(may_hurry) {
             return None;
         }
         let request = &Request { limits: scene.vehicle, ..*scene.request };
@@ -76,11 +79,11 @@ impl Comfort {
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// True of a plan that swings over the line, out of a swerve that began in the lane, where a person crosses.
+    /// True of a plan that swings over the line, out of a swerve that began in the lane, where a person begins to cross.
     pub(super) fn swings_before_person(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
-        let crosses = |one: &Mover| one.kind.is_person() && one.comes_over() && one.knots[0].to_m > place.s_m;
+        let crosses = |one: &Mover| may_hurry(one) && one.knots[0].to_m > place.s_m;
         if lane.is_over(place.s_m, place.d_m) || !traffic.movers.iter().any(crosses) {
             return false;
         }
@@ -93,8 +96,13 @@ impl Comfort {
     }
 }
 
+/// True of a person who has begun to cross a moment ago: she may go faster in the next.
+fn may_hurry(one: &Mover) -> bool {
+    one.kind.is_person() && one.changed_lately && one.comes_over()
+}
+
 /// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 50 km/h; above 30 km/h
-/// only where this deceleration suffices, m/s², which grows so fast, m/s³.
+/// only for one who has just set off, where this deceleration suffices, m/s², which grows so fast, m/s³.
 const TOWN_MPS: f64 = 14.0;
 const SLOW_MPS: f64 = 8.5;
 const FIRM_MPS2: f64 = 6.5;

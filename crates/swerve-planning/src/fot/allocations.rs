@@ -31,7 +31,7 @@ fn a_plan_allocates_its_points_only() {
         along_m: None,
         target_speed_mps: 14.0,
         overtake_max_m: f64::INFINITY,
-        moved_lately: &[],
+        changed_lately: &[],
         predictions: &[person],
         shape: &Shape::default(),
         limits: &Limits::default(),

@@ -157,7 +157,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             along_m: None,
             target_speed_mps: speed_mps,
             overtake_max_m: f64::INFINITY,
-            moved_lately: &[],
+            changed_lately: &[],
             predictions: &predictions,
             shape: &shape,
             limits: &limits,

@@ -1,7 +1,6 @@
 //! Motion planners.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_core::{Span, Time};
@@ -11,13 +10,14 @@ use swerve_flow::{
 };
 use swerve_geom::LineTracker;
 use swerve_msg::{
-    ActorId, EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route, RungTaken,
+    EgoState, LocalPose, Plan, PlanStatus, PoseQuality, Prediction, PredictionList, Route, RungTaken,
 };
 use swerve_planning::collision::plan_within_risk;
 use swerve_planning::{Budget, CollisionMode, Planner, Progress, Request, Unlimited, predicted_start};
 use swerve_text::{KeyProblem, in_one_line};
 use swerve_vehicle::{Limits, Shape};
 
+use super::changes::Changes;
 use super::deadlines::planner_deadline;
 use super::ladder::{on_ladder, take};
 use super::odom::{LocalPoses, carried};
@@ -137,10 +137,6 @@ impl OperatorKind for Planners {
 /// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
 const POSES: usize = 64;
 
-/// Who moved faster than this, m/s, no longer ago than this may go on.
-const MOVES_MPS: f64 = 1.0;
-const RESTS: Span = Span::from_ms(3000);
-
 /// Asks a motion planner for a plan, frame by frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
@@ -160,8 +156,7 @@ struct PlannerOperator {
     previous_local: Option<LocalPose>,
     /// The ego's place along the route.
     place: LineTracker,
-    /// When each of the others moved last.
-    moved: BTreeMap<ActorId, Time>,
+    changes: Changes,
 }
 
 impl PlannerOperator {
@@ -185,7 +180,7 @@ impl PlannerOperator {
             local: LocalPoses::default(),
             previous_local: None,
             place: LineTracker::default(),
-            moved: BTreeMap::new(),
+            changes: Changes::default(),
         })
     }
 }
@@ -195,19 +190,6 @@ impl PlannerOperator {
     fn localized(&mut self, quality: Option<&Latest<PoseQuality>>, local: Option<&Window<LocalPose, POSES>>) {
         self.trust.take(quality);
         self.local.take(local.map_or(&[], |local| local.get()));
-    }
-
-    /// Those who moved in the last [`RESTS`], by the beginning of their predictions.
-    fn moved_lately(&mut self, stamp: Time, predictions: &[Prediction]) -> Vec<ActorId> {
-        for one in predictions {
-            let [Some(now), Some(next)] = [one.path.first(), one.path.get(1)] else { continue };
-            let way_m = now.pose.point().distance(next.pose.point());
-            if way_m > MOVES_MPS * (next.at - now.at).as_secs() {
-                self.moved.insert(one.id, stamp);
-            }
-        }
-        self.moved.retain(|_, at| stamp - *at <= RESTS);
-        self.moved.keys().copied().collect()
     }
 
     /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
@@ -220,7 +202,7 @@ impl PlannerOperator {
         chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
         let stamp = predictions.stamp;
-        let moved_lately = self.moved_lately(stamp, &predictions.predictions);
+        let changed_lately = self.changes.take(stamp, &predictions.predictions);
         let local = self.local.at(stamp);
         let measured = &self.local.state(measured, local);
         let moved = self.previous.as_deref().and_then(|plan| carried(plan, self.previous_local, local));
@@ -253,7 +235,7 @@ impl PlannerOperator {
             along_m: Some(place.s_m),
             target_speed_mps,
             overtake_max_m,
-            moved_lately: &moved_lately,
+            changed_lately: &changed_lately,
             predictions: walled.as_ref().unwrap_or(&predictions),
             shape: &self.shape,
             limits: &self.limits,
