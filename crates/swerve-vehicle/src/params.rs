@@ -426,11 +426,8 @@ mod tests {
         assert_eq!(wrong(|p| p.brakes.front_share = 1.5), "`brakes.front_share` is 1.5, expected 0 to 1");
         assert_eq!(
             wrong(|p| p.limits.steering_max_rad = 3.0),
-            "`limits.steering_max_rad` is 3, expected inside 0 to 1.25"
+            "`limits.steering_max_rad` is 3, expected 0.01 to 1.25"
         );
-        assert_eq!(
-            wrong(|p| p.tyre.lateral.shape = 0.5),
-            "`tyre.lateral.shape` is 0.5, expected inside 1 to 2"
-        );
+        assert_eq!(wrong(|p| p.tyre.lateral.shape = 0.5), "`tyre.lateral.shape` is 0.5, expected 1 to 2");
     }
 }

@@ -51,7 +51,8 @@ fn values_can_be_ranges_with_both_ends() {
         assert_eq!(labels(values).as_deref(), Ok(wanted));
     }
     for (values, part) in [
-        ("\"4..1\"", "axis[0].values: expected `from`, `to` and a `step` that is above 0"),
+        ("\"4..1\"", "axis[0].values: expected the lower number first, found \"4..1\""),
+        ("\"1..18446744073709551615\"", "18446744073709551615"),
         ("\"a..b\"", "axis[0].values: expected an array, a range"),
         ("{ from = 0, to = 1, step = 0 }", "a `step` that is above 0"),
         ("{ from = 0, to = 1, stp = 1 }", "did you mean \"step\"?"),
