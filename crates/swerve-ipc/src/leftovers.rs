@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 use crate::folder::{SHARED_MEMORY, gone, user};
 
-/// What the files of runs start with.
+/// Prefix of the files of runs.
 const PROGRAM: &str = "swerve_";
-/// What the name of a marker ends with.
+/// Suffix of the name of a marker.
 const MARKER: &str = ".lock";
 
 /// The sign of a living run in the shared-memory folder: a locked file, removed with it.

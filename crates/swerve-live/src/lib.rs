@@ -116,7 +116,7 @@ impl LiveArgs {
         Self { config, code, seconds, out, overwrite: false, enable, set, json: false, threads: 2 }
     }
 
-    /// What is wrong with a file that a key of the configuration names.
+    /// The error for a file that a key of the configuration names.
     fn wrong_file(&self, key: &str, error: &anyhow::Error) -> anyhow::Error {
         let is_set = self.set.iter().any(|set| set.starts_with(key));
         route::wrong_file(&self.config, is_set, key, error)

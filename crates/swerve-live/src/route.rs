@@ -27,7 +27,7 @@ pub(crate) fn read(
     Ok((route, scenario))
 }
 
-/// What is wrong with a file that a key of a configuration names, with the key's place; `is_set` if `--set` names it.
+/// The error for a file that a key of a configuration names, with the key's place; `is_set` if `--set` names it.
 pub(crate) fn wrong_file(config: &Path, is_set: bool, key: &str, error: &anyhow::Error) -> anyhow::Error {
     let document = Kind::Live.document(config).ok().filter(|_| !is_set);
     let message = format!("{error:#}");
@@ -40,7 +40,7 @@ fn route_file(config: &Path, route: &str) -> PathBuf {
     Kind::Scenario.meant(Path::new(route), beside)
 }
 
-/// What is wrong with the route that a configuration names, whatever else is wrong with that.
+/// Problems of the route that a configuration names, whatever other problems that has.
 pub fn route_problems(config: &Path, document: &Document) -> Vec<String> {
     let route = document.table.get("live").and_then(|live| live.get("route")).and_then(toml::Value::as_str);
     let Some(route) = route.filter(|route| !route.is_empty()) else { return Vec::new() };

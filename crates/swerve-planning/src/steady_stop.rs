@@ -18,7 +18,7 @@ pub(crate) struct Demands {
     pub(crate) clearance_m: f64,
     /// Whether it brakes as hard as it may where neither gap can be kept.
     pub(crate) hardest: bool,
-    /// How fast the deceleration grows, m/s³.
+    /// Jerk at which the deceleration grows, m/s³.
     pub(crate) jerk_mps3: f64,
 }
 
@@ -95,7 +95,7 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64, jerk_mps
     Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
 }
 
-/// How fast the deceleration of a steady stop grows, and dies away, m/s³.
+/// Jerk of a steady stop: its deceleration grows and dies away at it, m/s³.
 pub(crate) const JERK_MPS3: f64 = 5.0;
 
 /// Least deceleration of a stop, m/s².

@@ -159,7 +159,7 @@ pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
     /// Its prediction among those of the [`Traffic`].
     pub(crate) index: usize,
-    /// Whether it stopped or set off in the last seconds.
+    /// True if it stopped or set off in the last seconds.
     pub(crate) changed_lately: bool,
     /// Where along the route it is looked for, and how far around that, metres.
     near_m: [f64; 2],

@@ -250,22 +250,23 @@ impl Comfort {
         if !lane.is_over(place.s_m, place.d_m) {
             return true;
         }
-        let line = self.gentle.line();
-        let mut s_m = place.s_m;
-        for p in plan.points.iter().step_by(2) {
-            let (at_m, d_m) = line.project(p.pose.point(), s_m);
+        let back = self.places(plan, place.s_m).find(|(_, [s_m, d_m])| !lane.is_over(*s_m, *d_m));
+        let Some((at, [s_m, _])) = back else { return true };
+        let t_s = (at - request.start.stamp).as_secs();
+        let rear_m = s_m - request.shape.rear_overhang_m;
+        traffic.movers.iter().filter(|one| one.is_vehicle() && !one.stands()).all(|one| {
+            let at = one.at(t_s);
+            !lane.is_blocked(&at) || at.from_m > rear_m || at.to_m + passing::RETURN_GAP_M <= rear_m
+        })
+    }
+
+    /// Instants of a plan from arc length `s_m` on, and the places along the line then: arc length and offset, metres.
+    pub(super) fn places(&self, plan: &Plan, mut s_m: f64) -> impl Iterator<Item = (Time, [f64; 2])> {
+        plan.points.iter().step_by(2).map(move |p| {
+            let (at_m, d_m) = self.gentle.line().project(p.pose.point(), s_m);
             s_m = at_m;
-            if lane.is_over(s_m, d_m) {
-                continue;
-            }
-            let t_s = (p.at - request.start.stamp).as_secs();
-            let rear_m = s_m - request.shape.rear_overhang_m;
-            return traffic.movers.iter().filter(|one| one.is_vehicle() && !one.stands()).all(|one| {
-                let at = one.at(t_s);
-                !lane.is_blocked(&at) || at.from_m > rear_m || at.to_m + passing::RETURN_GAP_M <= rear_m
-            });
-        }
-        true
+            (p.at, [s_m, d_m])
+        })
     }
 
     /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.

@@ -48,9 +48,9 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For an ego in a town near people the gentlest steady braking that suffices, wherever it comes to rest: up to the
-    /// vehicle's limit at 30 km/h, above that less, and for who begins to cross alone; `None` where a vehicle comes the other way. An ego at rest waits only for
-    /// people who move.
+    /// For an ego in a town near people the gentlest steady braking that suffices, wherever it comes to rest. Up to
+    /// 30 km/h that is at most the vehicle's limit; above that it is less, and only for a person who begins to cross. `None`
+    /// where a vehicle comes the other way. An ego at rest waits only for people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
@@ -87,16 +87,11 @@ impl Comfort {
         if lane.is_over(place.s_m, place.d_m) || !traffic.movers.iter().any(crosses) {
             return false;
         }
-        let mut s_m = place.s_m;
-        plan.points.iter().step_by(2).any(|p| {
-            let (at_m, d_m) = self.gentle.line().project(p.pose.point(), s_m);
-            s_m = at_m;
-            lane.is_over(s_m, d_m)
-        })
+        self.places(plan, place.s_m).any(|(_, [s_m, d_m])| lane.is_over(s_m, d_m))
     }
 }
 
-/// True of a person who has begun to cross a moment ago: she may go faster in the next.
+/// True of a person who began to cross a moment ago and may walk faster in the next.
 fn may_hurry(one: &Mover) -> bool {
     one.kind.is_person() && one.changed_lately && one.comes_over()
 }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use swerve_core::{Span, Time};
 use swerve_msg::{ActorId, Prediction};
 
-/// From this speed on who stood moves, and below the other who moved stands, m/s.
+/// A road user at rest moves from the first speed on; a moving one rests below the second, m/s.
 const MOVES_MPS: f64 = 1.0;
 const STANDS_MPS: f64 = 0.4;
 
 /// Changes are remembered for this long.
 const LATELY: Span = Span::from_ms(3000);
 
-/// Whether each of the others moves, and since when it does if that has been seen.
+/// Pace of each road user, and the instant of its last change.
 #[derive(Debug, Default)]
 pub(super) struct Changes(BTreeMap<ActorId, Pace>);
 
@@ -24,7 +24,7 @@ struct Pace {
 }
 
 impl Changes {
-    /// Takes in predictions, by whose beginnings they move or stand, and tells who changed between both lately.
+    /// Takes in predictions, whose first points show who moves, and returns the road users that changed lately.
     pub(super) fn take(&mut self, stamp: Time, predictions: &[Prediction]) -> Vec<ActorId> {
         for one in predictions {
             let Some(speed_mps) = speed_mps(one) else { continue };
