@@ -91,8 +91,14 @@ impl<'a> Passing<'a> {
         };
         let mut blocking: Vec<&Mover> = traffic.movers.iter().filter(blocks).collect();
         blocking.sort_by(|a, b| a.knots[0].from_m.total_cmp(&b.knots[0].from_m));
-        let near =
-            |pair: &[&Mover]| pair[1].knots[0].from_m - pair[0].knots[0].to_m < BETWEEN_M + shape.length_m;
+        let near = |pair: &[&Mover]| {
+            let is_near =
+                |t_s: f64| pair[1].at(t_s).from_m - pair[0].at(t_s).to_m < BETWEEN_M + shape.length_m;
+            // Who drives away from the first has left room to return to by then.
+            let closing_mps = (target_mps - pair[0].motion(0.0).0).max(1.0);
+            let reaches_s = (pair[0].knots[0].to_m - rear_m).max(0.0) / closing_mps;
+            is_near(0.0) && is_near(reaches_s.min(HORIZON_S))
+        };
         let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
         blocking.truncate(together);
         let slowest = blocking.first()?;

@@ -5,6 +5,7 @@ use swerve_geom::{Ego, Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
+use super::steer_out::{NEAR_M, is_clear_at};
 use super::{
     BRAKE_SHARE, CURVE_SHARE, Comfort, LANE_EDGE_M, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, Params,
     RIGHT_MAX_M, SWERVE_SHARE, taken_up,
@@ -126,10 +127,14 @@ impl Comfort {
         if let Some(open) = open {
             self.gentle.set_offsets(stepped_up_m(open.offset_m), own.1);
             let led_mps = profile.steps.last().map_or(0.0, |step| step.speed_mps);
-            let target_speed_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
-            let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget);
-            let may = |plan: &Plan| open.may(plan, self.gentle.line(), &request.start, &place);
-            let plan = plan.filter(may).or_else(|| self.steer_out(scene, open));
+            let most_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
+            // In a bend the way out turns more than the line, which takes another speed.
+            let plan = PASSING_SHARES.into_iter().find_map(|share| {
+                let target_speed_mps = share * most_mps;
+                let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget)?;
+                open.may(&plan, self.gentle.line(), &request.start, &place).then_some(plan)
+            });
+            let plan = plan.or_else(|| self.steer_out(scene, open));
             if let Some(plan) = plan.or_else(|| self.kept_out(scene, open)) {
                 return Some(comfortable(plan));
             }
@@ -138,7 +143,11 @@ impl Comfort {
         if let Some(plan) = passing.as_ref().and_then(|passing| self.beside(scene, passing, own, budget)) {
             return Some(plan);
         }
-        let standing_m = if possible { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
+        // Something beside the lane's own room is steered past like what blocks the lane.
+        let on_line = [place.s_m, 0.0];
+        let narrows = || !is_clear_at(scene, on_line, (LANE_AHEAD_M, self.params.clearance_m));
+        let steers_past = possible || (self.in_way(scene).next().is_none() && narrows());
+        let standing_m = if steers_past { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
         let plan = self.behind(scene, (own, standing_m, passing.is_some()), &profile, budget);
         // None that stays in the other lane while somebody comes.
         let back = passing.map(|passing| passing.committed(BACK_TTC_SHARE * self.params.other_lane_ttc_s));
@@ -175,7 +184,7 @@ impl Comfort {
         let v = request.start.speed_mps.max(0.0);
         let waits = standing_m > self.params.standstill_gap_m && v < CREEPS_MPS;
         let found = found.filter(|plan| !(waits && ends_slower(plan, CREEPS_MPS)));
-        if found.as_ref().is_none_or(rests)
+        if found.as_ref().is_none_or(|plan| rests(plan) || !self.leads_past(scene, plan))
             && !is_blocked
             && self.manner != Manner::Waits
             && let Some(plan) = self.steer_within(scene, own)
@@ -207,6 +216,13 @@ impl Comfort {
         let is_in_way =
             move |one: &&Mover| one.knots.iter().any(|knot| knot.to_m > s_m && lane.is_blocked(knot));
         scene.traffic.movers.iter().filter(is_in_way)
+    }
+
+    /// True of a plan that goes on at the offset of its end past all things that stand near there.
+    fn leads_past(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
+        let end = self.places(plan, scene.place.s_m).last();
+        let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
+        end.is_none_or(|(_, end)| is_clear_at(scene, end, (NEAR_M, clearance_m)))
     }
 
     /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
@@ -467,6 +483,9 @@ const STEP_OUT_M: f64 = 1.0;
 
 /// A stop that takes more than this share of the deceleration of comfort is not made for more room than the clearance.
 const FIRM_SHARE: f64 = 0.75;
+
+/// Shares of its speed at which the ego passes, the first that leaves a way.
+const PASSING_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
 
 /// Slower than this the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.5;

@@ -36,9 +36,13 @@ impl Comfort {
         let steps = |most_m: f64| (most_m / LATERAL_STEP_M) as i32;
         let mut offsets: Vec<i32> = (-steps(right_m)..=steps(left_m)).collect();
         offsets.sort_by_key(|k| k.abs());
+        let offsets_m: Vec<f64> = offsets.iter().map(|&k| f64::from(k) * LATERAL_STEP_M).collect();
+        // A slow plan ends before it gets past: what stands near would be crept up to at any offset.
         let mut among = |scene: &Scene<'_>, clearance_m: f64| {
-            let to_m = |k: &i32| f64::from(*k) * LATERAL_STEP_M;
-            offsets.iter().find_map(|k| self.steer_to(scene, to_m(k), clearance_m, &leads, |_, _| true))
+            let mut past = offsets_m
+                .iter()
+                .filter(|&&to_m| is_clear_at(scene, [scene.place.s_m, to_m], (NEAR_M, clearance_m)));
+            past.find_map(|&to_m| self.steer_to(scene, to_m, clearance_m, &leads, |_, _| true))
         };
         let walking = Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request };
         let walking = Scene { request: &walking, ..*scene };
@@ -88,6 +92,20 @@ impl Comfort {
     }
 }
 
+/// True if an ego that goes on from `s_m` at an offset passes all that stands within `ahead_m`, but people.
+pub(super) fn is_clear_at(
+    scene: &Scene<'_>,
+    [s_m, d_m]: [f64; 2],
+    (ahead_m, clearance_m): (f64, f64),
+) -> bool {
+    let half_m = 0.5 * scene.request.shape.width_m + clearance_m;
+    scene.traffic.movers.iter().filter(|one| one.stands() && !one.kind.is_person()).all(|one| {
+        let at = one.knots[0];
+        let is_near = at.to_m > s_m && at.from_m < s_m + ahead_m;
+        !is_near || at.right_m > d_m + half_m || at.left_m < d_m - half_m
+    })
+}
+
 /// Lead vehicles, but those that are `passed`.
 fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead<'a>> {
     let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !passed(one));
@@ -96,6 +114,9 @@ fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead
 
 /// Faster than this a lateral motion in time leads out, m/s.
 const STEERS_OUT_MPS: f64 = 5.0;
+
+/// What stands within this distance ahead is to be passed, metres.
+pub(super) const NEAR_M: f64 = 30.0;
 
 /// A walking pace, m/s: 7 km/h.
 const WALKING_MPS: f64 = 2.0;

@@ -91,3 +91,32 @@ fn an_oncoming_car_over_the_line_is_not_passed_on_its_other_side() {
         assert!(passes(&drive).1 > 0.2 && over_line(&drive).0 == 0.0, "{manner:?} {:?}", passes(&drive));
     }
 }
+
+/// A lead that goes round a standing car and returns before it is not what the ego passes: it drives away.
+#[test]
+fn standing_car_that_a_lead_reveals_is_passed_behind_it() {
+    let standing = |_: f64| [138.0, 0.0];
+    let lead = |t_s: f64| {
+        let x_m = 25.0 + 13.5 * t_s;
+        let out = ((x_m - 112.0) / 16.0).clamp(0.0, 1.0) - ((x_m - 150.0) / 25.0).clamp(0.0, 1.0);
+        [x_m, 3.75 * out]
+    };
+    let drive = drive(13.5, true, Manner::GoesRound, &[&standing, &lead], 25.0);
+    assert!(drive.last().unwrap().ego.pose.x_m > 160.0, "{:?}", drive.last());
+    assert!(passes(&drive).1 > 0.4 && hardest_mps2(&drive) < 2.0, "{:?}", passes(&drive));
+}
+
+/// The lane has 0.1 m less beside the parked car than comfort wants, and the other one is not free: past it in the own lane at
+/// a walking pace, from wherever that begins.
+#[test]
+fn parked_car_is_passed_within_the_lane_while_others_come() {
+    for speed_mps in [6.0, 8.0, 10.0] {
+        let parked = |_: f64| [100.0, -1.43];
+        let first = move |t_s: f64| [100.0 + 98.0 * 10.0 / speed_mps - 10.0 * t_s, 3.5];
+        let next = move |t_s: f64| [first(t_s)[0] + 40.0, 3.5];
+        let drive = drive(speed_mps, true, Manner::GoesRound, &[&parked, &first, &next], 45.0);
+        assert!(drive.last().unwrap().ego.pose.x_m > 120.0, "{speed_mps}: {:?}", drive.last());
+        assert!(passes(&drive).1 > 0.25 && hardest_mps2(&drive) < 3.6, "{speed_mps}: {:?}", passes(&drive));
+        assert_eq!(over_line(&drive).0, 0.0, "{speed_mps}");
+    }
+}
