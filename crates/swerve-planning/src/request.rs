@@ -42,6 +42,9 @@ const OVER_M: f64 = 0.3;
 /// A stop ends at most this far ahead of the start, metres.
 const REST_AHEAD_M: f64 = 150.0;
 
+/// A pedestrian who is faster walks, m/s.
+const WALKS_MPS: f64 = 0.5;
+
 /// Least speed of oncoming traffic, m/s.
 const COMES_MPS: f64 = 1.0;
 
@@ -82,7 +85,21 @@ impl Request<'_> {
 
     /// Whether a plan leaves the ego's lane to the left and passes oncoming traffic before its end.
     pub(crate) fn meets_in_other_lane(&self, plan: &Plan) -> bool {
-        self.passes_oncoming(plan) && self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
+        self.passes_oncoming(plan) && self.leaves_lane(plan)
+    }
+
+    /// Whether a plan that begins in the ego's lane leaves it to the left.
+    pub(crate) fn leaves_lane(&self, plan: &Plan) -> bool {
+        self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
+    }
+
+    /// Whether a pedestrian moves.
+    pub(crate) fn somebody_walks(&self) -> bool {
+        self.predictions.iter().filter(|one| one.kind == ActorKind::Pedestrian).any(|one| {
+            let [first, .., last] = &one.path[..] else { return false };
+            let walked_m = last.pose.point().distance(first.pose.point());
+            walked_m > WALKS_MPS * (last.at - first.at).as_secs()
+        })
     }
 
     /// Whether an oncoming vehicle is ahead now and behind the ego when the plan ends.

@@ -119,10 +119,11 @@ impl Replanner {
             .or_else(|| give_way(request, obstacles, settings.clearance_m))
     }
 
-    /// A way that meets oncoming traffic in the other lane is the last choice, after the previous plan and a stop in the ego's
-    /// own lane.
+    /// A way that leaves the lane to meet oncoming traffic, or round somebody who walks, is the last choice, after the previous
+    /// plan and a stop in the ego's own lane: the arcs of these ways begin at once, as wheels do not turn.
     fn own_lane_first(&self, settings: &Settings, request: &Request<'_>, way: Plan) -> Plan {
-        if !request.meets_in_other_lane(&way) {
+        let round_walker = request.somebody_walks() && request.leaves_lane(&way);
+        if !round_walker && !request.meets_in_other_lane(&way) {
             return way;
         }
         kept(request, &self.obstacles, 0.0)
