@@ -46,6 +46,10 @@ const LEAST_GAP_M: f64 = 1.0;
 /// Change of speed towards the target in proportion to what is missing, seconds.
 const SETTLES_S: f64 = 0.8;
 
+/// A speed that falls along the line counts this long before its place, seconds: a deceleration builds up in 0.1 s more than
+/// [`SETTLES_S`], by which the speed is behind what it is set to.
+const LEADS_S: f64 = SETTLES_S + 0.1;
+
 /// Rates of the acceleration, m/s³: in comfort, and where more is needed.
 const JERK_MPS3: f64 = 5.0;
 const HARD_JERK_MPS3: f64 = 20.0;
@@ -99,6 +103,11 @@ impl SpeedTable {
             speeds_mps[k] = speeds_mps[k].min(reached_mps);
         }
         Self { from_m, speeds_mps }
+    }
+
+    /// The speed at `s_m` for an ego at this speed, m/s: the one that comes within [`LEADS_S`] where that is less.
+    pub(crate) fn before(&self, s_m: f64, speed_mps: f64) -> f64 {
+        self.at(s_m).min(self.at(s_m + LEADS_S * speed_mps))
     }
 
     /// The speed at `s_m`, m/s.
@@ -205,7 +214,7 @@ impl Follower<'_> {
     /// The acceleration to aim for `t_s` after the start, whether a lead vehicle bounds it, and whether it takes more than
     /// comfort.
     fn wanted(&self, now: &Step, t_s: f64) -> (f64, bool, bool) {
-        let free_mps = self.target_mps.min(self.curves.at(now.s_m));
+        let free_mps = self.target_mps.min(self.curves.before(now.s_m, now.speed_mps));
         let free_mps2 =
             ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
         let mut least_mps2 = free_mps2;

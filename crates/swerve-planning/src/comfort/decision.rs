@@ -40,7 +40,7 @@ impl Comfort {
         let hurried_mps = hurried_mps(request.target_speed_mps, start.speed_mps, follower);
         let place = self.gentle.place(&easy);
         let curves = self.curves(&easy, place.s_m);
-        let curves_mps = curves.at(place.s_m);
+        let curves_mps = curves.before(place.s_m, start.speed_mps.max(0.0));
         let traffic = Traffic::new(&easy, self.gentle.line(), place.s_m);
         let mut free = |layer: &mut Self, traffic: &Traffic, slow_mps: f64| {
             let predictions =
