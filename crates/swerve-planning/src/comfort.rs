@@ -19,6 +19,7 @@ use crate::traffic::without_followers;
 
 mod beside;
 mod decision;
+mod ends;
 mod meet;
 mod steer_out;
 mod stop;

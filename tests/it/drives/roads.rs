@@ -9,18 +9,18 @@ use crate::common::config;
 
 /// A lane over segments of (length, curvature), driven to 5 m before its end.
 fn road(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64) -> Scenario {
-    road_with(segments, speed_mps, timeout_s, "")
+    road_with(segments, speed_mps, timeout_s, ["", ""])
 }
 
-/// The same with more tables.
-fn road_with(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64, tables: &str) -> Scenario {
+/// The same with more keys of the road, and more tables.
+fn road_with(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64, [keys, tables]: [&str; 2]) -> Scenario {
     let length_m: f64 = segments.iter().map(|segment| segment.0).sum();
     let one = |&(length_m, curvature_1pm): &(f64, f64)| {
         format!("{{ length_m = {length_m:?}, curvature_1pm = {curvature_1pm:?} }}")
     };
     let segments = segments.iter().map(one).collect::<Vec<_>>().join(", ");
     let text = format!(
-        "name = \"road\"\n[road]\nsegments = [{segments}]\nlane_width_m = 4.0\n[ego]\ntarget_speed_mps = {speed_mps:?}\n\
+        "name = \"road\"\n[road]\nsegments = [{segments}]\nlane_width_m = 4.0\n{keys}[ego]\ntarget_speed_mps = {speed_mps:?}\n\
          end_m = {:?}\n[end]\ntimeout_s = {timeout_s:?}\n{tables}",
         length_m - 5.0
     );
@@ -76,7 +76,7 @@ fn bends_too_fast_for_comfort_are_slowed_for() {
 #[test]
 fn standing_car_in_a_bend_is_passed_slower() {
     let car = "[[actor]]\nname = \"car\"\nkind = \"car\"\ns_m = 110.0\nd_m = 0.0\n";
-    let scenario = road_with(&[(60.0, 0.0), (80.0, 0.02), (200.0, 0.0)], 11.9, 60.0, car);
+    let scenario = road_with(&[(60.0, 0.0), (80.0, 0.02), (200.0, 0.0)], 11.9, 60.0, ["left_m = 6.0\n", car]);
     for seed in [3, 6, 7, 10] {
         let metrics = drive(&config(&[&format!("seed={seed}")]), &scenario).unwrap().metrics;
         assert_eq!((metrics.verdict, metrics.left_road_at_s), (Verdict::Avoided, None), "{seed}");

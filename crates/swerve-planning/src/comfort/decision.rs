@@ -1,10 +1,11 @@
 //! The decision flow of the comfortable layer: on in the own lane, past what blocks it, or behind that.
 
 use swerve_core::Time;
-use swerve_geom::{Ego, Pose2, math};
+use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
 
+use super::ends::{AT_REST_MPS, brakes_mps2, ends_beside, ends_beyond, ends_slower, rests};
 use super::steer_out::{NEAR_M, is_clear_at};
 use super::{
     BRAKE_SHARE, CURVE_SHARE, Comfort, LANE_EDGE_M, LATERAL_STEP_M, LEFT_MAX_M, Manner, OBSTACLES_M, Params,
@@ -452,32 +453,6 @@ pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
     ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
-/// Whether a plan ends at rest.
-fn rests(plan: &Plan) -> bool {
-    ends_slower(plan, AT_REST_MPS)
-}
-
-/// True of a plan that ends with less than this speed, m/s.
-fn ends_slower(plan: &Plan, speed_mps: f64) -> bool {
-    plan.points.last().is_some_and(|end| end.speed_mps < speed_mps)
-}
-
-/// Whether a plan ends at rest beyond the own lane.
-fn ends_beside(plan: &Plan, request: &Request<'_>) -> bool {
-    rests(plan) && plan.points.last().is_some_and(|end| !request.may_rest_at(end.pose))
-}
-
-/// Whether a plan ends further along the way than another.
-fn ends_beyond(plan: &Plan, other: &Plan) -> bool {
-    let (Some(end), Some(its)) = (plan.points.last(), other.points.last()) else { return true };
-    its.pose.to_local::<Ego>(end.pose.point()).x_m > 0.0
-}
-
-/// Largest deceleration of a plan, m/s².
-fn brakes_mps2(plan: &Plan) -> f64 {
-    plan.points.iter().map(|p| -p.accel_mps2).fold(0.0, f64::max)
-}
-
 /// A step of a pedestrian to the side that she faces, metres.
 const STEP_OUT_M: f64 = 1.0;
 
@@ -486,9 +461,6 @@ const FIRM_SHARE: f64 = 0.75;
 
 /// Shares of its speed at which the ego passes, the first that leaves a way.
 const PASSING_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
-
-/// Slower than this the ego is at rest, m/s.
-const AT_REST_MPS: f64 = 0.5;
 
 /// Slower than this the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;
