@@ -132,7 +132,7 @@ fn commands_of_the_readme_run_in_an_empty_folder() {
         assert_eq!(said.code, Some(0), "{line}: {said:?}");
         seen += 1;
     }
-    assert!(seen >= 8, "only {seen} commands found");
+    assert!(seen >= 7, "only {seen} commands found");
 }
 
 /// Everything that the README of a new folder shows.
@@ -165,7 +165,7 @@ fn a_new_folder_runs_at_once() {
             seen += 1;
         }
     }
-    assert!(seen >= 8, "only {seen} commands found");
+    assert!(seen >= 7, "only {seen} commands found");
     bench.good(&["check", "begin/here/scenario.toml", "begin/here/config.toml"]);
     let own = bench.swerve(&["check", "begin/here"]);
     let unknown = "own.toml:4: operator.planner.kind: unknown kind `slow_down` (one of your own is known to";
