@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use swerve_stack::Registry;
+use swerve_stack::assembly::{Assembly, Redirected};
+use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 
 use crate::overwrite::OverwriteArgs;
@@ -40,6 +42,7 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let (config, scenario) = load(registry, &args.input)?;
     let pipeline = Pipeline::build(&config, &scenario)?;
+    note_redirected(&config, &pipeline.assembly);
     let info = pipeline.graph.describe()?;
     if args.toml {
         return swerve_report::output::print(&pipeline.assembly.to_toml(&config, &info));
@@ -52,4 +55,21 @@ pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     } else {
         swerve_report::graph::text(&info)
     })
+}
+
+/// Reports on standard error, a line each, the operators that an added operator makes read other streams.
+pub fn note_redirected(config: &Config, assembly: &Assembly) {
+    for Redirected { added, operator, reads, in_place_of } in assembly.redirected(config) {
+        swerve_report::output::tell(&format!(
+            "note: [operator.{added}] changes what `{operator}` reads: {} in place of {}; `reads` in [operator.{operator}] \
+             chooses",
+            listed(&reads),
+            listed(&in_place_of)
+        ));
+    }
+}
+
+fn listed(streams: &[String]) -> String {
+    let quoted: Vec<String> = streams.iter().map(|stream| format!("`{stream}`")).collect();
+    quoted.join(", ")
 }

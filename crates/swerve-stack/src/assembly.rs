@@ -3,6 +3,7 @@
 //! The pipeline is text: parts in `base/`, changed by `[operator.NAME]` tables. Streams are found by type, or by name
 //! where the type alone does not decide.
 
+mod additions;
 mod base;
 mod links;
 mod settings;
@@ -19,6 +20,7 @@ use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
 use swerve_msg::{Detections, Image, TrafficLights};
 use swerve_text::nearest;
 
+pub use additions::Redirected;
 pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
 pub use settings::COMMON_KEYS;
 pub(crate) use settings::gather_named_sections;

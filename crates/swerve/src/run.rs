@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use swerve_drive::frames::{Frames, Sinks};
+use swerve_drive::graph::note_redirected;
 use swerve_drive::interrupt::stop_on_interrupt;
 use swerve_drive::overwrite::OverwriteArgs;
 use swerve_drive::page::{COMMAND, RunReport, command_line};
@@ -93,6 +94,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let (config, scenario) = load(registry, &input)?;
     trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
+    note_redirected(&config, &pipeline.assembly);
     // The log is read before any file is made: it may be the one of this very folder.
     if let Some(log) = &args.runtimes {
         let set = operators_with_runtime(&input.set)?;
