@@ -79,8 +79,8 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
     entries
 }
 
-/// The configuration on this road. On a road with traffic lights the simulated stack sees them and stops at red ones. An
-/// operator of kind `traffic_lights` replaces the sensor, one of kind `stop_lines` turns both off.
+/// The configuration on this road. On a road with traffic lights the simulated stack sees them and stops at red ones.
+/// An operator of kind `traffic_lights` replaces the sensor, one of kind `stop_lines` turns both off.
 pub(crate) fn on_road<'a>(config: &'a Config, road: &Road) -> Cow<'a, Config> {
     let has = |kind: &str| config.operator.values().any(|own| own.kind.as_deref() == Some(kind));
     let is_simulated = config.live.is_none() && !config.is_driven_over_ros2();
