@@ -179,8 +179,8 @@ fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
     Ok(points)
 }
 
-/// Reads a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4, overtaking)`,
-/// `pipelined(4, put_off 50)` with ms.
+/// Parses a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4,
+/// overtaking)`, `pipelined(4, put_off 50)` with ms.
 pub fn parse_policy(text: &str) -> Result<Policy, String> {
     let wrong = || {
         format!(
