@@ -132,7 +132,8 @@ pub struct PlanningConfig {
     pub lane_sigmas: Option<f64>,
     /// Start state of a plan; the preset's when absent.
     pub start: Option<StartState>,
-    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
+    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when
+    /// absent.
     pub expected_ms: Option<f64>,
     /// Parameters of the planner that differ from the defaults of preset and discretisation.
     #[schemars(with = "crate::config::AnyTable")]
