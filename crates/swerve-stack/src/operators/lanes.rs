@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_cannot_be_looked_at_are_told() {
+    fn lane_finder_reports_unusable_images() {
         let mut image = Image::new(64, 48, Encoding::Rgb8);
         let lens = Intrinsics { fx_px: 50.0, fy_px: 50.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };
         image.camera.intrinsics = lens;

@@ -1,7 +1,7 @@
 //! Localization by the ego's own sensors, in place of the pose of the simulator or of a vehicle.
 //!
 //! ```text
-//!  imu, gnss, wheel odometry, matches of a lidar > localizer --EgoState--> planner, controller
+//! imu, gnss, wheel odometry, matches of a lidar > localizer --EgoState--> planner, controller
 //! ```
 //!
 //! It publishes nothing while it is lost: a controller without states is silent for the safety gate, which stops the

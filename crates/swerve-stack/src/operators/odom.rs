@@ -1,9 +1,9 @@
 //! The odometry frame (ROS REP 105): motion without jumps for control, while localization corrects the pose in the map.
 //!
 //! ```text
-//!  localizer --EgoState (map)----------> tracker, predictor, ...
-//!            --LocalPose (odom, map)---> planner: carries its previous plan to the map of now and goes on from it
-//!                                        controller: compares ego and plan in the odometry frame
+//! localizer --EgoState (map)----------> tracker, predictor, ...
+//!           --LocalPose (odom, map)---> planner: carries its previous plan to the map of now and goes on from it
+//!                                       controller: compares ego and plan in the odometry frame
 //! ```
 //!
 //! A correction of the pose moves neither ego nor plan in the odometry frame. It enters by the route, to which the next

@@ -41,7 +41,8 @@ fn correction_enters_with_its_time_constant() {
 
 #[test]
 fn correction_at_the_start_enters_at_once() {
-    // 0.2 m from the second step on: 1 - exp(-1 / 0.25) = 98 % of it with the first, as its time constant is a quarter of 10 ms.
+    // 0.2 m from the second step on: 98 % of it, 1 - exp(-1 / 0.25), with the first, as the time constant is a quarter
+    // of 10 ms.
     let mut odometer = Odometer::new([0.0; 3]);
     odometer.advance(&state(0, 0.0), 0.0);
     let pose = odometer.advance(&state(1, 0.2), 0.0);
