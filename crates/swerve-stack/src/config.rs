@@ -99,7 +99,7 @@ pub struct Config {
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
     pub gate: GateConfig,
-    /// When detector and planner run, and how long they may take.
+    /// Execution of detector and planner: periods and deadlines.
     pub execution: ExecutionConfig,
     /// Recording.
     pub log: LogConfig,
@@ -397,7 +397,7 @@ pub struct ControlConfig {
     pub controller: Option<ControllerName>,
     /// Way to follow a plan; the planning preset's when absent.
     pub following: Option<Following>,
-    /// Period, ms.
+    /// Period of the controller, ms.
     pub period_ms: f64,
 }
 

@@ -159,7 +159,7 @@ fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
     }
 }
 
-/// Traffic lights of the ego's lane, facing oncoming drivers in it.
+/// Traffic lights of the ego's lane, facing the vehicles that approach in it.
 fn traffic_lights(scene: &mut Scene, scenario: &Scenario, line: &Polyline) -> Vec<(Instance, TrafficLight)> {
     let model = scene.meshes.model(Kind::TrafficLight, 1);
     let placed = |light: &TrafficLight| {

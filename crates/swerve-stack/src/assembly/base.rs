@@ -128,7 +128,7 @@ pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 
-/// Returns true if only a vehicle of `swerve live` provides this kind.
+/// Returns true if only a vehicle of `swerve live` feeds this kind.
 pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
     let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
     has(&VEHICLE) && !has(&WORLD) && !has(&OUTSIDE)

@@ -23,7 +23,7 @@ pub(super) fn written(assembly: &Assembly, config: &Config, graph: &GraphInfo) -
     text
 }
 
-/// How an operator runs, from its own table, the tables of its kind, or defaults.
+/// Run time, policy and deadline of an operator, from its own table, the tables of its kind, or defaults.
 fn runs(info: &OperatorInfo) -> String {
     if info.feed {
         return "fed from outside".to_owned();

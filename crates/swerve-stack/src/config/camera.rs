@@ -253,7 +253,7 @@ impl CameraConfig {
             range(&mut faults, key, value, [-360.0, 360.0]);
         }
         self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
-        // Limits of the renderer's averaging and sweeping.
+        // The renderer averages over the exposure and sweeps over the read-out.
         range(&mut faults, "exposure_ms", self.exposure_ms, [0.0, 1000.0]);
         range(&mut faults, "readout_ms", self.readout_ms, [0.0, 1000.0]);
         range(&mut faults, "transfer_ms", self.transfer_ms, [0.0, 10_000.0]);

@@ -26,7 +26,7 @@ pub enum Overlap {
 pub enum Kinds {
     /// All objects, in one ranking.
     All,
-    /// Pedestrians only.
+    /// Pedestrians; others are ignored.
     People,
 }
 
@@ -52,7 +52,7 @@ impl Default for Measure {
 /// One published detector.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Published {
-    /// Its key.
+    /// Name, `NAME@SUFFIX`.
     pub name: String,
     /// Detector and hardware.
     pub title: String,
@@ -101,7 +101,7 @@ struct Rung {
 pub struct Fit {
     /// Member of the parameter family.
     pub error_level: f64,
-    /// Average precision with it, over the frames that it was fitted to.
+    /// Average precision with that member, over the frames that it was fitted to.
     pub ap: f64,
     /// The same with random numbers that it was not fitted to.
     pub ap_held_out: f64,

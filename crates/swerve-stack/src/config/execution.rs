@@ -1,4 +1,4 @@
-//! How operators run, as TOML: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
+//! Execution of operators, as TOML: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -219,7 +219,7 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deadline {
-    /// Length, ms.
+    /// Length of the deadline, ms.
     pub ms: f64,
     /// Event from which the deadline counts.
     #[serde(default)]
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn exactly_one_model() {
+    fn runtime_has_exactly_one_model() {
         assert_eq!(Runtime::fixed(5.0).model(), Ok(RuntimeModel::Fixed(Span::from_ms(5))));
         assert!(Runtime::default().model().is_err());
         assert!(Runtime { zero: Some(true), ..Runtime::fixed(1.0) }.model().is_err());

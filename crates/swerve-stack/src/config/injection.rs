@@ -1,4 +1,4 @@
-//! Faults put on streams: `[fault.NAME]`.
+//! Fault injection on streams: `[fault.NAME]`.
 
 use core::fmt;
 

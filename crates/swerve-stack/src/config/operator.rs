@@ -29,7 +29,7 @@ pub struct OperatorConfig {
     pub runtime: Option<Runtime>,
     /// Busy policy; `skip_to_latest` when absent.
     pub policy: Option<String>,
-    /// Deadline.
+    /// Deadline of its steps.
     pub deadline: Option<Deadline>,
     /// Resource of which each step holds a slot.
     pub uses: Option<String>,

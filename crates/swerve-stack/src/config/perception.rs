@@ -64,7 +64,7 @@ pub struct Calibration {
     pub error_level: f64,
     /// Distance within which objects count, m.
     pub within_m: f64,
-    /// Scenarios, by name.
+    /// Names of the scenarios that were driven.
     pub scenarios: Vec<String>,
     /// Seeds of the drives.
     pub seeds: Vec<u64>,

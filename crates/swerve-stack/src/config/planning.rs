@@ -197,7 +197,7 @@ impl PlanningConfig {
         self.planner_with(&self.params)
     }
 
-    /// As [`planner`](Self::planner), with other parameters.
+    /// As `planner`, with other parameters.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key.

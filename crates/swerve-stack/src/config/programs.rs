@@ -194,7 +194,7 @@ fn escaped(c: char) -> String {
 const OUTSIDE: [&str; 6] =
     ["process", "shared_memory", "localization.map", "source", "live", "operator.*.detector"];
 
-/// The first of [`OUTSIDE`] that an assignment sets in whole or in part.
+/// Key that starts programs or names files or shared memory, if an assignment sets one in whole or in part.
 pub fn reaches_outside(key: &str, value: &toml::Value) -> Option<&'static str> {
     let mut table = toml::Table::new();
     // Invalid assignments are refused by the reader of configurations.

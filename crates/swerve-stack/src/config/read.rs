@@ -101,7 +101,8 @@ impl Config {
         })
     }
 
-    /// As [`with_sets`](Self::with_sets), without checking values: only malformed keys are problems.
+    /// As [`with_sets`](Self::with_sets), without checking values: only unknown keys and malformed
+    /// values are problems.
     pub fn formed(
         registry: &Registry,
         document: &Document,

@@ -1,4 +1,4 @@
-//! The safety gate before a vehicle, simulated or at the other end of a wire.
+//! Safety gate before a simulated or real vehicle.
 //!
 //! ```text
 //!  controller --MotionCommand--> gate --GateOutput--> pedals --Command--> world

@@ -129,7 +129,7 @@ impl StopLines {
 
     /// Updates the lines at which the ego stops: of red lights, of yellow ones by
     /// [`stops_at_yellow`](Self::stops_at_yellow), and of held lights that show nothing now; except lines behind the
-    /// ego and those too close for full braking.
+    /// ego and new ones too close for full braking.
     fn hold(&mut self, lights: &TrafficLights, front_s_m: f64, speed_mps: f64) {
         let TrafficLights { stamp, ref lights, .. } = *lights;
         self.watch_yellow(lights, stamp);
@@ -183,7 +183,7 @@ impl StopLines {
         }
         let since =
             self.yellow.iter().find(|(known, _)| *known == line_s_m).map_or(stamp, |(_, since)| *since);
-        // After a decision to go on the reserve is no reason to brake hard.
+        // The reserve does not cause hard braking after a decision to go on.
         let early_s = if since == stamp { EARLY_S } else { 0.0 };
         let left_s = YELLOW_MIN_S - early_s - (stamp - since).as_secs();
         speed_mps * left_s < ahead_m && way_m(speed_mps, self.brake_max_mps2) < ahead_m

@@ -45,7 +45,7 @@ fn stop(trust: &mut PoseTrust, ego: &EgoState) -> Option<Stop> {
 }
 
 #[test]
-fn stops_where_two_deviations_do_not_fit_beside_the_car() {
+fn ego_stops_where_two_deviations_do_not_fit_beside_it() {
     let mut trust = trust(2.0);
     // 2 - 0.95 = 1.05 m to the nearer edge: two deviations of 0.525 m fit.
     assert!([0.1, 0.52].iter().all(|&sigma_m| ahead(&mut trust, 0.1, sigma_m).is_none()));
@@ -122,7 +122,7 @@ fn overtaking_is_limited_by_the_pose() {
 }
 
 #[test]
-fn stops_while_a_stop_still_ends_in_the_lane() {
+fn ego_stops_while_a_stop_still_ends_in_the_lane() {
     let mut trust = trust(2.0);
     // 40 m at 4 m/s2: from 17.9 m/s on.
     for (speed_mps, stops) in [(17.0, false), (18.0, true)] {
@@ -260,7 +260,7 @@ fn ground_is_narrowed_by_the_deviations_of_the_pose() {
 }
 
 #[test]
-fn zero_deviations_and_the_true_pose_never_stop() {
+fn ego_never_stops_without_a_margin_or_with_the_true_pose() {
     assert!(ahead(&mut trust(0.0), 0.1, 5.0).is_none());
     let (ego, route) = (EgoState::default(), route());
     assert!(stop(&mut trust(2.0), &ego).is_none());
@@ -284,7 +284,7 @@ fn ground_contains_a_standing_car() {
 }
 
 #[test]
-fn slower_beside_cover_by_the_room_that_deviations_take() {
+fn speed_beside_cover_falls_with_the_deviations() {
     let mut trust = trust(2.0);
     let mut share = |sigma_m: f64, kind: ActorKind, x_m: f64, moves_m: f64| {
         let _ = ahead(&mut trust, 0.1, sigma_m);
@@ -298,7 +298,7 @@ fn slower_beside_cover_by_the_room_that_deviations_take() {
     for (sigma_m, expected) in [(0.157, 1.0), (0.341_25, 0.65), (0.525, 0.3)] {
         assert!((share(sigma_m, ActorKind::Truck, 80.0, 0.0) - expected).abs() < 1e-9, "{sigma_m}");
     }
-    // Moving vehicles, pedestrians, objects behind the ego, and those more than six seconds away hide nobody.
+    // Moving vehicles, pedestrians, objects behind the ego, and those more than six seconds away are no cover.
     for (kind, x_m, moves_m) in [
         (ActorKind::Truck, 80.0, 5.0),
         (ActorKind::Pedestrian, 80.0, 0.0),

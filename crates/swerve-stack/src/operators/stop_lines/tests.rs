@@ -22,7 +22,7 @@ fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
 
 #[test]
 fn ego_stops_at_yellow_where_3_mps2_suffice() {
-    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m; from 38.5 m the line is reached within 2.75 s, before the light can be red.
+    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m; from 38.5 m the line is reached within 2.75 s, before red is possible.
     assert!(stops_at_yellow(14.0, 40.0) && !stops_at_yellow(14.0, 38.0));
     assert!(stops_at_yellow(8.0, 15.0) && !stops_at_yellow(8.0, 14.0));
 }
