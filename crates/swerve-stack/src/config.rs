@@ -205,7 +205,7 @@ pub struct EgoConfig {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
-    /// Time step, ms: 1 to 20.
+    /// Step, ms: 1 to 20.
     pub dt_ms: f64,
     /// Draws start, speed, phases and triggers from the seed; if false, all are exactly as in the scenario.
     pub draws: bool,
