@@ -1,5 +1,5 @@
-//! An agent outside in the place of a part of the stack: what it decides goes into the graph by an operator under the
-//! name of the one whose place it takes, with what the configuration says of that one's run time, delay and faults.
+//! External agents that replace a part of the stack. An operator publishes the agent's decisions into the graph, under
+//! the name of the operator that it replaces and with the run time, delay and faults configured for that one.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -18,27 +18,27 @@ use crate::config::Config;
 use crate::kind::{Heavy, Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
-/// What an agent decides, and in whose place.
+/// An external agent, by the operator that it replaces.
 #[derive(Clone)]
 pub enum Agent {
-    /// Pedals and steering, for the controller, once a control period.
+    /// Pedals and steering in place of the controller, once a control period.
     Command(Seat<Command>),
-    /// A plan, for the planner, once a frame of the obstacle sensor.
+    /// A plan in place of the planner, once a frame of the obstacle sensor.
     Plan(Seat<Plan>),
-    /// How fast to go and how far beside the route, from which a plan is made; for the planner.
+    /// A target speed and lateral offset from which a plan is made, in place of the planner.
     Target(Seat<Target>),
 }
 
-/// How fast to go, and where beside the route.
+/// Target speed and lateral offset from the route.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Target {
-    /// Wanted speed, m/s.
+    /// Target speed, m/s.
     pub speed_mps: f64,
-    /// Wanted distance to the left of the route's centre line, metres.
+    /// Target distance to the left of the route's centre line, metres.
     pub offset_m: f64,
 }
 
-/// Where the agent's newest decision lies for its operator, which repeats it until there is another.
+/// Slot for the agent's newest decision. The operator repeats it until there is a newer one.
 pub struct Seat<T>(Arc<Mutex<Option<T>>>);
 
 impl<T> Clone for Seat<T> {
@@ -54,7 +54,7 @@ impl<T> Default for Seat<T> {
 }
 
 impl<T: Clone> Seat<T> {
-    /// Decides.
+    /// Stores a decision, replacing the one before.
     pub fn set(&self, decision: T) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(decision);
     }
@@ -65,10 +65,10 @@ impl<T: Clone> Seat<T> {
 }
 
 impl Agent {
-    /// The operator of a configuration whose place it takes: the one that publishes what it decides.
+    /// Name of the operator that the agent replaces: the publisher of its message type.
     ///
     /// # Errors
-    /// There is none, or the configuration makes no pipeline.
+    /// The pipeline has no such operator, or the configuration makes no pipeline.
     pub fn operator(&self, config: &Config) -> anyhow::Result<String> {
         let assembly = Assembly::new(config)?;
         Ok(self.place(&assembly)?.name.clone())
@@ -83,7 +83,7 @@ impl Agent {
             .context("no operator of the pipeline makes what an agent decides")
     }
 
-    /// From one decision to the next.
+    /// Time between two decisions.
     pub fn period(&self, config: &Config) -> Span {
         span_of_ms(match self {
             Self::Command(_) => config.control.period_ms,
@@ -91,10 +91,10 @@ impl Agent {
         })
     }
 
-    /// The configuration with the agent in the place of its operator, and without a planner that has no use then.
+    /// The configuration with the agent in place of its operator, and without the planner if that has no use then.
     ///
     /// # Errors
-    /// A safety gate before pedals: it takes motion.
+    /// The safety gate is enabled and the agent decides pedals: the gate takes motion.
     pub(crate) fn placed_in(&self, config: &Config) -> anyhow::Result<Config> {
         anyhow::ensure!(
             !(config.gate.enabled && matches!(self, Self::Command(_))),
@@ -107,7 +107,7 @@ impl Agent {
         let kind = AgentKind { agent: self.clone(), in_place_of: place.kind.clone() };
         config.registry = config.registry.clone().with_kind(kind);
         config.operator.entry(place.name.clone()).or_default().kind = Some(KIND.to_owned());
-        // Nobody reads a plan where an agent is at the wheel.
+        // Plans have no reader where the agent replaces the controller.
         if let (Self::Command(_), Some(planner)) = (self, assembly.publisher::<Plan>()) {
             config.operator.entry(planner.to_owned()).or_default().enabled = Some(false);
         }
@@ -115,28 +115,28 @@ impl Agent {
     }
 }
 
-/// The kind of the operator in whose place an agent is.
+/// Kind of the operator that an agent provides.
 const KIND: &str = "agent";
 
-/// An agent as the assembly sees it.
+/// Operator kind of an agent, for the assembly.
 struct AgentKind {
     agent: Agent,
     in_place_of: Arc<dyn OperatorKind>,
 }
 
-/// When the agent decides.
+/// Trigger of the agent's decisions.
 #[derive(Inputs)]
 struct DecidedIn {
-    /// The period of its decisions.
+    /// Period of the decisions.
     tick: Every,
 }
 
-/// When it decides, and from where.
+/// Trigger and ego state for an agent that decides targets.
 #[derive(Inputs)]
 struct TargetIn {
-    /// The period of its decisions.
+    /// Period of the decisions.
     tick: Every,
-    /// Where the ego is.
+    /// State of the ego.
     ego: Latest<EgoState>,
 }
 
@@ -179,7 +179,7 @@ impl OperatorKind for AgentKind {
     }
 }
 
-/// Publishes what the agent decided last.
+/// Publishes the agent's latest decision.
 struct Decided<T>(Seat<T>);
 
 impl<T: Payload + Clone> Operator for Decided<T> {
@@ -193,7 +193,7 @@ impl<T: Payload + Clone> Operator for Decided<T> {
     }
 }
 
-/// Makes a plan of a target: along the route, over to the offset, up or down to the speed.
+/// Makes a plan from a target: along the route, across to the offset, with the speed changed to the target speed.
 struct TargetPlanner {
     seat: Seat<Target>,
     route: Route,
@@ -201,12 +201,12 @@ struct TargetPlanner {
 }
 
 impl TargetPlanner {
-    /// How far a plan reaches, and from point to point.
+    /// Horizon of a plan, and time between its points.
     const HORIZON: Span = Span::from_ms(3000);
     const STEP: Span = Span::from_ms(100);
-    /// A change of offset lasts so long, s.
+    /// Duration of a change of offset, s.
     const SWERVE_S: f64 = 1.5;
-    /// Share of what the car can do that a change of speed asks for.
+    /// Share of the limits of acceleration and braking that a change of speed uses.
     const EASE: f64 = 0.6;
 
     fn plan(&self, ego: &EgoState, target: Target) -> Plan {
@@ -241,7 +241,7 @@ impl TargetPlanner {
     }
 }
 
-/// From 0 to 1 and at rest at both ends.
+/// Smooth step from 0 to 1, with first and second derivatives of zero at both ends.
 fn blend(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 - t * (15.0 - 6.0 * t))
@@ -251,7 +251,8 @@ fn clamp_towards(from: f64, change: f64, to: f64) -> f64 {
     if change >= 0.0 { (from + change).min(to) } else { (from + change).max(to) }
 }
 
-/// Headings and curvatures of the path itself, where the points are far enough from each other to tell.
+/// Sets headings and curvatures from the path itself where the points are far enough apart; elsewhere the last heading
+/// is kept.
 fn turn_along(points: &mut [PlanPoint]) {
     const TELLS_M: f64 = 0.05;
     for i in 1..points.len() {

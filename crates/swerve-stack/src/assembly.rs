@@ -1,4 +1,4 @@
-//! Which operators a configuration has, in which order, and what each of them reads.
+//! Operators of a configuration, their order, and the streams that each of them reads.
 //!
 //! The pipeline is text: parts in `base/`, changed by `[operator.NAME]` tables. Streams are found by type, or by name
 //! where the type alone does not decide.
@@ -29,67 +29,67 @@ pub(crate) use settings::gather_named_sections;
 #[derive(Clone)]
 pub struct Assembly {
     operators: Vec<Placed>,
-    /// All that there may be, under these settings or others, with what is known of their kinds.
+    /// All operators possible under these or other settings, with the nodes of known kinds.
     known: Vec<(String, Option<Node>)>,
 }
 
 /// One operator of a pipeline.
 #[derive(Clone)]
 pub struct Placed {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its kind.
+    /// Kind.
     pub kind: Arc<dyn OperatorKind>,
-    /// What `[operator.NAME]` says, the pipeline's own text included.
+    /// Its `[operator.NAME]` table, including the pipeline's own text.
     pub own: OperatorConfig,
-    /// What it reads, by port.
+    /// Inputs, by port.
     pub inputs: Vec<Input>,
-    /// What it publishes.
+    /// Outputs.
     pub outputs: Vec<Output>,
-    /// The configuration where its own keys change it.
+    /// The configuration as changed by the operator's own keys; `None` if they change nothing.
     config: Option<Arc<Config>>,
-    /// What that comes to.
+    /// Resolved settings of that configuration.
     pub resolved: Arc<Resolved>,
-    /// Its period or fixed deadline, under the models of `[execution]` that have one.
+    /// Period or fixed deadline, under the models of `[execution]` that have one.
     pub(crate) length: Option<Span>,
     offered: Arc<[PayloadType]>,
 }
 
-/// An input port and what feeds it; nothing for a timer.
+/// An input port and the streams that feed it; a timer has none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
     /// The port.
     pub port: PortInfo,
-    /// The streams that it reads.
+    /// Streams that it reads.
     pub from: Vec<Edge>,
 }
 
 /// A stream as a port reads it.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Edge {
-    /// Its name.
+    /// Name of the stream.
     pub stream: String,
-    /// Over a feedback edge.
+    /// True for a feedback edge.
     pub feedback: bool,
-    /// Before faults befall it.
+    /// True if the stream is read before faults are injected.
     pub raw: bool,
 }
 
 /// A stream that an operator publishes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output {
-    /// Its name: that of the operator, or `operator.port` where it has several.
+    /// Name: the operator's, or `operator.port` for an operator with several outputs.
     pub stream: String,
     /// The port.
     pub port: OutputInfo,
-    /// Whether nothing comes of it under these settings.
+    /// True if nothing is published on it under these settings.
     pub silent: bool,
-    /// Why it holds nothing at all, where it does not.
+    /// Reason that the stream never carries data; `None` if it does.
     pub empty: Option<String>,
 }
 
 impl Placed {
-    /// What the configuration says of it.
+    /// The operator's view of the configuration.
     pub fn settings<'a>(&'a self, config: &'a Config) -> Settings<'a> {
         let config = self.config.as_deref().unwrap_or(config);
         Settings { name: &self.name, config, offered: &self.offered }
@@ -97,10 +97,10 @@ impl Placed {
 }
 
 impl Assembly {
-    /// The operators that `config` asks for.
+    /// Assembles the operators that `config` asks for.
     ///
     /// # Errors
-    /// All that is wrong with `[operator.NAME]` tables and with what operators read, by key.
+    /// All problems of `[operator.NAME]` tables and of the operators' inputs, by key.
     pub fn new(config: &Config) -> anyhow::Result<Self> {
         let mut problems = KeyProblems::new();
         let assembly = Self::with_problems(config, &mut problems);
@@ -109,8 +109,8 @@ impl Assembly {
         Ok(assembly)
     }
 
-    /// The same, as far as it goes; what is wrong comes to the `problems` that are known, without what only follows
-    /// from them.
+    /// As [`new`](Self::new), as far as possible. Adds its problems to the `problems` already known, except those that
+    /// only follow from them.
     pub(crate) fn with_problems(config: &Config, problems: &mut KeyProblems) -> Self {
         let entries = base::entries(config);
         let node = |own: &OperatorConfig| Some(config.registry.kind(own.kind.as_deref()?)?.node());
@@ -142,12 +142,12 @@ impl Assembly {
         &self.operators
     }
 
-    /// The operator of this name.
+    /// Operator of this name.
     pub fn operator(&self, name: &str) -> Option<&Placed> {
         self.operators.iter().find(|placed| placed.name == name)
     }
 
-    /// Whether there is an operator of this name.
+    /// Returns true if there is an operator of this name.
     pub fn has(&self, name: &str) -> bool {
         self.operator(name).is_some()
     }
@@ -157,23 +157,23 @@ impl Assembly {
         self.known.iter().map(|(name, _)| name.as_str())
     }
 
-    /// What is known of the kind of an operator, whether or not it runs under these settings.
+    /// Node of an operator's kind, even if it does not run under these settings.
     pub fn node(&self, name: &str) -> Option<Node> {
         self.known.iter().find(|(known, _)| known == name).and_then(|(_, node)| *node)
     }
 
-    /// All streams with the operators that publish them.
+    /// All streams, each with the operator that publishes it.
     pub fn streams(&self) -> impl Iterator<Item = (&Placed, &Output)> {
         self.operators.iter().flat_map(|placed| placed.outputs.iter().map(move |output| (placed, output)))
     }
 
-    /// The stream that a name stands for: its own, or the first one of an operator.
+    /// Stream of this name, or the first stream of the operator of this name.
     pub fn stream(&self, name: &str) -> Option<(&Placed, &Output)> {
         let named = self.streams().find(|(_, output)| output.stream == name);
         named.or_else(|| self.streams().find(|(placed, _)| placed.name == name))
     }
 
-    /// The first operator that publishes messages of this type. What faults make of them is published by others.
+    /// First operator that publishes messages of this type; streams with injected faults are not considered.
     pub fn publisher<T: Payload>(&self) -> Option<&str> {
         self.first_stream::<T>().map(|(placed, _)| placed.name.as_str())
     }
@@ -184,7 +184,7 @@ impl Assembly {
         self.streams().find(|(_, output)| output.port.payload == payload)
     }
 
-    /// The stream of images that an operator looks for boxes or lights in, where it is one that detects.
+    /// Stream of images that an operator detects boxes or traffic lights in; `None` for other operators.
     pub fn image_of(&self, detector: &str) -> Option<&str> {
         let placed = self.operator(detector)?;
         let found = [PayloadType::of::<Detections>(), PayloadType::of::<TrafficLights>()];
@@ -194,21 +194,21 @@ impl Assembly {
         image.from.first().map(|edge| edge.stream.as_str())
     }
 
-    /// The pipeline as the text that makes it: what `config` sets, and every operator with its kind and what it reads;
-    /// `graph` says how they run.
+    /// The pipeline as TOML that reproduces it: the settings of `config`, and every operator with its kind and inputs.
+    /// `graph` adds comments on how operators run.
     pub fn to_toml(&self, config: &Config, graph: &GraphInfo) -> String {
         written::written(self, config, graph)
     }
 }
 
-/// An operator in its place, if there is one under its settings.
+/// Builds an operator and its ports; `None` if it takes no part under its settings.
 fn placed(
     (config, base): (&Config, &Arc<Resolved>),
     (name, own): (String, OperatorConfig),
     problems: &mut KeyProblems,
 ) -> Option<Placed> {
     let Some(kind) = &own.kind else {
-        // A watcher of no sensor stands behind none; `check_monitors` says so.
+        // A monitor of an unknown sensor has no entry either; `check_monitors` reports it.
         if !config.monitor.contains_key(&name) {
             problems.push((format!("operator.{name}"), unknown_operator(config, &name)));
         }
@@ -260,7 +260,7 @@ fn placed(
     Some(placed)
 }
 
-/// The period or fixed deadline of an operator that a model of `[execution]` schedules; what is wrong with it is told.
+/// Period or fixed deadline of an operator that a model of `[execution]` schedules; problems are reported.
 fn length(
     scheduled: Scheduled,
     placed: &Placed,
@@ -274,7 +274,7 @@ fn length(
     }
     scheduled.length(config, &placed.own, &placed.resolved, takes_ms).unwrap_or_else(|message| {
         let problem = (format!("execution.{}", scheduled.key()), message);
-        // Of several detectors or planners each would say it.
+        // Several detectors or planners would report the same problem.
         if !problems.contains(&problem) {
             problems.push(problem);
         }
@@ -292,7 +292,8 @@ fn offered(operators: &[Placed]) -> Arc<[PayloadType]> {
     outputs.filter(|output| !output.silent).map(|output| output.port.payload).collect()
 }
 
-/// What is around the stack: one simulated world, or a vehicle; and who is emulated has to be there.
+/// Checks the environment of the stack: one simulated world, or a vehicle and the kinds that only it feeds; and that an
+/// emulated detector is enabled or replaced.
 fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProblems) {
     let is_simulated = config.live.is_none();
     let worlds = operators.iter().filter(|placed| placed.kind.node().role == Role::World);
@@ -325,7 +326,7 @@ fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProble
     }
 }
 
-/// Told where somebody asked for an operator that the other settings leave out.
+/// Error message for a requested operator that other settings exclude.
 fn takes_no_part(node: &Node) -> String {
     if let Some(setting) = node.only_with {
         return format!("`{}` takes part where `{setting}` asks for it", node.kind);
@@ -349,7 +350,7 @@ fn unknown_operator(config: &Config, name: &str) -> String {
     )
 }
 
-/// What is said of a kind that is not there. A name that is near none is somebody's own rather than a slip.
+/// Error message for an unknown kind. A name that is close to none is taken for a custom kind rather than a typo.
 fn unknown_kind(config: &Config, kind: &str) -> String {
     let names: Vec<&str> = config.registry.kinds().map(|kind| kind.node().kind).collect();
     let own = match nearest(kind, names.iter().copied()) {
@@ -361,7 +362,7 @@ fn unknown_kind(config: &Config, kind: &str) -> String {
     format!("unknown kind `{kind}`{own}{}", one_of(kind, &names))
 }
 
-/// The end of a message that a name is unknown.
+/// End of an error message about an unknown name.
 pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
     let near = nearest(name, names.iter().copied());
     let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));

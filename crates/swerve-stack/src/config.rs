@@ -1,7 +1,7 @@
 //! Configuration: text, then typed, then resolved and checked, once, at start.
 //!
-//! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and
-//! angles degrees (their names say so); resolving converts them.
+//! Every key has a default; a file and `--set` change single keys. Durations in files are milliseconds and angles
+//! degrees (their names have the unit); resolving converts them.
 
 pub mod camera;
 pub mod camera_detectors;
@@ -63,23 +63,23 @@ use source::SourceConfig;
 use crate::course::Course;
 use crate::registry::Registry;
 
-/// A whole configuration: what runs, how long it takes, what is recorded.
+/// A whole configuration: operators, their run times, and recording.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// What moves the run.
+    /// Clock of the run.
     pub clock: ClockConfig,
     /// The ego vehicle.
     pub ego: EgoConfig,
     /// The simulator.
     pub sim: SimConfig,
-    /// What perception starts from.
+    /// Sensors of the stack.
     pub sensing: SensingConfig,
-    /// What tells where the ego is.
+    /// Localization of the ego.
     pub localization: LocalizationConfig,
-    /// How the world is rendered.
+    /// Rendering of the world.
     pub render: RenderConfig,
     /// Cameras on the ego, by name. Each runs where an operator reads it or `log.sensors` names it.
     pub camera: BTreeMap<String, CameraConfig>,
@@ -87,7 +87,7 @@ pub struct Config {
     pub radar: BTreeMap<String, RadarConfig>,
     /// Lidars on the ego, by name; they run as cameras do.
     pub lidar: BTreeMap<String, LidarConfig>,
-    /// What stands between the sensors and the predictor.
+    /// Perception, between the sensors and the predictor.
     pub perception: PerceptionConfig,
     /// Monitors of single cameras and lidars, by name.
     pub monitor: BTreeMap<String, MonitorConfig>,
@@ -99,11 +99,11 @@ pub struct Config {
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
     pub gate: GateConfig,
-    /// When detector and planner run, and how long they may take.
+    /// Execution of detector and planner: periods and deadlines.
     pub execution: ExecutionConfig,
-    /// What is recorded.
+    /// Recording.
     pub log: LogConfig,
-    /// How single operators run, by name.
+    /// Settings of single operators, by name.
     pub operator: BTreeMap<String, OperatorConfig>,
     /// Shared resources, by name.
     pub resource: BTreeMap<String, ResourceConfig>,
@@ -112,25 +112,25 @@ pub struct Config {
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
     pub process: BTreeMap<String, ProcessConfig>,
-    /// What they share.
+    /// Shared memory of these processes.
     pub shared_memory: SharedMemoryConfig,
-    /// Which stream is which ROS 2 topic, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
+    /// Mapping of streams to ROS 2 topics, for `swerve live` and `run --ros2`; [`Config::ros2_mapping`] reads it.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     #[schemars(with = "crate::config::AnyTable")]
     pub ros2: toml::Table,
-    /// A recorded drive in the place of a vehicle, for `swerve live`.
+    /// A recorded drive in place of a vehicle, for `swerve live`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<SourceConfig>,
     /// A vehicle that `swerve live` drives.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live: Option<LiveConfig>,
-    /// The kinds of operators that it can name.
+    /// Kinds of operators that it can name.
     #[serde(skip)]
     pub registry: Registry,
-    /// Which way the simulated world goes first, and where it is kept how it went.
+    /// Commands that the simulated world replays first, and the record of those that it took.
     #[serde(skip)]
     pub course: Option<Course>,
-    /// The programs that the user lets it start.
+    /// Programs that the user allows it to start.
     #[serde(skip)]
     pub consent: Consent,
 }
@@ -197,7 +197,7 @@ impl JsonSchema for AnyValue {
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
     pub speed_mps: Option<f64>,
-    /// Who drives it.
+    /// Driver of the ego.
     pub driver: EgoDriver,
 }
 
@@ -207,9 +207,9 @@ pub struct EgoConfig {
 pub struct SimConfig {
     /// Step, ms: 1 to 20.
     pub dt_ms: f64,
-    /// Draws start, speed, phases and triggers from the seed; off, all are exactly as the scenario says.
+    /// Draws start, speed, phases and triggers from the seed; if false, all are exactly as in the scenario.
     pub draws: bool,
-    /// Which car the ego is: what `vehicle` says goes before it.
+    /// Car of the ego; keys of `vehicle` override its values.
     pub car: Car,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
@@ -221,13 +221,13 @@ impl Default for SimConfig {
     }
 }
 
-/// What the obstacle sensor reports.
+/// Source of the obstacle sensor's objects.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
-    /// Simulator state cut by range, field of view and occlusion.
+    /// Simulator state limited by range, field of view and occlusion.
     Truth,
-    /// Simulator state cut by range and field of view only.
+    /// Simulator state limited by range and field of view only.
     TruthUnoccluded,
 }
 
@@ -235,7 +235,7 @@ pub enum Source {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensingConfig {
-    /// What the obstacle sensor reports.
+    /// Source of the obstacle sensor's objects.
     pub source: Source,
     /// Period of the obstacle sensor, ms.
     pub period_ms: f64,
@@ -243,13 +243,13 @@ pub struct SensingConfig {
     pub range_m: f64,
     /// Field of view of the obstacle sensor, degrees, symmetric around straight ahead.
     pub fov_deg: f64,
-    /// Largest distance for people, m; that of the others when absent.
+    /// Range of the obstacle sensor for people, m; `range_m` when absent.
     pub range_person_m: Option<f64>,
-    /// Where the obstacle sensor sits; the middle of the roof, 1.9 m up, when absent.
+    /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up, when absent.
     pub mount: Option<SensorMount>,
-    /// Sees traffic lights of the scenario as the obstacle sensor sees actors, and stops at red ones; an operator of the kind
-    /// `traffic_lights` takes the sensor's place, one of the kind `stop_lines` turns both off. When absent with the planning
-    /// preset `best`.
+    /// Detects traffic lights of the scenario as the obstacle sensor detects actors, and stops at red ones; an operator
+    /// of the kind `traffic_lights` replaces the sensor, one of the kind `stop_lines` turns both off. When absent with
+    /// the planning preset `best`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic_lights: Option<bool>,
     /// Period of the pose sensor, ms.
@@ -266,7 +266,7 @@ pub struct SensingConfig {
     pub imu: ImuParams,
     /// Errors of the satellite receiver.
     pub gnss: GnssParams,
-    /// Encoders of the wheels and their errors.
+    /// Wheel encoders and their errors.
     pub odometry: WheelOdometryParams,
 }
 
@@ -296,45 +296,45 @@ impl Default for SensingConfig {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
-    /// Which one; all but `linear` are told more of the past.
+    /// Predictor; all but `linear` use a longer past of each track.
     pub predictor: PredictorName,
-    /// File of weights of a learned predictor, from `swerve train prediction`; the shipped weights when absent. Of
-    /// `multipath`, `mfp` and `r2p2`.
+    /// File of weights of a learned predictor (`multipath`, `mfp`, `r2p2`), from `swerve train prediction`; the shipped
+    /// weights when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weights: Option<String>,
-    /// With one sighting: the reported velocity (`best`), or standing still (`paper`). Of `linear`.
+    /// Velocity of a track with one sighting, for `linear`: the reported velocity (`best`), or zero (`paper`).
     pub preset: Preset,
-    /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also looks for braking over the
-    /// last 0.6 s: a vehicle that brakes is predicted to go on braking until it stops.
+    /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also detects braking over the
+    /// last 0.6 s: a braking vehicle is predicted to brake until it stops.
     pub past_steps: usize,
-    /// How far ahead, ms.
+    /// Prediction horizon, ms.
     pub horizon_ms: f64,
-    /// Between predicted poses, ms.
+    /// Time between predicted poses, ms.
     pub step_ms: f64,
-    /// Predicts that road users that drive along the road follow it, in the road's coordinates; when absent with the preset
-    /// `best`. `lane_idm` always does; `truth` ignores it.
+    /// Predicts that road users that drive along the road follow it, in the road's coordinates; when absent with the
+    /// preset `best`. `lane_idm` always does; `truth` ignores it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub along_road: Option<bool>,
-    /// Of `truth`: how far ahead it knows what will happen, ms; everybody goes straight on after that. When absent as far as
-    /// `horizon_ms`.
+    /// `truth` only: horizon of the known future, ms; road users go straight on after that. `horizon_ms` when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth_horizon_ms: Option<f64>,
-    /// Of `truth`: deviation of what it tells, along each axis and for each second ahead, metres.
+    /// `truth` only: standard deviation of the predicted positions, along each axis and per second of prediction,
+    /// metres.
     pub truth_noise_mps: f64,
 }
 
-/// Sightings that are kept for predictors that look further back than a line: 3.2 s at 20 Hz.
+/// Sightings kept for predictors with a longer past than a line needs: 3.2 s at 20 Hz.
 const LONG_PAST: usize = 64;
-/// Sightings that are kept to estimate braking: 0.6 s at 20 Hz.
+/// Sightings kept to estimate braking: 0.6 s at 20 Hz.
 const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
-    /// Whether who drives along the road is predicted along it.
+    /// Returns true if road users that drive along the road are predicted along it.
     pub fn follows_road(&self) -> bool {
         self.predictor == PredictorName::LaneIdm || self.along_road.unwrap_or(self.preset == Preset::Best)
     }
 
-    /// Sightings that tracks have to hold.
+    /// Sightings that tracks have to keep.
     pub fn sightings(&self) -> usize {
         match self.predictor {
             PredictorName::Linear if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
@@ -375,7 +375,7 @@ pub enum ControllerName {
 }
 
 impl Config {
-    /// Whether the simulated stack sees the lights of a road and stops at red ones.
+    /// Returns true if the simulated stack detects the traffic lights of a road and stops at red ones.
     pub(crate) fn stops_at_lights(&self) -> bool {
         self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
     }
@@ -393,11 +393,11 @@ impl Config {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
-    /// Which one; `stanley` when absent, under the planning preset `paper` the paper's `pid`.
+    /// Controller: `stanley` when absent, `pid` of the paper under the planning preset `paper`.
     pub controller: Option<ControllerName>,
-    /// How a plan is followed; the planning preset's when absent.
+    /// Way to follow a plan; the planning preset's when absent.
     pub following: Option<Following>,
-    /// Period, ms.
+    /// Period of the controller, ms.
     pub period_ms: f64,
 }
 
@@ -407,18 +407,18 @@ impl Default for ControlConfig {
     }
 }
 
-/// What is recorded.
+/// Recording.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
-    /// Sensors that run although no operator reads them: `gnss`, `odometry`, `collisions`, `lane_invasions`,
-    /// `red_lights`, and cameras, radars and lidars by name.
+    /// Sensors that run even without a reader: `gnss`, `odometry`, `collisions`, `lane_invasions`, `red_lights`, and
+    /// cameras, radars and lidars by name.
     pub sensors: Vec<String>,
-    /// What the log holds of images and point clouds; the digest of a run is the same with any.
+    /// Recording of images and point clouds; it does not change the digest of a run.
     pub images: Images,
     /// Quality of JPEG images, 1 to 100.
     pub jpeg_quality: u8,
-    /// Whether the log also holds the run in the forms that Foxglove shows, under `/view`.
+    /// Also records the run in the forms that Foxglove shows, under `/view`.
     pub foxglove: bool,
 }
 
@@ -428,22 +428,22 @@ impl Default for LogConfig {
     }
 }
 
-/// What a log holds of images and point clouds.
+/// Recording of images and point clouds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Images {
-    /// Their fingerprints: a replay computes them again and compares.
+    /// Fingerprints only: a replay computes images and points again and compares.
     #[default]
     None,
-    /// Their fingerprints, and under `/view` colour images as JPEG and point clouds, to be looked at.
+    /// Fingerprints, and under `/view` colour images as JPEG and point clouds, for viewing.
     Jpeg,
     /// All their bytes.
     Lossless,
 }
 
 impl Config {
-    /// What scenarios call this pipeline: the planner, and `paper` before it where its preset is that; `ros2` where
-    /// another stack drives, the kind of planner where it is none of ours.
+    /// Name of this pipeline in scenarios: the planner, prefixed by `paper_` under that preset; `ros2` where another
+    /// stack drives; the planner's kind for a custom one.
     pub fn pipeline_name(&self) -> String {
         if self.is_driven_over_ros2() {
             return "ros2".into();
@@ -462,13 +462,13 @@ impl Config {
         }
     }
 
-    /// All that [`pipeline_name`](Self::pipeline_name) may be.
+    /// All values of [`pipeline_name`](Self::pipeline_name) for the built-in planners.
     pub fn pipeline_names() -> impl Iterator<Item = String> {
         let of = |preset| PlannerName::ALL.into_iter().map(move |planner| Self::name_of(planner, preset));
         of(Preset::Best).chain(of(Preset::Paper))
     }
 
-    /// The whole configuration with every default spelled out, as TOML.
+    /// The whole configuration including all defaults, as TOML.
     pub fn to_text(&self) -> String {
         toml::to_string(self).expect("a configuration is plain tables and values")
     }

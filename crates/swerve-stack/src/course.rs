@@ -1,20 +1,20 @@
-//! How a simulated world went, so that another run can go the same way up to an instant and be driven by its own stack from
-//! there.
+//! Recorded course of a simulated world, so that another run can repeat it up to an instant and be driven by its own
+//! stack from there.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use swerve_core::{Span, Time};
 use swerve_msg::Command;
 
-/// The commands under which a simulated world took its steps: those that it is given, one a step from the first on, and
-/// those that it took. Who keeps a clone can read what was taken.
+/// Commands of a simulated world: those given to it, one a step from the first on, and those that it took. Clones share
+/// the record of commands taken.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
     given: Arc<[Command]>,
     taken: Arc<Mutex<Vec<Command>>>,
 }
 
-/// By what is given: what was taken is no part of a configuration.
+/// Compares given commands only: those taken are not part of a configuration.
 impl PartialEq for Course {
     fn eq(&self, other: &Self) -> bool {
         self.given == other.given
@@ -22,17 +22,17 @@ impl PartialEq for Course {
 }
 
 impl Course {
-    /// The same way up to `until`, and from then on whichever way its own stack drives; `dt` is the world's step.
+    /// The same course up to `until`, then driven by the run's own stack; `dt` is the world's step.
     #[must_use]
     pub fn up_to(&self, until: Time, dt: Span) -> Self {
         let taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
-        // What is latched at a step moves the world until the next one.
+        // The command latched at a step moves the world until the next one.
         let steps = (until - Time::ZERO).ns().max(0) / dt.ns().max(1);
         let given = taken.iter().take(usize::try_from(steps).unwrap_or(usize::MAX)).copied().collect();
         Self { given, taken: Arc::default() }
     }
 
-    /// The command of a step, where the stack asks for `asked`.
+    /// Command of a step for which the stack requests `asked`; recorded as taken.
     pub(crate) fn command(&self, step: usize, asked: Command) -> Command {
         let command = self.given.get(step).copied().unwrap_or(asked);
         self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(command);
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_of_the_steps_before_an_instant_are_given() {
+    fn course_repeats_the_commands_before_an_instant() {
         let command = |throttle: f64| Command { throttle, ..Command::default() };
         let first = Course::default();
         for step in 0..4 {

@@ -1,4 +1,4 @@
-//! Faults on streams: operators between a stream and its readers.
+//! Fault injection on streams: operators between a stream and its readers.
 
 mod corruptible;
 
@@ -13,25 +13,25 @@ pub use corruptible::Corruptible;
 
 use crate::config::injection::{Carries, FaultConfig, FaultKind};
 
-/// Messages that may be under way at once: a second of the fastest stream, and as much again.
+/// Messages that may be delayed at once: a second of the fastest stream, and as much again.
 const UNDER_WAY: usize = 1024;
-/// What a unit of work of [`Faulty`] lasts.
+/// Duration of a unit of work of [`Faulty`].
 const UNIT_NS: i64 = 1000;
 
-/// Does to single messages of a stream what a fault does.
+/// Injects a fault into single messages of a stream.
 struct Faulty<T> {
     name: String,
     stream: String,
     kind: FaultKind,
     probability: f64,
-    /// First and last stamp that it befalls.
+    /// First and last stamp affected.
     stamps: (Time, Time),
     seed: u64,
-    /// What is repeated, and up to which stamp.
+    /// The repeated message, and the stamp up to which it is repeated.
     frozen: Option<(Arc<T>, Time)>,
 }
 
-/// A message that faults can befall, as a registry knows it.
+/// A message type that faults can affect, for the registry.
 #[derive(Clone)]
 pub(crate) struct CorruptibleType {
     pub(crate) payload: PayloadType,
@@ -44,7 +44,7 @@ impl CorruptibleType {
         Self { payload: PayloadType::of::<T>(), carries: T::carries, add: add::<T> }
     }
 
-    /// Puts a fault on a stream: what its readers get.
+    /// Injects a fault into a stream and returns the stream for its readers.
     pub(crate) fn put_on(
         &self,
         graph: &mut Graph,
@@ -63,7 +63,7 @@ fn add<T: Corruptible>(graph: &mut Graph, operator: Faulty<()>, stream: AnyStrea
     let Faulty { name, stream: on, kind, probability, stamps, seed, .. } = operator;
     let operator =
         Faulty::<T> { name: name.clone(), stream: on, kind, probability, stamps, seed, frozen: None };
-    // Lateness is work that the step counts, so that each message has its own.
+    // Delays are counted as work of the step, so that each message has its own.
     let late = RuntimeModel::Work { base: Span::ZERO, per_unit_ns: UNIT_NS as f64 };
     let node = graph.add(name, operator, (stream.typed::<T>()?,)).runtime(late);
     let (stream, _) = node.policy(Policy::pipelined(UNDER_WAY)).outputs(&["message", "injected"]).out();

@@ -1,6 +1,6 @@
-//! Kinds of operators: all that the house knows of one stands in one place.
+//! Kinds of operators: the one description of each that the stack uses.
 //!
-//! An operator type that implements [`Kind`] is a kind that configurations can name. One whose ports depend on its
+//! An operator type that implements [`Kind`] is a kind that configurations can name. A kind whose ports depend on its
 //! settings implements [`OperatorKind`] itself.
 
 use core::marker::PhantomData;
@@ -17,68 +17,68 @@ use crate::config::clock::Clock;
 use crate::registry::Registry;
 use crate::site::Site;
 
-/// What is wrong with settings, by key.
+/// Problems of settings, by key.
 pub type KeyProblems = Vec<(String, String)>;
 
-/// What the house knows of a kind of operator.
+/// Description of a kind of operator.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Node {
-    /// Its name in `kind = "..."`.
+    /// Name in `kind = "..."`.
     pub kind: &'static str,
-    /// What it does, in one line.
+    /// Description in one line.
     pub doc: &'static str,
-    /// The tables of the configuration whose keys `[operator.NAME]` sets for this one operator.
+    /// Tables of the configuration whose keys `[operator.NAME]` sets for this one operator.
     pub sections: &'static [&'static str],
-    /// The table whose entry of the operator's name holds its settings: `[camera.front]` for `front`.
+    /// Table with the operator's settings under its name: `[camera.front]` for `front`.
     pub named_section: Option<&'static str>,
-    /// The setting under which it takes part, as a configuration writes it; none where that is told by other means.
+    /// Setting under which it takes part, as written in a configuration; `None` if other keys decide it.
     pub only_with: Option<&'static str>,
-    /// Why its steps are taken where the run is driven; none where another process may take them.
+    /// Reason that it has to run in the coordinator; `None` if a worker may run it.
     pub stays: Option<&'static str>,
-    /// Only another process can take its steps: this program has none for it.
+    /// True if only another process can take its steps: this program cannot run it.
     pub elsewhere: bool,
-    /// When its steps are worth a thread of their own.
+    /// Clocks under which its steps run on a worker thread.
     pub heavy: Heavy,
-    /// Where it stands.
+    /// Role in the pipeline.
     pub role: Role,
-    /// Which of those it is that the models of `[execution]` schedule, if one.
+    /// Role in the scheduling by the models of `[execution]`, if it has one.
     pub scheduled: Option<Scheduled>,
-    /// Its messages derive from their own stamp.
+    /// True if its messages derive from their own stamp.
     pub origin: bool,
-    /// It runs where an operator reads it or `log.sensors` names it.
+    /// True if it runs only where an operator reads it or `log.sensors` names it.
     pub on_demand: bool,
-    /// A replay computes it again wherever it is cut: it follows from what comes from the world, which a log holds.
+    /// True if a replay always recomputes it: it follows from the messages of the world, which a log has.
     pub follows_from_world: bool,
 }
 
-/// Where an operator stands.
+/// Role of an operator in the pipeline.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Role {
-    /// It is the simulated world.
+    /// The simulated world.
     World,
-    /// It measures the world; `log.sensors` can name it.
+    /// A sensor of the world; `log.sensors` can name it.
     Sensor,
-    /// It is fed from outside.
+    /// An input from outside.
     Input,
-    /// Behind these.
+    /// The driving stack, after these.
     Stack,
 }
 
-/// What the models of `[execution]` schedule.
+/// Operators that the models of `[execution]` schedule.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Scheduled {
-    /// A detector that has rungs, or is emulated.
+    /// A detector that has rungs or is emulated.
     Detector,
     /// The motion planner.
     Planner,
 }
 
-/// When the steps of an operator are worth a worker thread.
+/// Clocks under which an operator's steps run on a worker thread.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Heavy {
     /// Never.
     No,
-    /// Against the real clock, so that nobody waits for them; in virtual time they leave their work to other threads
+    /// Under wall clock, so that other operators do not wait for them; in virtual time such operators use other threads
     /// themselves.
     OnWallClock,
     /// Always.
@@ -86,7 +86,7 @@ pub enum Heavy {
 }
 
 impl Node {
-    /// A kind that another process may run, with keys of its own.
+    /// A kind with its own keys that another process may run.
     pub const fn new(kind: &'static str, doc: &'static str) -> Self {
         Self {
             kind,
@@ -105,83 +105,83 @@ impl Node {
         }
     }
 
-    /// A sensor of the simulated world, which runs where the world is.
+    /// A sensor of the simulated world, which runs in the process of the world.
     pub const fn sensor(kind: &'static str, doc: &'static str) -> Self {
         let node = Self::new(kind, doc).stays("sensors are where the world is");
         Self { role: Role::Sensor, ..node }
     }
 
-    /// Where it stands, if not in the stack.
+    /// Sets the role, which is the stack by default.
     #[must_use]
     pub const fn role(mut self, role: Role) -> Self {
         self.role = role;
         self
     }
 
-    /// Its settings are these tables of the configuration.
+    /// Sets the tables of the configuration with its settings.
     #[must_use]
     pub const fn sections(mut self, sections: &'static [&'static str]) -> Self {
         self.sections = sections;
         self
     }
 
-    /// Its settings are an entry of this table.
+    /// Sets the named table with its settings.
     #[must_use]
     pub const fn named_section(mut self, section: &'static str) -> Self {
         self.named_section = Some(section);
         self
     }
 
-    /// It takes part under this setting alone.
+    /// Sets the setting under which it takes part.
     #[must_use]
     pub const fn only_with(mut self, setting: &'static str) -> Self {
         self.only_with = Some(setting);
         self
     }
 
-    /// Its steps are taken where the run is driven.
+    /// Sets the reason that it has to run in the coordinator.
     #[must_use]
     pub const fn stays(mut self, why: &'static str) -> Self {
         self.stays = Some(why);
         self
     }
 
-    /// Only another process can take its steps.
+    /// Requires another process for its steps.
     #[must_use]
     pub const fn elsewhere(mut self) -> Self {
         self.elsewhere = true;
         self
     }
 
-    /// Its steps are worth a worker thread.
+    /// Sets the clocks under which its steps run on a worker thread.
     #[must_use]
     pub const fn heavy(mut self, heavy: Heavy) -> Self {
         self.heavy = heavy;
         self
     }
 
-    /// The models of `[execution]` say when it runs and how long it may take.
+    /// Schedules it by the models of `[execution]`.
     #[must_use]
     pub const fn scheduled(mut self, scheduled: Scheduled) -> Self {
         self.scheduled = Some(scheduled);
         self
     }
 
-    /// Its messages derive from their own stamp.
+    /// Marks its messages as deriving from their own stamp.
     #[must_use]
     pub const fn origin(mut self) -> Self {
         self.origin = true;
         self
     }
 
-    /// It runs where it is read.
+    /// Runs it only where it is read.
     #[must_use]
     pub const fn on_demand(mut self) -> Self {
         self.on_demand = true;
         self
     }
 
-    /// A replay computes it again wherever it is cut.
+    /// Marks it as always recomputed by a replay.
     #[must_use]
     pub const fn follows_from_world(mut self) -> Self {
         self.follows_from_world = true;
@@ -189,29 +189,29 @@ impl Node {
     }
 }
 
-/// One operator of a configuration: its name, and the configuration as it stands for it.
+/// Name of an operator, and the configuration as it applies to it.
 #[derive(Clone, Copy)]
 pub struct Settings<'a> {
-    /// The operator's name.
+    /// Name of the operator.
     pub name: &'a str,
-    /// The configuration, with what `[operator.NAME]` sets in the sections of its kind.
+    /// The configuration, with the keys of `[operator.NAME]` applied to the sections of its kind.
     pub config: &'a Config,
-    /// What the operators of the pipeline publish.
+    /// Message types that the operators of the pipeline publish.
     pub offered: &'a [PayloadType],
 }
 
 impl Settings<'_> {
-    /// Whether an operator of the pipeline publishes messages of this type.
+    /// Returns true if an operator of the pipeline publishes messages of this type.
     pub fn offers<T: Payload>(&self) -> bool {
         self.offered.contains(&PayloadType::of::<T>())
     }
 
-    /// A timer whose first tick is drawn from the seed, where the run draws at all.
+    /// Timer with a first tick drawn from the seed, if the run draws at all.
     pub fn drawn_timer(&self, period: Span) -> Timer {
         every(period).phase(self.phase(period))
     }
 
-    /// The first tick of such a timer.
+    /// First tick of such a timer.
     pub fn phase(&self, period: Span) -> Span {
         let Config { seed, sim, .. } = self.config;
         match sim.draws && self.config.live.is_none() {
@@ -220,13 +220,13 @@ impl Settings<'_> {
         }
     }
 
-    /// Whether the run lives by the real clock.
+    /// Returns true if the run is under wall clock.
     pub fn on_wall_clock(&self) -> bool {
         self.config.clock.source == Clock::Wall
     }
 }
 
-/// A time that the configuration's check has seen.
+/// Span of a time in milliseconds that is already checked.
 pub fn span_of_ms(ms: f64) -> Span {
     Span::from_secs(ms * 1e-3)
 }
@@ -236,87 +236,87 @@ pub fn time_of_ms(ms: f64) -> Time {
     Time::ZERO + span_of_ms(ms)
 }
 
-/// What lies between the stamp of a sensor's message and its readers: run time of its operator, which therefore has
-/// several frames under way. Where `[operator.NAME]` gives a run time, that comes before it.
+/// Latency from the stamp of a sensor's message to its readers: run time of its operator, which therefore processes
+/// several frames at once. A run time in `[operator.NAME]` overrides it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct OnItsWay {
-    /// From the stamp to the readers.
+    /// Time from the stamp to the readers.
     pub after: Span,
-    /// Frames under way at once.
+    /// Frames in flight at once.
     pub frames: usize,
 }
 
-/// A kind of operator, as an assembly sees it.
+/// A kind of operator, as used by an assembly.
 pub trait OperatorKind: Send + Sync {
-    /// What the house knows of it.
+    /// Description of the kind.
     fn node(&self) -> Node;
 
-    /// Why its steps are taken where the run is driven under these settings; none where another process may take them.
+    /// Reason that it has to run in the coordinator under these settings; `None` if a worker may run it.
     fn stays(&self, _settings: &Settings<'_>) -> Option<&'static str> {
         self.node().stays
     }
 
-    /// Its own keys with their defaults.
+    /// Own keys with their defaults.
     fn keys(&self) -> toml::Table {
         toml::Table::new()
     }
 
-    /// The schema of its own keys, where it tells one: `swerve keys` lists them by it.
+    /// Schema of its own keys, if available: `swerve keys` lists them from it.
     fn schema(&self) -> Option<schemars::Schema> {
         None
     }
 
-    /// What is wrong with its own keys.
+    /// Problems of its own keys.
     fn problems(&self, keys: &toml::Table, _registry: &Registry) -> KeyProblems {
         let unknown = |key: &String| (key.clone(), format!("unknown key: a `{}` has none", self.node().kind));
         keys.keys().map(unknown).collect()
     }
 
-    /// Whether there is one under these settings.
+    /// Returns true if it takes part under these settings.
     fn is_there(&self, _settings: &Settings<'_>) -> bool {
         true
     }
 
-    /// What it publishes, in the order of its ports.
+    /// Outputs, in the order of its ports.
     fn outputs(&self, settings: &Settings<'_>) -> Vec<OutputInfo>;
 
-    /// Whether an output stays silent under these settings: nobody is connected to it by its type.
+    /// Returns true if an output stays silent under these settings: no reader is connected to it by type.
     fn is_silent(&self, _settings: &Settings<'_>, _output: &str) -> bool {
         false
     }
 
-    /// Why an output holds nothing at all under these settings, where that is so: nobody may read it.
+    /// Reason that an output never carries data under these settings, if so: it must not be read.
     fn is_empty(&self, _settings: &Settings<'_>, _output: &str) -> Option<String> {
         None
     }
 
-    /// What it reads, in the order of its ports.
+    /// Inputs, in the order of its ports.
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo>;
 
-    /// The streams that its settings name, by port.
+    /// Streams that its settings name, by port.
     fn reads(&self, _settings: &Settings<'_>) -> Vec<(&'static str, String)> {
         Vec::new()
     }
 
-    /// How long its steps take where `[operator.NAME]` does not say it.
+    /// Run-time model where `[operator.NAME]` gives none.
     ///
     /// # Errors
-    /// What is wrong with the settings that say it.
+    /// Problems of the settings that define it.
     fn runtime(&self, _settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         Ok(RuntimeModel::Zero)
     }
 
-    /// What its steps take where `[operator.NAME]` does not say it, usually and at most, ms; none where nothing does.
+    /// Usual and largest run time where `[operator.NAME]` gives none, ms; `None` if unknown.
     fn takes_ms(&self, _settings: &Settings<'_>) -> Option<[f64; 2]> {
         None
     }
 
-    /// What lies between a sensor's stamp and its readers.
+    /// Latency from a sensor's stamp to its readers.
     fn on_its_way(&self, _settings: &Settings<'_>) -> Option<OnItsWay> {
         None
     }
 
-    /// Delay of its streams beside that of `[operator.NAME]`, ms.
+    /// Delay of its streams in addition to that of `[operator.NAME]`, ms.
     fn added_delay_ms(&self, _settings: &Settings<'_>) -> f64 {
         0.0
     }
@@ -324,7 +324,7 @@ pub trait OperatorKind: Send + Sync {
     /// Adds it to the graph.
     ///
     /// # Errors
-    /// When what its settings ask for is not to be had.
+    /// If its settings request something unavailable.
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()>;
 }
 
@@ -332,43 +332,43 @@ pub trait OperatorKind: Send + Sync {
 ///
 /// `[operator.NAME] kind = "..."` makes one; its other keys are read as a [`Table`](Self::Table).
 pub trait Kind: Operator<In: NamedInputs, Out: NamedOutputs> + Sized {
-    /// What the house knows of it.
+    /// Description of the kind.
     const NODE: Node;
 
-    /// Its keys; unknown ones are refused if it says so (`#[serde(deny_unknown_fields, default)]`).
+    /// Keys; `#[serde(deny_unknown_fields, default)]` makes it refuse unknown ones.
     type Table: Serialize + DeserializeOwned + Default;
 
-    /// Makes one.
+    /// Builds the operator.
     ///
     /// # Errors
-    /// When what its settings ask for is not to be had.
+    /// If its settings request something unavailable.
     fn new(table: Self::Table, site: &Site<'_>) -> anyhow::Result<Self>;
 
-    /// What is wrong with values of its keys.
+    /// Problems of the values of its keys.
     fn problems(_table: &Self::Table) -> KeyProblems {
         Vec::new()
     }
 
-    /// The timer of its [`Every`](swerve_flow::Every) port, where it has one.
+    /// Timer of its [`Every`](swerve_flow::Every) port, if it has one.
     fn timer(_table: &Self::Table, _settings: &Settings<'_>) -> Option<Timer> {
         None
     }
 
-    /// Whether there is one under these settings.
+    /// Returns true if it takes part under these settings.
     fn is_there(_settings: &Settings<'_>) -> bool {
         true
     }
 
-    /// How long its steps take where `[operator.NAME]` does not say it.
+    /// Run-time model where `[operator.NAME]` gives none.
     ///
     /// # Errors
-    /// What is wrong with the settings that say it.
+    /// Problems of the settings that define it.
     fn runtime(_table: &Self::Table, _settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         Ok(RuntimeModel::Zero)
     }
 }
 
-/// The keys of a kind that has none of its own.
+/// Keys of a kind without its own keys.
 #[derive(Default, Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NoKeys {}
@@ -383,9 +383,9 @@ impl<K> Registered<K> {
 }
 
 impl<K: Kind> Registered<K> {
-    /// The operator's own keys, which the configuration's check has read already.
+    /// Own keys of the operator, already checked.
     fn table(settings: &Settings<'_>) -> Result<K::Table, String> {
-        // Keys of a section are in the configuration as it stands for this operator.
+        // Keys of a section are applied to the configuration instead.
         if !K::NODE.sections.is_empty() || K::NODE.named_section.is_some() {
             return Ok(K::Table::default());
         }

@@ -1,8 +1,8 @@
-//! The driving stack as a graph: the operators, their settings, and how a configuration assembles them.
+//! The driving stack as a graph: operators, their settings, and their assembly from a configuration.
 //!
-//! An operator is one file in `operators/`: what the house knows of it ([`Node`]), its keys, its named ports, and the
-//! adapter to an algorithm. A [`Registry`] has them all. An [`Assembly`] says which of them a configuration asks for and
-//! what each reads; a [`pipeline::Pipeline`] is the graph of that.
+//! An operator is one file in `operators/`: its description ([`Node`]), keys, named ports, and the adapter to an
+//! algorithm. A [`Registry`] lists all kinds. An [`Assembly`] has the operators that a configuration asks for and the
+//! inputs of each; a [`pipeline::Pipeline`] is the resulting graph.
 
 pub mod agent;
 pub mod assembly;

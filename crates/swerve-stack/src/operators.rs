@@ -1,4 +1,4 @@
-//! The operators of Swerve: a file each, and a line each in the registry.
+//! Operators of Swerve: one file each, and one line each in the registry.
 
 mod camera;
 mod camera_objects;
@@ -53,7 +53,7 @@ use crate::registry::Registry;
 pub use controller::controller;
 pub use obstacles::ObstacleSight;
 
-/// All of them.
+/// Registers all operators.
 pub(crate) fn all(registry: Registry) -> Registry {
     registry
         .with::<world::World>()

@@ -25,33 +25,33 @@ pub use crate::operators::controller;
 pub struct Pipeline {
     /// The graph.
     pub graph: Graph,
-    /// What it consists of.
+    /// Operators of the pipeline.
     pub assembly: Assembly,
-    /// The scenario as the seed varies it.
+    /// Scenario with the seed's variations.
     pub scenario: Scenario,
-    /// Where to go and what ground may be used.
+    /// Route, with the ground that may be used.
     pub route: Route,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
-    /// When the scenario is over at the latest.
+    /// End of the scenario at the latest.
     pub until: Time,
-    /// Where the images and point clouds of each stream lie.
+    /// Memory of the images and point clouds of each stream.
     pub memory: BTreeMap<String, StreamMemory>,
-    /// What moves it.
+    /// Clock of the run.
     pub clock: Clock,
-    /// The handles of what is fed from outside, by operator.
+    /// Handles of inputs from outside, by operator.
     sources: BTreeMap<String, Box<dyn Any + Send>>,
-    /// What cameras and lidars share, where there are any.
+    /// Shared resources of cameras and lidars, if there are any.
     stage: Option<SharedStage>,
-    /// Of each stream that faults befall, by its name, the last fault.
+    /// Last fault of each stream with injected faults, by the name of the stream.
     last_fault: BTreeMap<String, String>,
 }
 
 impl Pipeline {
-    /// Puts the pipeline of `config` around the world of `scenario`, or around the vehicle that `[live]` names.
+    /// Builds the pipeline of `config` around the world of `scenario`, or around the vehicle of `[live]`.
     ///
     /// # Errors
-    /// When what the configuration asks for is not to be had.
+    /// If the configuration requests something unavailable.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         let pipeline = Self::build_without_stage(config, scenario)?;
         if let Some(stage) = &pipeline.stage {
@@ -60,7 +60,7 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    /// The same with an agent outside in the place of a part of the stack.
+    /// As [`build`](Self::build), with an external agent in place of a part of the stack.
     ///
     /// # Errors
     /// As [`build`](Self::build).
@@ -68,7 +68,7 @@ impl Pipeline {
         Self::build(&agent.placed_in(config)?, scenario)
     }
 
-    /// The same for who steps no camera and no lidar.
+    /// As [`build`](Self::build), for a process that steps no cameras and lidars.
     ///
     /// # Errors
     /// As [`build`](Self::build).
@@ -99,58 +99,58 @@ impl Pipeline {
         })
     }
 
-    /// Takes the handle by which the operator of this name is fed from outside, if there is such a one that takes
-    /// messages of this type. When it is dropped the operator's stream is closed.
+    /// Takes the handle that feeds the operator of this name from outside, if there is one for messages of this type.
+    /// The operator's stream closes when the handle is dropped.
     pub fn take_source<T: Payload>(&mut self, operator: &str) -> Option<SourceHandle<T>> {
         self.sources.get(operator)?.is::<SourceHandle<T>>().then_some(())?;
         self.sources.remove(operator)?.downcast().ok().map(|handle| *handle)
     }
 
-    /// The same for the first operator that takes messages of this type.
+    /// As [`take_source`](Self::take_source), for the first operator with messages of this type.
     pub fn take_source_of<T: Payload>(&mut self) -> Option<SourceHandle<T>> {
         let takes = |(_, source): &(&String, &Box<dyn Any + Send>)| source.is::<SourceHandle<T>>();
         let operator = self.sources.iter().find(takes)?.0.clone();
         self.take_source(&operator)
     }
 
-    /// The operator whose messages of this type are read: the last fault of the first stream of them, else who publishes it.
+    /// Operator whose messages of this type are read: the last fault of their first stream, else its publisher.
     pub fn publisher_after_faults<T: Payload>(&self) -> Option<&str> {
         let (placed, output) = self.assembly.first_stream::<T>()?;
         Some(self.last_fault.get(&output.stream).unwrap_or(&placed.name))
     }
 
-    /// What the house knows of an operator; none of what stands between operators, such as a fault.
+    /// Description of an operator; `None` for additional operators such as faults.
     pub fn node(&self, operator: &str) -> Option<Node> {
         self.assembly.operator(operator).map(|placed| placed.kind.node())
     }
 
-    /// Tells, once the pipeline has run, what computed its images, if it had any.
+    /// Returns a function that, once the pipeline has run, gives the device that computed its images, if any.
     pub fn rendered(&self) -> impl FnOnce() -> Option<Rendered> + use<> {
         let stage = self.stage.clone();
         move || stage.map(|stage| stage::rendered(&stage))
     }
 }
 
-/// The first step of the world at which the scenario's time is over.
+/// First step of the world at which the scenario's time is over.
 fn last_step(timeout: Span, dt: Span) -> Time {
     let steps = (timeout.ns() + dt.ns() - 1) / dt.ns();
     Time::from_ns(steps * dt.ns())
 }
 
-/// The scenario under the configuration's speed, as its seed varies it.
+/// The scenario with the configuration's speed, as its seed varies it.
 pub fn drawn(config: &Config, scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if let Some(speed) = config.ego.speed_mps {
         scenario.ego.target_speed_mps = speed;
     }
     if config.is_driven_over_ros2() {
-        // Who drives is not there yet.
+        // The other stack is not connected yet.
         scenario.ego.start_speed_mps = Some(0.0);
     }
     if config.sim.draws && config.live.is_none() { scenario.drawn(config.seed) } else { scenario }
 }
 
-/// Adds every operator, what `[operator.NAME]` says of it, and the faults on its streams, in the order of the assembly.
+/// Adds every operator with its `[operator.NAME]` settings and the faults on its streams, in the order of the assembly.
 fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -> anyhow::Result<Building> {
     let mut building = Building::default();
     let resources: BTreeMap<&str, swerve_flow::Resource> = config
@@ -173,7 +173,7 @@ fn assemble(config: &Config, assembly: &Assembly, surroundings: &Surroundings) -
     Ok(building)
 }
 
-/// Run time, policy, deadline, resource and delay of an operator.
+/// Sets run time, policy, deadline, resource and delay of an operator.
 fn configure(
     graph: &mut Graph,
     config: &Config,
@@ -213,7 +213,7 @@ fn configure(
     Ok(())
 }
 
-/// Puts the faults of the configuration between an operator's streams and their readers.
+/// Adds the configuration's faults between an operator's streams and their readers.
 fn put_faults(building: &mut Building, config: &Config, placed: &Placed) -> anyhow::Result<()> {
     for (k, output) in placed.outputs.iter().enumerate() {
         let on_it = |name: &str| name == output.stream || (k == 0 && name == placed.name);

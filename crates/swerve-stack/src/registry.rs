@@ -1,4 +1,4 @@
-//! The kinds of operators, the messages that faults can befall, and how messages are shown.
+//! Registry of operator kinds, of messages that faults can affect, and of views of messages.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -15,7 +15,7 @@ use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::operators;
 
-/// What configurations can name.
+/// Operator kinds, message types for faults, and views that configurations can use.
 #[derive(Clone)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
@@ -23,11 +23,11 @@ pub struct Registry {
     views: Vec<AddView>,
 }
 
-/// Adds to what a log holds for Foxglove.
+/// Adds views to the Foxglove part of a log.
 type AddView = Arc<dyn Fn(Foxglove) -> Foxglove + Send + Sync>;
 
 impl Registry {
-    /// Swerve's own.
+    /// Registry of Swerve's own kinds.
     pub fn standard() -> Self {
         static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
             operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new(), views: Vec::new() })
@@ -35,40 +35,40 @@ impl Registry {
         STANDARD.clone()
     }
 
-    /// With an operator of one's own, or in the place of the one that has its name.
+    /// Adds an operator, in place of an existing one of the same name.
     #[must_use]
     pub fn with<K: Kind>(self) -> Self {
         self.with_kind(Registered::<K>::new())
     }
 
-    /// The same for a kind whose ports depend on its settings.
+    /// As [`with`](Self::with), for a kind whose ports depend on its settings.
     #[must_use]
     pub fn with_kind(mut self, kind: impl OperatorKind + 'static) -> Self {
         self.kinds.insert(kind.node().kind, Arc::new(kind));
         self
     }
 
-    /// With messages that faults can befall.
+    /// Adds a message type that faults can affect.
     #[must_use]
     pub fn with_corruptible<T: Corruptible>(mut self) -> Self {
         self.corruptible.push(CorruptibleType::new::<T>());
         self
     }
 
-    /// With messages that a log also holds as Foxglove shows them: [`Foxglove::with_json`] for their fields,
-    /// [`with_drawing`](Foxglove::with_drawing) for the map, [`with`](Foxglove::with) for a schema of their own.
+    /// Adds a message type that a log also has in a form for Foxglove: [`Foxglove::with_json`] for its fields,
+    /// [`with_drawing`](Foxglove::with_drawing) for the map, [`with`](Foxglove::with) for a custom schema.
     #[must_use]
     pub fn with_view(mut self, add: impl Fn(Foxglove) -> Foxglove + Send + Sync + 'static) -> Self {
         self.views.push(Arc::new(add));
         self
     }
 
-    /// Swerve's own views, and those of [`with_view`](Self::with_view).
+    /// Swerve's views, and those of [`with_view`](Self::with_view).
     pub fn with_views_of(&self, own: Foxglove) -> Foxglove {
         self.views.iter().fold(own, |foxglove, add| add(foxglove))
     }
 
-    /// The kind of this name.
+    /// Kind of this name.
     pub fn kind(&self, name: &str) -> Option<&Arc<dyn OperatorKind>> {
         self.kinds.get(name)
     }
@@ -78,11 +78,11 @@ impl Registry {
         self.kinds.values()
     }
 
-    /// The messages that its kinds read and publish, by name.
+    /// Message types that its kinds read and publish, by name.
     pub(crate) fn messages(&self) -> Vec<PayloadType> {
         let usual = Config::default();
         let mut periodic = usual.clone();
-        // Some ports are there under some settings alone.
+        // Some ports exist only under certain settings.
         (periodic.execution.model, periodic.perception.detector) = (Model::Periodic, CUSTOM.to_owned());
         let boxes = [PayloadType::of::<Detections>()];
         let mut messages = Vec::new();
@@ -100,7 +100,7 @@ impl Registry {
         messages
     }
 
-    /// What faults can do to messages of this type, if anything.
+    /// Fault injection for messages of this type, if supported.
     pub(crate) fn corruptible(&self, payload: PayloadType) -> Option<&CorruptibleType> {
         self.corruptible.iter().find(|one| one.payload == payload)
     }
@@ -112,7 +112,7 @@ impl Default for Registry {
     }
 }
 
-/// Two configurations are the same whatever could be named beside what they name.
+/// Always equal: configurations do not differ by kinds that they do not name.
 impl PartialEq for Registry {
     fn eq(&self, _: &Self) -> bool {
         true

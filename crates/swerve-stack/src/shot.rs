@@ -1,4 +1,4 @@
-//! Frames of cameras: each drawn on a thread of the run, or those of an instant together on an adapter.
+//! Camera frames: each drawn on a thread of the run, or all of one instant together on an adapter.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -15,14 +15,14 @@ use swerve_scene::Scene;
 use crate::stage::{Pool, SharedStage, Stage, lock};
 use crate::street::{EGO_INSTANCE, motion_of};
 
-/// Of each port what its images hold, in the order of the ports.
+/// Encodings of the images, in the order of the ports.
 const ENCODINGS: [Encoding; 4] =
     [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32];
 
-/// Submissions that an adapter works on while another one is made ready or read back.
+/// Submissions in flight on an adapter while another one is prepared or read back.
 const ON_THE_WAY: usize = 2;
 
-/// The images of one instant, of those ports that have one.
+/// Images of one instant, for the ports that have one.
 pub(crate) type Images = [Option<Arc<Image>>; 4];
 
 /// A camera, and the memory of its images.
@@ -31,19 +31,19 @@ pub(crate) struct Eye {
     pub(crate) ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     pub(crate) info: CameraInfo,
     pub(crate) outputs: Outputs,
-    /// It sits so close that the body would fill the image with what is no obstacle.
+    /// True if the camera is so close that the ego's body would fill the image.
     pub(crate) hides_ego: bool,
     pub(crate) pools: Mutex<[Pool<Image>; 4]>,
 }
 
 impl Eye {
-    /// Of each port whether it has images.
+    /// True for each port that has images.
     pub(crate) fn wanted(&self) -> [bool; 4] {
         let Outputs { rgb, depth, semantic, instance } = self.outputs;
         [rgb, depth, semantic, instance]
     }
 
-    /// Where it looks from, at an instant.
+    /// Viewpoint at an instant.
     pub(crate) fn view(&self, stamp: Time, ego: &EgoTruth) -> View<'_> {
         let mut view = View::new(&self.camera, ego.map_from_ego * self.ego_from_camera);
         view.motion = motion_of(ego);
@@ -69,7 +69,7 @@ impl Eye {
         Ok(images)
     }
 
-    /// Memory for the images of one instant, which nobody else holds.
+    /// Memory for the images of one instant, held by no reader.
     fn blank(&self, stamp: Time) -> Images {
         let (width_px, height_px) = (self.camera.width_px() as u32, self.camera.height_px() as u32);
         let mut images = Images::default();
@@ -85,7 +85,7 @@ impl Eye {
         images
     }
 
-    /// Makes images that are drawn ready to be published.
+    /// Prepares drawn images for publication.
     fn seal(&self, images: &mut Images) -> Result<(), String> {
         images.iter_mut().flatten().filter_map(Arc::get_mut).try_for_each(Image::seal)?;
         let mut pools = lock(&self.pools);
@@ -96,7 +96,7 @@ impl Eye {
     }
 }
 
-/// Blank images as what a renderer writes to.
+/// Blank images as a renderer's output.
 fn frame(images: &mut Images) -> FrameMut<'_> {
     let [rgb, depth, semantic, instance] =
         images.each_mut().map(|image| image.as_mut().and_then(Arc::get_mut));
@@ -121,7 +121,7 @@ fn bytes(image: &mut Image) -> Option<&mut [u8]> {
     }
 }
 
-/// A frame that threads of the run draw, and its images that are promised.
+/// A frame to be drawn by threads of the run, and the promises of its images.
 pub(crate) struct Shot {
     pub(crate) eye: Arc<Eye>,
     pub(crate) scene: Arc<Scene>,
@@ -131,8 +131,8 @@ pub(crate) struct Shot {
 }
 
 impl Shot {
-    /// Leaves it to the threads of the run: to any of them where frames are drawn one by one, to the one that speaks to
-    /// the adapter where there is one.
+    /// Passes the frame to the threads of the run: to any of them where frames are drawn one by one, to the one that
+    /// uses the adapter where there is one.
     pub(crate) fn leave(self, stage: &SharedStage, workers: &Workers) {
         let stage = stage.clone();
         if stage.draws_at_once() {
@@ -157,7 +157,7 @@ impl Shot {
     }
 }
 
-/// Frames that wait for the adapter, oldest first.
+/// Frames waiting for the adapter, oldest first.
 #[derive(Default)]
 pub(crate) struct Shots {
     queue: Mutex<Queue>,
@@ -166,20 +166,20 @@ pub(crate) struct Shots {
 #[derive(Default)]
 struct Queue {
     waiting: VecDeque<Shot>,
-    /// A thread draws them.
+    /// True while a thread draws them.
     is_drawn: bool,
 }
 
 impl Shots {
-    /// Adds one; whether nobody draws them yet.
+    /// Adds a frame and returns true if no thread draws frames yet.
     fn add(&self, shot: Shot) -> bool {
         let mut queue = lock(&self.queue);
         queue.waiting.push_back(shot);
         !std::mem::replace(&mut queue.is_drawn, true)
     }
 
-    /// Draws all that wait and those that come meanwhile: frames of one scene in one submission, the next one made ready
-    /// while the adapter draws, images published by `others`.
+    /// Draws all waiting frames, including those that arrive meanwhile: frames of one scene in one submission, the next
+    /// one prepared while the adapter draws, images published by `others`.
     fn draw(&self, renderer: &mut Renderer, others: &Workers) {
         let _left = LeftToNobody(self);
         let mut drawing: VecDeque<Drawing> = VecDeque::new();
@@ -196,7 +196,7 @@ impl Shots {
         }
     }
 
-    /// The next frames of one scene, if any wait; `None` ends the drawing, which must have nothing on its way then.
+    /// Next frames of one scene, empty if none wait; `None` ends the drawing, which must have nothing in flight then.
     fn next(&self, may_end: bool) -> Option<Vec<Shot>> {
         let mut queue = lock(&self.queue);
         let same = |shot: &&Shot| Arc::ptr_eq(&shot.scene, &queue.waiting[0].scene);
@@ -206,7 +206,7 @@ impl Shots {
     }
 }
 
-/// Drops what waits where drawing panics: its promises are told so, and the run ends instead of waiting for them.
+/// Drops the waiting frames if drawing panics: their promises fail, and the run ends instead of waiting for them.
 struct LeftToNobody<'a>(&'a Shots);
 
 impl Drop for LeftToNobody<'_> {
@@ -218,7 +218,7 @@ impl Drop for LeftToNobody<'_> {
     }
 }
 
-/// Frames that the adapter is drawing.
+/// Frames in flight on the adapter.
 struct Drawing {
     shots: Vec<Shot>,
     submission: Result<Submission, RenderError>,
@@ -237,7 +237,7 @@ impl Drawing {
             renderer.collect(submission, &mut images.iter_mut().map(frame).collect::<Vec<_>>())
         };
         let drawn = match submission.and_then(|submission| collect(renderer, submission)) {
-            // The renderer has left its adapter for the processor.
+            // The renderer has switched from its adapter to the processor.
             Err(RenderError::Lost { .. }) => {
                 submit(renderer, &shots).and_then(|submission| collect(renderer, submission))
             }
@@ -246,7 +246,7 @@ impl Drawing {
         let drawn = drawn.map_err(|error| error.to_string());
         for (shot, mut images) in shots.into_iter().zip(images) {
             let drawn = drawn.clone();
-            // Digests are taken where the promises are kept.
+            // Digests are computed where the promises are kept.
             others.spawn(move || {
                 let sealed = drawn.and_then(|()| shot.eye.seal(&mut images));
                 shot.keep(sealed.map(|()| images));
@@ -255,7 +255,7 @@ impl Drawing {
     }
 }
 
-/// Hands frames of one scene to the renderer.
+/// Submits frames of one scene to the renderer.
 fn submit(renderer: &mut Renderer, shots: &[Shot]) -> Result<Submission, RenderError> {
     let views: Vec<_> =
         shots.iter().map(|shot| (shot.eye.view(shot.stamp, &shot.ego), shot.eye.outputs)).collect();
@@ -267,7 +267,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_while_drawing_leaves_nobody_waiting() {
+    fn panic_while_drawing_drops_waiting_frames() {
         let shots = Shots::default();
         lock(&shots.queue).is_drawn = true;
         let drawn = std::panic::catch_unwind(|| {

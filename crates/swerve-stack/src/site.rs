@@ -1,4 +1,4 @@
-//! Where a kind adds its operator to the graph.
+//! Access of a kind to the graph that it adds its operator to.
 
 use core::any::Any;
 use std::collections::BTreeMap;
@@ -19,35 +19,35 @@ use crate::config::resolved::Resolved;
 use crate::kind::Settings;
 use crate::stage::{SharedStage, StreamMemory};
 
-/// What the operators of a drive are built around.
+/// Scenario, route and vehicle that the operators of a drive are built for.
 pub struct Surroundings {
-    /// The scenario as the seed varies it.
+    /// Scenario with the seed's variations.
     pub scenario: Scenario,
-    /// Where to go and what ground may be used.
+    /// Route, with the ground that may be used.
     pub route: Route,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
 }
 
-/// The graph as it is being assembled, beside what its operators share.
+/// A graph during assembly, with resources shared by its operators.
 #[derive(Default)]
 pub(crate) struct Building {
     pub(crate) graph: Graph,
-    /// Of each stream that faults befall, by its name, the stream that its readers get.
+    /// Streams with injected faults, by name: the faulty stream that readers get.
     pub(crate) befallen: BTreeMap<String, swerve_flow::AnyStream>,
-    /// Of each stream that faults befall, by its name, the last fault.
+    /// Last fault of each stream with injected faults, by the name of the stream.
     pub(crate) last_fault: BTreeMap<String, String>,
-    /// Feedback edges and the streams that they show.
+    /// Feedback edges and the streams that they carry.
     pub(crate) loops: Vec<(AnyFeedback, crate::assembly::Edge)>,
-    /// Where the images and point clouds of each stream lie.
+    /// Memory of the images and point clouds of each stream.
     pub(crate) memory: BTreeMap<String, StreamMemory>,
-    /// The handles of what is fed from outside, by operator.
+    /// Handles of inputs from outside, by operator.
     pub(crate) sources: BTreeMap<String, Box<dyn Any + Send>>,
-    /// What cameras and lidars share, where there are any.
+    /// Shared resources of cameras and lidars, if there are any.
     pub(crate) stage: Option<SharedStage>,
 }
 
-/// The place of one operator in a graph that is being assembled.
+/// One operator in a graph during assembly.
 pub struct Site<'a> {
     pub(crate) building: &'a mut Building,
     pub(crate) assembly: &'a Assembly,
@@ -57,57 +57,56 @@ pub struct Site<'a> {
 }
 
 impl Site<'_> {
-    /// The operator's name.
+    /// Name of the operator.
     pub fn name(&self) -> &str {
         &self.placed.name
     }
 
-    /// What the configuration says of it.
+    /// Settings of the operator.
     pub fn settings(&self) -> Settings<'_> {
         self.placed.settings(self.config)
     }
 
-    /// The configuration as it stands for it.
+    /// The configuration as it applies to the operator.
     pub fn config(&self) -> &Config {
         self.settings().config
     }
 
-    /// What its settings come to.
+    /// Resolved settings of the operator.
     pub fn resolved(&self) -> &Resolved {
         &self.placed.resolved
     }
 
-    /// Its timer under the periodic model of execution.
+    /// Timer of the operator under the periodic execution model.
     pub(crate) fn own_timer(&self) -> Option<Timer> {
         let settings = self.settings();
         let length = self.placed.length.filter(|_| settings.config.execution.model == Model::Periodic);
         length.map(|length| settings.drawn_timer(length))
     }
 
-    /// The deadline that the model of execution gives it by itself; a policy's is set by the policy, or where its stream
-    /// is known.
+    /// Deadline of the operator under static deadlines; dynamic ones are set by the policy, or where its stream is
+    /// known.
     pub(crate) fn own_deadline(&self) -> Option<Deadline> {
         let execution = &self.config().execution;
         let length = self.placed.length.filter(|_| execution.model == Model::StaticDeadlines);
         length.map(|length| Deadline::after(length).reaction(execution.reaction))
     }
 
-    /// What it is built around.
+    /// Scenario, route and vehicle.
     pub fn surroundings(&self) -> &Surroundings {
         self.surroundings
     }
 
-    /// The operator that publishes what one of its ports reads, where that is one.
+    /// Operator that publishes the first stream of one of its ports; `None` if the port is not connected.
     pub fn source_of(&self, port: &str) -> Option<&str> {
         let input = self.placed.inputs.iter().find(|input| input.port.name == port)?;
         input.from.first()?.stream.split('.').next()
     }
 
-    /// Adds the operator, its ports connected as the assembly has found. `timer` is that of its
-    /// [`Every`](swerve_flow::Every) ports.
+    /// Adds the operator with its ports connected as assembled. `timer` drives its [`Every`](swerve_flow::Every) ports.
     ///
     /// # Errors
-    /// A stream that does not fit its port, or a timer that is not there.
+    /// A stream does not fit its port, or the timer is missing.
     pub fn add<O>(&mut self, operator: O, timer: Option<Timer>) -> anyhow::Result<()>
     where
         O: Operator<In: NamedInputs, Out: NamedOutputs>,
@@ -124,7 +123,7 @@ impl Site<'_> {
         Ok(())
     }
 
-    /// The same for an operator whose ports are those that its kind has found in the configuration.
+    /// As [`add`](Self::add), for an operator with ports declared in the configuration.
     ///
     /// # Errors
     /// As [`add`](Self::add).
@@ -139,7 +138,7 @@ impl Site<'_> {
         Ok(())
     }
 
-    /// Adds a source that is fed from outside; the pipeline hands its handle out.
+    /// Adds a source that is fed from outside; the pipeline provides its handle.
     pub fn add_source<T: Payload>(&mut self) {
         let (_, handle) = self.building.graph.source::<T>(self.placed.name.clone());
         self.building.sources.insert(self.placed.name.clone(), Box::new(handle));
@@ -148,7 +147,7 @@ impl Site<'_> {
     /// The operator in the graph, once it is added.
     ///
     /// # Errors
-    /// When it is not.
+    /// If it is not added yet.
     pub fn node(&mut self) -> anyhow::Result<OperatorRef<'_, ()>> {
         Ok(self.building.graph.operator(&self.placed.name)?)
     }
@@ -158,20 +157,20 @@ impl Site<'_> {
         &mut self.building.graph
     }
 
-    /// Where the big payloads of one of its outputs lie, `arrays` in each message.
+    /// Memory for large payloads of one of its outputs, with `arrays` in each message.
     pub(crate) fn memory(&mut self, output: &str, arrays: usize) -> StreamMemory {
         let memory = StreamMemory::new(arrays);
         self.building.memory.insert(format!("{}.{output}", self.placed.name), memory.clone());
         memory
     }
 
-    /// What cameras and lidars share.
+    /// Shared resources of cameras and lidars.
     pub(crate) fn stage(&mut self) -> SharedStage {
         self.building.stage.get_or_insert_default().clone()
     }
 }
 
-/// What feeds a port, as the assembly has found.
+/// Wire of a port, as assembled.
 fn feed(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,
@@ -195,7 +194,7 @@ fn feed(
     })
 }
 
-/// What feeds a port, as its edge says.
+/// Wire of a port for an edge.
 fn wire(
     graph: &mut Graph,
     befallen: &BTreeMap<String, swerve_flow::AnyStream>,

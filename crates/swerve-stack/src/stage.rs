@@ -1,4 +1,4 @@
-//! What all cameras and lidars of a run share.
+//! Shared resources of all cameras and lidars of a run.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -18,12 +18,12 @@ use crate::config::clock::Clock;
 use crate::shot::Shots;
 use crate::street::Street;
 
-/// What all cameras and lidars of a run share: the world as it looks, and what images and rays need of it.
+/// Shared resources of all cameras and lidars of a run: the visible world, and renderers and trees for images and rays.
 ///
-/// It makes nothing depend on who asks first: images and echoes are functions of the world's state. Who asks for a
-/// scene or a tree keeps it while later states are shown to others.
+/// Results do not depend on the order of requests: images and echoes are functions of the world's state. A scene or a
+/// tree stays valid for its holder while later states are shown to others.
 ///
-/// Raised where the run is driven; a process that takes steps of others needs none.
+/// Initialised in the coordinator; a worker needs none.
 #[derive(Default)]
 pub(crate) struct Stage {
     set: OnceLock<Set>,
@@ -36,29 +36,29 @@ struct Set {
     renderers: Renderers,
 }
 
-/// The newest state that anybody asked for.
+/// The newest requested state.
 struct Shown {
     street: Street,
     tree: Arc<SceneTree>,
-    /// The state that the street shows.
+    /// State that the street shows.
     shown: Option<Time>,
-    /// The state that the tree was made of.
+    /// State that the tree was built from.
     planted: Option<Time>,
 }
 
-/// A stage and who else has it.
+/// A shared stage.
 pub(crate) type SharedStage = Arc<Stage>;
 
-/// Threads of a renderer and of a lidar where the real clock moves the run: there they are their own.
+/// Threads of a renderer and of a lidar under wall clock, not shared with the run.
 const ON_WALL_CLOCK: usize = 2;
 
-/// Threads of a renderer or lidar: in virtual time those of the run.
+/// Threads of a renderer or lidar; 0 in virtual time, for the threads of the run.
 pub(crate) fn threads(config: &Config) -> usize {
     if config.clock.source == Clock::Wall { ON_WALL_CLOCK } else { 0 }
 }
 
 impl Stage {
-    /// Sets it up for a run.
+    /// Initialises it for a run.
     pub(crate) fn raise(&self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
         let (mut render, is_wall) = (config.render, config.clock.source == Clock::Wall);
         if is_wall && render.backend == RenderBackend::Auto {
@@ -71,7 +71,7 @@ impl Stage {
             (street, renderer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
         });
         let (first, shown) = (first?, Shown { street, tree: Arc::default(), shown: None, planted: None });
-        // An adapter works for one at a time, and so do the threads of a renderer that has its own.
+        // An adapter works for one caller at a time, and so do the threads of a renderer with its own threads.
         let more = (!is_wall && first.backend() == Backend::Cpu).then_some(render);
         let renderers = Renderers { free: Mutex::new(vec![first]), returned: Condvar::new(), more };
         let _raised_once = self.set.set(Set { shown: Mutex::new(shown), renderers });
@@ -82,14 +82,14 @@ impl Stage {
         self.set.get().expect("sensors are stepped where the run is driven, and there the stage is raised")
     }
 
-    /// The scene of a state of the world.
+    /// Scene of a state of the world.
     pub(crate) fn scene_of(&self, world: &WorldState) -> Arc<Scene> {
         let mut shown = lock(&self.set().shown);
         shown.show(world);
         shown.street.shared()
     }
 
-    /// The scene of a state of the world as rays meet it.
+    /// Tree for ray casting of a state of the world.
     pub(crate) fn tree_of(&self, world: &WorldState) -> Result<Arc<SceneTree>, TreeError> {
         let mut shown = lock(&self.set().shown);
         shown.show(world);
@@ -101,19 +101,19 @@ impl Stage {
         Ok(tree.clone())
     }
 
-    /// Whether several frames may be drawn at once.
+    /// Returns true if several frames may be drawn at once.
     pub(crate) fn draws_at_once(&self) -> bool {
         self.set().renderers.more.is_some()
     }
 
-    /// Draws with a renderer that nobody else draws with.
+    /// Draws with exclusive use of a renderer.
     pub(crate) fn draw<T>(&self, work: impl FnOnce(&mut Renderer) -> T) -> T {
         let renderers = &self.set().renderers;
         let mut taken = Taken { renderers, renderer: Some(renderers.take()) };
         work(taken.renderer.as_mut().expect("it is given back when this is dropped"))
     }
 
-    /// Remembers what casts the rays of a lidar.
+    /// Records the engine of a lidar.
     pub(crate) fn note(&self, sweeper: &Sweeper) {
         let mut lidars = lock(&self.lidars);
         lidars.on_gpu |= sweeper.engine() == LidarEngine::Gpu;
@@ -132,12 +132,12 @@ impl Shown {
     }
 }
 
-/// Renderers of a run: any of them draws any camera, and keeps what it can for the next.
+/// Renderers of a run: each can draw any camera, and keeps reusable data for the next frame.
 struct Renderers {
-    /// With which nobody draws.
+    /// Renderers not in use.
     free: Mutex<Vec<Renderer>>,
     returned: Condvar,
-    /// What makes another one when none is free; none where who draws waits instead.
+    /// Settings of further renderers for when none is free; `None` if callers wait instead.
     more: Option<RenderConfig>,
 }
 
@@ -156,7 +156,7 @@ impl Renderers {
     }
 }
 
-/// A renderer that is drawn with.
+/// A renderer in use.
 struct Taken<'a> {
     renderers: &'a Renderers,
     renderer: Option<Renderer>,
@@ -169,20 +169,20 @@ impl Drop for Taken<'_> {
     }
 }
 
-/// What computed the images and point clouds of a run.
+/// Device that computed the images and point clouds of a run.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Rendered {
-    /// `cpu`, or what did it in its place.
+    /// `cpu`, or the device used instead.
     pub by: String,
-    /// Whether the digest holds on every machine.
+    /// True if the digest is the same on every machine.
     pub is_portable: bool,
-    /// Why the run went on with the processor, if it had to.
+    /// Reason that the run continued on the processor, if it had to.
     pub fell_back: Option<String>,
 }
 
 pub(crate) fn rendered(stage: &Stage) -> Rendered {
     let lidars = core::mem::take(&mut *lock(&stage.lidars));
-    // Where there are several they are all of a kind.
+    // Several renderers are all of the same kind.
     stage.draw(|renderer| {
         let backend = renderer.backend();
         let adapter = renderer.adapter().map(|adapter| format!(", {adapter}")).unwrap_or_default();
@@ -196,33 +196,32 @@ pub(crate) fn rendered(stage: &Stage) -> Rendered {
     })
 }
 
-/// What cast the rays of the lidars.
+/// Ray casters of the lidars.
 #[derive(Default)]
 struct Lidars {
     on_gpu: bool,
     fell_back: Option<String>,
 }
 
-/// Works on in spite of a panic elsewhere, which ends the run anyway.
+/// Locks despite a panic elsewhere, which ends the run anyway.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From farther off than this a sensor sees the car that carries it, metres from its outline.
+/// Distance from the outline beyond which a sensor sees the car that carries it, metres.
 const CLOSE_M: f64 = 0.5;
 
-/// Whether a sensor at this place of the ego sits so close that the body would fill what it sees with what is no
-/// obstacle.
+/// Returns true if a sensor at this position on the ego is so close that the body would fill its view.
 pub(crate) fn hides_ego([x, y, z]: [f64; 3], shape: &Shape) -> bool {
     let along_m = (x - shape.center_ahead_m()).abs() - 0.5 * shape.length_m;
     let across_m = y.abs() - 0.5 * shape.width_m;
     along_m.max(across_m).max(z - shape.height_m) < CLOSE_M
 }
 
-/// Where the big payloads of one stream lie: in memory of this process, until another one is found to read them.
+/// Memory for large payloads of one stream: of this process, until another one is set for its readers.
 #[derive(Clone)]
 pub struct StreamMemory {
-    /// How many arrays each message has.
+    /// Number of arrays in each message.
     pub arrays: usize,
     shared: Arc<OnceLock<Box<dyn Memory>>>,
 }
@@ -232,7 +231,7 @@ impl StreamMemory {
         Self { arrays, shared: Arc::default() }
     }
 
-    /// From now on they lie in `memory`. It is decided once.
+    /// Uses `memory` from now on. Only the first call has an effect.
     pub fn share(&self, memory: Box<dyn Memory>) {
         let _first_counts = self.shared.set(memory);
     }
@@ -242,7 +241,7 @@ impl StreamMemory {
     }
 }
 
-/// Payloads that were published, to be used again once no reader holds them.
+/// Published payloads, to be reused once no reader holds them.
 pub(crate) struct Pool<T> {
     memory: StreamMemory,
     lent: Vec<Arc<T>>,
@@ -253,7 +252,7 @@ impl<T> Pool<T> {
         Self { memory, lent: Vec::new() }
     }
 
-    /// One that nobody else holds; made anew where there is none, and in memory that is shared.
+    /// A payload held by no reader; a new one if there is none or if memory is shared.
     pub(crate) fn take(&mut self, make: impl FnOnce(Option<&dyn Memory>) -> T) -> Arc<T> {
         if let Some(memory) = self.memory.shared() {
             return Arc::new(make(Some(memory)));
@@ -264,7 +263,7 @@ impl<T> Pool<T> {
         }
     }
 
-    /// Remembers what is published.
+    /// Keeps a published payload for reuse.
     pub(crate) fn keep(&mut self, lent: &Arc<T>) {
         if self.memory.shared().is_none() {
             self.lent.push(lent.clone());
@@ -277,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_read_no_longer_is_used_again() {
+    fn pool_reuses_payloads_without_readers() {
         let mut pool = Pool::new(StreamMemory::new(1));
         let (first, second) = (pool.take(|_| vec![1]), pool.take(|_| vec![2]));
         pool.keep(&first);
@@ -291,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn the_car_is_seen_from_far_off_only() {
+    fn sensor_sees_its_car_only_from_afar() {
         let shape = Shape::default();
         let ahead_m = shape.center_ahead_m();
         assert!(hides_ego([ahead_m, 0.0, 1.9], &shape));

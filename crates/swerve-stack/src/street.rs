@@ -1,8 +1,8 @@
-//! How the world of a scenario looks: its road, what stands beside it, its actors, as a scene to be rendered.
+//! Appearance of a scenario's world: its road, scenery and actors, as a scene for rendering.
 //!
-//! What is seen is what is simulated, with scenery around it: houses, trees and lamps stand beyond the drivable
-//! ground and clear of every actor's start and way. They are drawn from the seed, touch nothing and hide nothing
-//! from truth sensing.
+//! Images show the simulated world with scenery around it: houses, trees and lamps beyond the drivable ground and clear
+//! of all actors' starts and paths. The scenery is drawn from the seed; it collides with nothing and occludes nothing
+//! for truth sensing.
 
 mod scenery;
 #[cfg(test)]
@@ -21,31 +21,31 @@ use swerve_scene::{
 };
 use swerve_vehicle::Shape;
 
-/// The ego's id in instance images; actors have their own.
+/// Id of the ego in instance images; actors have other ids.
 pub const EGO_INSTANCE: u32 = 0xffff;
 
-/// The road goes on for this way beyond both its ends, metres.
+/// Length of the road beyond both ends, metres.
 const BEYOND_M: f64 = 80.0;
-/// Slower than this a person stands, m/s.
+/// Speed below which a person stands, m/s.
 const STANDS_MPS: f64 = 0.15;
 
 /// A scenario's world as a scene.
 pub struct Street {
-    /// Shared with who draws earlier states.
+    /// Shared with renderers of earlier states.
     scene: Arc<Scene>,
-    /// Of each actor of the scenario: what draws its look, and where it started.
+    /// Random bits of each actor's look, and its start position.
     actors: Vec<(u64, Point2)>,
     ego: Model,
-    /// The traffic lights with their lamps off, and what switches them.
+    /// Traffic lights with their lamps off, and the signals that switch them.
     lights: Vec<(Instance, TrafficLight)>,
-    /// From the ego's origin to the middle of its body, metres.
+    /// Distance from the ego's origin to the middle of its body, metres.
     ego_ahead_m: f64,
-    /// How many lights stand along the road; those of vehicles come after them.
+    /// Number of lights along the road; lights of vehicles follow.
     fixed_lights: usize,
 }
 
 impl Street {
-    /// The road and what stands beside it; `show` puts the actors in.
+    /// Builds the road and its scenery; `show` adds the actors.
     pub fn new(scenario: &Scenario, ego: &Shape, weather: WeatherPreset, seed: u64) -> Self {
         let mut scene = Scene::new(weather);
         let line = scenario.road.line();
@@ -62,17 +62,17 @@ impl Street {
         Self { scene, actors, ego: model, lights, ego_ahead_m: ego.center_ahead_m(), fixed_lights }
     }
 
-    /// The scene of the state shown last.
+    /// Scene of the state shown last.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The same, to be drawn while later states are shown.
+    /// The same, for rendering while later states are shown.
     pub(crate) fn shared(&self) -> Arc<Scene> {
         self.scene.clone()
     }
 
-    /// Moves everything to where it is in `world`: a function of that state alone.
+    /// Moves everything to its pose in `world`: a function of that state only.
     pub fn show(&mut self, world: &WorldState) {
         let scene = Arc::make_mut(&mut self.scene);
         scene.dynamics.clear();
@@ -98,7 +98,7 @@ impl Street {
     }
 }
 
-/// Puts an actor in, of which there is known what draws its look, and where it started.
+/// Adds an actor, given the random bits of its look and its start position.
 fn put(scene: &mut Scene, actor: &Actor, (look, start): (u64, Point2)) {
     let (kind, size) = shape(actor, look, start);
     let model = match size {
@@ -115,7 +115,7 @@ fn put(scene: &mut Scene, actor: &Actor, (look, start): (u64, Point2)) {
     }
 }
 
-/// A vehicle has its lamps on when the weather asks for it.
+/// Adds a vehicle, with its lamps on if the weather requires it.
 fn put_vehicle(scene: &mut Scene, mut instance: Instance, model: Model) {
     let on = scene.weather.lamps_on;
     instance.look = instance.look.with_lamp(lamps::HEAD, on).with_lamp(lamps::TAIL, on);
@@ -126,7 +126,7 @@ fn put_vehicle(scene: &mut Scene, mut instance: Instance, model: Model) {
     scene.dynamics.push(instance);
 }
 
-/// How the ego moves, in the map; so do the cameras on it.
+/// Motion of the ego and of the cameras on it, in the map.
 pub fn motion_of(ego: &EgoTruth) -> Motion {
     Motion {
         linear_mps: ego.velocity_mps.coords.into(),
@@ -134,7 +134,7 @@ pub fn motion_of(ego: &EgoTruth) -> Motion {
     }
 }
 
-/// What an actor is built like. People walk by the way that they have come from their start.
+/// Shape of an actor. The gait of people follows the distance from their start.
 fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
     let extent = actor.extent;
     let size = Size::from_m(extent.length_m, extent.width_m, extent.height_m);
@@ -159,7 +159,7 @@ fn shape(actor: &Actor, look: u64, start: Point2) -> (Kind, Option<Size>) {
     }
 }
 
-/// The lights of the ego's lane, facing who comes along it.
+/// Traffic lights of the ego's lane, facing the vehicles that approach in it.
 fn traffic_lights(scene: &mut Scene, scenario: &Scenario, line: &Polyline) -> Vec<(Instance, TrafficLight)> {
     let model = scene.meshes.model(Kind::TrafficLight, 1);
     let placed = |light: &TrafficLight| {
@@ -192,7 +192,7 @@ fn road(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed: u64) {
     }
 }
 
-/// The centre line, straight on beyond both ends.
+/// Centre line, extended straight beyond both ends.
 fn extended(line: &Polyline) -> Vec<Point2> {
     let beyond = |s_m: f64| line.at(s_m).pose.point();
     let mut points = vec![beyond(-BEYOND_M)];

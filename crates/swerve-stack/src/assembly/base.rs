@@ -1,4 +1,4 @@
-//! The pipeline's own text, part by part, with what a configuration changes.
+//! The pipeline's own text, part by part, with the changes of a configuration.
 
 use std::borrow::Cow;
 use std::sync::LazyLock;
@@ -28,7 +28,7 @@ static OBJECTS: Part = part!("objects.toml");
 static GATE: Part = part!("gate.toml");
 static LIGHTS: Part = part!("lights.toml");
 
-/// The operators of a text in the order in which they stand there.
+/// Operators of a text, in the order of the text.
 fn read(text: &str) -> Vec<(String, OperatorConfig)> {
     #[derive(serde::Deserialize)]
     struct File {
@@ -47,8 +47,8 @@ fn read(text: &str) -> Vec<(String, OperatorConfig)> {
     operators
 }
 
-/// All operators that a configuration may have: the pipeline's own, sensors with tables of their own behind the
-/// other sensors, then those that `[operator.NAME]` adds, by name.
+/// All operators that a configuration may have: the pipeline's own, then sensors with named tables after the other
+/// sensors, then those that `[operator.NAME]` adds, by name.
 pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
     let (before, behind): (&[&Part], &[&Part]) = if config.live.is_some() {
         (&[&VEHICLE], &[&OBJECTS, &STACK, &GATE])
@@ -79,8 +79,8 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
     entries
 }
 
-/// The configuration on this road. Where it has traffic lights, the simulated stack sees them and stops at red ones; an
-/// operator that reads them in images takes the place of the sensor, and one that is set up to stop for them that of all.
+/// The configuration on this road. On a road with traffic lights the simulated stack sees them and stops at red ones.
+/// An operator of kind `traffic_lights` replaces the sensor, one of kind `stop_lines` turns both off.
 pub(crate) fn on_road<'a>(config: &'a Config, road: &Road) -> Cow<'a, Config> {
     let has = |kind: &str| config.operator.values().any(|own| own.kind.as_deref() == Some(kind));
     let is_simulated = config.live.is_none() && !config.is_driven_over_ros2();
@@ -98,7 +98,8 @@ pub(crate) fn on_road<'a>(config: &'a Config, road: &Road) -> Cow<'a, Config> {
     Cow::Owned(config)
 }
 
-/// An operator of the pipeline with what a configuration sets; one of another kind reads other streams.
+/// An operator of the pipeline with the settings of a configuration. An operator of another kind does not keep its
+/// inputs.
 fn changed(base: &OperatorConfig, set: &OperatorConfig) -> OperatorConfig {
     let same_kind = set.kind.is_none() || set.kind == base.kind;
     let mut reads = if same_kind { base.reads.clone() } else { Default::default() };
@@ -106,7 +107,7 @@ fn changed(base: &OperatorConfig, set: &OperatorConfig) -> OperatorConfig {
     OperatorConfig { kind: set.kind.clone().or_else(|| base.kind.clone()), reads, ..set.clone() }
 }
 
-/// Cameras, radars and lidars, each with those that watch it behind it.
+/// Cameras, radars and lidars, each followed by its monitors.
 fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
     let of = |kind: &str| OperatorConfig { kind: Some(kind.to_owned()), ..OperatorConfig::default() };
     let mut entries = Vec::new();
@@ -121,20 +122,20 @@ fn sensors(config: &Config) -> Vec<(String, OperatorConfig)> {
     entries
 }
 
-/// The names of the pipeline's own operators, in whatever corner it runs.
+/// Names of the pipeline's own operators, under any settings.
 pub(crate) fn pipeline_names() -> impl Iterator<Item = &'static str> {
     let parts: [&'static Part; 8] = [&OUTSIDE, &VEHICLE, &WORLD, &OBJECTS, &STACK, &CAR, &GATE, &LIGHTS];
     parts.into_iter().flat_map(|part| part.0.iter().map(|(name, _)| name.as_str()))
 }
 
-/// Whether only a vehicle of `swerve live` feeds this kind.
+/// Returns true if only a vehicle of `swerve live` feeds this kind.
 pub(super) fn is_fed_by_vehicle(kind: &str) -> bool {
     let has = |part: &Part| part.0.iter().any(|(_, own)| own.kind.as_deref() == Some(kind));
     has(&VEHICLE) && !has(&WORLD) && !has(&OUTSIDE)
 }
 
-/// The first operator of which the models of execution rule this, if one takes part: what it usually takes, ms, where
-/// that is known.
+/// First enabled operator that the models of `[execution]` schedule as `scheduled`: its usual run time, ms, where that
+/// is known.
 pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Option<Option<f64>> {
     entries(config).into_iter().filter(|(_, own)| own.enabled != Some(false)).find_map(|(name, own)| {
         let kind = config.registry.kind(own.kind.as_deref()?)?;
@@ -145,7 +146,7 @@ pub(crate) fn scheduled_operator(config: &Config, scheduled: Scheduled) -> Optio
     })
 }
 
-/// The names of all sensors, whether or not they run.
+/// Names of all sensors, running or not.
 pub(crate) fn sensor_operators(config: &Config) -> Vec<String> {
     let of = |own: &OperatorConfig| config.registry.kind(own.kind.as_deref()?).map(|kind| kind.node());
     let is_sensor = |own: &OperatorConfig| of(own).is_some_and(|node| node.role == Role::Sensor);

@@ -1,4 +1,4 @@
-//! Which port reads which stream, and the order of operators that follows.
+//! Streams that each port reads, and the resulting order of operators.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -10,8 +10,8 @@ use super::{Edge, Placed, base, one_of};
 use crate::config::{Config, Reads};
 use crate::kind::{KeyProblems, OperatorKind, Settings};
 
-/// Finds what every operator reads, leaves out sensors that nobody reads, and puts the others in an order in which
-/// everybody comes behind those whose messages of the same instant it reads.
+/// Links every operator to the streams that it reads, leaves out sensors without readers, and sorts the rest so that
+/// every operator comes after the publishers of the same-instant messages that it reads.
 pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut KeyProblems) {
     let streams = streams(operators);
     let is_whole = problems.is_empty();
@@ -42,13 +42,13 @@ pub(super) fn link(operators: &mut Vec<Placed>, config: &Config, problems: &mut 
     }
 }
 
-/// Whether something is wrong with the operator whose stream this is.
+/// Returns true if a problem is already reported for the operator of this stream.
 fn is_told(stream: &str, problems: &KeyProblems) -> bool {
     let operator = stream.split('.').next().unwrap_or_default();
     problems.iter().any(|(key, _)| is_within(key, &format!("operator.{operator}")))
 }
 
-/// The operator with `enabled = false` that would publish messages of this type.
+/// Operator with `enabled = false` that would publish messages of this type.
 fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
     let mut entries = base::entries(config).into_iter().filter(|(_, own)| own.enabled == Some(false));
     let publishes = |(name, own): &(String, crate::config::OperatorConfig)| {
@@ -59,13 +59,14 @@ fn left_out(payload: PayloadType, config: &Config) -> Option<String> {
     entries.find(publishes).map(|(name, _)| name)
 }
 
-/// The end of a message that nobody publishes messages of this type: the kinds that would, and how they come in.
+/// End of an error message about a type that nothing publishes: kinds that would publish it, and the keys that add
+/// them.
 fn who_would(payload: PayloadType, config: &Config) -> String {
     let would = |kind: &Arc<dyn OperatorKind>| {
         let node = kind.node();
         let settings = Settings { name: node.kind, config, offered: &[] };
         let publishes = kind.outputs(&settings).iter().any(|port| port.payload == payload);
-        // Who makes them of others of their kind needs those first.
+        // A kind that makes them from messages of the same type needs those first.
         if !publishes || kind.inputs(&settings).iter().any(|port| port.payload == Some(payload)) {
             return None;
         }
@@ -90,16 +91,16 @@ fn who_would(payload: PayloadType, config: &Config) -> String {
     }
 }
 
-/// What is wrong with a port of an operator.
+/// A problem of an operator's port.
 enum Wrong {
-    /// What is said of it.
+    /// A problem of a given setting.
     Said((String, String)),
-    /// Nobody said what it reads, and several streams could be meant, or none: their operators and names.
+    /// The input of a port is not given, and none or several streams would fit: their operators and names.
     Unsaid { operator: String, port: String, payload: PayloadType, fits: Vec<(String, String)> },
 }
 
-/// Tells what is wrong with ports. What nobody said is no problem of its own where operators are missing for another
-/// reason; and a stream that the configuration adds beside one that was there is told once, not for every reader.
+/// Reports the problems of ports. A missing input is not reported where operators are missing for another reason. A
+/// stream that the configuration adds to one already there is reported once rather than for every reader.
 fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyProblems) {
     let mut added: Vec<(String, PayloadType, Vec<String>, Vec<String>)> = Vec::new();
     for wrong in wrong {
@@ -146,15 +147,15 @@ fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyPr
     }));
 }
 
-/// A stream, as somebody may read it.
+/// A stream that ports may read.
 struct Offer {
     operator: String,
     stream: String,
     payload: PayloadType,
-    /// The first of its operator, which goes by the operator's name too.
+    /// True for the first stream of its operator, which can also be named by the operator.
     first: bool,
     silent: bool,
-    /// Why it holds nothing, where it does not.
+    /// Reason that it never carries data; `None` if it does.
     empty: Option<String>,
 }
 
@@ -174,7 +175,7 @@ fn streams(operators: &[Placed]) -> Vec<Offer> {
     operators.iter().flat_map(of).collect()
 }
 
-/// What is said of an operator's ports: in its table, else by its settings.
+/// Inputs given for an operator's ports: by its table, else by its settings.
 fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(String, Reads)> {
     let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();
     let mut said: Vec<(String, Reads)> = Vec::new();
@@ -182,7 +183,7 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
         if ports.contains(&port.as_str()) {
             said.push((port.clone(), reads.clone()));
         } else if config.operator.get(&placed.name).is_some_and(|own| own.reads.contains_key(port)) {
-            // What the pipeline's own text says is for whichever of its ports a kind has under these settings.
+            // The pipeline's own text names ports that a kind may lack under these settings.
             let key = format!("operator.{}.reads.{port}", placed.name);
             problems.push((key, no_port(placed, port, config)));
         }
@@ -195,7 +196,7 @@ fn said(placed: &Placed, config: &Config, problems: &mut KeyProblems) -> Vec<(St
     said
 }
 
-/// What is wrong with the name of a port: there is none, or it is there where somebody publishes what it reads.
+/// Error message for the name of a port: it does not exist, or exists only where something publishes its type.
 fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
     let kind = placed.kind.node().kind;
     let offered = config.registry.messages();
@@ -212,7 +213,7 @@ fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
     }
 }
 
-/// What a port reads: as it was named, else by its type.
+/// Edges of a port: from the streams named for it, else by its type.
 fn edges(
     (operator, config): (&str, &Config),
     port: &PortInfo,
@@ -234,7 +235,7 @@ fn edges(
         }
         let edges = named_edges(port, payload, reads, streams)
             .map_err(|(last, message)| Wrong::Said((key() + last, message)))?;
-        // What settings of another name say is told with these.
+        // Inputs set by another key are reported by the check of that key.
         let is_own = config.operator.get(operator).is_some_and(|own| own.reads.contains_key(&*port.name));
         let is_read = |offer: &&Offer| edges.iter().any(|edge| edge.stream == offer.stream);
         return match streams.iter().filter(is_read).find_map(|offer| Some((offer, offer.empty.as_ref()?))) {
@@ -260,7 +261,7 @@ fn edges(
     }
 }
 
-/// The streams that are named for a port; else what is wrong, with the end of its key.
+/// Edges from the streams named for a port, or the problem with the end of its key.
 fn named_edges(
     port: &PortInfo,
     payload: PayloadType,
@@ -286,7 +287,7 @@ fn named_edges(
     }
 }
 
-/// The stream of this name, or the first one of the operator of this name.
+/// Stream of this name, or the first stream of the operator of this name.
 fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> Result<&'a Offer, String> {
     let exact = streams.iter().find(|offer| offer.stream == name);
     let Some(offer) = exact.or_else(|| streams.iter().find(|offer| offer.first && offer.operator == name))
@@ -304,7 +305,7 @@ fn named_stream<'a>(name: &str, payload: PayloadType, streams: &'a [Offer]) -> R
     Ok(offer)
 }
 
-/// Leaves out what runs on demand and is not asked for.
+/// Leaves out on-demand operators that nothing reads or asks for.
 fn leave_out_unread(operators: &mut Vec<Placed>, config: &Config) {
     loop {
         let read: BTreeSet<&str> = operators
@@ -327,7 +328,7 @@ fn leave_out_unread(operators: &mut Vec<Placed>, config: &Config) {
     }
 }
 
-/// Always takes the first one all of whose inputs are there; an order that is right already stays.
+/// Repeatedly takes the first operator whose inputs are all available; an order that is already right is kept.
 fn sort(operators: &mut Vec<Placed>, problems: &mut KeyProblems) {
     let mut rest: Vec<Placed> = core::mem::take(operators);
     let mut there: BTreeSet<String> = BTreeSet::new();

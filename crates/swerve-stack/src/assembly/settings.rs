@@ -1,4 +1,4 @@
-//! The configuration as it stands for one operator: what `[operator.NAME]` sets in the tables of its kind.
+//! The configuration of a single operator: the tables of its kind as changed by `[operator.NAME]`.
 
 use swerve_text::nearest;
 use toml::{Table, Value};
@@ -8,7 +8,7 @@ use crate::config::resolved::Resolved;
 use crate::kind::{KeyProblems, OperatorKind};
 use crate::registry::Registry;
 
-/// The keys of `[operator.NAME]` that every operator has, and what they say.
+/// Keys of `[operator.NAME]` common to all operators, with their descriptions.
 pub const COMMON_KEYS: [(&str, &str); 8] = [
     ("kind", "what it is; that of the pipeline's operator of this name when absent"),
     ("enabled", "false takes it out of the pipeline"),
@@ -26,12 +26,12 @@ pub const COMMON_KEYS: [(&str, &str); 8] = [
     ("delay_ms", "from the publication of its messages to their readers"),
 ];
 
-/// Whether every operator has this key.
+/// Returns true if every operator has this key.
 fn is_common(key: &str) -> bool {
     COMMON_KEYS.iter().any(|(common, _)| *common == key)
 }
 
-/// The configuration for an operator of this kind with these keys of its own, and what it comes to; none where they
+/// The configuration and resolved settings for an operator of this kind with these own keys; `None` where the keys
 /// change nothing.
 pub(super) fn view(
     config: &Config,
@@ -52,7 +52,7 @@ pub(super) fn view(
         return if wrong.is_empty() { Ok(None) } else { Err(wrong) };
     }
     let mut table = Table::try_from(config).expect("a configuration is plain tables and values");
-    // What it says of itself is said by now.
+    // The `[operator]` tables are applied separately.
     table.remove("operator");
     let mut wrong = KeyProblems::new();
     for (key, value) in keys {
@@ -78,14 +78,14 @@ pub(super) fn view(
     if wrong.is_empty() { Ok(Some((changed, resolved))) } else { Err(wrong) }
 }
 
-/// All that is wrong with a configuration's values, and what they come to.
+/// All problems of a configuration's values, and the resolved settings.
 fn resolved(config: &Config) -> (KeyProblems, Resolved) {
     let mut problems = config.problems_of_values();
     let resolved = Resolved::new(config, &mut problems);
     (problems, resolved)
 }
 
-/// A message, which knows of a kind's own keys alone, with the key of every operator that may have been meant.
+/// Replaces an "unknown key" message, which considers the kind's keys only, if a common key is close.
 fn with_common_key(key: &str, message: String) -> String {
     match nearest(key, COMMON_KEYS.map(|(key, _)| key)) {
         Some(near) if message.starts_with("unknown key") => format!("unknown key (did you mean `{near}`?)"),
@@ -93,7 +93,7 @@ fn with_common_key(key: &str, message: String) -> String {
     }
 }
 
-/// A configuration's table with a key set in the first of `sections` that knows it.
+/// A configuration's table with a key set in the first of `sections` that has it.
 fn with_key(table: &Table, sections: &[&str], key: &str, value: &Value) -> Result<Table, String> {
     let mut told = None;
     for section in sections {
@@ -106,7 +106,7 @@ fn with_key(table: &Table, sections: &[&str], key: &str, value: &Value) -> Resul
         }
         let wrong = swerve_text::read::<Config>(&changed).err().unwrap_or_default();
         let Some((_, message)) = wrong.into_iter().next() else { return Ok(changed) };
-        // A section that has the key says best what is wrong with it.
+        // The message of a section that has the key is the most specific.
         if told.is_none() || !message.starts_with("unknown key") {
             told = Some(message);
         }
@@ -114,8 +114,8 @@ fn with_key(table: &Table, sections: &[&str], key: &str, value: &Value) -> Resul
     Err(told.unwrap_or_else(|| "unknown key".into()))
 }
 
-/// Moves the keys of an operator whose kind has an entry in a table of its own there: `[operator.front] kind =
-/// "camera"` is `[camera.front]`.
+/// Moves the keys of operators whose kind has named tables into these: `[operator.front] kind = "camera"` becomes
+/// `[camera.front]`.
 pub(crate) fn gather_named_sections(table: &mut Table, registry: &Registry) {
     let Some(Value::Table(operators)) = table.get_mut("operator") else { return };
     let mut gathered = Vec::new();
@@ -144,7 +144,7 @@ mod tests {
     use crate::config::OperatorConfig;
 
     #[test]
-    fn the_keys_of_every_operator_are_those_that_are_read() {
+    fn common_keys_are_the_ones_that_every_operator_reads() {
         let every = "kind = \"x\"\nenabled = true\nreads = { a = \"b\" }\nruntime = { zero = true }\npolicy = \"p\"\n\
                      deadline = { ms = 1 }\nuses = \"r\"\ndelay_ms = 1\n";
         let own: OperatorConfig = swerve_text::built_in(every);

@@ -1,4 +1,4 @@
-//! Pipelines as text: what is added, replaced, left out, and what is refused.
+//! Pipelines as text: operators added, replaced, left out and refused.
 
 use std::path::{Path, PathBuf};
 
@@ -14,12 +14,12 @@ use crate::pipeline::Pipeline;
 use crate::registry::Registry;
 use crate::site::Site;
 
-/// Takes the boxes of all detectors.
+/// Collects the boxes of all detectors.
 struct Fusion;
 
 #[derive(Inputs)]
 struct FusionIn {
-    /// Boxes of every detector.
+    /// Boxes of each detector.
     boxes: Vec<At<Detections>>,
 }
 
@@ -60,7 +60,7 @@ fn names(assembly: &Assembly) -> Vec<&str> {
     assembly.operators().iter().map(|placed| placed.name.as_str()).collect()
 }
 
-/// What an operator reads, by port.
+/// Streams that an operator reads, by port.
 fn reads<'a>(assembly: &'a Assembly, operator: &str) -> Vec<(&'a str, Vec<String>)> {
     let inputs = &assembly.operator(operator).unwrap_or_else(|| panic!("there is no {operator}")).inputs;
     let streams = |input: &Input| input.from.iter().map(|edge| edge.stream.clone()).collect();
@@ -69,7 +69,7 @@ fn reads<'a>(assembly: &'a Assembly, operator: &str) -> Vec<(&'a str, Vec<String
 }
 
 #[test]
-fn the_built_in_pipeline_is_what_its_text_says() {
+fn built_in_pipeline_matches_its_text() {
     let default = assembly("");
     let stack = ["tracker", "predictor", "planner", "controller"];
     assert_eq!(names(&default), [&["world", "obstacles", "pose", "imu"][..], &stack[..]].concat());
@@ -82,9 +82,9 @@ fn the_built_in_pipeline_is_what_its_text_says() {
     assert!(known.len() >= 24 && known.contains(&"deadlines") && known.contains(&"fresh"), "{known:?}");
 }
 
-/// Every shipped configuration of a drive, and what a user may have written, around every scenario.
+/// All shipped configurations of a drive, and typical user configurations, in every scenario.
 #[test]
-fn what_is_printed_makes_the_same_graph() {
+fn printed_pipeline_makes_the_same_graph() {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let files = |folder: &str| -> Vec<PathBuf> {
         let entries = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
@@ -115,7 +115,7 @@ fn what_is_printed_makes_the_same_graph() {
 }
 
 #[test]
-fn what_is_printed_says_how_operators_run_and_what_closes_the_loop() {
+fn printed_pipeline_shows_run_times_and_feedback_edges() {
     let config = read("[operator.planner]\nruntime = { fixed_ms = 30 }\n", &[]).unwrap();
     let lane = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml");
     let pipeline = Pipeline::build_without_stage(&config, &Scenario::read(Path::new(lane)).unwrap()).unwrap();
@@ -130,7 +130,7 @@ fn what_is_printed_says_how_operators_run_and_what_closes_the_loop() {
 }
 
 #[test]
-fn operators_are_added_replaced_and_left_out() {
+fn operators_can_be_added_replaced_and_left_out() {
     let left_out = assembly("[operator.imu]\nenabled = false\n");
     assert!(!left_out.has("imu") && left_out.has("pose"));
     let added = assembly(
@@ -146,7 +146,7 @@ fn operators_are_added_replaced_and_left_out() {
 }
 
 #[test]
-fn a_sensor_runs_where_somebody_reads_it() {
+fn sensor_runs_only_with_a_reader() {
     let camera = "[camera.front]\n";
     assert!(!assembly(camera).has("front"));
     assert!(assembly(&format!("{camera}[log]\nsensors = [\"front\"]\n")).has("front"));
@@ -157,7 +157,7 @@ fn a_sensor_runs_where_somebody_reads_it() {
     assert!(as_operator.has("front"));
 }
 
-/// Two cameras with a detector each, and a fusion behind them.
+/// Two cameras with a detector each, followed by a fusion.
 const TWO_CAMERAS: &str = r#"
 [camera.left]
 yaw_deg = 40
@@ -195,7 +195,7 @@ reads = { boxes = "fusion" }
 "#;
 
 #[test]
-fn two_cameras_have_a_detector_each_and_a_fusion_behind_them() {
+fn fusion_reads_the_detectors_of_two_cameras() {
     let all = assembly(TWO_CAMERAS);
     assert_eq!(reads(&all, "tracker")[0], ("boxes", vec!["fusion".to_owned()]));
     assert_eq!(reads(&all, "fusion")[0].1, ["left_detector", "right_detector"]);
@@ -207,7 +207,7 @@ fn two_cameras_have_a_detector_each_and_a_fusion_behind_them() {
     assert_ne!(ms("left_detector"), ms("right_detector"), "each has its own published run time");
 }
 
-/// Texts, and what is said of each.
+/// Texts, and the problem reported for each.
 const REFUSED: &[(&str, &str)] = &[
     ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
     (
@@ -328,22 +328,22 @@ const REFUSED: &[(&str, &str)] = &[
 ];
 
 #[test]
-fn an_operator_whose_own_keys_are_wrong_is_not_unknown_as_well() {
+fn operator_with_wrong_keys_is_not_reported_as_unknown() {
     let told = read("[operator.watch]\nkind = \"sensor_monitor\"\n", &[]).unwrap_err();
     assert_eq!(told.len(), 1, "{told:?}");
 }
 
 #[test]
-fn what_does_not_fit_is_refused_with_line_key_and_nearest_name() {
+fn wrong_operators_are_refused_with_line_key_and_nearest_name() {
     for (text, expected) in REFUSED {
         let problems = read(text, &[]).err().unwrap_or_default();
         assert!(problems.iter().any(|problem| problem.starts_with(expected)), "{expected}\n{problems:#?}");
     }
 }
 
-/// What only follows from a mistake is not told beside it, and one mistake is told once.
+/// Problems that only follow from a mistake are not reported, and each mistake is reported once.
 #[test]
-fn causes_are_told_without_their_consequences() {
+fn problems_are_reported_without_their_consequences() {
     let several = "[operator.second]\nkind = \"tracker\"\n[operator.third]\nkind = \"linear_predictor\"\n\
                    reads = { tracks = \"tracker\" }\n";
     let cases: [(&str, &[&str]); 6] = [
@@ -390,7 +390,7 @@ fn causes_are_told_without_their_consequences() {
 }
 
 #[test]
-fn every_kind_says_what_it_is() {
+fn every_kind_has_a_description() {
     let registry = Registry::standard();
     for kind in registry.kinds() {
         let node = kind.node();
@@ -400,9 +400,9 @@ fn every_kind_says_what_it_is() {
     assert!(registry.kinds().count() >= 30);
 }
 
-/// Configurations that say of themselves that nothing in the stack is told the truth of others.
+/// Configurations that are documented not to give the stack the simulator's truth about other road users.
 #[test]
-fn no_truth_is_read_behind_the_sensors() {
+fn stack_reads_no_truth_in_sensor_only_configurations() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
     let told = |file: &str| -> Vec<String> {
         let document = Document::read(&folder.join(file)).unwrap();
@@ -412,7 +412,7 @@ fn no_truth_is_read_behind_the_sensors() {
             let [world, around] = [PayloadType::of::<WorldState>(), PayloadType::of::<Surroundings>()];
             let [points, echoes] = [PayloadType::of::<PointInstances>(), PayloadType::of::<RadarSources>()];
             let truths = [world, around, points, echoes];
-            // Of a camera's images only that of colours is what a camera sees.
+            // Of a camera's images only the colour image is available to a real camera.
             let drawn = ["depth", "semantic", "instance"].iter().any(|end| edge.stream.ends_with(end));
             truths.contains(&output.port.payload) || drawn || by.kind.node().kind == "obstacle_sensor"
         };
@@ -424,11 +424,11 @@ fn no_truth_is_read_behind_the_sensors() {
     for file in NO_TRUTH {
         assert_eq!(told(file), Vec::<String>::new(), "{file}");
     }
-    // The pose sensor measures the true pose: in the whole pipeline nobody reads it.
+    // The pose sensor measures the true pose; the full pipeline does not read it.
     let document = Document::read(&folder.join("full.toml")).unwrap();
     let assembly = Assembly::new(&Config::from_document(&document, &[]).unwrap()).unwrap();
     assert_eq!(assembly.publisher::<EgoState>(), Some("localizer"));
-    // The walk finds it where it is.
+    // The search finds truth in configurations that use it.
     assert_eq!(told("paper.toml"), ["tracker.obstacles"]);
     assert_eq!(told("detector.toml"), ["detector.surroundings"]);
 }
@@ -438,7 +438,7 @@ const NO_TRUTH: [&str; 4] = ["camera_objects.toml", "lidar_objects.toml", "fused
 const EYE: &str = "[camera.eye]\n[operator.objects]\nkind = \"camera_objects\"\n";
 
 #[test]
-fn a_detector_that_cannot_look_is_told_with_its_line() {
+fn camera_detector_problems_are_reported_with_their_line() {
     let folder = tempfile::tempdir().unwrap();
     let foreign = folder.path().join("foreign.weights");
     std::fs::write(&foreign, "a text").unwrap();
@@ -470,7 +470,7 @@ fn a_detector_that_cannot_look_is_told_with_its_line() {
 }
 
 #[test]
-fn the_ladder_of_a_camera_detector_ends_at_the_rung_that_is_named() {
+fn camera_detector_ladder_ends_at_the_named_rung() {
     let text = "[sensing]\nperiod_ms = 100\n[execution]\nmodel = \"static_deadlines\"\nplanner_ms = 20\n";
     let config = read(&format!("{text}{EYE}rung = \"full\"\nladder = true\n"), &[]).unwrap();
     let objects = Assembly::new(&config).unwrap().operator("objects").unwrap().clone();
@@ -480,7 +480,7 @@ fn the_ladder_of_a_camera_detector_ends_at_the_rung_that_is_named() {
 }
 
 #[test]
-fn a_detector_that_searches_around_tracks_reads_them() {
+fn track_guided_detector_reads_the_tracks() {
     for (keys, tracks) in [
         ("rung = \"tracked\"", true),
         ("rung = \"tracked\"\ndetector = \"hog_street\"", true),

@@ -1,4 +1,4 @@
-//! A pipeline as the text that makes it.
+//! The pipeline as TOML that reproduces it.
 
 use core::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use toml::{Table, Value};
 use super::{Assembly, Edge, Input, Placed};
 use crate::config::{Config, OperatorConfig};
 
-/// What the configuration sets, then every operator with its kind and all that it reads, and as a comment how it runs.
+/// Settings of the configuration, then every operator with its kind and all its inputs, and how it runs as a comment.
 pub(super) fn written(assembly: &Assembly, config: &Config, graph: &GraphInfo) -> String {
     let mut text = settings(config);
     for placed in assembly.operators() {
@@ -23,7 +23,7 @@ pub(super) fn written(assembly: &Assembly, config: &Config, graph: &GraphInfo) -
     text
 }
 
-/// How an operator runs, whoever says it: its own table, the tables of its kind, or a default.
+/// Run time, policy and deadline of an operator, from its own table, the tables of its kind, or defaults.
 fn runs(info: &OperatorInfo) -> String {
     if info.feed {
         return "fed from outside".to_owned();
@@ -61,11 +61,11 @@ fn operator(placed: &Placed) -> Table {
     table
 }
 
-/// The streams of a port.
+/// The `reads` value of a port.
 fn streams(input: &Input) -> Value {
     let one = |edge: &Edge| {
         let mut table = Table::new();
-        // What the port has by itself is said where it is out of the ordinary.
+        // The port's defaults are written only where either value is true.
         for (key, is, by_itself) in
             [("feedback", edge.feedback, input.port.feedback), ("before_faults", edge.raw, input.port.raw)]
         {
@@ -82,12 +82,12 @@ fn streams(input: &Input) -> Value {
     };
     match &input.from[..] {
         [edge] => one(edge),
-        // Several have what their port has by itself.
+        // Several streams of one port all have the port's defaults.
         edges => edges.iter().map(|edge| Value::from(edge.stream.clone())).collect::<Vec<_>>().into(),
     }
 }
 
-/// The tables of the configuration beside those of its operators, without what is the default.
+/// Tables of the configuration except those of its operators, without default values.
 fn settings(config: &Config) -> String {
     fn defaults<T: Default>(
         named: &std::collections::BTreeMap<String, T>,
@@ -127,10 +127,10 @@ fn settings(config: &Config) -> String {
     text
 }
 
-/// The tables whose entries have names that a user gives.
+/// Tables whose entries are named by the user.
 const NAMED: [&str; 7] = ["camera", "radar", "lidar", "monitor", "process", "resource", "fault"];
 
-/// The keys whose values are not the default.
+/// Keys whose values differ from the default.
 fn changed(table: &Table, default: Option<&Table>) -> Table {
     let is_changed =
         |(key, value): &(&String, &Value)| default.and_then(|default| default.get(*key)) != Some(*value);

@@ -16,28 +16,28 @@ use swerve_vehicle::Shape;
 
 use super::sensors::range;
 
-/// How the world is rendered.
+/// Rendering of the world.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderConfig {
-    /// What computes the images.
+    /// Device that renders the images.
     pub backend: RenderBackend,
     /// Weather and time of day.
     pub weather: WeatherPreset,
 }
 
-/// What computes images.
+/// Device that renders images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RenderBackend {
-    /// In virtual time the processor, otherwise a graphics processor if there is one.
+    /// The processor in virtual time, otherwise a graphics processor if there is one.
     #[default]
     Auto,
     /// The processor: the same images on every machine.
     Cpu,
-    /// A graphics processor: its images are its own.
+    /// A graphics processor: its images differ from those of other devices.
     Gpu,
-    /// A driver that takes the part of a graphics processor: for comparison.
+    /// A software driver in place of a graphics processor, for comparison.
     Software,
 }
 
@@ -51,7 +51,7 @@ impl RenderBackend {
         }
     }
 
-    /// What it comes to where images need not be the same on every machine, and why that.
+    /// Back end on this machine, where images need not be the same on every machine, and the reason.
     pub fn on_this_machine(self, adapters: &Adapters) -> (Self, String) {
         match adapters.choose(AdapterKind::Gpu) {
             _ if self != Self::Auto => {
@@ -64,14 +64,14 @@ impl RenderBackend {
 }
 
 impl RenderConfig {
-    /// What renders, started, on as many threads as [`RenderOptions::threads`] says; the images do not depend on them.
+    /// Starts a renderer on as many threads as [`RenderOptions::threads`] gives; the images do not depend on them.
     pub fn renderer(&self, threads: usize) -> anyhow::Result<Renderer> {
         let options = RenderOptions { backend: self.backend.in_virtual_time(), threads };
         Renderer::new(options).context("render.backend")
     }
 }
 
-/// An image that a camera publishes.
+/// Images that a camera publishes.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Output {
@@ -81,15 +81,15 @@ pub enum Output {
     Depth,
     /// Cityscapes ids.
     Semantic,
-    /// Which actor is seen.
+    /// Identity of the actor at each pixel.
     Instance,
 }
 
 impl Output {
-    /// All of them, in the order of a camera's ports.
+    /// All outputs, in the order of a camera's ports.
     pub const ALL: [Self; 4] = [Self::Rgb, Self::Depth, Self::Semantic, Self::Instance];
 
-    /// The name in files and streams.
+    /// Name in files and streams.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rgb => "rgb",
@@ -104,45 +104,45 @@ impl Output {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
-    /// Where it sits in the ego frame (origin: centre of the rear axle on the ground), m.
+    /// Position in the ego frame (origin: centre of the rear axle on the ground), m.
     pub at_m: [f64; 3],
-    /// Turned about its own axis, degrees; positive leans right.
+    /// Roll about the optical axis, degrees; positive leans right.
     pub roll_deg: f64,
-    /// Turned down, degrees.
+    /// Pitch, degrees; positive downwards.
     pub pitch_deg: f64,
-    /// Turned left, degrees.
+    /// Yaw, degrees; positive to the left.
     pub yaw_deg: f64,
-    /// Columns.
+    /// Width of the image, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Height of the image, pixels.
     pub height_px: u32,
-    /// Angle between the left and the right edge of the image, degrees; not with `matrix` or `m_per_px`.
+    /// Horizontal field of view, degrees; not with `matrix` or `m_per_px`.
     pub fov_deg: Option<f64>,
-    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
+    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
     pub matrix: Option<[[f64; 3]; 3]>,
-    /// Parallel rays instead of a lens, a pixel each so many metres: with `pitch_deg = 90` a map from above.
+    /// Orthographic projection instead of a lens, metres per pixel: with `pitch_deg = 90` a map from above.
     pub m_per_px: Option<f64>,
-    /// Lens: k1, k2, p1, p2, k3 (Brown).
+    /// Lens distortion: k1, k2, p1, p2, k3 (Brown).
     pub distortion: Distortion,
-    /// Brightness.
+    /// Exposure.
     pub exposure: Exposure,
-    /// Noise of the image sensor; its seed is the run's and the camera's name.
+    /// Noise of the image sensor, keyed by the run's seed and the camera's name.
     pub noise: NoiseConfig,
     /// Fall-off towards the corners: 0 for none, 1 for that of a simple lens.
     pub vignetting: f64,
-    /// Images it publishes.
+    /// Images that it publishes.
     pub outputs: Vec<Output>,
-    /// Between two exposures, ms.
+    /// Time between two exposures, ms.
     pub period_ms: f64,
-    /// Time that light is gathered, ms; the stamp is its middle.
+    /// Exposure time, ms; the stamp is its middle.
     pub exposure_ms: f64,
     /// Instants averaged over the exposure; 1 for a sharp image.
     pub blur_samples: u32,
-    /// How long the image is read out, ms.
+    /// Read-out time of the image, ms.
     pub readout_ms: f64,
-    /// Whether rows are exposed one after the other as they are read out.
+    /// Rolling shutter: rows are exposed one after the other as they are read out.
     pub rolling: bool,
-    /// From the last row to the reader, ms.
+    /// Time from the last row to the reader, ms.
     pub transfer_ms: f64,
 }
 
@@ -150,9 +150,9 @@ pub struct CameraConfig {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseConfig {
-    /// Standard deviation of the read-out, as a share of full scale.
+    /// Standard deviation of the read-out noise, as a share of full scale.
     pub read: f64,
-    /// Standard deviation of the photon count at full scale, as a share of it.
+    /// Standard deviation of the photon noise at full scale, as a share of it.
     pub shot: f64,
 }
 
@@ -183,11 +183,11 @@ impl Default for CameraConfig {
     }
 }
 
-/// Field of view where neither it nor a matrix is given, degrees.
+/// Field of view without `fov_deg` and without a matrix, degrees.
 const FOV_DEG: f64 = 90.0;
 
 impl CameraConfig {
-    /// The camera, its noise keyed by `noise_seed`.
+    /// Camera with its noise keyed by `noise_seed`.
     pub fn camera(&self, noise_seed: u64) -> Result<Camera, ParamError> {
         let intrinsics = match (self.matrix, self.m_per_px) {
             (Some(matrix), _) => Intrinsics::Matrix(matrix),
@@ -212,7 +212,7 @@ impl CameraConfig {
         })
     }
 
-    /// Angle between the left and the right edge of the image, degrees.
+    /// Horizontal field of view, degrees.
     pub fn fov_across_deg(&self) -> f64 {
         let of = |[[fx_px, ..], ..]: [[f64; 3]; 3]| {
             2.0 * math::atan(0.5 * f64::from(self.width_px) / fx_px).to_degrees()
@@ -220,13 +220,13 @@ impl CameraConfig {
         self.matrix.map_or(self.fov_deg.unwrap_or(FOV_DEG), of)
     }
 
-    /// Where it sits and looks.
+    /// Pose in the ego frame.
     pub fn ego_from_camera(&self) -> Transform<Ego, swerve_geom::Camera> {
         let [roll, pitch, yaw] = [self.roll_deg, self.pitch_deg, self.yaw_deg].map(f64::to_radians);
         mount(self.at_m, roll, pitch, yaw)
     }
 
-    /// The images that it publishes.
+    /// Images that it publishes.
     pub fn wanted(&self) -> Outputs {
         let has = |output| self.outputs.contains(&output);
         Outputs {
@@ -237,13 +237,13 @@ impl CameraConfig {
         }
     }
 
-    /// When readers have an image.
+    /// Times from exposure to the reader.
     pub fn timing(&self) -> SensorTiming {
         let &Self { exposure_ms, readout_ms, transfer_ms, rolling, .. } = self;
         SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling }
     }
 
-    /// What is wrong with it on a vehicle of this shape: keys below the camera's, and messages.
+    /// Problems on a vehicle of this shape: keys below the camera's, and messages.
     pub(super) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
         let mut faults = Vec::new();
         range(&mut faults, "period_ms", self.period_ms, [1.0, 60_000.0]);
@@ -253,7 +253,7 @@ impl CameraConfig {
             range(&mut faults, key, value, [-360.0, 360.0]);
         }
         self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
-        // What the renderer averages over and what it sweeps over.
+        // The renderer averages over the exposure and sweeps over the read-out.
         range(&mut faults, "exposure_ms", self.exposure_ms, [0.0, 1000.0]);
         range(&mut faults, "readout_ms", self.readout_ms, [0.0, 1000.0]);
         range(&mut faults, "transfer_ms", self.transfer_ms, [0.0, 10_000.0]);
@@ -296,7 +296,7 @@ impl CameraConfig {
     }
 }
 
-/// Whether a place is in the lower part of the car, below its windows: from there nothing but the body is seen.
+/// Returns true if a position is in the lower part of the car, below its windows, where only the body is visible.
 fn is_inside([x, y, z]: [f64; 3], shape: &Shape) -> bool {
     /// Share of the car's height up to the windows.
     const BELT: f64 = 0.6;
@@ -310,7 +310,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_camera_that_cannot_be_is_refused_by_its_key() {
+    fn invalid_camera_is_refused_by_its_key() {
         let shape = Shape::default();
         let fine = CameraConfig::default();
         assert_eq!(fine.faults(&shape), []);

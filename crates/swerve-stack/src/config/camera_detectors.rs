@@ -1,4 +1,4 @@
-//! Detectors and labels of pixels for the images of cameras: by name or from files, rungs, and what these take.
+//! Detectors and pixel labelling for camera images, by name or from files; their rungs and run times.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,30 +12,30 @@ use swerve_text::{did_you_mean, list, read_bytes};
 use swerve_vision::acf::{Ground, Rung, Weights, WeightsError};
 use swerve_vision::{segmentation, shipped};
 
-/// The longest file of weights, bytes.
+/// Size limit for a file of weights, bytes.
 pub(super) const WEIGHTS_MAX: u64 = 256 << 20;
 
 use super::execution::Runtime;
 use super::{Config, OperatorConfig};
 
-/// The detector of this name, or the one in this file.
+/// Detector of this name, or the one in this file.
 ///
 /// # Errors
-/// There is none, or the file holds none that is whole.
+/// There is neither, or the file is damaged.
 pub fn weights(name: &str) -> Result<Weights, String> {
     stored("detector", name, (shipped::detector(name), shipped::names().collect()), Weights::read)
 }
 
-/// The weights that label pixels, of this name, or those in this file.
+/// Segmentation weights of this name, or those in this file.
 ///
 /// # Errors
-/// There are none, or the file holds none that are whole.
+/// There are neither, or the file is damaged.
 pub fn segmentation(name: &str) -> Result<segmentation::Weights, String> {
     let in_program = (shipped::segmentation(name), shipped::segmentations().collect());
     stored("segmentation", name, in_program, segmentation::Weights::read)
 }
 
-/// What of this name is in the program, beside all names there, or what is in the file of this name.
+/// The built-in item of this name, else the one in the file of this name; the built-in names are for the error message.
 fn stored<T>(
     what: &str,
     name: &str,
@@ -54,10 +54,10 @@ fn stored<T>(
     read(&bytes).map_err(|error| format!("{name}: {error}"))
 }
 
-/// The rung of this name.
+/// Rung of this name.
 ///
 /// # Errors
-/// There is none.
+/// There is no such rung.
 pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
     weights.rungs.iter().find(|rung| rung.name == name).ok_or_else(|| {
         let names: Vec<&str> = weights.rungs.iter().map(|rung| rung.name.as_str()).collect();
@@ -65,7 +65,7 @@ pub fn rung<'a>(weights: &'a Weights, name: &str) -> Result<&'a Rung, String> {
     })
 }
 
-/// Where a camera has flat ground.
+/// Flat ground in a camera's image.
 pub fn ground(camera: &CameraInfo) -> Ground {
     let (lens, ego_from_camera) = (&camera.intrinsics, camera.ego_from_camera);
     let [at, ahead] = [0.0, 1.0].map(|z| (ego_from_camera * Point::new(0.0, 0.0, z)).coords);
@@ -74,10 +74,10 @@ pub fn ground(camera: &CameraInfo) -> Ground {
     Ground { horizon_px: lens.cy_px + lens.fy_px * axis.z / level, focal_px: lens.fx_px, height_m: at.z }
 }
 
-/// Of each rung pairs of percentile and milliseconds.
+/// Pairs of percentile and milliseconds, by rung.
 type Percentiles = BTreeMap<String, Vec<[f64; 2]>>;
 
-/// What a rung of a detector that is in the program was measured to take, on one core; none for others.
+/// Measured run time of a rung of a built-in detector, on one core; `None` for others.
 pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
     static ALL: LazyLock<BTreeMap<String, Percentiles>> =
         LazyLock::new(|| swerve_text::built_in(shipped::RUN_TIMES));
@@ -89,15 +89,15 @@ pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraObjectsTable {
-    /// A detector that is in the program, or a file of weights.
+    /// A built-in detector, or a file of weights.
     pub detector: String,
-    /// The way to use it.
+    /// Rung of the detector: the way to use it.
     pub rung: String,
-    /// Whether it gives way to faster rungs where it would not be done by its deadline.
+    /// Switches to faster rungs where this one would miss its deadline.
     pub ladder: bool,
-    /// Boxes with a lower score are not reported.
+    /// Score below which boxes are not reported.
     pub score_min: f64,
-    /// What rungs take, ms, where that is not what was measured for the detectors in the program.
+    /// Run times of rungs, ms, in place of those measured for the built-in detectors.
     pub run_times_ms: BTreeMap<String, f64>,
 }
 
@@ -114,13 +114,13 @@ impl Default for CameraObjectsTable {
 }
 
 impl CameraObjectsTable {
-    /// That of an operator; the defaults where it is not as it should be, which is told where the keys are checked.
+    /// Keys of an operator; the defaults if they are invalid, which is reported where the keys are checked.
     pub fn of(config: &Config, operator: &str) -> Self {
         let keys = config.operator.get(operator).map(|own| &own.keys);
         keys.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
     }
 
-    /// That of the first such operator of a configuration that is not taken out.
+    /// Keys of the first enabled operator of this kind.
     pub fn first(config: &Config) -> Option<Self> {
         let is_one = |(name, own): &(&String, &OperatorConfig)| {
             own.kind.as_ref().unwrap_or(name) == "camera_objects" && own.enabled != Some(false)
@@ -128,7 +128,7 @@ impl CameraObjectsTable {
         config.operator.iter().find(is_one).map(|(name, _)| Self::of(config, name))
     }
 
-    /// What a rung takes.
+    /// Run time of a rung.
     pub fn run_time(&self, rung: &str) -> Option<Runtime> {
         let own = self.run_times_ms.get(rung).map(|ms| Runtime::fixed(*ms));
         own.or_else(|| run_time(&self.detector, rung))
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_detector_is_told() {
+    fn missing_and_damaged_detectors_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("my.weights");
         let path = path.to_str().unwrap();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_looks_down_has_its_horizon_higher() {
+    fn downward_pitch_raises_the_horizon() {
         let row = |pitch_rad| {
             let intrinsics =
                 Intrinsics { fx_px: 60.0, fy_px: 60.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };

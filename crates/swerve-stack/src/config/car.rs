@@ -4,19 +4,19 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-/// A car with all its numbers.
+/// Car of the ego, with all its parameters.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Car {
     /// A real Lincoln MKZ: the defaults of `sim.vehicle`.
     #[default]
     LincolnMkz,
-    /// The same as CARLA drives it: `carla_mkz.toml` has its numbers with their sources.
+    /// The same car as CARLA simulates it: `carla_mkz.toml` has its parameters with their sources.
     CarlaMkz,
 }
 
-/// Gives `sim.vehicle` what the car named by `sim.car` has, where the table itself says nothing. Names that are no
-/// car's are left for the reader of the table to find.
+/// Fills in keys that `sim.vehicle` does not set from the car named by `sim.car`. Unknown names are left to the reader
+/// of the table.
 pub(super) fn fill_in(table: &mut Table) {
     let Some(sim) = table.get_mut("sim").and_then(Value::as_table_mut) else { return };
     if sim.get("car").and_then(Value::as_str) != Some("carla_mkz") {
@@ -51,19 +51,19 @@ mod tests {
     }
 
     #[test]
-    fn a_named_car_has_its_numbers_and_what_is_said_goes_before_them() {
+    fn named_car_sets_defaults_that_keys_override() {
         let text = "[sim]\ncar = \"carla_mkz\"\n[sim.vehicle.limits]\nsteering_max_rad = 0.5\n";
         let vehicle = config(text).sim.vehicle;
         assert_eq!((vehicle.tyre.friction, vehicle.limits.steering_max_rad), (Some(3.5), 0.5));
         assert_eq!(vehicle.limits.steering_rate_max_radps, 3.05);
         assert_eq!(config("[sim]\ncar = \"lincoln_mkz\"\n"), Config::default());
-        // What is resolved has every number, and reads back as itself.
+        // A resolved configuration has every number, and reads back as itself.
         let resolved = config(text);
         assert_eq!(config(&resolved.to_text()), resolved);
     }
 
     #[test]
-    fn wrong_cars_are_named() {
+    fn unknown_cars_are_reported_with_the_nearest_name() {
         let problems = |text: &str| {
             let document = Document::parse("c.toml", text).unwrap();
             let problems = Config::from_document(&document, &[]).expect_err("wrong on purpose");

@@ -1,11 +1,11 @@
-//! Problems of the values, and of the pipeline that they make.
+//! Problems of the values, and of the resulting pipeline.
 
 use super::Config;
 use super::planner::{outside, within};
 use crate::assembly::Assembly;
 
 impl Config {
-    /// What is wrong with single values, by key.
+    /// Problems of single values, by key.
     pub(crate) fn problems_of_values(&self) -> Vec<(String, String)> {
         let mut faults: Vec<(String, String)> = Vec::new();
         let mut range = |key: &str, value: f64, low: f64, high: f64| {
@@ -64,7 +64,7 @@ impl Config {
         faults
     }
 
-    /// What is wrong with the pipeline as a whole: its operators, what they read, and what is done to them.
+    /// Problems of the pipeline as a whole: operators, inputs, faults, processes.
     pub(super) fn check_pipeline(&self, problems: &mut Vec<(String, String)>) {
         let assembly = Assembly::with_problems(self, problems);
         self.check_faults(&assembly, problems);

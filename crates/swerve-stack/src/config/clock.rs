@@ -1,25 +1,25 @@
-//! What moves a run, `[clock]`.
+//! Clock of a run, `[clock]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Config;
 
-/// What moves a run.
+/// Clock of a run.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockConfig {
-    /// Which clock.
+    /// Clock.
     pub source: Clock,
-    /// Under wall clock, the processors of the run: the first for the engine's thread, the others for all else.
+    /// Processors of the run under wall clock: the first for the engine's thread, the others for all other threads.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pin: Vec<usize>,
-    /// Under wall clock, the real-time priority of the engine's thread, 1 to 99.
+    /// Real-time priority of the engine's thread under wall clock, 1 to 99.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u8>,
 }
 
-/// A clock.
+/// Clock of a run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Clock {
@@ -27,12 +27,12 @@ pub enum Clock {
     /// scenario and seed.
     #[default]
     Virtual,
-    /// The real one: steps take as long as they take on this host.
+    /// Real time: steps take as long as they take on this host.
     Wall,
 }
 
 impl Clock {
-    /// The name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Virtual => "virtual",

@@ -1,4 +1,4 @@
-//! Published detectors by name, `NAME@SUFFIX`, and what the emulation of each is fitted with.
+//! Published detectors by name, `NAME@SUFFIX`, and the fitted error level of each emulation.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use swerve_eval::Recalls;
 use swerve_perception::detector::Sensing;
 
-/// Of which boxes an overlap is.
+/// Boxes whose overlap is measured.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Overlap {
@@ -20,29 +20,29 @@ pub enum Overlap {
     Volume,
 }
 
-/// What is to be found.
+/// Objects that are to be detected.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kinds {
-    /// Everything, in one ranking.
+    /// All objects, in one ranking.
     All,
-    /// People on foot; others are left out.
+    /// Pedestrians; others are ignored.
     People,
 }
 
-/// What an accuracy is measured by: average precision at an overlap of 0.5.
+/// Measure of accuracy: average precision at an overlap of 0.5.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Measure {
-    /// Of which boxes the overlap is.
+    /// Boxes whose overlap is measured.
     pub overlap: Overlap,
-    /// What is to be found.
+    /// Objects that are to be detected.
     pub kinds: Kinds,
-    /// Over which recalls the mean is taken.
+    /// Recalls over which precision is averaged.
     pub recalls: Recalls,
 }
 
-/// COCO's, for a detector of one's own.
+/// COCO's measure, for a custom detector.
 impl Default for Measure {
     fn default() -> Self {
         Self { overlap: Overlap::Image, kinds: Kinds::All, recalls: Recalls::Coco101 }
@@ -52,23 +52,23 @@ impl Default for Measure {
 /// One published detector.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Published {
-    /// Its key.
+    /// Name, `NAME@SUFFIX`.
     pub name: String,
-    /// What it and its hardware are.
+    /// Detector and hardware.
     pub title: String,
-    /// Where its numbers come from.
+    /// Source of its numbers.
     pub source: String,
-    /// What the published number is, and how `ap` follows from it.
+    /// The published measure, and how `ap` follows from it.
     pub accuracy: String,
-    /// The number as published, percent.
+    /// Accuracy as published, percent.
     pub published: f64,
-    /// What calibration has to meet, 0 to 1.
+    /// Target average precision for the calibration, 0 to 1.
     pub ap: f64,
     /// Published run time, ms.
     pub ms: f64,
-    /// What it looks with.
+    /// Sensor that it uses.
     pub sensing: Sensing,
-    /// What `ap` is measured by.
+    /// Measure of `ap`.
     pub measure: Measure,
 }
 
@@ -95,13 +95,13 @@ struct Rung {
     ms: f64,
 }
 
-/// What calibration found for a published detector.
+/// Calibration result for a published detector.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fit {
-    /// Which member of the family of parameters.
+    /// Member of the parameter family.
     pub error_level: f64,
-    /// Average precision with it, over the frames that it was fitted to.
+    /// Average precision with that member, over the frames that it was fitted to.
     pub ap: f64,
     /// The same with random numbers that it was not fitted to.
     pub ap_held_out: f64,
@@ -137,7 +137,7 @@ fn rungs(ladder: Ladder) -> Vec<Published> {
     rung.into_iter().map(one).collect()
 }
 
-/// The published detector of this name.
+/// Published detector of this name.
 pub fn find(name: &str) -> Option<&'static Published> {
     published().iter().find(|detector| detector.name == name)
 }
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_rung_has_a_name_of_its_own_and_numbers_that_can_be() {
+    fn published_detectors_have_unique_names_and_valid_numbers() {
         let all = published();
         assert!(all.len() >= 40, "{}", all.len());
         for (k, d) in all.iter().enumerate() {
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn along_a_ladder_of_one_family_what_takes_longer_is_better() {
+    fn slower_rungs_of_one_family_are_more_accurate() {
         for suffix in ["@v100", "@d3"] {
             let family = |d: &&Published| d.name.ends_with(suffix) && !d.name.contains("640");
             let rungs: Vec<_> = published().iter().filter(family).collect();
@@ -182,7 +182,7 @@ mod tests {
         for d in published() {
             let fit = fits().get(&d.name).unwrap_or_else(|| panic!("{} is not fitted", d.name));
             assert!((fit.ap - d.ap).abs() <= 0.02, "{}: {fit:?}, to meet {}", d.name, d.ap);
-            // Eleven recalls make a coarser measure than a hundred and one.
+            // Eleven recalls are a coarser measure than a hundred and one.
             let spread = if d.measure.recalls == Recalls::Coco101 { 0.02 } else { 0.03 };
             assert!((fit.ap_held_out - d.ap).abs() <= spread, "{}: {fit:?}, to meet {}", d.name, d.ap);
         }

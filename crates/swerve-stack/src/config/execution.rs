@@ -1,4 +1,4 @@
-//! How operators run, as TOML says it: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
+//! Execution of operators, as TOML: run time, busy policy, deadline. Shared by pipelines and `swerve timing`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,28 +10,28 @@ use swerve_text::number;
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Runtime {
-    /// `zero = true`: no time at all.
+    /// `zero = true`: takes no time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zero: Option<bool>,
-    /// Always the same, ms.
+    /// Constant run time, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed_ms: Option<f64>,
-    /// The listed times in turn, ms.
+    /// Run times used in turn, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cycle_ms: Option<Vec<f64>>,
-    /// Mean and standard deviation, ms; cut at zero.
+    /// Normal distribution: mean and standard deviation, ms; cut at zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_ms: Option<[f64; 2]>,
-    /// Median in ms, and standard deviation of the logarithm.
+    /// Log-normal distribution: median in ms, and standard deviation of the logarithm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_normal_ms: Option<[f64; 2]>,
     /// Pairs of percentile and ms, increasing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percentiles_ms: Option<Vec<[f64; 2]>>,
-    /// Base in ms and time per unit of work in µs.
+    /// Run time by counted work: base in ms and time per unit of work in µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub work: Option<WorkTime>,
-    /// Measured on this host, times this factor; not repeatable without its log.
+    /// Factor on the run time measured on this host; not repeatable without its log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<f64>,
 }
@@ -40,17 +40,17 @@ pub struct Runtime {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorkTime {
-    /// Before the first unit, ms.
+    /// Time before the first unit, ms.
     #[serde(default)]
     pub base_ms: f64,
-    /// Per unit, µs.
+    /// Time per unit, µs.
     pub per_unit_us: f64,
 }
 
-/// The longest time that a configuration may name: a day.
+/// Longest time in a configuration: a day.
 const MS_MAX: f64 = 86_400_000.0;
 
-/// Milliseconds as a span, refused when not finite, negative or longer than a day.
+/// Milliseconds as a span; refused when not finite, negative or longer than a day.
 pub fn span_ms(ms: f64) -> Result<Span, String> {
     if ms.is_finite() && (0.0..=MS_MAX).contains(&ms) {
         return Ok(Span::from_secs(ms * 1e-3));
@@ -58,7 +58,7 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
     Err(format!("expected 0 to {MS_MAX}, found {}", number(ms)))
 }
 
-/// Milliseconds of what takes time, from a microsecond to a day.
+/// Milliseconds of a duration that must not be zero, from a microsecond to a day.
 fn lasting_ms(ms: f64) -> Result<Span, String> {
     const LEAST_MS: f64 = 0.001;
     let expected = || format!("expected {LEAST_MS} to {MS_MAX}, found {}", number(ms));
@@ -66,12 +66,12 @@ fn lasting_ms(ms: f64) -> Result<Span, String> {
 }
 
 impl Runtime {
-    /// A constant time.
+    /// A constant run time.
     pub fn fixed(ms: f64) -> Self {
         Self { fixed_ms: Some(ms), ..Self::default() }
     }
 
-    /// What a step usually takes, ms, as far as the model itself tells: by work, what it takes before the first unit.
+    /// Usual run time of a step, ms, as far as the model defines it; by work, the time before the first unit.
     pub fn typical_ms(&self) -> f64 {
         let mean = |times: &Vec<f64>| times.iter().sum::<f64>() / times.len().max(1) as f64;
         let median = |points: &Vec<[f64; 2]>| {
@@ -87,16 +87,16 @@ impl Runtime {
             .unwrap_or(0.0)
     }
 
-    /// What a step takes at most, ms, as far as the model itself tells; else what it usually takes.
+    /// Longest run time of a step, ms, as far as the model defines it; else the usual one.
     pub fn most_ms(&self) -> f64 {
         let last = |points: &Vec<[f64; 2]>| points.last().map_or(0.0, |[_, ms]| *ms);
         self.percentiles_ms.as_ref().map_or_else(|| self.typical_ms(), last)
     }
 
-    /// The engine's model.
+    /// The engine's run-time model.
     ///
     /// # Errors
-    /// The problem of the key that is wrong.
+    /// The problem of the wrong key.
     pub fn model(&self) -> Result<RuntimeModel, String> {
         self.model_by_key().map_err(|(key, message)| match key {
             "" => message,
@@ -104,10 +104,10 @@ impl Runtime {
         })
     }
 
-    /// The engine's model.
+    /// The engine's run-time model.
     ///
     /// # Errors
-    /// The key that is wrong, empty for the whole table, and what is wrong with it.
+    /// The wrong key, empty for the whole table, and its problem.
     pub fn model_by_key(&self) -> Result<RuntimeModel, (&'static str, String)> {
         let mut models = Vec::new();
         let span = |key, ms| span_ms(ms).map_err(|message| (key, message));
@@ -179,8 +179,8 @@ fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
     Ok(points)
 }
 
-/// Reads a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4, overtaking)`,
-/// `pipelined(4, put_off 50)` with ms.
+/// Parses a busy policy: `skip_to_latest`, `queue(2)`, `queue(2, drop_newest)`, `pipelined(4)`, `pipelined(4,
+/// overtaking)`, `pipelined(4, put_off 50)` with ms.
 pub fn parse_policy(text: &str) -> Result<Policy, String> {
     let wrong = || {
         format!(
@@ -215,22 +215,22 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
     }
 }
 
-/// A deadline of an operator.
+/// Deadline of an operator.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deadline {
-    /// Length, ms.
+    /// Length of the deadline, ms.
     pub ms: f64,
-    /// From when it counts.
+    /// Event from which the deadline counts.
     #[serde(default)]
     pub anchor: Anchor,
-    /// What answers a miss.
+    /// Reaction to a missed deadline.
     #[serde(default)]
     pub reaction: Reaction,
 }
 
 impl Deadline {
-    /// The engine's deadline, or what is wrong.
+    /// The engine's deadline, or the problem.
     pub fn deadline(&self) -> Result<swerve_flow::Deadline, String> {
         let length = lasting_ms(self.ms)?;
         Ok(swerve_flow::Deadline::after(length).anchor(self.anchor).reaction(self.reaction))
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn exactly_one_model() {
+    fn runtime_has_exactly_one_model() {
         assert_eq!(Runtime::fixed(5.0).model(), Ok(RuntimeModel::Fixed(Span::from_ms(5))));
         assert!(Runtime::default().model().is_err());
         assert!(Runtime { zero: Some(true), ..Runtime::fixed(1.0) }.model().is_err());

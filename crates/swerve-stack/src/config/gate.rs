@@ -12,17 +12,18 @@ use super::planner::outside;
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateConfig {
-    /// Whether there is one.
+    /// Enables the gate.
     pub enabled: bool,
-    /// Period, ms.
+    /// Period of the gate, ms.
     pub period_ms: f64,
-    /// When the simulated person presses the switch, ms; the simulated driver holds wheel and speed until then.
+    /// Time at which the simulated person presses the switch, ms; the simulated driver holds wheel and speed until
+    /// then.
     pub enable_at_ms: f64,
-    /// When that person lets go of the switch, ms; never when absent.
+    /// Time at which that person releases the switch, ms; never when absent.
     pub release_at_ms: Option<f64>,
-    /// When that person stops the car at once, ms; never when absent.
+    /// Time at which that person triggers an emergency stop, ms; never when absent.
     pub emergency_at_ms: Option<f64>,
-    /// Limits and times that differ from those of the vehicle.
+    /// Limits and times that differ from the vehicle's.
     #[schemars(with = "GateParams")]
     pub params: toml::Table,
 }
@@ -41,14 +42,14 @@ impl Default for GateConfig {
 }
 
 impl Config {
-    /// Limits and times of the gate: those of the vehicle, with what the configuration says otherwise.
+    /// Limits and times of the gate: the vehicle's, overridden by the configuration.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key in `gate.params`.
     pub(super) fn gate_params(&self) -> Result<GateParams, Vec<KeyProblem>> {
         let mut params = GateParams::new(&self.sim.vehicle);
         if self.is_driven_over_ros2() {
-            // What another stack says may be the same for as long as the road is straight.
+            // Another stack may repeat a command for as long as the road is straight.
             params.repeat_max_s = 0.0;
         }
         let params: GateParams = overridden(&params, &self.gate.params)?;
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn another_stack_may_say_the_same_for_as_long_as_it_likes_unless_it_is_asked_not_to() {
+    fn repeated_commands_of_another_stack_are_unlimited_by_default() {
         let repeat_max_s = |text: &str| {
             let document = Document::parse("c.toml", text).unwrap();
             Config::from_document(&document, &[]).unwrap().gate_params().unwrap().repeat_max_s
@@ -113,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_gate_is_told_with_its_line() {
+    fn gate_problems_are_reported_with_their_line() {
         let cases = [
             ("period_ms = 0", "c.toml:2: gate.period_ms: expected 1 to 100, found 0"),
             (
@@ -134,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gate_and_what_is_around_it_stay_in_the_coordinator() {
+    fn gate_and_its_neighbours_stay_in_the_coordinator() {
         for operator in ["report", "switch", "gate", "pedals"] {
             let found = told(&format!("[gate]\nenabled = true\n[process.a]\noperators = [\"{operator}\"]\n"));
             assert!(found[0].contains(&format!("`{operator}` stays in the coordinator")), "{found:?}");

@@ -1,4 +1,4 @@
-//! Faults put on streams: `[fault.NAME]`.
+//! Fault injection on streams: `[fault.NAME]`.
 
 use core::fmt;
 
@@ -11,46 +11,47 @@ use super::Config;
 use super::execution::span_ms;
 use crate::assembly::Assembly;
 
-/// A fault on a stream: exactly one of what it may do to messages, and when.
+/// A fault on a stream: exactly one effect on its messages, and its time window.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FaultConfig {
-    /// The stream, as the log names it. Its readers get what the fault makes of it; of two faults on one stream the
-    /// first by name comes first.
+    /// Stream, by its name in the log. Its readers get the faulty messages; of two faults on one stream the first by
+    /// name comes first.
     #[serde(default)]
     pub stream: String,
     /// `drop = true`: the message is lost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop: Option<bool>,
-    /// The message comes this much later, ms; messages behind it on the edge wait, so that their order stays.
+    /// Delay of the message, ms; later messages on the edge wait, so that their order is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub delay_ms: Option<f64>,
-    /// The message comes later by a time drawn evenly from 0 to this, ms; messages behind it on the edge wait, so that their order stays.
+    /// Delay of the message, drawn uniformly from 0 to this, ms; later messages on the edge wait, so that their order
+    /// is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter_ms: Option<f64>,
-    /// The message is repeated under new stamps, in the place of those that come within this time, ms.
+    /// Repeats the message under new stamps in place of the messages that follow within this time, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub freeze_ms: Option<f64>,
-    /// Normal noise on the numbers: this standard deviation in metres, m/s, m/s², degrees, degrees a second, hundredths
-    /// of a pedal, grey levels of an image.
+    /// Standard deviation of normal noise on the message's numbers, in metres, m/s, m/s², degrees, degrees per second,
+    /// hundredths of a pedal, or grey levels of an image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
-    /// `nan = true`: one number of the message is no number.
+    /// `nan = true`: one number of the message becomes NaN.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nan: Option<bool>,
-    /// So many bits of an image or a point cloud are flipped.
+    /// Number of bits of an image or a point cloud to flip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flip_bits: Option<u32>,
-    /// Probability with which it befalls a message, 0 to 1.
+    /// Probability that a message is affected, 0 to 1.
     #[serde(default = "always")]
     pub probability: f64,
-    /// From this stamp on, ms.
+    /// First stamp affected, ms.
     #[serde(default)]
     pub from_ms: f64,
-    /// Up to this stamp, ms; to the end of the run when absent.
+    /// Last stamp affected, ms; the end of the run when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until_ms: Option<f64>,
-    /// Seed of its draws; the run's when absent.
+    /// Seed of the fault's random numbers; the run's when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
 }
@@ -59,37 +60,37 @@ fn always() -> f64 {
     1.0
 }
 
-/// Bits of a message that are flipped at most.
+/// Largest number of flipped bits in a message.
 const BITS_MAX: u32 = 1_000_000;
 
-/// What a fault does to a message.
+/// Effect of a fault on a message.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum FaultKind {
-    /// It is lost.
+    /// The message is lost.
     Drop,
-    /// It comes later.
+    /// The message is late by this.
     Delay(Span),
-    /// It comes later by up to this.
+    /// The message is late by up to this.
     Jitter(Span),
-    /// It is repeated for this time.
+    /// The message is repeated for this time.
     Freeze(Span),
-    /// Its numbers change.
+    /// The message's numbers change.
     Corrupt(Corruption),
 }
 
-/// How numbers of a message change.
+/// Change of a message's numbers.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Corruption {
     /// Normal noise of this standard deviation, see [`FaultConfig::noise`].
     Noise(f64),
-    /// One is no number.
+    /// One number becomes NaN.
     Nan,
-    /// So many bits are flipped.
+    /// This many bits are flipped.
     FlipBits(u32),
 }
 
 impl FaultKind {
-    /// The name in the log.
+    /// Name in the log.
     pub fn name(self) -> &'static str {
         match self {
             Self::Drop => "drop",
@@ -103,12 +104,12 @@ impl FaultKind {
     }
 }
 
-/// What a stream carries, as far as faults have to know.
+/// Contents of a stream, as far as faults distinguish them.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Carries {
-    /// Numbers that mean something one by one.
+    /// Numbers with a meaning each.
     Numbers,
-    /// An image of whole numbers: colours or ids, none of which can be no number.
+    /// An image of integers (colours or ids), which cannot be NaN.
     Levels,
     /// An image of distances, or points.
     Floats,
@@ -125,7 +126,7 @@ impl fmt::Display for Carries {
 }
 
 impl FaultConfig {
-    /// What it does, or what is wrong with which key; the empty one is the whole table.
+    /// The fault's effect, or the problem with its key; an empty key is the whole table.
     pub fn kind(&self) -> Result<FaultKind, (&'static str, String)> {
         let mut kinds = Vec::new();
         for (name, given, kind) in
@@ -167,7 +168,7 @@ impl FaultConfig {
         }
     }
 
-    /// The stamps that it befalls: from, and up to.
+    /// First and last stamp affected.
     pub fn stamps(&self) -> Result<(Time, Time), (&'static str, String)> {
         let time = |key, ms| span_ms(ms).map(|span| Time::ZERO + span).map_err(|message| (key, message));
         let from = time("from_ms", self.from_ms)?;
@@ -226,13 +227,14 @@ impl Config {
         }
     }
 
-    /// The faults that befall a stream, by name, in order.
+    /// Faults on a stream, by name, in order.
     pub fn faults_of(&self, stream: &str) -> impl Iterator<Item = (&str, &FaultConfig)> {
         let named = self.fault.iter().map(|(name, fault)| (name.as_str(), fault));
         named.filter(move |(_, fault)| fault.stream == stream)
     }
 
-    /// All streams that faults can befall, with what they carry; the first one of an operator goes by its name.
+    /// All streams that faults can affect, with their contents; the first stream of an operator has the operator's
+    /// name.
     fn corruptible_streams(&self, assembly: &Assembly) -> Vec<(String, Carries)> {
         let mut streams = Vec::new();
         for (placed, output) in assembly.streams().filter(|(_, output)| !output.silent) {
@@ -260,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_befall_a_stream_is_refused_with_its_line() {
+    fn impossible_faults_are_refused_with_their_line() {
         let good = "[fault.late]\nstream = \"obstacles\"\ndelay_ms = 100\nprobability = 0.2\nfrom_ms = 500\nuntil_ms = 900\n";
         assert_eq!(told(good), [] as [&str; 0]);
         let cases = [

@@ -1,4 +1,4 @@
-//! How `swerve live` drives a vehicle, `[live]`.
+//! Driving a vehicle with `swerve live`, `[live]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,57 +8,59 @@ use swerve_text::number;
 
 use super::{Config, ControllerName};
 
-/// A vehicle on the other side of ROS 2's topics.
+/// A vehicle connected by ROS 2 topics.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LiveConfig {
-    /// The scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
-    /// configuration. Its actors are not looked at.
+    /// Scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
+    /// configuration. Its actors are ignored.
     pub route: String,
-    /// Who enables the stack.
+    /// Source of the request to enable the stack.
     pub enable: EnableBy,
-    /// How long the vehicle may take to listen once it was asked to, seconds.
+    /// Time limit for the vehicle to accept commands after it is asked to, seconds.
     pub enable_timeout_s: f64,
-    /// Autoware's service for the control mode, by its name in ROS; it is not called when this is empty.
+    /// Autoware's service for the control mode, by its ROS name; not called when empty.
     pub control_mode_service: String,
-    /// What a vehicle with Dataspeed's interface is told.
+    /// Longitudinal command for a vehicle with Dataspeed's interface.
     pub longitudinal: Longitudinal,
-    /// Turns of the steering wheel for a turn of the road wheels, where the interface speaks of the former.
+    /// Steering ratio: turns of the steering wheel per turn of the road wheels, for interfaces in terms of the steering
+    /// wheel.
     pub steering_ratio: f64,
-    /// How far the steering wheel turns to a side, degrees.
+    /// Largest steering wheel angle to either side, degrees.
     pub steering_wheel_max_deg: f64,
-    /// Objects older than this are not driven by, seconds: once there were any, the car is stopped without.
+    /// Age above which objects are not used, seconds; after the first objects, the car is stopped when there are no
+    /// newer ones.
     pub objects_timeout_s: f64,
-    /// A plan older than this is not driven, seconds.
+    /// Age above which a plan is not followed, seconds.
     pub plan_timeout_s: f64,
-    /// How long the stop at the end may take, seconds; then the vehicle is left to its own time-out.
+    /// Time limit for the stop at the end, seconds; afterwards the vehicle is left to its own time-out.
     pub stop_timeout_s: f64,
-    /// Beyond this a stamp is from the future, ms after what the clock of its sensor says.
+    /// Largest time by which a stamp may be ahead of its sensor's clock, ms.
     pub stamp_ahead_max_ms: f64,
-    /// Beyond this a stamp is from long ago, ms.
+    /// Largest time by which a stamp may be behind its sensor's clock, ms.
     pub stamp_behind_max_ms: f64,
 }
 
-/// Who enables the stack.
+/// Source of the request to enable the stack.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum EnableBy {
     /// A person, on the topic of the mapping's `enable`.
     #[default]
     Topic,
-    /// The start of the program does, as soon as all topics are there: for tests and simulators.
+    /// The start of the program, as soon as all topics are available: for tests and simulators.
     #[value(name = "at_start", alias = "at-start")]
     AtStart,
 }
 
-/// How acceleration is asked for where there is a choice.
+/// Form of longitudinal commands where there is a choice.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Longitudinal {
-    /// By speed and limits of acceleration, which the vehicle's own controller keeps.
+    /// Speed and limits of acceleration, for the vehicle's own controller.
     #[default]
     Speed,
-    /// By pedals.
+    /// Pedals.
     Pedals,
 }
 
@@ -83,7 +85,7 @@ impl Default for LiveConfig {
 }
 
 impl LiveConfig {
-    /// Between the road wheels and the steering wheel.
+    /// Steering gear between the road wheels and the steering wheel.
     pub fn gear(&self) -> SteeringGear {
         SteeringGear {
             ratio: self.steering_ratio,
@@ -121,7 +123,7 @@ impl Config {
                            to a vehicle is an acceleration";
             tell("control.controller", message.into());
         }
-        // What is wrong with the table itself is told by its own check.
+        // Problems of the table itself are reported by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
         if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
             let message = "a vehicle of the table `plain` is told nothing: it cannot be driven, only watched";
@@ -156,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_drive_is_told_with_its_line() {
+    fn live_problems_are_reported_with_their_line() {
         let sound = "[live]\nroute = \"r.toml\"\n[control]\ncontroller = \"mpc\"\n";
         assert_eq!(told(sound), [""; 0]);
         let cases = [

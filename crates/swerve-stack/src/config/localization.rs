@@ -1,4 +1,4 @@
-//! What tells where the ego is: `[localization]`.
+//! Localization of the ego: `[localization]`.
 
 use std::path::PathBuf;
 
@@ -11,39 +11,39 @@ use super::{Config, OperatorConfig, Reads};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LocalizerName {
-    /// The simulator, with the errors of `sensing.pose`; for `swerve live` the vehicle, which tells its pose.
+    /// The simulator, with the errors of `sensing.pose`; for `swerve live` the pose reported by the vehicle.
     #[default]
     Truth,
     /// An error-state Kalman filter over inertial unit, satellite fixes and wheels.
     Eskf,
-    /// The matches of a lidar's turns with a map, carried on by wheels and gyroscopes.
+    /// Matches of lidar sweeps with a map; dead reckoning by wheels and gyroscopes in between.
     Ndt,
-    /// The filter with those matches beside its other measurements.
+    /// The filter with those matches among its measurements.
     EskfNdt,
-    /// A lidar's own way from the first satellite fix on, without a map.
+    /// Lidar odometry from the first satellite fix on, without a map.
     Odometry,
 }
 
-/// What tells where the ego is.
+/// Localization of the ego.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalizationConfig {
-    /// Which one. All but `truth` put an operator `localizer` in the place of `pose`; `[operator.localizer]` sets what it
-    /// knows of the sensors, `[sensing]` how good they are. All but `eskf` read a lidar, by an operator `scan_matcher` or
-    /// `lidar_odometry` whose run time is as any other's.
+    /// Localizer. All but `truth` replace `pose` by an operator `localizer`; `[operator.localizer]` sets its sensor
+    /// models, `[sensing]` the actual errors. All but `eskf` read a lidar, by an operator `scan_matcher` or
+    /// `lidar_odometry` with a run time as for other operators.
     pub localizer: LocalizerName,
-    /// The map that a lidar's turns are matched with, as `swerve map build` writes it: a path from the folder of the
-    /// configuration. Without one the simulated road is mapped before the drive, as it is when nobody is about.
+    /// Map that lidar sweeps are matched with, from `swerve map build`: a path from the folder of the configuration.
+    /// Without one the simulated road is mapped before the drive, without actors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<PathBuf>,
-    /// Standard deviations of a pose that is stored from the drive before: place (each axis, metres) and heading (degrees).
-    /// The filter starts from it in place of the first fix and the heading of the lane. A simulated drive draws its errors
-    /// by the seed. When absent there is none.
+    /// Standard deviations of a pose stored from the drive before: position (each axis, metres) and heading (degrees).
+    /// The filter starts from it instead of the first fix and the lane's heading. A simulated drive draws its errors by
+    /// the seed. No stored pose when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stored_pose: Option<[f64; 2]>,
 }
 
-/// The operator that tells the simulator's pose, the one that estimates it, and those that give it a lidar's poses.
+/// Operators that publish the simulator's pose, estimate it, and provide lidar poses for that.
 const POSE: &str = "pose";
 const LOCALIZER: &str = "localizer";
 const SCAN_MATCHER: &str = "scan_matcher";
@@ -51,17 +51,17 @@ const LIDAR_ODOMETRY: &str = "lidar_odometry";
 const DEAD_RECKONING: &str = "dead_reckoning";
 
 impl LocalizationConfig {
-    /// Whether the ego's own sensors tell where it is.
+    /// Returns true if the pose is estimated from the ego's own sensors.
     pub fn estimates(&self) -> bool {
         self.localizer != LocalizerName::Truth
     }
 
-    /// Whether the pipeline's own operator of this name gives way to the localizer.
+    /// Returns true if the localizer replaces the pipeline's own operator of this name.
     pub(crate) fn replaces(&self, operator: &str) -> bool {
         self.estimates() && operator == POSE
     }
 
-    /// The operators that estimate the pose, by name.
+    /// Operators that estimate the pose, by name.
     pub(crate) fn operators(&self) -> Vec<(String, OperatorConfig)> {
         let (lidar, filter) = match self.localizer {
             LocalizerName::Truth => return Vec::new(),
@@ -78,12 +78,12 @@ impl LocalizationConfig {
         lidar.map(|kind| of(kind, kind)).into_iter().chain([of(LOCALIZER, filter)]).collect()
     }
 
-    /// Whether a lidar is read.
+    /// Returns true if a lidar is read.
     pub fn reads_lidar(&self) -> bool {
         self.reads_map() || self.localizer == LocalizerName::Odometry
     }
 
-    /// Whether a map is matched with.
+    /// Returns true if sweeps are matched with a map.
     fn reads_map(&self) -> bool {
         matches!(self.localizer, LocalizerName::Ndt | LocalizerName::EskfNdt)
     }
@@ -141,7 +141,7 @@ mod tests {
     use crate::assembly::Assembly;
     use crate::config::{Config, tests::config};
 
-    /// Operators by name and kind with what they read.
+    /// Operators by name and kind with their inputs.
     fn graph(config: &Config) -> Vec<String> {
         let assembly = Assembly::new(config).unwrap();
         let one = |placed: &crate::assembly::Placed| format!("{} {:?}", placed.name, placed.inputs);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn the_key_makes_the_graph_that_was_made_by_hand() {
+    fn localizer_key_makes_the_graph_of_explicit_operators() {
         let by_key = config("[localization]\nlocalizer = \"eskf\"\n", &[]).unwrap();
         let by_hand = "[operator.localizer]\nkind = \"localizer\"\nreads = { wheels = \"odometry\" }\n\
                        [operator.pose]\nenabled = false\n";
@@ -159,13 +159,13 @@ mod tests {
         let usual = config("[localization]\nlocalizer = \"truth\"\n", &[]).unwrap();
         assert_eq!(graph(&usual), graph(&Config::default()));
         assert_ne!(graph(&usual), graph(&by_key));
-        // Both ways of saying it together are one.
+        // Key and explicit operators together make the same graph.
         let both = config(&by_hand.to_text(), &["localization.localizer=eskf"]).unwrap();
         assert_eq!(graph(&both), graph(&by_key));
     }
 
     #[test]
-    fn keys_of_the_localizer_hold_without_its_kind() {
+    fn localizer_keys_apply_without_its_kind() {
         let text =
             "[localization]\nlocalizer = \"eskf\"\n[operator.localizer]\nparams = { lost_sigma_m = 1.0 }\n";
         assert!(config(text, &[]).is_ok());
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_names_are_told_with_all_there_are() {
+    fn unknown_localizers_are_reported_with_all_names() {
         let said = config("[localization]\nlocalizer = \"ukf\"\n", &[]).unwrap_err();
         assert!(said.starts_with("c.toml:2: localization.localizer: expected "), "{said}");
         assert!(said.contains("\"truth\"") && said.contains("\"eskf\""), "{said}");
@@ -186,7 +186,7 @@ mod tests {
     const ROOF: &str = "[lidar.roof]\npreset = \"vlp_32\"\n";
 
     #[test]
-    fn a_lidar_takes_its_part() {
+    fn lidar_localizers_add_their_operators() {
         for (localizer, by, kind) in [
             ("ndt", "scan_matcher", "dead_reckoning"),
             ("eskf_ndt", "scan_matcher", "localizer"),
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn deviations_by_which_it_slows_are_in_order() {
+    fn slowing_deviations_must_be_in_order() {
         assert!(config("", &["planning.slow_by_sigma_m=[0.2, 0.2]"]).is_ok());
         let said = config("", &["planning.lane_sigmas=-1.0"]).unwrap_err();
         assert!(said.contains("planning.lane_sigmas: expected 0 to 10, found -1"), "{said}");
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_lidar_it_is_said_what_brings_one() {
+    fn missing_lidar_is_reported_with_the_key_that_adds_one() {
         let said = config("[localization]\nlocalizer = \"ndt\"\n", &[]).unwrap_err();
         let expected =
             "operator.scan_matcher.reads.points: reads `PointCloud`, which nobody publishes: `[lidar.NAME]`";
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_is_for_those_who_match_with_one() {
+    fn map_is_refused_without_scan_matching() {
         let said = config("[localization]\nmap = \"street.map\"\n", &[]).unwrap_err();
         assert!(
             said.starts_with("c.toml:2: localization.map: is for `localization.localizer = \"ndt\"`"),
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn stored_pose_is_for_a_filter_in_a_simulated_car() {
+    fn stored_pose_needs_a_filter_and_a_simulated_car() {
         let eskf = "localization.localizer=\"eskf\"";
         assert!(config("", &[eskf, "localization.stored_pose=[0.3, 0.5]"]).is_ok());
         for (set, why) in [

@@ -1,4 +1,4 @@
-//! When detector and planner run, and how long they may take: `[execution]`, and the ladders that they choose from.
+//! Execution of detector and planner: `[execution]`, and the ladders that they choose from.
 
 use std::sync::LazyLock;
 
@@ -16,54 +16,55 @@ use super::perception::{CUSTOM, TRUTH};
 use super::planner::{outside, within};
 use super::{Config, PlannerName};
 
-/// The four models of execution that D3 (Gog et al., EuroSys 2022) compares.
+/// The four execution models compared by D3 (Gog et al., EuroSys 2022).
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
-    /// Detector and planner run on timers of their own and read the newest input there is.
+    /// Detector and planner run on separate timers and read the newest input.
     Periodic,
-    /// They run when their input is there, and take as long as they take.
+    /// They run when their input arrives, without a time limit.
     #[default]
     DataDriven,
-    /// As data-driven, within deadlines that never change.
+    /// As data-driven, within constant deadlines.
     StaticDeadlines,
-    /// As data-driven, within deadlines that a policy sets from frame to frame.
+    /// As data-driven, within deadlines that a policy sets for each frame.
     DynamicDeadlines,
 }
 
 impl Model {
-    /// Whether detector and planner have a period or a fixed deadline.
+    /// Returns true if detector and planner have a period or a fixed deadline.
     pub(crate) fn has_lengths(self) -> bool {
         matches!(self, Self::Periodic | Self::StaticDeadlines)
     }
 }
 
-/// How detector and planner are executed.
+/// Execution of detector and planner.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExecutionConfig {
-    /// The model.
+    /// Execution model.
     pub model: Model,
-    /// The detector's period (`periodic`) or deadline (`static_deadlines`), ms; what its highest rung or its fixed run time
-    /// takes when absent.
+    /// Period (`periodic`) or deadline (`static_deadlines`) of the detector, ms; its fixed run time or that of its
+    /// highest rung when absent.
     pub detector_ms: Option<f64>,
-    /// The planner's, ms.
+    /// Period (`periodic`) or deadline (`static_deadlines`) of the planner, ms; its fixed run time or that of its
+    /// highest rung when absent.
     pub planner_ms: Option<f64>,
-    /// What answers a frame whose deadline passed.
+    /// Reaction to a missed deadline.
     pub reaction: Reaction,
-    /// Parameters of the policy that differ from its defaults (`swerve_planning::deadline`).
+    /// Parameters of the deadline policy that differ from its defaults (`swerve_planning::deadline`).
     #[schemars(with = "Params")]
     pub params: toml::Table,
 }
 
-/// A detector or planner that an operator may take for a frame.
+/// An implementation of a detector or planner that may be chosen for a frame.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Rung<T> {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// What it takes.
+    /// Run time.
     pub run_time: Span,
-    /// What it is.
+    /// Parameters that define it.
     pub what: T,
 }
 
@@ -99,7 +100,7 @@ fn ladders() -> &'static [Ladder] {
 }
 
 impl Config {
-    /// The rungs that the emulated detector may take, the fastest first; none where it always is the same.
+    /// Rungs of the emulated detector, the fastest first; empty without a ladder.
     ///
     /// # Errors
     /// Problems by their keys in `perception`.
@@ -133,8 +134,7 @@ impl Config {
         Ok(rungs)
     }
 
-    /// The rungs that the planner may take, the fastest first, each with the parameters that make it; none where it
-    /// always is the same.
+    /// Rungs of the planner, the fastest first, each with the parameters that define it; empty without a ladder.
     pub(super) fn planner_rungs(&self) -> Result<Vec<Rung<toml::Table>>, (&'static str, String)> {
         let planning = &self.planning;
         let Some(name) = &planning.ladder else {
@@ -171,7 +171,7 @@ impl Config {
         Ok(rungs)
     }
 
-    /// The parameters of the deadline policy.
+    /// Parameters of the deadline policy.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key in `execution.params`.
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ladder_goes_up_to_the_rung_that_is_named() {
+    fn ladder_ends_at_the_named_rung() {
         let ms = |rungs: Vec<Span>| rungs.iter().map(|span| span.as_ms()).collect::<Vec<_>>();
         let config = on_ladders(&["planning.rung_ms=148"]).unwrap();
         let detectors = config.detector_rungs().unwrap();
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_period_is_the_run_time_unless_it_is_said() {
+    fn period_defaults_to_the_run_time() {
         let of = |sets: &[&str]| {
             let config = on_ladders(&[sets, &["execution.model=periodic"]].concat()).unwrap();
             lengths(&config, ["detector", "planner", "tracker"])
@@ -237,9 +237,9 @@ mod tests {
         assert_eq!(lengths(&fixed, ["detector", "planner"]), [Some(150.0), Some(100.0)]);
     }
 
-    /// Who is scheduled by them is so by its kind, whatever its name.
+    /// Operators are scheduled by kind, whatever their name.
     #[test]
-    fn a_second_planner_has_a_period_too() {
+    fn second_planner_has_a_period() {
         let text = "[execution]\nmodel = \"periodic\"\nplanner_ms = 70\n[operator.spare]\nkind = \"planner\"\n\
                     reads = { predictions = \"predictor\" }\n[operator.controller]\nreads = { plan = \"planner.plan\" }\n";
         let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_its_key() {
+    fn invalid_execution_settings_are_refused_with_their_key() {
         let refused = |sets: &[&str], expected: &str| {
             let said = on_ladders(sets).expect_err("wrong on purpose");
             assert!(said.contains(expected), "{said}");

@@ -8,13 +8,13 @@ use super::camera::Output;
 use super::operator::is_plain_name;
 use crate::assembly::{one_of, pipeline_names};
 
-/// A watcher: reads every byte of what a camera or lidar sees, and says whether it is frozen, blank or broken.
+/// Monitor of a camera or lidar: checks every byte of its output for frozen, blank or broken data.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MonitorConfig {
-    /// The camera or lidar. It runs because of this.
+    /// Camera or lidar to monitor; the monitor makes it run.
     pub sensor: String,
-    /// Which of a camera's outputs.
+    /// Output of the camera to monitor.
     pub output: Output,
 }
 
@@ -25,7 +25,7 @@ impl Default for MonitorConfig {
 }
 
 impl Config {
-    /// The names of all monitors.
+    /// Names of all monitors.
     pub fn monitors(&self) -> impl Iterator<Item = &str> {
         self.monitor.keys().map(String::as_str)
     }

@@ -1,4 +1,4 @@
-//! Keys that have another name now: files may still have the old one.
+//! Renamed keys; files may still have the old names.
 
 use toml::{Table, Value};
 
@@ -18,17 +18,17 @@ const RENAMED: [(&str, &str); 12] = [
     ("perception.params.*.steady", "perception.params.*.correlation"),
 ];
 
-/// Which of two values counts where a table has both names.
+/// Value that takes precedence where a table has both names.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Counts {
-    /// That of the present name: a file has both.
+    /// The one under the present name, for a file with both.
     Present,
-    /// That of the old name: an assignment over a file is the later word.
+    /// The one under the old name, for an assignment that overrides a file.
     Old,
 }
 
-/// Has a table say under present names what it says under old ones. Gives the names that were old, each with the
-/// present one, in the order of the list.
+/// Moves values from old names to present ones. Returns the old names found, each with the present one, in the order of
+/// the list.
 pub(super) fn renew(table: &mut Table, counts: Counts) -> Vec<(String, String)> {
     let mut told = Vec::new();
     for (old, new) in RENAMED {
@@ -68,7 +68,7 @@ fn at<'a>(table: &'a mut Table, dotted: &str) -> Option<&'a mut Table> {
     dotted.split('.').try_fold(table, |table, name| table.get_mut(name).and_then(Value::as_table_mut))
 }
 
-/// What is to be told of old names in a table, a line each.
+/// Warnings about old names in a table, a line each.
 pub fn old_names(table: &Table) -> Vec<String> {
     let told = renew(&mut table.clone(), Counts::Present);
     told.into_iter()
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_under_an_old_name_counts_and_is_told() {
+    fn values_under_old_names_apply_and_are_reported() {
         let text = "[perception.params]\nhalf_share = 0.25\nmissed = { steady = 0.5 }\nscore_gap = 1\n\
                     score_separation = 2\n[perception.calibration]\nwanted = 7\n";
         let mut table: Table = text.parse().unwrap();

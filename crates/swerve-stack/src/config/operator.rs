@@ -1,4 +1,4 @@
-//! `[operator.NAME]` and `[resource.NAME]`: what an operator is, what it reads, how it runs.
+//! `[operator.NAME]` and `[resource.NAME]`: kind, inputs and execution of operators.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -12,31 +12,31 @@ use super::Config;
 use super::execution::{self, Deadline, Runtime};
 use super::planner::within;
 
-/// One operator: what it is, what it reads, how it runs.
+/// One operator: its kind, inputs and execution.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct OperatorConfig {
-    /// Its kind, of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
+    /// Kind, one of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
-    /// `enabled = false` takes it out of the pipeline.
+    /// `enabled = false` removes it from the pipeline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub enabled: Option<bool>,
-    /// The streams that it reads, by port; found by their type when absent.
+    /// Streams that it reads, by port; found by type when absent.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub reads: BTreeMap<String, Reads>,
     /// Run time; `zero` when absent (the planner: its cost; an emulated detector: the published one).
     pub runtime: Option<Runtime>,
     /// Busy policy; `skip_to_latest` when absent.
     pub policy: Option<String>,
-    /// Deadline.
+    /// Deadline of its steps.
     pub deadline: Option<Deadline>,
-    /// Resource that its steps hold a slot of.
+    /// Resource of which each step holds a slot.
     pub uses: Option<String>,
-    /// Communication delay of what it publishes, ms.
+    /// Communication delay of its outputs, ms.
     #[serde(skip_serializing_if = "is_zero")]
     pub delay_ms: f64,
-    /// The keys of its kind, or of that kind's tables for this operator alone.
+    /// Keys of its kind, or of the kind's tables for this operator only.
     #[serde(flatten)]
     #[schemars(with = "crate::config::AnyTable")]
     pub keys: toml::Table,
@@ -46,33 +46,33 @@ fn is_zero(x: &f64) -> bool {
     *x == 0.0
 }
 
-/// What a port reads.
+/// Streams that a port reads.
 #[derive(Clone, PartialEq, Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Reads {
-    /// A stream, or the first one of an operator.
+    /// A stream, or the first stream of an operator.
     Stream(String),
-    /// Several, for a port that takes any number.
+    /// Several streams, for a port that takes any number.
     Streams(Vec<String>),
-    /// A stream, and how it is read.
+    /// A stream with properties of the edge.
     Edge(EdgeConfig),
 }
 
-/// A stream, and how it is read.
+/// A stream with properties of the edge.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EdgeConfig {
-    /// The stream, or the operator whose first one it is.
+    /// Stream, or the operator whose first stream is read.
     pub stream: String,
-    /// Over a feedback edge, which closes a loop; as the port has it when absent.
+    /// Reads over a feedback edge, which closes a loop; the port's default when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub feedback: Option<bool>,
-    /// Before faults befall it; as the port has it when absent.
+    /// Reads before faults are injected; the port's default when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before_faults: Option<bool>,
 }
 
-/// By the kind of value, so that what is wrong within it has its own key.
+/// By the type of the value, so that problems within it are reported under their own keys.
 impl<'de> Deserialize<'de> for Reads {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct AnyForm;
@@ -100,7 +100,7 @@ impl<'de> Deserialize<'de> for Reads {
 }
 
 impl Reads {
-    /// The streams, with what is said of feedback and faults.
+    /// The streams, each with feedback and before-faults where these are set.
     pub(crate) fn each(&self) -> Vec<(&str, Option<bool>, Option<bool>)> {
         match self {
             Self::Stream(stream) => vec![(stream, None, None)],
@@ -110,19 +110,19 @@ impl Reads {
     }
 }
 
-/// Whether a name can stand for an operator in streams, topics and files.
+/// Returns true if a name is valid for operators in streams, topics and files.
 pub(crate) fn is_plain_name(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
 }
 
-/// Slots of a resource at most.
+/// Largest number of slots of a resource.
 const SLOTS_MAX: usize = 1_000_000;
 
 /// A shared resource.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResourceConfig {
-    /// Steps that it can hold at once.
+    /// Steps that may hold it at once.
     pub slots: usize,
 }
 

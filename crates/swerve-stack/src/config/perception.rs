@@ -1,4 +1,4 @@
-//! What stands between the sensors and the predictor: `[perception]`.
+//! Perception between the sensors and the predictor: `[perception]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,62 +15,64 @@ use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::Scheduled;
 
-/// The detector's name for none: obstacles as the sensor sees them.
+/// Detector name for no detector: obstacles as the sensor sees them.
 pub const TRUTH: &str = "truth";
 
-/// The detector's name for one of one's own: all of it in `params`.
+/// Detector name for a custom emulation, defined by `params`.
 pub const CUSTOM: &str = "custom";
 
 /// Perception.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PerceptionConfig {
-    /// `truth`: the tracker is given what the obstacle sensor sees. The name of a published detector
-    /// (`efficientdet-d3@v100`): one of its accuracy and run time is emulated, and tracked. `custom`: one with `params`.
+    /// `truth`: the tracker gets the obstacle sensor's objects. The name of a published detector
+    /// (`efficientdet-d3@v100`): emulates its accuracy and run time, and tracks its boxes. `custom`: an emulation
+    /// defined by `params`.
     pub detector: String,
-    /// Camera whose place, field of view and image the emulated detector has; 640 x 360 pixels and 90 degrees behind
-    /// the windscreen when absent. Detectors by lidar have none unless it is named: they see what the obstacle sensor sees.
+    /// Camera whose pose, field of view and image the emulated detector uses; 640 x 360 pixels and 90 degrees behind
+    /// the windscreen when absent. Lidar detectors have none unless it is named: they see what the obstacle sensor
+    /// sees.
     pub camera: Option<String>,
-    /// Whether the detector gives way to a faster one of its ladder (the same suffix) where it would not be done by its
-    /// deadline. `params` then go for all of them; the tracker's noise is that of the one named.
+    /// Switches to a faster detector of the same ladder (the same suffix) where the named one would miss its deadline.
+    /// `params` then apply to all of them; the tracker's noise is that of the named one.
     pub ladder: bool,
     /// Parameters of the emulation that differ from the named detector's.
     #[schemars(with = "detector::Params")]
     pub params: toml::Table,
-    /// The tracker behind a detector, `algorithm`: `sort` when absent, or `ab3dmot`; and its parameters that differ from
-    /// its defaults. The measurement noise of `sort` is that of the detector.
+    /// Tracker behind a detector: `algorithm`, `sort` when absent, or `ab3dmot`; and its parameters that differ from
+    /// its defaults. The measurement noise of `sort` is the detector's.
     #[schemars(with = "tracker::Params")]
     pub tracker: toml::Table,
-    /// Where `params` come from, where `swerve calibrate detector` wrote them; nothing reads it.
+    /// Source of `params` if `swerve calibrate detector` wrote them; documentation only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
 }
 
-/// What a calibration of the emulation came to.
+/// Result of calibrating the emulation.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Average precision that was to be met, 0 to 1.
+    /// Target average precision, 0 to 1.
     pub target_ap: f64,
-    /// Average precision that was met, over the frames that the parameters were fitted to.
+    /// Average precision reached, over the frames that the parameters were fitted to.
     pub ap: f64,
     /// The same with random numbers that they were not fitted to.
     pub ap_held_out: f64,
-    /// What it is measured by.
+    /// Measure of average precision.
     pub measure: Measure,
-    /// Which member of the family of parameters that is, from 0 (no errors) up.
+    /// Member of the parameter family, from 0 (no errors) up.
     pub error_level: f64,
-    /// Only what is nearer counts, m.
+    /// Distance within which objects count, m.
     pub within_m: f64,
-    /// Scenarios, by name.
+    /// Names of the scenarios that were driven.
     pub scenarios: Vec<String>,
     /// Seeds of the drives.
     pub seeds: Vec<u64>,
-    /// Seed of the detector's draws.
+    /// Seed of the detector's random numbers.
     pub draws_seed: u64,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// Objects in them that count.
+    /// Number of objects that count in these frames.
     pub objects: u64,
 }
 
@@ -104,26 +106,26 @@ impl Default for PerceptionConfig {
 /// An emulated detector, resolved.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Emulated {
-    /// What it gets wrong.
+    /// Parameters of its errors.
     pub params: detector::Params,
-    /// What it looks with.
+    /// Sensor that it uses.
     pub sensing: Sensing,
-    /// Its published run time, ms; none for one of one's own.
+    /// Published run time, ms; `None` for a custom one.
     pub ms: Option<f64>,
 }
 
 impl PerceptionConfig {
-    /// Whether a detector is emulated.
+    /// Returns true if a detector is emulated.
     pub fn emulates(&self) -> bool {
         self.detector != TRUTH
     }
 
-    /// The published run time of the detector that is emulated, ms.
+    /// Published run time of the emulated detector, ms.
     pub fn published_ms(&self) -> Option<f64> {
         find(&self.detector).map(|published| published.ms)
     }
 
-    /// The detector that is emulated, if one is.
+    /// The emulated detector; `None` if there is none.
     ///
     /// # Errors
     /// Problems by their keys in `perception`.
@@ -177,7 +179,7 @@ impl PerceptionConfig {
     }
 }
 
-/// The tracker of a name.
+/// Tracker of this name.
 fn algorithm(name: toml::Value) -> Result<Algorithm, String> {
     let told = format!("expected \"sort\" or \"ab3dmot\", found {name}");
     let near = name.as_str().map_or_else(String::new, |name| hint(name, ["sort", "ab3dmot"]));
@@ -185,7 +187,7 @@ fn algorithm(name: toml::Value) -> Result<Algorithm, String> {
 }
 
 impl Config {
-    /// The camera of the emulated detector, if it has one.
+    /// Camera of the emulated detector, if it has one.
     pub fn detector_camera(&self, sensing: Sensing) -> Option<CameraConfig> {
         match (&self.perception.camera, sensing) {
             (Some(name), _) => self.camera.get(name).cloned(),
@@ -194,7 +196,7 @@ impl Config {
         }
     }
 
-    /// Expected time from a sensor frame to its plan's first effect, ms: the detector's and the planner's.
+    /// Expected time from a sensor frame to its plan's first effect, ms: the sum of the detector's and the planner's.
     pub fn expected_ms(&self) -> f64 {
         let PlanningConfig { expected_ms, .. } = self.planning;
         let detector_ms = scheduled_operator(self, Scheduled::Detector).flatten().unwrap_or(0.0);
@@ -218,11 +220,11 @@ impl Config {
     }
 }
 
-/// A camera as boxes are drawn in it; `None` where its numbers make none, or its rays are parallel.
+/// Camera model that boxes are drawn with; `None` if its parameters are invalid or its projection is orthographic.
 pub fn image_camera(config: &CameraConfig) -> Option<ImageCamera> {
     let camera = config.camera(0).ok().filter(|camera| !camera.is_orthographic())?;
     let (fx_px, fy_px, cx_px, cy_px) = camera.focal_px();
-    // Boxes are those of a rectified image.
+    // Boxes are in a rectified image.
     let intrinsics =
         swerve_msg::Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion: [0.0; 5], is_parallel: false };
     let info = swerve_msg::CameraInfo { intrinsics, ego_from_camera: config.ego_from_camera() };
@@ -250,7 +252,7 @@ mod tests {
     use crate::config::tests::config;
 
     #[test]
-    fn a_name_sets_accuracy_and_run_time() {
+    fn detector_name_sets_accuracy_and_run_time() {
         let config = config("[perception]\ndetector = \"efficientdet-d3@v100\"\n", &[]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();
         assert_eq!((emulated.ms, emulated.sensing), (Some(28.0), Sensing::Camera));
@@ -262,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_come_before_the_name_and_the_operator_before_both() {
+    fn operator_keys_override_parameters_that_override_the_name() {
         let text = "[perception]\ndetector = \"efficientdet-d3@v100\"\ntracker = { hits_min = 4 }\n\
                     [perception.params]\nscore_gap = 9\nmisses = { period_s = 1.5 }\n\
                     [operator.detector]\nruntime = { fixed_ms = 5 }\n";
@@ -278,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tracker_is_chosen_by_its_name() {
+    fn tracker_is_chosen_by_its_name() {
         let text = "[perception]\ntracker = { algorithm = \"ab3dmot\", vehicle = { death = 5 } }\n";
         let config = config(text, &[]).unwrap();
         let GroundParams::Ab3dmot(tracker) = config.perception.tracker(&Default::default(), 7).unwrap()
@@ -301,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_told_with_the_nearest_name() {
+    fn invalid_perception_is_reported_with_the_nearest_name() {
         let said = config("[perception]\ndetector = \"efficientdet-d9@v100\"\n", &[]).unwrap_err();
         assert!(
             said.starts_with("c.toml:2: perception.detector: unknown detector `efficientdet-d9@v100`"),

@@ -1,4 +1,4 @@
-//! From a planner's name, preset, discretisation and parameters to the planner.
+//! Construction of a planner from its name, preset, discretisation and parameters.
 
 use swerve_core::ParamError;
 use swerve_planning::aeb::{self, Aeb};
@@ -13,7 +13,7 @@ use swerve_text::{KeyProblem, overridden};
 
 use super::{Fineness, PlannerName, PlanningConfig};
 
-/// The planner that a configuration names, with its parameters, below its comfortable layer.
+/// Planner that a configuration names, with its parameters, including its comfortable layer.
 pub(super) fn planner(
     planning: &PlanningConfig,
     params: &toml::Table,
@@ -32,14 +32,14 @@ pub(super) fn planner(
             Manner::KeepsAway { weight_obstacle, time_step_s }
         }
     };
-    // What is wrong with the limits is told by their own keys.
+    // Problems of the limits are reported by their own keys.
     let limits = planning.comfort.limits;
     let limits = limits.validate().map_or_else(|_| comfort::Params::default(), |()| limits);
     let layered = Comfort::new(limits, collision, manner, planner);
     Ok(Box::new(layered.map_err(outside)?))
 }
 
-/// The planner itself.
+/// Planner without the comfortable layer.
 fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
     let (preset, collision) = (planning.preset, planning.collision());
     if preset == Preset::Paper
@@ -79,12 +79,12 @@ fn fot_params(fineness: Fineness, collision: CollisionMode) -> fot::Params {
     fot::Params { collision, ..defaults }
 }
 
-/// The paper's own planner, where it has one.
+/// The paper's own planner, if it has one of this name.
 fn original(
     planning: &PlanningConfig,
     params: &toml::Table,
 ) -> Result<Option<Box<dyn Planner>>, Vec<KeyProblem>> {
-    // What is wrong with the rules is told by their own keys.
+    // Problems of the rules are reported by their own keys.
     let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
     let (config, collision) = (planning.config, planning.collision());
     let obstacle_range_m = planning.era.unwrap_or_default().range_m(planning.planner.original());
@@ -115,7 +115,7 @@ fn original(
     }))
 }
 
-/// The rules that a configuration names; what is wrong with them, each by its key.
+/// Rules that a configuration names, or their problems, each by its key.
 pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, String)>> {
     let key = |key: &str| format!("planning.rules.{key}");
     let rules: Rules = overridden(&planning.rules_of_era(), &planning.rules)
@@ -136,7 +136,7 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
     Ok(rules)
 }
 
-/// The problem of a parameter out of its range.
+/// Problem of a parameter out of its range.
 pub(super) fn outside(error: ParamError) -> Vec<KeyProblem> {
     let message = format!("expected {}, found {}", error.expected, error.value);
     vec![(error.key.into_owned(), message)]

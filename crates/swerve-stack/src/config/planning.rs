@@ -1,4 +1,4 @@
-//! The motion planner: which one, how finely it searches, and what it costs.
+//! Motion planner: its name, discretisation, behaviour and cost.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -22,14 +22,14 @@ pub enum PlannerName {
     RrtStar,
     /// Hybrid A*.
     HybridAstar,
-    /// Route following that slows and stops for what is ahead.
+    /// Route following that slows and stops for objects ahead.
     Waypoint,
     /// Route following with emergency braking.
     Aeb,
 }
 
 impl PlannerName {
-    /// Who it is to the paper's rules.
+    /// The planner for the paper's rules.
     pub(super) fn original(self) -> Original {
         match self {
             Self::Fot => Original::Fot,
@@ -39,15 +39,15 @@ impl PlannerName {
         }
     }
 
-    /// All of them.
+    /// All planners.
     pub const ALL: [Self; 5] = [Self::Fot, Self::RrtStar, Self::HybridAstar, Self::Waypoint, Self::Aeb];
 
-    /// Whether the paper has a planner of this name.
+    /// Returns true if the paper has a planner of this name.
     pub(super) fn is_paper(self) -> bool {
         self.original() != Original::Other
     }
 
-    /// The name in files and tables.
+    /// Name in files and tables.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Fot => "fot",
@@ -70,7 +70,7 @@ pub enum Fineness {
 }
 
 impl Fineness {
-    /// The name in files and tables.
+    /// Name in files and tables.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Fast => "fast",
@@ -79,75 +79,76 @@ impl Fineness {
     }
 }
 
-/// Where a plan starts.
+/// Start state of a plan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StartState {
     /// The pose measured at the stamp.
     Measured,
-    /// Moved on by the expected run time.
+    /// The pose predicted over the expected run time.
     Predicted,
 }
 
 /// Run time by planner and discretisation.
 pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 
-/// Read once: every default configuration has it.
+/// Built-in cost, parsed once since every default configuration has it.
 static BUILT_IN_COST: LazyLock<Cost> = LazyLock::new(|| swerve_text::built_in(include_str!("cost.toml")));
 
 /// The motion planner.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanningConfig {
-    /// Which one.
+    /// Motion planner.
     pub planner: PlannerName,
-    /// Its discretisation.
+    /// Discretisation of the planner.
     pub config: Fineness,
-    /// The paper's behaviour, or ours; sets the defaults of the keys below.
+    /// Behaviour of the paper (`paper`) or ours (`best`); sets the defaults of the keys below.
     pub preset: Preset,
-    /// Whose rules the paper's preset keeps: `pylot_2020_05` (when absent) or `pylot_2020_11`.
+    /// Version of Pylot whose rules the preset `paper` follows: `pylot_2020_05` (when absent) or `pylot_2020_11`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub era: Option<Era>,
-    /// Single rules that differ from the era's (`swerve_pylot::Rules` has them with their sources).
+    /// Rules that differ from the era's (`swerve_pylot::Rules` lists them with their sources).
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
     #[schemars(with = "Rules")]
     pub rules: toml::Table,
-    /// What predictions mean for collision checks: `time_indexed`, `may_stop` (pedestrians, anywhere on their way: slow
-    /// or stop while that suffices, else go by where they are predicted to be), `risk` (as `may_stop`, but the least
-    /// likely modes of a predictor are not kept clear of, up to `risk_max`), or the original's `swept_static`; when
-    /// absent `risk`, under the preset `paper` the original's.
+    /// Interpretation of predictions in collision checks: `time_indexed`, `may_stop` (pedestrians may be anywhere on
+    /// their predicted way: slows or stops while that suffices, else passes them at their predicted positions), `risk`
+    /// (as `may_stop`, but ignores the least likely modes of a predictor, up to `risk_max`), or the original's
+    /// `swept_static`; when absent `risk`, under the preset `paper` the original's.
     pub collision: Option<CollisionMode>,
-    /// With `collision = "risk"`: probability that a plan may touch anybody, as far as predictions are right.
+    /// With `collision = "risk"`: largest probability that a plan touches any road user, according to the predictions.
     pub risk_max: f64,
-    /// Deviations of the place that localization tells, metres: from the first on the ego drives slower than its target,
-    /// from the second on at 0.3 of it. When absent 0.4 and 1.0, which is what a car has beside it on its lane over two
-    /// deviations and over one; under the preset `paper` it never does.
+    /// Standard deviations of the localized position at which the ego slows, metres: below its target speed from the
+    /// first, at 0.3 of it from the second. When absent 0.4 and 1.0, at which two deviations and one fit beside the car
+    /// in its lane; under the preset `paper` it never slows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slow_by_sigma_m: Option<[f64; 2]>,
-    /// Standard deviations of the lateral position that plans keep from the edges of the road. The car is no faster than it
-    /// can stop in its lane by dead reckoning with so many to spare at the nearer edge; where they do not fit there it
-    /// stops, and goes on when 1.1 times as many fit. 0 keeps none and never stops. When absent 2.33, which 1 % of a normal
-    /// distribution exceeds; under the preset `paper` 0.
+    /// Margin that plans keep from the edges of the road, in standard deviations of the lateral position. Limits the
+    /// speed so that a stop by dead reckoning ends in the lane with this margin to the nearer edge; where the margin
+    /// does not fit, the car stops, and goes on when 1.1 times the margin fits. 0 keeps none and never stops. When
+    /// absent 2.33, which 1 % of a normal distribution exceeds; under the preset `paper` 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lane_sigmas: Option<f64>,
-    /// Where a plan starts; the preset's when absent.
+    /// Start state of a plan; the preset's when absent.
     pub start: Option<StartState>,
-    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when absent.
+    /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when
+    /// absent.
     pub expected_ms: Option<f64>,
-    /// Parameters of the chosen planner that differ from its preset's and discretisation's.
+    /// Parameters of the planner that differ from the defaults of preset and discretisation.
     #[schemars(with = "crate::config::AnyTable")]
     pub params: toml::Table,
-    /// A ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
-    /// and as long as that takes.
+    /// Ladder of discretisations (`fot@d3`): the planner takes the finest that fits the time left until its deadline,
+    /// with its run time.
     pub ladder: Option<String>,
-    /// The ladder's highest rung that is taken, by its run time, ms; the finest of all when absent.
+    /// Run time of the highest rung that may be taken, ms; the finest of all when absent.
     pub rung_ms: Option<f64>,
-    /// Run time by planner and discretisation; `[operator.planner] runtime` goes before it. A file that names one
-    /// entry replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
+    /// Run time by planner and discretisation; `[operator.planner] runtime` overrides it. A file that names one entry
+    /// replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
     /// Latency added to every plan, ms.
     pub added_latency_ms: f64,
-    /// The comfortable layer above the planner: its plan is driven while one is free.
+    /// Comfortable layer above the planner: its plan is driven while one is collision-free.
     pub comfort: ComfortConfig,
 }
 
@@ -155,10 +156,10 @@ pub struct PlanningConfig {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ComfortConfig {
-    /// Whether there is one; when absent with the preset `best`, except above `aeb`.
+    /// Enables the comfortable layer; when absent with the preset `best`, except above `aeb`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub enabled: Option<bool>,
-    /// Its limits.
+    /// Limits of comfort.
     #[serde(flatten)]
     pub limits: comfort::Params,
 }
@@ -188,7 +189,7 @@ impl Default for PlanningConfig {
 }
 
 impl PlanningConfig {
-    /// The planner that this names, with its parameters.
+    /// Planner of this configuration, with its parameters.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key in `planning.params`.
@@ -196,7 +197,7 @@ impl PlanningConfig {
         self.planner_with(&self.params)
     }
 
-    /// The same with other parameters.
+    /// As `planner`, with other parameters.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key.
@@ -204,12 +205,12 @@ impl PlanningConfig {
         planner::planner(self, params)
     }
 
-    /// The rules of the paper's preset for the chosen planner; what is wrong with them, each by its key.
+    /// Rules of the paper's preset for the chosen planner, or their problems, each by its key.
     pub fn rules(&self) -> Result<Rules, Vec<(String, String)>> {
         planner::rules(self)
     }
 
-    /// The rules of the era alone.
+    /// Rules of the era, without the configuration's changes.
     pub(super) fn rules_of_era(&self) -> Rules {
         Rules::of(self.era.unwrap_or_default(), self.planner.original())
     }
@@ -219,12 +220,12 @@ impl PlanningConfig {
         self.cost.get(&self.planner)?.get(&self.config)
     }
 
-    /// Whether a comfortable layer is above the planner.
+    /// Returns true if the planner has a comfortable layer.
     pub fn has_comfort(&self) -> bool {
         self.comfort.enabled.unwrap_or(self.preset == Preset::Best && self.planner != PlannerName::Aeb)
     }
 
-    /// What predictions mean for collision checks.
+    /// Interpretation of predictions in collision checks.
     pub fn collision(&self) -> CollisionMode {
         self.collision.unwrap_or(match self.preset {
             Preset::Paper => CollisionMode::SweptStatic,
@@ -232,7 +233,7 @@ impl PlanningConfig {
         })
     }
 
-    /// The deviations of localization by which the ego slows, metres.
+    /// Standard deviations of the localized position at which the ego slows, metres.
     pub fn slow_by_sigma_m(&self) -> [f64; 2] {
         self.slow_by_sigma_m.unwrap_or(match self.preset {
             Preset::Paper => [f64::MAX; 2],
@@ -240,7 +241,7 @@ impl PlanningConfig {
         })
     }
 
-    /// Deviations of the lateral position that are kept from the edges of the road.
+    /// Margin to the edges of the road, in standard deviations of the lateral position.
     pub fn lane_sigmas(&self) -> f64 {
         self.lane_sigmas.unwrap_or(match self.preset {
             Preset::Paper => 0.0,
@@ -248,7 +249,7 @@ impl PlanningConfig {
         })
     }
 
-    /// Where a plan starts.
+    /// Start state of a plan.
     pub fn start_state(&self) -> StartState {
         self.start.unwrap_or(match self.preset {
             Preset::Paper => StartState::Measured,

@@ -9,10 +9,10 @@ use super::camera_detectors::WEIGHTS_MAX;
 use super::{Config, PredictionConfig};
 
 impl PredictionConfig {
-    /// The weights of `prediction.weights`; `None` where the key is absent.
+    /// Weights of `prediction.weights`; `None` where the key is absent.
     ///
     /// # Errors
-    /// The file cannot be read or is damaged, or the predictor has no weights or those of another net.
+    /// The file cannot be read or is damaged, the predictor has no weights, or the weights are of another network.
     pub fn file_weights(&self) -> Result<Option<Weights>, String> {
         let Some(path) = &self.weights else { return Ok(None) };
         let mut learned = PredictorName::ALL.into_iter().filter(|name| shipped(*name).is_some());
@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_of_the_predictor_that_uses_them() {
+    fn weights_of_another_predictor_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("mine.weights");
         let weights = shipped(PredictorName::Mfp).unwrap().write();

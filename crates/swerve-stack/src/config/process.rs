@@ -1,4 +1,4 @@
-//! Processes that take steps for the run, `[process.NAME]`.
+//! Worker processes of a run, `[process.NAME]`.
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -16,26 +16,24 @@ use crate::assembly::{Assembly, one_of};
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProcessConfig {
-    /// The operators whose steps it takes.
+    /// Operators whose steps it takes.
     pub operators: Vec<String>,
-    /// Under wall clock, what happens when it dies: the ego is brought to a stop, or it is started again.
+    /// Reaction to its loss under wall clock: the ego is brought to a stop, or the process is restarted.
     pub on_loss: OnLoss,
-    /// Its answers, and its calls at its end, are waited for so long without sleeping, microseconds; saves a wake-up,
-    /// costs a core.
+    /// Time for which its answers, and calls on its side, are waited for without sleeping, microseconds; saves a
+    /// wake-up, costs a core.
     pub spin_us: f64,
-    /// A process that does not answer a step of an operator within this time is killed, seconds. In virtual time the
-    /// run then ends with an error; under wall clock `on_loss` applies. The first step of a neural network may need
-    /// long.
+    /// Time limit for a step of an operator, seconds; a process that does not answer is killed. In virtual time the run
+    /// then ends with an error; under wall clock `on_loss` applies. The first step of a neural network may need long.
     pub reply_within_s: f64,
-    /// What starts it, in place of this program's own `swerve worker`: a program and its arguments, such as
-    /// `["ssh", "other", "swerve", "worker"]`. It hands on standard input and output.
+    /// Command that starts it, in place of this program's own `swerve worker`: a program and its arguments, such as
+    /// `["ssh", "other", "swerve", "worker"]`. It has to pass on standard input and output.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub start: Vec<String>,
-    /// The class in Python that takes the steps, `FILE.py:Class`; the file as a path from the folder of the
-    /// configuration.
+    /// Python class that takes the steps, `FILE.py:Class`; the file as a path from the folder of the configuration.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub python: Option<String>,
-    /// The Python that runs it, with Swerve's package: a path from that folder, or a name; found by itself when absent.
+    /// Python interpreter with Swerve's package: a path from that folder, or a name; found automatically when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interpreter: Option<PathBuf>,
 }
@@ -54,19 +52,20 @@ impl Default for ProcessConfig {
     }
 }
 
-/// The shared memory that the processes of a run share.
+/// Shared memory between the processes of a run.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SharedMemoryConfig {
-    /// Its name, for those who join it from outside, such as a tunnel to another host; one of its own when absent.
+    /// Name of the shared memory, for processes that join it from outside, such as a tunnel to another host; a new name
+    /// for each run when absent.
     pub name: Option<String>,
 }
 
 impl ProcessConfig {
-    /// The file of its class in Python and the name of that, where it has one.
+    /// File and name of its Python class, if it has one.
     ///
     /// # Errors
-    /// What is wrong with what is written.
+    /// The key `python` is malformed.
     pub fn python_class(&self) -> Option<Result<(&Path, &str), String>> {
         let python = self.python.as_deref()?;
         let parts = python.rsplit_once(':').filter(|(file, class)| !file.is_empty() && is_plain_name(class));
@@ -74,7 +73,7 @@ impl ProcessConfig {
         Some(parts.map(|(file, class)| (Path::new(file), class)).ok_or_else(wrong))
     }
 
-    /// What is wrong with how it is started, by key.
+    /// Problems of its start, by key.
     fn problems_of_start(&self) -> Vec<(&'static str, String)> {
         let mut told = Vec::new();
         if self.start.first().is_some_and(String::is_empty) {
@@ -100,19 +99,19 @@ impl ProcessConfig {
         told
     }
 
-    /// How long its answers are waited for without sleeping.
+    /// Time for which its answers are waited for without sleeping.
     pub fn spin(&self) -> Duration {
         Duration::from_secs_f64((self.spin_us * 1e-6).max(0.0))
     }
 
-    /// Longest time for an answer.
+    /// Time limit for an answer.
     pub fn reply_within(&self) -> Duration {
         Duration::from_secs_f64(self.reply_within_s.clamp(0.1, 86_400.0))
     }
 }
 
 impl Config {
-    /// The process that takes the steps of an operator, if it is not this one.
+    /// Process that takes the steps of an operator; `None` for this one.
     pub fn process_of(&self, operator: &str) -> Option<&str> {
         let has = |process: &ProcessConfig| process.operators.iter().any(|name| name == operator);
         self.process.iter().find(|(_, process)| has(process)).map(|(name, _)| name.as_str())
@@ -172,7 +171,7 @@ impl Config {
         self.check_elsewhere(assembly, told);
     }
 
-    /// What only a process can take is in one.
+    /// Checks that operators that need another process are in one.
     fn check_elsewhere(&self, assembly: &Assembly, told: &mut Vec<(String, String)>) {
         let placed = assembly.operators().iter().filter(|placed| placed.kind.node().elsewhere);
         for name in placed.map(|placed| &placed.name).filter(|name| self.process_of(name).is_none()) {
@@ -183,7 +182,7 @@ impl Config {
         }
     }
 
-    /// Those of its processes that take steps in Python, or that this program has no steps for.
+    /// Processes that take steps in Python, or of operators that this program cannot run.
     pub fn processes_elsewhere<'a>(
         &'a self,
         assembly: &'a Assembly,
@@ -194,25 +193,25 @@ impl Config {
         self.process.iter().filter(move |(_, process)| is_needed(process))
     }
 
-    /// Files of programs, and that of a map: a result depends on them as it does on the configuration.
+    /// Files of programs and of a map, on which a result depends as on the configuration.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let programs = self.process.values().filter_map(|process| Some(process.python_class()?.ok()?.0));
         programs.chain(self.localization.map.as_deref())
     }
 }
 
-/// Whether only another process can take the steps of an operator.
+/// Returns true if only another process can take the steps of an operator.
 fn is_elsewhere(assembly: &Assembly, operator: &str) -> bool {
     assembly.operator(operator).is_some_and(|placed| placed.kind.node().elsewhere)
 }
 
-/// A configuration's table with the files in it as paths from anywhere.
+/// A configuration's table with absolute paths.
 pub(super) fn with_whole_paths(mut table: toml::Table, folder: &Path) -> toml::Table {
     let processes = table.get_mut("process").and_then(toml::Value::as_table_mut);
     for (_, process) in processes.into_iter().flatten() {
         for key in ["python", "interpreter"] {
             let Some(toml::Value::String(path)) = process.get_mut(key) else { continue };
-            // A bare name is looked up on the path.
+            // A bare name is looked up on `PATH`.
             let is_program = key == "interpreter" && !path.contains('/');
             if !is_program {
                 make_whole(path, folder);
@@ -233,7 +232,7 @@ fn make_whole(path: &mut String, folder: &Path) {
     }
 }
 
-/// What is wrong with moving an operator, if anything is.
+/// Reason that an operator cannot be moved; `None` if it can.
 fn cannot_move(assembly: &Assembly, operator: &str) -> Option<String> {
     let movable = assembly.operators().iter().map(|placed| placed.name.as_str());
     let movable: Vec<&str> =
@@ -263,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_moved_is_refused_with_the_reason() {
+    fn unmovable_operators_are_refused_with_the_reason() {
         let refused =
             |operator: &str| problems(&format!("[process.a]\noperators = [\"{operator}\"]\n")).join("\n");
         let expected = "c.toml:2: process.a.operators[0]: `world` stays in the coordinator, it is the world; \
@@ -282,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn an_operator_is_in_one_process() {
+    fn operator_may_be_in_one_process_only() {
         let twice =
             "[process.a]\noperators = [\"planner\"]\n[process.b]\noperators = [\"tracker\", \"planner\"]\n";
         assert_eq!(
@@ -304,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn a_class_in_python_is_a_file_and_a_name() {
+    fn python_class_is_a_file_and_a_name() {
         let told =
             |keys: &str| problems(&format!("[process.a]\noperators = [\"tracker\"]\n{keys}\n")).join("\n");
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
@@ -326,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_looked_for_beside_the_configuration() {
+    fn python_file_is_relative_to_the_configuration() {
         let config = "[process.a]\noperators = [\"tracker\"]\npython = \"t.py:T\"\n";
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src");
         let told = |file: &str, sets: &[(String, toml::Value)]| {

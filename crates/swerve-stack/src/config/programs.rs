@@ -1,7 +1,7 @@
-//! Programs that a configuration starts, and the user's consent to that.
+//! Programs that a configuration starts, and the user's consent to them.
 //!
-//! A configuration that is parsed may start nothing: consent is given afterwards, by [`Config::trust`] for the layers
-//! that the user vouches for, or by [`Config::allow_programs`] for all of it.
+//! A parsed configuration may start no program. Consent is given afterwards, by [`Config::trust`] for the layers that
+//! the user vouches for, or by [`Config::allow_programs`] for all of it.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -21,15 +21,15 @@ pub struct NamedProgram {
     pub words: Vec<String>,
 }
 
-/// The keys of a process that name programs, with their values.
+/// Keys of a process that name programs, with their values.
 type Names = BTreeMap<&'static str, toml::Value>;
 
-/// One of the texts that a configuration is made of.
+/// One of the texts that make up a configuration.
 #[derive(Clone)]
 pub struct Layer {
-    /// Its name in messages.
+    /// Name in messages.
     file: String,
-    /// The reason to start no program that it names; `None` for a text of the user's own.
+    /// Reason to start no program that it names; `None` for one of the user's own texts.
     doubt: Option<String>,
     document: Option<Document>,
     table: toml::Table,
@@ -46,14 +46,14 @@ impl Layer {
     pub fn of_sets(file: &str, sets: &[(String, toml::Value)], doubt: Option<String>) -> Self {
         let mut table = toml::Table::new();
         for (key, value) in sets {
-            // An assignment that cannot be made names nothing.
+            // An invalid assignment names nothing.
             let _unset = set(&mut table, key, value.clone());
         }
         let table = with_whole_paths(table, Path::new(""));
         Self { file: file.to_owned(), doubt, document: None, table }
     }
 
-    /// Whether a table names programs at all.
+    /// Returns true if a table may name programs.
     pub fn names_programs(table: &toml::Table) -> bool {
         table.contains_key("process")
     }
@@ -71,7 +71,7 @@ impl Layer {
     }
 }
 
-/// The processes whose programs may be started, by name, and the refusals of the others.
+/// Processes whose programs may be started, by name, and the refusals of the others.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Consent {
     allowed: BTreeMap<String, Names>,
@@ -104,24 +104,24 @@ impl ProcessConfig {
 }
 
 impl Config {
-    /// The programs that it starts, in the order of their processes.
+    /// Programs that it starts, in the order of their processes.
     pub fn programs(&self) -> impl Iterator<Item = NamedProgram> {
         self.process.iter().filter_map(|(name, process)| process.program(name))
     }
 
-    /// Whether a process is started by a program that it names.
+    /// Returns true if a process is started by a program that it names.
     pub fn names_program(&self, process: &str) -> bool {
         self.process.get(process).is_some_and(|config| config.program(process).is_some())
     }
 
-    /// Consents to the programs that it names: the user asked for it.
+    /// Consents to all programs that it names, as requested by the user.
     pub fn allow_programs(&mut self) {
         let all = self.process.iter().map(|(name, process)| (name.clone(), process.names()));
         self.consent = Consent { allowed: all.collect(), refused: BTreeMap::new() };
     }
 
-    /// Consents to the programs that texts of the user's own name; `layers` are all texts that it is made of, the later
-    /// over the earlier. A value that no layer holds is refused.
+    /// Consents to the programs named by the user's own texts; `layers` are all texts of the configuration, later ones
+    /// overriding earlier ones. A value that no layer has is refused.
     pub fn trust(&mut self, layers: &[Layer]) {
         let mut consent = Consent::default();
         for (name, process) in &self.process {
@@ -134,7 +134,7 @@ impl Config {
         self.consent = consent;
     }
 
-    /// The reason to start no program for a process: that the user has not consented to it.
+    /// Reason to start no program for a process: the user has not consented to it.
     pub fn refusal(&self, process: &str) -> Option<Refusal> {
         let config = self.process.get(process)?;
         let program = config.program(process)?;
@@ -164,7 +164,7 @@ impl fmt::Display for Refusal {
 
 const UNNAMED: &str = "named by no file of yours";
 
-/// The reason to distrust the value of one key, if there is one.
+/// Reason to distrust the value of one key, if there is one.
 fn refusal(layers: &[Layer], process: &str, key: &str, value: &toml::Value) -> Option<String> {
     let whole = format!("process.{process}.{key}");
     let Some(layer) = layers.iter().rev().find(|layer| layer.names(process, key).is_some()) else {
@@ -176,7 +176,7 @@ fn refusal(layers: &[Layer], process: &str, key: &str, value: &toml::Value) -> O
     layer.doubt.as_ref().map(|doubt| format!("{}: {doubt}", layer.place(&whole)))
 }
 
-/// A command line for a person: words that a shell would split or change are quoted, control characters escaped.
+/// Command line for display: words that a shell would split or change are quoted, control characters escaped.
 pub fn shown(words: &[String]) -> String {
     let word = |word: &String| {
         let plain = |c: char| c.is_alphanumeric() || "./_-=+:,@%".contains(c);
@@ -194,10 +194,10 @@ fn escaped(c: char) -> String {
 const OUTSIDE: [&str; 6] =
     ["process", "shared_memory", "localization.map", "source", "live", "operator.*.detector"];
 
-/// The key of those that start programs or name files that an assignment sets, or sets a part of, if any.
+/// Key that starts programs or names files or shared memory, if an assignment sets one in whole or in part.
 pub fn reaches_outside(key: &str, value: &toml::Value) -> Option<&'static str> {
     let mut table = toml::Table::new();
-    // An assignment that cannot be made is refused by the reader of configurations.
+    // Invalid assignments are refused by the reader of configurations.
     set(&mut table, key, value.clone()).ok()?;
     OUTSIDE.into_iter().find(|outside| has(&toml::Value::Table(table.clone()), outside))
 }

@@ -1,4 +1,4 @@
-//! From text to a configuration that is checked.
+//! Reading of configurations from text, and their check.
 
 use std::path::Path;
 
@@ -13,12 +13,12 @@ use crate::kind::KeyProblems;
 use crate::registry::Registry;
 
 impl Config {
-    /// Reads a file (or takes the defaults) and applies assignments in order; everything is checked.
+    /// Reads a file (or takes the defaults) and applies assignments in order; checks everything.
     pub fn load(file: Option<&Path>, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::load_with(&Registry::standard(), file, sets)
     }
 
-    /// As [`load`](Self::load), with other kinds of operators than Swerve's own.
+    /// As [`load`](Self::load), with a custom registry of operator kinds.
     pub fn load_with(
         registry: &Registry,
         file: Option<&Path>,
@@ -31,12 +31,12 @@ impl Config {
         Self::from_document_with(registry, &document, sets)
     }
 
-    /// As [`load`](Self::load), from text that is already at hand.
+    /// As [`load`](Self::load), from a parsed document.
     pub fn from_document(document: &Document, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         Self::from_document_with(&Registry::standard(), document, sets)
     }
 
-    /// As [`from_document`](Self::from_document), with other kinds of operators than Swerve's own.
+    /// As [`from_document`](Self::from_document), with a custom registry of operator kinds.
     pub fn from_document_with(
         registry: &Registry,
         document: &Document,
@@ -46,7 +46,7 @@ impl Config {
         if sets.is_empty() { Ok(plain) } else { Self::with_sets(registry, document, sets) }
     }
 
-    /// The configuration that a log holds. What nothing ever depended on is passed over: keys that are no more.
+    /// The configuration of a log, without removed keys that never had an effect on results.
     pub fn logged(text: &str) -> Result<Document, Problems> {
         let mut document = Document::parse("configuration of the log", text)?;
         if let Some(render) = document.table.get_mut("render").and_then(toml::Value::as_table_mut) {
@@ -55,7 +55,7 @@ impl Config {
         Ok(document)
     }
 
-    /// Several files as one: what a later one says goes over what those before it say, key by key.
+    /// Several files as one: later ones override earlier ones, key by key.
     pub fn layered(documents: impl IntoIterator<Item = Document>) -> Option<Document> {
         let whole = |mut document: Document| {
             document.table = with_whole_paths(core::mem::take(&mut document.table), document.folder());
@@ -64,7 +64,7 @@ impl Config {
         documents.into_iter().map(whole).reduce(|base, top| top.over(base))
     }
 
-    /// A file as it is written; its problems have their lines. What is left then is one of an assignment.
+    /// Reads a file as written; its problems have their lines. Problems found later are those of an assignment.
     fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
         renew(&mut table, Counts::Present);
@@ -86,7 +86,7 @@ impl Config {
         Err(in_order(told, problem))
     }
 
-    /// A document that has no problems of its own, with assignments; the problems are theirs.
+    /// Applies assignments to a document without problems; new problems are those of the assignments.
     pub fn with_sets(
         registry: &Registry,
         document: &Document,
@@ -101,7 +101,8 @@ impl Config {
         })
     }
 
-    /// As [`with_sets`](Self::with_sets), with no look at the values: the faults are those of their form.
+    /// As [`with_sets`](Self::with_sets), without checking values: only unknown keys and malformed
+    /// values are problems.
     pub fn formed(
         registry: &Registry,
         document: &Document,
@@ -133,21 +134,21 @@ impl Config {
         if faults.is_empty() { Ok(self) } else { Err(in_order(faults, problem)) }
     }
 
-    /// What is wrong with the values and with the pipeline that they make, beside the `faults` that are known.
+    /// Adds problems of the values and of the resulting pipeline to the `faults` already known.
     fn check(&self, faults: &mut KeyProblems) {
         faults.extend(self.problems_of_values());
         self.check_pipeline(faults);
     }
 }
 
-/// Says of a key that is no more what took its place.
+/// Names the replacement of a removed key.
 fn hint_at_what_went((key, message): &mut KeyProblem) {
     if key == "render.threads" {
         *message = "there is no such key any more: --threads counts for all that a run does".into();
     }
 }
 
-/// Problems in the order of the lines; what has none may follow from them.
+/// Problems ordered by line; those without a line may be consequences and come last.
 fn in_order(
     faults: impl IntoIterator<Item = KeyProblem>,
     problem: impl Fn(&str, String) -> Problem,
@@ -158,7 +159,7 @@ fn in_order(
     problems.into_iter().collect()
 }
 
-/// The key of an entry such as `[camera.front]` where it is written as `[operator.front] kind = "camera"`.
+/// Key of an entry such as `[camera.front]` that is written as `[operator.front] kind = "camera"`.
 fn as_written(document: &Document, key: &str) -> String {
     let mut parts = key.splitn(3, '.');
     let (section, name) = (parts.next().unwrap_or_default(), parts.next().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! Settings that operators are made of: typed and checked, from the configuration as it stands for one of them.
+//! Settings that operators are built from: typed and checked, from the configuration as it applies to one of them.
 
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
@@ -17,27 +17,27 @@ use super::{Config, OperatorConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
 
-/// What the texts of a configuration come to, once. Operators are made of it, and ask no text.
+/// Resolved settings of a configuration. Operators are built from it and read no text.
 #[derive(Clone, Debug)]
 pub struct Resolved {
     /// Limits and times of the safety gate.
     pub gate: GateParams,
     /// The deadline policy.
     pub deadlines: deadline::Params,
-    /// The detector that is emulated, if one is.
+    /// The emulated detector, if there is one.
     pub detector: Option<Emulated>,
-    /// Its ladder, the fastest first; empty where it always is the same.
+    /// Ladder of that detector, the fastest rung first; empty without a ladder.
     pub detector_rungs: Vec<Rung<detector::Params>>,
     /// The tracker behind a detector.
     pub tracker: GroundParams,
-    /// The planner's ladder, the fastest first, each with the parameters that make it; empty where it always is the same.
+    /// Ladder of the planner, the fastest rung first, each with the parameters that define it; empty without a ladder.
     pub planner_rungs: Vec<Rung<toml::Table>>,
     /// The rules of the paper's preset for the chosen planner.
     pub rules: Rules,
 }
 
 impl Resolved {
-    /// All of it. What is wrong is told by key, and a default stands in its place.
+    /// Resolves all settings. Problems are reported by key, and defaults take the place of wrong settings.
     pub fn new(config: &Config, told: &mut KeyProblems) -> Self {
         let mut tell = |section: &str, problems: Vec<KeyProblem>| told.extend(within(section, problems));
         let vehicle = &config.sim.vehicle;
@@ -54,13 +54,13 @@ impl Resolved {
             tell("perception", found);
             None
         });
-        // The noise of a detector that is not emulated is taken to be that of the emulation's defaults.
+        // Without an emulated detector its noise is that of the emulation's defaults.
         let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params);
         let tracker = perception.tracker(&behind, config.prediction.sightings()).unwrap_or_else(|found| {
             tell("perception", found);
             GroundParams::default()
         });
-        // Rungs have the parameters of the detector itself: their problems are the same.
+        // Rungs have the detector's own parameters, and so the same problems.
         let detector_rungs = config.detector_rungs().unwrap_or_else(|mut found| {
             found.retain(|(key, _)| !key.starts_with("params"));
             tell("perception", found);
@@ -84,7 +84,7 @@ impl Resolved {
 }
 
 impl Scheduled {
-    /// The key of `[execution]` that says the length.
+    /// Key of `[execution]` for the length.
     pub(crate) const fn key(self) -> &'static str {
         match self {
             Self::Detector => "detector_ms",
@@ -92,11 +92,11 @@ impl Scheduled {
         }
     }
 
-    /// The period or the fixed deadline of an operator, under the models that have one: as said, else what its fixed run
-    /// time or its highest rung takes; `takes_ms` is what its kind says.
+    /// Period or fixed deadline of an operator, under the models that have one: the configured one, else its fixed run
+    /// time or that of its highest rung; `takes_ms` is the run time given by its kind.
     ///
     /// # Errors
-    /// Nothing says it, or it is none.
+    /// No key gives a length, or it is out of range.
     pub(crate) fn length(
         self,
         config: &Config,
@@ -122,7 +122,7 @@ impl Scheduled {
         span_ms(ms).map(Some)
     }
 
-    /// What is wrong with `[operator.NAME]` of an operator that a model schedules, by key.
+    /// Problems of `[operator.NAME]` of an operator that a model schedules, by key.
     pub(crate) fn problems(self, config: &Config, own: &OperatorConfig) -> Vec<(&'static str, &'static str)> {
         let mut wrong = Vec::new();
         let deadlines = matches!(config.execution.model, Model::StaticDeadlines | Model::DynamicDeadlines);
@@ -143,7 +143,7 @@ impl Scheduled {
 }
 
 impl Config {
-    /// What is wrong with `[execution]`.
+    /// Checks `[execution]`.
     pub(super) fn check_execution(&self, told: &mut KeyProblems) {
         let execution = &self.execution;
         if execution.reaction == Reaction::OnDeadline {

@@ -1,4 +1,4 @@
-//! Which stream is which ROS 2 topic, `[ros2]`: as written, checked by the bridge's own mapping.
+//! Mapping of streams to ROS 2 topics, `[ros2]`: kept as written, checked by the bridge's mapping.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,19 +8,20 @@ use swerve_ros2::mapping::{Mapping, Vehicle};
 use super::Config;
 use super::clock::Clock;
 
-/// Who drives the simulated car.
+/// Driver of the simulated car.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EgoDriver {
     /// Our own stack.
     #[default]
     Stack,
-    /// Another one, by the command topics of `[ros2]`, through the safety gate. The car stands until it is engaged.
+    /// Another stack, by the command topics of `[ros2]`, through the safety gate. The car stands still until it is
+    /// engaged.
     Ros2,
 }
 
 impl Config {
-    /// Whether another stack drives, over ROS 2.
+    /// Returns true if another stack drives, over ROS 2.
     pub fn is_driven_over_ros2(&self) -> bool {
         self.ego.driver == EgoDriver::Ros2
     }
@@ -45,7 +46,7 @@ impl Config {
         if !self.process.is_empty() {
             tell("process", "ego.driver is \"ros2\": nothing runs that could be moved to a process");
         }
-        // What is wrong with the table itself is told by its own check.
+        // Problems of the table itself are reported by its own check.
         if self.ros2_mapping().is_ok_and(|mapping| mapping.vehicle == Vehicle::Plain) {
             tell(
                 "ros2.vehicle",
@@ -54,10 +55,10 @@ impl Config {
         }
     }
 
-    /// The topics of `[ros2]`, on the network that the environment names where the table does not.
+    /// Topics of `[ros2]`, on the network that the environment names where the table does not.
     ///
     /// # Errors
-    /// A variable of the environment that says nothing that ROS knows.
+    /// An environment variable of ROS has an invalid value.
     pub fn ros2_mapping(&self) -> anyhow::Result<Mapping> {
         let network = Network::from_variables(|name| std::env::var(name).ok())?;
         Ok(Mapping::from_table(&self.ros2, network)?)
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn all_problems_are_told_with_line_and_key() {
+    fn ros2_problems_are_reported_with_line_and_key() {
         let text = "[ros2]\nvehicle = \"autowear\"\nspeed = 3\n[ros2.topics.lidr]\ntopic = \"/points\"\n\
                     [ros2.topics.camera_left]\nrole = \"camera\"\n[ros2.topics.imu]\nqos = \"sensr\"\n";
         let said = read(text).unwrap_err();
@@ -98,7 +99,7 @@ mod tests {
             assert!(said.iter().any(|s| s.starts_with(line) && s.ends_with(says)), "{line}: {said:#?}");
         }
         assert_eq!(said.len(), 5, "{said:#?}");
-        // A table of another form than a table is told by its kind.
+        // A value that is not a table is reported with its type.
         assert_eq!(read("ros2 = 3\n").unwrap_err(), ["c.toml:1: ros2: expected a table, found 3"]);
         assert_eq!(
             read("[ros2]\ntopics = 3\n").unwrap_err(),
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn another_driver_needs_the_real_clock_and_the_gate() {
+    fn ros2_driver_needs_the_wall_clock_and_the_gate() {
         let told = read("[ego]\ndriver = \"ros2\"\n[ros2]\nvehicle = \"plain\"\n").unwrap_err();
         let keys: Vec<&str> = told.iter().map(|t| t.split(": ").nth(1).unwrap()).collect();
         assert_eq!(keys, ["ros2.vehicle", "clock.source", "gate.enabled"], "{told:?}");
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_kept_as_it_is() {
+    fn ros2_table_is_kept_as_written() {
         let config =
             read("[ros2]\nvehicle = \"plain\"\ndomain = 7\n[ros2.topics.lidar]\ntopic = \"/os1\"\n").unwrap();
         let document = Document::parse("resolved", config.to_text()).unwrap();

@@ -1,4 +1,4 @@
-//! Radars and lidars on the ego vehicle, `[radar.NAME]` and `[lidar.NAME]`, and what all sensors have in common.
+//! Radars and lidars on the ego vehicle, `[radar.NAME]` and `[lidar.NAME]`, and common parts of all sensors.
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -13,50 +13,50 @@ use swerve_vehicle::{Shape, VehicleParams};
 use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 
-/// What is wrong, by key.
+/// Problems, by key.
 type Faults = Vec<(String, String)>;
 
 /// One radar.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadarConfig {
-    /// Which class of radar.
+    /// Class of radar.
     pub preset: RadarPreset,
-    /// What differs from the preset.
+    /// Parameters that differ from the preset.
     #[schemars(with = "RadarParams")]
     pub params: toml::Table,
-    /// Where it sits in the ego frame, m; the middle of the front bumper, 0.5 m up, when absent.
+    /// Position in the ego frame, m; the middle of the front bumper, 0.5 m up, when absent.
     pub at_m: Option<[f64; 3]>,
-    /// Turned left, degrees.
+    /// Yaw, degrees; positive to the left.
     pub yaw_deg: f64,
-    /// Between two scans, ms; the preset's when absent.
+    /// Time between two scans, ms; the preset's when absent.
     pub period_ms: Option<f64>,
-    /// Time that echoes are gathered, ms; the stamp is its middle.
+    /// Time for which echoes are gathered, ms; the stamp is its middle.
     pub exposure_ms: f64,
-    /// How long the scan is read out, ms.
+    /// Read-out time of a scan, ms.
     pub readout_ms: f64,
-    /// From there to the reader, ms.
+    /// Time from the read-out to the reader, ms.
     pub transfer_ms: f64,
 }
 
 impl RadarConfig {
-    /// The radar, on this vehicle.
+    /// Radar on this vehicle.
     pub fn radar(&self, vehicle: &VehicleParams) -> Result<Radar, Faults> {
         Ok(Radar::new(self.params()?, self.mount(&vehicle.shape), vehicle))
     }
 
-    /// Between two scans, ms.
+    /// Time between two scans, ms.
     pub fn period_ms(&self) -> f64 {
         self.period_ms.unwrap_or_else(|| self.preset.period().as_secs() * 1e3)
     }
 
-    /// When readers have a scan.
+    /// Times from exposure to the reader.
     pub fn timing(&self) -> SensorTiming {
         let &Self { exposure_ms, readout_ms, transfer_ms, .. } = self;
         SensorTiming { exposure_ms, readout_ms, transfer_ms, rolling: false }
     }
 
-    /// Where it sits and looks.
+    /// Pose on the vehicle.
     pub fn mount(&self, shape: &Shape) -> SensorMount {
         let front = SensorMount::front(shape);
         let [x_m, y_m, z_m] = self.at_m.unwrap_or([front.x_m, front.y_m, front.z_m]);
@@ -86,33 +86,33 @@ impl RadarConfig {
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LidarConfig {
-    /// Which class of lidar.
+    /// Class of lidar.
     pub preset: LidarPreset,
-    /// What casts the rays: `cpu`, the same points on every machine, or `gpu`, which pays from 64 beams on.
+    /// Ray caster: `cpu`, the same points on every machine, or `gpu`, worthwhile from 64 beams on.
     pub engine: LidarEngine,
-    /// What differs from the preset.
+    /// Parameters that differ from the preset.
     #[schemars(with = "LidarSpec")]
     pub params: toml::Table,
     /// Elevation and azimuth offset of each laser, degrees; the preset's when empty.
     pub beams_deg: Vec<[f64; 2]>,
-    /// Turns per second; the preset's when absent.
+    /// Rotation rate, turns per second; the preset's when absent.
     pub rate_hz: Option<f64>,
-    /// Where it sits in the ego frame, m; above the middle of the roof, 1.9 m up, when absent.
+    /// Position in the ego frame, m; above the middle of the roof, 1.9 m up, when absent.
     pub at_m: Option<[f64; 3]>,
-    /// Turned about its own axis, degrees; positive leans right.
+    /// Roll about the forward axis, degrees; positive leans right.
     pub roll_deg: f64,
-    /// Turned down, degrees.
+    /// Pitch, degrees; positive downwards.
     pub pitch_deg: f64,
-    /// Turned left, degrees.
+    /// Yaw, degrees; positive to the left.
     pub yaw_deg: f64,
-    /// How long a turn is read out after its last column, ms.
+    /// Read-out time of a sweep after its last column, ms.
     pub readout_ms: f64,
-    /// From there to the reader, ms.
+    /// Time from the read-out to the reader, ms.
     pub transfer_ms: f64,
 }
 
 impl LidarConfig {
-    /// What it is made from, its noise keyed by `seed`.
+    /// Specification of the lidar, its noise keyed by `seed`.
     pub fn spec(&self, seed: u64) -> Result<LidarSpec, Faults> {
         let beside = [("beams", "beams_deg"), ("rate_hz", "rate_hz")];
         let mut table = self.params.clone();
@@ -145,20 +145,20 @@ impl LidarConfig {
         Ok(spec)
     }
 
-    /// Its place in the ego frame, m.
+    /// Position in the ego frame, m.
     pub fn at_m(&self, shape: &Shape) -> [f64; 3] {
         let roof = SensorMount::roof(shape);
         self.at_m.unwrap_or([roof.x_m, roof.y_m, roof.z_m])
     }
 
-    /// Where it sits and looks.
+    /// Pose in the ego frame.
     pub fn ego_from_lidar(&self, shape: &Shape) -> Transform<Ego, Lidar> {
         let [x, y, z] = self.at_m(shape);
         let [roll, pitch, yaw] = [self.roll_deg, self.pitch_deg, self.yaw_deg].map(f64::to_radians);
         Transform::from_roll_pitch_yaw(Point::new(x, y, z), roll, pitch, yaw)
     }
 
-    /// When readers have a turn. Its stamp is its end.
+    /// Times from the end of a sweep, which is its stamp, to the reader.
     pub fn timing(&self) -> SensorTiming {
         let &Self { readout_ms, transfer_ms, .. } = self;
         SensorTiming { exposure_ms: 0.0, readout_ms, transfer_ms, rolling: false }
@@ -187,7 +187,7 @@ impl LidarConfig {
     }
 }
 
-/// A lidar's fault under the key that it has here.
+/// Problem of a lidar under its key in the configuration.
 fn lidar_fault(error: &ParamError) -> (String, String) {
     let field = error.key.as_ref();
     let here = |text: &str| text.replace("beams[", "beams_deg[");
@@ -200,8 +200,7 @@ fn lidar_fault(error: &ParamError) -> (String, String) {
     (key, format!("expected {}, found {}", error.expected, here(&error.value.to_string())))
 }
 
-/// A preset with some of its parameters changed. What is `beside` the parameters under a key of its own is no
-/// key of theirs.
+/// A preset with changed parameters. Keys in `beside` are set outside the parameters and refused among them.
 fn overridden<T: Serialize + DeserializeOwned>(
     preset: &T,
     params: &toml::Table,
@@ -252,7 +251,7 @@ fn timing_faults(timing: &SensorTiming) -> Faults {
 }
 
 impl Config {
-    /// The names of the sensors that have tables of their own, with those tables' names.
+    /// Names of the sensors with named tables, each with the name of the table.
     fn named_sensors(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let cameras = self.camera.keys().map(|name| ("camera", name.as_str()));
         let radars = self.radar.keys().map(|name| ("radar", name.as_str()));
@@ -260,17 +259,17 @@ impl Config {
         cameras.chain(radars).chain(lidars)
     }
 
-    /// The names of all cameras, radars and lidars.
+    /// Names of all cameras, radars and lidars.
     pub fn sensors(&self) -> impl Iterator<Item = &str> {
         self.named_sensors().map(|(_, name)| name)
     }
 
-    /// Whether a sensor runs: an operator reads it, or `log.sensors` names it.
+    /// Returns true if a sensor runs: an operator reads it, or `log.sensors` names it.
     pub fn runs(&self, sensor: &str) -> bool {
         Assembly::with_problems(self, &mut Vec::new()).has(sensor)
     }
 
-    /// When readers have what a camera, radar or lidar saw, and the time between two steps of its operator.
+    /// Times from exposure to the reader of a camera, radar or lidar, and the time between two steps of its operator.
     pub fn sensor_timing(&self, name: &str) -> Option<(SensorTiming, Span)> {
         let with = |timing, ms: f64| (timing, Span::from_secs(ms * 1e-3));
         let camera = self.camera.get(name).map(|camera| with(camera.timing(), camera.period_ms));

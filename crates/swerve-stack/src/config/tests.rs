@@ -2,7 +2,7 @@ use super::execution::Runtime;
 use super::*;
 use swerve_text::{Document, parse_assignment};
 
-/// The configuration that a text and assignments make, or its problems, one on a line.
+/// Configuration from a text and assignments, or its problems, one on a line.
 pub(super) fn config(text: &str, sets: &[&str]) -> Result<Config, String> {
     let sets: Vec<_> = sets.iter().map(|set| parse_assignment(set).unwrap()).collect();
     let document = Document::parse("c.toml", text).unwrap();
@@ -16,7 +16,7 @@ fn problems(text: &str, sets: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn every_fault_is_told_with_file_line_and_key() {
+fn every_problem_is_reported_with_file_line_and_key() {
     let text = "[sim]\ndt_ms = nan\n[sensing]\nrange_m = -1\n[operator.planer]\npolicy = \"queue(0)\"\n[operator.planner]\nuses = \"gpu0\"\n";
     let found = problems(text, &[]);
     assert_eq!(found[0], "c.toml:2: sim.dt_ms: expected 1 to 20, found NaN");
@@ -30,9 +30,9 @@ fn every_fault_is_told_with_file_line_and_key() {
     assert!(found[4].starts_with("c.toml:8: operator.planner.uses: unknown resource `gpu0`"));
 }
 
-/// Slips in keys and names beside values that are wrong: both at once, and nothing that only follows from a slip.
+/// Misspelt keys and names together with wrong values: both are reported at once, without their consequences.
 #[test]
-fn what_is_wrong_with_form_and_values_is_told_at_once() {
+fn misspelt_keys_and_wrong_values_are_reported_together() {
     let cases: [(&str, &[&str]); 5] = [
         (
             "[planning]\nplaner = \"fot\"\n[sim]\ndt_ms = 50\n[operator.planer]\n",
@@ -42,7 +42,7 @@ fn what_is_wrong_with_form_and_values_is_told_at_once() {
                 "c.toml:5: operator.planer: unknown operator, expected one of supervisor, ",
             ],
         ),
-        // With the preset as it was meant there is nothing wrong with the era.
+        // With the intended preset the era is valid.
         (
             "[planning]\nprest = \"paper\"\nera = \"pylot_2020_11\"\n[control]\nperiod_ms = 0\n",
             &[
@@ -54,7 +54,7 @@ fn what_is_wrong_with_form_and_values_is_told_at_once() {
             "[planning]\npreset = \"papr\"\nera = \"pylot_2020_11\"\n",
             &["c.toml:2: planning.preset: expected one of \"paper\", \"best\", found \"papr\""],
         ),
-        // A value that is wrong under the key that was meant is told when the key is right.
+        // A wrong value under a misspelt key is reported once the key is corrected.
         ("[sim]\ndt_sm = 50\n", &["c.toml:2: sim.dt_sm: unknown key; did you mean \"dt_ms\"?"]),
         (
             "[operator.front]\nkind = \"camera\"\nperiod_sm = 50\n[sensing]\nrange_m = -1\n",
@@ -73,7 +73,7 @@ fn what_is_wrong_with_form_and_values_is_told_at_once() {
 }
 
 #[test]
-fn unknown_names_offer_the_nearest() {
+fn unknown_names_are_reported_with_the_nearest_one() {
     let unknown = &problems("[planning]\nplanner = \"rrtstar\"\n", &[])[0];
     assert!(unknown.starts_with("c.toml:2: planning.planner: expected one of \"fot\", "), "{unknown}");
     assert!(unknown.ends_with("found \"rrtstar\"; did you mean \"rrt_star\"?"), "{unknown}");
@@ -95,7 +95,7 @@ fn every_planner_has_a_built_in_cost() {
 }
 
 #[test]
-fn the_resolved_text_reads_back_as_itself() {
+fn resolved_text_reads_back_as_itself() {
     let mut config = Config::default();
     config.operator.insert(
         "planner".into(),
@@ -107,7 +107,7 @@ fn the_resolved_text_reads_back_as_itself() {
 }
 
 #[test]
-fn rules_of_the_paper_are_told_with_line_and_key() {
+fn problems_of_the_papers_rules_are_reported_with_line_and_key() {
     let wrong = |preset: &str, rest: &str| {
         let text = format!("[planning]\npreset = \"{preset}\"\ncollision = \"swept_static\"\n{rest}");
         problems(&text, &[]).remove(0)
@@ -156,7 +156,7 @@ fn rules_of_the_paper_are_told_with_line_and_key() {
 }
 
 #[test]
-fn single_rules_differ_from_the_eras() {
+fn single_rules_override_the_eras() {
     let config = |text: &str| Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();
     let of = |rest: &str| {
         let planning =

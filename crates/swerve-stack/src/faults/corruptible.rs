@@ -1,4 +1,4 @@
-//! The messages that faults can befall, and how.
+//! Messages that faults can affect, and their numbers.
 
 use swerve_core::{Rng, Time};
 use swerve_flow::Payload;
@@ -10,19 +10,19 @@ use swerve_msg::{
 
 use crate::config::injection::{Carries, Corruption};
 
-/// A message that a fault can befall.
+/// A message that a fault can affect.
 pub trait Corruptible: Payload + Clone {
-    /// Makes it say that it describes `stamp`.
+    /// Changes the stamp to `stamp`.
     fn restamp(&mut self, stamp: Time);
     /// Changes its numbers.
     fn corrupt(&mut self, how: Corruption, rng: &mut Rng);
-    /// What a stream of it carries that is published on this output.
+    /// Contents of a stream published on this output.
     fn carries(_output: &str) -> Carries {
         Carries::Numbers
     }
 }
 
-/// A number of a message, and what noise of 1 means for it: a metre, a metre a second, a degree, a hundredth.
+/// A number of a message, and its unit of noise: a metre, a metre per second, a degree, a hundredth.
 type Number<'a> = (&'a mut f64, f64);
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
@@ -37,7 +37,7 @@ fn corrupt(mut numbers: Vec<Number<'_>>, how: Corruption, rng: &mut Rng) {
             let which = rng.below(numbers.len());
             *numbers[which].0 = f64::NAN;
         }
-        // The configuration's check lets bits flip in images and point clouds only.
+        // Flipped bits are configurable for images and point clouds only.
         Corruption::Nan | Corruption::FlipBits(_) => {}
     }
 }
@@ -139,7 +139,7 @@ impl Corruptible for Image {
     fn corrupt(&mut self, how: Corruption, rng: &mut Rng) {
         match &mut self.pixels {
             Pixels::Rgb8(levels) => corrupt_levels(levels, how, rng),
-            // A class or an identity that is nearly another one is another one: no noise on these.
+            // No noise on classes and identities: a neighbouring value means something else.
             Pixels::ClassU8(ids) => {
                 flip_ids(how, |bits| flip(ids, bits, rng, |id, bit| *id ^= 1 << (bit & 7)))
             }
@@ -202,7 +202,7 @@ fn corrupt_floats(numbers: &mut [f32], how: Corruption, rng: &mut Rng) {
     }
 }
 
-/// Flips so many bits anywhere: `change` flips one of a number's 32, or fewer.
+/// Flips `bits` random bits: `change` flips one of up to 32 bits of a number.
 fn flip<T>(numbers: &mut [T], bits: u32, rng: &mut Rng, change: impl Fn(&mut T, usize)) {
     if numbers.is_empty() {
         return;

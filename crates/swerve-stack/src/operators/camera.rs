@@ -24,9 +24,9 @@ pub(super) struct Cameras;
 /// The newest state of the world, at each frame.
 #[derive(Inputs)]
 struct In {
-    /// The camera's period.
+    /// Period of the camera.
     tick: Every,
-    /// What there is to be seen.
+    /// State of the world to render.
     world: Latest<WorldState>,
 }
 
@@ -39,11 +39,11 @@ struct Out {
     depth: Port<Image>,
     /// Cityscapes ids.
     semantic: Port<Image>,
-    /// Which actor is seen.
+    /// Identity of the actor at each pixel.
     instance: Port<Image>,
 }
 
-/// What lies between the stamp of what a camera, radar or lidar saw and its readers.
+/// Latency from the stamp of a camera, radar or lidar to its readers.
 pub(super) fn on_its_way(settings: &Settings<'_>) -> Option<OnItsWay> {
     let (timing, period) = settings.config.sensor_timing(settings.name)?;
     let (after, frames) = (timing.visible_after(), timing.in_flight(period));
@@ -138,7 +138,7 @@ impl Operator for CameraOperator {
         let Some(world) = input.world.get() else { return };
         let (stamp, ego, scene) = (cx.stamp(), world.ego.clone(), self.stage.scene_of(world));
         if let Err(error) = Renderer::check(&scene, &self.eye.view(stamp, &ego)) {
-            // A world whose numbers are no longer finite.
+            // A world with non-finite numbers.
             return cx.stop_run(format!("camera {}: {error}", cx.name()));
         }
         let ports = [&mut out.rgb, &mut out.depth, &mut out.semantic, &mut out.instance];

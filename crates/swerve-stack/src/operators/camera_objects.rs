@@ -1,4 +1,4 @@
-//! Objects in the images of a camera: boxes on the ground, without neural networks.
+//! Object detection in camera images: boxes on the ground, without neural networks.
 
 use swerve_core::{Span, Time};
 use swerve_flow::{
@@ -20,47 +20,47 @@ use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
 use crate::registry::Registry;
 use crate::site::Site;
 
-/// Past poses kept to find the one measured at an image's stamp, and how the body pitched until then: at 100 Hz.
+/// Past poses kept to find the one at an image's stamp and to estimate the body's pitch until then: at 100 Hz.
 const POSES: usize = 256;
 
-/// The body's pitch is followed in steps of at most so much, seconds.
+/// Largest integration step of the body's pitch, seconds.
 const PITCH_STEP_S: f64 = 0.01;
 
-/// Finds objects in a camera's images, on one rung of a detector or on the one that fits the time left.
+/// Detects objects in a camera's images, on one rung of a detector or on the one that fits the time left.
 pub(super) struct CameraDetector;
 
-/// The image of this stamp, and where the ego was.
+/// Image of this stamp, and past poses of the ego.
 #[derive(Inputs)]
 struct In {
-    /// What the camera sees, in colour.
+    /// Colour image of the camera.
     image: At<Image>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
-    /// What is followed, for a rung that searches around tracks.
+    /// Tracks, for a rung that searches around them.
     #[port(feedback)]
     tracks: Option<Latest<TrackList>>,
 }
 
-/// The newest image, at each tick.
+/// Newest image, at each tick.
 #[derive(Inputs)]
 struct PeriodicIn {
-    /// The detector's period.
+    /// Period of the detector.
     tick: Every,
-    /// What the camera sees, in colour.
+    /// Colour image of the camera.
     image: Latest<Image>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
-    /// What is followed, for a rung that searches around tracks.
+    /// Tracks, for a rung that searches around them.
     #[port(feedback)]
     tracks: Option<Latest<TrackList>>,
 }
 
-/// Boxes, and how they came about.
+/// Boxes, and the rung that found them.
 #[derive(Outputs)]
 struct Out {
-    /// What was found.
+    /// Detected objects.
     boxes: Port<Detections>,
-    /// The rung that it took.
+    /// Rung that was used.
     rung: Port<RungTaken>,
 }
 
@@ -92,8 +92,8 @@ impl CameraObjectsTable {
         told
     }
 
-    /// The rungs of the detector that it may take, in its order. One that searches around tracks is on a ladder only where
-    /// it is the one that is named: at most it takes as long as the same without them.
+    /// Rungs of the detector that may be used, in its order. A rung that searches around tracks is on a ladder only if
+    /// it is the named one: its longest run time is that of the same rung without tracks.
     fn taken<'a>(&self, weights: &'a Weights) -> impl Iterator<Item = &'a swerve_vision::acf::Rung> {
         let named = weights.rungs.iter().position(|rung| rung.name == self.rung).unwrap_or(0);
         let first = if self.ladder { 0 } else { named };
@@ -101,13 +101,12 @@ impl CameraObjectsTable {
         rungs.filter(move |(k, rung)| first + k == named || rung.whole_every == 1).map(|(_, rung)| rung)
     }
 
-    /// Whether one of them searches around tracks.
+    /// Returns true if one of these rungs searches around tracks.
     fn follows(&self, weights: &Weights) -> bool {
         self.taken(weights).any(|rung| rung.whole_every > 1)
     }
 
-    /// The rungs that it may take, the fastest first, the one that is named last; on a ladder each with what it takes at
-    /// most.
+    /// Rungs that may be used, the fastest first and the named one last; on a ladder each with its longest run time.
     fn rungs(&self, weights: &Weights) -> Result<Vec<Rung<CameraObjects>>, (&'static str, String)> {
         let mut rungs = Vec::new();
         for rung in self.taken(weights) {
@@ -120,7 +119,7 @@ impl CameraObjectsTable {
             let run_time = span_ms(most_ms).map_err(|message| ("run_times_ms", message))?;
             rungs.push(Rung { name: rung.name.clone(), run_time, what });
         }
-        // One that is slower than a better one is on no ladder.
+        // A rung slower than a better one is left out.
         let top = rungs.last().map_or(Span::ZERO, |rung| rung.run_time);
         rungs.retain(|rung| rung.run_time <= top);
         rungs.sort_by_key(|rung| rung.run_time);
@@ -128,7 +127,7 @@ impl CameraObjectsTable {
     }
 }
 
-/// The keys of an operator.
+/// Keys of an operator.
 fn table(settings: &Settings<'_>) -> CameraObjectsTable {
     CameraObjectsTable::of(settings.config, settings.name)
 }
@@ -203,22 +202,22 @@ impl OperatorKind for CameraDetector {
     }
 }
 
-/// One that runs on its images.
+/// Runs on the images of its input.
 struct Detector {
     rungs: Vec<Rung<CameraObjects>>,
-    /// On a ladder the rung says what a step takes.
+    /// True on a ladder, where the rung defines the run time of a step.
     spends: bool,
     route: Route,
     vehicle: VehicleParams,
 }
 
-/// One that runs on a timer, on the newest image there is; on none twice.
+/// Runs on a timer, on the newest image; never twice on the same one.
 struct Periodic {
     detector: Detector,
     last: Option<Time>,
 }
 
-/// Past poses of the ego, and what is followed.
+/// Past poses of the ego, and the tracks.
 type Around<'a> = (&'a [EgoState], Option<&'a TrackList>);
 
 impl Detector {
@@ -244,7 +243,7 @@ impl Detector {
     }
 }
 
-/// How the body is pitched after these poses, nose down positive.
+/// Pitch of the body after these poses, radians, positive nose down.
 pub(super) fn pitch_rad(poses: &[EgoState], vehicle: &VehicleParams) -> f64 {
     let mut pitch = Pitch::default();
     for pair in poses.windows(2).filter(|pair| pair[0].is_plausible()) {

@@ -1,15 +1,16 @@
-//! Road users that stopped or set off a moment ago: who changes pace may change it again.
+//! Road users that stopped or set off recently and may do so again.
 
 use std::collections::BTreeMap;
 
 use swerve_core::{Span, Time};
 use swerve_msg::{ActorId, Prediction};
 
-/// A road user at rest moves from the first speed on; a moving one rests below the second, m/s.
+/// Thresholds with hysteresis: a road user at rest starts to move at the first speed; a moving one comes to rest below
+/// the second, m/s.
 const MOVES_MPS: f64 = 1.0;
 const STANDS_MPS: f64 = 0.4;
 
-/// Changes are remembered for this long.
+/// Time for which changes are remembered.
 const LATELY: Span = Span::from_ms(3000);
 
 /// Pace of each road user, and the instant of its last change.
@@ -24,7 +25,7 @@ struct Pace {
 }
 
 impl Changes {
-    /// Takes in predictions, whose first points show who moves, and returns the road users that changed lately.
+    /// Updates from predictions, whose first points give the speeds, and returns the road users that changed recently.
     pub(super) fn take(&mut self, stamp: Time, predictions: &[Prediction]) -> Vec<ActorId> {
         for one in predictions {
             let Some(speed_mps) = speed_mps(one) else { continue };
@@ -71,14 +72,14 @@ mod tests {
     }
 
     #[test]
-    fn who_stopped_or_set_off_is_remembered_for_three_seconds() {
+    fn changes_of_pace_are_remembered_for_three_seconds() {
         let mut changes = Changes::default();
         let mut seen = |s: f64, speeds: [f64; 3]| {
             let stamp = Time::ZERO + Span::from_secs(s);
             let all: Vec<_> = (1..).zip(speeds).map(|(id, speed_mps)| at(id, speed_mps, stamp)).collect();
             changes.take(stamp, &all).iter().map(|id| id.0).collect::<Vec<_>>()
         };
-        // One stops, one sets off, and one who stands seems to move a little.
+        // One stops, one sets off, and one at rest seems to move a little.
         assert_eq!(seen(0.0, [8.0, 0.0, 0.0]), [0; 0], "nobody has been seen to change");
         assert_eq!(seen(1.0, [0.5, 0.9, 0.7]), [0; 0]);
         assert_eq!(seen(2.0, [0.3, 1.2, 0.7]), [1, 2]);

@@ -1,4 +1,4 @@
-//! Commands on their way to a real vehicle.
+//! Checks of commands to a real vehicle.
 
 use swerve_core::{Span, Time};
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
@@ -7,19 +7,19 @@ use swerve_msg::{MotionCommand, Plan};
 use crate::kind::{Kind, NoKeys, Node, Settings};
 use crate::site::Site;
 
-/// Lets commands pass that are made from a new state and a plan that is not too old. For the gate behind it the
-/// others are silence.
+/// Passes on commands that are made from a new state and a recent plan. The gate treats the absence of commands as
+/// silence.
 pub(super) struct FreshCommands {
     timeout: Span,
     last: Time,
 }
 
-/// A command, and the newest plan.
+/// Command, and newest plan.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// What the controller asks for.
+    /// Command of the controller.
     command: At<MotionCommand>,
-    /// What it follows.
+    /// Plan that it follows.
     plan: Latest<Plan>,
 }
 

@@ -1,4 +1,4 @@
-//! Controllers: from plans to what the vehicle is asked for.
+//! Controllers: from plans to commands for the vehicle.
 
 use std::sync::Arc;
 
@@ -17,28 +17,28 @@ use crate::config::{Config, ControllerName};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
-/// A controller: of pedals, or of motion where a safety gate comes behind it.
+/// A controller of pedals, or of motion if a safety gate follows.
 pub(super) struct Controllers;
 
-/// The newest of all that it follows, at each tick.
+/// Newest inputs, at each tick.
 #[derive(Inputs)]
 struct In {
-    /// The controller's period.
+    /// Period of the controller.
     tick: Every,
-    /// Where the ego is.
+    /// State of the ego.
     ego: Latest<EgoState>,
-    /// Where it is to be when.
+    /// Plan to follow.
     plan: Latest<Plan>,
-    /// The same for control: ego and plan are compared in the odometry frame.
+    /// Local poses: ego and plan are compared in the odometry frame.
     local: Option<Window<LocalPose, LOCAL_POSES>>,
-    /// Who of the run's processes is gone.
+    /// Lost processes of the run.
     processes: Vec<Latest<Supervision>>,
 }
 
-/// Poses for control read at each tick: more than come between two.
+/// Local poses read at each tick: more than arrive between two.
 const LOCAL_POSES: usize = 16;
 
-/// Whether what it asks for is motion.
+/// Returns true if the controller publishes motion commands.
 fn asks_for_motion(config: &Config) -> bool {
     config.gate.enabled || config.live.is_some()
 }
@@ -73,21 +73,21 @@ impl OperatorKind for Controllers {
     }
 }
 
-/// Follows the newest plan; the route before there is one. Stops where a process is lost.
+/// Follows the newest plan, or the route before the first plan. Stops if a process is lost.
 struct PlanFollower {
     controller: Controller,
-    /// The original's way to follow a plan, where that is asked for.
+    /// The original's follower, if configured.
     original: Option<Follower>,
     vehicle: VehicleParams,
     route: Route,
-    /// The newest state that a car can be in.
+    /// Newest plausible state.
     ego: Option<EgoState>,
-    /// The newest plan that a car can follow. Its time runs out where none comes after it.
+    /// Newest plausible plan. It expires where no new one follows.
     plan: Option<Arc<Plan>>,
     local: LocalPoses,
-    /// The pose for control of that plan's stamp.
+    /// Local pose at that plan's stamp.
     plan_local: Option<LocalPose>,
-    /// Where the ego comes to a stop, while it has to.
+    /// Path of a stop, while one is required.
     stop_along: Option<Plan>,
 }
 
@@ -115,10 +115,10 @@ impl PlanFollower {
         }
     }
 
-    /// One step of control: the state that it is for, and what comes out. Nothing where there is no state.
+    /// One step of control: the state used, and the output; `None` before the first state.
     fn step(&mut self, now: Time, input: &In) -> Option<(EgoState, Output)> {
-        // An implausible state or plan is ignored, and a state that only repeats the last one or was overtaken by it: that
-        // one counts until it is too old.
+        // Ignores implausible states and plans, and states that repeat the last one or are older: the last one is used
+        // until it is too old.
         let is_news =
             |ego: &EgoState| self.ego.is_none_or(|before| ego.stamp >= before.stamp && !ego.repeats(&before));
         let ego = input.ego.get().filter(|ego| ego.is_plausible() && is_news(ego));
@@ -131,13 +131,13 @@ impl PlanFollower {
             }
             self.plan = Some(plan.shared());
         }
-        // In the map as the plan knew it: a correction since then moves the ego as little as the plan.
+        // In the map as the plan knew it: a correction since then moves neither the ego nor the plan.
         let known = self.plan_local.or_else(|| self.local.at(ego.stamp));
         let ego = &self.local.state(ego, known);
         let plan = self.plan.as_deref();
         let gone = |processes: &Latest<Supervision>| processes.get().is_some_and(|all| !all.gone.is_empty());
         if input.processes.iter().any(gone) {
-            // Plans that still come are not looked at: what they are made from may be out of date.
+            // Newer plans are ignored: their inputs may be out of date.
             self.stop_along.get_or_insert_with(|| over(plan, now));
         } else {
             self.stop_along = None;
@@ -154,7 +154,7 @@ impl PlanFollower {
     }
 }
 
-/// The original's follower: under the paper's preset, unless another law or another way to follow is asked for.
+/// The original's follower: under the paper's preset, unless another law or another following is configured.
 fn original(config: &Config, rules: &Rules) -> Option<Follower> {
     let Config { planning, control, sim, .. } = config;
     let by_pid = config.controller() == ControllerName::Pid && control.following.is_none();
@@ -162,7 +162,7 @@ fn original(config: &Config, rules: &Rules) -> Option<Follower> {
         .then(|| Follower::new(rules, &sim.vehicle.shape, &sim.vehicle.limits))
 }
 
-/// A controller that knows the pedals of `vehicle`.
+/// A controller with the pedal map of `vehicle`.
 pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
     let of = vehicle.clone();
     let pedals = move |accel_mps2: f64, speed_mps: f64| {
@@ -172,7 +172,7 @@ pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
     Controller::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }
 
-/// Asks for pedals: what a vehicle without a gate takes.
+/// Publishes pedals, for a vehicle without a gate.
 struct PedalController(PlanFollower);
 
 impl Operator for PedalController {
@@ -186,8 +186,8 @@ impl Operator for PedalController {
     }
 }
 
-/// Asks for motion: what a safety gate takes. The stamp is that of the state which the controller knew: a controller
-/// that goes on without new states falls silent for the gate.
+/// Publishes motion, for a safety gate. The stamp is that of the state used: without new states the controller counts
+/// as silent for the gate.
 struct MotionController(PlanFollower);
 
 impl Operator for MotionController {
@@ -197,7 +197,7 @@ impl Operator for MotionController {
     fn step(&mut self, cx: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         let Some((ego, output)) = self.0.step(cx.now(), input) else { return };
         let Command { steering_rad, throttle, brake } = output.command;
-        // Of a law that works the pedals: what they would come to.
+        // Acceleration of the pedals, for a law that outputs these.
         let by_pedals = || {
             let pedals = swerve_vehicle::Pedals { throttle, brake };
             accel_for_pedals(&self.0.vehicle, ego.speed_mps, pedals)
@@ -208,7 +208,7 @@ impl Operator for MotionController {
     }
 }
 
-/// The same path as a plan whose time is over: what the controller makes a comfortable stop along.
+/// The same path with its time over: the controller makes a comfortable stop along it.
 fn over(plan: Option<&Plan>, now: Time) -> Plan {
     let mut plan = plan.cloned().unwrap_or_default();
     let since = plan.end() - now + Span::from_ns(1);

@@ -1,4 +1,4 @@
-//! The newest match of a lidar's turn, carried on by wheels and gyroscopes, in the place of a filter.
+//! Dead reckoning by wheels and gyroscopes from the newest match of a lidar sweep, in place of a filter.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,13 +16,13 @@ use super::scan_matcher::{pose_of, readings};
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
 
-/// Messages kept of each: those of a few steps, so that none is missed.
+/// Messages kept per input: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
-/// What a way by wheels and gyroscopes goes off by: a share of the way, and rad/s.
+/// Drift of dead reckoning: as a share of the distance, and in rad/s.
 const DRIFT: f64 = 0.01;
 const DRIFT_RADPS: f64 = 0.002;
 
-/// Tells where the ego is between two matches.
+/// Estimates the pose between two matches.
 pub(super) struct Carried {
     keys: Keys,
     car: DeadReckoning,
@@ -31,24 +31,24 @@ pub(super) struct Carried {
     taken: [u64; 2],
 }
 
-/// Where it was, and how it moved since.
+/// Last match, and motion since.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Accelerations and turn rates: each makes a pose.
+    /// Accelerations and turn rates; each yields a pose.
     imu: At<Imu>,
-    /// Speeds by the wheels.
+    /// Wheel speeds.
     wheels: Window<WheelOdometry, KEPT>,
-    /// Where the ego was by its lidar.
+    /// Poses of the ego matched by its lidar.
     matches: Window<PoseMatch, 1>,
 }
 
-/// Keys of a carried pose.
+/// Keys of dead reckoning.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Keys {
-    /// Without a match for longer than this it is coasting, seconds.
+    /// Time without a match after which it is coasting, seconds.
     coasting_after_s: f64,
-    /// Without a match for longer than this it is lost, and tells no pose, seconds.
+    /// Time without a match after which it is lost and publishes no pose, seconds.
     lost_after_s: f64,
 }
 

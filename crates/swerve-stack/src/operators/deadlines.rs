@@ -1,4 +1,4 @@
-//! The deadline policy: how long detector and planner may take, from frame to frame.
+//! Deadline policy: time limits of detector and planner for each frame.
 
 use anyhow::Context as _;
 use swerve_core::Span;
@@ -17,34 +17,35 @@ use crate::site::Site;
 
 /// Sets the deadlines of detector and planner under the dynamic model.
 ///
-/// It reads what lies behind the detector, so that its word is for frames to come; the planner hears it at once.
+/// It reads outputs that follow the detector, so its deadlines for the detector apply to later frames; those for the
+/// planner apply at once.
 ///
 /// Static deadlines count from a frame's arrival. Dynamic ones count from the start of its step: they become short
-/// while a long step still runs, and the frame that waits for it is the one that matters; it is late then, but an answer
-/// that is late is better than none.
+/// while a long step still runs, and the frame that waits for it is the one that matters. It is late then, but a late
+/// result is better than none.
 pub(super) struct DeadlinePolicy;
 
-/// What is ahead.
+/// Predictions and state of the ego.
 #[derive(Inputs)]
 struct In {
-    /// Where the others will be.
+    /// Predictions of the other road users.
     predictions: At<PredictionList>,
-    /// Where the ego is.
+    /// State of the ego.
     ego: Latest<EgoState>,
 }
 
-/// How long a frame may take.
+/// Time budget of a frame.
 #[derive(Outputs)]
 struct Out {
-    /// The time from frame to plan, and why.
+    /// Time from frame to plan, and its reason.
     budget: Port<ResponseBudget>,
-    /// The detector's part.
+    /// Deadline of the detector.
     detector: Port<Span>,
-    /// The planner's.
+    /// Deadline of the planner.
     planner: Port<Span>,
 }
 
-/// The planner's deadline under the dynamic model, once the policy is in the graph.
+/// Deadline of the planner under the dynamic model, once the policy is in the graph.
 pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Deadline>> {
     let execution = &site.config().execution;
     let (reaction, is_dynamic) = (execution.reaction, execution.model == Model::DynamicDeadlines);
@@ -102,7 +103,7 @@ impl OperatorKind for DeadlinePolicy {
     }
 }
 
-/// Sets deadlines from frame to frame.
+/// Sets deadlines for each frame.
 struct Policy {
     params: Params,
     overhead: Overhead,
@@ -115,14 +116,14 @@ impl Policy {
         let (config, resolved) = (site.config(), site.resolved());
         let period_s = config.sensing.period_ms * 1e-3;
         let params = &resolved.deadlines;
-        // What takes longer than a period makes the next frame wait.
+        // A step longer than a period makes the next frame wait.
         let params = Params {
             detector_max_s: params.detector_max_s.min(period_s).max(params.detector_min_s),
             planner_max_s: params.planner_max_s.min(period_s).max(params.planner_min_s),
             ..*params
         };
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
-        // Frames until something that comes into sight is reported.
+        // Frames until a newly visible object is reported.
         let detects = site.assembly.publisher::<Detections>().is_some();
         let confirmed = if detects { resolved.tracker.hits_min().saturating_sub(1) } else { 0 };
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
@@ -150,7 +151,7 @@ impl Operator for Policy {
         let obstacles = obstacles_near(&self.params, &situation);
         let answer = respond(&self.params, hazard, self.overhead, obstacles);
         let (response, detector) = (Span::from_secs(answer.total_s), Span::from_secs(answer.detector_s));
-        // What the detector left of it, or took beyond its part.
+        // The rest of the response time after the detector's actual share.
         let left = response - (cx.now() - predictions.stamp);
         let most = Span::from_secs(self.params.planner_max_s);
         let planner = left.min(most).max(Span::from_secs(self.params.planner_min_s));

@@ -1,4 +1,4 @@
-//! Emulated detectors: of a published accuracy and run time.
+//! Emulated detectors with published accuracy and run time.
 
 use swerve_core::Time;
 use swerve_flow::{
@@ -16,49 +16,49 @@ use crate::config::perception::image_camera;
 use crate::kind::{Node, OperatorKind, Scheduled, Settings};
 use crate::site::Site;
 
-/// A detector of a given accuracy, emulated, as the model of execution has it.
+/// Emulates a detector of a given accuracy, under any execution model.
 pub(super) struct EmulatedDetector;
 
-/// The frame of this stamp.
+/// Frame of this stamp.
 #[derive(Inputs)]
 struct In {
-    /// What its camera could see, and from where.
+    /// Objects visible to its camera, and its pose.
     surroundings: At<Surroundings>,
 }
 
-/// The newest frame, at each tick.
+/// Newest frame, at each tick.
 #[derive(Inputs)]
 struct PeriodicIn {
-    /// The detector's period.
+    /// Period of the detector.
     tick: Every,
-    /// What its camera could see, and from where.
+    /// Objects visible to its camera, and its pose.
     surroundings: Latest<Surroundings>,
 }
 
-/// Boxes, and how they came about.
+/// Boxes, and the rung that found them.
 #[derive(Outputs)]
 struct LadderOut {
-    /// What was found.
+    /// Detected objects.
     boxes: Port<Detections>,
-    /// The rung of its ladder that it took.
+    /// Rung of the ladder that was used.
     rung: Port<RungTaken>,
 }
 
-/// Always the same one.
+/// Always uses the same detector.
 struct Plain(Detector);
 
-/// One that takes the rung that fits.
+/// Uses the rung that fits the time left.
 struct OnLadder(Vec<Rung<Detector>>);
 
-/// One that runs on a timer, on the newest frame there is; on none twice.
+/// Runs on a timer, on the newest frame; never twice on the same one.
 struct Periodic {
     detector: Detector,
-    /// What it takes, where a ladder says that.
+    /// Its rung, if a ladder defines its run time.
     rung: Option<Rung<()>>,
     last: Option<Time>,
 }
 
-/// Whether it runs on its frames, without a choice.
+/// Returns true if it runs on its frames, without a ladder.
 fn is_plain(settings: &Settings<'_>) -> bool {
     settings.config.execution.model != Model::Periodic && !settings.config.perception.ladder
 }

@@ -1,4 +1,4 @@
-//! Sensors that see every step of the world and say of each what happened in it, mostly nothing.
+//! Sensors that report the events of every step of the world, mostly none.
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::truth::WorldState;
@@ -11,17 +11,17 @@ use crate::site::Site;
 /// Every state of the world.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// What happens.
+    /// State of the world.
     world: At<WorldState>,
 }
 
-/// What the ego begins to touch.
+/// Reports contacts of the ego as they begin.
 pub(super) struct CollisionSensor;
 
-/// Lines of the road that the ego comes onto.
+/// Reports lines of the road that the ego crosses onto.
 pub(super) struct LaneInvasions(LaneInvasionSensor);
 
-/// Stop lines that the ego goes over while their light is red.
+/// Reports stop lines that the ego crosses while their light is red.
 pub(super) struct RedLights(RedLightSensor);
 
 impl Kind for CollisionSensor {

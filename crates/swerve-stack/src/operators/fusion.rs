@@ -1,4 +1,4 @@
-//! One list of objects of what detectors find with a camera and a lidar, and of a radar's echoes.
+//! Fusion of the objects of camera and lidar detectors with a radar's echoes into one list.
 
 use anyhow::{Context as _, bail, ensure};
 use schemars::JsonSchema;
@@ -18,26 +18,25 @@ use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
 use crate::registry::Registry;
 use crate::site::Site;
 
-/// Past poses kept to find those measured at the stamps of what is fused.
+/// Past poses kept to find those at the stamps of the inputs.
 const POSES: usize = 256;
-/// Past depth images kept to find that of the boxes' stamp: detectors take their time.
+/// Past depth images kept to find that at the boxes' stamp: detectors take time.
 const DEPTHS: usize = 8;
 
-/// Fusions of a camera's and a lidar's objects with a radar's echoes.
+/// Fuses objects of a camera and a lidar with a radar's echoes.
 pub(super) struct Fusions;
 
 /// Its keys in `[operator.NAME]`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
-    /// The `[camera.NAME]` that the boxes' pictures are in; when absent the only one there is, else the emulated
-    /// detector's own.
+    /// The `[camera.NAME]` of the boxes' images; when absent the only camera, else the emulated detector's.
     view: Option<String>,
-    /// Between two lists, ms; where nothing is new there is none.
+    /// Time between two lists, ms; there is none without new inputs.
     period_ms: f64,
-    /// What is older is not taken in, ms.
+    /// Age above which inputs are ignored, ms.
     age_max_ms: f64,
-    /// Errors that sources are expected to have, and limits of what may be one thing.
+    /// Expected errors of the sources, and limits for associating objects.
     params: Params,
 }
 
@@ -47,10 +46,10 @@ impl Default for Table {
     }
 }
 
-/// What there is when a list is due. Streams that `reads` does not name are no part of it.
+/// Inputs when a list is due. Streams that `reads` does not name are not read.
 #[derive(Inputs)]
 struct In {
-    /// Its period.
+    /// Period of the fusion.
     tick: Every,
     /// Boxes found in a camera's images.
     camera: Option<Latest<Detections>>,
@@ -60,15 +59,15 @@ struct In {
     radar: Option<Latest<RadarScan>>,
     /// Depth images of the camera.
     depth: Option<Window<Image, DEPTHS>>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
 }
 
-/// The ports that run where they are named.
+/// Ports that exist only where `reads` names them.
 const NAMED: [&str; 4] = ["camera", "lidar", "radar", "depth"];
 
 impl Table {
-    /// The operator's own keys, which the configuration's check has read already.
+    /// Own keys of the operator, already checked.
     fn of(settings: &Settings<'_>) -> Self {
         let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
         own.and_then(|keys| swerve_text::read(&keys).ok()).unwrap_or_default()
@@ -114,7 +113,7 @@ impl OperatorKind for Fusions {
         let reads = settings.config.operator.get(settings.name).map(|own| &own.reads);
         let named = |port: &str| reads.is_some_and(|reads| reads.contains_key(port));
         let all = In::ports();
-        // Two lists of boxes are told apart by name alone; where none is named, or a name is wrong, all ports are told.
+        // Two lists of boxes differ by name only; without a name, or with a wrong one, all ports are listed.
         let is_known =
             reads.is_some_and(|reads| reads.keys().all(|name| all.iter().any(|port| *port.name == **name)));
         if !is_known || !NAMED.iter().any(|port| named(port)) {
@@ -172,7 +171,7 @@ impl OperatorKind for Fusions {
     }
 }
 
-/// Fuses what is newest of each source.
+/// Fuses the newest message of each source.
 struct Fusion {
     params: Params,
     age_max: Span,
@@ -180,7 +179,7 @@ struct Fusion {
     ego_from_radar: Pose2<Ego>,
     /// Stamp of the newest list.
     newest: Option<Time>,
-    /// Stamps of what it told of the camera and of the lidar.
+    /// Stamps of the camera's and the lidar's messages in that list.
     told: [Option<Time>; 2],
 }
 
@@ -221,7 +220,7 @@ impl Operator for Fusion {
             radar: echoes,
         };
         let Some(fused) = fuse(&sources, &self.params) else { return };
-        // A list of the same instant as the last one says nothing new.
+        // A list of the same instant as the last one has no news.
         if self.newest.is_none_or(|newest| fused.stamp > newest) {
             (self.newest, self.told) = (Some(fused.stamp), stamps);
             out.loan().send(fused);

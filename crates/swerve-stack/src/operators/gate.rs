@@ -1,4 +1,4 @@
-//! The safety gate before a vehicle, simulated or at the other end of a wire.
+//! Safety gate before a simulated or real vehicle.
 //!
 //! ```text
 //!  controller --MotionCommand--> gate --GateOutput--> pedals --Command--> world
@@ -12,27 +12,27 @@ use swerve_msg::{EgoState, GateOutput, MotionCommand, Plan, PoseQuality, Switch,
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// The state machine at its rate, on the newest of all that it reads.
+/// Runs the gate's state machine at its period, on the newest inputs.
 pub(super) struct Gate(SafetyGate);
 
-/// The newest of all that it reads, at each tick.
+/// Newest inputs, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The gate's period.
+    /// Period of the gate.
     tick: Every,
-    /// What the stack asks for.
+    /// Command of the stack.
     command: Latest<MotionCommand>,
-    /// What the vehicle says of itself.
+    /// Report of the vehicle.
     report: Latest<VehicleReport>,
-    /// Who may enable: all of them have to, and each alone may stop. Without one nothing is ever enabled.
+    /// Switches: all of them have to enable, and each alone may stop. Without a switch nothing is ever enabled.
     switches: Vec<Latest<Switch>>,
-    /// What is wrong with the wires by which commands come, where they come by wire.
+    /// Alarms of the connections by which commands arrive, if any.
     alarms: Vec<Latest<WireAlarm>>,
-    /// How good the pose is, where localization reports that.
+    /// Quality of the pose, if localization reports it.
     quality: Vec<Latest<PoseQuality>>,
-    /// The pose that the stack drives by.
+    /// Pose that the stack uses.
     pose: Option<Latest<EgoState>>,
-    /// The newest plan: the path of a stop.
+    /// Newest plan: the path of a stop.
     plan: Option<Latest<Plan>>,
 }
 

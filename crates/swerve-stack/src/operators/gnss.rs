@@ -1,4 +1,4 @@
-//! Satellite fixes.
+//! Satellite receiver.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::Gnss;
@@ -8,15 +8,15 @@ use swerve_sim::sense::GnssReceiver;
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Satellite fixes.
+/// Publishes satellite fixes.
 pub(super) struct Receiver(GnssReceiver);
 
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the receiver.
     tick: Every,
-    /// What there is to be measured.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 

@@ -1,4 +1,4 @@
-//! Accelerations and turn rates of the inertial unit.
+//! Inertial unit.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::Imu;
@@ -8,15 +8,15 @@ use swerve_sim::sense::InertialUnit;
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Accelerations and turn rates of the inertial unit.
+/// Publishes accelerations and turn rates of the inertial unit.
 pub(super) struct ImuSensor(InertialUnit);
 
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be measured.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 

@@ -1,4 +1,4 @@
-//! What is fed from outside, in the place of a sensor.
+//! Inputs from outside, in place of sensors.
 
 use core::marker::PhantomData;
 
@@ -14,7 +14,7 @@ pub(super) struct Source<T> {
     payload: PhantomData<fn() -> T>,
 }
 
-/// A source where `is_there` says so.
+/// A source that takes part where `is_there` returns true.
 pub(super) fn source<T: Payload>(
     kind: &'static str,
     doc: &'static str,

@@ -1,4 +1,4 @@
-//! The lines of the ego's lane in a camera's images.
+//! Lines of the ego's lane in a camera's images.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,10 +10,10 @@ use swerve_vision::lanes::{LaneFinder, LaneSettings, Method, RoadCamera};
 use crate::kind::{Heavy, KeyProblems, Kind, Node};
 use crate::site::Site;
 
-/// Finds lines in each image, without neural networks.
+/// Detects lines in each image, without neural networks.
 pub(super) struct LaneLines {
     settings: LaneSettings,
-    /// For the camera that the images are of.
+    /// Finder for the camera of the images.
     finder: Option<([u32; 2], CameraInfo, LaneFinder)>,
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Table {
     width_m: [f64; 2],
 }
 
-/// How marks are found.
+/// Method of detecting marks.
 #[derive(Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum MethodName {
@@ -59,10 +59,10 @@ impl Table {
     }
 }
 
-/// An image.
+/// Image to process.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Colours.
+    /// Colour image.
     image: At<Image>,
 }
 
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn images_that_cannot_be_looked_at_are_told() {
+    fn lane_finder_reports_unusable_images() {
         let mut image = Image::new(64, 48, Encoding::Rgb8);
         let lens = Intrinsics { fx_px: 50.0, fy_px: 50.0, cx_px: 32.0, cy_px: 24.0, ..Intrinsics::default() };
         image.camera.intrinsics = lens;
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_out_of_their_range_are_told_in_their_unit() {
+    fn keys_out_of_range_are_reported_in_their_unit() {
         let table = Table { pitch_deviation_deg: 5.0, ..Table::default() };
         let told = LaneLines::problems(&table);
         assert_eq!(told[0].1, "expected 0.006 to 2.8 degrees, found 5");

@@ -27,16 +27,16 @@ pub(super) struct Lidars;
 /// Every state of the world.
 #[derive(Inputs)]
 struct In {
-    /// What there is to be seen.
+    /// State of the world to scan.
     world: At<WorldState>,
 }
 
-/// One turn.
+/// One sweep.
 #[derive(Outputs)]
 struct Out {
-    /// The points.
+    /// Points of the sweep.
     points: Port<PointCloud>,
-    /// What they lie on.
+    /// Instances that the points are on.
     truth: Port<PointInstances>,
 }
 
@@ -71,7 +71,7 @@ impl OperatorKind for Lidars {
             site.add_source::<PointCloud>();
             return Ok(());
         }
-        // Those of a point cloud: x, y, z, intensity, ring, time.
+        // The arrays of a point cloud: x, y, z, intensity, ring, time.
         let memory = [site.memory("points", 6), site.memory("truth", 1)];
         let stage = site.stage();
         let settings = site.settings();
@@ -83,43 +83,43 @@ impl OperatorKind for Lidars {
     }
 }
 
-/// A lidar on the ego: the points of each turn, and what they lie on.
+/// A lidar on the ego: the points of each sweep, and the instances that they are on.
 ///
-/// At every step of the world it fires the columns since the step before, each from where the sensor was then,
-/// at the scene of this step. A turn is published at the first step at which it is over.
+/// At every step of the world it fires the columns since the step before, each from the sensor's pose at that time, at
+/// the scene of this step. A sweep is published at the first step at which it is complete.
 struct LidarOperator {
     stage: SharedStage,
     sweeper: Arc<Sweeper>,
     ego_from_lidar: Transform<Ego, Lidar>,
     hidden_instance: Option<u32>,
-    /// When the turn that is being fired begins, and which it is.
+    /// Begin and number of the current sweep.
     begins: Time,
     turn: u64,
-    /// The step before: when, and where the sensor was.
+    /// Time of the step before, and pose of the sensor then.
     last: Option<(Time, Transform<Map, Lidar>)>,
-    /// Its points so far, where its columns are fired as the world goes on;
+    /// Points so far, if columns are fired at each step;
     sweep: Option<Sweep>,
-    /// what is to be fired, where that is left to other threads when all of it is known.
+    /// firings to be done, if other threads fire the whole sweep once it is complete.
     steps: Vec<(Arc<SceneTree>, Firing)>,
     memory: Arc<Mutex<Memories>>,
 }
 
-/// The memory of turns.
+/// Memory of sweeps.
 struct Memories {
     clouds: Pool<PointCloud>,
     truths: Pool<PointInstances>,
 }
 
-/// The turn that is being fired, with room for all its points.
+/// The current sweep, with room for all its points.
 struct Sweep {
     cloud: Arc<PointCloud>,
     truth: Arc<PointInstances>,
-    /// Of each point its class, which no message has.
+    /// Class of each point, which is not published.
     class: Vec<u8>,
     len: usize,
 }
 
-/// A turn as it is published.
+/// A sweep for publication.
 type Ended = (Arc<PointCloud>, Arc<PointInstances>);
 
 impl LidarOperator {
@@ -160,7 +160,7 @@ impl LidarOperator {
         })
     }
 
-    /// Fires the columns of this turn up to a step of the world, or notes them `for_others`.
+    /// Fires the columns of this sweep up to a step of the world, or records them `for_others`.
     fn fire(
         &mut self,
         world: &WorldState,
@@ -189,7 +189,7 @@ impl LidarOperator {
         Ok(())
     }
 
-    /// Ends the turn, of which all columns are fired, and begins the next one.
+    /// Ends the current sweep, whose columns are all fired, and begins the next one.
     fn end_turn(&mut self, stamp: Time, out: &mut Out) -> Result<(), String> {
         let Some(sweep) = &mut self.sweep else { return Ok(()) };
         let (cloud, truth) = sweep.end(self.begins, stamp, &self.memory)?;
@@ -200,7 +200,7 @@ impl LidarOperator {
         Ok(())
     }
 
-    /// Leaves the turn to others.
+    /// Leaves the sweep to a worker thread.
     fn leave_turn(&mut self, stamp: Time, workers: &Workers, out: &mut Out) {
         let (points, truth) = (workers.promise(&mut out.points), workers.promise(&mut out.truth));
         let (sweeper, memory) = (self.sweeper.clone(), self.memory.clone());
@@ -222,7 +222,7 @@ impl LidarOperator {
     }
 }
 
-/// A sweeper of which no turn was left to others.
+/// The sweeper of an operator that leaves no sweep to other threads.
 fn alone(sweeper: &mut Arc<Sweeper>) -> &mut Sweeper {
     Arc::get_mut(sweeper).expect("a run leaves all turns to others or none")
 }
@@ -236,7 +236,7 @@ impl Operator for LidarOperator {
         let map_from_lidar = world.ego.map_from_ego * self.ego_from_lidar;
         let period = Span::from_ns(self.sweeper.period_ns());
         let workers = cx.workers().filter(|_| self.sweeper.engine() == LidarEngine::Cpu).cloned();
-        // The end of one turn and the begin of the next may be in one step.
+        // One step may have the end of a sweep and the begin of the next.
         while self.begins <= world.stamp {
             if let Err(error) = self.fire(world, map_from_lidar, workers.is_some()) {
                 return cx.stop_run(format!("lidar {}: {error}", cx.name()));
@@ -265,7 +265,7 @@ impl Sweep {
         sweep
     }
 
-    /// Takes memory that no reader holds, with room for a turn.
+    /// Takes memory that no reader holds, with room for a sweep.
     fn begin(&mut self, points_max: usize, memory: &Mutex<Memories>) {
         (self.cloud, self.truth) = Self::memory(points_max, memory);
         self.reset(points_max);
@@ -313,7 +313,7 @@ impl Sweep {
         }
     }
 
-    /// The turn as it is published: its points alone, their times counted from the stamp.
+    /// The sweep for publication: its points only, their times relative to the stamp.
     fn end(&mut self, begins: Time, stamp: Time, memory: &Mutex<Memories>) -> Result<Ended, String> {
         let (len, shift_s) = (self.len, (begins - stamp).as_secs());
         let (cloud, truth) = self.parts();

@@ -1,4 +1,4 @@
-//! Objects from the points of a lidar.
+//! Object detection in lidar point clouds.
 
 use anyhow::Context as _;
 use swerve_flow::{At, Context, Inputs, Operator, Port, Window};
@@ -10,10 +10,10 @@ use swerve_perception::lidar::{Params, Scan};
 use crate::kind::{Heavy, KeyProblems, Kind, Node};
 use crate::site::Site;
 
-/// Past poses kept to find the one measured at a sweep's stamp: as old as sweeps get, at 100 Hz.
+/// Past poses kept to find the one at a sweep's stamp: up to the age of a sweep, at 100 Hz.
 const POSES: usize = 256;
 
-/// Finds objects in each sweep of a lidar, without neural networks.
+/// Detects objects in each sweep of a lidar, without neural networks.
 pub(super) struct Objects {
     objects: LidarObjects,
     ego_from_lidar: Transform<Ego, Lidar>,
@@ -21,12 +21,12 @@ pub(super) struct Objects {
     route: Route,
 }
 
-/// A sweep, and where the ego was.
+/// A sweep, and past poses of the ego.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The points.
+    /// Points of the sweep.
     points: At<PointCloud>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
 }
 

@@ -1,4 +1,4 @@
-//! The traffic light sensor: signals of the scenario's lights, cut by what the sensor can see.
+//! Traffic light sensor: signals of the scenario's lights, limited by what the sensor can see.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::TrafficLights;
@@ -9,7 +9,7 @@ use super::obstacles::sight;
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Signals of the scenario's lights, as far as the obstacle sensor sees.
+/// Publishes signals of the scenario's lights, with the limits of the obstacle sensor.
 pub(super) struct LightSensor {
     sensor: TrafficLightSensor,
     mount: SensorMount,
@@ -19,9 +19,9 @@ pub(super) struct LightSensor {
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be seen.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 

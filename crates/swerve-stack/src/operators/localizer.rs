@@ -1,10 +1,11 @@
-//! Where the ego is by its own sensors, in the place of the pose that the simulator or a vehicle tells.
+//! Localization by the ego's own sensors, in place of the pose of the simulator or of a vehicle.
 //!
 //! ```text
 //! imu, gnss, wheel odometry, matches of a lidar > localizer --EgoState--> planner, controller
 //! ```
 //!
-//! While it is lost it says nothing: a controller that hears no state falls silent for the safety gate, which stops the car.
+//! It publishes nothing while it is lost: a controller without states is silent for the safety gate, which stops the
+//! car.
 
 use anyhow::anyhow;
 use schemars::JsonSchema;
@@ -27,27 +28,27 @@ use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
 use stored_pose::StoredPose;
 
-/// Messages kept of each sensor: those of a few steps, so that none is missed.
+/// Messages kept per sensor: those of a few steps, so that none is missed.
 const KEPT: usize = 16;
 
 /// Periods of the inertial unit after which a pose is due without it.
 const SILENT: f64 = 2.0;
 
-/// A first fix further off the road than this many of its standard deviations is a reflection.
+/// Distance from the road, in standard deviations, from which a first fix is taken for a reflection.
 const OFF_ROAD_SIGMAS: f64 = 3.0;
 
-/// A filter over inertial unit, satellite fixes and wheels, and over what a lidar finds.
+/// A filter over inertial unit, satellite fixes, wheels, and lidar matches.
 pub(super) struct Filter {
     localizer: Localizer,
     params: Params,
-    /// Deviation of the heading that the lane gives, radians; none where the course has to.
+    /// Standard deviation of the lane's heading as initial heading, radians; `None` to use the first course instead.
     lane_heading_rad: Option<f64>,
     receiver: Receiver,
-    /// Deviations that matches with a map share, metres and radians.
+    /// Standard deviations of the error common to all matches with a map, metres and radians.
     map_sigma: [f64; 2],
-    /// Messages of each sensor that were taken.
+    /// Number of messages taken of each sensor.
     taken: [u64; 3],
-    /// Stamps of the first fix, and of the one by which it starts.
+    /// Stamps of the first fix, and of the fix that the filter started from.
     first_fix: Option<Time>,
     started: Option<Time>,
     await_match_s: f64,
@@ -55,42 +56,42 @@ pub(super) struct Filter {
     /// Understeer gradient, rad s²/m.
     understeer_rads2pm: f64,
     steering_rad: f64,
-    /// Stamp of the newest pose, and how long after it the next one is due where the inertial unit is silent.
+    /// Stamp of the newest pose, and time after it at which the next one is due without the inertial unit.
     newest: Time,
     due_after: Span,
     odometer: Odometer,
-    /// The pose to start from, until there is a speed by the wheels.
+    /// Initial pose, until there is a wheel speed.
     stored: Option<StoredPose>,
     wheels_due: Span,
 }
 
-/// All that says how it moves, and where it is.
+/// Measurements of motion and position.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// When a pose is due although the inertial unit is silent.
+    /// Timer for poses while the inertial unit is silent.
     tick: Every,
-    /// Accelerations and turn rates: each makes a pose.
+    /// Accelerations and turn rates; each yields a pose.
     imu: At<Imu>,
     /// Satellite fixes.
     fixes: Window<Gnss, KEPT>,
-    /// Speeds by the wheels.
+    /// Wheel speeds.
     wheels: Window<WheelOdometry, KEPT>,
-    /// Where the ego was by its lidar.
+    /// Poses of the ego matched by its lidar.
     matches: Option<Window<PoseMatch, KEPT>>,
 }
 
-/// Where the ego is, and how sure that is.
+/// Pose of the ego, and its accuracy.
 #[derive(Outputs)]
 pub(super) struct Out {
-    /// Where it is; silent while that is not known.
+    /// State of the ego; silent while it is unknown.
     pub(super) state: Port<EgoState>,
-    /// How good that is.
+    /// Accuracy of the pose.
     pub(super) quality: Port<PoseQuality>,
-    /// The pose for control, with each state.
+    /// Local pose for control, with each state.
     pub(super) local: Port<LocalPose>,
 }
 
-/// What is known of a satellite receiver, and of the lane that the car is on.
+/// Model of a satellite receiver, and the lane of the car.
 pub(super) struct Receiver {
     noise_m: f64,
     bias_m: f64,
@@ -114,20 +115,20 @@ impl Receiver {
         Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route }
     }
 
-    /// Where the antenna is on the map by a fix: east, north, up, metres.
+    /// Position of the antenna on the map by a fix: east, north, up, metres.
     fn place(&self, fix: &Gnss) -> Option<[f64; 3]> {
         self.origin.east_north_up_m(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
     }
 
-    /// The same as a measurement; `offset_m` is what fixes have in common along each axis.
+    /// A fix as a measurement; `offset_m` is the error common to fixes along each axis.
     fn sensed(&self, fix: &Gnss, offset_m: f64) -> Option<Sensed> {
-        // A receiver's height is half as good as its place.
+        // A receiver's height is half as accurate as its position.
         let up_m = 2.0 * math::hypot(self.noise_m, offset_m);
         let at_m = self.place(fix)?;
         Some(Sensed::Fix { at_m, sigma_m: [self.noise_m, self.noise_m, up_m] })
     }
 
-    /// Where the ego is by a fix, level and along its lane.
+    /// Pose of the ego by a fix, level and along its lane.
     pub(super) fn ego(&self, fix: &Gnss) -> Option<Isometry3<f64>> {
         let [east, north, up] = self.place(fix)?;
         let heading_rad = self.lane_heading_rad([east, north, up]);
@@ -137,13 +138,13 @@ impl Receiver {
         Some(pose_of(at_m, heading_rad))
     }
 
-    /// Heading of the lane beside a place, radians.
+    /// Heading of the lane at a position, radians.
     fn lane_heading_rad(&self, [x_m, y_m, _]: [f64; 3]) -> f64 {
         let s_m = self.route.project(Point2::new(x_m, y_m)).s_m;
         self.route.line().at(s_m).pose.heading_rad
     }
 
-    /// Whether a place is on the ground beside the route, but for the errors of fixes.
+    /// Returns true if a position may be on the ground along the route, within the errors of fixes.
     fn may_be_on_road(&self, [x_m, y_m, _]: [f64; 3]) -> bool {
         let FrenetPoint { s_m, d_m } = self.route.project(Point2::new(x_m, y_m));
         let beyond_m = OFF_ROAD_SIGMAS * self.sigma_m();
@@ -160,15 +161,17 @@ impl Receiver {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Keys {
-    /// At the start the car stands along its lane, but for this deviation, degrees; 0: its heading is that of its first course.
+    /// Standard deviation of the initial heading from the lane's, degrees; 0 takes the heading from the first course.
     lane_heading_deg: f64,
-    /// With a lidar: how long after the first fix its first match is waited for before a pose is told, seconds.
+    /// Time limit for the first match of a lidar after the first fix, seconds; no pose is published before either.
     await_match_s: f64,
-    /// Deviation of the place that matches with a map share, beside the one that each tells, metres.
+    /// Standard deviation of the position error common to all matches with a map, in addition to each match's own,
+    /// metres.
     map_sigma_m: f64,
-    /// The same of the heading, radians.
+    /// Standard deviation of the heading error common to all matches with a map, in addition to each match's own,
+    /// radians.
     map_sigma_rad: f64,
-    /// What differs from what `[sensing]` says of the sensors.
+    /// Parameters of the sensors that differ from `[sensing]`.
     #[schemars(with = "Params")]
     params: toml::Table,
 }
@@ -201,12 +204,12 @@ impl Keys {
     }
 }
 
-/// What the configuration says of the sensors, and no better than real ones are.
+/// Sensor parameters of the configuration, limited to the accuracy of real sensors.
 fn known(config: &Config) -> Params {
     let SensingConfig { imu, gnss, odometry, .. } = &config.sensing;
     let [accel_density, gyro_density] = imu.densities(config.sensing.imu_period_ms * 1e-3);
     let usual = Params::default();
-    // Most of what an accelerometer's scale does is done to gravity, all the time, as a bias does it.
+    // An accelerometer's scale error acts mostly on gravity, all the time, like a bias.
     let scaled_mps2 = imu.accel_scale_error * usual.gravity_mps2;
     Params {
         accel_noise: [accel_density.max(0.02); 3],
@@ -346,7 +349,7 @@ fn quality(estimate: &Estimate) -> PoseQuality {
     PoseQuality { stamp: estimate.stamp, mode, covariance }
 }
 
-/// Those of a window that were not there before.
+/// Messages of a window that were not taken before.
 pub(super) fn new<'a, T>(
     window: &'a [Message<T>],
     taken: &mut u64,
@@ -360,7 +363,7 @@ impl Filter {
     /// Speed and steering angle as a measurement.
     fn wheels(&mut self, wheels: &WheelOdometry) -> Sensed {
         self.steering_rad = wheels.steering_rad;
-        // An oversteering car has a speed from which on this is no longer so.
+        // An oversteering car has a speed above which this does not hold.
         let speed_mps = wheels.speed_mps;
         let length_m = self.wheelbase_m + self.understeer_rads2pm * speed_mps * speed_mps;
         let curvature_1pm = Some(math::tan(wheels.steering_rad) / length_m.max(0.5 * self.wheelbase_m));
@@ -381,8 +384,8 @@ impl Filter {
         }
     }
 
-    /// Whether a fix before the start is none to begin with: the car stands on its lane. What stays off the road for
-    /// `believed_after_s` is believed.
+    /// Returns true if a fix before the start is refused: the car stands on its lane. Fixes that stay off the road for
+    /// `believed_after_s` are accepted.
     fn is_refused_as_start(&mut self, stamp: Time, at_m: [f64; 3]) -> bool {
         let first = *self.first_fix.get_or_insert(stamp);
         self.started.is_none()
@@ -391,7 +394,7 @@ impl Filter {
             && (stamp - first).as_secs() < self.params.believed_after_s
     }
 
-    /// Whether nothing is told yet, as the first match will move the pose by as much as the first fix is off.
+    /// Returns true while no pose is published because the first match would correct it by the error of the first fix.
     fn awaits_match(&self, has_lidar: bool, now: Time) -> bool {
         let waited_s = self.started.map_or(0.0, |started| (now - started).as_secs());
         let is_matched = self.localizer.tally(Source::Place).taken > 0;
@@ -407,7 +410,7 @@ impl Filter {
         Sensed::Pose { at_m, heading_rad, covariance_m2, sigma }
     }
 
-    /// Before the first fix nothing was known; now the lane is.
+    /// Sets the heading from the lane, unknown before the first fix.
     fn start(&mut self, at_m: [f64; 3]) {
         let Some(sigma_rad) = self.lane_heading_rad else { return };
         self.localizer.suppose_heading([self.receiver.lane_heading_rad(at_m), sigma_rad]);

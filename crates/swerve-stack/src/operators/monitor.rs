@@ -10,17 +10,17 @@ use crate::site::Site;
 /// Monitors, `[monitor.NAME]`.
 pub(super) struct Monitors;
 
-/// Every image.
+/// Every image of a camera.
 #[derive(Inputs)]
 struct Images {
-    /// The images that are watched.
+    /// Images to check.
     image: At<Image>,
 }
 
-/// Every turn.
+/// Every sweep of a lidar.
 #[derive(Inputs)]
 struct Clouds {
-    /// The point clouds that are watched.
+    /// Point clouds to check.
     cloud: At<PointCloud>,
 }
 
@@ -64,13 +64,13 @@ fn watches_lidar(settings: &Settings<'_>) -> bool {
     monitor.is_some_and(|monitor| settings.config.lidar.contains_key(&monitor.sensor))
 }
 
-/// Watches a camera: reads every byte of its images.
+/// Monitors a camera: reads every byte of its images.
 #[derive(Default)]
 struct ImageMonitor {
     last: Option<Digest>,
 }
 
-/// Watches a lidar: reads every byte of its point clouds.
+/// Monitors a lidar: reads every byte of its point clouds.
 #[derive(Default)]
 struct CloudMonitor {
     last: Option<Digest>,
@@ -112,7 +112,7 @@ fn bytes<T: Packable>(numbers: &[T]) -> &[u8] {
     T::bytes(numbers)
 }
 
-/// The fingerprint of what was seen, and whether it is that of the last time.
+/// Fingerprint of the data, and true if it equals the last one.
 fn compare<const N: usize>(last: &mut Option<Digest>, seen: [&[u8]; N]) -> (Digest, bool) {
     let mut hasher = Hasher::new();
     seen.into_iter().for_each(|bytes| hasher.bytes(bytes));
@@ -120,7 +120,7 @@ fn compare<const N: usize>(last: &mut Option<Digest>, seen: [&[u8]; N]) -> (Dige
     (checksum, last.replace(checksum) == Some(checksum))
 }
 
-/// How much of it is one and the same byte: nearly all of a blank image. Zero where there is nothing.
+/// Share of the most frequent byte: near 1 for a blank image, 0 for no data.
 fn commonest_share(bytes: &[u8]) -> f32 {
     let mut counts = [0_u64; 256];
     bytes.iter().for_each(|byte| counts[usize::from(*byte)] += 1);

@@ -1,4 +1,4 @@
-//! What is around a real vehicle.
+//! Objects around a real vehicle.
 
 use swerve_core::Span;
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer, every};
@@ -7,20 +7,20 @@ use swerve_msg::{Obstacle, ObstacleList};
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// What is around the ego at regular instants: the objects that others see, moved on by their velocities.
+/// Publishes objects around the ego at regular instants: those reported from outside, moved on by their velocities.
 ///
-/// None are there as long as none were ever reported. Once there were, their silence is no empty road: nothing is
-/// said, so that no plan is made, and without plans the gate stops the car.
+/// The list is empty until the first report. Later, missing reports do not mean an empty road: nothing is published, so
+/// that no plan is made, and without plans the gate stops the car.
 pub(super) struct ObjectsNow {
     timeout: Span,
 }
 
-/// The newest objects, at each tick.
+/// Newest objects, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Its period.
+    /// Period of the operator.
     tick: Every,
-    /// What others see.
+    /// Objects reported from outside.
     objects: Latest<ObstacleList>,
 }
 

@@ -1,4 +1,4 @@
-//! The obstacle sensor: simulator state cut by what the sensor can see.
+//! Obstacle sensor: simulator state limited by what the sensor can see.
 
 use swerve_flow::{
     Context, Every, Inputs, Latest, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
@@ -15,14 +15,14 @@ use crate::config::{Config, Source};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
-/// What can be seen of the simulated world from one place.
+/// Visibility of the simulated world from one mount.
 pub struct ObstacleSight {
     mount: SensorMount,
     params: SensorParams,
 }
 
 impl ObstacleSight {
-    /// What the obstacle sensor can see or, where `camera` is given, what that camera can.
+    /// Visibility for the obstacle sensor or, if given, for `camera`.
     pub fn new(config: &Config, camera: Option<&CameraConfig>) -> Self {
         let (mut mount, mut params) = sight(config);
         if let Some(camera) = camera {
@@ -37,14 +37,14 @@ impl ObstacleSight {
         visible_obstacles(world, &self.mount, &self.params)
     }
 
-    /// What is seen, and from where.
+    /// Visible objects, with the pose of the ego.
     pub fn surroundings(&self, world: &WorldState) -> Surroundings {
         let ObstacleList { stamp, obstacles } = self.obstacles(world);
         Surroundings { stamp, ego: world.ego.state.pose, obstacles }
     }
 }
 
-/// Where the obstacle sensor sits, and the limits of its sight.
+/// Mount of the obstacle sensor, and its limits.
 pub(super) fn sight(config: &Config) -> (SensorMount, SensorParams) {
     let sensing = &config.sensing;
     let mount = sensing.mount.unwrap_or_else(|| SensorMount::roof(&config.sim.vehicle.shape));
@@ -57,48 +57,48 @@ pub(super) fn sight(config: &Config) -> (SensorMount, SensorParams) {
     (mount, params)
 }
 
-/// The newest state of the world, at each tick.
+/// Newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be seen.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 
-/// Poses kept to find those before the instant of a sighting.
+/// Poses kept to find those before an observation.
 const POSES: usize = 8;
 
-/// The same for a tracker, and where the ego is by localization.
+/// The same for a tracker, with localized poses.
 #[derive(Inputs)]
 pub(super) struct PlacedIn {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be seen.
+    /// State of the world to measure.
     world: Latest<WorldState>,
-    /// Where the ego is; what is seen is placed by it.
+    /// Localized poses of the ego, by which objects are placed.
     local: Option<Window<LocalPose, POSES>>,
 }
 
-/// What is seen, for an emulated detector: also from where.
+/// Visible objects for an emulated detector, also with the pose of the ego.
 #[derive(Outputs)]
 pub(super) struct SightOut {
-    /// What is seen.
+    /// Visible objects.
     seen: Port<ObstacleList>,
-    /// The same and the place of the ego.
+    /// Visible objects and the pose of the ego.
     surroundings: Port<Surroundings>,
 }
 
 /// The obstacle sensor, for a tracker or for the emulated detector before it.
 pub(super) struct ObstacleSensor;
 
-/// For a tracker.
+/// Obstacle sensor for a tracker.
 struct ForTracker(ObstacleSight);
 
-/// For an emulated detector.
+/// Obstacle sensor for an emulated detector.
 struct ForDetector(ObstacleSight);
 
-/// Whether a detector is emulated, under settings that were checked.
+/// Returns true if a detector is emulated, under checked settings.
 fn has_detector(settings: &Settings<'_>) -> bool {
     settings.config.perception.emulates()
 }
@@ -115,7 +115,7 @@ impl OperatorKind for ObstacleSensor {
     }
 
     fn is_silent(&self, settings: &Settings<'_>, output: &str) -> bool {
-        // Who tracks is given what the detector finds.
+        // Trackers read the detector's boxes instead.
         has_detector(settings) && output == "seen"
     }
 
@@ -143,7 +143,7 @@ impl Operator for ForTracker {
     fn step(&mut self, _: &mut Context<'_>, input: &PlacedIn, out: &mut Self::Out) {
         let Some(world) = input.world.get() else { return };
         let Some(local) = &input.local else { return out.loan().send(self.0.obstacles(world)) };
-        // Nothing has a place in the map before localization has found the ego's.
+        // Objects have no position in the map before the ego is localized.
         if let Some(believed) = believed(local.get(), world) {
             let motion = Motion::of_sight(world.ego.state.pose, believed);
             out.loan().send(motion.obstacles(self.0.obstacles(world)));
@@ -151,7 +151,7 @@ impl Operator for ForTracker {
     }
 }
 
-/// The ego's pose by localization at a state of the world.
+/// Localized pose of the ego at a state of the world.
 fn believed(local: &[Message<LocalPose>], world: &WorldState) -> Option<Pose2> {
     let mut before = local.iter().rev().filter(|local| local.stamp < world.stamp);
     let newest = **before.next()?;

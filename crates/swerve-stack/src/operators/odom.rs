@@ -6,8 +6,8 @@
 //!                                       controller: compares ego and plan in the odometry frame
 //! ```
 //!
-//! A correction of the pose moves neither ego nor plan in the odometry frame. It enters by the route, which the next plans
-//! lead back to within their limits.
+//! A correction of the pose moves neither ego nor plan in the odometry frame. It enters by the route, to which the next
+//! plans return within their limits.
 
 use std::collections::VecDeque;
 
@@ -19,24 +19,26 @@ use swerve_msg::{EgoState, LocalPose, Plan};
 
 use super::localizer::new;
 
-/// Longest step of the odometry, seconds: beyond it the motion since the state before is unknown.
+/// Longest step of the odometry, seconds: beyond it the motion since the last state is unknown.
 const STEP_MAX_S: f64 = 0.2;
 
-/// Time constant with which corrections enter the pose for control, seconds: several fixes of a receiver at 10 Hz.
+/// Time constant with which corrections enter the local pose, seconds: several fixes of a receiver at 10 Hz.
 const CORRECTION_S: f64 = 0.5;
 
-/// At the start corrections are no noise: until the time constant is reached it is this share of the time since then.
+/// Share of the time since the start that is used as time constant until that reaches [`CORRECTION_S`]: early
+/// corrections are not noise.
 const CORRECTION_SHARE: f64 = 0.25;
 
-/// The pose for control is at most this far from the estimate, metres and radians: a larger correction enters at once.
-/// A third of the room that a car has beside it on a lane of 3.5 m.
+/// Largest distance of the local pose from the estimate, metres and radians: a larger correction enters at once. A
+/// third of the room that a car has beside it on a lane of 3.5 m.
 const LAG_MAX_M: f64 = 0.3;
 const LAG_MAX_RAD: f64 = 0.03;
 
-/// Makes poses for control of the states that localization estimates.
+/// Computes local poses from localized states.
 ///
-/// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity that localization estimates is mostly an
-/// error of the heading: it is that of tyres and inertial unit ([`swerve_localization::lateral_velocity`]).
+/// The odometry integrates speed, yaw rate and lateral velocity. The lateral velocity estimated by localization is
+/// mostly an error of the heading, so it is computed from tyres and inertial unit
+/// ([`swerve_localization::lateral_velocity`]).
 #[derive(Clone, Debug)]
 pub(super) struct Odometer {
     odom: Pose2<Odom>,
@@ -46,17 +48,17 @@ pub(super) struct Odometer {
     before: Option<Before>,
 }
 
-/// The state before.
+/// State of the step before.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     state: EgoState,
     lateral_mps: f64,
-    /// The pose in the map for control.
+    /// Local pose in the map.
     map: Pose2,
 }
 
 impl Odometer {
-    /// For states by an inertial unit at this place in the ego frame, metres.
+    /// For states measured by an inertial unit at this position in the ego frame, metres.
     pub(super) fn new(unit_at_m: [f64; 3]) -> Self {
         Self {
             odom: Pose2::default(),
@@ -66,8 +68,8 @@ impl Odometer {
         }
     }
 
-    /// The pose for control of a state. Its lateral acceleration is that of the unit, gravity taken out; the body rolls at this
-    /// rate, rad/s.
+    /// Local pose of a state. Its lateral acceleration is that of the unit, without gravity; `roll_radps` is the body's
+    /// roll rate.
     pub(super) fn advance(&mut self, state: &EgoState, roll_radps: f64) -> LocalPose {
         let EgoState {
             stamp, speed_mps, lateral_accel_mps2: lateral_mps2, yaw_rate_radps: yaw_radps, ..
@@ -99,7 +101,7 @@ fn moved<F>(pose: Pose2<F>, step: Point2<Ego>, turn_rad: f64) -> Pose2<F> {
     Pose2::new(to.x_m, to.y_m, heading_rad + turn_rad)
 }
 
-/// A pose led towards an estimate for a share of the time constant.
+/// A pose moved towards an estimate for a share of the time constant.
 fn corrected(pose: Pose2, estimate: Pose2, share: f64) -> Pose2 {
     let off: Point2<Ego> = pose.to_local(estimate.point());
     let off_rad = angle_between(pose.heading_rad, estimate.heading_rad);
@@ -110,14 +112,14 @@ fn corrected(pose: Pose2, estimate: Pose2, share: f64) -> Pose2 {
     Pose2::new(point.x_m, point.y_m, pose.heading_rad + off_rad - lag(off_rad, LAG_MAX_RAD))
 }
 
-/// Poses for control are kept for this long: plans older than that are expired.
+/// Time for which local poses are kept: older plans are expired.
 const KEPT: Span = Span::from_ms(5000);
 
-/// The poses for control of the last seconds.
+/// Local poses of the last seconds.
 #[derive(Debug, Default)]
 pub(super) struct LocalPoses {
     kept: VecDeque<LocalPose>,
-    /// Messages that were taken.
+    /// Number of messages taken.
     taken: u64,
 }
 
@@ -133,19 +135,19 @@ impl LocalPoses {
         }
     }
 
-    /// The newest that is not younger than an instant, else the oldest. `None` without localization.
+    /// Newest pose up to an instant, else the oldest. `None` without localization.
     pub(super) fn at(&self, stamp: Time) -> Option<LocalPose> {
         let until = self.kept.partition_point(|local| local.stamp <= stamp);
         self.kept.get(until.saturating_sub(1)).copied()
     }
 
-    /// The newest that is older than an instant.
+    /// Newest pose before an instant.
     pub(super) fn before(&self, stamp: Time) -> Option<LocalPose> {
         let until = self.kept.partition_point(|local| local.stamp < stamp);
         until.checked_sub(1).and_then(|newest| self.kept.get(newest)).copied()
     }
 
-    /// A measured state with its pose for control, in the map as known by `known`.
+    /// A measured state with its local pose, in the map as known by `known`.
     pub(super) fn state(&self, measured: &EgoState, known: Option<LocalPose>) -> EgoState {
         let local = self.at(measured.stamp).zip(known);
         let pose = local.map_or(measured.pose, |(local, known)| known.to_map(local.odom));
@@ -153,8 +155,8 @@ impl LocalPoses {
     }
 }
 
-/// A plan made in the map as known by `then`, at the same place of the odometry frame in the map as known by `now`.
-/// `None` where it stays as it is.
+/// A plan made in the map as known by `then`, at the same position of the odometry frame in the map as known by `now`.
+/// `None` if it is unchanged.
 pub(super) fn carried(plan: &Plan, then: Option<LocalPose>, now: Option<LocalPose>) -> Option<Plan> {
     let (then, now) = then.zip(now).filter(|(then, now)| then.map_from_odom != now.map_from_odom)?;
     let mut plan = plan.clone();

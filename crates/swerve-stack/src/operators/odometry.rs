@@ -1,4 +1,4 @@
-//! Encoders of the wheels. Of its first tick there is no reading: there is no time yet to count over.
+//! Wheel encoders. There is no reading at the first tick, which has no time to count over.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::WheelOdometry;
@@ -9,7 +9,7 @@ use swerve_vehicle::VehicleParams;
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Encoders of the wheels. Of its first tick there is no reading: there is no time yet to count over.
+/// Publishes the wheel encoders' readings, from the second tick on.
 pub(super) struct Odometry {
     odometer: WheelOdometer,
     vehicle: VehicleParams,
@@ -18,9 +18,9 @@ pub(super) struct Odometry {
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be measured.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 

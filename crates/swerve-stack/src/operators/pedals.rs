@@ -1,4 +1,4 @@
-//! The pedals of the simulated car behind a safety gate.
+//! Pedals of the simulated car after a safety gate.
 
 use swerve_control::safety_gate;
 use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
@@ -8,22 +8,22 @@ use swerve_vehicle::VehicleParams;
 use crate::kind::{Kind, NoKeys, Node, Settings};
 use crate::site::Site;
 
-/// Works the pedals of the simulated car. While the gate is not engaged the simulated driver holds the wheel where
-/// it is, and the speed.
+/// Operates the pedals of the simulated car. While the gate is not engaged the simulated driver holds steering angle
+/// and speed.
 pub(super) struct PedalsOperator {
     vehicle: VehicleParams,
-    /// The last speed that was a number, m/s.
+    /// Last finite speed, m/s.
     speed_mps: f64,
-    /// Where the wheel is held: the angle sent last, or the first that was reported.
+    /// Steering angle to hold: the last one sent, or the first one reported.
     steering_rad: Option<f64>,
 }
 
-/// What the gate lets through, and how fast the car is.
+/// Output of the gate, and speed of the car.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// What the gate lets through.
+    /// Output of the gate.
     gate: At<GateOutput>,
-    /// What the car says of itself.
+    /// Report of the car.
     report: Latest<VehicleReport>,
 }
 
@@ -52,7 +52,7 @@ impl Operator for PedalsOperator {
             self.speed_mps = report.speed_mps;
         }
         if gate.mode == GateMode::Manual {
-            // Without any report there is nothing to hold yet.
+            // There is nothing to hold before the first report.
             let Some(report) = report.get() else { return };
             self.steering_rad = self.steering_rad.or(Some(report.steering_rad).filter(|x| x.is_finite()));
         } else {

@@ -28,43 +28,43 @@ use crate::config::{Config, StartState};
 use crate::kind::{Heavy, Node, OperatorKind, Scheduled, Settings};
 use crate::site::{Site, Surroundings};
 
-/// A motion planner, as the model of execution has it.
+/// A motion planner, under any execution model.
 pub(super) struct Planners;
 
-/// Predictions, and the poses among which is the one that goes with them.
+/// Predictions, and past poses including the one of the same stamp.
 #[derive(Inputs)]
 struct In {
-    /// Where the others will be.
+    /// Predictions of the other road users.
     predictions: At<PredictionList>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
-    /// How sure that is.
+    /// Accuracy of the pose.
     quality: Option<Latest<PoseQuality>>,
-    /// The same for control: one plan goes on from the other in the odometry frame.
+    /// Local poses: successive plans are continuous in the odometry frame.
     local: Option<Window<LocalPose, POSES>>,
 }
 
-/// The newest of both, at each tick.
+/// Newest inputs, at each tick.
 #[derive(Inputs)]
 struct PeriodicIn {
-    /// The planner's period.
+    /// Period of the planner.
     tick: Every,
-    /// Where the others will be.
+    /// Predictions of the other road users.
     predictions: Latest<PredictionList>,
-    /// Where the ego is.
+    /// State of the ego.
     ego: Latest<EgoState>,
-    /// How sure that is.
+    /// Accuracy of the pose.
     quality: Option<Latest<PoseQuality>>,
-    /// The same for control: one plan goes on from the other in the odometry frame.
+    /// Local poses: successive plans are continuous in the odometry frame.
     local: Option<Window<LocalPose, POSES>>,
 }
 
-/// A plan, and how it came about.
+/// A plan, and the rung that made it.
 #[derive(Outputs)]
 struct LadderOut {
-    /// Where to be when.
+    /// The plan.
     plan: Port<Plan>,
-    /// The rung of its ladder that it took.
+    /// Rung of the ladder that was used.
     rung: Port<RungTaken>,
 }
 
@@ -93,7 +93,7 @@ impl OperatorKind for Planners {
 
     fn runtime(&self, settings: &Settings<'_>) -> Result<RuntimeModel, String> {
         let config = settings.config;
-        // On a vehicle the planner takes as long as it takes.
+        // On a vehicle the planner takes its actual time.
         if config.live.is_some() && settings.on_wall_clock() {
             return Ok(RuntimeModel::Zero);
         }
@@ -134,10 +134,10 @@ impl OperatorKind for Planners {
     }
 }
 
-/// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
+/// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 64;
 
-/// Asks a motion planner for a plan, frame by frame.
+/// Requests a plan from a motion planner for each frame.
 struct PlannerOperator {
     planner: Box<dyn Planner>,
     route: Route,
@@ -146,15 +146,15 @@ struct PlannerOperator {
     has_comfort: bool,
     shape: Shape,
     limits: Limits,
-    /// Where others' modes are weighed: what those may sum up to that are not kept clear of.
+    /// With weighted modes: largest total probability of modes that are not kept clear of.
     risk_max: Option<f64>,
-    /// Moved on by this where the start is predicted.
+    /// Time by which a predicted start is moved on.
     expected: Option<Span>,
     previous: Option<Arc<Plan>>,
     local: LocalPoses,
-    /// The pose for control of the previous plan's stamp.
+    /// Local pose at the previous plan's stamp.
     previous_local: Option<LocalPose>,
-    /// The ego's place along the route.
+    /// Position of the ego along the route.
     place: LineTracker,
     changes: Changes,
 }
@@ -186,13 +186,13 @@ impl PlannerOperator {
 }
 
 impl PlannerOperator {
-    /// Takes in the accuracy of the pose, and the poses for control.
+    /// Takes the accuracy of the pose, and the local poses.
     fn localized(&mut self, quality: Option<&Latest<PoseQuality>>, local: Option<&Window<LocalPose, POSES>>) {
         self.trust.take(quality);
         self.local.take(local.map_or(&[], |local| local.get()));
     }
 
-    /// A plan from predictions and the pose that goes with them, `ahead` of which the ego will take it up.
+    /// Plans from predictions and the pose of the same stamp; the ego will follow the plan from `ahead` on.
     fn plan(
         &mut self,
         cx: &mut Context<'_>,
@@ -244,7 +244,7 @@ impl PlannerOperator {
         };
         let (mut unlimited, mut metered) = (Unlimited::default(), Metered(cx));
         let (planner, budget): (&mut dyn Planner, &mut dyn Budget) = match chosen {
-            // What it takes was spent when it was chosen.
+            // The rung's run time is already spent.
             Some(planner) => (planner, &mut unlimited),
             None => (&mut *self.planner, &mut metered),
         };
@@ -257,7 +257,7 @@ impl PlannerOperator {
             let plan = plan_once(request);
             let is_poor = plan.status.is_fallback() || (self.has_comfort && !is_comfortable(&plan));
             if is_poor && !core::ptr::eq(ground, &self.route) {
-                // Where the deviations leave no comfortable plan, or none at all, the whole ground counts.
+                // Plans on the whole ground if the deviations leave no comfortable plan, or none at all.
                 let whole = plan_once(&Request { route: &self.route, ..*request });
                 if is_comfortable(&whole) || plan.status.is_fallback() {
                     return whole;
@@ -267,7 +267,7 @@ impl PlannerOperator {
         };
         let mut plan = plan_for(&request);
         if stop.is_some_and(|stop| !stop.is_fit(&plan, on_route, &self.shape)) {
-            // No stop that begins now ends in the own lane, or gently enough: first the ego drives on.
+            // A stop that begins now would end in the other lane or brake too hard: the ego first drives on.
             let free = plan_for(&Request { predictions: &predictions, ..request });
             if Stop::is_worse_than(&plan, &free) {
                 plan = free;
@@ -280,7 +280,7 @@ impl PlannerOperator {
     }
 }
 
-/// Measured at the frame's stamp: what came later is not what the predictions go with.
+/// State measured at the frame's stamp: predictions do not match later ones.
 fn measured_at(stamp: Time, poses: &Window<EgoState, POSES>) -> Option<&EgoState> {
     let mut poses = poses.get().iter().filter(|p| p.is_plausible());
     let first = poses.next()?;
@@ -301,7 +301,7 @@ impl Operator for PlannerOperator {
     }
 }
 
-/// A planner in several discretisations: the one that fits is taken.
+/// A planner in several discretisations, of which it uses the one that fits the time left.
 struct LadderPlanner {
     operator: PlannerOperator,
     rungs: Vec<Rung<Box<dyn Planner>>>,
@@ -316,7 +316,7 @@ impl Operator for LadderPlanner {
         let (Some(predictions), Some(measured)) = (input.predictions.get(), measured) else { return };
         let (planner, taken) = take(&mut self.rungs, cx);
         self.operator.localized(input.quality.as_ref(), input.local.as_ref());
-        // What passed since the frame is known, and so is what the rung takes.
+        // The time since the frame is known, and so is the run time of the rung.
         let ahead = self.operator.expected.map(|_| cx.now() - measured.stamp + taken.run_time);
         out.plan.forward(self.operator.plan(cx, predictions, measured, ahead, Some(&mut **planner)));
         out.rung.send(taken);
@@ -326,9 +326,9 @@ impl Operator for LadderPlanner {
 /// A planner that runs on a timer, on the newest predictions and the newest pose.
 struct PeriodicPlanner {
     operator: PlannerOperator,
-    /// What it takes, where a ladder says that.
+    /// Its rung, if a ladder defines its run time.
     rung: Option<Rung<Box<dyn Planner>>>,
-    /// What it takes else.
+    /// Run time otherwise.
     usual: Span,
 }
 
@@ -352,7 +352,7 @@ impl Operator for PeriodicPlanner {
     }
 }
 
-/// The engine's meter, as a planner knows it.
+/// The engine's meter as a planner's budget.
 struct Metered<'a, 'b>(&'a mut Context<'b>);
 
 impl Budget for Metered<'_, '_> {
@@ -364,7 +364,7 @@ impl Budget for Metered<'_, '_> {
     }
 }
 
-/// The error of a planner's parameters.
+/// Error message for a planner's parameters.
 fn wrong(problems: &[KeyProblem]) -> anyhow::Error {
     anyhow::anyhow!("planning.params: {}", in_one_line(problems))
 }

@@ -1,4 +1,4 @@
-//! Localization, as good as its errors let it be.
+//! Localization emulated by the true pose with errors.
 
 use swerve_flow::{Context, Every, Inputs, Latest, Operator, Port, Timer};
 use swerve_msg::EgoState;
@@ -8,7 +8,7 @@ use swerve_sim::sense::{self, PoseParams};
 use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
-/// Localization, as good as its errors let it be.
+/// Publishes the true pose with errors.
 pub(super) struct PoseSensor {
     params: PoseParams,
     seed: u64,
@@ -17,9 +17,9 @@ pub(super) struct PoseSensor {
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The sensor's period.
+    /// Period of the sensor.
     tick: Every,
-    /// What there is to be measured.
+    /// State of the world to measure.
     world: Latest<WorldState>,
 }
 

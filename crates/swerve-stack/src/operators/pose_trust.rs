@@ -1,4 +1,4 @@
-//! Motion by the accuracy of the pose: slower and further from the edges where it is poor, and a stop where it does not
+//! Motion by the accuracy of the pose: slower and further from the edges with a poor pose, and a stop if it does not
 //! suffice for the lane.
 
 use swerve_flow::Latest;
@@ -8,56 +8,57 @@ use swerve_vehicle::Shape;
 
 use super::stop_lines::wall;
 
-/// Share of the target speed that is driven with the poorest pose that suffices for the lane.
+/// Share of the target speed with the poorest pose that suffices for the lane.
 const SLOWEST: f64 = 0.3;
 
-/// Fixes that stay away are noticed after this time, seconds (`coasting_after_s` of the localizer).
+/// Time after which missing fixes are noticed, seconds (`coasting_after_s` of the localizer).
 const NOTICED_S: f64 = 2.0;
 
-/// Longest usual time between two fixes that are accepted, seconds: five periods of a receiver at 10 Hz.
+/// Longest usual time between two accepted fixes, seconds: five periods of a receiver at 10 Hz.
 const SPARSE_S: f64 = 0.5;
 
-/// Deviations that are larger by this than at the newest fix of a good pose grow for want of fixes, metres.
+/// Growth of the deviations since the newest fix of a good pose from which fixes count as missing, metres.
 const GROWN_M: f64 = 0.05;
 
-/// Goes on after a stop when the deviations fit with this much to spare, as a share, and for this way, metres.
+/// Conditions to go on after a stop: the deviations fit with this ratio to spare, and over this distance, metres.
 const RESUME: f64 = 1.1;
 const RESUME_M: f64 = 10.0;
 
-/// Deceleration of the stop, m/s²; by dead reckoning, where the pose gets worse on the way; and the largest of a minimal risk
-/// manoeuvre (UN Regulation 157, 5.5.3). It builds up within this time, seconds, and ends this far before the line that is not passed, metres.
+/// Deceleration of the stop, m/s²; by dead reckoning, where the pose gets worse on the way; and the largest of a
+/// minimal risk manoeuvre (UN Regulation 157, 5.5.3). It builds up within this time, seconds, and ends this far before
+/// the line that must not be passed, metres.
 const STOP_MPS2: f64 = 2.5;
 const STOP_RECKONED_MPS2: f64 = 3.0;
 const STOP_MAX_MPS2: f64 = 4.0;
 const BUILD_UP_S: f64 = 0.5;
 const STOP_GAP_M: f64 = 2.0;
 
-/// Further than this over the left line the outline is in the other lane, metres.
+/// Distance over the left line from which the outline counts as in the other lane, metres.
 const OVER_LINE_M: f64 = 0.1;
 
-/// Identity of the obstacle on that line: below those of traffic lights, above those of tracks.
+/// Identity of the obstacle on the line that must not be passed: below those of traffic lights, above those of tracks.
 const WALL_ID: ActorId = ActorId(u32::MAX - 1000);
 
-/// The ground is narrowed in steps of this, and at least so much is left beside a car in the middle of its lane, metres.
+/// Step by which the ground is narrowed, and least room left beside a car in the middle of its lane, metres.
 const NARROWED_M: f64 = 0.1;
 const LEFT_M: f64 = 0.25;
 
-/// Standing vehicles count as cover of who steps out within this time, seconds, and within this distance of the ground,
-/// metres. A vehicle that is predicted to move no further than this stands, metres.
+/// Standing vehicles may hide people who step out, within this time, seconds, and within this distance of the ground,
+/// metres. A vehicle counts as standing if it is predicted to move no further than this, metres.
 const COVER_S: f64 = 6.0;
 const COVER_BESIDE_M: f64 = 3.0;
 const STANDS_M: f64 = 0.5;
 
-/// Share of the room beside the car that deviations may take without slowing beside cover.
+/// Share of the room beside the car that deviations may take before it slows beside cover.
 const SPARE: f64 = 0.3;
 
-/// Lowest target speed of a car that is not to stop, m/s.
+/// Lowest target speed of a car that does not stop, m/s.
 const SLOWEST_MPS: f64 = 1.0;
 
-/// Slower than this the car stands, m/s.
+/// Speed below which the car counts as standing, m/s.
 const STANDS_MPS: f64 = 0.5;
 
-/// The ego and its place on the route.
+/// The ego and its position along the route.
 #[derive(Clone, Copy)]
 pub(super) struct Here<'a> {
     pub(super) ego: &'a EgoState,
@@ -66,7 +67,7 @@ pub(super) struct Here<'a> {
 }
 
 impl Here<'_> {
-    /// Whether an outline with its origin at a place reaches into the lane to the left.
+    /// Returns true if an outline with its origin at this position reaches into the lane to the left.
     fn is_over_line(&self, place: FrenetPoint, shape: &Shape) -> bool {
         place.d_m + 0.5 * shape.width_m > self.route.lane().left_m(place.s_m) + OVER_LINE_M
     }
@@ -74,15 +75,15 @@ impl Here<'_> {
 
 /// A stop because of the pose.
 pub(super) struct Stop {
-    /// The obstacle on the line that is not passed.
+    /// Obstacle on the line that must not be passed.
     pub(super) wall: Prediction,
-    /// Whether the ego is in the lane to its left now.
+    /// True if the ego is in the lane to its left now.
     from_other_lane: bool,
 }
 
 impl Stop {
-    /// True of a plan before the wall that is a minimal risk manoeuvre: it brakes with at most [`STOP_MAX_MPS2`] and does
-    /// not come to rest in the other lane. From there it has to lead back.
+    /// Returns true if a plan before the wall is a minimal risk manoeuvre: it brakes with at most [`STOP_MAX_MPS2`] and
+    /// does not come to rest in the other lane. From the other lane it has to lead back.
     pub(super) fn is_fit(&self, plan: &Plan, here: Here<'_>, shape: &Shape) -> bool {
         let Some(end) = plan.points.last() else { return false };
         let driven_m = here.ego.pose.point().distance(end.pose.point());
@@ -92,7 +93,7 @@ impl Stop {
         hardest_mps2(plan) <= STOP_MAX_MPS2 && !(ends && here.is_over_line(place, shape))
     }
 
-    /// Whether a plan that does not know of the wall is the better one in place of a stop that is not fit.
+    /// Returns true if a plan without the wall is better than a stop that is not fit.
     pub(super) fn is_worse_than(stop: &Plan, free: &Plan) -> bool {
         hardest_mps2(free) <= hardest_mps2(stop).max(STOP_MAX_MPS2)
     }
@@ -106,29 +107,29 @@ fn hardest_mps2(plan: &Plan) -> f64 {
     plan.points.iter().map(|point| -point.accel_mps2).fold(0.0, f64::max)
 }
 
-/// Room to the nearer edge of the ground: beside the car in the middle of its lane, and where it is.
+/// Room to the nearer edge of the ground: beside the car in the middle of its lane, and at its position.
 struct Room {
     room_m: f64,
     beside_m: f64,
     needed_m: f64,
-    /// The way by dead reckoning over which the deviations come to fill the room.
+    /// Distance of dead reckoning over which the deviations grow to fill the room.
     way_m: f64,
 }
 
-/// The accuracy of the pose, and the motion that it allows.
+/// Accuracy of the pose, and the motion that it allows.
 pub(super) struct PoseTrust {
     quality: Option<PoseQuality>,
-    /// Deviation of the place at the newest fix of a good pose, metres.
+    /// Standard deviation of the position at the newest fix of a good pose, metres.
     good_m: Option<f64>,
     slow_by_sigma_m: [f64; 2],
-    /// Standard deviations of the lateral position that are kept from the edges of the road; 0 for none.
+    /// Margin to the edges of the road, in standard deviations of the lateral position; 0 for none.
     lane_sigmas: f64,
     shape: Shape,
-    /// The route with so many steps of [`NARROWED_M`] less ground on either side.
+    /// The route with this many steps of [`NARROWED_M`] less ground on either side.
     narrowed: Option<(u32, Route)>,
-    /// Arc length of the line that is not passed, while the ego stops for its pose.
+    /// Arc length of the line that must not be passed, while the ego stops for its pose.
     stop_s_m: Option<f64>,
-    /// Whether the stop waits until the ego is back in its lane.
+    /// True if the stop waits until the ego is back in its lane.
     is_postponed: bool,
 }
 
@@ -146,7 +147,7 @@ impl PoseTrust {
         }
     }
 
-    /// Takes the newest accuracy; while localization is lost, the one before counts.
+    /// Takes the newest accuracy; keeps the last one while localization is lost.
     pub(super) fn take(&mut self, quality: Option<&Latest<PoseQuality>>) {
         let quality = quality.and_then(Latest::get).filter(|quality| quality.mode != PoseMode::Lost);
         if let Some(quality) = quality {
@@ -156,7 +157,7 @@ impl PoseTrust {
 
     fn learn(&mut self, quality: PoseQuality) {
         let before = self.quality.replace(quality);
-        // Between fixes all variances grow, after one of them some are less.
+        // Between fixes all variances grow; a fix reduces some of them.
         let is_less = |k: &usize, of: &PoseQuality| quality.covariance[*k] < of.covariance[*k];
         let is_fixed = before.is_none_or(|before| [0, 2, 5].iter().any(|k| is_less(k, &before)));
         if quality.mode == PoseMode::Good && is_fixed {
@@ -164,8 +165,8 @@ impl PoseTrust {
         }
     }
 
-    /// Target speed by the accuracy of the pose, m/s. A stop has its own deceleration, and a car that has to leave the other
-    /// lane before its stop is not slowed down there: for both no less than the present speed.
+    /// Target speed by the accuracy of the pose, m/s. At least the present speed during a stop, which has its own
+    /// deceleration, and for a car that has to leave the other lane before its stop.
     pub(super) fn target_speed_mps(&self, wanted_mps: f64, here: Here<'_>, others: &[Prediction]) -> f64 {
         let most_mps = self.speed_max_mps(here).max(SLOWEST_MPS);
         let least_mps = if self.stop_s_m.is_some() || self.is_postponed { here.ego.speed_mps } else { 0.0 };
@@ -179,9 +180,9 @@ impl PoseTrust {
         by_place.min(self.share_beside_cover(here, others))
     }
 
-    /// Highest speed from which a car stops in its lane by dead reckoning, m/s. While fixes come that is for the first fault:
-    /// they stay away and are missed after [`NOTICED_S`]. A car without an inertial unit is in its first fault: its heading
-    /// has to hold between fixes, of which some are refused ([`SPARSE_S`]).
+    /// Highest speed from which the car can stop in its lane by dead reckoning, m/s. With fixes and a good pose the
+    /// first fault is the loss of fixes, noticed after [`NOTICED_S`]. A car without an inertial unit is in its first
+    /// fault: its heading has to hold between fixes, of which some are refused ([`SPARSE_S`]).
     fn speed_max_mps(&self, here: Here<'_>) -> f64 {
         let Some(Room { way_m, .. }) = self.room(here) else { return f64::INFINITY };
         let is_good = self.quality.is_some_and(|quality| quality.mode == PoseMode::Good);
@@ -192,20 +193,20 @@ impl PoseTrust {
         }
     }
 
-    /// Longest way in the other lane that the pose lasts for if the fixes end where it begins, metres: an ego that stops for
-    /// its pose beside or before what it overtakes is in everybody's way.
+    /// Longest distance in the other lane for which the pose suffices if fixes end at its beginning, metres: an ego
+    /// that stops for its pose beside or before an overtaken object blocks the road.
     pub(super) fn overtake_max_m(&self, here: Here<'_>) -> f64 {
         self.room(here).map_or(f64::INFINITY, |room| room.way_m)
     }
 
-    /// True while fixes or matches hold the place: without them the deviations grow.
+    /// Returns true while fixes or matches bound the position: without them the deviations grow.
     fn is_fixed(&self) -> bool {
         let Some(quality) = self.quality else { return true };
         self.good_m.is_some_and(|good_m| quality.sigma_m() <= good_m + GROWN_M)
     }
 
-    /// The same by the room that is left to swerve for who steps out from behind a standing vehicle: what the deviations
-    /// take of it is made up for by a shorter way to stop.
+    /// Share of the target speed by the room left to swerve for a person who steps out from behind a standing vehicle:
+    /// room taken by the deviations is compensated by a shorter stopping distance.
     fn share_beside_cover(&self, here: Here<'_>, others: &[Prediction]) -> f64 {
         let Here { ego, place, route } = here;
         let Some(Room { room_m, needed_m, .. }) = self.room(here) else { return 1.0 };
@@ -216,8 +217,8 @@ impl PoseTrust {
         speed_share(taken, [SPARE, 1.0])
     }
 
-    /// Room beside the car in the middle of its lane at its arc length, and the deviations that have to fit there, metres.
-    /// `None` where they need not.
+    /// Room beside the car in the middle of its lane at its arc length, and the deviations that have to fit there,
+    /// metres. `None` without localization or margin.
     fn room(&self, Here { place, route, .. }: Here<'_>) -> Option<Room> {
         let quality = self.quality.filter(|_| self.lane_sigmas > 0.0)?;
         let FrenetPoint { s_m, d_m } = place;
@@ -230,8 +231,8 @@ impl PoseTrust {
         Some(Room { room_m, beside_m, needed_m, way_m })
     }
 
-    /// The ground that may be planned on: less by the deviations of the pose, but for some beside the car. For one that
-    /// stands the ground is as wide as where it is: from beyond it no plan leads back.
+    /// Ground for plans: narrowed by the deviations of the pose, with some room left beside the car. For a standing car
+    /// it still contains the car, since no plan leads back from beyond it.
     pub(super) fn ground<'a>(&'a mut self, here: Here<'a>) -> &'a Route {
         let Here { ego, route, .. } = here;
         let Some(Room { beside_m, room_m, needed_m, .. }) = self.room(here) else { return route };
@@ -247,8 +248,8 @@ impl PoseTrust {
         self.narrowed.as_ref().map_or(route, |(_, narrowed)| narrowed)
     }
 
-    /// The stop of an ego whose pose does not suffice for its lane: before an obstacle across the road. Never nearer than a
-    /// stop at [`STOP_MAX_MPS2`] ends: who is beside the plan of the stop does not brake harder for it.
+    /// Stop of an ego whose pose does not suffice for its lane, before an obstacle across the road. Never nearer than
+    /// the end of a stop at [`STOP_MAX_MPS2`], so that an ego off the plan of the stop does not brake harder for it.
     pub(super) fn stop(&mut self, here: Here<'_>) -> Option<Stop> {
         let Here { ego, place, route } = here;
         let Room { room_m, needed_m, way_m, .. } = self.room(here)?;
@@ -271,12 +272,12 @@ impl PoseTrust {
         Some(Stop { wall: wall(WALL_ID, stop_s_m, route, ego.stamp), from_other_lane })
     }
 
-    /// The ego drives on for now: its stop begins anew from where it is next.
+    /// Lets the ego drive on for now: its stop begins anew from its next position.
     pub(super) fn postpone(&mut self) {
         (self.stop_s_m, self.is_postponed) = (None, true);
     }
 
-    /// The plan, with the reason for which it stops.
+    /// The plan, with the status that explains its stop.
     pub(super) fn explained(&self, plan: Plan) -> Plan {
         let led = matches!(plan.status, PlanStatus::Comfortable | PlanStatus::Found | PlanStatus::Route);
         let status = if self.stop_s_m.is_some() && led { PlanStatus::PoseUncertain } else { plan.status };
@@ -284,7 +285,7 @@ impl PoseTrust {
     }
 }
 
-/// Whether a road user stands ahead of an ego at `s_m`, beside or on the ground, and may hide somebody.
+/// Returns true if a road user stands ahead of an ego at `s_m`, beside or on the ground, and may hide a person.
 fn is_cover(one: &Prediction, route: &Route, s_m: f64, speed_mps: f64) -> bool {
     let (Some(first), Some(last)) = (one.path.first(), one.path.last()) else { return false };
     let FrenetPoint { s_m: at_m, d_m } = route.project(first.pose.point());

@@ -1,6 +1,7 @@
-//! Where the others will be: straight lines through past sightings, along the road, or as another predictor has it.
+//! Predictions of the other road users: straight lines through past sightings, along the road, or by another predictor.
 //!
-//! The predictor `truth` is told by the simulated world, as an emulated detector is: it reads every state of it.
+//! The predictor `truth` gets its data from the simulated world, as an emulated detector does: it reads every state of
+//! it.
 
 use swerve_core::{Span, Time};
 use swerve_flow::{
@@ -19,46 +20,46 @@ use crate::config::PredictionConfig;
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
-/// States of the world that are kept: as many as come while a step runs that takes a second, at 400 Hz.
+/// States of the world that are kept: as many as arrive during a step of one second, at 400 Hz.
 const STATES: usize = 400;
-/// A track is of the actor whose middle is nearest, if that is no farther off, metres.
+/// Largest distance from a track to its actor, which is the nearest one, metres.
 const SAME_M: f64 = 3.0;
 
-/// Predictors: of tracks alone, or told what will happen.
+/// Predictors: from tracks only, or from the simulator's truth.
 pub(super) struct Predictors;
 
-/// Straight lines through past sightings, or what another predictor makes of them.
+/// Straight lines through past sightings, or another predictor.
 struct Predictor {
     name: PredictorName,
-    /// From a file, in place of the shipped ones.
+    /// Weights from a file, in place of the shipped ones.
     weights: Option<Weights>,
     params: linear::Params,
-    /// What vehicles follow.
+    /// Road that vehicles are predicted along.
     road: Option<Route>,
 }
 
-/// What is tracked.
+/// Tracks for a predictor.
 #[derive(Inputs)]
 struct In {
     /// Tracks with their past sightings.
     tracks: At<TrackList>,
 }
 
-/// Tells what will happen.
+/// Predicts from the simulated world's future.
 struct Oracle {
     ahead: Ahead,
     telling: Telling,
     horizon: Horizon,
-    /// States of the world that were taken in.
+    /// Number of world states taken.
     taken: u64,
 }
 
-/// What is tracked, and what becomes of it.
+/// Tracks, and the states of the world.
 #[derive(Inputs)]
 struct OracleIn {
-    /// Tracks: of those it tells.
+    /// Tracks to predict.
     tracks: At<TrackList>,
-    /// What happened so far.
+    /// States of the world so far.
     worlds: Window<WorldState, STATES>,
 }
 
@@ -168,7 +169,7 @@ impl Operator for Oracle {
 }
 
 impl Oracle {
-    /// Where the actor whose track it is will be, by where everybody is `now`.
+    /// Future positions of the actor of a track, found by the poses of all actors `now`.
     fn places(&self, now: &[(ActorId, Pose2)], track: &Track, instants: &[Time]) -> Option<Vec<Point2>> {
         let off = |(_, pose): &&(ActorId, Pose2)| pose.point().distance(track.pose.point());
         let nearest = now.iter().min_by(|a, b| off(a).total_cmp(&off(b)));

@@ -1,4 +1,4 @@
-//! Operators that Swerve does not know: a class in Python takes their steps, the configuration declares their ports.
+//! Custom operators in Python: a Python class takes their steps, the configuration declares their ports.
 
 use std::collections::BTreeMap;
 
@@ -17,25 +17,26 @@ use crate::site::Site;
 /// Operators written in Python.
 pub(super) struct Python;
 
-/// Its keys.
+/// Keys of a Python operator.
 #[derive(Serialize, Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
-    /// What it reads, by port: `Image` (of the frame's stamp), `latest EgoState`, `window(16) EgoState`.
+    /// Inputs by port, each a mode and a message type: `Image` (of the frame's stamp), `latest EgoState`, `window(16)
+    /// EgoState`.
     inputs: BTreeMap<String, String>,
-    /// What it publishes, by port.
+    /// Message types of the outputs, by port.
     outputs: BTreeMap<String, String>,
-    /// It also steps so often, ms.
+    /// Period of additional steps, ms.
     period_ms: Option<f64>,
 }
 
-/// The port of its timer.
+/// Port of its timer.
 const TICK: &str = "tick";
 
-/// A window holds at most so many messages.
+/// Largest number of messages in a window.
 const WINDOW_MAX: usize = 4096;
 
-/// The message of this name, among those that operators of the registry read and publish.
+/// Message type of this name, among those that operators of the registry read and publish.
 fn message(name: &str, registry: &Registry) -> Result<PayloadType, String> {
     let messages = registry.messages();
     let found = messages.iter().find(|message| message.name() == name);
@@ -46,7 +47,7 @@ fn message(name: &str, registry: &Registry) -> Result<PayloadType, String> {
     })
 }
 
-/// How a port reads, and what.
+/// Mode and message type of a port.
 fn reading(text: &str, registry: &Registry) -> Result<(PortMode, PayloadType), String> {
     let Some((how, name)) = text.trim().rsplit_once(' ') else {
         return Ok((PortMode::At, message(text.trim(), registry)?));
@@ -67,7 +68,7 @@ fn reading(text: &str, registry: &Registry) -> Result<(PortMode, PayloadType), S
 }
 
 impl Table {
-    /// That of an operator; empty where it is not as it should be, which is told where the keys are checked.
+    /// Keys of an operator; empty if they are invalid, which is reported where the keys are checked.
     fn of(settings: &Settings<'_>) -> Self {
         let own = settings.config.operator.get(settings.name).map(|own| &own.keys);
         own.and_then(|keys| swerve_text::read(keys).ok()).unwrap_or_default()
@@ -140,7 +141,7 @@ impl OperatorKind for Python {
     }
 }
 
-/// Stands where the steps of another process are not taken.
+/// Placeholder in a process that does not take the operator's steps.
 struct Elsewhere;
 
 impl AnyOperator for Elsewhere {

@@ -15,7 +15,7 @@ use crate::site::Site;
 /// Radars, `[radar.NAME]`.
 pub(super) struct Radars;
 
-/// A radar on the ego: its echoes, and what they come from.
+/// A radar on the ego: its echoes, and their sources.
 struct RadarOperator {
     radar: Radar,
     seed: u64,
@@ -24,18 +24,18 @@ struct RadarOperator {
 /// The newest state of the world, at each scan.
 #[derive(Inputs)]
 struct In {
-    /// The radar's period.
+    /// Period of the radar.
     tick: Every,
-    /// What there is to be seen.
+    /// State of the world to scan.
     world: Latest<WorldState>,
 }
 
-/// A scan.
+/// One scan.
 #[derive(Outputs)]
 struct Out {
     /// Echoes.
     scan: Port<RadarScan>,
-    /// What they come from.
+    /// Sources of the echoes.
     truth: Port<RadarSources>,
 }
 

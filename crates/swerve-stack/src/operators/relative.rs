@@ -5,18 +5,18 @@
 //! obstacle_sensor --ObstacleList (map by the estimate)--> tracker: map -> odom, follow, odom -> map of now
 //! ```
 //!
-//! An error of the pose moves the ego and everybody around it alike: distances are as good as the sensor. A correction of the
-//! pose is no motion of anybody.
+//! An error of the pose moves the ego and all road users alike: distances have the accuracy of the sensor. A correction
+//! of the pose is not taken for motion of road users.
 
 use swerve_core::Time;
 use swerve_geom::{Ego, Point2, Pose2, Vector2};
 use swerve_msg::{LocalPose, ObstacleList, TrackList};
 
-/// Longest time for which a pose is moved on to the instant of a sighting, seconds.
+/// Longest time over which a pose is extrapolated to an observation, seconds.
 const AHEAD_MAX_S: f64 = 0.2;
 
-/// The rigid motion that leads from one pose to another. Frames are those of the poses: messages of the stack have places
-/// in the map, and so have those here that are in the odometry frame while a tracker works.
+/// Rigid motion from one pose to another. Frames are those of the poses: the stack's messages have positions in the map
+/// frame, and so have those that are in the odometry frame inside a tracker.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     from: Pose2,
@@ -24,7 +24,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// From the map as it is to the map as localization has it at an instant, for an ego at `ego`.
+    /// From the true map to the map as localized at an instant, for an ego at `ego`.
     pub(super) fn of_sight(ego: Pose2, believed: Pose2) -> Self {
         Self { from: ego, to: believed }
     }
@@ -52,7 +52,7 @@ impl Motion {
         self.point(self.from.point() + velocity_mps) - self.to.point()
     }
 
-    /// Obstacles after it.
+    /// Applies the motion to obstacles.
     pub(super) fn obstacles(&self, mut list: ObstacleList) -> ObstacleList {
         for obstacle in &mut list.obstacles {
             obstacle.pose = self.pose(obstacle.pose);
@@ -61,7 +61,7 @@ impl Motion {
         list
     }
 
-    /// Tracks after it, with their past.
+    /// Applies the motion to tracks, including their past.
     pub(super) fn tracks(&self, mut list: TrackList) -> TrackList {
         for track in &mut list.tracks {
             track.pose = self.pose(track.pose);
@@ -72,12 +72,12 @@ impl Motion {
     }
 }
 
-/// The ego in the odometry frame, labelled as the messages are.
+/// Pose of the ego in the odometry frame, typed as in the map like those of messages.
 pub(super) fn in_odom(local: &LocalPose) -> Pose2 {
     Pose2::new(local.odom.x_m, local.odom.y_m, local.odom.heading_rad)
 }
 
-/// The ego in the map at an instant, by its two newest poses before: moved on as from the one to the other.
+/// Pose of the ego in the map at an instant, extrapolated from its two newest poses before.
 pub(super) fn pose_at(stamp: Time, before: LocalPose, newest: LocalPose) -> Pose2 {
     let map = newest.to_map(newest.odom);
     let between_s = (newest.stamp - before.stamp).as_secs();
@@ -117,7 +117,7 @@ mod tests {
             stamp: Time::ZERO,
             obstacles: vec![person(Pose2::new(30.0, 1.0, quarter), Vector2::new(0.0, 2.0))],
         };
-        // The estimate: 3 m to the right, and turned to the left by a quarter.
+        // The estimate: 3 m to the right, and turned left by a quarter.
         let believed = Pose2::new(10.0, -3.0, quarter);
         let seen = Motion::of_sight(Pose2::new(10.0, 0.0, 0.0), believed).obstacles(list);
         let one = &seen.obstacles[0];
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_correction_of_the_pose_moves_the_past_along_with_the_present() {
+    fn pose_correction_moves_the_past_of_tracks_along() {
         let local =
             |off_m: f64| LocalPose::new(Time::ZERO, Pose2::new(5.0, 0.0, 0.0), Pose2::new(5.0, off_m, 0.0));
         let track = Track {
@@ -148,8 +148,8 @@ mod tests {
     }
 
     #[test]
-    fn the_ego_is_moved_on_to_the_instant_of_a_sighting() {
-        // 10 m/s along x: 0.1 m in 10 ms, a sighting 5 ms later is from 0.05 m further.
+    fn ego_pose_is_extrapolated_to_the_observation() {
+        // 10 m/s along x: 0.1 m in 10 ms; an observation 5 ms later is from 0.05 m further.
         let local = |ms: i64, x_m: f64| {
             let odom = Pose2::new(x_m, 0.0, 0.0);
             LocalPose::new(Time::from_ms(ms), odom, Pose2::new(x_m, 2.0, 0.0))

@@ -1,4 +1,4 @@
-//! The simulated car's reports: speed and steering angle by its own sensors, never by localization.
+//! Reports of the simulated car: speed and steering angle from its own sensors, never from localization.
 
 use std::collections::VecDeque;
 
@@ -8,11 +8,11 @@ use swerve_msg::{EgoState, VehicleReport, WheelOdometry};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
-/// Readings of the encoders that a reported speed is the mean of: 0.1 s at the default period. One reading of 96 counts
-/// per turn has steps of half a metre per second.
+/// Encoder readings averaged into a reported speed: 0.1 s at the default period. One reading of 96 counts per turn has
+/// steps of half a metre per second.
 const MEAN_OF: usize = 5;
 
-/// Reports of the simulated car. Its driver keeps the hands off.
+/// Publishes reports of the simulated car. Its driver never intervenes.
 pub(super) struct Reports;
 
 impl OperatorKind for Reports {
@@ -31,7 +31,7 @@ impl OperatorKind for Reports {
     }
 
     fn inputs(&self, settings: &Settings<'_>) -> Vec<PortInfo> {
-        // The state that a localizer estimates is no report of the vehicle: it may be wrong or missing.
+        // The state of a localizer does not qualify as a vehicle report: it may be wrong or missing.
         if settings.config.localization.estimates() { ByWheels::ports() } else { ByPose::ports() }
     }
 
@@ -44,23 +44,23 @@ impl OperatorKind for Reports {
     }
 }
 
-/// Speed and steering angle as the simulator's pose sensor measures them.
+/// Speed and steering angle measured by the simulator's pose sensor.
 #[derive(Inputs)]
 struct ByPose {
-    /// Speed and steering angle, before the faults that befall localization.
+    /// Speed and steering angle, before faults on localization.
     #[port(raw)]
     pose: At<EgoState>,
 }
 
-/// Speed and steering angle as the sensors at the wheels measure them.
+/// Speed and steering angle measured at the wheels.
 #[derive(Inputs)]
 struct ByWheels {
-    /// Speed and steering angle, before the faults that befall localization.
+    /// Speed and steering angle, before faults on localization.
     #[port(raw)]
     wheels: At<WheelOdometry>,
 }
 
-/// Reports by the pose sensor.
+/// Publishes reports from the pose sensor.
 struct PoseReport;
 
 impl Operator for PoseReport {
@@ -75,10 +75,10 @@ impl Operator for PoseReport {
     }
 }
 
-/// Reports by the encoders of the wheels.
+/// Publishes reports from the wheel encoders.
 #[derive(Default)]
 struct WheelReport {
-    /// The newest speeds, m/s.
+    /// Newest speeds, m/s.
     speeds_mps: VecDeque<f64>,
 }
 

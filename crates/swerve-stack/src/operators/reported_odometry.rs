@@ -1,4 +1,4 @@
-//! Speed and steering angle of a vehicle's own report, as localization reads those of wheel encoders.
+//! Speed and steering angle of a vehicle's report, in the form of wheel odometry for localization.
 
 use swerve_flow::{At, Context, Inputs, Operator, Port};
 use swerve_msg::{VehicleReport, WheelOdometry};
@@ -9,10 +9,10 @@ use crate::site::Site;
 /// Takes speed and steering angle from a vehicle's report.
 pub(super) struct ReportedOdometry;
 
-/// What the vehicle says of itself.
+/// Report of the vehicle.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Its report.
+    /// Report of the vehicle.
     report: At<VehicleReport>,
 }
 

@@ -1,11 +1,11 @@
-//! Where the ego is by the turns of a lidar: matched with a map, or each with those before it.
+//! Localization by lidar sweeps: matched with a map, or each with those before it.
 //!
 //! ```text
 //! lidar, imu, wheels, first fix > scan_matcher   --PoseMatch--> localizer      on a map
 //!                               > lidar_odometry --PoseMatch--> localizer      without one
 //! ```
 //!
-//! Wheels and gyroscopes straighten each turn and say where to look for it. The first fix and the lane say where to begin.
+//! Wheels and gyroscopes undistort each sweep and predict its pose. The first fix and the lane give the initial pose.
 
 mod survey;
 
@@ -30,67 +30,66 @@ use crate::config::sensors::LidarConfig;
 use crate::kind::{Heavy, Kind, NoKeys, Node, Settings};
 use crate::site::Site;
 
-/// Readings kept of inertial unit and wheels: those of a turn and of one that was missed, at 100 Hz.
+/// Readings kept of inertial unit and wheels: those of a sweep and of one missed sweep, at 100 Hz.
 const READINGS: usize = 64;
 const FIXES: usize = 16;
-/// Poses that are drawn where it looks around.
+/// Poses drawn for a search.
 const PARTICLES: u32 = 200;
-/// Deviation of the heading that the lane tells at first, radians.
+/// Standard deviation of the lane's heading as initial heading, radians.
 const LANE_SIGMA_RAD: f64 = 0.09;
-/// A pose of the localizer this old is none of now, seconds; and how sure one is taken to be at best and at worst: metres and
-/// radians.
+/// Age above which a pose of the localizer is not used, seconds; bounds of its standard deviations, metres and radians.
 const PRIOR_AGE_S: f64 = 0.5;
 const PRIOR_SIGMA_M: [f64; 2] = [0.3, 10.0];
 const PRIOR_SIGMA_RAD: [f64; 2] = [0.03, 1.0];
-/// What a way without a map goes off by: metres in its first turns, which have little to be matched with, a share of the
-/// way, and radians per metre.
+/// Error of odometry without a map: metres in the first sweeps, which have little to be matched with, a share of the
+/// distance, and radians per metre.
 const BEGIN_M: f64 = 0.3;
 const DRIFT: f64 = 0.01;
 const DRIFT_RAD_PER_M: f64 = 1e-4;
 
-/// Percentiles of a turn of 54,000 points, ms, on one core of an AMD EPYC (family 25, model 17): `benches/localization.rs`.
-/// The largest is that of a turn that is looked around for.
+/// Percentiles of the run time for a sweep of 54,000 points, ms, on one core of an AMD EPYC (family 25, model 17):
+/// `benches/localization.rs`. The largest is that of a sweep with a search.
 const MATCHER_MS: [[f64; 2]; 4] = [[0.0, 2.2], [50.0, 2.5], [99.0, 3.5], [100.0, 10.0]];
 const ODOMETRY_MS: [[f64; 2]; 4] = [[0.0, 20.0], [50.0, 45.0], [99.0, 90.0], [100.0, 110.0]];
 
-/// A turn, and what says how the car moved and where it began.
+/// A sweep, and measurements of the motion and the initial pose.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// The points.
+    /// Points of the sweep.
     points: At<PointCloud>,
     /// Turn rates.
     imu: Window<Imu, READINGS>,
-    /// Speeds by the wheels.
+    /// Wheel speeds.
     wheels: Window<WheelOdometry, READINGS>,
     /// Satellite fixes.
     fixes: Window<Gnss, FIXES>,
 }
 
-/// The same, and where the localizer is by all that it hears.
+/// The same, and the pose of the localizer.
 #[derive(Inputs)]
 pub(super) struct MatcherIn {
-    /// The points.
+    /// Points of the sweep.
     points: At<PointCloud>,
     /// Turn rates.
     imu: Window<Imu, READINGS>,
-    /// Speeds by the wheels.
+    /// Wheel speeds.
     wheels: Window<WheelOdometry, READINGS>,
     /// Satellite fixes.
     fixes: Window<Gnss, FIXES>,
-    /// Where the ego was before: where a lidar that lost its way is looked for.
+    /// Past state of the ego: centre of the search for a lost lidar.
     #[port(feedback)]
     state: Latest<EgoState>,
-    /// How sure that is.
+    /// Accuracy of that state.
     #[port(feedback)]
     quality: Latest<PoseQuality>,
 }
 
-/// A lidar on its way.
+/// Motion and initial pose of a lidar.
 struct Front {
     motion: LidarMotion,
     ego_from_lidar: Isometry3<f64>,
     receiver: Receiver,
-    /// Messages of inertial unit and wheels that were taken.
+    /// Number of messages taken of inertial unit and wheels.
     taken: [u64; 2],
 }
 
@@ -108,7 +107,7 @@ impl Front {
         Ok((Self { motion, ego_from_lidar, receiver, taken: [0; 2] }, lidar))
     }
 
-    /// A turn, and how the lidar moved over it.
+    /// A sweep, and the motion of the lidar during it.
     fn turn<'a>(
         &mut self,
         points: &'a At<PointCloud>,
@@ -122,18 +121,18 @@ impl Front {
         Some((cloud, self.motion.turn(cloud.stamp)?))
     }
 
-    /// Where the lidar is at an instant, by the newest fix and the heading of the lane there.
+    /// Pose of the lidar at an instant, by the newest fix and the heading of the lane there.
     fn guess(&self, fixes: &[Message<Gnss>], at: Time) -> Option<Isometry3<f64>> {
         let fix = fixes.last()?;
         let car = self.motion.car.between(fix.stamp, at)?;
         Some(self.receiver.ego(fix)? * car * self.ego_from_lidar)
     }
 
-    /// What is told of a lidar's pose: of the car's, with the covariance of place and heading on the ground.
+    /// Published match of a lidar's pose: the car's pose, with the covariance of position and heading on the ground.
     fn told(&self, stamp: Time, map_from_lidar: &Isometry3<f64>, spread: &Spread) -> PoseMatch {
         let map_from_ego = map_from_lidar * self.ego_from_lidar.inverse();
         let at = map_from_ego.translation.vector;
-        // The car is on a lever from the lidar: what turns that moves it.
+        // The lever arm from lidar to car converts turns to displacements.
         let lever = at - map_from_lidar.translation.vector;
         let turned = [-lever.y, lever.x];
         let [xx, xy, yy] = spread.covariance_m2;
@@ -154,7 +153,7 @@ impl Front {
     }
 }
 
-/// How sure the pose of a lidar is.
+/// Accuracy of a lidar's pose.
 struct Spread {
     covariance_m2: [f64; 3],
     /// Covariance of x and of y with the heading, m rad.
@@ -175,7 +174,7 @@ impl Spread {
     }
 }
 
-/// New readings of both in the order of their stamps.
+/// New readings of both, ordered by stamp.
 pub(super) fn readings(
     imu: &[Message<Imu>],
     wheels: &[Message<WheelOdometry>],
@@ -189,7 +188,7 @@ pub(super) fn readings(
     readings
 }
 
-/// Each point, and when, as a share of a time before the end of the turn, -1 to 0.
+/// Points, each with its time relative to the end of the sweep as a share of the period, -1 to 0.
 fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
     let point = |k: usize| {
         let at_m = [cloud.x_m[k], cloud.y_m[k], cloud.z_m[k]].map(f64::from);
@@ -198,13 +197,13 @@ fn points(cloud: &PointCloud, period_s: f64) -> Vec<(Vector3<f64>, f64)> {
     (0..cloud.len()).map(point).collect()
 }
 
-/// The map of a file.
+/// Reads a map file.
 fn read(path: &Path) -> anyhow::Result<MapFile> {
     ensure!(path.exists(), "there is no such file; `swerve map build` writes one");
     Ok(MapFile::read(&read_bytes(path, FILE_MAX)?)?)
 }
 
-/// A car that stands level there.
+/// Pose of a car that is level at this position.
 pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
     let (sin, cos) = math::sin_cos(heading_rad);
     let [x, y, z] = at_m;
@@ -212,7 +211,7 @@ pub(super) fn pose_of(at_m: [f64; 3], heading_rad: f64) -> Isometry3<f64> {
     swerve_localization::ndt::pose_of(&rows).unwrap_or_else(Isometry3::identity)
 }
 
-/// Finds a lidar on a map.
+/// Localizes a lidar on a map.
 pub(super) struct ScanMatcher {
     front: Front,
     map: MapFile,
@@ -242,14 +241,14 @@ impl Kind for ScanMatcher {
 }
 
 impl ScanMatcher {
-    /// Where the lidar is at the end of a turn by the localizer; where that knows nothing, by a fix and the lane.
+    /// Pose of the lidar at the end of a sweep by the localizer; without that, by a fix and the lane.
     fn prior(&self, input: &MatcherIn, end: Time) -> Option<Guess> {
         let by_fix = || {
             let map_from_lidar = self.front.guess(input.fixes.get(), end)?;
             Some((map_from_lidar, self.front.receiver.sigma_m(), LANE_SIGMA_RAD))
         };
         let (mut map_from_lidar, sigma_m, sigma_rad) = self.fused(input, end).or_else(by_fix)?;
-        // The map knows better how high the ground is.
+        // The map has the better height of the ground.
         let at = &mut map_from_lidar.translation.vector;
         if let Some(ground_m) = self.map.ground_m([at.x, at.y]) {
             at.z = ground_m + self.front.ego_from_lidar.translation.vector.z;
@@ -257,7 +256,7 @@ impl ScanMatcher {
         Some(Guess { map_from_lidar, sigma_m, sigma_rad, particles: PARTICLES })
     }
 
-    /// The localizer's pose, carried on to the end of a turn, and its deviations.
+    /// Localizer's pose, extrapolated to the end of a sweep, and its standard deviations.
     fn fused(&self, input: &MatcherIn, end: Time) -> Option<(Isometry3<f64>, f64, f64)> {
         let (state, quality) = (input.state.get()?, input.quality.get()?);
         let is_fresh = (end - state.stamp).as_secs() <= PRIOR_AGE_S && quality.mode != PoseMode::Lost;
@@ -294,11 +293,11 @@ impl Operator for ScanMatcher {
     }
 }
 
-/// Follows a lidar by its own turns from where it began.
+/// Tracks a lidar's pose by its own sweeps from the initial pose.
 pub(super) struct LidarOdometry {
     front: Front,
     odometry: Odometry,
-    /// Where its way began, and how long it is by now, metres.
+    /// Initial pose, and distance travelled since, metres.
     start: Option<Isometry3<f64>>,
     way_m: f64,
 }

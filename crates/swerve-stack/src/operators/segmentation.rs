@@ -1,4 +1,4 @@
-//! Classes of the pixels of a camera's images.
+//! Semantic segmentation of a camera's images.
 
 use anyhow::anyhow;
 use schemars::JsonSchema;
@@ -16,15 +16,15 @@ use crate::site::Site;
 /// Labels the pixels of each image of a camera, without neural networks.
 pub(super) struct Segmentation {
     weights: Weights,
-    /// For the size and the camera of the last image.
+    /// Segmenter for the size and the camera of the last image.
     segmenter: Option<([usize; 2], Ground, Segmenter)>,
 }
 
-/// Its keys.
+/// Keys of segmentation.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
-    /// Weights that are in the program, by name.
+    /// Name of built-in weights.
     weights: String,
 }
 
@@ -45,10 +45,10 @@ impl Table {
     }
 }
 
-/// An image.
+/// Image to process.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// What the camera sees, in colour.
+    /// Colour image of the camera.
     image: At<Image>,
 }
 
@@ -81,7 +81,7 @@ impl Operator for Segmentation {
 }
 
 impl Segmentation {
-    /// Cityscapes' id of each pixel.
+    /// Cityscapes id of each pixel.
     fn labels(&mut self, image: &Image) -> Result<Vec<u8>, String> {
         let Pixels::Rgb8(bytes) = &image.pixels else {
             return Err("expected an image in colour; `reads = { image = \"CAMERA.rgb\" }` names one".into());
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn images_of_any_size_are_labelled_and_others_told() {
+    fn segmentation_labels_any_size_and_reports_unusable_images() {
         let weights = Table::default().weights().unwrap();
         let mut operator = Segmentation { weights, segmenter: None };
         for size in [[64, 48], [1, 1], [64, 48], [32, 24]] {

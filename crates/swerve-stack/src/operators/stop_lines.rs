@@ -1,4 +1,4 @@
-//! Stop lines of red lights, as what no plan may go over.
+//! Stop lines of red lights, as obstacles for plans.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
@@ -13,41 +13,41 @@ use swerve_vehicle::{Shape, VehicleParams};
 use crate::kind::{KeyProblems, Kind, Node};
 use crate::site::Site;
 
-/// Thickness and height of what stands on a stop line, metres.
+/// Thickness and height of the obstacle on a stop line, metres.
 const WALL_M: [f64; 2] = [0.5, 1.0];
-/// Identities of stop lines are counted down from this: tracks are counted up.
+/// Identities of stop lines count down from this: tracks count up.
 const LAST_ID: u32 = u32::MAX;
-/// Who is over a line by so much has passed it, metres.
+/// Distance over a line from which it counts as passed, metres.
 const PASSED_M: f64 = 0.5;
-/// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
+/// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 64;
-/// Every light is yellow for at least this long, seconds. Source: MUTCD (2009), section 4D.26.
+/// Shortest time for which every light is yellow, seconds. Source: MUTCD (2009), section 4D.26.
 const YELLOW_MIN_S: f64 = 3.0;
-/// An ego that goes on at a yellow light is to be at the line so much before the light can be red, seconds: the first frame
-/// that shows yellow is late, and a speed is not held exactly.
+/// Reserve before the light can be red for an ego that goes on at yellow, seconds: the first frame that shows yellow is
+/// late, and the speed is not held exactly.
 const EARLY_S: f64 = 0.25;
 
-/// Adds a wall on the stop line of each light at which the ego is to stop to what is predicted.
+/// Adds a wall to the predictions on the stop line of each light at which the ego has to stop.
 pub(super) struct StopLines {
     table: Table,
     route: Route,
     shape: Shape,
     brake_max_mps2: f64,
-    /// Lines at which the ego stops, by where they are.
+    /// Lines at which the ego stops, by arc length.
     held: Vec<f64>,
-    /// Lines of yellow lights, and since when they are yellow.
+    /// Lines of yellow lights, and the times since which they are yellow.
     yellow: Vec<(f64, Time)>,
-    /// The ego's place along the route.
+    /// Position of the ego along the route.
     place: LineTracker,
 }
 
-/// Its keys.
+/// Keys of the stop lines.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
-    /// Deceleration by which the ego stops at a yellow light, m/s²: where it takes more, the ego goes on if it is at the line
-    /// before the light can be red. Source: 10 ft/s² (ITE, Guidelines for Determining Traffic Signal Change and Clearance
-    /// Intervals, 2020).
+    /// Deceleration for a stop at a yellow light, m/s²: if it takes more, the ego goes on, provided it reaches the line
+    /// before the light can be red. Source: 10 ft/s² (ITE, Guidelines for Determining Traffic Signal Change and
+    /// Clearance Intervals, 2020).
     brake_mps2: f64,
     /// Time from the signal to the brakes, seconds. ITE has 1 s for people.
     reaction_s: f64,
@@ -59,14 +59,14 @@ impl Default for Table {
     }
 }
 
-/// What is predicted, and the newest of the lights.
+/// Predictions, and the newest signals of the lights.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Where the others will be.
+    /// Predictions of the other road users.
     predictions: At<PredictionList>,
-    /// What the lights show.
+    /// Signals of the lights.
     lights: Latest<TrafficLights>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
 }
 
@@ -127,8 +127,9 @@ impl StopLines {
         }
     }
 
-    /// Updates the lines at which the ego stops: of red lights, of yellow ones as [`stops_at_yellow`](Self::stops_at_yellow)
-    /// decides, and of those that held and show nothing now; none that is behind, and none that full brake does not reach.
+    /// Updates the lines at which the ego stops: of red lights, of yellow ones by
+    /// [`stops_at_yellow`](Self::stops_at_yellow), and of held lights that show nothing now; except lines behind the
+    /// ego and new ones too close for full braking.
     fn hold(&mut self, lights: &TrafficLights, front_s_m: f64, speed_mps: f64) {
         let TrafficLights { stamp, ref lights, .. } = *lights;
         self.watch_yellow(lights, stamp);
@@ -145,7 +146,7 @@ impl StopLines {
             stops.then_some(line_s_m)
         };
         let mut now: Vec<f64> = lights.iter().filter_map(holds).collect();
-        // Out of sight is not green.
+        // A light out of sight is not taken for green.
         let gone = |line_s_m: &&f64| {
             front_s_m < **line_s_m + PASSED_M && lights.iter().all(|light| light.stop_s_m != Some(**line_s_m))
         };
@@ -153,7 +154,7 @@ impl StopLines {
         self.held = now;
     }
 
-    /// Keeps since when lights are yellow.
+    /// Keeps the times since which lights are yellow.
     fn watch_yellow(&mut self, lights: &[TrafficLight], stamp: Time) {
         let is_yellow = |line_s_m: f64| {
             let shows = |light: &TrafficLight| {
@@ -171,9 +172,9 @@ impl StopLines {
         }
     }
 
-    /// Whether the ego stops at a yellow light: comfortably where there is room; else only if it cannot reach the line in
-    /// the least time that a light is yellow, and full brake suffices. So no place is left from which the ego can neither
-    /// stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
+    /// Returns true if the ego stops at a yellow light: comfortably where there is room; else only if it cannot reach
+    /// the line in the least time that a light is yellow, and full braking suffices. So there is no position from which
+    /// the ego can neither stop nor pass (the dilemma zone of Gazis, Herman and Maradudin 1960).
     fn stops_at_yellow(&self, line_s_m: f64, stamp: Time, [front_s_m, speed_mps]: [f64; 2]) -> bool {
         let Table { brake_mps2, reaction_s } = self.table;
         let ahead_m = line_s_m - front_s_m;
@@ -182,14 +183,15 @@ impl StopLines {
         }
         let since =
             self.yellow.iter().find(|(known, _)| *known == line_s_m).map_or(stamp, |(_, since)| *since);
-        // Who has decided to go on does not brake hard for a part of the reserve.
+        // The reserve does not cause hard braking after a decision to go on.
         let early_s = if since == stamp { EARLY_S } else { 0.0 };
         let left_s = YELLOW_MIN_S - early_s - (stamp - since).as_secs();
         speed_mps * left_s < ahead_m && way_m(speed_mps, self.brake_max_mps2) < ahead_m
     }
 }
 
-/// An obstacle across the drivable ground, from arc length `line_s_m` of the route on, for as long as anything is predicted.
+/// An obstacle across the drivable ground, from arc length `line_s_m` of the route on, for the whole prediction
+/// horizon.
 pub(super) fn wall(id: ActorId, line_s_m: f64, route: &Route, at: Time) -> Prediction {
     let [length_m, height_m] = WALL_M;
     let s_m = line_s_m + 0.5 * length_m;
@@ -205,7 +207,7 @@ pub(super) fn wall(id: ActorId, line_s_m: f64, route: &Route, at: Time) -> Predi
     }
 }
 
-/// Way to standstill, metres.
+/// Stopping distance, metres.
 fn way_m(speed_mps: f64, brake_mps2: f64) -> f64 {
     0.5 * speed_mps * speed_mps / brake_mps2
 }

@@ -1,4 +1,4 @@
-//! The switch by which a person lets the stack drive.
+//! Switch with which a person enables the stack.
 
 use swerve_core::Time;
 use swerve_flow::{
@@ -10,15 +10,15 @@ use crate::config::gate::GateConfig;
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
-/// The switch of a simulated car: held by a simulated person or, where another stack drives, by somebody outside.
+/// Switch of a simulated car: held by a simulated person or, where another stack drives, from outside.
 pub(super) struct EnableSwitch;
 
-/// What the gate shows, at each tick.
+/// Output of the gate, at each tick.
 #[derive(Inputs)]
 struct In {
-    /// How often the person looks.
+    /// Period of the person's checks.
     tick: Every,
-    /// What the gate shows.
+    /// Output of the gate.
     #[port(feedback)]
     gate: Latest<GateOutput>,
 }
@@ -54,8 +54,8 @@ impl OperatorKind for EnableSwitch {
     }
 }
 
-/// Who holds the switch of a simulated car: presses it once, lets go of it, stops the car, when the configuration
-/// says so. Where a press did not take, for want of a command or a report, it is released and pressed again.
+/// Simulated person with the switch: presses it once, releases it and stops the car at the configured times. A press
+/// without effect, for lack of a command or a report, is released and repeated.
 struct SimulatedPerson {
     enable_at: Time,
     release_at: Time,
@@ -85,9 +85,9 @@ impl Operator for SimulatedPerson {
         let now = cx.now();
         let lamp = input.gate.get();
         self.was_engaged |= lamp.is_some_and(|gate| gate.engaged);
-        // What the gate said of an instant before the press says nothing of the press.
+        // Gate outputs of an instant before the press do not reflect it.
         let waits = |since: Time| lamp.is_none_or(|gate| gate.command.stamp < since);
-        // Before the gate has spoken it has not seen the switch released.
+        // Before its first output the gate has not seen the switch released.
         let may_press = lamp.is_some() && now >= self.enable_at;
         self.pressed_at = match self.pressed_at {
             _ if now >= self.release_at => None,

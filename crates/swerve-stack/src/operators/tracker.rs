@@ -1,4 +1,4 @@
-//! Trackers: of what a detector finds, or of what is seen with its identity.
+//! Trackers of a detector's boxes, or of obstacles with known identities.
 
 use swerve_flow::{
     At, Context, Inputs, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
@@ -12,40 +12,40 @@ use super::relative::{Motion, in_odom};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
 
-/// Past poses kept to find the one measured at a frame's stamp: as old as frames get, at 100 Hz.
+/// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 256;
 
-/// Trackers: of boxes where a detector is in the pipeline, else of obstacles as the sensor sees them.
+/// Trackers: of boxes if a detector is in the pipeline, else of obstacles as the sensor sees them.
 pub(super) struct Trackers;
 
-/// What a detector found, and where the ego was.
+/// Boxes of a detector, and past poses of the ego.
 #[derive(Inputs)]
 struct BoxesIn {
     /// Boxes.
     boxes: At<Detections>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
     /// The same in the odometry frame.
     local: Option<Window<LocalPose, POSES>>,
 }
 
-/// What is seen.
+/// Obstacles of the sensor.
 #[derive(Inputs)]
 struct HistoryIn {
     /// Obstacles with their identities.
     obstacles: At<ObstacleList>,
-    /// Where the ego was by localization.
+    /// Past localized poses of the ego.
     local: Option<Window<LocalPose, POSES>>,
 }
 
-/// Follows what a detector reports: in the odometry frame, or in the map where the pose is that of the simulator or the
+/// Tracks a detector's boxes: in the odometry frame, or in the map where the pose is that of the simulator or the
 /// vehicle.
 struct BoxTracker {
     tracker: GroundTracker,
     local: LocalPoses,
 }
 
-/// Follows what the sensor reports by its identity and keeps past sightings; in frames as [`BoxTracker`].
+/// Keeps past sightings of the sensor's obstacles by their identity; in frames as [`BoxTracker`].
 struct HistoryTracker {
     history: History,
     local: LocalPoses,
@@ -86,7 +86,7 @@ impl Operator for BoxTracker {
     fn step(&mut self, _: &mut Context<'_>, input: &BoxesIn, out: &mut Self::Out) {
         self.local.take(input.local.as_ref().map_or(&[], |local| local.get()));
         let (Some(boxes), poses) = (input.boxes.get(), input.poses.get()) else { return };
-        // Measured before the frame: a later one is not known where a detector takes no time.
+        // A pose before the frame: later ones are unknown where a detector takes no time.
         let before = poses.iter().rev().find(|pose| pose.header().stamp <= boxes.stamp);
         let Some(measured) = before.or(poses.first()) else { return };
         let local = self.local.at(boxes.stamp);
@@ -106,14 +106,14 @@ impl Operator for HistoryTracker {
         let Some(obstacles) = input.obstacles.get() else { return };
         let tracks = match self.local.before(obstacles.stamp) {
             None => self.history.update(obstacles),
-            // As the sensor placed them.
+            // By the pose with which the sensor placed them.
             Some(seen_by) => self.history.update(&Motion::to_odom(&seen_by).obstacles((**obstacles).clone())),
         };
         out.loan().send(in_map(tracks, self.local.at(obstacles.stamp)));
     }
 }
 
-/// Tracks in the map of their stamp.
+/// Tracks in the map at their stamp.
 fn in_map(tracks: TrackList, local: Option<LocalPose>) -> TrackList {
     match local {
         Some(local) => Motion::to_map(&local).tracks(tracks),

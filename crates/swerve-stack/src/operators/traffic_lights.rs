@@ -15,24 +15,24 @@ use super::camera_objects::pitch_rad;
 use crate::kind::{Heavy, KeyProblems, Kind, Node};
 use crate::site::Site;
 
-/// Past poses kept to find the one measured at an image's stamp, and how the body pitched until then: at 100 Hz.
+/// Past poses kept to find the one at an image's stamp and to estimate the body's pitch until then: at 100 Hz.
 const POSES: usize = 256;
 
-/// Tells what the lights in each image show, without neural networks.
+/// Detects the signals of traffic lights in each image, without neural networks.
 pub(super) struct Lights {
     watch: LightWatch,
     vehicle: VehicleParams,
-    /// The scenario's lights, where they themselves say what they show.
+    /// The scenario's lights, if their true signals are used.
     truth: Option<Vec<TrafficLight>>,
 }
 
-/// Its keys.
+/// Keys of the traffic light detector.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Table {
-    /// The lights of the scenario say what they show, in the place of the pixels.
+    /// Uses the true signals of the scenario's lights in place of the pixels.
     truth: bool,
-    /// Whether the places of lights are known; else they are found by colour and shape.
+    /// Uses a map with the positions of lights; without it they are found by colour and shape.
     map: bool,
     head_m: [f64; 2],
     top_m: f64,
@@ -56,12 +56,12 @@ impl Table {
     }
 }
 
-/// An image, and where the ego was.
+/// An image, and past poses of the ego.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// What the camera sees, in colour.
+    /// Colour image of the camera.
     image: At<Image>,
-    /// Where the ego was.
+    /// Past poses of the ego.
     poses: Window<EgoState, POSES>,
 }
 
@@ -93,7 +93,7 @@ impl Kind for Lights {
     }
 }
 
-/// Where the lights of a road stand, which a map would tell.
+/// Positions of a road's lights, as in a map.
 fn places(road: &Road) -> Vec<LightPlace> {
     let line = road.line();
     let place = |light: &TrafficLight| {
@@ -125,7 +125,7 @@ impl Operator for Lights {
 }
 
 impl Lights {
-    /// Where truth is asked for, what is in the image and its place stay; what it shows is what it does.
+    /// With truth, keeps the lights in the image and their positions, and sets their true signals.
     fn tell_truth(&self, seen: &mut TrafficLights) {
         for light in &mut seen.lights {
             let known = self.truth.iter().flatten().find(|known| Some(&known.name) == light.name.as_ref());

@@ -14,17 +14,17 @@ use crate::site::Site;
 pub(super) struct World {
     simulator: Simulator,
     latched: Command,
-    /// Steps that it has taken, the first state among them.
+    /// Number of steps taken, including the first state.
     steps: usize,
     course: Option<Course>,
 }
 
-/// What moves the world.
+/// Inputs of the world.
 #[derive(Inputs)]
 pub(super) struct In {
-    /// Its steps.
+    /// Steps of the world.
     step: Every,
-    /// What the ego's pedals and wheel are asked for.
+    /// Command for pedals and steering.
     #[port(feedback)]
     command: Latest<Command>,
 }
@@ -56,7 +56,7 @@ impl Operator for World {
         if self.steps > 0 {
             self.simulator.step(self.latched);
         }
-        // Wires to pedals carry numbers: what is none does not reach them.
+        // Commands that are not finite do not reach the pedals.
         if let Some(command) = input.command.get().filter(|command| command.is_finite()) {
             self.latched = **command;
         }

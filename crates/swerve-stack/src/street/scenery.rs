@@ -1,19 +1,19 @@
-//! What stands beside the road: houses, trees, lamps, signs, and grass to the horizon.
+//! Scenery beside the road: houses, trees, lamps, signs, and grass to the horizon.
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Obb, Point, Point2, Polyline, Pose2, Transform, math};
 use swerve_scenario::{Direction, KERB_M, Motion as Leg, PAVEMENT_M, Scenario};
 use swerve_scene::{Instance, Kind, Light, Scene, Size, ground_pieces};
 
-/// Houses stand this far behind the pavement at least, metres.
+/// Least distance of houses behind the pavement, metres.
 const SETBACK_M: f64 = 3.0;
-/// The ground that scenery covers keeps this far from the ways of actors, metres.
+/// Distance of scenery from the paths of actors, metres.
 const CLEAR_M: f64 = 0.6;
-/// How far the road is built up beyond both its ends, metres.
+/// Length of scenery beyond both ends of the road, metres.
 const BUILT_M: f64 = 60.0;
-/// How far the grass reaches from the middle of the road, metres.
+/// Extent of the grass from the middle of the road, metres.
 const HORIZON_M: f64 = 440.0;
-/// How far one drives who is not told, metres.
+/// Assumed path length of an actor that is not given one, metres.
 const DRIVE_M: f64 = 120.0;
 const QUARTER: f64 = core::f64::consts::FRAC_PI_2;
 
@@ -37,21 +37,21 @@ pub(super) fn add(scene: &mut Scene, scenario: &Scenario, line: &Polyline, seed:
     }
 }
 
-/// What stands on one side of the road.
+/// Scenery on one side of the road.
 struct Row<'a> {
     scene: &'a mut Scene,
     line: &'a Polyline,
     /// 1 on the left, -1 on the right.
     side: f64,
-    /// From the line to the kerb, metres.
+    /// Distance from the line to the kerb, metres.
     kerb_m: f64,
     ways: &'a [Point2],
     rng: Rng,
 }
 
 impl Row<'_> {
-    /// The place at `s_m` along the road and `out_m` beyond the kerb, for something that covers a rectangle of
-    /// ground; none where an actor comes, or where the road bends back to it.
+    /// Position at `s_m` along the road and `out_m` beyond the kerb, for an item that covers a rectangle of ground;
+    /// `None` on the path of an actor or where the road bends back to it.
     fn place(&self, s_m: f64, out_m: f64, (length_m, width_m): (f64, f64)) -> Option<(Point2, f64)> {
         let at = self.line.at(s_m).pose;
         let across = self.side * (self.kerb_m + out_m);
@@ -66,7 +66,7 @@ impl Row<'_> {
         (clear && ground.corners().into_iter().all(off_road)).then_some((point, at.heading_rad))
     }
 
-    /// The yaw of something that faces the road.
+    /// Yaw of an item that faces the road.
     fn facing(&self, road_rad: f64) -> f64 {
         road_rad - self.side * QUARTER
     }
@@ -124,7 +124,7 @@ impl Row<'_> {
         while s_m < self.line.length() {
             if let Some((point, road_rad)) = self.place(s_m, 0.4, (0.3, 0.3)) {
                 let model = self.scene.meshes.model(Kind::SpeedSign { kmh: 50 }, 1);
-                // Against the traffic on its side.
+                // Facing the traffic on its side.
                 let facing = if self.side > 0.0 { road_rad } else { road_rad + core::f64::consts::PI };
                 self.scene.add_static(standing(&model, point, KERB_M, facing));
             }
@@ -140,7 +140,7 @@ fn standing(model: &swerve_scene::Model, at: Point2, z_m: f64, yaw_rad: f64) -> 
     )
 }
 
-/// Points at most half a metre apart on the ways that actors go, as wide as they are.
+/// Points at most half a metre apart on the paths of actors, across their width.
 fn ways(scenario: &Scenario, line: &Polyline) -> Vec<Point2> {
     let mut points = Vec::new();
     for actor in &scenario.actors {
@@ -194,7 +194,7 @@ fn turn(direction: Direction) -> f64 {
     }
 }
 
-/// Grass to the horizon, a touch below the road.
+/// Grass to the horizon, slightly below the road.
 fn grass(scene: &mut Scene, line: &Polyline) {
     let middle = line.at(0.5 * line.length()).pose;
     let corner = |sign: f64| Point2::new(middle.x_m + sign * HORIZON_M, middle.y_m + sign * HORIZON_M);

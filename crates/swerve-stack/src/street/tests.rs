@@ -19,7 +19,7 @@ fn scenarios() -> Vec<Scenario> {
 }
 
 #[test]
-fn scenery_stands_off_the_drivable_ground_and_away_from_where_actors_start() {
+fn scenery_is_clear_of_the_drivable_ground_and_actor_starts() {
     for scenario in scenarios() {
         for seed in 0..4 {
             let street = Street::new(&scenario, &Shape::default(), WeatherPreset::default(), seed);
@@ -60,7 +60,7 @@ fn person(x_m: f64, speed_mps: f64) -> Actor {
 }
 
 #[test]
-fn actors_are_where_the_world_has_them_and_people_move_their_legs() {
+fn actors_follow_the_world_and_people_move_their_legs() {
     let scenario = scenarios().into_iter().find(|s| s.name == "person_behind_truck").unwrap();
     let mut street = Street::new(&scenario, &Shape::default(), WeatherPreset::default(), 1);
     let params = SimParams { dt: Span::from_ms(5), vehicle: VehicleParams::default() };
@@ -78,7 +78,7 @@ fn actors_are_where_the_world_has_them_and_people_move_their_legs() {
     assert_eq!(shown(10.0, 1.4), first, "a function of the state alone");
 }
 
-/// Height of the ground that is drawn at a point, metres.
+/// Height of the drawn ground at a point, metres.
 fn drawn_m(street: &Street, at: Point2) -> f64 {
     let scene = street.scene();
     let grounds = scene.statics().instances().iter().filter(|instance| {
@@ -103,13 +103,13 @@ fn drawn_m(street: &Street, at: Point2) -> f64 {
 }
 
 #[test]
-fn actors_stand_on_the_ground_that_is_drawn() {
+fn actors_stand_on_the_drawn_ground() {
     for scenario in scenarios() {
         let street = Street::new(&scenario, &Shape::default(), WeatherPreset::default(), 1);
         let (road, line) = (&scenario.road, scenario.road.line());
         let edges = [0.3, 1.4, 2.5, 3.2];
         let beside = edges.map(|m| road.left_m + m).into_iter().chain(edges.map(|m| -road.right_m - m));
-        // Grass lies six centimetres below the plane.
+        // Grass is six centimetres below the plane.
         for d_m in beside.chain([0.0, road.left_m - 0.3, 0.3 - road.right_m]) {
             let drawn_m = drawn_m(&street, line.to_map(FrenetPoint { s_m: 31.3, d_m }));
             let error_m = drawn_m - road.ground_m(d_m);

@@ -7,7 +7,7 @@ fn problems(text: &str) -> Vec<String> {
     problems.iter().map(ToString::to_string).collect()
 }
 
-/// A file with one fault: what is said begins so, and nothing else is said.
+/// Asserts that a file has exactly one problem, which begins with `start`.
 fn told(text: &str, start: &str) {
     let found = problems(text);
     assert!(found.len() == 1 && found[0].starts_with(start), "{text}: {found:#?}, expected {start}");
@@ -43,13 +43,13 @@ params = { columns = 512, range_sigma_m = 0 }
     assert!((spec.beams[1].azimuth_rad.to_degrees() - 1.5).abs() < 1e-9);
     let radar = config.radar["front"].radar(&config.sim.vehicle).unwrap();
     assert_eq!((radar.params().range_max_m, radar.params().range_resolution_m), (80.0, 0.4));
-    // Written out and read back it is the same.
+    // The written configuration reads back as itself.
     let resolved = Document::parse("resolved", config.to_text()).unwrap();
     assert_eq!(Config::from_document(&resolved, &[]).unwrap(), config);
 }
 
 #[test]
-fn a_radar_that_cannot_be_is_refused_by_file_line_and_key() {
+fn invalid_radar_is_refused_with_file_line_and_key() {
     let with = |line: &str| format!("[radar.front]\n{line}\n");
     let at = "c.toml:2: radar.front.";
     for (line, said) in [
@@ -74,7 +74,7 @@ fn a_radar_that_cannot_be_is_refused_by_file_line_and_key() {
 }
 
 #[test]
-fn a_lidar_that_cannot_be_is_refused_by_file_line_and_key() {
+fn invalid_lidar_is_refused_with_file_line_and_key() {
     let with = |line: &str| format!("[lidar.roof]\n{line}\n");
     let at = "c.toml:2: lidar.roof.";
     let twins = format!("beams_deg = [{}]", "[1, 0], ".repeat(200));
@@ -106,7 +106,7 @@ fn a_lidar_that_cannot_be_is_refused_by_file_line_and_key() {
 }
 
 #[test]
-fn names_are_each_sensors_own() {
+fn sensor_names_must_be_unique() {
     told(
         "[radar.gnss]\n",
         "c.toml:1: radar.gnss: expected a name of letters, digits and underscores that no operator has",
@@ -124,7 +124,7 @@ fn names_are_each_sensors_own() {
 }
 
 #[test]
-fn sensors_that_are_not_there_offer_the_nearest() {
+fn unknown_sensors_are_reported_with_the_nearest_name() {
     let with = |name: &str| format!("[lidar.roof]\n[log]\nsensors = [\"gnss\", \"{name}\"]\n");
     for (name, near) in
         [("rof", "roof"), ("odometer", "odometry"), ("collision", "collisions"), ("red_light", "red_lights")]
@@ -138,7 +138,7 @@ fn sensors_that_are_not_there_offer_the_nearest() {
 }
 
 #[test]
-fn odometry_that_cannot_be_is_refused() {
+fn invalid_odometry_is_refused() {
     told(
         "[sensing]\nodometry_period_ms = 0\n",
         "c.toml:2: sensing.odometry_period_ms: expected 1 to 10000, found 0",

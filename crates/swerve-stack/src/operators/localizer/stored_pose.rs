@@ -1,8 +1,8 @@
 //! The pose stored at the end of the drive before, from which a filter starts without a fix.
 //!
-//! Receivers with dead reckoning store place and heading when they are switched off, and go on from there by wheels and
-//! gyroscope (u-blox, "NEO-M8U receiver description", save-on-shutdown). A simulated drive begins in the middle of a way:
-//! its stored pose is that of its start with errors drawn by the seed.
+//! Receivers with dead reckoning store position and heading when they are switched off, and go on from there by wheels
+//! and gyroscope (u-blox, "NEO-M8U receiver description", save-on-shutdown). A simulated drive begins in the middle of
+//! a trip: its stored pose is that of its start with errors drawn by the seed.
 
 use swerve_core::{Rng, Time};
 use swerve_geom::Pose2;
@@ -15,7 +15,7 @@ use crate::site::Site;
 /// Instant of the pose: the start of the drive.
 const START: Time = Time::ZERO;
 
-/// A pose and its standard deviations: each axis of the place (m), heading (rad).
+/// A pose and its standard deviations: each axis of the position (m), heading (rad).
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct StoredPose {
     pose: Pose2,
@@ -23,7 +23,7 @@ pub(super) struct StoredPose {
 }
 
 impl StoredPose {
-    /// That of a run, with its errors. `None` where `localization.stored_pose` is absent.
+    /// Stored pose of a run, with its errors. `None` where `localization.stored_pose` is absent.
     pub(super) fn new(site: &Site<'_>) -> Option<Self> {
         let config = site.config();
         let [place_m, heading_deg] = config.localization.stored_pose?;
@@ -32,7 +32,7 @@ impl StoredPose {
         Some(Self::drawn(start, [place_m, heading_deg.to_radians()], config.seed))
     }
 
-    /// The pose at the start with errors of these deviations.
+    /// Start pose with errors of these standard deviations.
     fn drawn(start: Pose2, sigma: [f64; 2], seed: u64) -> Self {
         let mut rng = Rng::keyed(seed, "stored pose", &[]);
         let [x, y, turn] = core::array::from_fn(|_| rng.normal());
@@ -45,7 +45,7 @@ impl StoredPose {
         Self { pose, sigma }
     }
 
-    /// The state at `stamp` of a car that rolls straight on at a speed.
+    /// Initial state at `stamp` of a car that has rolled straight on at a constant speed.
     fn initial(&self, params: &Params, stamp: Time, speed_mps: f64) -> Initial {
         let rolled_s = (stamp - START).as_secs();
         let Pose2 { x_m, y_m, heading_rad, .. } = self.pose.ahead(speed_mps * rolled_s);
@@ -54,16 +54,16 @@ impl StoredPose {
 }
 
 impl Filter {
-    /// True while a stored pose waits for a speed by the wheels, which is due within two of their periods.
+    /// Returns true while a stored pose waits for a wheel speed, which is due within two of their periods.
     pub(super) fn awaits_wheels(&self, now: Time) -> bool {
         self.stored.is_some() && now - START <= self.wheels_due
     }
 
-    /// Starts from the stored pose with the first speed by the wheels, unless a fix came before.
+    /// Starts from the stored pose with the first wheel speed, unless a fix came before.
     pub(super) fn start_stored(&mut self, wheels: &WheelOdometry) {
         let Some(stored) = self.stored.take().filter(|_| self.started.is_none()) else { return };
         let initial = stored.initial(&self.params, wheels.stamp, wheels.speed_mps);
-        // The parameters were validated when the operator was made.
+        // The parameters were validated when the operator was built.
         if let Ok(localizer) = Localizer::starting_at(self.params, wheels.stamp, &initial) {
             (self.localizer, self.started) = (localizer, Some(wheels.stamp));
         }
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_of_stored_poses_have_their_deviations() {
+    fn stored_pose_errors_have_the_configured_deviations() {
         let start = Pose2::new(5.0, 3.0, 0.5);
         let count = 2000;
         let mut squares = [0.0; 3];
@@ -84,7 +84,7 @@ mod tests {
             let off = [pose.x_m - 5.0, pose.y_m - 3.0, pose.heading_rad - 0.5];
             squares = core::array::from_fn(|k| squares[k] + off[k] * off[k]);
         }
-        // A variance by 2000 draws has a deviation of sqrt(2 / 2000) = 3 %: 10 % are three of them.
+        // A variance from 2000 draws has a standard deviation of sqrt(2 / 2000) = 3 %: 10 % are three of them.
         for (square, sigma) in squares.into_iter().zip([0.3, 0.3, 0.01]) {
             assert!((square / count as f64 / (sigma * sigma) - 1.0).abs() < 0.1, "{square}");
         }
@@ -92,12 +92,12 @@ mod tests {
     }
 
     #[test]
-    fn state_is_that_of_the_instant_of_the_first_speed() {
+    fn initial_state_is_that_of_the_first_speed() {
         let stored = StoredPose { pose: Pose2::new(5.0, 3.0, 0.0), sigma: [0.3, 0.01] };
         let params = Params { imu_at_m: [1.2, 0.4, 0.3], ..Params::default() };
         let Initial { position_m, velocity_mps, sigma, .. } =
             stored.initial(&params, Time::from_ms(20), 40.0);
-        // 0.8 m in 20 ms, and the arm of the unit. A heading of 0.01 rad is 0.4 m/s to the side.
+        // 0.8 m in 20 ms, and the unit's lever arm. A heading error of 0.01 rad is 0.4 m/s to the side.
         for (found, expected) in position_m.iter().zip([7.0, 3.4, 0.3]) {
             assert!((found - expected).abs() < 1e-12, "{position_m}");
         }

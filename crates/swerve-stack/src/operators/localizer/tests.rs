@@ -7,12 +7,12 @@ use swerve_sim::sense::{
 
 use super::*;
 
-/// A car on a winding way at a steady speed, sensed as its configuration says.
+/// A car on a winding road at constant speed, with the sensors of its configuration.
 struct Drive {
     config: Config,
     seed: u64,
     speed_mps: f64,
-    /// Its heading swings by this angle (rad) at this rate (rad/s).
+    /// Amplitude (rad) and angular rate (rad/s) of its heading.
     swing: [f64; 2],
 }
 
@@ -24,7 +24,7 @@ impl Drive {
         Self { config, seed, speed_mps: 12.0, swing: [0.4, 0.3] }
     }
 
-    /// Heading, its rate and the rate of that.
+    /// Heading and its first and second derivatives.
     fn turn(&self, t_s: f64) -> [f64; 3] {
         let [amplitude, rate] = self.swing;
         let (sin, cos) = math::sin_cos(rate * t_s);
@@ -64,8 +64,8 @@ impl Drive {
         }
     }
 
-    /// Drives for a time with a filter that supposes `told` of the sensors; after each fix or what would be one, `each` gets
-    /// the time (s), the filter, where the rear axle is, and how far off the fix is (m).
+    /// Drives for a time with a filter that assumes sensor parameters `told`. At each (possible) fix, `each` gets the
+    /// time (s), the filter, the position of the rear axle, and the error of the fix (m).
     fn by(
         &self,
         seconds: u32,
@@ -118,7 +118,7 @@ fn error_m(estimate: &Estimate, at: [f64; 2]) -> [f64; 2] {
     [estimate.position_m.x - at[0], estimate.position_m.y - at[1]]
 }
 
-/// Root mean square of errors on the ground after 10 s, over seeds, where there is an estimate.
+/// Root mean square of position errors on the ground after 10 s, over seeds, where there is an estimate.
 fn rms_m(drive: impl Fn(u64) -> Drive, told: impl Fn(&Config) -> Params) -> f64 {
     let (mut square, mut count) = (0.0, 0.0);
     for seed in 0..20 {
@@ -133,7 +133,7 @@ fn rms_m(drive: impl Fn(u64) -> Drive, told: impl Fn(&Config) -> Params) -> f64 
     f64::sqrt(square / count)
 }
 
-/// A unit as cars have it, off the centre of gravity.
+/// An automotive inertial unit, off the centre of gravity.
 fn unit() -> ImuParams {
     ImuParams {
         accel_noise_density: 0.01,
@@ -153,10 +153,9 @@ fn corrected() -> GnssParams {
     GnssParams { noise_m: 0.02, bias_m: 0.0, ..GnssParams::default() }
 }
 
-/// Over 24 seeds, with every error that the sensors can have at all times: what the filter tells of itself is right, where it
-/// is told how fixes wander.
+/// Over 24 seeds, with all permanent sensor errors: the filter's covariance is consistent if it knows how fixes wander.
 #[test]
-fn with_wandering_fixes_it_knows_how_good_it_is() {
+fn filter_is_consistent_with_wandering_fixes() {
     let gnss = || GnssParams {
         bias_m: 1.0,
         bias_time_s: 10.0,
@@ -183,14 +182,14 @@ fn with_wandering_fixes_it_knows_how_good_it_is() {
     };
     let [right, nis] = nees(known);
     assert!((1.28..=2.88).contains(&right), "{right}");
-    // Of the height, which is told as noise, there is less than its part.
+    // The height error, modelled as noise, has less than its share.
     assert!((2.0..=3.1).contains(&nis), "{nis}");
     let [left_out, _] = nees(|config| Params { offset_m: 0.0, offset_time_s: 0.0, ..known(config) });
     assert!(left_out > 10.0 * right, "{left_out}");
 }
 
 #[test]
-fn lever_arms_that_are_told_do_no_harm() {
+fn configured_lever_arms_reduce_errors() {
     let aside = |seed| {
         let antenna_at_m = [1.2, 0.4, 1.5];
         Drive::new(seed, GnssParams { antenna_at_m, ..corrected() }, unit())
@@ -212,9 +211,9 @@ fn lever_arms_that_are_told_do_no_harm() {
     assert!(told < 0.03 && left_out > 1.5 * told, "{told} {left_out}");
 }
 
-/// Lost before the first fix, coasting two seconds into a tunnel, lost where that is too long, good again behind it.
+/// Lost before the first fix, coasting two seconds into a tunnel, lost if that is too long, good again after it.
 #[test]
-fn without_fixes_it_coasts_and_is_lost_and_comes_back() {
+fn filter_coasts_gets_lost_and_recovers_without_fixes() {
     let tunnel = Zone { from_m: [260.0, 0.0], to_m: Some([340.0, 0.0]), radius_m: 60.0 };
     let gnss = GnssParams { first_fix_s: 2.0, outages: vec![tunnel], ..corrected() };
     for seed in 0..20 {
@@ -239,9 +238,9 @@ fn without_fixes_it_coasts_and_is_lost_and_comes_back() {
     }
 }
 
-/// Reflections that move fixes by 60 m for 8 s, once the filter has been going for 10 s.
+/// Reflections that move fixes by 60 m for 8 s, once the filter has run for 10 s.
 #[test]
-fn a_step_by_reflections_is_refused() {
+fn filter_refuses_a_step_by_reflections() {
     let gnss = GnssParams {
         noise_m: 0.3,
         bias_m: 0.3,

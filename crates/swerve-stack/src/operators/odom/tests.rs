@@ -5,7 +5,7 @@ use swerve_localization::lateral_velocity::steady_mps;
 
 const SPEED_MPS: f64 = 8.0;
 
-/// A state on the way along x at 10 ms steps, `off_m` to the left of it.
+/// State on a drive along x at 10 ms steps, `off_m` to the left of the axis.
 fn state(step: i64, off_m: f64) -> EgoState {
     let x_m = SPEED_MPS * 0.01 * step as f64;
     let pose = Pose2::new(x_m, off_m, 0.0);
@@ -15,7 +15,7 @@ fn state(step: i64, off_m: f64) -> EgoState {
 /// Steps of 10 ms until the time constant of corrections is reached: 0.5 s are a quarter of 2 s.
 const BEFORE: i64 = 200;
 
-/// Poses for control of two seconds without error and `steps` with one.
+/// Local poses of two seconds without error and `steps` with one.
 fn with_step(off_m: f64, steps: i64) -> Vec<LocalPose> {
     let mut odometer = Odometer::new([0.0; 3]);
     let off_m = |step: i64| if step < BEFORE { 0.0 } else { off_m };
@@ -23,7 +23,7 @@ fn with_step(off_m: f64, steps: i64) -> Vec<LocalPose> {
 }
 
 #[test]
-fn odometry_has_no_jump_where_the_pose_has_one() {
+fn odometry_has_no_jump_where_the_pose_jumps() {
     for pair in with_step(0.3, 100).windows(2) {
         let moved = pair[1].odom.point() - pair[0].odom.point();
         assert!((moved.x - 0.08).abs() < 1e-12 && moved.y.abs() < 1e-12, "{pair:?}");
@@ -31,7 +31,7 @@ fn odometry_has_no_jump_where_the_pose_has_one() {
 }
 
 #[test]
-fn a_correction_enters_with_its_time_constant() {
+fn correction_enters_with_its_time_constant() {
     let poses = with_step(0.2, 100);
     let off_m = |step: usize| poses[step].to_map(poses[step].odom).y_m;
     // One step of 10 ms, then half a second: 1 - exp(-t / 0.5 s) of it.
@@ -40,8 +40,9 @@ fn a_correction_enters_with_its_time_constant() {
 }
 
 #[test]
-fn at_the_start_a_correction_enters_at_once() {
-    // 0.2 m from the second step on: 1 - exp(-1 / 0.25) = 98 % of it with the first, as its time constant is a quarter of 10 ms.
+fn correction_at_the_start_enters_at_once() {
+    // 0.2 m from the second step on: 98 % of it, 1 - exp(-1 / 0.25), with the first, as the time constant is a quarter
+    // of 10 ms.
     let mut odometer = Odometer::new([0.0; 3]);
     odometer.advance(&state(0, 0.0), 0.0);
     let pose = odometer.advance(&state(1, 0.2), 0.0);
@@ -50,17 +51,17 @@ fn at_the_start_a_correction_enters_at_once() {
 }
 
 #[test]
-fn a_large_correction_leaves_no_more_than_the_largest_lag() {
+fn large_correction_leaves_at_most_the_largest_lag() {
     let first = with_step(3.0, 1).pop().unwrap();
     assert!((first.to_map(first.odom).y_m - (3.0 - LAG_MAX_M)).abs() < 1e-9);
 }
 
 #[test]
-fn the_onset_of_a_swerve_is_in_the_odometry() {
+fn odometry_includes_the_onset_of_a_swerve() {
     const FINE: i64 = 100;
     const LEVER_M: f64 = 1.3;
     let speed_mps = 18.0;
-    // Into a turn of 0.4 rad/s; the tail moves out by the slip of its tyres a tenth of a second later.
+    // Into a turn of 0.4 rad/s; the rear slips outwards on its tyres a tenth of a second later.
     let yaw_radps = |t: f64| (2.0 * t).clamp(0.0, 0.4);
     let late_mps = |t: f64| steady_mps(speed_mps, yaw_radps(t - 0.1));
     let mut odometer = Odometer::new([LEVER_M, 0.0, 0.5]);
@@ -85,7 +86,7 @@ fn the_onset_of_a_swerve_is_in_the_odometry() {
             course = moved(course, Point2::new(speed_mps * dt_s, 0.0), yaw_radps(t) * dt_s);
         }
     }
-    // A tail that does not move out.
+    // Without the slip of the rear.
     assert!(course.point().distance(way.point()) > 0.06);
 }
 
@@ -97,10 +98,10 @@ fn ego_and_plan_keep_their_distance_over_a_correction() {
     let plan = Plan { points: vec![point], ..Plan::default() };
     let mut kept = LocalPoses::default();
     kept.kept.extend(&poses);
-    // The ego at `now`, in the map as the plan knew it, is where dead reckoning has it: on the line.
+    // The ego at `now`, in the map as the plan knew it, is where dead reckoning puts it: on the line.
     let ego = kept.state(&state(220, 0.3), Some(then));
     assert!((ego.pose.x_m - 17.6).abs() < 1e-9 && ego.pose.y_m.abs() < 1e-9, "{ego:?}");
-    // The plan in the map of `now` is beside it as it was.
+    // The plan keeps its distance to the ego in the map of `now`.
     let carried = carried(&plan, Some(then), Some(now)).unwrap();
     let beside: Point2<Ego> = now.to_map(now.odom).to_local(carried.points[0].pose.point());
     let before: Point2<Ego> = ego.pose.to_local(point.pose.point());
@@ -108,7 +109,7 @@ fn ego_and_plan_keep_their_distance_over_a_correction() {
 }
 
 #[test]
-fn without_localization_nothing_changes() {
+fn poses_and_plans_are_unchanged_without_localization() {
     let measured = state(7, 0.25);
     assert_eq!(LocalPoses::default().state(&measured, None), measured);
     assert_eq!(carried(&Plan::default(), None, None), None);

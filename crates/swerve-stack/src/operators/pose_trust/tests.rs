@@ -24,7 +24,7 @@ fn trust(lane_sigmas: f64) -> PoseTrust {
     PoseTrust::new([9.0, 9.0], lane_sigmas, shape)
 }
 
-/// The obstacle ahead of an ego at 50 m with 6 m/s, on a road along x of 4 m to the left and 2 m to the right.
+/// Obstacle ahead of an ego at 50 m with 6 m/s, on a road along x of 4 m to the left and 2 m to the right.
 fn ahead(trust: &mut PoseTrust, along_m: f64, across_m: f64) -> Option<Prediction> {
     uncertain(trust, along_m, across_m);
     let pose = Pose2::new(50.0, 0.0, 0.0);
@@ -45,13 +45,13 @@ fn stop(trust: &mut PoseTrust, ego: &EgoState) -> Option<Stop> {
 }
 
 #[test]
-fn stops_where_two_deviations_do_not_fit_beside_the_car() {
+fn ego_stops_where_two_deviations_do_not_fit_beside_it() {
     let mut trust = trust(2.0);
     // 2 - 0.95 = 1.05 m to the nearer edge: two deviations of 0.525 m fit.
     assert!([0.1, 0.52].iter().all(|&sigma_m| ahead(&mut trust, 0.1, sigma_m).is_none()));
     assert!(ahead(&mut trust, 3.0, 0.1).is_none(), "a place that is open along the lane is in the lane");
     let wall = ahead(&mut trust, 0.1, 0.53).unwrap();
-    // The front is 4 m ahead of the origin, 3 m/s2 build up within 3 m and stop 6 m/s within 6 m, and 2 m are left.
+    // The front is 4 m ahead of the origin; 3 m/s2 build up within 3 m and stop 6 m/s within 6 m; 2 m are left.
     let near_m = wall.path[0].pose.x_m - 0.5 * wall.extent.length_m;
     assert!((near_m - 65.0).abs() < 1e-9 && wall.extent.width_m == 6.0, "{wall:?}");
     let status = |trust: &PoseTrust, status| trust.explained(Plan { status, ..Plan::default() }).status;
@@ -62,8 +62,8 @@ fn stops_where_two_deviations_do_not_fit_beside_the_car() {
     assert_eq!(status(&trust, PlanStatus::Comfortable), PlanStatus::Comfortable);
 }
 
-/// One that knows its place to 0.315 m across the lane and its heading to 0.0105 rad: the 1.05 m beside the car are two
-/// deviations after 40 m.
+/// A pose with deviations of 0.315 m across the lane and 0.0105 rad in heading: two deviations fill the 1.05 m beside
+/// the car after 40 m.
 fn reckoning(trust: &mut PoseTrust, mode: PoseMode) {
     let covariance = [0.0, 0.0, 0.315 * 0.315, 0.0, 0.0, 0.0105 * 0.0105];
     trust.quality = Some(PoseQuality { mode, covariance, ..PoseQuality::default() });
@@ -74,14 +74,14 @@ fn at(speed_mps: f64) -> EgoState {
 }
 
 #[test]
-fn speed_is_that_from_which_a_stop_by_dead_reckoning_ends_in_the_lane() {
+fn speed_allows_a_stop_by_dead_reckoning_in_the_lane() {
     let mut trust = trust(2.0);
     let mut speed = |mode, good_m| {
         reckoning(&mut trust, mode);
         trust.good_m = good_m;
         trust.speed_max_mps(here(&at(10.0), &route()))
     };
-    // 2 s until the want of fixes is noticed, 0.5 s between two fixes without an inertial unit; else 40 m at 2.5 m/s2.
+    // 2 s until missing fixes are noticed, 0.5 s between two fixes without an inertial unit; else 40 m at 2.5 m/s2.
     for (mode, good_m, expected) in [
         (PoseMode::Good, Some(0.315), 20.0),
         (PoseMode::Coasting, Some(0.3), 80.0),
@@ -94,13 +94,13 @@ fn speed_is_that_from_which_a_stop_by_dead_reckoning_ends_in_the_lane() {
 }
 
 #[test]
-fn want_of_fixes_is_noticed_while_the_mode_is_still_good() {
+fn missing_fixes_are_noticed_while_the_mode_is_still_good() {
     let quality = |across_m: f64, heading_rad: f64| {
         let covariance = [0.04, 0.0, across_m * across_m, 0.0, 0.0, heading_rad * heading_rad];
         PoseQuality { mode: PoseMode::Good, covariance, ..PoseQuality::default() }
     };
     let mut trust = trust(2.0);
-    // A heading that gets better is a fix, too, though the place across the lane gets worse.
+    // A reduced heading variance is a fix, too, even if the position across the lane gets worse.
     for (k, across_m) in [0.25, 0.29, 0.33].into_iter().enumerate() {
         trust.learn(quality(across_m, 0.005 - 0.001 * k as f64));
         assert!(trust.is_fixed(), "{across_m}");
@@ -112,7 +112,7 @@ fn want_of_fixes_is_noticed_while_the_mode_is_still_good() {
 }
 
 #[test]
-fn overtakes_no_further_than_the_pose_lasts() {
+fn overtaking_is_limited_by_the_pose() {
     let mut trust = trust(2.0);
     reckoning(&mut trust, PoseMode::Good);
     let way_m = |trust: &PoseTrust| trust.overtake_max_m(here(&at(10.0), &route()));
@@ -122,7 +122,7 @@ fn overtakes_no_further_than_the_pose_lasts() {
 }
 
 #[test]
-fn stops_while_a_stop_still_ends_in_the_lane() {
+fn ego_stops_while_a_stop_still_ends_in_the_lane() {
     let mut trust = trust(2.0);
     // 40 m at 4 m/s2: from 17.9 m/s on.
     for (speed_mps, stops) in [(17.0, false), (18.0, true)] {
@@ -130,7 +130,7 @@ fn stops_while_a_stop_still_ends_in_the_lane() {
         reckoning(&mut trust, PoseMode::Coasting);
         assert_eq!(stop(&mut trust, &at(speed_mps)).is_some(), stops, "{speed_mps}");
     }
-    // With fixes nothing is reckoned. A stop is over when 10 m are possible.
+    // With fixes there is no dead reckoning. A stop is over when 10 m are possible.
     trust.good_m = Some(0.315);
     assert!(stop(&mut trust, &at(18.0)).is_none());
     trust.stop_s_m = Some(60.0);
@@ -145,7 +145,7 @@ fn stops_while_a_stop_still_ends_in_the_lane() {
     assert!(left(9.0) && !left(11.0));
 }
 
-/// The near side of the wall, metres ahead of the front.
+/// Near side of the wall, metres ahead of the front.
 fn ahead_of_front_m(stop: &Stop, ego: &EgoState) -> f64 {
     stop.wall.path[0].pose.x_m - 0.5 * stop.wall.extent.length_m - ego.pose.x_m - 4.0
 }
@@ -157,12 +157,12 @@ fn wall_is_never_nearer_than_a_stop_at_4_mps2() {
     trust.good_m = Some(0.6);
     let at = |x_m: f64, speed_mps: f64| EgoState { pose: Pose2::new(x_m, 0.0, 0.0), ..at(speed_mps) };
     let mut ahead_m = |ego: EgoState| ahead_of_front_m(&stop(&mut trust, &ego).unwrap(), &ego);
-    // 20 m at 2.5 m/s2, 5 m to build up and 2 m; 7 m on it stays where it is; 12.5 m at 4 m/s2 and 2 m are the least.
+    // 20 m at 2.5 m/s2, 5 m to build up and 2 m; 7 m further it stays in place; at least 12.5 m at 4 m/s2 and 2 m.
     for (x_m, speed_mps, expected_m) in [(50.0, 10.0, 27.0), (57.0, 10.0, 20.0), (66.0, 10.0, 14.5)] {
         let found_m = ahead_m(at(x_m, speed_mps));
         assert!((found_m - expected_m).abs() < 1e-9, "{x_m}: {found_m}");
     }
-    // One that stands is not led on.
+    // A standing car is not led on.
     assert!((ahead_m(at(80.0, 0.2)) - 0.5).abs() < 1e-9);
 }
 
@@ -189,7 +189,7 @@ fn stop_from_the_other_lane_ends_in_the_own_lane_or_waits() {
         trust.stop(here).unwrap().is_fit(plan, here, &trust.shape)
     };
     use PlanStatus::{Brake, Comfortable, Found};
-    // The line is 2 m to the left: with 0.95 m of the car and 0.1 m of tolerance, 1.15 m is in the own lane.
+    // The line is 2 m to the left: with 0.95 m of the car and 0.1 m of tolerance, 1.15 m is in the ego's lane.
     for (d_m, accel_mps2, end_d_m, end_mps, status, expected) in [
         (3.0, -3.0, 1.1, 0.0, Comfortable, true),
         (3.0, -3.0, 1.2, 0.0, Comfortable, false),
@@ -203,7 +203,7 @@ fn stop_from_the_other_lane_ends_in_the_own_lane_or_waits() {
         let plan = plan(accel_mps2, end_d_m, end_mps, status);
         assert_eq!(is_fit(d_m, &plan), expected, "{d_m} {accel_mps2} {end_d_m} {end_mps} {status:?}");
     }
-    // A plan without the wall is taken in its place, but for one that brakes harder.
+    // A plan without the wall replaces it unless it brakes harder.
     let hard = plan(-8.0, 3.0, 0.0, Found);
     for (accel_mps2, status, is_worse) in
         [(-1.0, Comfortable, true), (-8.0, Found, true), (-8.5, Found, false), (-1.0, Brake, false)]
@@ -218,7 +218,7 @@ fn target_speed_is_not_lowered_during_a_stop_or_before_a_late_one() {
     let ego = at(10.0);
     uncertain(&mut trust, 0.1, 0.6);
     let target_mps = |trust: &PoseTrust| trust.target_speed_mps(12.0, here(&ego, &route), &[]);
-    // No way by dead reckoning is left.
+    // No distance by dead reckoning is left.
     assert_eq!(target_mps(&trust), SLOWEST_MPS);
     assert!(stop(&mut trust, &ego).is_some());
     assert_eq!(target_mps(&trust), 10.0);
@@ -229,7 +229,7 @@ fn target_speed_is_not_lowered_during_a_stop_or_before_a_late_one() {
     assert_eq!(target_mps(&trust), 12.0);
 }
 
-/// At the crossing of a route with itself the other stretch is nearer: the wall is on the stretch that is driven.
+/// At the crossing of a route with itself the other stretch is nearer: the wall is on the stretch that the ego is on.
 #[test]
 fn wall_is_on_the_stretch_that_the_ego_is_on() {
     let mut trust = trust(2.0);
@@ -253,14 +253,14 @@ fn ground_is_narrowed_by_the_deviations_of_the_pose() {
         let pose = Pose2::new(50.0, 0.0, 0.0);
         trust.ground(here(&EgoState { pose, ..EgoState::default() }, &route())).right_m(50.0)
     };
-    // Two deviations in steps of 0.1 m; of the 1.05 m beside the car 0.25 m are left.
+    // Two deviations in steps of 0.1 m; 0.25 m of the 1.05 m beside the car are left.
     for (sigma_m, left_m) in [(0.01, 2.0), (0.26, 1.5), (0.36, 1.3), (0.5, 1.2)] {
         assert!((right_m(sigma_m) - left_m).abs() < 1e-9, "{sigma_m}: {}", right_m(sigma_m));
     }
 }
 
 #[test]
-fn zero_deviations_and_the_true_pose_never_stop() {
+fn ego_never_stops_without_a_margin_or_with_the_true_pose() {
     assert!(ahead(&mut trust(0.0), 0.1, 5.0).is_none());
     let (ego, route) = (EgoState::default(), route());
     assert!(stop(&mut trust(2.0), &ego).is_none());
@@ -268,7 +268,7 @@ fn zero_deviations_and_the_true_pose_never_stop() {
 }
 
 #[test]
-fn ground_is_as_wide_as_where_a_standing_car_is() {
+fn ground_contains_a_standing_car() {
     let mut trust = trust(2.0);
     let mut right_m = |d_m: f64, speed_mps: f64| {
         let _ = ahead(&mut trust, 3.0, 0.5);
@@ -276,7 +276,7 @@ fn ground_is_as_wide_as_where_a_standing_car_is() {
         let ego = EgoState { pose, speed_mps, ..EgoState::default() };
         trust.ground(here(&ego, &route())).right_m(50.0)
     };
-    // To the right of the car 1.05 m and its offset; 0.1 m of it is left, in steps of 0.1 m.
+    // To the right of the car 1.05 m and its offset; 0.1 m of that is left, in steps of 0.1 m.
     for (d_m, left_m) in [(0.0, 1.2), (-0.12, 1.2), (2.2, 1.3), (-0.76, 1.9), (-1.0, 2.0)] {
         assert!((right_m(d_m, 0.0) - left_m).abs() < 1e-9, "{d_m}: {}", right_m(d_m, 0.0));
         assert!((right_m(d_m, 5.0) - 1.2).abs() < 1e-9, "{d_m}");
@@ -284,7 +284,7 @@ fn ground_is_as_wide_as_where_a_standing_car_is() {
 }
 
 #[test]
-fn slower_beside_cover_by_the_room_that_deviations_take() {
+fn speed_beside_cover_falls_with_the_deviations() {
     let mut trust = trust(2.0);
     let mut share = |sigma_m: f64, kind: ActorKind, x_m: f64, moves_m: f64| {
         let _ = ahead(&mut trust, 0.1, sigma_m);
@@ -298,7 +298,7 @@ fn slower_beside_cover_by_the_room_that_deviations_take() {
     for (sigma_m, expected) in [(0.157, 1.0), (0.341_25, 0.65), (0.525, 0.3)] {
         assert!((share(sigma_m, ActorKind::Truck, 80.0, 0.0) - expected).abs() < 1e-9, "{sigma_m}");
     }
-    // Who moves, who walks, what is passed, and what is more than six seconds away hides nobody.
+    // Moving vehicles, pedestrians, objects behind the ego, and those more than six seconds away are no cover.
     for (kind, x_m, moves_m) in [
         (ActorKind::Truck, 80.0, 5.0),
         (ActorKind::Pedestrian, 80.0, 0.0),

@@ -6,7 +6,7 @@ use crate::Assembly;
 use crate::config::Config;
 use crate::pipeline::Pipeline;
 
-/// A detector that the configuration alone adds, and a process that has it.
+/// A detector added by the configuration only, and a process that runs it.
 const DETECTOR: &str = "
 [camera.front]
 [operator.finder]
@@ -28,7 +28,7 @@ fn read(text: &str) -> Result<Config, Vec<String>> {
 }
 
 #[test]
-fn a_configuration_declares_the_ports() {
+fn python_ports_are_declared_by_the_configuration() {
     let config = read(DETECTOR).unwrap_or_else(|problems| panic!("{problems:#?}"));
     let assembly = Assembly::new(&config).unwrap();
     let finder = assembly.operator("finder").unwrap();
@@ -50,7 +50,7 @@ fn a_configuration_declares_the_ports() {
 }
 
 #[test]
-fn what_is_printed_declares_the_same() {
+fn printed_configuration_declares_the_same_ports() {
     let config = read(DETECTOR).unwrap();
     let lane = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/lane.toml");
     let lane = Scenario::read(std::path::Path::new(lane)).unwrap();
@@ -63,7 +63,7 @@ fn what_is_printed_declares_the_same() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_line_and_key() {
+fn python_problems_are_reported_with_line_and_key() {
     let process = "[process.p]\noperators = [\"o\"]\nstart = [\"python3\"]\n";
     let cases = [
         (
@@ -98,7 +98,7 @@ fn what_is_wrong_is_told_with_line_and_key() {
     assert_eq!(read(&format!("{good}{process}")).err(), None);
 }
 
-/// What Python reads of a stream it has a class for, written from the same types.
+/// Python reads streams by its message classes, which are generated from the same types.
 #[test]
 fn python_has_a_class_of_every_message() {
     let classes = include_str!("../../../../../python/swerve/messages.py");

@@ -1,4 +1,4 @@
-//! A map of a scenario's road, as one has it who drove there before while nobody was about.
+//! A map of a scenario's road, as surveyed before the drive without actors.
 
 use anyhow::Context as _;
 use swerve_core::Time;
@@ -17,14 +17,14 @@ use crate::street::{EGO_INSTANCE, Street};
 
 /// Edge of a voxel, metres.
 const VOXEL_M: f64 = 1.0;
-/// The lidar stands this often along the road, metres,
+/// Distance between the lidar's positions along the road, metres,
 const STEP_M: f64 = 2.0;
-/// with so many columns a turn: places beside each other see the same wall,
+/// with this many columns a sweep: neighbouring positions see the same wall,
 const COLUMNS: u32 = 512;
 /// from this far before the start to this far beyond the goal, metres.
 const BEYOND_M: f64 = 30.0;
 
-/// A map of what stands along the road of a scenario, by turns of the lidar without noise from its true pose.
+/// Map of the static surroundings along a scenario's road, from noise-free lidar sweeps at true poses.
 pub(super) fn survey(config: &Config, scenario: &Scenario, lidar: &LidarConfig) -> anyhow::Result<MapFile> {
     let shape = &config.sim.vehicle.shape;
     let mut street = Street::new(scenario, shape, config.render.weather, config.seed);
@@ -60,7 +60,7 @@ pub(super) fn survey(config: &Config, scenario: &Scenario, lidar: &LidarConfig) 
     Ok(MapFile::new(VOXEL_M, sums.voxels()))
 }
 
-/// A world with nobody else in it.
+/// A world with no actors.
 fn alone(map_from_ego: Transform<Map, Ego>) -> WorldState {
     let ego = EgoTruth {
         map_from_ego,

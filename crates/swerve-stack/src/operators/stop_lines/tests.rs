@@ -13,7 +13,7 @@ fn shows(ms: i64, signal: Signal) -> TrafficLights {
     TrafficLights { stamp: Time::from_ms(ms), lights: vec![light] }
 }
 
-/// Whether the ego stops at a light that turns yellow when the line is this far ahead of its front.
+/// Returns true if the ego stops at a light that turns yellow when the line is this far ahead of its front.
 fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
     let mut lines = lines();
     lines.hold(&shows(0, Signal::Yellow), 300.0 - ahead_m, speed_mps);
@@ -21,15 +21,15 @@ fn stops_at_yellow(speed_mps: f64, ahead_m: f64) -> bool {
 }
 
 #[test]
-fn yellow_is_stopped_at_where_three_metres_per_second_squared_suffice() {
-    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m; from 38.5 m the line is reached within 2.75 s, before the light can be red.
+fn ego_stops_at_yellow_where_3_mps2_suffice() {
+    // 14 m/s: 14² / 6 + 0.5 s * 14 = 39.7 m; from 38.5 m the line is reached within 2.75 s, before red is possible.
     assert!(stops_at_yellow(14.0, 40.0) && !stops_at_yellow(14.0, 38.0));
     assert!(stops_at_yellow(8.0, 15.0) && !stops_at_yellow(8.0, 14.0));
 }
 
 /// 20 m/s: from 55 to 76.7 m the ego is late for three seconds of yellow, less the reserve, and needs more than 3 m/s².
 #[test]
-fn no_place_is_left_from_which_the_ego_neither_stops_nor_passes() {
+fn ego_always_stops_or_passes_at_yellow() {
     assert!(stops_at_yellow(20.0, 77.0) && stops_at_yellow(20.0, 56.0) && !stops_at_yellow(20.0, 54.0));
     for tenths in 1..=300 {
         let speed_mps = 0.1 * f64::from(tenths);
@@ -44,7 +44,7 @@ fn no_place_is_left_from_which_the_ego_neither_stops_nor_passes() {
 #[test]
 fn decision_at_yellow_holds_while_the_line_comes_nearer() {
     let mut lines = lines();
-    // 2 % slower than when it was taken, which the reserve is for.
+    // 2 % slower than at the decision, which the reserve covers.
     for tenth in 0..28 {
         let front_m = 300.0 - 38.0 + 1.372 * f64::from(tenth);
         lines.hold(
@@ -67,7 +67,7 @@ fn red_holds_until_green_and_where_full_brake_suffices() {
     assert_eq!((held(full_m + 0.5), held(full_m - 0.5)), (1, 0));
     let mut lines = lines();
     lines.hold(&shows(0, Signal::Red), 240.0, 14.0);
-    // Nearer than full brake reaches, by a report that is off: the stop is not given up.
+    // Too close for full braking, by an inaccurate report: the stop is kept.
     lines.hold(&shows(100, Signal::Red), 298.0, 14.0);
     assert_eq!(lines.held, [300.0]);
     lines.hold(&TrafficLights { stamp: Time::from_ms(200), lights: Vec::new() }, 298.0, 0.0);
@@ -88,7 +88,7 @@ fn wall_begins_at_the_line_and_spans_the_ground() {
 }
 
 #[test]
-fn keys_out_of_range_are_named() {
+fn stop_line_keys_out_of_range_are_reported() {
     let keys: Vec<String> = StopLines::problems(&Table { brake_mps2: 0.0, reaction_s: -1.0 })
         .into_iter()
         .map(|(key, _)| key)
