@@ -1,7 +1,7 @@
 //! Orientation of photographs: cameras store the rows of their sensor and record the rotation of the image in its EXIF
 //! data.
-//!
-//! Source: CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif", version 2.32, section 4.6.4, tag
+//! Source: CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif", version 2.32, section 4.6.4,
+//! tag 274.
 //! 274.
 
 /// Tag of the orientation.
