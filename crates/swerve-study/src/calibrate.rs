@@ -26,7 +26,7 @@ pub struct CalibrateArgs {
     /// Ego speeds to drive the scenario at, m/s
     #[arg(long, value_delimiter = ',', default_value = "16,18,20,22", value_parser = speed)]
     speeds: Vec<f64>,
-    /// Write the configuration, with the measured run times in it, to this file instead of standard output
+    /// Write the configuration with the measured run times to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(flatten)]

@@ -239,7 +239,7 @@ struct Writer {
 
 /// Folder of the samples.
 const SAMPLES: &str = "kitti";
-/// File with a line for each sample.
+/// Index file with one line per sample.
 pub(crate) const INDEX: &str = "index.csv";
 
 impl Writer {

@@ -28,7 +28,7 @@ pub struct RunPage {
     pub road: Option<Road>,
     /// The ego's outline.
     pub shape: EgoShape,
-    /// The ego's motion.
+    /// States of the ego.
     pub ego: Ego,
     /// Errors of the poses that the stack used.
     pub located: Located,

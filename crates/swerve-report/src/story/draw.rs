@@ -14,7 +14,7 @@ const LEFT: f64 = 72.0;
 const RIGHT: f64 = 24.0;
 const HEADER: f64 = 64.0;
 
-/// Draws the story. For a run without ego states the figure says so.
+/// Draws the story. Without ego states the figure contains only a note.
 pub fn draw(story: &Story) -> Picture {
     let mut canvas = Canvas::default();
     header(&mut canvas, story);

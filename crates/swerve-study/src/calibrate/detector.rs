@@ -30,7 +30,7 @@ pub(crate) struct DetectorArgs {
     /// Published detector to emulate, such as efficientdet-d3@v100
     #[arg(required_unless_present_any = ["all", "ap"], conflicts_with_all = ["all", "ap"])]
     name: Option<String>,
-    /// All published detectors: writes the table of their fits
+    /// Fit all published detectors and write the table of their fits
     #[arg(long, conflicts_with = "ap")]
     all: bool,
     /// Average precision to meet, for a custom camera detector
@@ -44,7 +44,7 @@ pub(crate) struct DetectorArgs {
     set: Vec<String>,
     #[command(flatten)]
     code: CodeArgs,
-    /// Folder of the scenarios, without its folders [default: the scenarios in the program]
+    /// Folder of the scenarios; subfolders are ignored [default: the built-in scenarios]
     #[arg(long)]
     scenarios: Option<PathBuf>,
     /// Seeds to drive each scenario with

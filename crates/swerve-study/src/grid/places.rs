@@ -54,7 +54,7 @@ pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTr
         }
     }
     named.extend(of_values.iter().map(|(key, path)| (key.clone(), Some(path), Kind::Scenario)));
-    // Of several places the first counts.
+    // If a file is named several times, the first place is kept.
     let place = |(key, path, kind): (String, Option<&PathBuf>, Kind)| {
         Some((beside(folder, path?, kind), document.problem(&key, "")))
     };

@@ -38,7 +38,7 @@ pub(crate) struct LidarArgs {
     /// Test scenarios, each with seed 1
     #[arg(long, num_args = 1..)]
     test_scenarios: Vec<PathBuf>,
-    /// Trees of each class
+    /// Number of trees per class
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u32).range(1..=1000))]
     trees: u32,
     /// Evaluate the built-in weights without training
