@@ -1,4 +1,4 @@
-//! Files for results, and the folders of runs.
+//! Result files and the folders of runs.
 
 mod write;
 
@@ -13,18 +13,18 @@ use swerve_text::{FILE_MAX, open_file, read_given, read_string};
 use write::beside;
 pub use write::{Part, is_ours, is_unchanged, refuse_irregular, refuse_unwritable, write_whole};
 
-/// Reads a file of the command line whole, or what a descriptor of the caller (`/dev/stdin`, `/dev/fd/N`) gives.
+/// Reads a whole file named on the command line, or an inherited descriptor (`/dev/stdin`, `/dev/fd/N`).
 ///
 /// # Errors
-/// It cannot be read, is not a regular file, or is longer than 1 GiB; 64 MiB of a descriptor.
+/// If the file cannot be read, is not a regular file, or is longer than 1 GiB (64 MiB for a descriptor).
 pub fn read_whole(path: &Path) -> anyhow::Result<Vec<u8>> {
     read_given(path, FILE_MAX).map_err(|error| anyhow!("{}: cannot be read: {error}", path.display()))
 }
 
-/// Refuses results that would take the place of what they are made of.
+/// Refuses to overwrite inputs with results.
 ///
 /// # Errors
-/// One of `outs` is one of `inputs`.
+/// If one of `outs` is also in `inputs`.
 pub fn refuse_to_replace<'a>(
     outs: impl IntoIterator<Item = &'a Path>,
     inputs: &[PathBuf],
@@ -35,10 +35,10 @@ pub fn refuse_to_replace<'a>(
     bail!("{}: is read, and would be written over: expected another --out", out.display())
 }
 
-/// What a folder holds, in order of names.
+/// Entries of a folder, sorted by name.
 ///
 /// # Errors
-/// It cannot be read.
+/// If the folder cannot be read.
 pub fn entries(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut paths =
         std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
@@ -46,11 +46,12 @@ pub fn entries(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Makes a folder for results, and holds it until what this gives is dropped: two runs at once would mix theirs.
-/// Nothing is left in the folder, and a program that is killed holds nothing.
+/// Creates a results folder and locks it until the returned handle is dropped, so that two runs cannot mix their
+/// results. No lock file is left behind, and a killed process releases the lock. `None` if the file system has no
+/// locks.
 pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-    // Not every system opens folders, and not every file system has locks.
+    // Some systems cannot open folders, and some file systems have no locks.
     let Ok(held) = File::open(folder) else { return Ok(None) };
     match held.try_lock() {
         Ok(()) => Ok(Some(held)),
@@ -62,28 +63,29 @@ pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {
     }
 }
 
-/// Where a run's results go, for what `--out` and `--overwrite` say; nobody else's are there.
+/// Results folder of a run, as selected by `--out` and `--overwrite`.
 pub struct RunFolder {
     /// The folder.
     pub path: PathBuf,
-    /// What becomes a link to it when they are whole: the newest run of a name.
+    /// Link to create when the results are complete: the newest run of this name. `None` with `--out`.
     newest: Option<PathBuf>,
-    /// Held until then: two runs at once would mix theirs.
+    /// Lock that keeps a second run out of the folder.
     _held: Option<File>,
 }
 
 impl RunFolder {
-    /// The folder that is asked for, or else one of its own beside earlier ones: `out/NAME-3`.
+    /// Claims the requested folder, or else creates the next numbered one: `out/NAME-3`.
     ///
     /// # Errors
-    /// It cannot be made, another run writes there, or has written there and is not to be overwritten.
+    /// If the folder cannot be created, if another run is writing to it, or if it contains results and `overwrite` is
+    /// false.
     pub fn claim(asked: Option<&Path>, name: &str, overwrite: bool) -> anyhow::Result<Self> {
         if let Some(path) = asked {
             let held = claim(path)?;
             let is_there = |name: &&&str| path.join(name).symlink_metadata().is_ok();
             if let Some(name) = OF_RUN.iter().find(is_there).filter(|_| !overwrite) {
                 let path = path.display();
-                // A log alone is of a run that was ended before it was over.
+                // A log without metrics belongs to a run that was interrupted.
                 let is_of_run = ["metrics.json", "log.mcap", "log.partial.mcap"].contains(name);
                 let what = if is_of_run { "an earlier run's results are" } else { *name };
                 let what = if is_of_run { what.to_owned() } else { format!("{what} is") };
@@ -102,10 +104,10 @@ impl RunFolder {
         Ok(Self { newest: Some(Path::new(OUT).join(name)), _held: claim(&path)?, path })
     }
 
-    /// Gives the files of a run their names, now that they are whole.
+    /// Renames the completed files of a run to their final names.
     ///
     /// # Errors
-    /// The file system refuses.
+    /// If a file cannot be renamed.
     pub fn name_whole(&self) -> anyhow::Result<()> {
         PARTS.iter().try_for_each(|(part, whole)| {
             let part = self.path.join(part);
@@ -114,11 +116,11 @@ impl RunFolder {
         })
     }
 
-    /// Writes `metrics.json` beside the other files, which are whole now. The line for the terminal that says where they
-    /// all are.
+    /// Writes `metrics.json` once the other files are complete. Returns the terminal line that lists all results and
+    /// their folder.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// If the file cannot be written.
     pub fn conclude(&self, others: &str, json: &str) -> anyhow::Result<String> {
         write_whole(&self.path.join("metrics.json"), json.as_bytes())?;
         let linked = self.newest.as_deref().filter(|newest| link(newest, &self.path));
@@ -127,7 +129,7 @@ impl RunFolder {
     }
 }
 
-/// What a run leaves in its folder.
+/// Files that a run may write to its folder.
 const OF_RUN: [&str; 10] = [
     "metrics.json",
     "log.mcap",
@@ -140,16 +142,16 @@ const OF_RUN: [&str; 10] = [
     "story.pdf",
     "story.png",
 ];
-/// The names of files until a run is over, and then.
+/// Names of files during a run and after it.
 const PARTS: [(&str, &str); 2] = [("log.partial.mcap", "log.mcap"), ("trace.partial.json", "trace.json")];
 
-/// Where results go that nobody gave a folder.
+/// Default parent folder of results.
 const OUT: &str = "out";
-/// The folder of the finished cells within a study's.
+/// Subfolder of a study's folder for the finished cells.
 pub const CELLS: &str = "cells";
 
-/// The first of `out/NAME-1`, `out/NAME-2` and so on that `make` makes; of one that is somebody else's it says that it
-/// exists already.
+/// Creates the first of `out/NAME-1`, `out/NAME-2`, ... that `make` accepts. `make` returns `AlreadyExists` for a
+/// folder that belongs to another owner.
 fn first_of(name: &str, make: impl Fn(&Path) -> std::io::Result<()>) -> anyhow::Result<PathBuf> {
     let all = Path::new(OUT);
     std::fs::create_dir_all(all).with_context(|| format!("making {OUT}"))?;
@@ -164,15 +166,15 @@ fn first_of(name: &str, make: impl Fn(&Path) -> std::io::Result<()>) -> anyhow::
     bail!("{OUT}: no name is left for {name}")
 }
 
-/// The file of a folder that says whose results it is for.
+/// File in a results folder that names its owner.
 const OWNER: &str = ".owner";
 
-/// Whose results a folder is for; `None` where it does not say.
+/// Owner of a results folder; `None` if it has none.
 pub fn owner_of(folder: &Path) -> Option<String> {
     read_string(&folder.join(OWNER), OWNER_MAX).ok()
 }
 
-/// Notes in a folder whose results it is for.
+/// Records the owner of a results folder.
 ///
 /// # Errors
 /// The folder or the file cannot be written.
@@ -181,14 +183,14 @@ pub fn set_owner(folder: &Path, owner: &str) -> anyhow::Result<()> {
     write_whole(&folder.join(OWNER), owner.as_bytes())
 }
 
-/// An owner is a digest; of longer files nothing is read.
+/// Maximum length of an owner file, bytes: an owner is a digest, and longer files are ignored.
 const OWNER_MAX: u64 = 1 << 10;
 
-/// A folder of its own beside others of the name, as a run has, for results that a later call goes on with: the one that
-/// `owner` had before, else a new one. `out/NAME` leads to it from now on.
+/// Numbered folder for results that a later call may resume: the one that `owner` had before, else a new one. Points
+/// the link `out/NAME` to it.
 ///
 /// # Errors
-/// It cannot be made.
+/// If the folder cannot be created.
 pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
     let is_owned = |path: &Path| owner_of(path).is_some_and(|text| text == owner);
     let is_numbered = |path: &Path| {
@@ -199,7 +201,7 @@ pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
         if path.symlink_metadata().is_ok() {
             return if is_owned(path) { Ok(()) } else { Err(ErrorKind::AlreadyExists.into()) };
         }
-        // It has its owner from the first moment on: shards that begin at once share one.
+        // Created together with its owner file: shards that start at the same time share one folder.
         let beside = beside(path, 0);
         std::fs::create_dir_all(&beside)?;
         let made = std::fs::write(beside.join(OWNER), owner).and_then(|()| std::fs::rename(&beside, path));
@@ -219,7 +221,7 @@ pub fn folder_of(owner: &str, name: &str) -> anyhow::Result<PathBuf> {
     Ok(path)
 }
 
-/// Makes `newest` a link to a folder beside it, in the place of an earlier link but of nothing else.
+/// Points the link `newest` to a folder beside it. An existing link is replaced, any other file is not.
 fn link(newest: &Path, folder: &Path) -> bool {
     if newest.exists() && !newest.is_symlink() {
         return false;
@@ -236,7 +238,7 @@ fn link(newest: &Path, folder: &Path) -> bool {
     false
 }
 
-/// Writes an image of this width, height, colour and depth, quickly rather than small.
+/// Writes an image of this width, height, colour type and bit depth, optimised for speed rather than size.
 pub fn write_png(
     path: &Path,
     size_px: (u32, u32),
@@ -246,7 +248,7 @@ pub fn write_png(
     write_png_by(None, path, size_px, colour, bytes)
 }
 
-/// As [`write_png`], an image that says what wrote it, for [`written_by`].
+/// [`write_png`] with the name of the writing program in the file, for [`written_by`].
 pub fn write_png_by(
     software: Option<&str>,
     path: &Path,
@@ -269,10 +271,10 @@ pub fn write_png_by(
     write_whole(path, &file)
 }
 
-/// PNG's keyword for the program that made an image.
+/// PNG keyword for the program that made an image.
 const SOFTWARE: &str = "Software";
 
-/// Whether a file is an image of which [`write_png_by`] was told this writer.
+/// True if a file is an image that [`write_png_by`] wrote with this program name.
 pub fn written_by(software: &str, path: &Path) -> bool {
     let Ok(file) = open_file(path) else { return false };
     let Ok(reader) = png::Decoder::new(BufReader::new(file)).read_info() else { return false };
@@ -280,15 +282,15 @@ pub fn written_by(software: &str, path: &Path) -> bool {
     texts.any(|text| text.keyword == SOFTWARE && text.text == software)
 }
 
-/// Fails where a picture would take the place of a file that it is drawn from, or of another one of its kind.
+/// Refuses to overwrite a configuration (`.toml`) with a picture.
 pub fn refuse_toml(picture: &Path) -> anyhow::Result<()> {
     let is_toml = picture.extension().is_some_and(|e| e == "toml");
     anyhow::ensure!(!is_toml, "{}: a picture would replace a configuration", picture.display());
     Ok(())
 }
 
-/// The `.toml` files below `folder`, in order of their names. Links to folders are not followed, as they may lead back,
-/// and what is no file (a pipe, a device) is left out.
+/// The `.toml` files below `folder`, sorted by path. Links to folders are not followed, as they may form a cycle; only
+/// regular files are listed.
 pub fn toml_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_path_buf()];

@@ -1,4 +1,4 @@
-//! A graph as text, as a DOT file and as a picture.
+//! An operator graph as text, as a DOT file and as a picture.
 
 use core::fmt::Write as _;
 
@@ -9,7 +9,7 @@ mod picture;
 
 pub use picture::draw;
 
-/// One line per operator in rank order, and its inputs and streams below it.
+/// One line per operator in rank order, followed by its inputs and streams.
 pub fn text(graph: &GraphInfo) -> String {
     let mut out = String::new();
     for operator in &graph.operators {
@@ -53,7 +53,7 @@ pub fn dot(graph: &GraphInfo) -> String {
     out + "}\n"
 }
 
-/// Every edge between operators, in rank order of its reader.
+/// All edges between operators, ordered by the rank of the reader.
 fn edges(graph: &GraphInfo) -> Vec<EdgeInfo<'_>> {
     let mut edges = Vec::new();
     for (to, operator) in graph.operators.iter().enumerate() {
@@ -74,11 +74,11 @@ struct EdgeInfo<'a> {
     stream: &'a str,
     feedback: bool,
     joined: bool,
-    /// Which of its reader's inputs it is, feedback left out.
+    /// Index among the reader's inputs, feedback excluded.
     nth: usize,
 }
 
-/// What is worth saying of it beside its ports.
+/// Properties of an operator beside its ports.
 fn facts(operator: &OperatorInfo) -> Vec<String> {
     if operator.feed {
         return vec!["source".into()];
@@ -94,7 +94,7 @@ fn facts(operator: &OperatorInfo) -> Vec<String> {
     facts
 }
 
-/// How an input reads, and what.
+/// Read mode and stream of an input.
 fn input_text(input: &InputInfo) -> String {
     let stream = input.stream.as_deref().unwrap_or_default();
     match input.kind {

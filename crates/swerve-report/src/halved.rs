@@ -1,6 +1,6 @@
-//! Rows of a long run: every second one goes where they become too many.
+//! Thinning of tables in long runs: when a table is full, every second row is dropped.
 
-/// Drops every second row. The first and the last stay.
+/// Drops every second row. The first and the last are kept.
 pub(crate) fn halve<T>(rows: &mut Vec<T>) {
     let mut left = rows.len();
     let mut is_first = true;
@@ -10,7 +10,7 @@ pub(crate) fn halve<T>(rows: &mut Vec<T>) {
     });
 }
 
-/// Appends a row, to at most so many.
+/// Appends a row, thinning the table first if it has `most` rows or more.
 pub(crate) fn push_within<T>(rows: &mut Vec<T>, most: usize, row: T) {
     if rows.len() >= most {
         halve(rows);

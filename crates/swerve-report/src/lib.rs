@@ -1,4 +1,4 @@
-//! Results for people: text in columns, files written whole, progress, pictures, pages.
+//! Presentation of results: text in columns, atomically written files, progress, pictures, pages.
 
 pub mod files;
 pub mod graph;

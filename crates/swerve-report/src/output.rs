@@ -1,11 +1,11 @@
-//! Results go to standard output in one place; everything else goes to standard error.
+//! Terminal output: results go to standard output, everything else to standard error.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, Write as _};
 
 use anyhow::Context as _;
 
-/// Writes to standard output. A reader that has gone away (`swerve ... | head`) is no error.
+/// Writes to standard output. A reader that has closed the pipe (`swerve ... | head`) is not an error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(visible(text).as_bytes()).and_then(|()| out.flush()) {
@@ -14,7 +14,7 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// An error with its causes, each told once: some errors already name theirs.
+/// Formats an error with its causes, each once: some errors already include theirs.
 pub fn message(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |told, cause| {
         if told.is_empty() {
@@ -27,13 +27,13 @@ pub fn message(error: &anyhow::Error) -> String {
     })
 }
 
-/// Says something on a line of standard error. That nobody reads it any more (`swerve ... 2>&1 | head`) is no error.
+/// Writes a line to standard error. A reader that has closed the pipe (`swerve ... 2>&1 | head`) is not an error.
 pub fn tell(line: &str) {
     let _unheard = writeln!(std::io::stderr(), "{}", visible(line));
 }
 
-/// A text for a terminal: characters that would act on it, or turn the direction of writing, are escaped as in `\u{1b}`; ends
-/// of lines and tabs are not.
+/// Text for a terminal. Control characters other than tabs and line ends, and characters that change the writing
+/// direction, are escaped as in `\u{1b}`.
 fn visible(text: &str) -> Cow<'_, str> {
     let turns = |c| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let acts = |c: char| (c.is_control() && !"\n\t".contains(c)) || turns(c);
@@ -43,7 +43,7 @@ fn visible(text: &str) -> Cow<'_, str> {
     text.chars().map(|c| if acts(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
 }
 
-/// Columns padded to equal width, two spaces between them; the first to the left, the others to the right.
+/// Columns padded to equal width, two spaces apart; the first is left-aligned, the others right-aligned.
 pub fn align(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width: Vec<usize> = (0..columns)
@@ -64,7 +64,7 @@ pub fn align(lines: &[Vec<String>]) -> String {
     text
 }
 
-/// A word as it stands in a command line for a shell.
+/// Quotes a word for a shell command line where necessary.
 pub fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "./_-=+:,".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

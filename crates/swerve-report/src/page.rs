@@ -1,7 +1,7 @@
-//! `report.html`: a run, a study or two of either as one page that needs no network and no server.
+//! `report.html`: a run, a study or two of either as one page that needs neither network nor server.
 //!
-//! The page is made of the hand-written files in this crate's folder `page/` and of one JSON text that they draw.
-//! The same data give the same bytes. What a page holds can be read back from it with [`data_of`].
+//! The page consists of the hand-written files in this crate's folder `page/` and of one JSON text that they render.
+//! The same data give the same bytes. [`data_of`] reads the data back from a page.
 
 mod bound;
 mod collect;
@@ -22,44 +22,44 @@ pub use run::{
     Predictions, Road, RunPage, Steps, Table, Tracks,
 };
 
-/// What every page has: which program made it, of what kind it is, and what it is headed with.
+/// Header and data of a page: its kind, program version and title.
 #[derive(Clone, PartialEq, Eq, Debug, serde::Serialize)]
 pub struct Page<T> {
     /// `run`, `live`, `runs`, `study`, `studies` or `figures`.
     pub kind: &'static str,
     /// Version of the program.
     pub version: &'static str,
-    /// What the page is headed with.
+    /// Heading of the page.
     pub title: String,
-    /// What it shows.
+    /// Data that the page shows, serialised beside the other keys.
     #[serde(flatten)]
     pub of: T,
 }
 
 impl<T: serde::Serialize> Page<T> {
-    /// A page of a kind.
+    /// Creates a page of a kind, with this program's version.
     pub fn new(kind: &'static str, title: impl Into<String>, of: T) -> Self {
         Self { kind, version: env!("CARGO_PKG_VERSION"), title: title.into(), of }
     }
 
-    /// The page's text.
+    /// The page as HTML.
     pub fn html(&self) -> String {
         page(&self.title, self)
     }
 }
 
-/// Two of a kind beside each other.
+/// Two runs or two studies side by side.
 #[derive(Clone, PartialEq, Eq, Debug, serde::Serialize)]
 pub struct Pair<T, D> {
     /// The first.
     pub a: T,
     /// The second.
     pub b: T,
-    /// In what they differ.
+    /// Differences between the two.
     pub parting: D,
 }
 
-/// Pictures and a table: what has no page of its own.
+/// Pictures and a table, for results without a dedicated page.
 #[derive(Clone, PartialEq, Eq, Debug, Default, serde::Serialize)]
 pub struct Figures {
     /// The command line that made them.

@@ -1,4 +1,4 @@
-//! Progress of long work, on standard error: a bar in a terminal, elsewhere a line now and then.
+//! Progress of long work, on standard error: a bar in a terminal, otherwise occasional lines.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use swerve_flow::{Event, Observer, Sent};
 use swerve_msg::EgoState;
 
-/// How far work has come.
+/// Progress of long work.
 pub struct Progress {
     bar: ProgressBar,
     _lines: Option<Lines>,
@@ -19,22 +19,22 @@ impl Progress {
         Self::counting(count, "cells")
     }
 
-    /// Counts drives.
+    /// Counts simulated drives.
     pub fn drives(count: usize) -> Self {
         Self::counting(count, "drives")
     }
 
-    /// Counts detectors that are fitted.
+    /// Counts fitted detectors.
     pub fn fits(count: usize) -> Self {
         Self::counting(count, "detectors fitted")
     }
 
-    /// Counts parts of a model that learns, such as `trees grown`.
+    /// Counts parts of a model in training, such as `trees grown`.
     pub fn learning(count: usize, parts: &'static str) -> Self {
         Self::counting(count, parts)
     }
 
-    /// Counts the configurations that a study's checks look at.
+    /// Counts the configurations that a study checks.
     pub fn checks(count: usize) -> Self {
         Self::counting(count, "configurations checked")
     }
@@ -46,7 +46,7 @@ impl Progress {
         Self { _lines: Lines::begin(&bar, line), bar }
     }
 
-    /// Follows simulated time, in tenths of a second.
+    /// Follows simulated time, in steps of a tenth of a second.
     pub fn simulated(until_s: f64) -> Self {
         let bar = ProgressBar::new((until_s * 10.0) as u64);
         bar.set_style(style("{bar:32} {msg}  {elapsed}"));
@@ -56,29 +56,29 @@ impl Progress {
         Self { _lines: Lines::begin(&bar, line), bar }
     }
 
-    /// One more of what is counted is done.
+    /// Advances the count by one.
     pub fn one_done(&self) {
         self.bar.inc(1);
     }
 
-    /// Says something on a line of its own, above the bar.
+    /// Prints a line above the bar.
     pub fn tell(&self, line: &str) {
         self.bar.suspend(|| eprintln!("{line}"));
     }
 
-    /// The run reached `now_s` seconds of simulated time.
+    /// Reports that the run reached `now_s` seconds of simulated time.
     pub fn simulated_to(&self, now_s: f64) {
         self.bar.set_position((now_s * 10.0) as u64);
         self.bar.set_message(format!("{now_s:.1} s simulated"));
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
 }
 
-/// Follows a run by the poses of its ego.
+/// Follows a run by the stamps of its ego states.
 impl Observer for Progress {
     fn event(&mut self, event: &Event<'_>) {
         if let Event::Publication(publication) = event
@@ -93,20 +93,20 @@ impl Observer for Progress {
     }
 }
 
-/// Says now and then how far a bar has come that nobody sees, on a thread of its own: one step of the work may take long.
+/// Occasional progress lines in place of a hidden bar, printed by a thread, since one step of the work may take long.
 struct Lines {
-    /// Dropped with this, which ends the thread.
+    /// Dropping this ends the thread.
     _end: Sender<()>,
 }
 
-/// After so long the first line is said.
+/// Time to the first line, and minimum spacing.
 const FIRST: Duration = Duration::from_secs(10);
 
-/// No work says more lines than this.
+/// Maximum number of lines.
 const LINES_MAX: usize = 20;
 
 impl Lines {
-    /// Nothing where the bar itself is seen.
+    /// Starts the lines if the bar is hidden; `None` if it is visible.
     fn begin(bar: &ProgressBar, line: impl Fn(&ProgressBar) -> String + Send + 'static) -> Option<Self> {
         if !bar.is_hidden() {
             return None;
@@ -125,20 +125,21 @@ impl Lines {
                 now = at;
             }
         };
-        // Without a thread to say it nothing is said.
+        // If the thread cannot be started, no lines are printed.
         std::thread::Builder::new().name("progress".into()).spawn(say).ok()?;
         Some(Self { _end: end })
     }
 }
 
-/// When lines are said, from the beginning of the work: ten seconds apart, then further and further, so that hours need few.
+/// Times of the lines since the start of the work: ten seconds apart at first, then at growing intervals, so that hours
+/// of work need few lines.
 fn instants() -> impl Iterator<Item = Duration> {
     let next = |at: &Duration| Some(*at + FIRST.max(*at / 2));
     std::iter::successors(Some(FIRST), next).take(LINES_MAX)
 }
 
-/// How a drive with a vehicle goes: a line in place, and what happens above it; where standard error is no terminal,
-/// what happens, and now and then how it goes.
+/// Status of a drive with a vehicle: a line updated in place, with events printed above it. If standard error is not a
+/// terminal, events and occasional status lines.
 pub struct LiveLine {
     bar: ProgressBar,
     tells: bool,
@@ -146,7 +147,7 @@ pub struct LiveLine {
 }
 
 impl LiveLine {
-    /// Tells at all?
+    /// Creates the status line; if `tells` is false, nothing is printed.
     pub fn new(tells: bool) -> Self {
         let bar = if tells { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         bar.set_style(style("{msg}"));
@@ -154,13 +155,13 @@ impl LiveLine {
         Self { bar, tells, _lines: lines }
     }
 
-    /// How it goes now.
+    /// Updates the status.
     pub fn progress(&self, line: &str) {
         self.bar.set_message(line.to_owned());
         self.bar.tick();
     }
 
-    /// What has happened, at this second.
+    /// Prints an event with its time in seconds.
     pub fn note(&self, at_s: f64, what: &str) {
         if self.tells {
             self.bar.suspend(|| eprintln!("{at_s:6.1} s  {what}"));
@@ -183,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_few_and_the_first_ones_ten_seconds_apart() {
+    fn progress_lines_are_few_and_start_ten_seconds_apart() {
         let at: Vec<u64> = instants().map(|at| at.as_secs()).collect();
         assert_eq!(at[..5], [10, 20, 30, 45, 67]);
         assert!(at.len() <= 20 && *at.last().unwrap() > 8 * 3600, "{at:?}");

@@ -1,10 +1,10 @@
-//! `story.svg`: what happened in a run, on one page.
+//! `story.svg`: the course of a run on one page.
 //!
-//! [`Story`] takes in a run as it goes on and keeps what a reader wants to see; [`draw`] turns it into a figure:
-//! a bird's-eye view (road, stop lines and lights, ways of ego and actors, outlines every half second, tracks, the plan
-//! and the predictions at each change of the plan, when the actor was first visible, the closest approach or the
-//! collision), and below it what lights showed, the steps of why, speed, steering, accelerations and time to collision
-//! over one time axis. Map frame, metres, seconds of run time.
+//! [`Story`] records a run as it goes on; [`draw`] turns it into a figure: a bird's-eye view (road, stop lines and
+//! lights, paths of ego and actors, outlines every half second, tracks, the plan and the predictions at each change of
+//! the plan, the first sight of the actor, the closest approach or the collision). Below it, over one time axis:
+//! traffic light signals, the steps of why, speed, steering, accelerations and time to collision. Map frame, metres,
+//! seconds of run time.
 
 mod birds_eye;
 mod collision_time;

@@ -1,4 +1,4 @@
-//! The latency budget: the largest added latency at which a run still ends well.
+//! Latency budget: the largest added latency at which a run still ends well.
 
 use swerve_drive::drive;
 use swerve_scenario::Scenario;
@@ -7,7 +7,7 @@ use swerve_stack::config::Config;
 use super::cells::CellResult;
 use super::grid::{Budget, Cell};
 
-/// Finds the latency budget of one cell; a run that fails without added latency has none.
+/// Finds the latency budget of one cell; `None` for a run that fails without added latency.
 pub(super) fn largest_latency(
     cell: &Cell,
     config: &Config,
@@ -26,10 +26,10 @@ pub(super) fn largest_latency(
     Ok(result)
 }
 
-/// The largest good value below the first bad one, in ms: scanned in steps from zero, of which the last ends at the
-/// largest value, then bisected. That largest value when none is bad, `None` when zero itself is.
+/// Searches for the largest good value below the first bad one, ms: a scan from zero in fixed steps up to the maximum,
+/// then bisection. Returns the maximum if no value is bad, `None` if zero is.
 ///
-/// What is good again beyond the first bad value is so by chance, and nobody would build on it.
+/// Good values beyond the first bad one are due to chance and are ignored.
 pub(super) fn edge(
     budget: &Budget,
     mut good: impl FnMut(f64) -> anyhow::Result<bool>,
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_edge_is_found_to_the_resolution() {
+    fn edge_finds_the_first_edge_to_the_resolution() {
         let budget = Budget { max_ms: 600.0, scan_ms: 50.0, resolution_ms: 5.0, limit: None };
         let found = edge(&budget, |ms| Ok(!(231.0..=400.0).contains(&ms))).unwrap().unwrap();
         assert!((226.0..231.0).contains(&found), "{found}");
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn all_up_to_the_largest_value_is_looked_at() {
+    fn edge_scans_up_to_the_maximum() {
         for (max_ms, scan_ms, first_bad_ms) in
             [(300.0, 70.0, 290.0), (300.0, 100.0, 299.0), (300.0, 300.0, 20.0), (300.0, 70.0, 301.0)]
         {

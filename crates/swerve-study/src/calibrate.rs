@@ -1,5 +1,5 @@
-//! `swerve calibrate`: what planning costs on this host, measured alone and frozen as percentiles; and an emulated
-//! detector's parameters, fitted to an accuracy.
+//! `swerve calibrate`: planner run times measured on this host, one run at a time, and stored as percentiles;
+//! parameters of an emulated detector fitted to an accuracy.
 
 pub(crate) mod detector;
 
@@ -26,24 +26,24 @@ pub struct CalibrateArgs {
     /// Ego speeds to drive the scenario at, m/s
     #[arg(long, value_delimiter = ',', default_value = "16,18,20,22", value_parser = speed)]
     speeds: Vec<f64>,
-    /// Write the configuration, with the measured run times in it, to this file instead of standard output
+    /// Write the configuration with the measured run times to this file instead of standard output
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
 }
 
-/// Further things to calibrate.
+/// Further calibrations.
 #[derive(clap::Subcommand, Debug)]
 enum What {
     /// Fit an emulated detector to an accuracy, over the frames of the scenarios
     Detector(detector::DetectorArgs),
 }
 
-/// Percentiles that are kept.
+/// Stored percentiles.
 const PERCENTILES: [f64; 8] = [0.0, 10.0, 25.0, 50.0, 75.0, 90.0, 99.0, 100.0];
 
-/// A speed at which a planner has something to do.
+/// Parses a speed above zero, m/s, at which a planner has something to plan.
 fn speed(text: &str) -> Result<f64, String> {
     match text.trim().parse() {
         Ok(mps) if mps > 0.0 && mps <= 70.0 => Ok(mps),
@@ -51,7 +51,7 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Measures every planner and discretisation, one run at a time.
+/// Measures all planners at both discretisations, one run at a time.
 pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(What::Detector(args)) = &args.what {
         return detector::run(args, registry);
@@ -73,7 +73,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
                 cell.ego.speed_mps = Some(*speed);
                 drive_observed(&cell, &scenario, 1, &mut [&mut host])?;
                 if i == 0 {
-                    // The first run warms caches and branch predictors; its times are not the host's usual ones.
+                    // The first run warms caches and branch predictors; its times are not representative.
                     host.ms.clear();
                 }
             }
@@ -97,7 +97,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     }
 }
 
-/// Times of the planner's steps on this host, ms.
+/// Run times of the planner's steps on this host, ms.
 struct HostTimes {
     planner: String,
     ms: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Runs the cells of a study: in parallel, resumable, each result kept the moment it is there.
+//! Execution of a study's cells: parallel and resumable; each result is stored as soon as it is available.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,21 +17,21 @@ use super::grid::{Cell, Study};
 use super::table;
 use super::timely::Reading;
 
-/// Names in `metrics.json` and `cells.csv` of whether a drive was as its scenario expects, and of what was not.
+/// Keys in `metrics.json` and `cells.csv` for whether a drive met its scenario's expectations, and for the unmet ones.
 const AS_EXPECTED: &str = "as_expected";
 const NOT_AS_EXPECTED: &str = "not_as_expected";
 
-/// What one cell came to.
+/// Result of one cell.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct CellResult {
-    /// What stands in the table, one an axis.
+    /// Labels of the cell in the table, one per axis.
     pub labels: Vec<String>,
-    /// How the run ended.
+    /// Verdict of the run.
     pub verdict: String,
-    /// Whether nothing was hit.
+    /// True if nothing was hit.
     #[serde(default)]
     pub no_collision: bool,
-    /// Whether no part of the ego left the drivable ground.
+    /// True if no part of the ego left the drivable area.
     #[serde(default)]
     pub on_road: bool,
     /// Smallest distance to another actor, m.
@@ -48,31 +48,31 @@ pub struct CellResult {
     /// 99th percentile of the response time, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub response_p99_ms: Option<f64>,
-    /// Deadlines missed, by all operators.
+    /// Missed deadlines, over all operators.
     #[serde(default)]
     pub misses: u64,
-    /// All other metrics of the run that are numbers, by their names in `metrics.json`; what it has none of is not there.
+    /// All other numeric metrics of the run, by their names in `metrics.json`; missing ones are absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub figures: BTreeMap<String, f64>,
-    /// What `metrics.json` says in words or as yes and no, by its names there; what it has none of is not there.
+    /// Text and boolean metrics of the run, by their names in `metrics.json`; missing ones are absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub texts: BTreeMap<String, String>,
-    /// Largest added latency that still avoids, ms; only in latency-budget studies.
+    /// Largest added latency at which the run still ends well, ms; only in latency-budget studies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
-    /// The study's curve, where it asks for one.
+    /// Curve of the study, if it has one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub curve: Vec<f64>,
-    /// What is measured in a timely study.
+    /// Readings of a timely study.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub timely: Vec<Reading>,
-    /// What went wrong, when the run itself failed.
+    /// Error message, if the run itself failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
 
 impl CellResult {
-    /// What a drive came to, held against what its scenario expects of it.
+    /// Result of a drive, compared with its scenario's expectations.
     pub(crate) fn of(cell: &Cell, outcome: &Outcome, expected: Option<&Expectation>) -> Self {
         let metrics = &outcome.metrics;
         let mut texts = table::texts(metrics);
@@ -97,17 +97,17 @@ impl CellResult {
         }
     }
 
-    /// Whether the drive was as its scenario expects; none where nothing is expected of it.
+    /// True if the drive met its scenario's expectations; `None` if it has none.
     pub fn as_expected(&self) -> Option<bool> {
         self.texts.get(AS_EXPECTED).map(|told| told == "true")
     }
 
-    /// In what way it was not.
+    /// Unmet expectations.
     pub(crate) fn not_as_expected(&self) -> &str {
         self.texts.get(NOT_AS_EXPECTED).map_or("", String::as_str)
     }
 
-    /// A result without figures.
+    /// Result without metrics.
     pub fn blank(cell: &Cell, verdict: &str) -> Self {
         Self {
             labels: cell.labels.clone(),
@@ -130,18 +130,18 @@ impl CellResult {
         }
     }
 
-    /// Whether the run ended without collision and on the road.
+    /// True if the run ended without collision and on the road.
     pub fn avoided(&self) -> bool {
         matches!(self.verdict.as_str(), "avoided" | "completed")
     }
 }
 
-/// Which part of the study this call runs.
+/// Part of a study that one call runs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Shard {
-    /// From 1.
+    /// Index, starting at 1.
     pub index: usize,
-    /// How many there are.
+    /// Number of parts.
     pub count: usize,
 }
 
@@ -158,27 +158,26 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    /// Whether a cell is in this share.
+    /// True if the cell belongs to this part.
     pub fn holds(self, cell: &Cell) -> bool {
         cell.index % self.count == self.index - 1
     }
 }
 
-/// The finished cells of a study under its output folder, one file each.
+/// Finished cells of a study in its output folder, one file each.
 pub struct CellStore {
     folder: PathBuf,
 }
 
 impl CellStore {
-    /// The store in `out`, made when it is not there.
+    /// Opens the store in `out`, creating it if necessary.
     pub fn open(out: &Path) -> anyhow::Result<Self> {
         let folder = out.join(CELLS);
         std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
         Ok(Self { folder })
     }
 
-    /// The result of `cell`, when an earlier call finished it under the same fingerprint; an error names a file
-    /// that is not as it was written.
+    /// Result of `cell`, if an earlier call finished it under the same fingerprint. Fails on a file that was modified.
     pub fn load(&self, cell: &Cell, fingerprint: Digest) -> anyhow::Result<Option<CellResult>> {
         let path = self.path(cell, fingerprint);
         let text = match read_string(&path, FILE_MAX) {
@@ -186,14 +185,14 @@ impl CellStore {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(error).with_context(|| format!("reading {}", path.display())),
         };
-        // The same drive may have had other labels, under another name of its scenario.
+        // The same drive may have had other labels, under another scenario name.
         let result = unsealed(&text, cell, fingerprint)
             .map(|result| Some(CellResult { labels: cell.labels.clone(), ..result }));
         result.with_context(|| format!("{}: not as it was written", path.display()))
     }
 
-    /// Keeps a finished cell under a checksum: written beside its name first, so that a half-written file is never
-    /// taken for a result.
+    /// Stores a finished cell with a checksum. The file is written under a temporary name first, so that a partial file
+    /// is never read as a result.
     pub fn save(&self, cell: &Cell, fingerprint: Digest, result: &CellResult) -> anyhow::Result<()> {
         let body = serde_json::to_string(result)?;
         let sealed = format!("{HEAD}{}{BODY}{body}{TAIL}", checksum(&body, cell, fingerprint));
@@ -204,19 +203,19 @@ impl CellStore {
         self.folder.join(format!("{:06}-{fingerprint}.json", cell.index))
     }
 
-    /// Where the page of a cell's run lies, if it has one.
+    /// Path of the page of a cell's run; the page may not exist.
     pub fn report(&self, cell: &Cell, fingerprint: Digest) -> PathBuf {
         self.folder.join(format!("{:06}-{fingerprint}.html", cell.index))
     }
 }
 
-// A kept cell is the JSON object `{"checksum":"...","result":{...}}`. Framed by hand, because the checksum is of
-// the result's bytes: a number that was read and written again may end in another digit.
+// A stored cell is the JSON object `{"checksum":"...","result":{...}}`. It is assembled by hand because the checksum
+// covers the result's bytes: a number that is parsed and written again may change its last digit.
 const HEAD: &str = "{\"checksum\":\"";
 const BODY: &str = "\",\"result\":";
 const TAIL: &str = "}\n";
 
-/// Holds for one result under one name: a file that was renamed is another's result.
+/// Checksum of a result under its name, so that a renamed file is detected.
 fn checksum(body: &str, cell: &Cell, fingerprint: Digest) -> Digest {
     let mut hasher = Hasher::new();
     hasher.number(cell.index as u64);
@@ -233,23 +232,23 @@ fn unsealed(text: &str, cell: &Cell, fingerprint: Digest) -> Option<CellResult> 
     serde_json::from_str(body).ok()
 }
 
-/// How the cells of a study are run.
+/// Execution settings for the cells of a study.
 pub struct Runner<'a> {
     /// Finished cells.
     pub store: &'a CellStore,
-    /// How many cells at once.
+    /// Number of cells run at the same time.
     pub threads: usize,
-    /// Which part.
+    /// Part of the study to run; all of it if `None`.
     pub shard: Option<Shard>,
-    /// Whether a cell without the page of its run is driven again.
+    /// If true, a cell whose run has no page is run again.
     pub reports: bool,
     /// Set by Ctrl-C: no further cell is started.
     pub stop: &'a AtomicBool,
 }
 
 impl Runner<'_> {
-    /// Runs every cell of the shard that is not finished yet. Results are in the order of the cells; a cell that
-    /// was not reached is `None`. `prepare` gives a cell's fingerprint, under which `run` computes its result.
+    /// Runs all unfinished cells of the shard. Results are in the order of the cells; `None` for a cell that was not
+    /// reached. `prepare` returns a cell's fingerprint, under which `run` computes its result.
     pub fn run<P, F>(&self, study: &Study, prepare: P, run: F) -> anyhow::Result<Vec<Option<CellResult>>>
     where
         P: Fn(&Cell) -> anyhow::Result<Digest> + Sync,
@@ -267,7 +266,7 @@ impl Runner<'_> {
                 progress.tell(&format!("{error:#}; the cell is computed again"));
                 None
             });
-            // A cell whose run failed is tried again: what was in its way may be gone.
+            // A cell whose run failed is tried again, as the cause may be gone.
             let is_whole = || !self.reports || self.store.report(cell, fingerprint).is_file();
             let finished = kept.filter(|result| result.error.is_none() && is_whole());
             let result = match finished {
@@ -288,9 +287,9 @@ impl Runner<'_> {
     }
 }
 
-/// `one` of each item, in their order, on threads of their own: one that waits for threads within a cell, such as those
-/// that render, takes no other cell meanwhile, as one of a pool would, on top of its stack. After an error no further
-/// item is begun.
+/// Applies `one` to each item, in order, on dedicated threads. A thread that waits for others within a cell, such as
+/// render threads, would in a shared pool start another cell on top of its stack; here it does not. After an error no
+/// further item is started.
 fn on_threads<T: Sync, R: Send>(
     threads: usize,
     items: &[T],
@@ -333,9 +332,9 @@ mod tests {
         static WITHIN: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// As where images are rendered: each cell waits for a pool of its own.
+    /// As when images are rendered: each cell waits for its own pool.
     #[test]
-    fn a_cell_that_waits_for_a_pool_begins_no_other_on_its_stack() {
+    fn cell_that_waits_for_a_pool_starts_no_other_on_its_stack() {
         let items: Vec<usize> = (0..64).collect();
         let one = |item: &usize| {
             let depth = WITHIN.replace(WITHIN.get() + 1);
@@ -349,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_error_is_told_and_ends_the_work() {
+    fn first_error_is_returned_and_ends_the_work() {
         let items: Vec<usize> = (0..1000).collect();
         let begun = AtomicUsize::new(0);
         let said = on_threads(1, &items, |item| {

@@ -1,6 +1,6 @@
-//! What a few runs say of a rate, and whether they tell two rates apart.
+//! Statistics of rates from few runs: confidence intervals, and tests for a difference.
 
-/// The 95 % interval of a rate (E. B. Wilson, "Probable inference", 1927): honest at none and all of few runs too.
+/// The 95 % interval of a rate (E. B. Wilson, "Probable inference", 1927); also valid if none or all of few runs hit.
 pub(crate) fn wilson(hits: usize, runs: usize) -> (f64, f64) {
     if runs == 0 {
         return (0.0, 1.0);
@@ -12,17 +12,17 @@ pub(crate) fn wilson(hits: usize, runs: usize) -> (f64, f64) {
     ((middle - half).max(0.0), (middle + half).min(1.0))
 }
 
-/// The 95 % interval of a rate, as tables have it behind a count.
+/// The 95 % interval of a rate, as printed behind a count in tables.
 pub(crate) fn interval(hits: usize, runs: usize) -> String {
     let (low, high) = wilson(hits, runs);
     format!("({low:.2}-{high:.2})")
 }
 
-/// The likelihood of counts as unlike as these or more, were both rates the same: Fisher's exact test, two-sided (R. A.
-/// Fisher, "On the interpretation of chi-squared from contingency tables", 1922). Each is hits and runs.
+/// Probability of counts at least as different as these if both rates were equal: Fisher's exact test, two-sided (R. A.
+/// Fisher, "On the interpretation of chi-squared from contingency tables", 1922). Each argument is hits and runs.
 pub(crate) fn fisher([a, n]: [usize; 2], [b, m]: [usize; 2]) -> f64 {
     let hits = a + b;
-    // Each next term of the hypergeometric distribution from the one before, relative to the first.
+    // Terms of the hypergeometric distribution, each from the previous one, relative to the first.
     let least = hits.saturating_sub(m);
     let mut terms = vec![1.0_f64];
     for x in least..hits.min(n) {
@@ -40,8 +40,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn intervals_are_wilsons() {
-        // As printed in tables of the interval: 0 of 10, 17 of 30, all of 30.
+    fn intervals_match_wilson() {
+        // Published values of the interval: 0 of 10, 17 of 30, all of 30.
         for (hits, runs, low, high) in [(0, 10, 0.0, 0.278), (17, 30, 0.392, 0.726), (30, 30, 0.886, 1.0)] {
             let interval = wilson(hits, runs);
             assert!((interval.0 - low).abs() < 1e-3 && (interval.1 - high).abs() < 1e-3, "{interval:?}");
@@ -51,8 +51,8 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_told_apart_as_by_fisher() {
-        // By summing binomial coefficients in whole numbers.
+    fn p_values_match_fisher() {
+        // Computed by summing binomial coefficients in integers.
         for (a, b, likelihood) in [
             ([53, 60], [47, 60], 0.220_103_549),
             ([3, 60], [2, 60], 1.0),

@@ -1,4 +1,4 @@
-//! A study over many machines that share its folder: the job is written, submitted and joined.
+//! Studies over several machines with a shared folder: writes and submits the job that drives and merges the shards.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,38 +9,38 @@ use swerve_drive::trust::CodeArgs;
 use swerve_report::files::write_whole;
 use swerve_report::output::{print, quoted};
 
-/// What gives machines to a study.
+/// Scheduler that provides the machines for a study.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 pub(crate) enum Cluster {
-    /// A job array of `sbatch`, and a job that joins the shards when all are done
+    /// Job array of `sbatch`, and a job that merges the shards when all are done
     Slurm,
-    /// Tasks of Ray, by the Python that SWERVE_PYTHON names, else python3
+    /// Ray tasks, run by the Python in SWERVE_PYTHON, else python3
     Ray,
 }
 
-/// What is to be done there.
+/// Study to submit.
 pub(crate) struct Job<'a> {
     /// The study's file.
     pub(crate) file: &'a Path,
-    /// Keys that are set in every cell.
+    /// Assignments for every cell.
     pub(crate) sets: &'a [String],
-    /// Consent to the programs that the study names; shards run in other folders.
+    /// Consent to the programs that the study names; needed because shards run in other folders.
     pub(crate) code: CodeArgs,
-    /// Where the table goes; the shards are in a folder of it.
+    /// Results folder; the shards are in a subfolder.
     pub(crate) out: &'a Path,
-    /// Whether the results of another study may be replaced there.
+    /// If true, the results of another study may be replaced there.
     pub(crate) overwrite: bool,
-    /// Parts that the study is cut into.
+    /// Number of shards.
     pub(crate) shards: usize,
-    /// Cores of each.
+    /// Cores per shard.
     pub(crate) threads: usize,
 }
 
 impl Job<'_> {
-    /// Writes the job, hands it over, and tells what became of it.
+    /// Writes the job, submits it and prints the result.
     ///
     /// # Errors
-    /// There is no such cluster here (the job is written nevertheless), or it refuses.
+    /// If the cluster is not available here (the job file is still written), or rejects the job.
     pub(crate) fn submit(&self, cluster: Cluster) -> anyhow::Result<()> {
         ensure!((1..=10_000).contains(&self.shards), "--shards {}: expected 1 to 10000", self.shards);
         std::fs::create_dir_all(self.out).with_context(|| self.out.display().to_string())?;
@@ -51,7 +51,7 @@ impl Job<'_> {
         }
     }
 
-    /// The words of a shard's call, but for its number; of the call that joins them, but for the folders.
+    /// Command line of a shard without its number, and of the merge without the shard folders.
     fn calls(&self, program: &Path) -> [Vec<String>; 2] {
         let text = |path: &Path| path.display().to_string();
         let sets = self.sets.iter().flat_map(|set| ["--set".to_owned(), set.clone()]);
@@ -130,7 +130,7 @@ impl Job<'_> {
         Ok(())
     }
 
-    /// Workers of Ray run in folders of their own: a study's file and the result are named from anywhere.
+    /// Makes the paths of the study and the results absolute, since Ray workers run in other folders.
     fn absolute(&self, words: &[String]) -> anyhow::Result<Vec<String>> {
         let is_file = |word: &&String| Path::new(word) == self.file && self.file.exists();
         let is_path = |word: &String| is_file(&word) || Path::new(word) == self.out;
@@ -146,18 +146,18 @@ fn absolute(path: &Path) -> anyhow::Result<String> {
     Ok(path.display().to_string())
 }
 
-/// Submits; the number of the job.
+/// Submits a job to Slurm. Returns the job number.
 fn sbatch(words: &[String]) -> anyhow::Result<String> {
     let said = Command::new("sbatch").arg("--parsable").args(words).output().context("calling sbatch")?;
     let text = String::from_utf8_lossy(&said.stdout);
-    // With several clusters it is `number;cluster`.
+    // With several clusters the output is `number;cluster`.
     let number = text.trim().split(';').next().unwrap_or_default().to_owned();
     let told = String::from_utf8_lossy(&said.stderr);
     ensure!(said.status.success() && !number.is_empty(), "sbatch: {}", told.trim());
     Ok(number)
 }
 
-/// Words as a shell takes them.
+/// Shell command line with quoted words.
 fn shell(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
@@ -166,7 +166,7 @@ fn list(words: &[String]) -> String {
     format!("[{}]", words.iter().map(|word| python(word)).collect::<Vec<_>>().join(", "))
 }
 
-/// A text of Python: JSON's texts are such.
+/// Python string literal; JSON strings are valid ones.
 fn python(text: &str) -> String {
     serde_json::Value::from(text).to_string()
 }

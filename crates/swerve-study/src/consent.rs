@@ -1,4 +1,4 @@
-//! The texts behind a study's configurations, and the consent to the programs that they name.
+//! Base configurations of a study, and consent to the programs that they name.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -13,16 +13,16 @@ use swerve_text::Document;
 use crate::Bench;
 use crate::grid::{Cell, Sets, Study};
 
-/// The base configurations of a study.
+/// Base configurations of a study.
 pub(crate) struct Bases {
-    /// Each by its files.
+    /// Merged documents by their files.
     pub(crate) documents: BTreeMap<Vec<PathBuf>, Document>,
-    /// The files of each that name programs.
+    /// Files of each configuration that name programs.
     layers: BTreeMap<Vec<PathBuf>, Vec<Layer>>,
 }
 
 impl Bases {
-    /// Reads them; errors go to `unread`.
+    /// Reads the base configurations; errors are appended to `unread`.
     pub(crate) fn read(study: &Study, unread: &mut Vec<String>) -> Self {
         let mut bases = Self { documents: BTreeMap::new(), layers: BTreeMap::new() };
         for files in study.configs() {
@@ -44,22 +44,22 @@ impl Bases {
     }
 }
 
-/// Consent to the programs of a study.
+/// Consent to run the programs of a study.
 #[derive(Default)]
 pub(crate) struct StudyConsent {
-    /// The user's, to all of them.
+    /// Consent of the user to all of them.
     code: CodeArgs,
-    /// The assignments of the command line: the user's own.
+    /// Assignments from the command line, given by the user.
     given: Sets,
 }
 
 impl StudyConsent {
-    /// Of a study with these assignments on the command line.
+    /// Consent for a study with these command-line assignments.
     pub(crate) fn of(given: Sets) -> Self {
         Self { given, ..Self::default() }
     }
 
-    /// Has the configuration of a cell start the programs that the user's own files and the command line name.
+    /// Allows a cell's configuration to start the programs named in the user's own files and on the command line.
     fn apply(&self, config: &mut Config, (study, sets): (&Study, &Sets), layers: Vec<Layer>) {
         let of_study: Sets = sets.iter().filter(|set| !self.given.contains(set)).cloned().collect();
         let mut layers = layers;
@@ -71,7 +71,7 @@ impl StudyConsent {
 }
 
 impl Bench {
-    /// With the user's consent, if it is given, to all programs that the study's files name.
+    /// Applies the user's consent, if given, to all programs that the study's files name.
     #[must_use]
     pub fn with_code(mut self, code: CodeArgs) -> Self {
         self.consent.code = code;
@@ -85,7 +85,7 @@ impl Bench {
         }
     }
 
-    /// The programs that cells start, a line each: those of the base configurations, with the study's assignments.
+    /// Programs that cells start, one per line: those of the base configurations, with the study's assignments.
     pub fn programs(&self) -> BTreeSet<String> {
         let names = |sets: &Sets| sets.iter().any(|(key, _)| key.starts_with("process"));
         let steps = self.study.steps.iter().flatten().map(|step| &step.sets).filter(|sets| names(sets));
@@ -110,7 +110,7 @@ impl Bench {
     /// Refuses a study with a program that the user has not consented to, before the first cell runs.
     ///
     /// # Errors
-    /// The refusals of the first such cell.
+    /// If a cell is refused; the error lists the refusals of the first such cell.
     pub fn refuse_programs(&self) -> anyhow::Result<()> {
         let named = self.bases.layers.values().any(|layers| !layers.is_empty());
         let sets = |cell: &Cell| cell.sets.iter().any(|(key, _)| key.starts_with("process"));

@@ -1,4 +1,4 @@
-//! What a study draws over time: for every combination the median over its seeds, with the quartiles around it.
+//! Time curves of a study: for every combination the median over its seeds, with quartiles.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -20,15 +20,15 @@ use super::grid::Study;
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Curve {
-    /// Differences of the lateral acceleration at the centre of gravity over 50 ms, m/s³, as Pylot logs them: from the
-    /// start to the first contact.
+    /// Difference quotient of the lateral acceleration at the centre of gravity over 50 ms, m/s³, as logged by Pylot:
+    /// from the start to the first contact.
     LateralJerk,
 }
 
-/// Spacing of the readings: Pylot's sensors have 20 Hz.
+/// Sampling interval: Pylot's sensors run at 20 Hz.
 const EVERY: Span = Span::from_ms(50);
 
-/// Collects the readings of a run.
+/// Collects the lateral accelerations of a run.
 #[derive(Default)]
 struct Readings {
     lateral_mps2: Vec<f64>,
@@ -52,7 +52,7 @@ impl Observer for Readings {
 }
 
 impl Curve {
-    /// Drives, and gives the curve beside the outcome.
+    /// Drives the scenario. Returns the outcome and the curve.
     pub(super) fn drive(self, config: &Config, scenario: &Scenario) -> anyhow::Result<(Outcome, Vec<f64>)> {
         let mut readings = Readings::default();
         let outcome = drive_observed(config, scenario, 1, &mut [&mut readings])?;
@@ -60,7 +60,7 @@ impl Curve {
         Ok((outcome, jerk.collect()))
     }
 
-    /// The largest magnitude and the root of the mean square of each combination's runs, as medians over them.
+    /// Peak and root mean square of each combination's runs, as medians over the runs.
     pub(super) fn text(self, study: &Study, results: &[Option<CellResult>]) -> String {
         let head = [self.title(), "largest (quartiles)", "root mean square"].map(str::to_owned).to_vec();
         let lines = series(study, results).into_iter().map(|series| {
@@ -82,7 +82,7 @@ impl Curve {
         }
     }
 
-    /// The picture: a panel for every combination of all axes but the last, a line for each of its steps.
+    /// Draws a panel for every combination of all axes but the last, with one line per step of the last.
     pub(super) fn draw(self, study: &Study, results: &[Option<CellResult>]) -> Picture {
         let all = series(study, results);
         let mut panels: Vec<&str> = all.iter().map(|series| series.panel.as_str()).collect();
@@ -123,16 +123,16 @@ fn line_of(look: Look) -> Style {
     Style::line(look.color, 1.6).dashes(look.dash)
 }
 
-/// The runs of one combination.
+/// Runs of one combination.
 struct Series<'a> {
     /// Labels of all axes but the last.
     panel: String,
-    /// Label of the last.
+    /// Label of the last axis.
     name: String,
     curves: Vec<&'a Vec<f64>>,
 }
 
-/// All combinations, seeds put together, in the order of the study.
+/// All combinations in the order of the study, with seeds merged.
 fn series<'a>(study: &Study, results: &'a [Option<CellResult>]) -> Vec<Series<'a>> {
     let shown: Vec<usize> = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed").collect();
     let mut all: Vec<Series<'a>> = Vec::new();
@@ -148,14 +148,14 @@ fn series<'a>(study: &Study, results: &'a [Option<CellResult>]) -> Vec<Series<'a
 }
 
 impl Series<'_> {
-    /// Quartiles at every instant that at least half of the runs reach.
+    /// Quartiles at each instant that at least half of the runs reach.
     fn bands(&self) -> Vec<[f64; 3]> {
         let at = |k: usize| self.curves.iter().filter_map(|curve| curve.get(k).copied()).collect::<Vec<_>>();
         (0..).map(at).take_while(|values| 2 * values.len() >= self.curves.len()).map(quartiles).collect()
     }
 }
 
-/// Lower quartile, median, upper quartile, in the line between the values next to them; zeros of nothing.
+/// Lower quartile, median and upper quartile, linearly interpolated between samples; zeros if there are no values.
 pub(super) fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
@@ -166,16 +166,16 @@ pub(super) fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     })
 }
 
-/// Which time and which values the panels show.
+/// Time and value range of the panels.
 struct Scale {
-    /// Numbers of the first and the last sample.
+    /// Indices of the first and the last sample.
     from: usize,
     to: usize,
     most: f64,
 }
 
 impl Scale {
-    /// From a second before anything happens to half a second after.
+    /// From one second before the first notable value to half a second after the last.
     fn of(bands: &[Vec<[f64; 3]>]) -> Self {
         let most = bands.iter().flatten().flatten().fold(1.0_f64, |most, x| most.max(x.abs()));
         let busy = |quartiles: &[f64; 3]| quartiles.iter().any(|x| x.abs() > 0.05 * most);
@@ -184,7 +184,7 @@ impl Scale {
         Self { from: first.saturating_sub(20), to: last + 10, most: 1.05 * most }
     }
 
-    /// The panel whose top is here, over seconds.
+    /// Axes of the panel with this top edge, over seconds.
     fn axes(&self, top: f64) -> Axes {
         let x = (self.from as f64 * EVERY.as_secs(), self.to as f64 * EVERY.as_secs());
         Axes { corner: (LEFT, top), size: (PANEL_W, PANEL_H), x, y: (-self.most, self.most) }
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bands_are_quartiles_of_the_runs_that_get_there() {
+    fn bands_are_quartiles_of_the_runs_that_last_long_enough() {
         let curves = [vec![1.0, 5.0, 9.0], vec![2.0, 6.0], vec![3.0], vec![4.0], vec![5.0, 7.0]];
         let series = Series { panel: String::new(), name: String::new(), curves: curves.iter().collect() };
         assert_eq!(series.bands(), [[2.0, 3.0, 4.0], [5.5, 6.0, 6.5]]);
@@ -217,9 +217,9 @@ mod tests {
         assert_eq!(quartiles(vec![3.0, 1.0]), [1.5, 2.0, 2.5]);
     }
 
-    /// The curve is at its peak over the whole panel, so any name within it would cover data.
+    /// The curve is at its peak over the whole panel, so any label within the panel would cover data.
     #[test]
-    fn names_of_lines_are_beside_the_panel() {
+    fn line_names_are_beside_the_panel() {
         let study = crate::table::tests::study();
         let of = |cell| CellResult { curve: vec![50.0; 80], ..CellResult::blank(cell, "avoided") };
         let results: Vec<_> = study.cells.iter().map(|cell| Some(of(cell))).collect();

@@ -1,10 +1,12 @@
-//! `swerve dataset`: labelled images and point clouds of scenarios, in the forms of KITTI and COCO.
+//! `swerve dataset`: labelled images and point clouds of scenarios, in the formats of KITTI and COCO.
 //!
-//! Each frame of one camera is a sample: colour, depth, classes and instances, the newest turn of one lidar, and
-//! every actor that has a pixel in it. Labels are the simulator's truth. With `--tracks` the ways of everybody instead.
+//! Each frame of one camera is a sample: colour, depth, classes and instances, the newest turn of one lidar, and all
+//! actors with a visible pixel. Labels are the simulator's ground truth. With `--tracks`, the tracks of all road users
+//! are written instead.
 //!
-//! Samples are written drive by drive, each with its line of the index, COCO's list now and then, after each drive and on Ctrl-C. The same
-//! call continues an interrupted one after the last finished drive, with the bytes that it would have had at once.
+//! Samples are written drive by drive, each with its line of the index. COCO's list is written at intervals, after each
+//! drive and on Ctrl-C. The same call continues an interrupted one after the last finished drive; the result is
+//! byte-identical to that of an uninterrupted call.
 
 mod coco;
 mod kitti;
@@ -47,11 +49,11 @@ pub struct DatasetArgs {
     /// Scenario files (TOML)
     #[arg(required_unless_present = "crossing")]
     pub(crate) scenarios: Vec<PathBuf>,
-    /// Output folder: empty, absent, or left unfinished by the same call, which is continued
+    /// Output folder: empty, absent, or with an unfinished data set of the same call, which is continued
     #[arg(long)]
     pub(crate) out: PathBuf,
-    /// Configuration file with one camera, and a lidar or none; several: the later over the earlier [default: a camera
-    /// and a lidar as KITTI's]
+    /// Configuration file with one camera and at most one lidar; several: the later over the earlier [default: a camera
+    /// and a lidar like KITTI's]
     #[arg(short, long)]
     pub(crate) config: Vec<PathBuf>,
     /// Set a configuration key
@@ -59,14 +61,14 @@ pub struct DatasetArgs {
     pub(crate) set: Vec<String>,
     #[command(flatten)]
     pub(crate) code: CodeArgs,
-    /// Where everybody goes, ten times a second, in place of images: CSV as CommonRoad's recorded scenarios
+    /// Tracks of all road users at 10 Hz instead of images: CSV like CommonRoad's recorded scenarios
     #[arg(long, conflicts_with = "weathers")]
     pub(crate) tracks: bool,
-    /// With --tracks, for each seed also a minute at a made crossing with lights, cars that keep their distance, and so many
-    /// people who make way
+    /// With --tracks, add for each seed one minute at a generated crossing with traffic lights, cars that keep their
+    /// distance, and this many pedestrians who give way
     #[arg(long, value_name = "PEOPLE", requires = "tracks", value_parser = clap::value_parser!(u16).range(0..=200))]
     pub(crate) crossing: Option<u16>,
-    /// Seeds: every scenario is driven once with each
+    /// Seeds; every scenario is driven once with each
     #[arg(long, value_delimiter = ',', default_value = "1")]
     pub(crate) seeds: Vec<u32>,
     /// Weathers, such as clear_noon,hard_rain_sunset,clear_night
@@ -79,7 +81,7 @@ const KITTI_LIKE: (&str, &str) = ("camera", "lidar");
 
 /// Runs `swerve dataset`.
 pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
-    // Without a handler, a signal ends the program at once, and the next call continues from the last finished drive.
+    // Without a handler a signal ends the program at once; the next call then continues after the last finished drive.
     let _handled = on_interrupt(|| {
         let writer = lock(&CURRENT).clone();
         if let Some(writer) = writer {
@@ -96,14 +98,14 @@ pub fn run(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<()> {
     swerve_report::output::print(&make(args, registry)?)
 }
 
-/// The writer that a signal interrupts.
+/// Writer to flush when a signal arrives.
 static CURRENT: Mutex<Option<Arc<Mutex<Writer>>>> = Mutex::new(None);
 
 fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes a data set, or continues an unfinished one; the line for the terminal.
+/// Creates a data set, or continues an unfinished one. Returns the line for the terminal.
 pub(crate) fn make(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<String> {
     if args.tracks {
         return tracks::write(args, registry);
@@ -147,7 +149,7 @@ pub(crate) fn make(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<St
     Ok(format!("{count} samples of {} drives in {}\n", runs.len(), args.out.display()))
 }
 
-/// Digest of all that the bytes of a data set depend on.
+/// Digest of all inputs that determine the bytes of a data set.
 fn call(args: &DatasetArgs, config: &Config, scenarios: &[Scenario]) -> anyhow::Result<String> {
     let mut hasher = Hasher::new();
     hasher.value(&(
@@ -181,7 +183,7 @@ fn base(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// 1242 x 375 pixels, 1.65 m up, a frame every 100 ms.
+/// Camera with 1242 x 375 pixels, 1.65 m above the ground, one frame every 100 ms.
 fn kitti_camera() -> CameraConfig {
     CameraConfig {
         at_m: [1.68, 0.0, 1.65],
@@ -194,10 +196,10 @@ fn kitti_camera() -> CameraConfig {
     }
 }
 
-/// A lidar's name, and where it sits.
+/// Name and mounting pose of a lidar.
 type Mounted = (String, Transform<Ego, Lidar>);
 
-/// The name of the camera, and the lidar.
+/// Name of the camera, and the lidar if there is one.
 fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
     let mut cameras = config.camera.iter();
     let (Some((name, camera)), None) = (cameras.next(), cameras.next()) else {
@@ -223,21 +225,21 @@ fn sensors(config: &Config) -> anyhow::Result<(String, Option<Mounted>)> {
     Ok((name.clone(), lidar))
 }
 
-/// Both forms, and the drive of each sample.
+/// Writer of both formats and of the index.
 struct Writer {
     out: PathBuf,
     kitti: Kitti,
     coco: Coco,
     index: String,
     count: usize,
-    /// Samples at which the lists are written next, within a drive.
+    /// Number of samples at which the lists are written next within a drive.
     listed_next: usize,
     state: State,
 }
 
 /// Folder of the samples.
 const SAMPLES: &str = "kitti";
-/// File with a line for each sample.
+/// Index file with one line per sample.
 pub(crate) const INDEX: &str = "index.csv";
 
 impl Writer {
@@ -255,7 +257,7 @@ impl Writer {
         let mut coco = Coco::default();
         let count = state.samples;
         if count > 0 {
-            // The lists may hold samples of the drive that was interrupted: it is driven again.
+            // The lists may contain samples of the interrupted drive, which is driven again.
             let path = out.join(INDEX);
             let text = read_string(&path, FILE_MAX).with_context(|| format!("reading {}", path.display()))?;
             index = text.split_inclusive('\n').take(1 + count).collect();
@@ -282,12 +284,13 @@ impl Writer {
         if self.count < self.listed_next {
             return Ok(());
         }
-        // After a kill, COCO's list has four fifths of the samples at least; written each time, it would cost their square.
+        // Written at growing intervals, since writing it every time would take quadratic time: after a kill it has at
+        // least four fifths of the samples.
         self.listed_next = self.count + self.count / 4 + 1;
         self.write_lists()
     }
 
-    /// Index and COCO's list of the samples so far.
+    /// Writes the index and COCO's list of the samples so far.
     fn write_lists(&self) -> anyhow::Result<()> {
         let file = coco_file(&self.out);
         let folder = file.parent().unwrap_or(&self.out);

@@ -1,4 +1,5 @@
-//! `swerve eval`: what a detector, a tracker, a localizer or a predictor reports, from files of the usual forms, against the truth.
+//! `swerve eval`: compares the results of a detector, tracker, localizer or predictor, in common file formats, with the
+//! ground truth.
 
 mod coco;
 mod kitti;
@@ -34,33 +35,33 @@ pub struct EvalArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Boxes of a detector: COCO's twelve numbers, or KITTI's average precision
+    /// Boxes of a detector: COCO's twelve metrics, or KITTI's average precision
     Detection(DetectionArgs),
     /// Tracks in the image: CLEAR MOT, IDF1, HOTA
     Tracking(Compared),
-    /// A localizer on a recorded drive: errors in metres and degrees, and whether it knows how good it is (NEES, NIS)
+    /// A localizer on a recorded drive: errors in metres and degrees, and consistency (NEES, NIS)
     Localization(LocalizationArgs),
-    /// A predictor on recorded tracks: distances in metres, densities, and whether its spread is the true one
+    /// A predictor on recorded tracks: distances in metres, densities, and calibration of its spread
     Prediction(PredictionArgs),
-    /// Scan matching on two point clouds: the pose of one in the other, and what it took to find
+    /// Scan matching of two point clouds: the pose of one in the other, and the cost of finding it
     Registration(RegistrationArgs),
 }
 
 #[derive(clap::Args, Debug)]
 struct DetectionArgs {
-    /// How both are written
+    /// Format of both sides
     #[arg(long, value_enum)]
     format: Format,
     #[command(flatten)]
     compared: Compared,
 }
 
-/// Two sides, and how the result is told.
+/// Ground truth, results and output format.
 #[derive(clap::Args, Debug)]
 struct Compared {
-    /// What is there: of objects COCO's annotations (JSON) or a folder of KITTI's labels, of tracks MOTChallenge's rows
+    /// Ground truth: COCO annotations (JSON) or a folder of KITTI labels for objects, MOTChallenge rows for tracks
     truth: PathBuf,
-    /// What is reported: of objects COCO's results (JSON) or KITTI's labels with scores, of tracks MOTChallenge's rows
+    /// Results: COCO results (JSON) or KITTI labels with scores for objects, MOTChallenge rows for tracks
     found: PathBuf,
     /// Print one JSON object and nothing else
     #[arg(long)]
@@ -71,16 +72,16 @@ struct Compared {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Format {
-    /// One file each
+    /// One file per side
     Coco,
-    /// A folder each, with a file for every frame
+    /// One folder per side, with a file for every frame
     Kitti,
 }
 
 /// Runs `swerve eval`.
 ///
 /// # Errors
-/// When a file cannot be read or is not of its form: file, line, and what was expected.
+/// If a file cannot be read or has another format; the error names file, line and the expected content.
 pub fn run(args: &EvalArgs) -> anyhow::Result<()> {
     let (text, problem) = match &args.what {
         What::Registration(args) => registration::told(args)?,
@@ -90,7 +91,7 @@ pub fn run(args: &EvalArgs) -> anyhow::Result<()> {
     problem.map_or(Ok(()), |problem| Err(anyhow!(problem)))
 }
 
-/// What is printed.
+/// Text to print.
 fn result(args: &EvalArgs) -> anyhow::Result<String> {
     match &args.what {
         What::Detection(DetectionArgs { format: Format::Coco, compared }) => {
@@ -123,7 +124,7 @@ fn told<M: Serialize>(
     if compared.json { Ok(serde_json::to_string_pretty(metrics)? + "\n") } else { table(metrics) }
 }
 
-/// A row for each number, a column for each of `of`; numbers within numbers are named by their path.
+/// A row for each number, a column for each of `of`; nested numbers are named by their path.
 fn numbers<M: Serialize>(of: &[(&str, &M)]) -> anyhow::Result<String> {
     let columns: Vec<Vec<(String, String)>> = of
         .iter()
@@ -151,22 +152,22 @@ fn flat(within: &str, value: &Value) -> Vec<(String, String)> {
     }
 }
 
-/// A share of one, for people.
+/// A share with four decimals, `-` if missing.
 fn cell(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{share:.4}"))
 }
 
-/// What is wrong with a line of a file.
+/// Error in a line of a file.
 fn wrong(path: &Path, line: usize, what: impl Display) -> anyhow::Error {
     anyhow!("{}:{line}: {what}", path.display())
 }
 
-/// A file's text, of up to 1 GiB: results for a whole data set have hundreds of megabytes.
+/// Text of a file of up to 1 GiB: results of a whole data set take hundreds of megabytes.
 fn text(path: &Path) -> anyhow::Result<String> {
     swerve_text::decoded(read_whole(path)?).map_err(|error| wrong(path, error.line, error))
 }
 
-/// The number of a column.
+/// Parses the number in a column.
 fn number(name: &str, word: &str) -> Result<f64, String> {
     match word.trim().parse() {
         Ok(number) if f64::is_finite(number) => Ok(number),

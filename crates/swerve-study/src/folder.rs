@@ -1,4 +1,4 @@
-//! The folder that a study writes into: one in which nobody else's results are.
+//! Output folder of a study, checked against overwriting other results.
 
 use std::path::{Path, PathBuf};
 
@@ -12,30 +12,29 @@ use swerve_text::{FILE_MAX, read_string};
 
 use crate::grid::Study;
 
-/// Files of a study's folder.
+/// Files in a study's folder.
 const FILES: [&str; 4] = [REPORT, "cells.csv", "commands.txt", "heatmap.svg"];
 
-/// Where the results of a study go.
+/// Destination of a study's results.
 #[derive(clap::Args, Clone, Default, Debug)]
 pub(crate) struct OutArgs {
-    /// Output folder [default: one of its own, out/NAME-1 and so on, where a suite has the name suite; out/NAME leads to the
-    /// newest]
+    /// Output folder [default: a new one, out/NAME-1 and so on (out/suite-1 for a suite); out/NAME links to the newest]
     #[arg(long)]
     pub(crate) out: Option<PathBuf>,
-    /// Replace the results of another study in the folder of --out; finished cells that are the same are kept
+    /// Replace the results of another study in the folder of --out; identical finished cells are kept
     #[arg(long, requires = "out")]
     pub(crate) overwrite: bool,
 }
 
-/// Way out of a refusal.
+/// Hint at the end of a refusal.
 const EXPECTED: &str = "expected another --out, or --overwrite";
 
 impl OutArgs {
-    /// The folder that is asked for, in which an interrupted call of the same study continues; without one, a folder of
-    /// its own beside those of other studies of the name.
+    /// The requested folder, in which an interrupted call of the same study continues; by default a numbered folder
+    /// beside those of other studies of the same name.
     ///
     /// # Errors
-    /// A run or another study has written there, or the folder holds other files.
+    /// If a run or another study has written to the folder, or it holds other files.
     pub(crate) fn folder(&self, study: &Study) -> anyhow::Result<PathBuf> {
         let identity = identity(study).to_string();
         let Some(folder) = &self.out else { return folder_of(&identity, &study.name) };
@@ -52,7 +51,7 @@ impl OutArgs {
     }
 }
 
-/// Refuses a folder with results of another study, and with files that are of no study or were changed.
+/// Refuses a folder with results of another study, or with files that are not a study's or were modified.
 fn refuse_others(folder: &Path, study: &Study, identity: &str) -> anyhow::Result<()> {
     let shown = folder.display();
     let is_there = |name: &&&str| folder.join(name).symlink_metadata().is_ok();
@@ -62,7 +61,7 @@ fn refuse_others(folder: &Path, study: &Study, identity: &str) -> anyhow::Result
         match is_unchanged(&folder.join(name)) {
             Some(true) if is_kept => {}
             Some(false) => bail!("{shown}: {name} was changed since it was written: {EXPECTED}"),
-            // A file system without attributes, or a copy: the page names its study.
+            // Without attributes, as on some file systems or in a copy, the page identifies its study.
             None if is_kept && written_by.is_some() => {}
             _ => bail!("{shown}: {name} is there, and is of no study: {EXPECTED}"),
         }
@@ -80,8 +79,8 @@ fn refuse_others(folder: &Path, study: &Study, identity: &str) -> anyhow::Result
     Ok(())
 }
 
-/// What makes it this study and no other of its name: its axes, what its cells drive and what is measured there. How that
-/// is drawn and summed up is none of it.
+/// Digest that distinguishes studies of the same name: axes, cells and measurements, but not how these are drawn and
+/// summarised.
 fn identity(study: &Study) -> Digest {
     let mut hasher = Hasher::new();
     let measured = (&study.axes, &study.budget, &study.curve, &study.timely);
@@ -92,13 +91,13 @@ fn identity(study: &Study) -> Digest {
     hasher.digest()
 }
 
-/// The name of the study whose page lies in a folder.
+/// Name of the study whose page is in a folder.
 fn written_by(folder: &Path) -> Option<String> {
     let page = read_string(&folder.join(REPORT), FILE_MAX).ok()?;
     let page: Value = serde_json::from_str(data_of(&page)?).ok()?;
     let name = match page["kind"].as_str()? {
         "study" => page["name"].as_str()?.into(),
-        // That of a study that draws over time has its command line alone.
+        // The page of a study with time curves has only its command line.
         _ => {
             let file = page["command"].as_str()?.strip_prefix("swerve study ")?.trim_matches('\'');
             Path::new(file).file_stem()?.to_string_lossy()
@@ -114,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_tells_whose_it_is() {
+    fn page_identifies_its_study() {
         let folder = tempfile::tempdir().unwrap();
         let by = |page: &Value| {
             let html = swerve_report::page::page("t", page);

@@ -1,4 +1,4 @@
-//! A study file: a base run and axes over configuration keys, expanded to cells.
+//! Study files: a base run and axes over configuration keys, expanded to cells.
 
 mod forms;
 mod left_out;
@@ -23,43 +23,42 @@ use super::ranking::Ranking;
 use super::timely::Timely;
 use super::timely_prediction::TimelyPrediction;
 
-/// A study as its file says it.
+/// Content of a study file.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StudyFile {
-    /// What it is for; becomes the title of its picture.
+    /// Purpose of the study; the title of its picture.
     #[serde(default)]
     pub description: String,
-    /// The run that the axes vary.
+    /// Run that the axes vary.
     pub base: Base,
-    /// What varies, the slowest first.
+    /// Axes of the study, the slowest first.
     pub axis: Vec<Axis>,
-    /// The latency budget, where that is asked for instead of a plain grid.
+    /// Search for a latency budget instead of a plain grid.
     pub budget: Option<Budget>,
-    /// Whether a drive that ended by its time, stopped safely or in any other way, counts as a good one in the picture:
-    /// nobody was hurt.
+    /// Count drives that ended by timeout, safely stopped or not, as good in the picture, since there was no collision.
     #[serde(default)]
     pub timeout_is_good: bool,
-    /// Whether a drive that left the road without a collision counts as a good one in the picture: the paper's criterion.
+    /// Count drives that left the road without a collision as good in the picture: the paper's criterion.
     #[serde(default)]
     pub off_road_is_good: bool,
-    /// What is drawn over time for every combination, in `curve.svg`.
+    /// Quantity drawn over time for every combination, in `curve.svg`.
     pub curve: Option<Curve>,
-    /// Combinations that are not driven: those that have, of every axis named, one of the steps named.
+    /// Combinations that are not driven: those with one of the named steps on every named axis.
     #[serde(default)]
     pub leave_out: Vec<LeaveOut>,
-    /// Which setting is best, where that is asked for.
+    /// Ranking of settings.
     pub ranking: Option<Ranking>,
-    /// What is measured in the place of a verdict.
+    /// Timely accuracy of perception, measured instead of a verdict.
     pub timely: Option<Timely>,
-    /// What predictions are worth when they are late, beside the drives.
+    /// Timely accuracy of predictions, measured in addition to the drives.
     pub timely_prediction: Option<TimelyPrediction>,
 }
 
-/// Steps by axis.
+/// Labels of steps by axis.
 pub type LeaveOut = BTreeMap<String, Vec<String>>;
 
-/// The run that the axes vary.
+/// Run that the axes vary.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Base {
@@ -74,15 +73,15 @@ pub struct Base {
     pub set: toml::Table,
 }
 
-/// One thing that varies.
+/// Axis of the study.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Column name; the key's last part when absent.
+    /// Column name; default: the last part of the key.
     pub name: Option<String>,
     /// Dotted key of the configuration, or of the scenario (`actor.NAME.KEY`, `scenario.KEY`), that takes the values;
-    /// `scenario` alone: the values are scenario files, relative to the study's folder. Absent when every value sets
-    /// keys of its own.
+    /// `scenario` alone: the values are scenario files, relative to the study's folder. Absent if the axis uses
+    /// `settings`.
     pub key: Option<String>,
     /// Values for `key`.
     #[serde(default)]
@@ -98,7 +97,7 @@ pub struct Axis {
 pub struct Setting {
     /// Name in tables.
     pub name: String,
-    /// Scenario file, relative to the study's folder, in the place of the base's.
+    /// Scenario file, relative to the study's folder, instead of the base's.
     pub scenario: Option<PathBuf>,
     /// Configuration file, relative to the study's folder, over the base's, or several.
     #[serde(default)]
@@ -109,26 +108,27 @@ pub struct Setting {
     pub set: toml::Table,
 }
 
-/// Asks for the largest added latency at which the verdict is still good.
+/// Search for the largest added latency at which the verdict is still good.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {
-    /// Largest added latency looked at, ms.
+    /// Largest added latency tested, ms.
     pub max_ms: f64,
     /// Step of the scan, ms; at most `max_ms`.
     #[serde(default = "Budget::scan_ms")]
     pub scan_ms: f64,
-    /// Bisection ends at this width, ms; at most `scan_ms`.
+    /// Interval width at which the bisection ends, ms; at most `scan_ms`.
     #[serde(default = "Budget::resolution_ms")]
     pub resolution_ms: f64,
-    /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still clear.
+    /// Axis that gets one more step, `limit`: the largest reaction time at which the vehicle itself can still avoid a
+    /// collision.
     pub limit: Option<String>,
 }
 
-/// The key of an axis over scenarios.
+/// Key of an axis over scenarios.
 pub(crate) const SCENARIO: &str = "scenario";
 
-/// The name of the step that stands for the vehicle's own limit.
+/// Name of the step for the vehicle's own limit.
 pub const LIMIT: &str = "limit";
 
 impl Budget {
@@ -140,7 +140,7 @@ impl Budget {
         5.0
     }
 
-    /// Whether a budget of so many milliseconds is a lower bound: nothing that was looked at failed.
+    /// True if a budget in milliseconds is a lower bound because no tested latency failed.
     pub fn is_bound(&self, ms: f64) -> bool {
         ms >= self.max_ms
     }
@@ -165,21 +165,21 @@ impl Budget {
     }
 }
 
-/// The shortest time of a budget, ms.
+/// Minimum of a budget's times, ms.
 const BUDGET_MIN_MS: f64 = 0.1;
 
 /// A checked study.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// The study's file, as the caller named it.
+    /// Study file, as named by the caller.
     pub file: String,
-    /// The reason to start no program that the file names.
+    /// Reason not to start any program that the file names.
     pub(crate) doubt: Option<String>,
-    /// The lines of the file that set configuration keys, by key.
+    /// Lines of the file that set configuration keys, by key.
     pub lines: BTreeMap<String, usize>,
-    /// Where the file names which other file.
+    /// Places in the file that name other files.
     pub(crate) files: BTreeMap<PathBuf, Problem>,
-    /// The study's name: its file's stem.
+    /// Name of the study: its file's stem.
     pub name: String,
     /// Title for pictures.
     pub description: String,
@@ -187,45 +187,45 @@ pub struct Study {
     pub scenario: PathBuf,
     /// Configuration files, the later over the earlier.
     pub config: Vec<PathBuf>,
-    /// Column names, one an axis.
+    /// Column names, one per axis.
     pub axes: Vec<String>,
-    /// Keys that every cell sets, before those of the axes.
+    /// Assignments for every cell, before those of the axes.
     pub base: Sets,
-    /// What each axis may set.
+    /// Steps of each axis.
     pub steps: Vec<Vec<Step>>,
-    /// Every combination, the last axis fastest; none before [`expand`](Self::expand).
+    /// All combinations, the last axis fastest; empty before [`expand`](Self::expand).
     pub cells: Vec<Cell>,
-    /// The latency budget, where asked for.
+    /// Search for a latency budget, if requested.
     pub budget: Option<Budget>,
-    /// Whether a drive that ended by its time, stopped safely or not, counts as a good one in the picture.
+    /// True if drives that ended by timeout, safely stopped or not, count as good in the picture.
     pub timeout_is_good: bool,
-    /// Whether a drive that left the road without a collision counts as a good one in the picture.
+    /// True if drives that left the road without a collision count as good in the picture.
     pub off_road_is_good: bool,
-    /// What is drawn over time, where asked for.
+    /// Quantity drawn over time, if requested.
     pub curve: Option<Curve>,
     /// Combinations that are not driven.
     pub leave_out: Vec<LeaveOut>,
-    /// Which setting is best, where asked for.
+    /// Ranking of settings, if requested.
     pub ranking: Option<Ranking>,
-    /// What is measured in the place of a verdict.
+    /// Timely accuracy of perception, measured instead of a verdict.
     pub timely: Option<Timely>,
-    /// What predictions are worth when they are late, and the study's folder.
+    /// Timely accuracy of predictions, and the study's folder.
     pub timely_prediction: Option<(TimelyPrediction, PathBuf)>,
 }
 
-/// Configuration keys with their values, in the order in which they are set.
+/// Keys with their values, in order of assignment.
 pub type Sets = Vec<(String, toml::Value)>;
 
 /// One step of an axis.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Step {
-    /// What stands in the table.
+    /// Label in tables.
     pub label: String,
-    /// The scenario, where it names one.
+    /// Scenario, if the step names one.
     pub scenario: Option<PathBuf>,
     /// Configuration files over the base's.
     pub config: Vec<PathBuf>,
-    /// What it sets.
+    /// Assignments of the step.
     pub sets: Sets,
 }
 
@@ -234,24 +234,24 @@ pub struct Step {
 pub struct Cell {
     /// Position in the study, from 0.
     pub index: usize,
-    /// What stands in the table, one an axis.
+    /// Labels in tables, one per axis.
     pub labels: Vec<String>,
-    /// The scenario, where it is not the base's.
+    /// Scenario, if not the base's.
     pub scenario: Option<PathBuf>,
     /// Configuration files, the later over the earlier.
     pub config: Vec<PathBuf>,
-    /// Keys set on top of the base configuration, in order.
+    /// Assignments on top of the base configuration, in order.
     pub sets: Sets,
 }
 
-/// More cells than this is a mistake.
+/// Maximum number of cells; more are considered a mistake.
 pub(crate) const CELLS_MAX: usize = 1_000_000;
 
 impl Study {
-    /// Reads a study file. `sets` go after the keys that its base sets, before the axes.
+    /// Reads a study file. `sets` are applied after the base's assignments and before the axes.
     ///
     /// # Errors
-    /// All that is wrong with the file itself; its cells are not looked at.
+    /// All problems of the file itself; its cells are not checked.
     pub fn read(path: &Path, sets: &[(String, toml::Value)]) -> Result<Self, Problems> {
         let document = Kind::Study.document(path)?;
         let folder = Kind::Study.place(path).parent().unwrap_or(Path::new(""));
@@ -321,7 +321,7 @@ impl Study {
         })
     }
 
-    /// Makes the cells.
+    /// Expands the axes to cells.
     #[must_use]
     pub fn expand(mut self) -> Self {
         let (config, sets) = (self.config.clone(), self.base.clone());
@@ -337,18 +337,18 @@ impl Study {
         self
     }
 
-    /// The scenario file of a cell.
+    /// Scenario file of a cell.
     pub fn scenario<'a>(&'a self, cell: &'a Cell) -> &'a Path {
         cell.scenario.as_deref().unwrap_or(&self.scenario)
     }
 
-    /// All scenario files, each once.
+    /// All scenario files, without duplicates.
     pub fn scenarios(&self) -> BTreeSet<&Path> {
         let named = self.steps.iter().flatten().filter_map(|step| step.scenario.as_deref());
         named.chain([self.scenario.as_path()]).collect()
     }
 
-    /// All combinations of configuration files, each once.
+    /// All combinations of configuration files, without duplicates.
     pub fn configs(&self) -> BTreeSet<Vec<PathBuf>> {
         let mut all = BTreeSet::from([self.config.clone()]);
         for steps in &self.steps {
@@ -361,13 +361,13 @@ impl Study {
         all
     }
 
-    /// What is wrong with a file that the study names, where it is named.
+    /// Problem of a file that the study names, at the place that names it.
     pub fn unread(&self, path: &Path, problem: Problem) -> Problem {
         let named = |at: &Problem| Problem { message: problem.to_string(), ..at.clone() };
         self.files.get(path).map_or_else(|| problem.clone(), named)
     }
 
-    /// The command line that repeats one cell.
+    /// Command line that repeats one cell.
     pub fn command(&self, cell: &Cell) -> String {
         let mut line = format!("swerve run {}", quoted(&self.scenario(cell).display().to_string()));
         for config in &cell.config {
@@ -380,7 +380,7 @@ impl Study {
     }
 }
 
-/// Names and steps of the axes; what is wrong with them goes to `problems`.
+/// Names and steps of the axes; errors are appended to `problems`.
 fn read_axes(
     document: &Document,
     (file, folder): (&StudyFile, &Path),
@@ -429,7 +429,7 @@ impl Cell {
         cell
     }
 
-    /// The label of the axis at `axis`.
+    /// Label of the cell on an axis.
     pub fn label(&self, axis: usize) -> &str {
         &self.labels[axis]
     }
@@ -472,7 +472,7 @@ impl Axis {
     }
 }
 
-/// Nested tables as dotted keys; keys that already hold dots stay as written.
+/// Flattens nested tables to dotted keys; keys that contain dots are kept as written.
 fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, toml::Value)>) {
     for (name, value) in table {
         let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
@@ -485,7 +485,8 @@ fn flatten(prefix: &str, table: &toml::Table, out: &mut Vec<(String, toml::Value
     }
 }
 
-/// Run-time models, deadlines and the like are values in the shape of tables: they replace what was there whole.
+/// True for a table of separate keys. Run-time models and deadlines are values in the form of tables: they replace the
+/// earlier value as a whole.
 fn prefix_is_section(key: &str) -> bool {
     let last = key.rsplit('.').next().unwrap_or(key);
     !matches!(last, "runtime" | "deadline")

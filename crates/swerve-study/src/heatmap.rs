@@ -1,32 +1,32 @@
-//! The study as a picture: one square a combination, coloured by the share of good runs.
+//! Heat map of a study: one square per combination, coloured by the share of good runs.
 
 use swerve_draw::{Anchor, At, Canvas, Color, Picture, Style, Text, color, width_of};
 
 use super::chance::interval;
 use super::table::{Grid, Square};
 
-/// Room between a text and the edge of its square.
+/// Space between a text and the edge of its square, pixels.
 const INSIDE: f64 = 8.0;
-/// From one line of a square to the next, and what is above and below all of them.
+/// Line spacing within a square, and space above and below all lines, pixels.
 const LINE_H: f64 = 15.0;
 const AROUND: f64 = 16.0;
 const TOP: f64 = 86.0;
 const MARGIN: f64 = 24.0;
-/// How wide a picture is where its squares can be that narrow: as a page is.
+/// Preferred width of the picture, that of a page, pixels.
 const PAGE_W: f64 = 900.0;
-/// From one line of the legend to the next, and the sign of one.
+/// Line spacing of the legend, and size of its signs, pixels.
 const LEGEND_H: f64 = 18.0;
 const SIGN: (f64, f64) = (16.0, 12.0);
-/// Height of the strip of safe stops, below the lines of a square.
+/// Height of the strip of safe stops below the lines of a square, pixels.
 const STRIP_H: f64 = 5.0;
 
-/// A name beside the squares.
+/// Name beside the squares.
 const NAME: Text = Text { size: 13.0, color: color::INK, anchor: Anchor::Middle, bold: false, rim: false };
 
-/// The texts of a square: what happened how often, and what else is known of it.
+/// Texts of a square: the first line, and further ones.
 const FIRST: Text = Text { bold: true, ..NAME };
 const MORE: Text = Text { size: 11.0, ..NAME };
-/// A line of the legend.
+/// Line of the legend.
 const SMALL: Text = Text { size: 11.0, color: color::SOFT, anchor: Anchor::Start, ..NAME };
 const TITLE: Text = Text { size: 16.0, anchor: Anchor::Start, bold: true, ..NAME };
 
@@ -40,7 +40,7 @@ fn widest<'a>(texts: impl IntoIterator<Item = &'a String>, how: Text) -> f64 {
     texts.into_iter().map(|text| width_of(text, how)).fold(0.0, f64::max)
 }
 
-/// Draws the grid.
+/// Draws the heat map.
 pub fn draw(grid: &Grid, title: &str) -> Picture {
     let left = MARGIN + 16.0 + widest(grid.rows.iter().chain([&grid.row_axes]), NAME);
     let columns = grid.columns.len() as f64;
@@ -83,7 +83,8 @@ pub fn draw(grid: &Grid, title: &str) -> Picture {
     canvas.finish(width, bottom + 22.0 + LEGEND_H * legend.len() as f64, title)
 }
 
-/// The width of a square's texts: that of its share of a page, but for what needs more, and no more than all of them need.
+/// Width of a square's texts: its share of a page, but at least the longest single text and at most all texts in one
+/// line.
 fn room(grid: &Grid, share: f64) -> f64 {
     let told: Vec<(String, Vec<String>)> = grid.squares.iter().map(told).collect();
     let firsts = widest(told.iter().map(|(first, _)| first).chain(&grid.columns), FIRST);
@@ -92,7 +93,7 @@ fn room(grid: &Grid, share: f64) -> f64 {
     share.clamp(least, most)
 }
 
-/// What a square says, line by line.
+/// Lines of a square, filled up to a width.
 fn lines(square: &Square, room: f64) -> Vec<String> {
     let (first, more) = told(square);
     let mut lines = vec![first];
@@ -108,7 +109,7 @@ fn lines(square: &Square, room: f64) -> Vec<String> {
     lines
 }
 
-/// The rim of a square whose budget is above the vehicle's limit.
+/// Rim of a square whose budget exceeds the vehicle's limit.
 const fn beyond_rim(ink: Color) -> Style {
     Style::line(ink, 1.5).dashed(5.0, 3.0)
 }
@@ -117,7 +118,7 @@ fn budget_max(grid: &Grid) -> Option<f64> {
     grid.squares.iter().filter_map(Square::budget_median_ms).max_by(f64::total_cmp).map(|ms| ms.max(1.0))
 }
 
-/// What a square says: what happened how often, and what else is known of it.
+/// Texts of a square: the first line, and further facts.
 fn told(square: &Square) -> (String, Vec<String>) {
     let rest = square.rest();
     match (square.budget_text(), square.runs) {
@@ -134,11 +135,11 @@ fn told(square: &Square) -> (String, Vec<String>) {
     }
 }
 
-/// The colours of a square.
+/// Colours of a square.
 struct Paint {
     fill: Color,
     ink: Color,
-    /// The part that safe stops have for themselves, 0 to 1.
+    /// Share of the width for safe stops, 0 to 1.
     stopped: f64,
 }
 
@@ -169,13 +170,13 @@ impl Paint {
     }
 }
 
-/// The part of a square that safe stops have: hatched, so that no colour is needed to see it.
+/// Area of safe stops, hatched so that it is recognisable without colour.
 fn stopped_area(canvas: &mut Canvas, at: At, size: (f64, f64)) {
     canvas.rect(at, size, Style::fill(color::PAPER).outlined(color::STOPPED, 1.0));
     canvas.hatch(at, size, Style::line(color::STOPPED, 0.8).lined_by(0.5));
 }
 
-/// A line of the legend: what draws its sign, how much room that takes, what it means.
+/// Line of the legend: sign, width of the sign, meaning.
 type Meaning = (fn(&mut Canvas, At), f64, String);
 
 fn legend(grid: &Grid) -> Vec<Meaning> {
@@ -219,13 +220,13 @@ mod tests {
         rest.split_once('"').unwrap().0.parse().unwrap()
     }
 
-    /// Left and right edge of each of a picture's squares.
+    /// Left and right edge of each square in a picture.
     fn squares(svg: &str) -> Vec<[f64; 2]> {
         let squares = svg.lines().filter(|line| line.contains("rx=\"4\""));
         squares.map(|line| [number(line, "x"), number(line, "x") + number(line, "width")]).collect()
     }
 
-    /// What stands in the squares: left edge, right edge, text.
+    /// Texts in the squares: left edge, right edge, text.
     fn texts(svg: &str) -> Vec<(f64, f64, &str)> {
         let ends = ["on the road", "impact", "timeout", "stopped", "gave_up"];
         let told = |line: &&str| line.contains(" of 5 (") || ends.iter().any(|end| line.contains(end));
@@ -240,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_is_over_the_edge_of_its_square_and_axes_have_names() {
+    fn texts_stay_within_their_squares_and_axes_have_names() {
         let mut long =
             Square { runs: 5, no_collision: 0, stopped: 5, impact_mps: vec![12.5], ..Square::default() };
         long.others = ["gave_up", "stopped", "timeout"].map(|verdict| (verdict.to_owned(), 5)).into();

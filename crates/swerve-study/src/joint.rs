@@ -1,8 +1,8 @@
-//! What is wrong with the configurations of a study's cells, without looking at every cell.
+//! Checks the configurations of a study's cells without checking every cell.
 //!
-//! Whether a value is right depends on few other keys: that of a key of a planner on which planner it is, that of a
-//! resource's name on the resources. Axes over keys that have nothing to do with each other are looked at one
-//! after the other; only those that have are looked at in all their combinations.
+//! The validity of a value depends on few other keys: that of a planner's key on the choice of planner, that of a
+//! resource's name on the resources. Independent axes are checked one after the other; only dependent ones are checked
+//! in all combinations.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -16,7 +16,8 @@ use swerve_text::{Document, Problem, Problems, is_within};
 
 use super::grid::{Step, Study};
 
-/// Keys whose values are checked together; `*` is any one name. What [`Config`] checks across keys has to be here.
+/// Keys whose values are checked together; `*` matches any one name. All cross-key checks of [`Config`] must be listed
+/// here.
 const JOINT: [&[&str]; 5] = [
     &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
     &["execution", "perception", "planning", "operator.*.deadline", "operator.*.runtime"],
@@ -25,21 +26,21 @@ const JOINT: [&[&str]; 5] = [
     &["fault", "log.sensors", "camera", "radar", "lidar", "perception"],
 ];
 
-/// What is wrong, each fault once, with the first cell that has it, in the order of these cells.
+/// Problems of all cells, each once, with the first cell that has it, in the order of these cells.
 pub(super) fn problems(
     study: &Study,
     bases: &BTreeMap<Vec<PathBuf>, Document>,
     scenarios: &BTreeMap<PathBuf, Scenario>,
     registry: &Registry,
 ) -> Problems {
-    // The files' own faults are reported with their lines; the rest are faults of the values of cells.
+    // Problems of the files themselves are reported with their lines; the rest are problems of the cells' values.
     let own = bases.values().find_map(|base| Config::from_document_with(registry, base, &[]).err());
     if let Some(problems) = own {
         return problems;
     }
     let classes = classes(&study.steps);
     let mut found = Found { study, bases, scenarios, first: BTreeMap::new() };
-    // A value of a wrong form is one in every combination: once told, it needs no combining.
+    // A malformed value is wrong in every combination: once reported, it is not combined further.
     let mut good: Vec<Vec<usize>> = study.steps.iter().map(|steps| (0..steps.len()).collect()).collect();
     for &axis in classes.iter().filter(|class| class.len() > 1).flatten() {
         good[axis].retain(|&step| {
@@ -62,7 +63,7 @@ pub(super) fn problems(
     found.into_iter().map(|(problem, cell)| in_cell(study, problem, cell)).collect()
 }
 
-/// The faults so far, each with the first cell that has it.
+/// Problems found so far, each with the first cell that has it.
 struct Found<'a> {
     study: &'a Study,
     bases: &'a BTreeMap<Vec<PathBuf>, Document>,
@@ -71,7 +72,7 @@ struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// The configuration files of the first cell with these steps.
+    /// Configuration files of the first cell with these steps.
     fn files(&self, chosen: &[(usize, usize)]) -> Vec<PathBuf> {
         let step_of = |axis| chosen.iter().find(|(a, _)| *a == axis).map_or(0, |(_, step)| *step);
         let steps = self.study.steps.iter().enumerate();
@@ -79,7 +80,7 @@ impl Found<'_> {
         self.study.config.iter().chain(over).cloned().collect()
     }
 
-    /// Looks at one combination of axes and steps; whether nothing is wrong with it.
+    /// Checks one combination of axes and steps. Returns true if it has no problems.
     fn look(
         &mut self,
         chosen: &[(usize, usize)],
@@ -90,7 +91,7 @@ impl Found<'_> {
             chosen.iter().flat_map(|&(axis, step)| self.study.steps[axis][step].sets.iter().cloned()),
         );
         let (of_scenario, of_config) = split_sets(&sets);
-        // A file that cannot be read is reported where it is read.
+        // An unreadable file is reported where it is read.
         let base = self.bases.get(&self.files(chosen));
         let mut problems = base.and_then(|base| read(base, &of_config).err()).unwrap_or_default();
         let mut named =
@@ -111,7 +112,7 @@ impl Found<'_> {
     }
 }
 
-/// A scenario with single keys changed.
+/// Scenario with the assignments applied.
 pub(super) fn changed<'a>(
     file: &Path,
     scenario: &'a Scenario,
@@ -123,7 +124,7 @@ pub(super) fn changed<'a>(
     Scenario::parse_with(&file.display().to_string(), &scenario.text, sets).map(Cow::Owned)
 }
 
-/// The axes in groups of those that have to do with each other.
+/// Groups of axes that depend on each other.
 fn classes(steps: &[Vec<Step>]) -> Vec<Vec<usize>> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
     for axis in 0..steps.len() {
@@ -159,7 +160,7 @@ fn are_joint(a: &[Step], b: &[Step]) -> bool {
     let touches = |keys: &[&str], group: &[&str]| {
         keys.iter().any(|key| group.iter().any(|pattern| is_on_the_way(key, pattern)))
     };
-    // Files may set anything: they have to do with all whose values depend on other keys.
+    // Files may set any key, so they depend on all axes whose values depend on other keys.
     let depends = |keys: &[&str]| JOINT.iter().any(|group| touches(keys, group));
     (a_files && (b_files || depends(&b)))
         || (b_files && depends(&a))
@@ -167,12 +168,12 @@ fn are_joint(a: &[Step], b: &[Step]) -> bool {
         || JOINT.iter().any(|group| touches(&a, group) && touches(&b, group))
 }
 
-/// Whether a key is the pattern's, within it, or has it within.
+/// True if a key equals the pattern, is within it, or contains it.
 fn is_on_the_way(key: &str, pattern: &str) -> bool {
     key.split('.').zip(pattern.split('.')).all(|(name, wanted)| wanted == "*" || name == wanted)
 }
 
-/// The combination at `place` of a class: axis and one of its `steps`, the last axis fastest.
+/// Combination number `place` of a class: axis and one of its `steps`, the last axis fastest.
 fn chosen(steps: &[Vec<usize>], class: &[usize], mut place: usize) -> Vec<(usize, usize)> {
     let mut chosen: Vec<(usize, usize)> = class
         .iter()
@@ -188,13 +189,13 @@ fn chosen(steps: &[Vec<usize>], class: &[usize], mut place: usize) -> Vec<(usize
     chosen
 }
 
-/// The first cell with these steps: the other axes stand at their first.
+/// Index of the first cell with these steps: the other axes have their first step.
 fn index_of(study: &Study, chosen: &[(usize, usize)]) -> usize {
     let step_of = |axis| chosen.iter().find(|(a, _)| *a == axis).map_or(0, |(_, step)| *step);
     (0..study.steps.len()).fold(0, |index, axis| index * study.steps[axis].len() + step_of(axis))
 }
 
-/// A fault of what the study sets, at the line that sets it.
+/// Moves a problem of an assignment in the study to the line that sets it.
 fn located(study: &Study, mut problem: Problem) -> Problem {
     let sets = study.lines.iter().filter(|(key, _)| is_within(&problem.key, key));
     if let Some((_, line)) = sets.max_by_key(|(key, _)| key.len()).filter(|_| problem.file == "--set") {
@@ -204,7 +205,7 @@ fn located(study: &Study, mut problem: Problem) -> Problem {
     problem
 }
 
-/// A problem with the first cell that has it.
+/// Adds the first cell concerned to a problem.
 fn in_cell(study: &Study, problem: Problem, mut cell: usize) -> Problem {
     let mut labels: Vec<&str> = Vec::new();
     for steps in study.steps.iter().rev() {
@@ -220,7 +221,7 @@ fn in_cell(study: &Study, problem: Problem, mut cell: usize) -> Problem {
 mod tests {
     use super::*;
 
-    /// Faults of single values, of two values together, and values that are right only together.
+    /// Problems of single values, of two values together, and values that are valid only together.
     const STUDY: &str = r#"
         base = { scenario = "a.toml", set = { "operator.tracker.uses" = "gpu" , "resource.gpu.slots" = 1 } }
         [[axis]]
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn as_much_is_found_as_by_looking_at_every_cell() {
+    fn joint_checks_find_as_much_as_checking_every_cell() {
         let (study, bases) = study();
         let by_class = problems(&study, &bases, &BTreeMap::new(), &Registry::standard());
         let expanded = study.clone().expand();
@@ -286,13 +287,13 @@ mod tests {
     }
 
     #[test]
-    fn only_axes_that_have_to_do_with_each_other_are_combined() {
+    fn only_dependent_axes_are_combined() {
         let (study, _) = study();
         assert_eq!(classes(&study.steps), [vec![1], vec![0, 2], vec![3, 4], vec![5]]);
     }
 
     #[test]
-    fn files_are_combined_with_what_depends_on_other_keys() {
+    fn files_are_combined_with_axes_that_depend_on_other_keys() {
         let step = |config: &[&str], key: Option<&str>| Step {
             config: config.iter().map(PathBuf::from).collect(),
             sets: key.map(|key| (key.to_owned(), 1.into())).into_iter().collect(),
@@ -308,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_cell_with_a_fault_is_named() {
+    fn first_cell_with_a_problem_is_named() {
         let (study, bases) = study();
         let said: Vec<String> = problems(&study, &bases, &BTreeMap::new(), &Registry::standard())
             .iter()

@@ -1,26 +1,26 @@
-//! Which layer drove: how many plans the comfortable layer made, and whether a study of planners compares planners.
+//! Share of the comfortable layer: number of plans that it made, and whether a comparison of planners is meaningful.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::cells::CellResult;
 use super::grid::{Cell, Study};
 
-/// The key by which a study varies the planner.
+/// Key by which a study varies the planner.
 const PLANNER: &str = "planning.planner";
-/// Plan counts in the figures of a cell.
+/// Prefix of plan counts in a cell's metrics.
 const COUNTS: &str = "plans.counts.";
 
-/// Plans of one or more drives.
+/// Numbers of plans in one or more drives.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Plans {
-    /// Those that the comfortable layer made.
+    /// Plans made by the comfortable layer.
     pub comfortable: u64,
-    /// All.
+    /// All plans.
     pub all: u64,
 }
 
 impl Plans {
-    /// Of one drive; none where no plan was counted.
+    /// Counts of one drive; zero if no plan was counted.
     pub(crate) fn of(result: &CellResult) -> Self {
         let counts = || result.figures.iter().filter_map(|(name, n)| Some((name.strip_prefix(COUNTS)?, *n)));
         let sum = |is_one: &dyn Fn(&str) -> bool| {
@@ -29,7 +29,7 @@ impl Plans {
         Self { comfortable: sum(&|name| name == "comfortable"), all: sum(&|_| true) }
     }
 
-    /// Takes in those of another drive.
+    /// Adds the counts of another drive.
     pub(crate) fn add(&mut self, other: Self) {
         self.comfortable += other.comfortable;
         self.all += other.all;
@@ -39,7 +39,8 @@ impl Plans {
         self.all > 0 && self.comfortable == self.all
     }
 
-    /// The share of the comfortable layer in words; none without plans. Only what is all or nothing is called so.
+    /// Share of the comfortable layer as text; `None` without plans. `all` and `no` are used only for exactly all and
+    /// none.
     pub(crate) fn text(self) -> Option<String> {
         match (self.comfortable, self.all) {
             (_, 0) => None,
@@ -53,8 +54,8 @@ impl Plans {
     }
 }
 
-/// Says in how many drives of a comparison of planners the comfortable layer made every plan, whichever the planner: there
-/// planners cannot differ. None where there are no such drives.
+/// Note on the number of drives in a comparison of planners in which the comfortable layer made every plan for all
+/// planners, so that the planners cannot differ. `None` if there are no such drives.
 pub(crate) fn note(study: &Study, results: &[Option<CellResult>]) -> Option<String> {
     let sets_planner = |axis: &usize| {
         study
@@ -67,7 +68,7 @@ pub(crate) fn note(study: &Study, results: &[Option<CellResult>]) -> Option<Stri
         axes.iter().map(|axis| cell.labels[*axis].clone()).collect()
     };
     let mut drives = 0;
-    // Drives that differ in the planner alone: which planners, and how many drives.
+    // Drives that differ only in the planner: the planners and the number of drives.
     let mut alike: BTreeMap<Vec<String>, (BTreeSet<Vec<String>>, usize)> = BTreeMap::new();
     for (cell, result) in study.cells.iter().zip(results) {
         let Some(result) = result.as_ref().filter(|result| result.error.is_none()) else { continue };
@@ -99,7 +100,7 @@ mod tests {
         Some(CellResult { figures, ..CellResult::blank(cell, "avoided") })
     }
 
-    /// Two planners at one speed, with one seed each.
+    /// Study of two planners at two speeds, with one seed each.
     fn of_planners() -> Study {
         let mut study = study();
         let step = |name: &str, key: &str| Step {
@@ -121,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_comparison_of_planners_that_the_layer_drove_is_noted() {
+    fn comparison_of_planners_driven_by_the_layer_is_noted() {
         let study = of_planners();
         let results = |plans: [(u64, u64); 4]| -> Vec<Option<CellResult>> {
             study.cells.iter().zip(plans).map(|(cell, (made, found))| result(cell, made, found)).collect()
@@ -131,7 +132,7 @@ mod tests {
         assert!(
             all.contains("every plan of 4 of 4 drives") && all.contains("planning.comfort.enabled=false")
         );
-        // At 18 m/s one of the two planners planned itself, so that there is a comparison.
+        // At 18 m/s one of the two planners planned itself, so these drives can be compared.
         let part = said([(30, 0), (30, 0), (30, 0), (29, 1)]).unwrap();
         assert!(part.contains("every plan of 2 of 4 drives"), "{part}");
         assert_eq!(said([(30, 0), (29, 1), (29, 1), (30, 0)]), None);
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn only_all_of_the_plans_are_called_all() {
+    fn all_means_every_plan_is_comfortable() {
         let text = |comfortable, all| Plans { comfortable, all }.text();
         assert_eq!(text(0, 0), None);
         assert_eq!(text(0, 9).unwrap(), "no plan comfortable");

@@ -1,7 +1,7 @@
-//! Studies: a base run varied along axes over configuration keys, with one result a cell.
+//! Studies: a base run varied along axes over configuration keys, with one result per cell.
 //!
-//! Cells run in parallel, each on one thread; what is finished is kept, so that a second call goes on where the
-//! first one was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
+//! Cells run in parallel, each on one thread. Finished cells are stored, so that a second call continues where the
+//! first was stopped. Shards need no coordination: cell `k` belongs to shard `k mod n`.
 
 mod budget;
 pub mod calibrate;
@@ -70,26 +70,26 @@ use grid::{Cell, Study};
 pub struct StudyArgs {
     #[command(subcommand)]
     command: Option<StudyCommand>,
-    /// Study file (TOML), or the name of one that is in the program
+    /// Study file (TOML), or the name of a built-in one
     #[arg(required = true)]
     file: Option<PathBuf>,
     #[command(flatten)]
     out: OutArgs,
     #[command(flatten)]
     pictures: PictureArgs,
-    /// Cells run at once [default: one a core]
+    /// Number of cells run at the same time [default: one per core]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
     /// Run only this share of the cells: 2/4 is the second of four
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Hand the study over to a cluster whose machines share this folder
+    /// Submit the study to a cluster whose machines share this folder
     #[arg(long, conflicts_with = "shard")]
     on: Option<Cluster>,
-    /// Parts that a cluster drives at once; --threads cores each
+    /// Number of shards that a cluster runs at the same time, with --threads cores each
     #[arg(long, requires = "on", default_value_t = 8)]
     shards: usize,
-    /// Keep the page of every run in cells/, about 0.5 MB each, to which the study's page links
+    /// Keep the page of every run in cells/, about 0.5 MB each, linked from the study's page
     #[arg(long, conflicts_with = "on")]
     reports: bool,
     /// Set a key of the configuration or the scenario in every cell
@@ -101,7 +101,7 @@ pub struct StudyArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum StudyCommand {
-    /// Join the finished cells of shards into one table
+    /// Merge the finished cells of shards into one table
     Merge {
         /// Output folders of the shards
         #[arg(required = true)]
@@ -135,7 +135,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             let out = &args.out.folder(&bench.study)?;
             if let Some(cluster) = args.on {
                 let threads = args.threads.unwrap_or(1);
-                // Shards run in other folders; what is refused here is refused by now.
+                // Shards run in other folders; programs without consent have been refused above.
                 let code = CodeArgs { allow_code: args.code.allow_code || !bench.programs().is_empty() };
                 let (sets, overwrite, shards) = (&args.set, args.out.overwrite, args.shards);
                 return Job { file, sets, code, out, overwrite, shards, threads }.submit(cluster);
@@ -149,7 +149,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
     }
 }
 
-/// How the cells of a study are driven, and where what comes of them goes.
+/// Execution settings and output of a study's cells.
 struct How<'a> {
     out: &'a Path,
     threads: Option<usize>,
@@ -158,7 +158,7 @@ struct How<'a> {
     pictures: PictureArgs,
 }
 
-/// An error where a cell failed, or was not reached.
+/// Returns an error if a cell failed or was not reached.
 fn finish(study: &Study, (results, stopped): &Driven, shard: Option<Shard>) -> anyhow::Result<()> {
     if let Some((cell, error)) =
         study.cells.iter().zip(results).find_map(|(c, r)| Some((c, r.as_ref()?.error.as_ref()?)))
@@ -179,47 +179,47 @@ fn finish(study: &Study, (results, stopped): &Driven, shard: Option<Shard>) -> a
     Ok(())
 }
 
-/// What came of the cells, in their order, none where one was not reached; and whether a signal stopped them.
+/// Results of the cells in their order, `None` for one that was not reached; and true if a signal stopped them.
 type Driven = (Vec<Option<CellResult>>, bool);
 
-/// A study with everything its cells share.
+/// Study with everything that its cells share.
 pub struct Bench {
-    /// The study.
+    /// Study.
     pub study: Study,
-    /// Each by its file.
+    /// Scenarios by file.
     scenarios: BTreeMap<PathBuf, Scenario>,
     bases: Bases,
     consent: StudyConsent,
     registry: Registry,
-    /// The program itself: what another build finished is not taken for its result.
+    /// Digest of the program, since results of other builds are not reused.
     program: Digest,
 }
 
 impl Bench {
-    /// Reads a study, its scenario and its base configuration; `sets` apply to every cell, before the axes.
+    /// Reads a study, its scenarios and its base configurations; `sets` are applied to every cell, before the axes.
     ///
     /// # Errors
-    /// All that is wrong with the study, its scenario, its configuration and those of its cells.
+    /// All problems of the study, its scenarios and the configurations of its cells.
     pub fn open(registry: &Registry, file: &Path, sets: &[String]) -> anyhow::Result<Self> {
         let study = read(file, sets)?;
         let given = swerve_text::parse_assignments(sets)?;
         Ok(Self { consent: StudyConsent::of(given), ..Self::of(registry, study)? })
     }
 
-    /// As [`open`](Self::open), of a study that is read already.
+    /// [`open`](Self::open) for a study that has been read already.
     ///
     /// # Errors
-    /// All that is wrong with its scenarios, its configuration and those of its cells.
+    /// All problems of its scenarios and the configurations of its cells.
     fn of(registry: &Registry, study: Study) -> anyhow::Result<Self> {
         let mut bench = Self::unexpanded(registry, study)?;
         bench.study = bench.study.expand();
         Ok(bench)
     }
 
-    /// As [`open`](Self::open), without cells: for the result of the checks.
+    /// [`open`](Self::open) without expansion to cells: only the checks.
     ///
     /// # Errors
-    /// As there.
+    /// As for [`open`](Self::open).
     pub fn check(registry: &Registry, file: &Path) -> anyhow::Result<Self> {
         Self::unexpanded(registry, read(file, &[])?)
     }
@@ -238,7 +238,7 @@ impl Bench {
             }
         }
         let bases = Bases::read(&study, &mut unread);
-        // What is wrong is told before the first cell runs.
+        // All problems are reported before the first cell runs.
         let problems = joint::problems(&study, &bases.documents, &scenarios, registry);
         if problems.is_empty() && unread.is_empty() {
             let (registry, consent) = (registry.clone(), StudyConsent::default());
@@ -248,7 +248,7 @@ impl Bench {
         Err(problems_error(&unread.into_iter().chain(problems).collect::<Vec<_>>()))
     }
 
-    /// The scenario of a cell.
+    /// Scenario of a cell.
     fn scenario(&self, cell: &Cell) -> anyhow::Result<Cow<'_, Scenario>> {
         let file = self.study.scenario(cell);
         let (sets, _) = split_sets(&cell.sets);
@@ -264,7 +264,7 @@ impl Bench {
         Ok(config)
     }
 
-    /// What a cell's result depends on, in one number.
+    /// Digest of all inputs of a cell's result.
     pub fn fingerprint(&self, cell: &Cell) -> anyhow::Result<Digest> {
         let mut hasher = Hasher::new();
         let config = self.config(cell)?;
@@ -278,8 +278,8 @@ impl Bench {
         Ok(hasher.digest())
     }
 
-    /// A line of `commands.txt`: the drive of a cell; of a latency budget the one with that latency, the largest that
-    /// still avoids, or the one without any that does not. A comment where no single drive is behind the figure.
+    /// Line of `commands.txt` for a cell. For a latency budget, the drive with that latency (the largest that ends
+    /// well), or without added latency if none does. A comment if the result is not of a single drive.
     fn repeat(&self, cell: &Cell, result: Option<&CellResult>) -> anyhow::Result<String> {
         let command = self.study.command(cell);
         if self.study.budget.is_none() {
@@ -296,18 +296,18 @@ impl Bench {
         Ok(format!("{command} --set planning.added_latency_ms={whole_ms}"))
     }
 
-    /// Whether each cell is one drive.
+    /// True if each cell is one drive.
     fn is_of_drives(&self) -> bool {
         self.study.budget.is_none() && self.study.curve.is_none() && self.study.timely.is_none()
     }
 
-    /// Drives the cells that are not finished yet, writes what came of all, and prints their table.
+    /// Drives the unfinished cells, writes all results and prints their table.
     fn drive_cells(&self, how: &How<'_>) -> anyhow::Result<Driven> {
-        // Only now is there something to finish in order; until here a signal ends the program at once.
+        // Until here there is nothing to finish, and a signal ends the program at once.
         let stop = Arc::new(AtomicBool::new(false));
         let on_signal = stop.clone();
         let stopping = move || {
-            // Cells are whole or not there, so that nothing is lost where a second signal ends the program at once.
+            // Cells are stored whole, so a second signal that ends the program at once loses no finished cell.
             on_signal.store(true, Ordering::SeqCst);
             eprintln!("\nstopping after the cells that are under way; once more to stop at once");
         };
@@ -324,7 +324,7 @@ impl Bench {
         Ok((results, stop.load(Ordering::SeqCst)))
     }
 
-    /// Drives a cell; its page goes into a file.
+    /// Drives a cell and writes its page to a file.
     fn drive_for_page(
         &self,
         cell: &Cell,
@@ -339,7 +339,7 @@ impl Bench {
         Ok(outcome)
     }
 
-    /// The pages of the cells' runs that lie in `out`, seen from there.
+    /// Pages of the cells' runs that exist in `out`, relative to it.
     fn reports(&self, out: &Path) -> anyhow::Result<Vec<Option<String>>> {
         let kept = |name: String| name.ends_with(".html").then_some(name);
         let names = std::fs::read_dir(out.join(CELLS))?.map(|entry| Ok(entry?.file_name()));
@@ -356,7 +356,7 @@ impl Bench {
         self.study.cells.iter().map(page).collect()
     }
 
-    /// Runs one cell; where it is a single drive, its page is kept in the file `page`.
+    /// Runs one cell; if it is a single drive, its page is written to `page`.
     pub fn run_cell(&self, cell: &Cell, page: Option<&Path>) -> anyhow::Result<CellResult> {
         let (config, scenario) = (self.config(cell)?, self.scenario(cell)?);
         let scenario = &*scenario;
@@ -384,23 +384,23 @@ impl Bench {
     }
 }
 
-/// Reads a study's file; `sets` apply to every cell, before the axes.
+/// Reads a study file; `sets` are applied to every cell, before the axes.
 fn read(file: &Path, sets: &[String]) -> anyhow::Result<Study> {
     let sets = swerve_text::parse_assignments(sets);
     Study::read(file, &sets?).map_err(|problems| problems_error(&problems))
 }
 
-/// Faults of a cell, which the check of the whole study has not found.
+/// Problems of a cell that the check of the whole study missed.
 fn in_cell(cell: &Cell, problems: &Problems) -> anyhow::Error {
     problems_error(problems).context(format!("cell [{}] of the study", cell.labels.join(" ")))
 }
 
-/// Whether it is of the vehicle's own limit.
+/// True if the cell is for the vehicle's own limit.
 fn is_limit(cell: &Cell) -> bool {
     cell.labels.iter().any(|label| label == grid::LIMIT)
 }
 
-/// One number for the running executable.
+/// Digest of the running executable.
 fn program() -> anyhow::Result<Digest> {
     let path = Program::this()?.code;
     let mut hasher = Hasher::new();
@@ -477,7 +477,7 @@ fn report(
     ))
 }
 
-/// The page of a study that draws over time in the place of verdicts.
+/// Page of a study with curves instead of verdicts.
 fn timely_page(study: &Study, chart: &timely::chart::Chart<'_>) -> Page<Figures> {
     let csv = chart.csv();
     let mut rows = csv.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());

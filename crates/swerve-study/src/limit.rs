@@ -1,9 +1,10 @@
-//! The limit of the vehicle itself: the largest reaction time from first sight at which some manoeuvre still clears.
+//! Limit of the vehicle itself: the largest reaction time after first sight at which some manoeuvre still avoids a
+//! collision.
 //!
-//! The ego drives on as if nothing were there; when its sensor first sees what it would hit, a clock starts; at
-//! the reaction time it starts one manoeuvre of a family (a lateral shift of some width in some time, with some
-//! braking), followed by a controller with feed-forward on the same vehicle and simulator as everything else.
-//! The family is finite, so the figure is a lower bound of what the vehicle can do.
+//! The ego drives on as if the road were free. A clock starts when its sensor first sees the actor that it would hit.
+//! At the reaction time it starts one manoeuvre of a family (a lateral shift of some width in some time, with some
+//! braking), tracked by a controller with feed-forward on the same vehicle and simulator as in all other drives. The
+//! family is finite, so the result is a lower bound of the vehicle's ability.
 
 use swerve_control::{Controller, Following, Input, Law, Params};
 use swerve_core::{Span, Time};
@@ -20,18 +21,18 @@ use swerve_stack::pipeline::{controller, drawn};
 use super::cells::CellResult;
 use super::grid::{Budget, Cell};
 
-/// Run-up before first sight, seconds: the clock's first instant is never before the run's.
+/// Run-up before first sight, seconds; it is never before the start of the run.
 const RUN_UP_S: f64 = 2.0;
-/// Distance of lateral targets, m.
+/// Spacing of lateral targets, m.
 const SHIFT_STEP_M: f64 = 0.25;
-/// Widest lateral shift, m.
+/// Maximum lateral shift, m.
 const SHIFT_MAX_M: f64 = 2.5;
 /// Durations of the lateral shift, seconds.
 const SHIFT_S: [f64; 5] = [0.5, 0.7, 0.9, 1.2, 1.6];
 /// Decelerations, m/s².
 const BRAKE_MPS2: [f64; 3] = [0.0, 4.0, 9.0];
 
-/// One manoeuvre of the family.
+/// Manoeuvre of the family.
 #[derive(Clone, Copy, Debug)]
 struct Manoeuvre {
     shift_m: f64,
@@ -39,7 +40,7 @@ struct Manoeuvre {
     brake_mps2: f64,
 }
 
-/// Scans reaction times in steps, then bisects the edge between the last that clears and the first that does not.
+/// Scans reaction times in steps, then bisects the edge between the last one that succeeds and the first that does not.
 pub(super) fn largest_reaction(
     cell: &Cell,
     config: &Config,
@@ -49,7 +50,7 @@ pub(super) fn largest_reaction(
     let mut result = CellResult::blank(cell, "collision");
     let scenario = drawn(config, scenario);
     let Some(case) = Case::find(config, scenario)? else {
-        // Driving on hits nothing: there is nothing to react to.
+        // Driving on hits nothing, so no reaction is needed.
         result.verdict = "avoided".into();
         result.budget_ms = Some(budget.max_ms);
         return Ok(result);
@@ -59,7 +60,7 @@ pub(super) fn largest_reaction(
         let reaction = Span::from_secs(reaction_ms * 1e-3);
         for i in 0..family.len() {
             if case.clears(reaction, family[i])? {
-                // What cleared once is tried first at the next reaction time.
+                // A successful manoeuvre is tried first at the next reaction time.
                 family[..=i].rotate_right(1);
                 return Ok(true);
             }
@@ -73,7 +74,7 @@ pub(super) fn largest_reaction(
     Ok(result)
 }
 
-/// A scenario in which driving on hits something that is seen before.
+/// Scenario in which driving on hits an actor that is seen before.
 struct Case<'a> {
     config: &'a Config,
     scenario: Scenario,
@@ -82,7 +83,7 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// Finds what driving on hits and when it is first seen; starts the run shortly before that.
+    /// Finds the actor that driving on hits and the time of its first sight; starts the run shortly before that.
     fn find(config: &'a Config, scenario: Scenario) -> anyhow::Result<Option<Self>> {
         let dt = Span::from_secs(config.sim.dt_ms * 1e-3);
         let params = SimParams { dt, vehicle: config.sim.vehicle.clone() };
@@ -91,7 +92,7 @@ impl<'a> Case<'a> {
         let timed = |t: &Trigger| matches!(t, Trigger::Time { .. });
         let late_s = first.as_secs() - RUN_UP_S;
         if late_s > 0.0 && !case.scenario.actors.iter().any(|a| a.trigger.as_ref().is_some_and(timed)) {
-            // Nothing happens before: the run-up is cut short, once, instead of being driven for every manoeuvre.
+            // Nothing happens before: the run-up is shortened once, rather than driven for every manoeuvre.
             case.scenario.ego.s_m += case.scenario.ego.start_speed() * late_s;
         }
         let Some(sight) = case.first_sight()? else { return Ok(None) };
@@ -135,12 +136,12 @@ impl<'a> Case<'a> {
                 }
             }
         }
-        // The largest braking first: where it suffices, it is the shortest run.
+        // Strongest braking first: it gives the shortest run if it suffices.
         family.reverse();
         family
     }
 
-    /// Whether the manoeuvre, started `reaction` after first sight, passes without a touch and stays on the road.
+    /// True if the manoeuvre, started `reaction` after first sight, avoids any contact and stays on the road.
     fn clears(&self, reaction: Span, manoeuvre: Manoeuvre) -> anyhow::Result<bool> {
         let start = self.sight + reaction;
         let mut drive = Drive::new(self)?;
@@ -168,7 +169,7 @@ impl<'a> Case<'a> {
     }
 }
 
-/// The simulator with a controller, stepped together.
+/// Simulator and controller, stepped together.
 struct Drive {
     simulator: Simulator,
     controller: Controller,
@@ -204,12 +205,12 @@ impl Drive {
     }
 }
 
-/// How long a manoeuvre is followed: past everything that first sight can be about.
+/// Duration of a manoeuvre, seconds: beyond any conflict visible at first sight.
 const HORIZON_S: f64 = 3.0;
 const POINT_S: f64 = 0.02;
 
 impl Manoeuvre {
-    /// The manoeuvre from where the ego is: a quintic shift over time, at constant deceleration.
+    /// Plan of the manoeuvre from the ego's pose: a quintic lateral shift over time, at constant deceleration.
     fn plan(self, ego: &EgoState, route: &Route) -> Plan {
         let from = route.project(ego.pose.point());
         let speed_at = |t: f64| (ego.speed_mps - self.brake_mps2 * t).max(0.0);

@@ -1,4 +1,4 @@
-//! `swerve map`: a map of voxels from simulated or logged drives, and how well a lidar finds its way by it.
+//! `swerve map`: voxel maps from simulated or logged drives, and the accuracy of lidar localization on them.
 
 mod located;
 mod logged;
@@ -30,13 +30,13 @@ pub struct MapArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// Write what stands along drives as a map: of scenarios, driven with a lidar at its true pose, or of logs
+    /// Build a map of the static surroundings of drives: of scenarios, driven with a lidar at its true pose, or of logs
     Build(BuildArgs),
-    /// Drive a scenario and find the lidar by a map, and without one: errors against the truth
+    /// Drive a scenario and localize the lidar with a map and without one: errors against the ground truth
     Check(CheckArgs),
 }
 
-/// What is driven.
+/// Configuration of the drives.
 #[derive(clap::Args, Debug)]
 struct Driven {
     /// Configuration file with one lidar; several: the later over the earlier [default: a lidar on the roof]
@@ -54,12 +54,12 @@ struct BuildArgs {
     /// Scenario files (TOML), or logs (MCAP) of drives that recorded a lidar's clouds
     #[arg(required = true, value_name = "SCENARIO|LOG")]
     drives: Vec<PathBuf>,
-    /// The map
+    /// Map file to write
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Which lidar of a log, where it has clouds of several
+    /// Lidar of a log that has clouds of several
     #[arg(long, value_name = "NAME")]
     lidar: Option<String>,
     /// Edge of a voxel, metres
@@ -73,10 +73,10 @@ struct BuildArgs {
 struct CheckArgs {
     /// Scenario file (TOML)
     scenario: PathBuf,
-    /// The map
+    /// Map file
     #[arg(long, value_name = "FILE")]
     map: PathBuf,
-    /// Also look for the lidar from so many starts each turn, 2 m and 5° off in directions drawn from a seed
+    /// Also localize from this many other starts at each turn, 2 m and 5° off in random directions drawn from a seed
     #[arg(long, value_name = "N", default_value_t = 0)]
     starts: u8,
     #[command(flatten)]
@@ -89,7 +89,7 @@ struct CheckArgs {
 /// Runs `swerve map`.
 ///
 /// # Errors
-/// A file that cannot be read, written or is none of its form; a configuration without a lidar.
+/// If a file cannot be read or written or has another format, or if the configuration has no lidar.
 pub fn run(args: &MapArgs, registry: &Registry) -> anyhow::Result<()> {
     let text = match &args.what {
         What::Build(args) => build(args, registry)?,
@@ -161,7 +161,7 @@ fn config(driven: &Driven, registry: &Registry) -> anyhow::Result<Config> {
     if config.lidar.len() != 1 {
         bail!("a map is of one lidar, the configuration has {}", config.lidar.len());
     }
-    // Wheels tell how the lidar moves in a turn.
+    // Wheel odometry provides the lidar's motion during a turn.
     config.log.sensors = config.lidar.keys().cloned().chain(["odometry".to_owned()]).collect();
     Ok(config)
 }

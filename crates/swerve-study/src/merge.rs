@@ -1,4 +1,4 @@
-//! `swerve study merge`: the cells of several shards in one table.
+//! `swerve study merge`: merges the cells of several shards into one table.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,10 @@ use swerve_stack::Registry;
 use crate::cells::CellStore;
 use crate::{Bench, OutArgs, report};
 
-/// Joins the finished cells of these folders.
+/// Merges the finished cells of these folders.
 ///
 /// # Errors
-/// A folder without cells, a damaged cell, a cell that is in none of them.
+/// If a folder has no cells, a cell is damaged, or a cell is missing in all of them.
 pub(crate) fn merge(
     registry: &Registry,
     file: &Path,

@@ -1,4 +1,4 @@
-//! `report.html` of a study: every cell, so that the page can pool, filter and rank them itself.
+//! `report.html` of a study with all its cells, so that the page can pool, filter and rank them itself.
 
 use serde::Serialize;
 use swerve_report::page::Page;
@@ -7,51 +7,51 @@ use super::cells::CellResult;
 use super::grid::Study;
 use super::table::Columns;
 
-/// A study. Numbers have four decimals at most.
+/// Data of a study's page. Numbers have at most four decimals.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct StudyPage {
-    /// Its name.
+    /// Name of the study.
     pub name: String,
-    /// Names of its axes.
+    /// Names of the axes.
     pub axes: Vec<String>,
     /// Verdicts that count as good.
     pub good: Vec<&'static str>,
-    /// The axes whose combinations are ranked, all others being pooled; empty where the study does not say.
+    /// Axes whose combinations are ranked, with all others pooled; empty if the study has no ranking.
     pub settings: Vec<String>,
-    /// The largest latency that a budget can be found to be, ms; none where no budget is asked for.
+    /// Largest latency that a budget search tests, ms; `None` without a budget.
     pub budget_max_ms: Option<f64>,
-    /// Names of the columns that `cells.csv` has behind the axes.
+    /// Names of the columns of `cells.csv` after the axes.
     pub columns: Vec<String>,
     /// All cells, in the order of the study.
     pub cells: Vec<PageCell>,
     /// Pictures as SVG, each with its title.
     pub pictures: Vec<(String, String)>,
-    /// What is to be known of the study as a whole; none where nothing is.
+    /// Note on the study as a whole.
     pub note: Option<String>,
 }
 
-/// A cell and what it came to.
+/// Cell and its result.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct PageCell {
-    /// What stands in the table, one an axis.
+    /// Labels in tables, one per axis.
     pub labels: Vec<String>,
-    /// The command line that repeats it.
+    /// Command line that repeats the cell.
     pub command: String,
-    /// The page of its run, seen from that of the study; none where it was not kept.
+    /// Page of its run, relative to that of the study; `None` if not kept.
     pub report: Option<String>,
-    /// What it has in the columns; empty before it was driven.
+    /// Values in the columns; empty if not driven yet.
     pub row: Vec<String>,
-    /// How it ended, `failed` where it could not be made; none before it was driven.
+    /// Verdict, or `failed` if the drive failed; `None` if not driven yet.
     pub verdict: Option<String>,
-    /// What went wrong.
+    /// Error message.
     pub error: Option<String>,
-    /// Whether nothing was hit.
+    /// True if nothing was hit.
     pub no_collision: bool,
-    /// Whether all of the ego stayed on the road.
+    /// True if the whole ego stayed on the road.
     pub on_road: bool,
     /// Smallest distance to another actor.
     pub min_distance_m: Option<f64>,
-    /// Ego speed at the first impact; none without one.
+    /// Ego speed at the first impact; `None` without one.
     pub impact_speed_mps: Option<f64>,
     /// Largest raw lateral jerk.
     pub lateral_jerk_max: Option<f64>,
@@ -59,17 +59,18 @@ pub struct PageCell {
     pub response_p50_ms: Option<f64>,
     /// 99th percentile of the response time.
     pub response_p99_ms: Option<f64>,
-    /// Deadlines missed.
+    /// Missed deadlines.
     pub misses: Option<u64>,
-    /// Share of the plans that the comfortable layer made, 0 to 1.
+    /// Share of the plans made by the comfortable layer, 0 to 1.
     pub comfortable_share: Option<f64>,
-    /// Largest added latency that still avoids.
+    /// Largest added latency at which the run still ends well.
     pub budget_ms: Option<f64>,
     /// Digest of the run.
     pub digest: Option<String>,
 }
 
-/// The page of a study; `commands` repeat its cells and `reports` are the pages of their runs, in their order.
+/// Page of a study. `commands` repeat its cells and `reports` are the pages of their runs, both in the order of the
+/// cells.
 pub(super) fn page(
     study: &Study,
     results: &[Option<CellResult>],

@@ -1,4 +1,4 @@
-//! Images in files: PNG and JPEG are read, upright by their EXIF data, PNG is written.
+//! Image files: reads PNG and JPEG, rotated according to their EXIF data, and writes PNG.
 
 pub(crate) mod exif;
 
@@ -18,19 +18,19 @@ use swerve_text::read_bytes;
 
 use crate::train::decode_png;
 
-/// What a folder's images are called.
+/// Extensions of the images in a folder.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// Images to be looked at, each with the file for what is drawn into it.
+/// Input images, each with the output file for its annotated copy.
 #[derive(Debug)]
 pub struct Pictures(Vec<(PathBuf, Option<PathBuf>)>);
 
 impl Pictures {
-    /// The images of files, and of folders by name. Where they are to be drawn into, in the folder `out`, each has a name of
-    /// its own there.
+    /// Collects image files, and those of folders by name. If annotated copies are written to the folder `out`, each
+    /// gets a unique name there.
     ///
     /// # Errors
-    /// A folder without an image, an image or another file that would be written over, or `out` cannot be made.
+    /// If a folder has no images, an image or another file would be overwritten, or `out` cannot be created.
     pub fn new(paths: &[PathBuf], out: Option<&Path>, overwrite: OverwriteArgs) -> anyhow::Result<Self> {
         let mut images = Vec::new();
         for path in paths {
@@ -59,7 +59,7 @@ impl Pictures {
         Ok(Self(pairs))
     }
 
-    /// Each with the file for its drawing, where one is wanted.
+    /// Images, each with the file for its annotated copy, if requested.
     pub fn iter(&self) -> impl Iterator<Item = (&Path, Option<&Path>)> {
         self.0.iter().map(|(image, drawing)| (image.as_path(), drawing.as_deref()))
     }
@@ -75,14 +75,13 @@ fn images_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// The longest file of an image, bytes.
+/// Maximum size of an image file, bytes.
 const IMAGE_BYTES_MAX: u64 = 256 << 20;
 
-/// Larger images are refused where nothing else is asked for, millions of pixels. The most that a detector takes is about
-/// 120 bytes a pixel.
+/// Default maximum image size, megapixels. Detectors need up to about 120 bytes per pixel.
 pub const MEGAPIXELS_MAX: u32 = 16;
 
-/// Refuses an image of more pixels than so many millions, before memory is taken for them.
+/// Refuses an image of more than this many megapixels, before memory is allocated for it.
 pub(crate) fn within_bound(
     path: &Path,
     [width, height]: [u32; 2],
@@ -97,19 +96,19 @@ pub(crate) fn within_bound(
     Ok(())
 }
 
-/// An image in colours.
+/// RGB image.
 pub struct Picture {
     /// Columns and rows.
     pub size: [usize; 2],
-    /// Three bytes a pixel.
+    /// Three bytes per pixel.
     pub bytes: Vec<u8>,
 }
 
 impl Picture {
-    /// Reads a file, JPEG by its first bytes, else PNG, and turns it as its EXIF data asks.
+    /// Reads a JPEG, recognised by its first bytes, or else a PNG, and rotates it as its EXIF data requires.
     ///
     /// # Errors
-    /// It cannot be read, is no such image, or has more pixels than so many millions.
+    /// If the file cannot be read, is not such an image, or has more than this many megapixels.
     pub fn read(path: &Path, megapixels_max: u32) -> anyhow::Result<Self> {
         let file =
             read_bytes(path, IMAGE_BYTES_MAX).with_context(|| format!("reading {}", path.display()))?;
@@ -122,7 +121,7 @@ impl Picture {
             let (size, bytes) = decode_png(std::io::Cursor::new(&file), path, megapixels_max)?;
             return Ok(Self { size, bytes });
         }
-        // Strictly: what is cut off is an error, no grey.
+        // Strict mode: a truncated image is an error rather than filled with grey.
         let options =
             DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB).set_strict_mode(true);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file[..]), options);
@@ -136,24 +135,24 @@ impl Picture {
         Ok(Self { size, bytes })
     }
 
-    /// Its pixels.
+    /// View of the pixels.
     ///
     /// # Errors
-    /// Never of what was read.
+    /// If the size and the bytes do not match; never for an image that was read.
     pub fn rgb(&self) -> Result<Rgb<'_>, ImageError> {
         Rgb::new(self.size[0], self.size[1], &self.bytes)
     }
 
-    /// Writes it as PNG.
+    /// Writes the image as PNG.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, file: &Path) -> anyhow::Result<()> {
         let [width, height] = self.size.map(|px| px as u32);
         write_png(file, (width, height), (png::ColorType::Rgb, png::BitDepth::Eight), &self.bytes)
     }
 
-    /// Colours the pixels within `radius` of a place, as far as there are any.
+    /// Colours the pixels within `radius` of a point, clipped to the image.
     pub fn dot(&mut self, [column, row]: [f64; 2], radius: i64, colour: [u8; 3]) {
         let [width, height] = self.size.map(|px| px as i64);
         let (x, y) = (column.floor() as i64, row.floor() as i64);
@@ -164,7 +163,7 @@ impl Picture {
         }
     }
 
-    /// Draws a frame along the sides of a box: left, top, width and height, pixels.
+    /// Draws the outline of a box: left, top, width and height, pixels.
     pub fn frame(&mut self, [left, top, across, down]: [f64; 4], colour: [u8; 3]) {
         let [width, height] = self.size;
         let within = |px: f64, n: usize| px.round().clamp(0.0, n as f64 - 1.0) as usize;

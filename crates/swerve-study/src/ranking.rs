@@ -1,4 +1,4 @@
-//! Which setting is best: cells pooled over all axes but some, and compared with each other.
+//! Ranking of settings: cells pooled over all axes but some, and compared with each other.
 
 use std::cmp::Ordering;
 use std::fmt::Write as _;
@@ -12,18 +12,18 @@ use super::chance::{fisher, interval, wilson};
 use super::grid::{Study, no_axis};
 use super::table::field;
 
-/// Asks for the comparison.
+/// Ranking of settings in a study.
 #[derive(Clone, PartialEq, Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ranking {
-    /// The axes whose combinations are settings; all others are pooled.
+    /// Axes whose combinations are settings; all others are pooled.
     pub settings: Vec<String>,
-    /// One of them: the best setting of each of its values is told, and compared with the best of the others.
+    /// One of these axes: the best setting of each of its values is reported, and compared with the best of the others.
     pub best_of: Option<String>,
 }
 
 impl Ranking {
-    /// What is wrong with it, given the names of the axes.
+    /// Checks the ranking against the names of the axes.
     pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         if self.settings.is_empty() {
             problems.push(document.problem("ranking.settings", "expected at least one axis"));
@@ -39,24 +39,24 @@ impl Ranking {
     }
 }
 
-/// What one setting came to, over all cells that have it.
+/// Results of one setting, pooled over all its cells.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Ranked {
-    /// Its labels, in the order of `settings`.
+    /// Labels, in the order of `settings`.
     pub labels: Vec<String>,
     /// Finished runs.
     pub runs: usize,
-    /// Of these, collisions.
+    /// Number of these runs with a collision.
     pub collisions: usize,
-    /// Of these, neither avoided nor hit.
+    /// Number of these runs that neither ended well nor hit.
     pub others: usize,
     /// Sum of the impact speeds, m/s.
     pub impact_sum_mps: f64,
-    /// Of the runs' median response times, the median; ms.
+    /// Median of the runs' median response times, ms.
     pub response_p50_ms: Option<f64>,
-    /// Of the runs' 99th percentiles of the response time, the median; ms.
+    /// Median of the runs' 99th percentiles of the response time, ms.
     pub response_p99_ms: Option<f64>,
-    /// Deadlines missed in all runs.
+    /// Missed deadlines in all runs.
     pub misses: u64,
 }
 
@@ -78,12 +78,12 @@ impl Ranked {
         }
     }
 
-    /// Share of runs that hit, 0 to 1.
+    /// Share of runs with a collision, 0 to 1.
     fn hit_share(&self) -> f64 {
         self.collisions as f64 / self.runs.max(1) as f64
     }
 
-    /// Fewer collisions first; then slower ones; then fewer that did not end well in another way.
+    /// Order: fewer collisions first, then slower ones, then fewer other runs that did not end well.
     fn better_than(&self, other: &Self) -> Ordering {
         let slow = self.impact_sum_mps / self.runs.max(1) as f64;
         let other_slow = other.impact_sum_mps / other.runs.max(1) as f64;
@@ -94,7 +94,7 @@ impl Ranked {
             .then(ended(self).total_cmp(&ended(other)))
     }
 
-    /// What the terminal shows: counts with their 95 % intervals.
+    /// Cells of the terminal's table: counts with their 95 % intervals.
     fn cells(&self) -> Vec<String> {
         let counted = |n: usize| format!("{n}/{} {}", self.runs, interval(n, self.runs));
         let mut cells = self.columns();
@@ -123,7 +123,7 @@ pub(crate) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// All settings, the best first. Cells that failed have no result and count nowhere.
+/// All settings, the best first. Failed cells have no result and do not count.
 pub fn settings(study: &Study, ranking: &Ranking, results: &[Option<CellResult>]) -> Vec<Ranked> {
     let axes: Vec<usize> =
         ranking.settings.iter().filter_map(|name| study.axes.iter().position(|axis| axis == name)).collect();
@@ -154,7 +154,7 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     for setting in settings {
         let mut columns = setting.columns();
         columns.iter_mut().filter(|cell| *cell == "-").for_each(String::clear); // statistics packages read numbers
-        // The last first: what is put in moves what is behind it.
+        // From the right, as insertions shift the columns after them.
         for (count, behind) in [(setting.others, 4), (setting.collisions, 2)] {
             let (low, high) = wilson(count, setting.runs);
             columns.splice(behind..behind, [low, high].map(|share| format!("{share:.3}")));
@@ -166,7 +166,7 @@ pub fn csv(ranking: &Ranking, settings: &[Ranked]) -> String {
     text
 }
 
-/// For the terminal: the best setting of each value of `best_of`, else the ten best.
+/// Text for the terminal: the best setting of each value of `best_of`, else the ten best.
 pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
     let place = ranking.best_of.as_ref().and_then(|name| ranking.settings.iter().position(|s| s == name));
     let mut seen: Vec<&str> = Vec::new();
@@ -242,13 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn the_best_setting_of_each_value_is_found() {
+    fn ranking_finds_the_best_setting_of_each_value() {
         let study = study(STUDY).unwrap();
-        // What is left out is not driven: one period under b, three under a.
+        // Combinations left out are not driven: one period under b, three under a.
         assert_eq!(study.cells.len(), (3 + 1) * 2);
         assert!(study.cells.iter().enumerate().all(|(index, cell)| cell.index == index));
         let ranking = study.ranking.clone().unwrap();
-        // Under a: period 1 hits twice, 2 once at 5 m/s, 3 once at 4 m/s. Under b never.
+        // Under a, period 1 hits twice, 2 once at 5 m/s, 3 once at 4 m/s. Under b there are no collisions.
         let results = results(&study, |labels| match [&*labels[0], &*labels[1], &*labels[2]] {
             ["a", "1", _] => Some(9.0),
             ["a", "2", "1"] => Some(5.0),
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_is_refused() {
+    fn unknown_axes_and_steps_are_refused() {
         let wrong = |from: &str, to: &str| study(&STUDY.replace(from, to)).unwrap_err();
         assert_eq!(
             wrong("[\"model\", \"period\"]", "[\"modell\", \"period\"]"),

@@ -1,4 +1,4 @@
-//! `swerve report`: the page of a run or a study, or two of them beside each other.
+//! `swerve report`: page of a run or a study, or of two of them side by side.
 
 use std::path::{Path, PathBuf};
 
@@ -15,28 +15,28 @@ use swerve_text::{FILE_MAX, read_string};
 /// `swerve report`.
 #[derive(clap::Args, Debug)]
 pub struct ReportArgs {
-    /// A log (MCAP), the folder of a run, or that of a study
+    /// Log (MCAP), folder of a run, or folder of a study
     a: PathBuf,
-    /// Another one of the same: where do they part?
+    /// Second one of the same kind, to compare with
     b: Option<PathBuf>,
-    /// The page to write [default: report.html, of two comparison.html, in the folder of the first]
+    /// Page to write [default: report.html, or comparison.html for two, in the folder of the first]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
 }
 
-/// What a path of the command line names.
+/// Input named on the command line.
 enum Source {
     Log(PathBuf),
-    /// The data of a study's page.
+    /// Data of a study's page.
     Study(Value),
 }
 
 /// Runs `swerve report`.
 ///
 /// # Errors
-/// When there is neither a log nor a study, when one of each is to be compared, or when the page cannot be written.
+/// If there is neither a log nor a study, if a run is compared with a study, or if the page cannot be written.
 pub fn run(args: &ReportArgs, registry: &Registry) -> anyhow::Result<()> {
     let a = Source::read(&args.a)?;
     let name = if args.b.is_some() { "comparison.html" } else { REPORT };

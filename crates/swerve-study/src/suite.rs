@@ -1,6 +1,7 @@
-//! `swerve suite`: scenarios driven with several seeds, each drive held against what its scenario expects.
+//! `swerve suite`: scenarios driven with several seeds, each drive compared with its scenario's expectations.
 //!
-//! A study whose axes are the scenario and the seed: its cells are kept, its table and its page are made by the same code.
+//! A suite is a study with the axes scenario and seed: its cells are stored and its table and page are made by the same
+//! code.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -25,12 +26,11 @@ use crate::{Bench, How, finish};
 /// `swerve suite`.
 #[derive(clap::Args, Debug)]
 pub struct SuiteArgs {
-    /// Scenario files (TOML), folders of them, or names of those that are in the program, such as lane or the folder
-    /// everyday [default: all of these]
+    /// Scenario files (TOML), folders of them, or names of built-in ones, such as lane or the folder everyday [default:
+    /// all built-in ones]
     #[arg(value_name = "SCENARIO|DIR")]
     scenarios: Vec<PathBuf>,
-    /// Configuration file (TOML), or the name of one that is in the program, such as paper; several: the later over the
-    /// earlier
+    /// Configuration file (TOML), or the name of a built-in one, such as paper; several: the later over the earlier
     #[arg(short, long)]
     config: Vec<PathBuf>,
     /// Set a key of the configuration or the scenarios in every drive
@@ -38,25 +38,25 @@ pub struct SuiteArgs {
     set: Vec<String>,
     #[command(flatten)]
     code: CodeArgs,
-    /// Seeds that every scenario is driven with: 1..20 with both ends, or 1,5,7
+    /// Seeds for every scenario: 1..20 including both ends, or 1,5,7
     #[arg(long, default_value = "1..3")]
     seeds: Seeds,
     #[command(flatten)]
     out: OutArgs,
     #[command(flatten)]
     pictures: PictureArgs,
-    /// Drives at once [default: one a core]
+    /// Number of drives at the same time [default: one per core]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
-    /// Keep the page of every drive in cells/, about 0.5 MB each, to which the suite's page links
+    /// Keep the page of every drive in cells/, about 0.5 MB each, linked from the suite's page
     #[arg(long)]
     reports: bool,
-    /// End with an error when a drive is not as its scenario expects
+    /// Fail if a drive does not meet its scenario's expectations
     #[arg(long)]
     strict: bool,
 }
 
-/// Seeds as a command line says them, each once, in order.
+/// Seeds from the command line, sorted and without duplicates.
 #[derive(Clone, Debug, PartialEq)]
 struct Seeds(BTreeSet<i64>);
 
@@ -85,8 +85,8 @@ impl FromStr for Seeds {
 /// Runs `swerve suite`.
 ///
 /// # Errors
-/// A scenario or the configuration is wrong, nothing can be written, a drive could not be made; with `--strict`, one that
-/// is not as its scenario expects.
+/// If a scenario or the configuration is wrong, results cannot be written, or a drive failed; with `--strict`, also if
+/// a drive does not meet its scenario's expectations.
 pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     let bench = Bench::of(registry, study(args)?)?.with_code(args.code);
     bench.refuse_programs()?;
@@ -106,7 +106,7 @@ pub fn run(args: &SuiteArgs, registry: &Registry) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The study of a suite.
+/// Study of a suite.
 fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
     let scenarios = named_scenarios(&args.scenarios)?;
     anyhow::ensure!(
@@ -147,8 +147,8 @@ fn study(args: &SuiteArgs) -> anyhow::Result<Study> {
     })
 }
 
-/// The scenarios that a command line names, each once, with what they are called in tables: the stem of the file, or
-/// where two have the same one the whole path.
+/// Scenarios named on the command line, without duplicates, with their labels in tables: the stem of the file, or the
+/// whole path if several have the same stem.
 fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> {
     let mut paths: Vec<PathBuf> = Vec::new();
     for path in given {
@@ -172,10 +172,10 @@ fn named_scenarios(given: &[PathBuf]) -> anyhow::Result<Vec<(String, PathBuf)>> 
     Ok(paths.iter().map(|path| (label(path), path.clone())).collect())
 }
 
-/// The scenarios of a folder: what has a road or actors; other files may lie beside.
+/// Scenarios of a folder: files with a road or actors; other files are ignored.
 fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = toml_files(folder)?;
-    // One that cannot be read is told later, with what is wrong with it.
+    // An unreadable file is reported later, with its problem.
     let is_scenario =
         |document: Document| ["road", "actor"].iter().any(|key| document.table.contains_key(*key));
     files.retain(|file| Document::read(file).map_or(true, is_scenario));
@@ -183,12 +183,12 @@ fn scenarios_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// How many drives are as expected.
+/// Numbers of drives that meet or miss their expectations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Count {
     kept: usize,
     broken: usize,
-    /// Of these nothing is expected.
+    /// Drives without expectations.
     free: usize,
 }
 
@@ -205,21 +205,21 @@ impl Count {
         count
     }
 
-    /// How many of how many, with the interval of the rate.
+    /// Count and total, with the interval of the rate.
     fn text(self) -> String {
         format!("{} of {} {}", self.kept, self.held(), interval(self.kept, self.held()))
     }
 
-    /// Drives of which something is expected.
+    /// Number of drives with expectations.
     fn held(self) -> usize {
         self.kept + self.broken
     }
 }
 
-/// The width of a count with its interval: of hundreds, as many seeds as are usual.
+/// Width of a count with its interval, for hundreds of drives.
 const COUNTED: usize = 22;
 
-/// A line for each scenario: how many of its drives are as it expects, and what the first other one is like.
+/// One line per scenario: the number of drives that meet its expectations, and the first one that does not.
 fn text(study: &Study, results: &[Option<CellResult>]) -> String {
     let names: Vec<&str> = study.steps[0].iter().map(|step| step.label.as_str()).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(SCENARIO.len());
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn seeds_are_ranges_and_lists() {
+    fn seeds_can_be_ranges_and_lists() {
         assert_eq!(seeds("1..3"), Ok(vec![1, 2, 3]));
         assert_eq!(seeds("7,1..2,2"), Ok(vec![1, 2, 7]));
         for wrong in ["", "3..1", "a", "1..", "-1", "1;2", "0..4294967295"] {
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn scenarios_of_one_name_are_told_apart_and_other_files_passed_over() {
+    fn scenarios_of_the_same_name_get_paths_and_other_files_are_ignored() {
         let folder = tempfile::tempdir().unwrap();
         for (file, text) in [
             ("a/lane.toml", "road = {}\n"),

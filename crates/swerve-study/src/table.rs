@@ -1,4 +1,4 @@
-//! What a study comes to: `cells.csv`, a table for the terminal, a heat map.
+//! Results of a study as `cells.csv`, as a table for the terminal and as a grid.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +11,7 @@ use super::chance::interval;
 use super::grid::{LIMIT, SCENARIO, Study};
 use super::layer::{self, Plans};
 
-/// The first columns behind the labels of a cell, of a drive and of a search for a latency budget.
+/// First columns after a cell's labels, for drives and for latency budgets.
 const DRIVE: [&str; 10] = [
     "verdict",
     "no_collision",
@@ -26,7 +26,7 @@ const DRIVE: [&str; 10] = [
 ];
 const BUDGET: [&str; 3] = ["budget_ms", "budget_is_at_least", "verdict"];
 
-/// Metrics that have a column whether any drive has them or not, so that tables of several studies have the same ones.
+/// Metrics that always have a column, so that tables of several studies have the same ones.
 const ALWAYS: [&str; 13] = [
     "end",
     "impact.actor",
@@ -43,10 +43,10 @@ const ALWAYS: [&str; 13] = [
     "waits_at_light",
 ];
 
-/// The name of the actor that `stands_before` tells by its number.
+/// Column with the name of the actor that `stands_before` identifies by number.
 const STANDS_BEFORE: &str = "stands_before_name";
 
-/// What is known of the cells of a study, in columns.
+/// Columns of a study's cells.
 pub(crate) struct Columns {
     fixed: &'static [&'static str],
     more: BTreeSet<String>,
@@ -67,7 +67,7 @@ impl Columns {
         self.fixed.iter().map(|name| (*name).to_owned()).chain(self.more.iter().cloned()).collect()
     }
 
-    /// What a cell has in them, empty where it has nothing.
+    /// Values of a cell in these columns; empty where missing.
     pub(crate) fn row(&self, study: &Study, result: &CellResult) -> Vec<String> {
         if let Some(budget) = &study.budget {
             let bound = result.budget_ms.map_or_else(String::new, |ms| budget.is_bound(ms).to_string());
@@ -94,7 +94,7 @@ impl Columns {
     }
 }
 
-/// `cells.csv`: one line a finished cell, in the order of the study.
+/// `cells.csv`: one line per finished cell, in the order of the study.
 pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     let columns = Columns::of(study, results);
     let head = study.axes.iter().cloned().chain(columns.names()).collect::<Vec<_>>();
@@ -106,8 +106,8 @@ pub fn csv(study: &Study, results: &[Option<CellResult>]) -> String {
     core::iter::once(head).chain(rows).map(line).collect()
 }
 
-/// What `metrics.json` of a run says in words or as yes and no, by its names there, but for the verdict, which has a
-/// column anyway; and before whom the car stands.
+/// Text and boolean metrics of a run by their names in `metrics.json`, without the verdict, which has its own column;
+/// and the name of the actor that the ego stopped for.
 pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
     let Ok(Value::Object(all)) = serde_json::to_value(metrics) else { return BTreeMap::new() };
     let text = |(name, value)| match value {
@@ -120,8 +120,8 @@ pub(crate) fn texts(metrics: &Metrics) -> BTreeMap<String, String> {
     all.into_iter().filter_map(text).filter(|(name, _)| name != "verdict").chain(stands).collect()
 }
 
-/// The metrics of a run that are numbers by their names in `metrics.json`, but for those that have columns anyway and
-/// those of actors and instants in a list; those of operators by the operator's name.
+/// Numeric metrics of a run by their names in `metrics.json`, without those that have fixed columns and those in lists
+/// of actors and instants; metrics of operators by operator name.
 pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
     fn gather(prefix: &str, value: &Value, into: &mut BTreeMap<String, f64>) {
         match value {
@@ -147,7 +147,7 @@ pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
     for operator in &metrics.operators {
         let counts = [("steps", operator.steps), ("misses", operator.misses), ("drops", operator.drops)];
         let took = [("p50_ms", operator.p50_ms), ("p99_ms", operator.p99_ms), ("max_ms", operator.max_ms)];
-        // Without a step there is no run time.
+        // An operator without steps has no run time.
         let took = took.into_iter().filter(|_| operator.steps > 0);
         for (what, x) in counts.map(|(what, n)| (what, n as f64)).into_iter().chain(took) {
             all.insert(format!("operator.{}.{what}", operator.operator), x);
@@ -157,7 +157,7 @@ pub(crate) fn figures(metrics: &Metrics) -> BTreeMap<String, f64> {
     all
 }
 
-/// With four decimals; what is whole, as every count is, with none.
+/// Number with four decimals; integers without any.
 fn number(x: Option<f64>) -> String {
     let text = |x: f64| if x.fract() == 0.0 { format!("{:.0}", x + 0.0) } else { format!("{x:.4}") };
     x.map_or_else(String::new, text)
@@ -167,65 +167,65 @@ pub(super) fn field(text: &str) -> String {
     if text.contains([',', '"', '\n']) { quoted(text) } else { text.to_owned() }
 }
 
-/// A text in quotes, as CSV has it.
+/// CSV text in quotes.
 pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-/// The study over two dimensions: seeds summed up, the last other axis across, the rest down.
+/// Study in two dimensions: seeds are pooled, the last other axis is in columns, the rest in rows.
 pub struct Grid {
-    /// Names of the axes that go down.
+    /// Names of the row axes.
     pub row_axes: String,
-    /// Name of the axis that goes across.
+    /// Name of the column axis.
     pub column_axis: String,
     /// Row labels.
     pub rows: Vec<String>,
     /// Column labels.
     pub columns: Vec<String>,
-    /// Row by row.
+    /// Squares, row by row.
     pub squares: Vec<Square>,
-    /// What is a good drive, for the legend.
+    /// Definition of a good drive, for the legend.
     pub good: &'static str,
-    /// What is to be known of the study as a whole; none where nothing is.
+    /// Note on the study as a whole.
     pub note: Option<String>,
 }
 
-/// One square of the grid: all seeds of one combination.
+/// Square of the grid: all seeds of one combination.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Square {
     /// Runs with a result.
     pub runs: usize,
-    /// Beside these, cells that failed: they have no result.
+    /// Failed cells, in addition to the runs.
     pub failed: usize,
-    /// Of the runs, avoided.
+    /// Number of runs that ended well.
     pub avoided: usize,
-    /// Of these, without a collision.
+    /// Number of runs without a collision.
     pub no_collision: usize,
-    /// Of these, with all of the ego on the road.
+    /// Number of runs with the whole ego on the road.
     pub on_road: usize,
-    /// Of these, good: avoided, or what else counts as that.
+    /// Number of good runs: those that ended well, and others that the study counts as good.
     pub good: usize,
-    /// Of these, neither good nor bad: the car stopped safely, where that does not count as good.
+    /// Number of runs neither good nor bad: safe stops that do not count as good.
     pub stopped: usize,
-    /// Of these, what neither avoided nor hit, by verdict: `left_road`, `stopped`, `timeout`.
+    /// Numbers of runs that neither ended well nor hit, by verdict: `left_road`, `stopped`, `timeout`.
     pub others: BTreeMap<String, usize>,
-    /// Impact speeds of the others, m/s, sorted.
+    /// Impact speeds of the runs with a collision, m/s, sorted.
     pub impact_mps: Vec<f64>,
     /// Latency budgets, ms, sorted.
     pub budget_ms: Vec<f64>,
-    /// How many of these, the last ones, are lower bounds.
+    /// Number of these, at the end, that are lower bounds.
     pub budget_bounds: usize,
-    /// Whether the median budget is above that of the vehicle's own limit beside it.
+    /// True if the median budget exceeds that of the vehicle's own limit in the same row or column.
     pub beyond_limit: bool,
-    /// Plans of the runs; none where the comfortable layer made no plan of the whole study.
+    /// Plans of the runs; zero if the comfortable layer made no plan in the whole study.
     pub plans: Plans,
 }
 
 impl Grid {
-    /// Sums up the finished cells.
+    /// Aggregates the finished cells.
     pub fn of(study: &Study, results: &[Option<CellResult>]) -> Self {
         let shown: Vec<usize> = (0..study.axes.len()).filter(|&a| study.axes[a] != "seed").collect();
-        // Scenarios alone are many, and their names long: they go down.
+        // Scenarios alone are many with long names, so they are in rows.
         let is_down = matches!(shown[..], [axis] if study.axes[axis] == SCENARIO);
         let (down, across) = shown.split_at(if is_down { 1 } else { shown.len().saturating_sub(1) });
         let row_of =
@@ -282,17 +282,17 @@ impl Grid {
         grid
     }
 
-    /// The squares of one row.
+    /// Squares of one row.
     pub fn row(&self, row: usize) -> &[Square] {
         &self.squares[row * self.columns.len()..(row + 1) * self.columns.len()]
     }
 
-    /// The table for the terminal.
+    /// Table for the terminal.
     pub fn text(&self) -> String {
         let mut lines =
             vec![std::iter::once(self.row_axes.clone()).chain(self.columns.clone()).collect::<Vec<_>>()];
         for (i, row) in self.rows.iter().enumerate() {
-            // What a square says stands line by line: beside each other the columns would be too wide for a terminal.
+            // Lines are stacked, since side by side they would be too wide for a terminal.
             let said: Vec<Vec<String>> = self.row(i).iter().map(Square::lines).collect();
             for k in 0..said.iter().map(Vec::len).max().unwrap_or(0) {
                 let name = if k == 0 { row.clone() } else { String::new() };
@@ -341,8 +341,8 @@ impl Square {
         self.budget_bounds += usize::from(result.budget_ms.is_some_and(is_bound));
     }
 
-    /// What the two counts do not tell: verdicts other than `left_road` with their intervals, failures, which are no runs,
-    /// and the share of the comfortable layer.
+    /// Facts beyond the two counts: verdicts other than `left_road` with their intervals, failed cells, and the share
+    /// of the comfortable layer.
     pub(super) fn rest(&self) -> impl Iterator<Item = String> {
         let rest = self.others.iter().filter(|(verdict, _)| *verdict != "left_road");
         let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
@@ -351,13 +351,13 @@ impl Square {
             .chain(self.plans.text())
     }
 
-    /// The median impact speed, and of how many.
+    /// Median impact speed and the number of impacts.
     pub(super) fn impact_text(&self) -> Option<String> {
         let impact = self.impact_median_mps()?;
         Some(format!("impact {impact:.1} m/s (of {})", self.impact_mps.len()))
     }
 
-    /// Share of good runs among those that are good or bad, 0 to 1; `None` where there are none.
+    /// Share of good runs among those that are good or bad, 0 to 1; `None` if there are none.
     pub fn share(&self) -> Option<f64> {
         let decided = self.runs - self.stopped;
         (decided > 0).then(|| self.good as f64 / decided as f64)
@@ -374,7 +374,7 @@ impl Square {
         self.budget_ms.get(self.budget_ms.len() / 2).copied()
     }
 
-    /// Median latency budget with its unit, and the range; where nothing failed, that it is a lower bound.
+    /// Median latency budget with its unit, and the range; marked as lower bounds where no latency failed.
     pub(super) fn budget_text(&self) -> Option<[String; 2]> {
         let (low, median, high) = (self.budget_ms.first()?, self.budget_median_ms()?, self.budget_ms.last()?);
         let (n, exact) = (self.budget_ms.len(), self.budget_ms.len() - self.budget_bounds);
@@ -387,12 +387,12 @@ impl Square {
         Some([format!("{at_least}{median:.0} ms"), range])
     }
 
-    /// What it says, in one line.
+    /// Content of the square in one line.
     pub fn text(&self) -> String {
         self.lines().join(", ")
     }
 
-    /// What stands in the terminal's table, line by line.
+    /// Content of the square in the terminal's table, line by line.
     fn lines(&self) -> Vec<String> {
         let failed = (self.failed > 0).then(|| format!("{} failed", self.failed));
         if self.runs == 0 {

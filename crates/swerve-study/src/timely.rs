@@ -1,10 +1,10 @@
-//! Timely accuracy as a study: what perception is worth when it arrives, on a drive whose speed is given (Gog et al.
-//! 2021, section 5). `[timely]` in a study file takes the place of a verdict.
+//! Timely accuracy as a study: accuracy of perception at the time of its result, on a ride at a given speed (Gog et al.
+//! 2021, section 5). `[timely]` in a study file replaces the verdict.
 //!
-//! A cell is a ride along a straight between walkers. What was seen at one instant is judged by what is there at the
-//! instant at which its run time is over. Two anchors: `start`, one result every `judge_ms`, each judged at its end
-//! (the paper's); `end`, one result after the other as soon as the processor is free, and every `judge_ms` the newest
-//! finished one is judged (streaming accuracy, Li et al. 2020).
+//! A cell is a ride along a straight road between pedestrians. The perception of one instant is compared with the
+//! ground truth at the instant at which its run time is over. There are two anchors: `start`, one result every
+//! `judge_ms`, each compared at its end (as in the paper); `end`, one result after the other as soon as the processor
+//! is free, and every `judge_ms` the newest finished one is compared (streaming accuracy, Li et al. 2020).
 
 pub(super) mod chart;
 mod ride;
@@ -34,81 +34,82 @@ use score::Score;
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timely {
-    /// What is measured.
+    /// Measures of accuracy.
     pub measures: Vec<Measure>,
-    /// From a frame until its result, ms; instead of `of_published`.
+    /// Run times from a frame to its result, ms; instead of `of_published`.
     #[serde(default)]
     pub run_times_ms: Vec<f64>,
-    /// The same in shares of the published run time of `perception.detector`, 1 being its authors' machine, or of what
-    /// the rung of the operator `camera_objects` was measured to take.
+    /// Run times as multiples of the published run time of `perception.detector` on its authors' machine, or of the
+    /// measured run time of the rung of the operator `camera_objects`; instead of `run_times_ms`.
     #[serde(default)]
     pub of_published: Vec<f64>,
-    /// The axis with numbers that pictures and tables go over, where that is not the run time.
+    /// Numeric axis along which pictures and tables are drawn, if not the run time.
     pub over: Option<String>,
-    /// People on the pavements, drawn by the cell's seed.
+    /// Number of pedestrians on the pavements, drawn by the cell's seed.
     #[serde(default = "Timely::walkers")]
     pub walkers: usize,
-    /// Length of the straight, metres.
+    /// Length of the straight road, metres.
     #[serde(default = "Timely::length_m")]
     pub length_m: f64,
-    /// From one judgement to the next, ms; also from frame to frame of a tracker.
+    /// Time between comparisons, ms; also the frame period of trackers.
     #[serde(default = "Timely::judge_ms")]
     pub judge_ms: f64,
-    /// People count up to this distance, metres.
+    /// Maximum distance of pedestrians that count, metres.
     #[serde(default = "Timely::within_m")]
     pub within_m: f64,
 }
 
-/// What is measured. All values are 0 to 1 but for MOTA, which may be below.
+/// Measure of accuracy. All values are 0 to 1, except that MOTA may be negative.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
-    /// Mean intersection over union of rendered classes.
+    /// Mean intersection over union of the rendered classes.
     Miou,
-    /// The same in the classes that the segmentation `street` tells apart: what of it is late, and nothing else wrong.
+    /// Mean intersection over union of the rendered truth in the classes of the segmentation `street`: the effect of
+    /// latency alone.
     GroupedMiou,
-    /// The same of what that segmentation sees in the rendered colours.
+    /// Mean intersection over union of the output of the segmentation `street` on the rendered colours.
     ForestMiou,
-    /// Of the rendered boxes of people: the share of the old ones that still are on somebody (overlap 0.5). That is
+    /// Share of the rendered boxes of pedestrians in the old frame that still match a pedestrian (overlap 0.5). This is
     /// the paper's AP50 of a perfect detector, whose scores are all 1.
     Ap50,
-    /// AP50 over the whole ride, of an operator of the kind `camera_objects` on rendered colours, or, where there is
-    /// none, of the detector that `perception.detector` emulates.
+    /// AP50 over the whole ride, of an operator of the kind `camera_objects` on rendered colours or, if there is none,
+    /// of the detector that `perception.detector` emulates.
     DetectorAp50,
-    /// MOTA, IDF1 and HOTA of SORT behind that detector.
+    /// MOTA, IDF1 and HOTA of SORT with that detector.
     Sort,
-    /// The same of ByteTrack.
+    /// MOTA, IDF1 and HOTA of ByteTrack with that detector.
     Bytetrack,
 }
 
-/// Which result is judged when.
+/// Selection of the frames that are compared.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Anchor {
     Start,
     End,
 }
 
-/// One measure under one run time: a value of each judgement, or one of the whole ride.
+/// Values of one measure at one run time: one per comparison, or one for the whole ride.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Reading {
     /// Measure and anchor.
     pub series: String,
-    /// The run time, ms or share of the published one.
+    /// Run time, ms or multiple of the published one.
     pub at: f64,
-    /// The values.
+    /// Values.
     pub values: Vec<f64>,
 }
 
-/// One judgement: the frame that was seen, none where nothing is finished yet, and the frame that is there.
+/// One comparison: the perceived frame, `None` if no result is finished yet, and the frame of the ground truth.
 struct Pair {
     anchor: Anchor,
-    /// Place of the run time.
+    /// Index of the run time.
     time: usize,
     seen: Option<usize>,
     there: usize,
 }
 
-/// Most run times of one study.
+/// Maximum number of run times in one study.
 const TIMES_MAX: usize = 200;
 
 impl Timely {
@@ -128,7 +129,7 @@ impl Timely {
         125.0
     }
 
-    /// What is wrong with the table itself.
+    /// Checks the table itself.
     pub(super) fn check(&self, document: &Document, axes: &[String], problems: &mut Problems) {
         let mut wrong =
             |key: &str, message: String| problems.push(document.problem(&format!("timely.{key}"), message));
@@ -166,7 +167,7 @@ impl Timely {
         }
     }
 
-    /// The run times as the picture names them.
+    /// Run times in the units of the picture.
     fn named_times(&self) -> &[f64] {
         if self.run_times_ms.is_empty() { &self.of_published } else { &self.run_times_ms }
     }
@@ -187,10 +188,10 @@ impl Timely {
         Ok(self.named_times().iter().map(|x| span_of_ms(x * unit_ms)).collect())
     }
 
-    /// One ride, measured.
+    /// Simulates and measures one ride.
     ///
     /// # Errors
-    /// The configuration lacks what is measured, or the camera's images cannot be drawn.
+    /// If the configuration lacks a measured component, or the camera's images cannot be rendered.
     pub(super) fn run(
         &self,
         cell: &Cell,
@@ -236,14 +237,14 @@ impl Timely {
         Ok(CellResult { timely, ..CellResult::blank(cell, "measured") })
     }
 
-    /// The frames that are `judge_ms` apart: the first one in each such time.
+    /// Frames at intervals of `judge_ms`: the first one in each interval.
     fn due(&self, frames: &[Time]) -> Vec<usize> {
         let judge = span_of_ms(self.judge_ms);
         let nth = |frame: usize| frames[frame].ns() / judge.ns();
         (0..frames.len()).filter(|&frame| frame == 0 || nth(frame) > nth(frame - 1)).collect()
     }
 
-    /// All judgements of a ride.
+    /// All comparisons of a ride.
     fn pairs(&self, frames: &[Time], times: &[Span], due: &[usize]) -> Vec<Pair> {
         let streams = self.measures.iter().any(|measure| !measure.tracks());
         let mut pairs = Vec::new();
@@ -275,7 +276,7 @@ impl Timely {
     }
 }
 
-/// The frames that one processor takes: each time the first one that comes when it is free.
+/// Frames processed by a single processor: each time the first one that arrives when it is free.
 fn back_to_back(frames: &[Time], after: Span) -> Vec<usize> {
     let (mut taken, mut free) = (Vec::new(), Time::ZERO);
     for (frame, &stamp) in frames.iter().enumerate() {
@@ -287,7 +288,7 @@ fn back_to_back(frames: &[Time], after: Span) -> Vec<usize> {
     taken
 }
 
-/// The speed that the ego is forced to, m/s.
+/// Speed imposed on the ego, m/s.
 fn speed_mps(config: &Config, scenario: &Scenario) -> anyhow::Result<f64> {
     let speed_mps = config.ego.speed_mps.unwrap_or(scenario.ego.target_speed_mps);
     ensure!(speed_mps > 0.0, "ego.speed_mps: expected a speed above 0, found {}", number(speed_mps));

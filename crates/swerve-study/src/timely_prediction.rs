@@ -1,9 +1,9 @@
-//! What predictions are worth when they are late: errors over latency and horizon, on tracks that are recorded or made.
-//! `[timely_prediction]` in a study file; its drives tell the rest.
+//! Accuracy of late predictions: errors over latency and horizon, on recorded or generated tracks.
+//! `[timely_prediction]` in a study file, in addition to its drives.
 //!
-//! A path is read at its instants. What is known `l` after the instant that it describes, of an instant `h` ahead of then,
-//! therefore has the error of a path after `l + h`. Who reads it by its place in the list instead, as if it were made just
-//! then, is `careless`: everybody has gone on for `l` meanwhile.
+//! A path is read at its instants. Read `l` after the instant that it describes, for an instant `h` ahead, it therefore
+//! has the error of a path after `l + h`. Reading it by index instead, as if it had just been made, is `careless`: all
+//! road users have moved on for `l` meanwhile.
 
 mod chart;
 mod errors;
@@ -31,38 +31,38 @@ use errors::{Errors, Foreteller};
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimelyPrediction {
-    /// Who foretells, the first against all others at no latency; the picture tells the first eight apart.
+    /// Predictors to compare: all others with the first one at zero latency. The picture distinguishes the first eight.
     pub predictors: Vec<PredictorName>,
-    /// How far `truth` knows what will happen, seconds; it goes straight on after that.
+    /// Time for which `truth` knows the future, seconds; it continues straight on after that.
     #[serde(default = "TimelyPrediction::truth_s")]
     pub truth_s: f64,
-    /// Latencies of the tables, ms.
+    /// Latencies in the tables, ms.
     #[serde(default = "TimelyPrediction::latencies_ms")]
     pub latencies_ms: Vec<u32>,
-    /// How far ahead is looked in them, seconds: whole ones from 0 up to this.
+    /// Maximum prediction horizon in the tables, seconds: integers from 0 up to this.
     #[serde(default = "TimelyPrediction::horizon_s")]
     pub horizon_s: u32,
-    /// Tracks.
+    /// Sets of tracks.
     pub set: Vec<TrackSet>,
-    /// What each predictor takes: what it is then worth.
+    /// Run times of the predictors, at which they are also compared.
     #[serde(default)]
     pub run_time: Vec<RunTimes>,
 }
 
-/// Tracks, and how they are judged.
+/// Set of tracks, and its evaluation.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrackSet {
-    /// Its name in tables.
+    /// Name in tables.
     pub name: String,
-    /// Recordings in a folder; where it is not there the set is left out, and the result says so.
+    /// Recordings in a folder; if the folder is missing, the set is left out and the result states it.
     pub recorded: Option<RecordedSet>,
-    /// Minutes at a crossing that are made.
+    /// Generated recordings of a crossing, one minute each.
     pub made: Option<MadeSet>,
-    /// Sightings up to the present.
+    /// Observed steps, up to the present.
     #[serde(default = "TrackSet::observe")]
     pub observe: usize,
-    /// Of so many instants one is a present.
+    /// Interval between evaluated instants, in steps of the recording.
     #[serde(default = "TrackSet::every")]
     pub every: usize,
 }
@@ -71,43 +71,44 @@ pub struct TrackSet {
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedSet {
-    /// How they are written.
+    /// Format of the recordings.
     pub format: Format,
-    /// The folder, relative to the study's.
+    /// Folder, relative to the study's.
     pub folder: PathBuf,
-    /// The names of its files.
+    /// Names of the files.
     pub files: Vec<String>,
 }
 
-/// Recordings that are made: a minute each, with cars by the intelligent driver model and people by reciprocal avoidance.
+/// Generated recordings of one minute each, with cars following the intelligent driver model and pedestrians using
+/// reciprocal collision avoidance.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MadeSet {
-    /// The first seed and the last.
+    /// First and last seed.
     pub seeds: [u64; 2],
-    /// On foot at once.
+    /// Number of pedestrians at the same time.
     pub people: usize,
 }
 
-/// What predictors take.
+/// Run times of predictors.
 #[derive(Clone, PartialEq, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RunTimes {
-    /// Where they are from.
+    /// Source of the run times.
     pub name: String,
-    /// By predictor, ms: one for every horizon, or one for each whole second ahead, from 1 on.
+    /// Run times by predictor, ms: one for every horizon, or one for each integer second ahead, from 1 on.
     pub ms: BTreeMap<PredictorName, Vec<f64>>,
 }
 
 impl RunTimes {
-    /// What a predictor takes for so many whole seconds ahead, from 1 on, ms; none where that is not told.
+    /// Run time of a predictor for this many seconds ahead, from 1 on, ms; `None` if not given.
     fn of(&self, name: PredictorName, ahead_s: u32) -> Option<f64> {
         let ms = self.ms.get(&name)?;
         ms.get(if ms.len() == 1 { 0 } else { ahead_s as usize - 1 }).copied()
     }
 }
 
-/// The latest that is looked at, ms: a run time in a study is no longer.
+/// Maximum latency, ms; run times in a study are not longer.
 const LATENCY_MAX_MS: u32 = 2000;
 
 impl TimelyPrediction {
@@ -123,7 +124,7 @@ impl TimelyPrediction {
         5
     }
 
-    /// What is wrong with the table.
+    /// Checks the table.
     pub(super) fn check(&self, document: &Document, problems: &mut Problems) {
         let mut ensure = |holds: bool, key: String, expected: &str| {
             if !holds {
@@ -168,10 +169,10 @@ impl TimelyPrediction {
         }
     }
 
-    /// What the predictors are worth on every set that is there; `folder` is the study's.
+    /// Evaluates the predictors on every available set; `folder` is the study's.
     ///
     /// # Errors
-    /// A file of a set that is there cannot be read or is not of its form.
+    /// If a file of an available set cannot be read or has another format.
     pub(super) fn measure(&self, folder: &Path) -> anyhow::Result<Measured<'_>> {
         let (mut sets, mut absent) = (Vec::new(), Vec::new());
         for set in &self.set {
@@ -196,14 +197,14 @@ impl TimelyPrediction {
         Ok(Measured { asked: self, sets: sets.collect(), absent })
     }
 
-    /// Latency (ms) and horizon (s) of each cell of the tables, a horizon's latencies beside each other.
+    /// Latency (ms) and horizon (s) of each cell of the tables, with the latencies of a horizon adjacent.
     fn cells(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
         let latencies = self.latencies_ms.clone();
         (0..=self.horizon_s)
             .flat_map(move |ahead_s| latencies.clone().into_iter().map(move |ms| (ms, ahead_s)))
     }
 
-    /// A predictor's name in tables.
+    /// Name of a predictor in tables.
     fn named(&self, name: PredictorName) -> String {
         match name {
             PredictorName::Truth => format!("truth of {} s", self.truth_s),
@@ -221,7 +222,7 @@ impl TrackSet {
         1
     }
 
-    /// None where its folder is not there.
+    /// Reads or generates the recordings; `None` if the folder is missing.
     fn recordings(&self, folder: &Path) -> anyhow::Result<Option<Vec<Recording>>> {
         if let Some(MadeSet { seeds: [first, last], people }) = self.made {
             return Ok(Some((first..=last).map(|seed| made(seed, people)).collect()));
@@ -240,7 +241,7 @@ impl TrackSet {
     }
 }
 
-/// How many come into sight in a second, of those that are there: who is late does not know them.
+/// Rate of road users that come into sight, per second and road user present: a late prediction does not include them.
 fn unseen_per_s(recordings: &[Recording]) -> f64 {
     let (mut come, mut seconds) = (0.0, 0.0);
     for recording in recordings {
@@ -255,25 +256,25 @@ fn unseen_per_s(recordings: &[Recording]) -> f64 {
     if seconds > 0.0 { come / seconds } else { 0.0 }
 }
 
-/// What came of a study's `[timely_prediction]`.
+/// Results of a study's `[timely_prediction]`.
 pub(crate) struct Measured<'a> {
     asked: &'a TimelyPrediction,
     sets: Vec<OfSet<'a>>,
-    /// Sets whose data are not there.
+    /// Sets whose data are missing.
     absent: Vec<&'a str>,
 }
 
-/// What predictors are worth on one set.
+/// Results on one set.
 struct OfSet<'a> {
     name: &'a str,
     unseen_per_s: f64,
-    /// In the order of the predictors.
+    /// Errors, in the order of the predictors.
     errors: Vec<Errors>,
 }
 
 impl OfSet<'_> {
-    /// How late a predictor may be, at most, to be no worse than the first one without latency: ms, below 0 for who is
-    /// worse without any; none where tracks are too short to tell.
+    /// Maximum latency at which a predictor is at least as good as the first one at zero latency, ms; negative if it is
+    /// worse even without latency. `None` if the tracks are too short.
     fn may_be_late_ms(&self, predictor: usize, ahead_s: u32) -> Option<f64> {
         let ahead_s = f64::from(ahead_s);
         let goal_m = self.errors[0].mean_m(ahead_s)?;
@@ -283,7 +284,7 @@ impl OfSet<'_> {
 }
 
 impl Measured<'_> {
-    /// A row for each set, predictor, latency and horizon.
+    /// CSV with one row per set, predictor, latency and horizon.
     pub(crate) fn csv(&self) -> String {
         let mut csv = "set,predictor,windows,latency_ms,ahead_s,error_m,careless_m\n".to_owned();
         for set in &self.sets {
@@ -302,7 +303,8 @@ impl Measured<'_> {
         csv
     }
 
-    /// How late each may be to be no worse than the first: a row for each set, predictor and horizon.
+    /// CSV of the maximum latencies at which predictors are at least as good as the first: one row per set, predictor
+    /// and horizon.
     pub(crate) fn crossover_csv(&self) -> String {
         let mut csv = "set,predictor,ahead_s,may_be_late_ms\n".to_owned();
         for set in &self.sets {
@@ -317,7 +319,7 @@ impl Measured<'_> {
         csv
     }
 
-    /// Tables: errors without latency and late, how late each may be, what run times make of it.
+    /// Tables: errors without latency and with the largest one, the maximum latencies, and the errors at the run times.
     pub(crate) fn text(&self) -> String {
         let mut text = String::new();
         let whole: Vec<u32> = (1..=self.asked.horizon_s).collect();
@@ -371,7 +373,7 @@ impl Measured<'_> {
         align(&rows) + "\n"
     }
 
-    /// Errors of each at its own run time, beside the first at its own.
+    /// Table of errors, each predictor at its own run time.
     fn with_run_times(
         &self,
         set: &OfSet<'_>,

@@ -1,4 +1,4 @@
-//! `swerve track`: tracks from a file of detections, both in MOTChallenge's rows.
+//! `swerve track`: tracks from a file of detections, both as MOTChallenge rows.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,12 +18,12 @@ use crate::picture::{MEGAPIXELS_MAX, Picture};
 /// `swerve track`.
 #[derive(clap::Args, Debug)]
 pub struct TrackArgs {
-    /// Detections: rows of frame,id,left,top,width,height,confidence; the id is passed over
+    /// Detections: rows of frame,id,left,top,width,height,confidence; the id is ignored
     detections: PathBuf,
-    /// How boxes become tracks
+    /// Tracking algorithm
     #[arg(long, value_enum)]
     tracker: TrackerName,
-    /// Images of the frames for `deepsort`: 000001.png or 000001.jpg, and so on; without them it goes by motion alone
+    /// Images of the frames for `deepsort`: 000001.png or 000001.jpg, and so on; without them it uses motion alone
     #[arg(long, value_name = "FOLDER")]
     images: Option<PathBuf>,
     /// Write the tracks to this file
@@ -35,19 +35,19 @@ pub struct TrackArgs {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum TrackerName {
-    /// Overlap alone (Bewley et al. 2016)
+    /// Overlap only (Bewley et al. 2016)
     Sort,
-    /// Boxes of low scores keep tracks alive (Zhang et al. 2022)
+    /// Overlap, with low-score boxes keeping tracks alive (Zhang et al. 2022)
     Bytetrack,
-    /// Looks and motion, those seen last first (Wojke et al. 2017)
+    /// Appearance and motion, most recently seen tracks first (Wojke et al. 2017)
     Deepsort,
 }
 
 /// Runs `swerve track`.
 ///
 /// # Errors
-/// When the detections cannot be read or are no such rows (file, line, and what was expected), an image is missing or
-/// cannot be read, or the tracks cannot be written.
+/// If the detections cannot be read or are not such rows (the error names file, line and the expected content), an
+/// image is missing or cannot be read, or the tracks cannot be written.
 pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     let is_deep = args.tracker == TrackerName::Deepsort;
     ensure!(is_deep || args.images.is_none(), "--images: only `--tracker deepsort` looks at images");
@@ -89,17 +89,17 @@ pub fn run(args: &TrackArgs) -> anyhow::Result<()> {
     swerve_report::output::print(&told)
 }
 
-/// What was found, by frame.
+/// Detections by frame.
 type Frames = BTreeMap<u64, Vec<ImageDetection>>;
 
-/// A tracker that is told boxes alone.
+/// Update function of a tracker that uses boxes only.
 fn by_boxes(
     mut tracker: impl ImageTracker,
 ) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>> {
     move |_, found| Ok(tracker.update(found))
 }
 
-/// DeepSORT, which is told too what the boxes look like in the images of a folder.
+/// Update function of DeepSORT, which also uses the appearance of the boxes in the images of a folder.
 fn by_looks(folder: &Path) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>> {
     let (mut tracker, mut appearance) = (DeepSort::default(), Appearance::default());
     move |frame, found| {
@@ -113,7 +113,7 @@ fn by_looks(folder: &Path) -> impl FnMut(u64, &[ImageDetection]) -> anyhow::Resu
     }
 }
 
-/// The image of a frame, in a file as MOTChallenge names it.
+/// Image of a frame, by MOTChallenge's file name.
 fn image_of(folder: &Path, frame: u64) -> anyhow::Result<Picture> {
     let mut files = ["png", "jpg"].map(|ending| folder.join(format!("{frame:06}.{ending}"))).into_iter();
     match files.find(|file| file.is_file()) {
@@ -122,7 +122,7 @@ fn image_of(folder: &Path, frame: u64) -> anyhow::Result<Picture> {
     }
 }
 
-/// The rows of all frames from the first to the last, also those in which nothing was found.
+/// Rows of all frames from the first to the last, including frames without detections.
 fn tracks(
     frames: &Frames,
     mut update: impl FnMut(u64, &[ImageDetection]) -> anyhow::Result<Vec<ImageTrack>>,
@@ -161,22 +161,22 @@ mod tests {
         Ok(std::fs::read_to_string(out)?)
     }
 
-    /// Two people, one of whom goes; frame 3 has nobody, and rows go back.
+    /// Two pedestrians, one of whom leaves; frame 3 is empty, and the rows are not sorted.
     const ROWS: &str = "2,-1,10,0,40,80,0.9\n1,-1,0,0,40,80,0.9\n1,-1,300,0,40,80,0.3\n4,-1,30,0,40,80,0.2\n";
 
     #[test]
-    fn rows_become_rows() {
+    fn trackers_turn_detections_into_rows() {
         let tracked = run_on(ROWS, TrackerName::Bytetrack).unwrap();
         let starts: Vec<&str> = tracked.lines().map(|row| &row[..4]).collect();
-        // The low score of frame 4 may only keep who was seen in the frame before it.
+        // The low score of frame 4 may only continue a track of the previous frame.
         assert_eq!(starts, ["1,1,", "2,1,"], "{tracked}");
         let sorted = run_on(ROWS, TrackerName::Sort).unwrap();
         let starts: Vec<&str> = sorted.lines().map(|row| &row[..4]).collect();
-        // Everybody is reported in the first three frames, later only who was seen three times in a row.
+        // SORT reports all tracks in the first three frames, later only those matched in three consecutive frames.
         assert_eq!(starts, ["1,2,", "1,1,", "2,1,"], "{sorted}");
         assert!(sorted.ends_with(",0.900000,-1,-1,-1\n"), "{sorted}");
         assert_eq!(run_on("", TrackerName::Sort).unwrap(), "");
-        // Reported from its third box on, the score of the fourth frame being too low for one.
+        // DeepSORT reports a track from its third box on; the score in the fourth frame is too low.
         assert_eq!(run_on(ROWS, TrackerName::Deepsort).unwrap(), "");
         let steady = "1,-1,0,0,40,80,0.9\n2,-1,5,0,40,80,0.9\n3,-1,10,0,40,80,0.9\n";
         let tracked = run_on(steady, TrackerName::Deepsort).unwrap();
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn images_are_looked_at_and_one_that_is_missing_is_told() {
+    fn deepsort_reads_images_and_reports_missing_ones() {
         let folder = tempfile::tempdir().unwrap();
         let (detections, out) = (folder.path().join("det.txt"), folder.path().join("tracks.txt"));
         let rows: String = (1..=4).map(|frame| format!("{frame},-1,{},2,20,40,0.9\n", 3 * frame)).collect();

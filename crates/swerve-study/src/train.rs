@@ -1,4 +1,4 @@
-//! `swerve train`: models that perception and prediction are shipped with, learned from simulated drives.
+//! `swerve train`: trains the built-in models of perception and prediction on simulated drives.
 
 mod by_recipe;
 mod detector;
@@ -23,21 +23,21 @@ pub struct TrainArgs {
 
 #[derive(clap::Subcommand, Debug)]
 enum What {
-    /// A camera's object detector, on images of random streets, by a recipe
+    /// A camera object detector, on images of random streets, by a recipe
     Detector(by_recipe::RecipeArgs),
-    /// A camera's labels of pixels, on images of random streets, by a recipe
+    /// A camera segmentation, on images of random streets, by a recipe
     Segmentation(by_recipe::RecipeArgs),
-    /// A small net that predicts where others go, on tracks that are made or recorded, by a recipe
+    /// A small network that predicts paths of road users, on generated or recorded tracks, by a recipe
     Prediction(by_recipe::RecipeArgs),
-    /// Trees that tell objects in the points of a lidar; and how good they are, on streets that they have not seen
+    /// Trees that classify objects in lidar points, with their accuracy on unseen streets
     Lidar(lidar::LidarArgs),
 }
 
-/// How good what the program is shipped with is on streets that were held out from training, as `swerve train` tells it:
-/// a detector's average precision by rung, set and class; a segmentation's overlaps by set and class.
+/// Accuracy of the built-in models on held-out streets, as reported by `swerve train`: a detector's average precision
+/// by rung, set and class; a segmentation's intersection over union by set and class.
 ///
 /// # Errors
-/// When a recipe, its weights or its images are not there and not to be made.
+/// If a recipe, its weights or its images are missing and cannot be created.
 pub fn held_out(what: HeldOut, recipe: &Path, data: &Path) -> anyhow::Result<Vec<Vec<String>>> {
     let registry = Registry::default();
     match what {
@@ -46,20 +46,20 @@ pub fn held_out(what: HeldOut, recipe: &Path, data: &Path) -> anyhow::Result<Vec
     }
 }
 
-/// What is held against streets that it has not learnt from.
+/// Model to evaluate on held-out streets.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum HeldOut {
-    /// A camera's detector.
+    /// Camera detector.
     Detector,
-    /// A camera's labels of pixels.
+    /// Camera segmentation.
     Segmentation,
 }
 
-/// Average precision of cars by lidar on so many streets that were held out (overlap 0.5 from above, at least 20 points,
-/// within 40 m, mean of 40 recalls): of single sweeps, behind SORT on the ground, behind AB3DMOT.
+/// Average precision of cars detected by lidar on this many held-out streets (overlap 0.5 in bird's-eye view, at least
+/// 20 points, within 40 m, mean of 40 recalls): of single sweeps, with SORT on the ground, with AB3DMOT.
 ///
 /// # Errors
-/// When a street is not to be driven.
+/// If a street cannot be driven.
 pub fn lidar_cars(streets: usize) -> anyhow::Result<[f64; 3]> {
     lidar::shipped_cars(streets)
 }
@@ -67,7 +67,7 @@ pub fn lidar_cars(streets: usize) -> anyhow::Result<[f64; 3]> {
 /// Runs `swerve train`.
 ///
 /// # Errors
-/// When a drive is not to be made, or the result not to be written.
+/// If a drive fails, or the result cannot be written.
 pub fn run(args: &TrainArgs, registry: &Registry) -> anyhow::Result<()> {
     match &args.what {
         What::Detector(args) => by_recipe::run::<detector::Recipe>(args, registry),

@@ -1,19 +1,19 @@
-//! The newest states of a drive's world: what a sensor's message was measured in.
+//! Recent world states of a drive, in which sensor messages were measured.
 
 use std::collections::VecDeque;
 
 use swerve_core::Time;
 use swerve_msg::truth::WorldState;
 
-/// How many are kept: more than an image or a lidar's turn can take to be published.
+/// Number of states kept: longer than an image or a lidar turn can take to be published.
 const KEPT: usize = 400;
 
-/// The newest states, oldest first.
+/// Recent states, oldest first.
 #[derive(Default)]
 pub(crate) struct Worlds(VecDeque<WorldState>);
 
 impl Worlds {
-    /// Takes in the next one.
+    /// Adds the next state.
     pub(crate) fn take(&mut self, world: &WorldState) {
         self.0.push_back(world.clone());
         if self.0.len() > KEPT {
@@ -21,12 +21,12 @@ impl Worlds {
         }
     }
 
-    /// The newest that is no later than `at`.
+    /// Newest state not later than `at`.
     pub(crate) fn until(&self, at: Time) -> Option<&WorldState> {
         self.0.get(self.0.partition_point(|world| world.stamp <= at).checked_sub(1)?)
     }
 
-    /// The same, or else the oldest.
+    /// Newest state not later than `at`, or else the oldest.
     pub(crate) fn near(&self, at: Time) -> Option<&WorldState> {
         self.until(at).or(self.0.front())
     }

@@ -1,4 +1,4 @@
-//! The one way to write a file: regular files whole or not at all, pipes and devices written through.
+//! File output: regular files are written atomically, pipes and devices are written through.
 
 use std::ffi::OsStr;
 use std::fs::{File, Metadata, OpenOptions};
@@ -12,7 +12,7 @@ use crate::page::data_of;
 
 /// The destination of a write. Symbolic links are not followed.
 enum Destination {
-    /// Nothing is there yet.
+    /// The path does not exist.
     Free,
     /// A regular file, to be replaced.
     Regular(Metadata),
@@ -24,7 +24,7 @@ impl Destination {
     /// Examines a path.
     ///
     /// # Errors
-    /// It is a folder, or a symbolic link that is none of an open descriptor.
+    /// If it is a folder, or a symbolic link other than the system's links to open descriptors.
     fn of(path: &Path) -> anyhow::Result<Self> {
         let metadata = match path.symlink_metadata() {
             Ok(metadata) => metadata,
@@ -48,7 +48,7 @@ impl Destination {
     }
 }
 
-/// Whether a link is one that the system makes for an open descriptor: in `/dev` itself or a process's `fd`.
+/// True if the system made this link for an open descriptor: in `/dev` itself or in a process's `fd`.
 fn is_descriptor(link: &Path) -> bool {
     let folder = link.parent().and_then(|folder| folder.canonicalize().ok());
     folder.is_some_and(|folder| {
@@ -56,11 +56,12 @@ fn is_descriptor(link: &Path) -> bool {
     })
 }
 
-/// Writes `bytes` to a path. A regular file is written beside it, then renamed, so that a reader never sees half a file;
-/// where that fails, nothing of it is left. Pipes, devices and open descriptors such as `/dev/stdout` are written through.
+/// Writes `bytes` to a path. A regular file is written under a temporary name beside the target and renamed, so that
+/// readers never see a partial file; on failure nothing is left behind. Pipes, devices and open descriptors such as
+/// `/dev/stdout` are written through.
 ///
 /// # Errors
-/// It cannot be written; it is a folder or a symbolic link.
+/// If the path cannot be written, or is a folder or a symbolic link.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let writing = || format!("writing {}", path.display());
     match Destination::of(path)? {
@@ -73,11 +74,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     }
 }
 
-/// Writes to what is no regular file. A reader that left early, as `head` does, is no error.
+/// Writes to a pipe, a device or a descriptor. A reader that closed early, such as `head`, is not an error.
 fn write_through(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let descriptor = is_descriptor(path).then(|| descriptor(path)).flatten();
     let written = match descriptor {
-        // Opened anew, a file behind it would be written from its beginning.
+        // Reopening it would write a redirected file from its start.
         Some(1) => {
             let mut out = std::io::stdout().lock();
             out.write_all(bytes).and_then(|()| out.flush())
@@ -91,7 +92,7 @@ fn write_through(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     }
 }
 
-/// The number of the descriptor of this process that a link names.
+/// Number of this process's descriptor that a link names.
 fn descriptor(link: &Path) -> Option<u32> {
     match link.file_name().and_then(OsStr::to_str)? {
         "stdout" => Some(1),
@@ -104,9 +105,9 @@ fn descriptor(link: &Path) -> Option<u32> {
     }
 }
 
-/// A file beside another one, whose place it takes when it is whole. Removed when dropped before.
+/// Temporary file that replaces its target when complete. Removed if dropped before that.
 pub struct Part {
-    /// Where it is until then; it ends as the other does.
+    /// Temporary path, with the extension of the target.
     pub path: PathBuf,
     file: File,
     whole: PathBuf,
@@ -114,10 +115,10 @@ pub struct Part {
 }
 
 impl Part {
-    /// Creates it, empty.
+    /// Creates an empty temporary file.
     ///
     /// # Errors
-    /// The destination is no regular file, or the folder takes no files.
+    /// If the target is not a regular file, or the folder is not writable.
     pub fn create(whole: &Path) -> anyhow::Result<Self> {
         let writing = || format!("writing {}", whole.display());
         let earlier = match Destination::of(whole)? {
@@ -127,11 +128,11 @@ impl Part {
         };
         for number in 0..PARTS_MAX {
             let path = beside(whole, number);
-            // What is there is nobody's to follow or to shorten.
+            // An existing temporary file may belong to another process and is never opened.
             match File::create_new(&path) {
                 Ok(file) => {
                     let part = Self { path, file, whole: whole.to_owned(), is_whole: false };
-                    // A file that is replaced keeps who may read it.
+                    // The new file keeps the permissions of the one it replaces.
                     let kept = earlier.map_or(Ok(()), |permissions| part.file.set_permissions(permissions));
                     kept.with_context(writing)?;
                     return Ok(part);
@@ -143,10 +144,10 @@ impl Part {
         bail!("{}: {PARTS_MAX} parts of earlier calls are beside it: expected them removed", writing())
     }
 
-    /// Gives it the name of the whole file.
+    /// Renames the temporary file to its target.
     ///
     /// # Errors
-    /// The file system refuses.
+    /// If the file cannot be renamed.
     pub fn finish(mut self) -> anyhow::Result<()> {
         let writing = || format!("writing {}", self.whole.display());
         mark(&self.path, &self.file);
@@ -159,16 +160,16 @@ impl Part {
 impl Drop for Part {
     fn drop(&mut self) {
         if !self.is_whole {
-            // On a full disk what is half written takes the room that others need.
+            // On a full disk a partial file would use space needed by others.
             let _gone = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Parts that may be beside a file: killed calls leave theirs.
+/// Maximum number of temporary files beside a target; killed calls leave theirs behind.
 const PARTS_MAX: u32 = 100;
 
-/// A name beside `path` that ends as it does: some programs go by the ending.
+/// Temporary name beside `path` with the same extension, since some programs depend on it.
 pub(super) fn beside(path: &Path, number: u32) -> PathBuf {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let ending = path.extension().map_or_else(String::new, |e| format!(".{}", e.to_string_lossy()));
@@ -176,7 +177,7 @@ pub(super) fn beside(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(format!(".{name}.{}{number}.part{ending}", std::process::id()))
 }
 
-/// The attribute of a file that holds the digest of what this program wrote.
+/// Extended attribute with the digest of the content that this program wrote.
 const ATTRIBUTE: &str = "user.swerve.digest";
 
 fn digest_of(path: &Path) -> std::io::Result<String> {
@@ -190,7 +191,7 @@ fn digest_of(path: &Path) -> std::io::Result<String> {
     }
 }
 
-/// Marks a file as this program's, as it is now; not every file system keeps that.
+/// Marks the current content of a file as written by this program, where the file system supports attributes.
 fn mark(path: &Path, file: &File) {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     if let Ok(digest) = digest_of(path) {
@@ -201,7 +202,7 @@ fn mark(path: &Path, file: &File) {
     let _ = (path, file);
 }
 
-/// True if a file is as this program wrote it, by its attribute; none without the attribute.
+/// True if a file is as this program wrote it, by its attribute; `None` without the attribute.
 pub fn is_unchanged(path: &Path) -> Option<bool> {
     #[cfg(any(target_os = "linux", target_os = "macos"))]
     {
@@ -216,8 +217,8 @@ pub fn is_unchanged(path: &Path) -> Option<bool> {
     }
 }
 
-/// True if this program wrote a file and it is unchanged since. Where the file system keeps no attributes, a report is
-/// known by its content.
+/// True if this program wrote a file and it is unchanged since. Without extended attributes, a report is recognised by
+/// its content.
 pub fn is_ours(path: &Path) -> bool {
     if let Some(is_unchanged) = is_unchanged(path) {
         return is_unchanged;
@@ -227,11 +228,11 @@ pub fn is_ours(path: &Path) -> bool {
         && swerve_text::read_string(path, swerve_text::FILE_MAX).is_ok_and(|text| data_of(&text).is_some())
 }
 
-/// Refuses a file for a result where [`write_whole`] would fail, and one with something of others in it: what this
-/// program wrote, and nobody changed since, is replaced. To be asked before long work.
+/// Checks before long work that a result can be written: the path must be one that [`write_whole`] accepts, and an
+/// existing file must be unchanged since this program wrote it, unless `overwrite` is set.
 ///
 /// # Errors
-/// As above.
+/// If either condition fails.
 pub fn refuse_unwritable(path: &Path, overwrite: bool) -> anyhow::Result<()> {
     match Destination::of(path)? {
         Destination::Stream => return Ok(()),
@@ -246,10 +247,10 @@ pub fn refuse_unwritable(path: &Path, overwrite: bool) -> anyhow::Result<()> {
     Part::create(path).map(drop)
 }
 
-/// Refuses a file for results that could be followed, written through or waited for.
+/// Refuses a results path that is not a regular file: links could be followed, pipes could block.
 ///
 /// # Errors
-/// It exists and is no regular file.
+/// If the path exists and is not a regular file.
 pub fn refuse_irregular(path: &Path) -> anyhow::Result<()> {
     match Destination::of(path)? {
         Destination::Free | Destination::Regular(_) => Ok(()),

@@ -1,4 +1,4 @@
-//! The picture of a graph.
+//! Picture of an operator graph.
 
 use std::collections::BTreeMap;
 
@@ -7,21 +7,21 @@ use swerve_flow::{GraphInfo, OperatorInfo};
 
 use super::{EdgeInfo, edges, facts, input_text};
 
-/// Box size, gaps and margin of the picture, in pixels.
+/// Box width, line height, gaps and margin, pixels.
 const WIDTH: f64 = 210.0;
 const LINE: f64 = 15.0;
 const GAP_X: f64 = 110.0;
 const GAP_Y: f64 = 26.0;
 const MARGIN: f64 = 24.0;
-/// Between a box and its text.
+/// Space between a box and its text, pixels.
 const INSET: f64 = 10.0;
-/// Between lines of feedback below the boxes.
+/// Distance between feedback lines below the boxes, pixels.
 const LANE: f64 = 18.0;
-/// Between the ends of the lines into a box, each of which has the name of its stream.
+/// Distance between the line ends at a box, each labelled with its stream, pixels.
 const ENTRY: f64 = 12.0;
-/// Between lines that pass a column at the same place.
+/// Distance between lines that pass a column through the same gap, pixels.
 const BESIDE: f64 = 5.0;
-/// Lines that one fact may take.
+/// Maximum number of lines per fact.
 const WRAPPED_MAX: usize = 3;
 
 const NAME: Text = Text { size: 13.0, bold: true, ..Text::PLAIN };
@@ -33,8 +33,8 @@ const SYNCHRONISED: Style = Style::line(color::INK, 1.4);
 const LATEST: Style = Style::line(color::ROAD_EDGE, 1.4);
 const FEEDBACK: Style = Style::line(color::LEFT_ROAD, 1.4).dashed(5.0, 4.0);
 
-/// The picture: operators as boxes, from the sources on the left to the sinks on the right; synchronised inputs as
-/// dark lines, latest ones as grey lines, feedback as dashed lines below.
+/// Draws operators as boxes, from the sources on the left to the sinks on the right. Synchronised inputs are dark
+/// lines, latest ones grey lines, feedback dashed lines below.
 pub fn draw(graph: &GraphInfo) -> Picture {
     let boxes = layout(graph);
     let mut canvas = Canvas::default();
@@ -50,7 +50,7 @@ pub fn draw(graph: &GraphInfo) -> Picture {
     for (operator, place) in graph.operators.iter().zip(&boxes) {
         operator_box(&mut canvas, operator, place);
     }
-    // Over everything else, so that no line goes through a name.
+    // Drawn last, so that no line crosses a name.
     for edge in edges.iter().filter(|edge| !edge.feedback) {
         let (x, y) = entry(edge, &boxes[edge.to]);
         canvas.text((x - 10.0, y - 2.0), &cut(edge.stream, GAP_X - 24.0, STREAM), STREAM);
@@ -67,11 +67,11 @@ pub fn draw(graph: &GraphInfo) -> Picture {
     canvas.finish(right.max(600.0) + MARGIN, last + MARGIN, "dataflow")
 }
 
-/// Columns by the longest way from a source, rows in rank order.
+/// Columns by the longest path from a source, rows in rank order.
 fn layout(graph: &GraphInfo) -> Vec<Place> {
     let mut column = vec![0; graph.operators.len()];
     for edge in edges(graph).iter().filter(|edge| !edge.feedback) {
-        // Edges come in rank order of their readers, so the writer's column is final.
+        // Edges are sorted by the rank of the reader, so the writer's column is final.
         column[edge.to] = column[edge.to].max(column[edge.from] + 1);
     }
     let mut next_y = vec![MARGIN; column.iter().max().map_or(0, |last| last + 1)];
@@ -93,15 +93,15 @@ struct Place {
     column: usize,
 }
 
-/// Where a line ends at its reader.
+/// End point of a line at its reader.
 fn entry(edge: &EdgeInfo<'_>, to: &Place) -> At {
     (to.x, to.y + (14.0 + ENTRY * edge.nth as f64).min(to.height - 6.0))
 }
 
-/// Of each edge the places at which it passes the columns between its ends: through the gap between boxes that is
-/// nearest to the straight way, so that it runs behind none of them.
+/// Points at which each edge passes the columns between its ends: through the gap between boxes nearest to the straight
+/// line, so that it is never hidden behind a box.
 fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
-    // How many lines pass a gap already, by column and the place of its middle.
+    // Number of lines through each gap so far, by column and centre height of the gap.
     let mut passing: BTreeMap<(usize, i64), usize> = BTreeMap::new();
     let mut way = |edge: &EdgeInfo<'_>| {
         let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
@@ -121,7 +121,7 @@ fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
     edges.iter().map(&mut way).collect()
 }
 
-/// The middle of the gap of a column that is nearest to a height: above, between or below its boxes.
+/// Centre of the column gap nearest to a height: above, between or below the boxes.
 fn nearest_gap(boxes: &[Place], column: usize, wanted: f64) -> f64 {
     let own: Vec<&Place> = boxes.iter().filter(|place| place.column == column).collect();
     let above = own.first().map(|first| wanted.min(first.y - 0.5 * MARGIN));
@@ -131,7 +131,7 @@ fn nearest_gap(boxes: &[Place], column: usize, wanted: f64) -> f64 {
     gaps.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap_or(wanted)
 }
 
-/// What the picture says in its box, below its name: timers and facts, without what is the default.
+/// Lines in an operator's box below its name: timers and non-default facts.
 fn box_lines(operator: &OperatorInfo) -> Vec<String> {
     box_facts(operator).iter().flat_map(|fact| wrapped(&in_short(fact), WIDTH - 2.0 * INSET, FACT)).collect()
 }
@@ -143,7 +143,7 @@ fn box_facts(operator: &OperatorInfo) -> Vec<String> {
     timers.chain(facts).collect()
 }
 
-/// A fact as the box has it: of percentiles the middle and the last one.
+/// Shortens a fact for the box: of percentiles only the middle and the last one are kept.
 fn in_short(fact: &str) -> String {
     let Some(points) = fact.strip_prefix("run time percentiles p") else { return fact.to_owned() };
     let points: Vec<&str> = points.split(" p").collect();
@@ -154,7 +154,7 @@ fn in_short(fact: &str) -> String {
     format!("run time p{}", shown.join(", p"))
 }
 
-/// Sources and sensors have a ground of their own.
+/// Fill colour: sources and sensors differ from other operators.
 fn fill(is_source: bool) -> Color {
     color::PAPER.mixed(if is_source { color::PLAN } else { color::EGO }, 0.1)
 }
@@ -172,7 +172,7 @@ fn operator_box(canvas: &mut Canvas, operator: &OperatorInfo, place: &Place) {
     canvas.end_titled();
 }
 
-/// As much of a text as is that wide, with an ellipsis where it is not all of it.
+/// Text cut to a width, with an ellipsis if shortened.
 fn cut(text: &str, width: f64, how: Text) -> String {
     if width_of(text, how) <= width {
         return text.to_owned();
@@ -187,10 +187,10 @@ fn cut(text: &str, width: f64, how: Text) -> String {
     short + "…"
 }
 
-/// A text in lines of that width, broken between words, the last one cut.
+/// Text wrapped between words to a width; the last line is cut.
 fn wrapped(text: &str, width: f64, how: Text) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
-    // A number stays with its unit.
+    // A number stays on the same line as its unit.
     for word in text.replace(" ms", "\u{a0}ms").split(' ') {
         let is_last = lines.len() == WRAPPED_MAX;
         match lines.last_mut() {
@@ -273,7 +273,7 @@ mod tests {
             texts[2..4].iter().map(|line| format!("{line} ").replace('\u{a0}', " ")).collect();
         assert_eq!(facts, "run time p50 6.17 ms, p100 12.34 ms ");
         let svg = picture.svg();
-        // What the box has no room for is told by pointing at it.
+        // A tooltip holds the text for which the box has no room.
         assert!(
             svg.contains(&format!("<title>{name}\n")) && svg.contains("p90 11.106 ms p100 12.34 ms"),
             "{svg}"

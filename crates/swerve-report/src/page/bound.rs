@@ -1,24 +1,24 @@
-//! A bound on what the page of a long run holds. A run of a minute is shown whole; of a longer one the past is shown
-//! at fewer instants, and of steps and messages the newest.
+//! Size limits of the page of a run. A run of one minute is shown in full; in longer ones the past is shown at fewer
+//! instants, and only the newest steps and messages are kept.
 
 use super::run::{Marks, RunPage};
 use crate::halved::halve;
 
-/// The most rows of each table, numbers and texts.
+/// Maximum number of rows, numbers and texts in each table.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Steps and messages: a minute at 700 a second. The older half goes.
+    /// Steps and messages: one minute at 700 per second. When full, the older half is dropped.
     newest: usize,
-    /// States of the ego, commands, poses of localization: 80 seconds at 100 a second. Every second one goes, as in all
-    /// that follow.
+    /// Ego states, commands, localization poses: 80 seconds at 100 per second. When full, every second row is dropped,
+    /// as in the tables below.
     states: usize,
-    /// Plans, and lists of tracks and of predictions: a minute at 20 a second.
+    /// Plans, track lists and prediction lists: one minute at 20 per second.
     lists: usize,
-    /// Numbers in those of tracks, and of predictions: a minute with ten actors.
+    /// Numbers in all track lists, and in all prediction lists: one minute with ten actors.
     numbers: usize,
-    /// Poses of an actor, and of all: a minute at 200 a second, with ten that move.
+    /// Poses of one actor, and of all actors: one minute at 200 per second, with ten moving.
     poses: [usize; 2],
-    /// Pictures of all cameras. The older half goes.
+    /// Pictures of all cameras. When full, the older half is dropped.
     photos: usize,
 }
 
@@ -35,7 +35,7 @@ impl Default for Limits {
     }
 }
 
-/// Fill of the tables whose rows differ in length, and their losses.
+/// Fill level of the tables whose rows differ in length, and their losses.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fill {
     pub(super) limits: Limits,
@@ -43,12 +43,12 @@ pub(super) struct Fill {
     pub(super) predicted: usize,
     pub(super) poses: usize,
     is_thinned: bool,
-    /// Steps and messages from this instant on are all there, microseconds.
+    /// Instant from which on steps and messages are complete, microseconds.
     complete_from: Option<i64>,
 }
 
 impl Fill {
-    /// Makes room in those tables that are full.
+    /// Makes room in the full tables.
     pub(super) fn make_room(&mut self, page: &mut RunPage) {
         let Limits { newest, states, lists, numbers, poses: [of_one, of_all], photos } = self.limits;
         let RunPage { ego, located, commands, .. } = page;
@@ -126,7 +126,7 @@ impl Fill {
         }
     }
 
-    /// Sentences on what has gone.
+    /// Sentences about the dropped data.
     pub(super) fn notes(&self) -> impl Iterator<Item = String> {
         let thinned = "The drive is long: its past is shown at fewer instants; the log has all.";
         let thinned = self.is_thinned.then(|| thinned.to_owned());
@@ -155,7 +155,7 @@ mod tests {
         Track { id: ActorId(3), kind, pose, extent, velocity_mps, history: Vec::new() }
     }
 
-    /// A drive at 1 m/s of so many states, 20 ms apart, each with a list of one track.
+    /// A drive at 1 m/s with `states` ego states, 20 ms apart, each with a list of one track.
     fn driven(states: i64, limits: Limits) -> Collector {
         let mut collector = Collector::new();
         collector.limit(limits);
@@ -179,7 +179,7 @@ mod tests {
             let ego = &page.ego;
             assert!(ego.t.len() <= 32 && page.messages.at.len() <= 64 && page.steps.start.len() <= 64);
             assert_eq!([ego.t.first(), ego.t.last()], [Some(&0), Some(&end)], "{states}");
-            // Each row is still of one instant: 1 m/s is 100 cm in 1,000,000 us.
+            // Rows stay consistent: at 1 m/s, 100 cm per 1,000,000 us.
             assert!(ego.t.iter().zip(&ego.x).all(|(t, x)| *t == 10_000 * x), "{states}");
             assert!(8 * page.tracks.len() <= 104);
             assert_eq!(page.messages.at.last(), Some(&end));

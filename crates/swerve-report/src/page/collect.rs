@@ -1,4 +1,4 @@
-//! A run taken in while it goes on, or from its log.
+//! Collection of a run's page data, live or from a log.
 
 use core::any::Any;
 use std::collections::BTreeMap;
@@ -14,40 +14,40 @@ use super::bound::Fill;
 use super::picture::photo;
 use super::run::{self, EgoShape, Input, Light, Marks, Operator, Road, RunPage};
 
-/// Ego states nearer to each other than this are left out.
+/// Minimum spacing of ego states; closer ones are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
-/// Pictures of one camera nearer to each other than this are left out.
+/// Minimum spacing of pictures of one camera; closer ones are left out.
 const PHOTO_EVERY: Span = Span::from_ms(1000);
-/// Actor poses nearer to each other than this are left out, metres and radians.
+/// Minimum movement between actor poses, metres and radians; closer ones are left out.
 const ACTOR_MOVED: f64 = 0.01;
-/// Points of a plan and of a predicted path at most.
+/// Maximum number of points of a plan or a predicted path.
 const POINTS: usize = 24;
-/// From point to point of the road, metres.
+/// Spacing of road points, metres.
 const ROAD_STEP_M: f64 = 2.0;
 
-/// When a message describes the world, when it could be read, and where it comes from.
+/// Stream, publisher and times of a message.
 #[derive(Clone, Copy, Debug)]
 pub struct Message<'a> {
     /// Its stream.
     pub stream: &'a str,
-    /// Who published it.
+    /// Operator that published it.
     pub operator: &'a str,
-    /// The instant that it describes.
+    /// Instant that it describes.
     pub stamp: Time,
-    /// When it was published.
+    /// Time of publication.
     pub at: Time,
     /// The stamp of the newest sensor frame that it derives from.
     pub origin: Option<Time>,
 }
 
-/// A run, as far as its page shows it.
+/// Page data of a run, collected so far.
 #[derive(Clone, Debug, Default)]
 pub struct Collector {
     page: RunPage,
     names: BTreeMap<ActorId, String>,
     operators: BTreeMap<String, usize>,
     streams: BTreeMap<String, usize>,
-    /// The stream of each type that is shown: a second one, such as what a fault makes of it, is not.
+    /// Stream shown for each message type. A second stream of the type, such as one with injected faults, is not shown.
     shown: BTreeMap<&'static str, usize>,
     ego_due: Time,
     localization: Localization,
@@ -58,12 +58,12 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// Nothing has happened yet.
+    /// Creates an empty collector.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The ground that is driven on, and the outline of what drives.
+    /// Sets the road that is driven on and the ego's outline.
     pub fn set_ground(&mut self, route: &Route, lane_width_m: f64, outline: Outline) {
         let length_m = route.line().length();
         let n = (length_m / ROAD_STEP_M).ceil().max(1.0) as usize;
@@ -89,30 +89,30 @@ impl Collector {
         };
     }
 
-    /// The traffic lights of the ground.
+    /// Sets the traffic lights along the road.
     pub fn set_lights(&mut self, lights: Vec<Light>) {
         if let Some(road) = &mut self.page.road {
             road.lights = lights;
         }
     }
 
-    /// What the actors are called.
+    /// Sets the names of the actors.
     pub fn set_names(&mut self, names: impl IntoIterator<Item = (ActorId, String)>) {
         self.names = names.into_iter().collect();
     }
 
-    /// An operator of the graph and what it reads. Operators are shown in the order of these calls.
+    /// Adds an operator with its inputs. Operators are shown in the order of these calls.
     pub fn set_inputs(&mut self, operator: &str, inputs: Vec<Input>) {
         let index = self.operator(operator);
         self.page.operators[index].inputs = inputs;
     }
 
-    /// Whether pictures of the cameras are kept.
+    /// Enables or disables camera pictures.
     pub fn keep_photos(&mut self, keep: bool) {
         self.with_photos = keep;
     }
 
-    /// Takes in a message; `payload` of any other type than those shown is passed over.
+    /// Takes in a message; payloads of types that the page does not show are ignored.
     pub fn message(&mut self, about: Message<'_>, payload: Option<&dyn Any>) {
         self.fill.make_room(&mut self.page);
         let operator = self.operator(about.operator);
@@ -157,8 +157,7 @@ impl Collector {
         }
     }
 
-    /// Takes in a picture of a camera, an address that holds it, where pictures are kept and the last one of the stream is
-    /// long enough ago.
+    /// Takes in a camera picture as a data URI, if pictures are enabled and the last one of the stream is old enough.
     pub fn photo(&mut self, name: &str, stamp: Time, make: impl FnOnce() -> Option<String>) {
         let stream = self.stream(name);
         let due = self.photographed.get(&stream).is_none_or(|last| stamp - *last >= PHOTO_EVERY);
@@ -168,7 +167,7 @@ impl Collector {
         }
     }
 
-    /// Takes in a step that ended.
+    /// Takes in a finished step.
     pub fn step(&mut self, operator: &str, stamp: Time, start: Time, end: Time, late: bool) {
         let operator = self.operator(operator);
         let steps = &mut self.page.steps;
@@ -187,23 +186,23 @@ impl Collector {
         mark(&mut self.page.misses, operator, (stamp, at), reaction.into());
     }
 
-    /// Takes in a drop.
+    /// Takes in a dropped frame or result.
     pub fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: impl Into<String>) {
         let operator = self.operator(operator);
         mark(&mut self.page.drops, operator, (stamp, at), reason.into());
     }
 
-    /// The page as far as it goes by now.
+    /// The page data collected so far.
     pub fn so_far(&self) -> &RunPage {
         &self.page
     }
 
-    /// Sentences on what a page of a run this long leaves out.
+    /// Sentences about the data that the page of a long run leaves out.
     pub fn notes(&self) -> impl Iterator<Item = String> {
         self.fill.notes()
     }
 
-    /// The page, to which what is known of the run as a whole is to be added.
+    /// Returns the page data; the caller adds the results of the run as a whole.
     pub fn finish(self) -> RunPage {
         self.page
     }
@@ -273,7 +272,7 @@ impl Collector {
         ego.steer.push(thousandths(state.steering_rad));
     }
 
-    /// A pose that is not the true one.
+    /// Takes in an estimated pose, if it differs from the true one.
     fn located(&mut self, found: &EgoState) {
         let off = self.localization.pose(found).map(thousandths).filter(|off| *off > 0);
         let located = &mut self.page.located;
@@ -285,7 +284,7 @@ impl Collector {
         }
     }
 
-    /// How sure localization is of the pose of the same stamp.
+    /// Takes in the uncertainty of the pose with the same stamp.
     fn sure(&mut self, quality: &PoseQuality) {
         let located = &mut self.page.located;
         if located.t.last() == Some(&us(quality.stamp))
@@ -310,7 +309,7 @@ impl Observer for Collector {
             Event::Publication(p) => {
                 let Some(stamp) = p.stamp else { return };
                 let (stream, operator, at, origin) = (p.stream, p.operator, p.visible_at, p.origin);
-                // What is still being made is looked at for photos alone: who looks waits.
+                // Reading a payload still in progress blocks, so that is done for photos only.
                 let looked_at = p.payload.filter(|p| !p.is_promised() || self.with_photos && p.is::<Image>());
                 let payload = looked_at.and_then(|p| p.payload()).map(|p| p.as_any());
                 self.message(Message { stream, operator, stamp, at, origin }, payload);
@@ -324,7 +323,7 @@ impl Observer for Collector {
     }
 }
 
-/// Takes in a pose of an actor, if it has moved.
+/// Appends a pose of an actor if it has moved. Returns true if the pose was added.
 fn follow(actor: &mut run::Actor, at: Time, pose: Pose2) -> bool {
     let moved = |k: usize| {
         let (x, y) = (actor.x[k] as f64 * 0.01, actor.y[k] as f64 * 0.01);
@@ -365,7 +364,7 @@ fn plan_of(at: Time, plan: &Plan) -> run::Plan {
     run::Plan { t: us(at), stamp: us(plan.stamp), status: name_of(&plan.status), line: thinned(points) }
 }
 
-/// At most [`POINTS`] of the points, the first and the last among them; what does not move is one point.
+/// At most [`POINTS`] of the points, including the first and the last; a stationary path is one point.
 fn thinned(points: Vec<[i64; 2]>) -> Vec<i64> {
     let mut kept: Vec<[i64; 2]> = if points.len() <= POINTS {
         points
@@ -384,7 +383,7 @@ fn mark(marks: &mut Marks, operator: usize, (stamp, at): (Time, Time), why: Stri
     marks.why.push(why);
 }
 
-/// The name under which a unit variant is serialized.
+/// Serialised name of a unit variant.
 fn name_of(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(name)) => name,

@@ -1,4 +1,4 @@
-//! Data into a page, and out of it again.
+//! Embedding of data in a page, and extraction from it.
 
 use std::io;
 
@@ -8,7 +8,7 @@ use swerve_draw::escape;
 
 const TEMPLATE: &str = include_str!("../../page/page.html");
 const STYLE: &str = include_str!("../../page/style.css");
-/// In the order in which they build on each other.
+/// Scripts in order of dependency.
 const SCRIPTS: [&str; 11] = [
     include_str!("../../page/kit.js"),
     include_str!("../../page/chart.js"),
@@ -25,7 +25,7 @@ const SCRIPTS: [&str; 11] = [
 const DATA_BEGIN: &str = "<script type=\"application/json\" id=\"data\">";
 const DATA_END: &str = "</script>";
 
-/// The page that shows `data`. Whatever texts the data hold, they stay data: no `<` is left in them.
+/// The page that shows `data`. Texts in the data are never read as markup: `<` is always escaped.
 pub fn page(title: &str, data: &impl Serialize) -> String {
     let mut html = Vec::new();
     let mut rest = TEMPLATE;
@@ -46,7 +46,7 @@ pub fn page(title: &str, data: &impl Serialize) -> String {
     String::from_utf8(html).expect("all of it is text")
 }
 
-/// JSON on its way into a page: of a long run there is one copy in memory.
+/// Writer that escapes JSON into a page. A long run is held in memory only once.
 struct Escaped<'a>(&'a mut Vec<u8>);
 
 impl io::Write for Escaped<'_> {
@@ -65,7 +65,7 @@ impl io::Write for Escaped<'_> {
     }
 }
 
-/// The JSON text that a page was made of; none where it is no such page.
+/// The JSON text that a page was made from; `None` if the text is not such a page.
 pub fn data_of(html: &str) -> Option<&str> {
     let (_, rest) = html.split_once(DATA_BEGIN)?;
     rest.split_once(DATA_END).map(|(data, _)| data)

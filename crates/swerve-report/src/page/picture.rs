@@ -4,17 +4,18 @@ use std::fmt::Write as _;
 
 use swerve_msg::{Encoding, Image};
 
-/// Columns of a picture at most.
+/// Maximum width of a picture, pixels.
 const WIDTH_PX: usize = 200;
 
-/// A coloured image, made smaller by leaving out pixels, as an address that holds a PNG; none of other images, or
-/// where the log has only a fingerprint of it.
+/// An RGB image, downsampled, as a data URI with a PNG. `None` for other encodings, or if the log has only a
+/// fingerprint of the image.
 pub fn photo(image: &Image) -> Option<String> {
     let size = [image.width_px, image.height_px].map(|px| px as usize);
     (image.encoding() == Encoding::Rgb8).then(|| photo_of(size, image.pixels.bytes())).flatten()
 }
 
-/// The same of `columns` and `rows` of three bytes a pixel; none of other bytes.
+/// [`photo`] for `columns` × `rows` pixels of three bytes each; `None` if there are none or the number of bytes
+/// differs.
 pub fn photo_of([columns, rows]: [usize; 2], bytes: &[u8]) -> Option<String> {
     if columns == 0 || rows == 0 || bytes.len() != 3 * columns * rows {
         return None;
@@ -36,7 +37,7 @@ pub fn photo_of([columns, rows]: [usize; 2], bytes: &[u8]) -> Option<String> {
     Some(format!("data:image/png;base64,{}", base64(&file)))
 }
 
-/// RFC 4648, section 4.
+/// Base64, RFC 4648, section 4.
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
@@ -54,7 +55,7 @@ fn base64(bytes: &[u8]) -> String {
 mod tests {
     #[test]
     fn base64_is_that_of_the_standard() {
-        // The test vectors of RFC 4648, section 10.
+        // Test vectors of RFC 4648, section 10.
         let vectors = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg==")];
         for (plain, encoded) in vectors {
             assert_eq!(super::base64(plain.as_bytes()), encoded);

@@ -1,9 +1,9 @@
-//! What a page that is shown while the run goes on does not have yet.
+//! Updates for a page that is shown during the run.
 
 use super::run::{Actor, Commands, Ego, RunPage};
 use super::{Collector, Photo, Plan, Predictions, Tracks};
 
-/// The last instant of each table that a page has, microseconds; none before the first.
+/// Last instant of each table that a page has, microseconds; `None` before the first.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Have {
@@ -17,13 +17,13 @@ pub struct Have {
     pub predictions: Option<i64>,
     /// Plans.
     pub plans: Option<i64>,
-    /// Number of its pictures, including those dropped.
+    /// Number of pictures received, including dropped ones.
     pub photos: usize,
-    /// All actors' ways.
+    /// Poses of all actors.
     pub actors: Option<i64>,
 }
 
-/// The rows that came since; columns as in [`RunPage`].
+/// New rows since then; columns as in [`RunPage`].
 #[derive(Clone, PartialEq, Debug, Default, serde::Serialize)]
 pub struct Rows {
     end: i64,
@@ -37,7 +37,7 @@ pub struct Rows {
 }
 
 impl Collector {
-    /// What is known by now beyond what a page has.
+    /// Rows that a page does not have yet.
     pub fn rows(&self, have: &Have) -> Rows {
         let RunPage { end, ego, actors, commands, tracks, predictions, plans, photos, photos_before, .. } =
             self.so_far();
@@ -58,12 +58,12 @@ fn since<T: Clone>(column: &[T], from: usize) -> Vec<T> {
     column.get(from..).unwrap_or_default().to_vec()
 }
 
-/// The rows after an instant.
+/// Rows after an instant.
 fn beyond<T: Clone>(rows: &[T], last: Option<i64>, t: impl Fn(&T) -> i64) -> Vec<T> {
     since(rows, last.map_or(0, |last| rows.partition_point(|row| t(row) <= last)))
 }
 
-/// The place of the first instant after another one.
+/// Index of the first instant after `last`.
 fn after(t: &[i64], last: Option<i64>) -> usize {
     last.map_or(0, |last| t.partition_point(|t| *t <= last))
 }
@@ -82,7 +82,8 @@ fn commands_since(all: &Commands, last: Option<i64>) -> Commands {
     Commands { t, steer, throttle, brake }
 }
 
-/// An actor's way beyond an instant: those of all actors grow by the same messages.
+/// Poses of an actor after an instant. One instant is enough for all actors, as each message has the poses of all of
+/// them.
 fn actor_since(actor: &Actor, last: Option<i64>) -> Actor {
     let from = after(&actor.t, last);
     let [t, x, y, h] = [&actor.t, &actor.x, &actor.y, &actor.h].map(|column| since(column, from));

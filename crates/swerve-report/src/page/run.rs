@@ -1,54 +1,54 @@
-//! What the page of a run holds. Numbers are whole, in units that lose nothing an eye could see: instants in
-//! microseconds since the run started, lengths in centimetres, angles in milliradians, speeds and accelerations in
-//! millimetres per second (squared), errors of localization in millimetres, shares in thousandths. Tables stand column by column.
+//! Data of a run's page. Numbers are integers, in units finer than the page can show: instants in microseconds since
+//! the run started, lengths in centimetres, angles in milliradians, speeds and accelerations in millimetres per second
+//! (squared), localization errors in millimetres, shares in thousandths. Tables are stored column by column.
 
 use serde::Serialize;
 
-/// One run.
+/// Data of one run.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct RunPage {
-    /// Name of the scenario.
+    /// Scenario name.
     pub scenario: String,
-    /// What drives.
+    /// Name of the driving stack's pipeline.
     pub pipeline: String,
-    /// The seed.
+    /// Random seed.
     pub seed: u64,
-    /// One number that two equal runs share; empty where the run was cut off.
+    /// Digest shared by equal runs; empty if the run was interrupted.
     pub digest: String,
-    /// The command line that repeats it; empty where none does.
+    /// Command line that repeats the run; empty if there is none.
     pub command: String,
-    /// Why none does.
+    /// Reason why no command line repeats the run.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub no_command: String,
-    /// What is missing in the page, and why.
+    /// Notes on data missing from the page, with reasons.
     pub notes: Vec<String>,
-    /// The last instant.
+    /// Last instant.
     pub end: i64,
-    /// The ground; none where nothing is known of it.
+    /// Road; `None` if unknown.
     pub road: Option<Road>,
     /// The ego's outline.
     pub shape: EgoShape,
-    /// The ego's motion.
+    /// States of the ego.
     pub ego: Ego,
-    /// How far the poses that the stack drove by were off.
+    /// Errors of the poses that the stack used.
     pub located: Located,
-    /// The actors as they truly were.
+    /// True poses of the actors.
     pub actors: Vec<Actor>,
-    /// What the stack followed, message by message.
+    /// Tracks, message by message.
     pub tracks: Vec<Tracks>,
-    /// Where it expected that to go.
+    /// Predictions, message by message.
     pub predictions: Vec<Predictions>,
-    /// Where it meant to drive.
+    /// Plans.
     pub plans: Vec<Plan>,
-    /// What it asked of the car.
+    /// Commands to the vehicle.
     pub commands: Commands,
-    /// Everything that runs, in the order of the first sign of it.
+    /// All operators, in order of first appearance.
     pub operators: Vec<Operator>,
     /// Names of the streams.
     pub streams: Vec<String>,
-    /// All steps, in the order of their ends.
+    /// All steps, ordered by end time.
     pub steps: Steps,
-    /// All messages, in the order of publication.
+    /// All messages, ordered by publication time.
     pub messages: Messages,
     /// Deadlines missed.
     pub misses: Marks,
@@ -59,14 +59,14 @@ pub struct RunPage {
     /// Number of older pictures left out.
     #[serde(skip_serializing_if = "is_zero")]
     pub photos_before: usize,
-    /// Tables of what belongs to no single step.
+    /// Tables of data that belongs to no single step.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<Table>,
     /// The whole configuration, as TOML.
     pub config: String,
-    /// Keys of it that are not at their defaults.
+    /// Configuration keys that differ from their defaults.
     pub changed: Vec<Changed>,
-    /// `metrics.json`, as it is; null where there is none.
+    /// Content of `metrics.json`; null if there is none.
     pub metrics: serde_json::Value,
 }
 
@@ -74,109 +74,109 @@ fn is_zero(n: &usize) -> bool {
     *n == 0
 }
 
-/// The ground, as lines of x and y in turn.
+/// Road as polylines of alternating x and y.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Road {
-    /// The way of the ego.
+    /// Route of the ego.
     pub line: Vec<i64>,
-    /// The left border of the drivable ground.
+    /// Left border of the drivable area.
     pub left: Vec<i64>,
-    /// The right border.
+    /// Right border of the drivable area.
     pub right: Vec<i64>,
-    /// Distance between lane markings, 0 where unknown.
+    /// Distance between lane markings; 0 if unknown.
     pub lane: i64,
     /// Traffic lights.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lights: Vec<Light>,
 }
 
-/// A traffic light: green, yellow and red in turn, for ever.
+/// Traffic light with an endless cycle of green, yellow and red.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Light {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Where it stands.
+    /// Position, x and y.
     pub at: [i64; 2],
-    /// Its stop line, from one end to the other.
+    /// Stop line, x and y of both ends.
     pub stop: [i64; 4],
-    /// How long it is green, yellow and red.
+    /// Durations of green, yellow and red.
     pub phases: [i64; 3],
-    /// How far into its cycle, which begins with green, it is at the start.
+    /// Elapsed time of the cycle, which begins with green, at the start of the run.
     pub offset: i64,
 }
 
-/// A table under a heading of its own.
+/// Table with a heading.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Table {
-    /// What it is headed with.
+    /// Heading.
     pub title: String,
-    /// Names of its columns.
+    /// Column names.
     pub columns: Vec<String>,
-    /// Row by row.
+    /// Rows.
     pub rows: Vec<Vec<String>>,
 }
 
-/// The ego's outline.
+/// Outline of the ego.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct EgoShape {
     /// Overall length.
     pub length: i64,
     /// Overall width.
     pub width: i64,
-    /// From the origin forward to its middle.
+    /// Distance from the vehicle origin forward to the centre.
     pub ahead: i64,
 }
 
-/// The ego's states.
+/// States of the ego.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Ego {
     /// Instants.
     pub t: Vec<i64>,
-    /// Places of the origin.
+    /// x of the vehicle origin.
     pub x: Vec<i64>,
-    /// The same.
+    /// y of the vehicle origin.
     pub y: Vec<i64>,
     /// Headings.
     pub h: Vec<i64>,
     /// Speeds.
     pub v: Vec<i64>,
-    /// Accelerations along the car.
+    /// Longitudinal accelerations.
     pub a: Vec<i64>,
-    /// Accelerations across it.
+    /// Lateral accelerations.
     pub lat: Vec<i64>,
-    /// Angles of the front wheels.
+    /// Steering angles of the front wheels.
     pub steer: Vec<i64>,
 }
 
-/// Errors of localization; empty where its poses are the simulator's own.
+/// Localization errors; empty if the stack uses the simulator's own poses.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Located {
     /// Instants.
     pub t: Vec<i64>,
-    /// Distances from the true place.
+    /// Distances from the true position.
     pub off: Vec<i64>,
-    /// Standard deviations that localization gives, along the worst direction; none where it gives none.
+    /// Standard deviations reported by localization, along the worst direction; `None` where it reports none.
     pub sigma: Vec<Option<i64>>,
 }
 
-/// An actor and its way; it stands where it was last until the next instant.
+/// Actor and its poses; each pose holds until the next instant.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Actor {
     /// Identity.
     pub id: u32,
-    /// As the scenario calls it.
+    /// Name in the scenario.
     pub name: String,
-    /// `car`, `pedestrian` and so on.
+    /// Type: `car`, `pedestrian` and so on.
     pub kind: String,
-    /// Size.
+    /// Length.
     pub length: i64,
-    /// The same.
+    /// Width.
     pub width: i64,
     /// Instants.
     pub t: Vec<i64>,
-    /// Places of its centre.
+    /// x of its centre.
     pub x: Vec<i64>,
-    /// The same.
+    /// y of its centre.
     pub y: Vec<i64>,
     /// Headings.
     pub h: Vec<i64>,
@@ -185,42 +185,42 @@ pub struct Actor {
 /// One message of tracks.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Tracks {
-    /// When it was published.
+    /// Time of publication.
     pub t: i64,
-    /// What it describes.
+    /// Instant that it describes.
     pub stamp: i64,
-    /// Identity, x, y, heading, length, width, speed along x and y of each.
+    /// Identity, x, y, heading, length, width, velocity along x and y of each track.
     pub of: Vec<[i64; 8]>,
 }
 
 /// One message of predictions.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Predictions {
-    /// When it was published.
+    /// Time of publication.
     pub t: i64,
-    /// Of each its probability, then x and y in turn.
+    /// Probability of each prediction, then alternating x and y.
     pub of: Vec<Vec<i64>>,
 }
 
 /// One plan.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Plan {
-    /// When it was published.
+    /// Time of publication.
     pub t: i64,
-    /// What it describes.
+    /// Instant that it describes.
     pub stamp: i64,
-    /// How it came about.
+    /// Plan status.
     pub status: String,
-    /// x and y in turn.
+    /// Alternating x and y.
     pub line: Vec<i64>,
 }
 
-/// Commands to the pedals and the wheel.
+/// Commands: steering, throttle and brake.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Commands {
-    /// When each was published.
+    /// Times of publication.
     pub t: Vec<i64>,
-    /// Angle of the front wheels.
+    /// Steering angles of the front wheels.
     pub steer: Vec<i64>,
     /// Throttle.
     pub throttle: Vec<i64>,
@@ -228,100 +228,101 @@ pub struct Commands {
     pub brake: Vec<i64>,
 }
 
-/// An operator and the streams that it reads.
+/// Operator with its input streams.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Operator {
     /// Its name.
     pub name: String,
-    /// What it reads; empty where that is not known.
+    /// Inputs; empty if unknown.
     pub inputs: Vec<Input>,
 }
 
-/// A stream that is read.
+/// Input stream of an operator.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Input {
     /// Its name.
     pub stream: String,
-    /// Over an edge that closes a loop: only what was published before the instant of the step.
+    /// True for an edge that closes a loop: the step sees only messages published before its instant.
     pub feedback: bool,
 }
 
 /// Steps.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Steps {
-    /// Whose, as an index of the operators.
+    /// Index of the operator.
     pub operator: Vec<usize>,
-    /// For which stamp.
+    /// Stamp that the step handles.
     pub stamp: Vec<i64>,
-    /// When each started.
+    /// Start time.
     pub start: Vec<i64>,
-    /// How long it took.
+    /// Run time.
     pub took: Vec<i64>,
-    /// The results that were of no use, as indices of the steps.
+    /// Indices of the steps whose results came too late to be used.
     pub late: Vec<usize>,
 }
 
 /// Messages.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Messages {
-    /// On which stream, as an index of the streams.
+    /// Index of the stream.
     pub stream: Vec<usize>,
-    /// Whose, as an index of the operators.
+    /// Index of the publishing operator.
     pub operator: Vec<usize>,
-    /// What instant each describes.
+    /// Instant that the message describes.
     pub stamp: Vec<i64>,
-    /// When it was published.
+    /// Time of publication.
     pub at: Vec<i64>,
-    /// The stamp of the newest sensor frame that it derives from, -1 without.
+    /// Stamp of the newest sensor frame that the message derives from; -1 if none.
     pub origin: Vec<i64>,
 }
 
-/// Things that befell a stamp.
+/// Events at stamps: missed deadlines or drops.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Marks {
-    /// Whose, as an index of the operators.
+    /// Index of the operator.
     pub operator: Vec<usize>,
-    /// Which stamp.
+    /// Stamp concerned.
     pub stamp: Vec<i64>,
-    /// When.
+    /// Time of the event.
     pub at: Vec<i64>,
-    /// Why: the reaction to a miss, the reason of a drop.
+    /// Reaction to a missed deadline, or reason for a drop.
     pub why: Vec<String>,
 }
 
-/// A picture of a camera.
+/// Camera picture.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Photo {
-    /// Middle of its exposure.
+    /// Middle of the exposure.
     pub t: i64,
-    /// Its stream.
+    /// Stream name.
     pub stream: String,
-    /// The picture as an address that holds it.
+    /// Data URI of the picture.
     pub data: String,
 }
 
-/// A key that is not at its default.
+/// Configuration key that differs from its default.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Changed {
-    /// Dotted.
+    /// Dotted key.
     pub key: String,
-    /// What it is; empty where it is not set.
+    /// Value; empty if not set.
     pub value: String,
-    /// What it would be; empty where there is no default.
+    /// Default value; empty if there is none.
     pub default: String,
 }
 
-/// Where a stream of two runs first differs.
+/// First difference between two runs on one stream.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Parting {
-    /// The stream.
+    /// Stream name.
     pub stream: String,
-    /// Its messages in the first run, in the second, and how many are the same before the first that is not.
+    /// Number of messages in the first run, in the second run, and before the first difference.
     pub counts: [usize; 3],
-    /// When the first message that differs was published, by the run that did so first; none where all are the same.
+    /// Time of publication of the first message that differs, in the run that published it first; `None` if the runs
+    /// agree.
     pub at: Option<i64>,
-    /// Its stamp.
+    /// Stamp of that message.
     pub stamp: Option<i64>,
-    /// In what it differs: `content`, `instant`, `missing`.
+    /// Kind of difference: `content`, `instant` or `missing`.
     pub by: &'static str,
 }

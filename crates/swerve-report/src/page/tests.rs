@@ -14,7 +14,7 @@ fn message<'a>(stream: &'a str, operator: &'a str, ms: i64) -> Message<'a> {
 }
 
 #[test]
-fn texts_stay_data_and_come_back() {
+fn page_round_trips_texts_without_markup() {
     let nasty = "</script><script>alert(1)</script><!-- & \u{2028} \"";
     let figures = Figures { command: nasty.into(), rows: vec![vec![nasty.into()]], ..Figures::default() };
     let html = Page::new("figures", nasty, figures).html();
@@ -25,7 +25,7 @@ fn texts_stay_data_and_come_back() {
         (&back["command"], &back["title"], &back["rows"][0][0]),
         (&nasty.into(), &nasty.into(), &nasty.into())
     );
-    // One element holds the data and one the program, whatever the texts say.
+    // One element holds the data and one the program, whatever the texts contain.
     assert_eq!(html.matches("<script").count(), 2);
     assert_eq!(html.matches("</script").count(), 2);
     assert!(html.contains("<title>&lt;/script&gt;"), "the title is escaped");
@@ -33,14 +33,14 @@ fn texts_stay_data_and_come_back() {
 }
 
 #[test]
-fn nothing_is_fetched() {
+fn page_fetches_nothing() {
     let html = Page::new("figures", "t", Figures::default()).html();
-    // The only address in the page is the name of SVG's elements.
+    // The only URL in the page is the SVG namespace.
     assert_eq!(html.matches("://").count(), html.matches("\"http://www.w3.org/2000/svg\"").count());
 }
 
 #[test]
-fn a_verdict_has_the_colour_that_it_has_in_the_pictures() {
+fn verdict_colours_match_the_pictures() {
     let html = Page::new("figures", "t", Figures::default()).html();
     for (name, color) in [
         ("good", color::GOOD),
@@ -55,7 +55,7 @@ fn a_verdict_has_the_colour_that_it_has_in_the_pictures() {
 }
 
 #[test]
-fn numbers_are_whole_and_thinned() {
+fn collector_rounds_and_thins_numbers() {
     let mut collector = Collector::new();
     for k in 0..20 {
         let pose = Pose2::new(0.1 * f64::from(k), -1.234, 0.5);
@@ -65,7 +65,7 @@ fn numbers_are_whole_and_thinned() {
     let point = |k: u32| PlanPoint { pose: Pose2::new(f64::from(k), 0.0, 0.0), ..PlanPoint::default() };
     let plan = Plan { stamp: at(50), points: (0..100).map(point).collect(), ..Plan::default() };
     collector.message(message("planner", "planner", 50), Some(&plan));
-    // What a fault makes of the plan is no second plan.
+    // The plan with injected faults is not a second plan.
     collector.message(message("planner.fault", "fault", 50), Some(&plan));
     let track = Track {
         id: ActorId(3),
@@ -95,15 +95,15 @@ fn numbers_are_whole_and_thinned() {
 }
 
 #[test]
-fn a_page_without_a_drive_is_one_too() {
+fn page_without_a_drive_is_valid() {
     let page = Page::new("run", "empty", RunPage::default());
     let data: serde_json::Value = serde_json::from_str(data_of(&page.html()).unwrap()).unwrap();
     assert_eq!((&data["kind"], &data["road"]), (&"run".into(), &serde_json::Value::Null));
 }
 
-/// The page by day has the palette and the letters of the pictures.
+/// The light theme has the palette and the font of the pictures.
 #[test]
-fn the_page_has_the_colours_of_the_pictures() {
+fn page_colours_match_the_pictures() {
     use swerve_draw::color;
     let html = Page::new("figures", "t", Figures::default()).html();
     let names = [

@@ -1,4 +1,4 @@
-//! The view from above.
+//! Bird's-eye view.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2, math};
@@ -12,16 +12,17 @@ use super::tracks;
 use super::view::View;
 use swerve_draw::{Anchor, At, Axes, Canvas, Color, Style, Text, color, width_of};
 
-/// Outlines are drawn at the multiples of this, ns.
+/// Interval between outlines, ns.
 const OUTLINE_EVERY_NS: i64 = 500_000_000;
-/// A changed plan sooner than this after the one drawn last belongs to it, unless a path was found or lost.
+/// Minimum time between drawn plan changes. An earlier change counts to the last one drawn, unless a path was found or
+/// lost.
 const SETTLED: Span = Span::from_ms(250);
-/// More plans than this on top of each other cannot be told apart.
+/// Maximum number of plans drawn; more cannot be distinguished.
 const PLANS_MAX: usize = 9;
-/// The ego stands where its outline would come to lie nearer to the last one than this, metres.
+/// An ego that has moved less than this since the last drawn plan is considered stationary, metres.
 const MOVED_M: f64 = 0.3;
 
-/// Draws the road and all that went on there.
+/// Draws the road and the traffic on it.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     canvas.rect(view.corner, view.size, Style::fill(color::GROUND));
     canvas.begin_clip(view.corner, view.size);
@@ -42,7 +43,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View) {
     plan_numbers(&mut labels, story, view);
     canvas.end_clip();
     axes(canvas, view);
-    // Not clipped: letters of another font may be wider.
+    // Drawn unclipped, since another font may have wider letters.
     labels.draw(canvas);
 }
 
@@ -57,7 +58,7 @@ fn road(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     canvas.path(outline, true, Style::fill(color::ROAD));
     if let Some(lane_m) = story.lane_width_m.filter(|w| *w > 0.5) {
         let style = Style::line(color::LANE, 2.0).dashed(3.0 * view.scale, 3.0 * view.scale);
-        // Only those that are on the road all the way.
+        // Only lane borders that are on the road all along.
         let (left, right) = (route.borders().left().min_m(), route.borders().right().min_m());
         let inside = |d_m: &f64| *d_m < left - 0.3 && *d_m > 0.3 - right;
         let first = ((-right / lane_m) - 0.5).floor() as i64;
@@ -81,7 +82,7 @@ fn frame_of(view: &View) -> Axes {
     Axes { corner: view.corner, size: view.size, x: (left, right), y: (bottom, top) }
 }
 
-/// About how many ticks either axis has room for.
+/// Approximate number of ticks for each axis.
 fn about(view: &View) -> (f64, f64) {
     (12.0, (view.size.1 / 40.0).clamp(2.0, 12.0))
 }
@@ -114,7 +115,7 @@ pub(super) fn outline(canvas: &mut Canvas, view: &View, obb: &Obb, style: Style)
     canvas.path(obb.corners().map(|corner| view.at(corner)), true, style);
 }
 
-/// The half seconds within the view.
+/// Multiples of half a second within the view.
 fn half_seconds(view: &View) -> impl Iterator<Item = Time> {
     let (from, to) = (view.span.0.ns(), view.span.1.ns());
     let first = from.div_euclid(OUTLINE_EVERY_NS) + i64::from(from.rem_euclid(OUTLINE_EVERY_NS) > 0);
@@ -125,7 +126,7 @@ fn seconds(at: Time) -> String {
     format!("{:.1}", at.as_secs())
 }
 
-/// Asks for the instants of outlines, round ones first: within or beside the outline, off all lines.
+/// Requests time labels for outlines, round times first: within or beside the outline, off all lines.
 fn ask_times(labels: &mut Labels, view: &View, mut times: Vec<(Time, Obb)>, (paint, unit): (Color, &str)) {
     let how = Text { size: 10.0, color: paint, anchor: Anchor::Middle, rim: true, ..Text::default() };
     for (_, footprint) in &times {
@@ -141,7 +142,7 @@ fn ask_times(labels: &mut Labels, view: &View, mut times: Vec<(Time, Obb)>, (pai
     }
 }
 
-/// Places of a text of this width within an outline's lower half, then beside the outline, to its right first.
+/// Candidate positions of a text: in the lower half of an outline, then beside it, right side first.
 fn beside(view: &View, footprint: &Obb, width: f64) -> Vec<At> {
     let [front_left, _, _, front_right] = footprint.corners().map(|corner| view.at(corner));
     let (x, y) = view.at(footprint.center.point());
@@ -170,7 +171,7 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     let mut last: Option<At> = None;
     let mut times: Vec<(Time, Obb)> = Vec::new();
     let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
-    // Of those who matter less every full second is enough.
+    // For actors other than the protagonist, one outline per second is enough.
     for at in half_seconds(view).filter(|at| is_hero || at.ns() % (2 * OUTLINE_EVERY_NS) == 0) {
         let Some(pose) = actor.pose_at(at) else { continue };
         let place = view.at(pose.point());
@@ -189,8 +190,8 @@ fn actor_trace(canvas: &mut Canvas, labels: &mut Labels, (story, actor): (&Story
     }
 }
 
-/// The names of the actors in view beside them, first of those that the ego came nearest to; kinds before the run is
-/// measured.
+/// Labels the actors in view, those that came nearest to the ego first. Before the run is evaluated, the label is the
+/// actor's type.
 fn names(labels: &mut Labels, story: &Story, view: &View) {
     let known =
         |actor: &ActorTrace| story.metrics.iter().flat_map(|m| &m.actors).find(|a| a.actor == actor.id);
@@ -202,8 +203,8 @@ fn names(labels: &mut Labels, story: &Story, view: &View) {
         let how =
             Text { size: 11.0, color: color::INK, anchor: Anchor::Middle, rim: true, ..Text::default() };
         let at = |time: Time| actor.pose_at(time).map(|pose| view.at(pose.point()));
-        // Where it begins in this view, and if that is too full further along its way; at the edge where no more than its
-        // outline comes into view.
+        // Candidates follow the actor's path from its start in this view; an actor with only part of its outline in
+        // view is labelled at the edge.
         let times: Vec<Time> = half_seconds(view).chain([view.span.1]).collect();
         let times = if actor.moves() { times } else { vec![view.span.0] };
         let half = 0.5 * width_of(&name, how) + 4.0;
@@ -214,11 +215,11 @@ fn names(labels: &mut Labels, story: &Story, view: &View) {
             (dx <= half + reach && dy <= reach).then_some(near)
         };
         let along: Vec<At> = times.into_iter().filter_map(at).filter_map(inside).collect();
-        // Within its outline, where that has room for it.
+        // Within the outline if it is large enough.
         let is_roomy = !actor.moves() && actor.extent.length_m * view.scale > width_of(&name, how);
         let first = if is_roomy { 4.0 } else { -12.0 };
         let heights = [first, 20.0, -26.0, 34.0, -40.0, 48.0, 4.0, -54.0, 62.0];
-        // Over or under it, else to its side.
+        // Above or below the outline, else to its side.
         let aside = 0.5 * width_of(&name, how) + 8.0;
         let offsets = [0.0, aside, -aside].into_iter().flat_map(|dx| heights.map(|dy| (dx, dy)));
         let places = offsets.flat_map(|(dx, dy)| along.iter().map(move |(x, y)| (x + dx, y + dy)));
@@ -226,7 +227,7 @@ fn names(labels: &mut Labels, story: &Story, view: &View) {
     }
 }
 
-/// What to call an actor.
+/// Name of an actor type.
 pub(super) fn kind_name(kind: ActorKind) -> &'static str {
     match kind {
         ActorKind::Car => "car",
@@ -258,23 +259,23 @@ fn ego_trace(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &Vie
     polyline(canvas, view, &way, Style::line(paint, 1.6));
 }
 
-/// The changed plan within the view.
+/// Plan changes within the view.
 pub(super) struct Changes<'a> {
-    /// Those that are drawn, in order of time.
+    /// Drawn changes, in order of time.
     pub(super) shown: Vec<&'a PlanMark>,
-    /// How many more there were, each soon after one that is drawn.
+    /// Number of further changes, each soon after a drawn one.
     pub(super) left_out: usize,
 }
 
-/// The changed plan within the view that a reader can tell apart.
+/// Plan changes within the view that a reader can distinguish.
 pub(super) fn changes<'a>(story: &'a Story, view: &View) -> Changes<'a> {
     let (from, to) = view.span;
-    // What the ego set out with is no change.
+    // The first plan is not a change.
     let marks = story.plans.iter().skip(1);
     let inside: Vec<&PlanMark> = marks.filter(|mark| mark.at >= from && mark.at <= to).collect();
     let mut gap = SETTLED;
     loop {
-        // With a path found and lost many times over, that is left out too.
+        // If paths are found and lost many times over, these changes are thinned as well.
         let shown = settled(story, &inside, gap, gap == SETTLED);
         if shown.len() <= PLANS_MAX {
             return Changes { left_out: inside.len() - shown.len(), shown };
@@ -300,7 +301,7 @@ fn settled<'a>(story: &Story, marks: &[&'a PlanMark], gap: Span, found_or_lost: 
     shown
 }
 
-/// What explains a plan from before the first sight of the actor that the story is about: who else was seen.
+/// Note on plans from before the first sight of the protagonist: the other actors visible by then.
 pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
     let at = first_sight(story)?;
     let early = changes(story, view).shown.iter().filter(|mark| mark.at < at).count();
@@ -330,7 +331,7 @@ pub(super) fn before_sight(story: &Story, view: &View) -> Option<String> {
     })
 }
 
-/// Colour of a plan.
+/// Colour of a plan by its status.
 pub(super) fn plan_color(plan: &swerve_msg::Plan) -> Color {
     if plan.status.is_fallback() { color::FALLBACK } else { color::PLAN }
 }
@@ -346,18 +347,18 @@ fn plans(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     }
 }
 
-/// Where the ego was when its plan changed.
+/// Labels the ego's position at each plan change with its number.
 fn plan_numbers(labels: &mut Labels, story: &Story, view: &View) {
     for (number, mark) in (1..).zip(changes(story, view).shown) {
         let Some(ego) = story.ego_at(mark.at) else { continue };
         let (x, _) = view.at(ego.pose.point());
-        // Above the outline: within it stands the time.
+        // Above the outline, which contains the time.
         let y = label_height(view, &story.outline.footprint(ego.pose), false) - 5.0;
         labels.badge((x, y), number, plan_color(&mark.plan));
     }
 }
 
-/// A number in a circle.
+/// Draws a number in a filled circle.
 pub(super) fn badge(canvas: &mut Canvas, (x, y): At, number: &str, paint: Color) {
     canvas.circle((x, y), 7.0, Style::fill(paint).outlined(color::PAPER, 1.0));
     let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, ..Text::default() };

@@ -1,17 +1,17 @@
-//! Time to collision: until outlines would touch if everybody went on as they do.
+//! Time to collision: time until outlines touch at constant velocities.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Pose2, Vector2};
 
 use super::record::{ActorTrace, Shape, Story};
 
-/// No longer than this is looked ahead, seconds.
+/// Prediction horizon, seconds.
 pub(super) const HORIZON_S: f64 = 6.0;
-/// Instants for which it is computed, and over which the speed of an actor is taken.
+/// Sampling interval, also used to estimate an actor's velocity.
 const EVERY: Span = Span::from_ms(100);
 const STEP_S: f64 = 0.1;
 
-/// The smallest time to collision with any actor: instant and time, none where nothing would be hit within [`HORIZON_S`].
+/// Smallest time to collision with any actor, seconds, by instant; `None` if no collision occurs within [`HORIZON_S`].
 pub(super) fn series(story: &Story, (from, to): (Time, Time)) -> Vec<(Time, Option<f64>)> {
     let mut series = Vec::new();
     let mut at = from;
@@ -32,7 +32,7 @@ fn until_touch(story: &Story, actor: &ActorTrace, (at, ego, moving): (Time, Pose
     let theirs = (pose.point() - before.point()) * (1.0 / EVERY.as_secs());
     let relative: Vector2 = moving - theirs;
     let away = pose.point() - ego.point();
-    // Circles about both outlines that never meet need no closer look.
+    // Skips the search if circles around both outlines never meet.
     let reach_m = story.outline.length_m + 0.5 * (actor.extent.length_m + actor.extent.width_m);
     let speed_mps = relative.norm();
     let nearest_s = if speed_mps > 1e-6 {

@@ -1,4 +1,4 @@
-//! The whole figure.
+//! Layout of the figure.
 
 use swerve_eval::{Metrics, Verdict};
 use swerve_msg::ActorKind;
@@ -14,7 +14,7 @@ const LEFT: f64 = 72.0;
 const RIGHT: f64 = 24.0;
 const HEADER: f64 = 64.0;
 
-/// The picture. A run without ego states gives a figure that says so.
+/// Draws the story. Without ego states the figure contains only a note.
 pub fn draw(story: &Story) -> Picture {
     let mut canvas = Canvas::default();
     header(&mut canvas, story);
@@ -50,14 +50,14 @@ fn header(canvas: &mut Canvas, story: &Story) {
     canvas.text((corner.0 + 0.5 * width, 28.0), word, how);
     let how = Text { size: 12.5, color: color::SOFT, ..Text::default() };
     let mut parts = headline(story, metrics);
-    // What there is no room for is in `metrics.json`.
+    // Parts that do not fit are in `metrics.json`.
     while width_of(&parts.join("  ·  "), how) > WIDTH - LEFT - RIGHT {
         parts.pop();
     }
     canvas.text((LEFT, 50.0), &parts.join("  ·  "), how);
 }
 
-/// A text in lines of this width at most.
+/// Text wrapped to a width.
 fn lines(text: &str, width: f64, how: Text) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -109,7 +109,7 @@ fn headline(story: &Story, metrics: &Metrics) -> Vec<String> {
     parts
 }
 
-/// What the signs mean; only those that occur. Gives the height of its last line.
+/// Draws the legend of the signs that occur. Returns the height of its last line.
 fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let mut entries: Vec<Entry> = Vec::new();
     let mut add = |is_there: bool, sign: Sign, text: &str| {

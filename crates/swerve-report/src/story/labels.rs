@@ -1,26 +1,27 @@
-//! Labels that overlap neither each other nor lines: all labels of a view are requested, then placed by importance.
+//! Label placement: the labels of a view are requested first, then placed by importance so that they overlap neither
+//! each other nor lines.
 
 use swerve_draw::{Anchor, At, Canvas, Color, Style, Text, color, width_of};
 
-/// What a label is for; the first ones are placed first.
+/// Priority of a label; the first variants are placed first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(super) enum Importance {
-    /// First sight, closest approach, collision: the reader is lost without.
+    /// First sight, closest approach, collision: essential for the reader.
     Event,
     Badge,
     Name,
     Time,
 }
 
-/// Room of a text: left, top, right, bottom, pixels.
+/// Bounding box of a text: left, top, right, bottom, pixels.
 pub(super) type Room = [f64; 4];
 
-/// The labels of one view.
+/// Labels of one view.
 pub(super) struct Labels {
     room: Room,
-    /// Signs that names and times may not hide.
+    /// Boxes of signs that names and times must not cover.
     signs: Vec<Room>,
-    /// Parts of lines that texts should not cross.
+    /// Line segments that texts should not cross.
     lines: Vec<[At; 2]>,
     asked: Vec<Asked>,
 }
@@ -35,7 +36,7 @@ struct Asked {
 }
 
 impl Labels {
-    /// For a view with its top left corner here, of this size.
+    /// Creates the labels of a view from its top left corner and size.
     pub(super) fn new((x, y): At, (width, height): (f64, f64)) -> Self {
         Self {
             room: [x + 2.0, y + 2.0, x + width - 2.0, y + height - 2.0],
@@ -45,12 +46,12 @@ impl Labels {
         }
     }
 
-    /// A sign is drawn here: names and times keep off it.
+    /// Marks a drawn sign, which names and times avoid.
     pub(super) fn keep_off(&mut self, sign: Room) {
         self.signs.push(sign);
     }
 
-    /// A line is drawn through these places: texts keep off it where there is room beside it.
+    /// Marks a drawn line, which texts avoid if they can.
     pub(super) fn keep_off_line(&mut self, places: impl IntoIterator<Item = At>) {
         let mut places = places.into_iter();
         let Some(mut from) = places.next() else { return };
@@ -65,12 +66,12 @@ impl Labels {
         self.lines.push([from, last]);
     }
 
-    /// Asks for a text at the first of these places that is free; where none is, it is left out.
+    /// Requests a text at the first free one of `places`; if none is free, it is left out.
     pub(super) fn ask(&mut self, importance: Importance, places: Vec<At>, text: String, how: Text) {
         self.asked.push(Asked { importance, places, text, how, disc: None });
     }
 
-    /// An event beside a place: as near to it as there is room.
+    /// Requests an event label as near to a point as possible.
     pub(super) fn event(&mut self, (x, y): At, text: String, paint: Color) {
         let how = Text { size: 11.0, color: paint, anchor: Anchor::Middle, bold: true, rim: true };
         let [left, top, right, bottom] = self.room;
@@ -83,13 +84,13 @@ impl Labels {
                 places.extend([1.0, -1.0].map(|sign| (clamped(x + dx), y + sign * 13.0 * f64::from(k))));
             }
         }
-        // Nearest first; of equal ones the one that comes first.
+        // Nearest first; ties keep their order.
         let away = |p: &At| (p.0 - x).abs() * 0.5 + (p.1 - y).abs();
         places.sort_by(|a, b| away(a).total_cmp(&away(b)));
         self.ask(Importance::Event, places, text, how);
     }
 
-    /// A number in a disc, above a place if it can be.
+    /// Requests a number in a disc, preferably above a point.
     pub(super) fn badge(&mut self, (x, y): At, number: usize, paint: Color) {
         let how = Text { size: 10.0, color: color::PAPER, anchor: Anchor::Middle, bold: true, rim: false };
         let shift = |k: i32| (x, y - 17.0 * f64::from(k));
@@ -98,8 +99,9 @@ impl Labels {
         self.asked.push(Asked { importance: Importance::Badge, places, text, how, disc: Some(paint) });
     }
 
-    /// Draws what there is room for. Of the free places the first one off all lines is taken. Without one, a time is left
-    /// out, since its neighbours show it; other texts take the first free place, on a plate that hides the lines.
+    /// Places and draws the labels. The first free position clear of all lines is used. Failing that, a time label is
+    /// left out, since its neighbours imply it; other texts take the first free position, on a plate that hides the
+    /// lines.
     pub(super) fn draw(mut self, canvas: &mut Canvas) {
         self.asked.sort_by_key(|asked| asked.importance);
         let mut taken: Vec<Room> = Vec::new();
@@ -134,7 +136,7 @@ impl Labels {
 }
 
 impl Asked {
-    /// The room that it takes at a place.
+    /// Bounding box of the label at a position.
     fn room(&self, at: At) -> Room {
         match self.disc {
             Some(_) => [at.0 - 8.0, at.1 - 8.0, at.0 + 8.0, at.1 + 8.0],
@@ -143,12 +145,12 @@ impl Asked {
     }
 }
 
-/// Lines are known in steps of this, pixels.
+/// Resolution of lines, pixels.
 const LINE_STEP: f64 = 3.0;
-/// So many free places are tried for one off all lines: farther ones belong to something else.
+/// Number of free positions searched for one clear of all lines; farther ones would be ambiguous.
 const CLEAR_AMONG: usize = 24;
 
-/// True if a part of a line passes through a room (Liang and Barsky, "A new concept and method for line clipping", 1984).
+/// True if a line segment crosses a box (Liang and Barsky, "A new concept and method for line clipping", 1984).
 fn is_crossed(room: &Room, [from, to]: [At; 2]) -> bool {
     let (dx, dy) = (to.0 - from.0, to.1 - from.1);
     let edges =
@@ -168,7 +170,7 @@ fn is_crossed(room: &Room, [from, to]: [At; 2]) -> bool {
     enter <= leave
 }
 
-/// Room of a text whose base line is at a place.
+/// Bounding box of a text whose baseline is at a position.
 pub(super) fn room_of((x, y): At, text: &str, how: Text) -> Room {
     let width = width_of(text, how);
     let left = match how.anchor {
@@ -179,7 +181,7 @@ pub(super) fn room_of((x, y): At, text: &str, how: Text) -> Room {
     [left, y - 0.8 * how.size, left + width, y + 0.2 * how.size]
 }
 
-/// Space between two labels side by side, pixels: letters of another font may be wider.
+/// Horizontal space between two labels, pixels: letters of another font may be wider.
 const BESIDE: f64 = 4.0;
 
 fn overlap(a: &Room, b: &Room) -> bool {

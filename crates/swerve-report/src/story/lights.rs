@@ -1,4 +1,4 @@
-//! Traffic lights: stop lines and lamps in the view from above, and what they showed over time.
+//! Traffic lights: stop lines and lamps in the bird's-eye view, and their signals over time.
 
 use swerve_core::Time;
 use swerve_eval::LightCourse;
@@ -10,19 +10,19 @@ use super::record::Story;
 use super::view::View;
 use swerve_draw::{Anchor, Axes, Canvas, Color, Style, Text, color, width_of};
 
-/// Height of what one light showed over time, and with the gap below it, pixels.
+/// Height of the signal strip of one light, and row height including the gap, pixels.
 const STRIP: f64 = 13.0;
 const ROW: f64 = 17.0;
-/// A lamp is at most so far beyond the drivable ground, metres: farther ones are outside the view.
+/// Maximum distance of a lamp from the drivable area, metres: farther ones would be outside the view.
 const BESIDE_M: f64 = 1.2;
 
-/// The colour of a signal.
+/// Colour of a signal.
 fn paint(signal: Signal) -> Color {
     let [r, g, b] = signal.rgb().map(u32::from);
     Color::hex(r << 16 | g << 8 | b)
 }
 
-/// When the ego's front went over the stop line; none where it did not.
+/// Instant at which the ego's front crossed the stop line; `None` if it did not.
 fn crossed(story: &Story, light: &LightCourse) -> Option<Time> {
     let is_over = |pair: &[swerve_msg::EgoState]| {
         story.front_s_m(&pair[0]) < light.stop_s_m && story.front_s_m(&pair[1]) >= light.stop_s_m
@@ -30,13 +30,13 @@ fn crossed(story: &Story, light: &LightCourse) -> Option<Time> {
     story.ego.windows(2).find(|pair| is_over(pair)).map(|pair| pair[1].stamp)
 }
 
-/// The lights whose stop lines are in the view.
+/// Lights whose stop lines are in the view.
 fn shown<'a>(story: &'a Story, view: &View) -> impl Iterator<Item = &'a LightCourse> {
     let (from, to) = view.s_m;
     story.lights.iter().filter(move |light| light.stop_s_m >= from && light.stop_s_m <= to)
 }
 
-/// Draws stop lines, and lamps in the colour in which the ego went over the line, or of the end where it did not.
+/// Draws stop lines, and lamps in the colour at the ego's crossing, or at the end if it did not cross.
 pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     for light in shown(story, view) {
         let route = &story.route;
@@ -65,7 +65,7 @@ pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view
     }
 }
 
-/// Draws what each light in view showed over a time axis, from `top` down; gives the height used.
+/// Draws the signals of each light in view over a time axis, from `top` down. Returns the height used.
 pub(super) fn strips(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes, top: f64) -> f64 {
     let mut y = top;
     for light in shown(story, view) {
@@ -91,7 +91,7 @@ pub(super) fn strips(canvas: &mut Canvas, story: &Story, view: &View, frame: &Ax
     y - top
 }
 
-/// As much of a name as there is room for before a panel.
+/// Name shortened to fit left of a panel.
 fn short(name: &str, how: Text) -> String {
     const ROOM: f64 = 60.0;
     let mut text = name.to_owned();
@@ -99,7 +99,7 @@ fn short(name: &str, how: Text) -> String {
     if text == name { text } else { format!("{}…", text.trim_end()) }
 }
 
-/// Whether a light is in the view.
+/// True if a light is in the view.
 pub(super) fn are_there(story: &Story, view: &View) -> bool {
     shown(story, view).next().is_some()
 }

@@ -1,4 +1,4 @@
-//! The events of a story in the view from above: first sight, closest approach or collision.
+//! Events of a story in the bird's-eye view: first sight, closest approach or collision.
 
 use swerve_core::{Span, Time};
 use swerve_eval::Milestone;
@@ -11,7 +11,7 @@ use super::record::Story;
 use super::view::View;
 use swerve_draw::{Canvas, Style, color};
 
-/// The instant of the first sight of the actor that the story is about, if it came while the ego drove.
+/// Instant of the first sight of the protagonist, if after the start of the run.
 pub(super) fn first_sight(story: &Story) -> Option<Time> {
     let start = story.ego.first()?.stamp;
     let chain = story.why.as_ref().and_then(|why| why.at_s(Milestone::Visible));
@@ -19,14 +19,14 @@ pub(super) fn first_sight(story: &Story) -> Option<Time> {
     (at > start).then_some(at)
 }
 
-/// The instant of the collision, or of the closest approach.
+/// Instant of the collision, or else of the closest approach.
 pub(super) fn closest_at(story: &Story) -> Option<Time> {
     let impact = story.metrics.as_ref()?.impact.map(|impact| impact.at_s);
     let at_s = impact.or_else(|| story.protagonist().map(|hero| hero.min_distance_at_s))?;
     Some(Time::ZERO + Span::from_secs(at_s))
 }
 
-/// Seconds as metrics and pages have them: the double nearest to the instant, so that all of them round it alike.
+/// Seconds as in metrics and pages: the nearest double, so that all of them round alike.
 fn seconds(at: Time) -> f64 {
     at.ns() as f64 / 1e9
 }
@@ -47,7 +47,7 @@ pub(super) fn sight(canvas: &mut Canvas, labels: &mut Labels, story: &Story, vie
     let away_m = on_ego.distance(on_actor);
     let end = if view.holds(from) { "" } else { ", outside this view" };
     let label = format!("{} first visible {:.2} s, {away_m:.1} m away{end}", hero.name, seconds(at));
-    // On the side away from the actor, where the line of sight does not cross it.
+    // On the side away from the actor, clear of the line of sight.
     labels.event((from.0, label_height(view, &footprint, to.1 < from.1)), label, color::SIGHT_TEXT);
     Some(())
 }
@@ -81,7 +81,7 @@ pub(super) fn closest(canvas: &mut Canvas, labels: &mut Labels, story: &Story, v
     Some(())
 }
 
-/// The ego when it first left the road.
+/// State of the ego when it first left the road.
 pub(super) fn left_road(story: &Story) -> Option<EgoState> {
     story.ego_at(Time::ZERO + Span::from_secs(story.metrics.as_ref()?.left_road_at_s?))
 }

@@ -1,4 +1,4 @@
-//! Speed, steering, accelerations and time to collision over one time axis.
+//! Time series of speed, steering, accelerations and time to collision over one time axis.
 
 use swerve_core::{Span, Time};
 use swerve_eval::{Milestone, WhyStep};
@@ -15,18 +15,18 @@ use swerve_draw::{Anchor, At, Axes, Canvas, Style, Text, color, width_of};
 const HEIGHT: f64 = 84.0;
 const GAP: f64 = 14.0;
 
-/// One quantity over time.
+/// Plot of one quantity over time.
 struct Panel {
     label: &'static str,
     unit: &'static str,
     of: Quantity,
-    /// What is shown at least.
+    /// Minimum range of the axis.
     range: (f64, f64),
-    /// Limits of comfort, as the nuPlan benchmark has them (`ego_is_comfortable`).
+    /// Comfort limits of the nuPlan benchmark (`ego_is_comfortable`).
     comfort: &'static [f64],
 }
 
-/// Where the values come from.
+/// Source of the values.
 enum Quantity {
     Ego(fn(&EgoState) -> f64),
     CollisionTime,
@@ -35,7 +35,7 @@ enum Quantity {
 /// Height of the row that names the steps of the chain, pixels.
 const CHAIN_ROW: f64 = 20.0;
 
-/// As long before the view a step of the chain is shown, seconds, and so much ground before the first one.
+/// Maximum time before the view for a step of the chain to be shown, and the space before the first one, seconds.
 const BEFORE_VIEW_S: f64 = 5.0;
 const EDGE_S: f64 = 0.1;
 
@@ -71,13 +71,13 @@ const PANELS: [Panel; 5] = [
     Panel { label: "TTC", unit: "s", of: Quantity::CollisionTime, range: (0.0, HORIZON_S), comfort: &[] },
 ];
 
-/// Draws the panels below each other from `corner` down; gives the height used.
+/// Draws the panels below each other from `corner` down. Returns the height used.
 pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, width: f64) -> f64 {
     let time = time_axis(story, view);
     let from = Time::ZERO + Span::from_secs(time.0);
     let samples: Vec<&EgoState> =
         story.ego.iter().filter(|e| e.stamp >= from && e.stamp <= view.span.1).collect();
-    // Beside the blow of a collision nothing before it would be more than a line: what comes then is cut at the frame.
+    // The jolt of a collision would dwarf all values before it, so values from then on are clipped at the frame.
     let impact_s = story.metrics.as_ref().and_then(|m| m.impact).map_or(f64::INFINITY, |impact| impact.at_s);
     let without_comfort = story.without_comfort();
     let mut y = corner.1 + 6.0;
@@ -105,7 +105,7 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
             let style = Style::line(color::ALARM, 1.0).dashed(2.0, 3.0);
             canvas.line(frame.at(time.0, *limit), frame.at(time.1, *limit), style);
         }
-        // Where there is no value there is no line.
+        // No line where there is no value.
         for run in values.chunk_by(|a, b| a.1.is_some() == b.1.is_some()) {
             let points = run.iter().filter_map(|(at_s, v)| Some(frame.at(*at_s, (*v)?)));
             canvas.path(points, false, Style::line(color::EGO, 1.8));
@@ -119,16 +119,16 @@ pub(super) fn draw(canvas: &mut Canvas, story: &Story, view: &View, corner: At, 
     y - GAP + 36.0 - corner.1
 }
 
-/// The values' range and what is shown at least, and a little more.
+/// Range of the values, at least `least`, with a margin.
 fn range(values: impl Iterator<Item = f64>, least: (f64, f64)) -> (f64, f64) {
     let finite = values.filter(|v| v.is_finite());
     let (low, high) = finite.fold(least, |(l, h), v| (l.min(v), h.max(v)));
     let spare = 0.06 * (high - low);
-    // A quantity that begins at nothing has its axis there.
+    // A range that starts at zero gets no margin there.
     (if low == 0.0 { 0.0 } else { low - spare }, high + spare)
 }
 
-/// How the time is painted in which the planner itself led.
+/// Shading of the times at which the planner itself led.
 pub(super) fn without_comfort_style() -> Style {
     Style::fill(color::SIGHT).filled_by(0.16)
 }
@@ -153,7 +153,7 @@ fn axes(canvas: &mut Canvas, panel: &Panel, frame: &Axes, without_comfort: &[(Ti
     frame.name_left(canvas, panel.label, panel.unit);
 }
 
-/// How far the time to collision is looked for.
+/// Marks the prediction horizon of the time to collision.
 fn horizon(canvas: &mut Canvas, frame: &Axes, is_any: bool) {
     let style = Style::line(color::SOFT, 1.0).dashed(6.0, 4.0);
     canvas.line(frame.at(frame.x.0, HORIZON_S), frame.at(frame.x.1, HORIZON_S), style);
@@ -165,29 +165,29 @@ fn horizon(canvas: &mut Canvas, frame: &Axes, is_any: bool) {
     canvas.text((frame.corner.0 + frame.size.0 - 6.0, frame.at(0.0, HORIZON_S).1 + 13.0), &text, how);
 }
 
-/// The steps of the chain within a time axis, seconds.
+/// Steps of the chain within a time interval, seconds.
 fn steps(story: &Story, (from, to): (f64, f64)) -> impl Iterator<Item = &WhyStep> {
     let steps = story.why.iter().flat_map(|why| &why.steps);
     steps.filter(move |step| step.at_s >= from && step.at_s <= to)
 }
 
-/// From when to when the curves are drawn, seconds: during the view, and before it from the chain's first step on, if
-/// that is not long before.
+/// Time range of the curves, seconds: the span of the view, extended to the chain's first step if that is at most
+/// [`BEFORE_VIEW_S`] earlier.
 fn time_axis(story: &Story, view: &View) -> (f64, f64) {
     let (from, to) = (view.span.0.as_secs(), view.span.1.as_secs());
     let Some(first) = steps(story, (from - BEFORE_VIEW_S, to)).next() else { return (from, to) };
-    // A line on the very edge would not be seen.
+    // A line on the very edge would be invisible.
     (from.min((first.at_s - EDGE_S).max(0.0)), to)
 }
 
-/// Whether a step of the chain is on the time axis.
+/// True if a step of the chain is on the time axis.
 pub(super) fn has_chain(story: &Story, view: &View) -> bool {
     steps(story, time_axis(story, view)).next().is_some()
 }
 
-/// What came before a time axis, in short.
+/// Steps of the chain before a time axis: listed if there is room, otherwise counted.
 fn earlier(story: &Story, from_s: f64, how: Text, room: f64) -> Option<String> {
-    // A point on the edge is named there.
+    // A step on the edge is named on the axis.
     let before = steps(story, (f64::NEG_INFINITY, from_s)).filter(|step| step.at_s < from_s);
     let named: Vec<String> = before.map(named).collect();
     let listed = format!("before this: {}", named.join(", "));
@@ -203,7 +203,7 @@ fn named(step: &WhyStep) -> String {
     format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s)
 }
 
-/// Names the steps of the chain in a row, each with a line down to its instant; first those from before the time axis.
+/// Names the steps of the chain in a row, each with a line down to its instant, after those from before the time axis.
 fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
     const GAP: f64 = 10.0;
     let how = Text { size: 10.5, anchor: Anchor::Middle, ..Text::default() };
@@ -217,7 +217,7 @@ fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
     });
     let is_early = early.is_some();
     let named: Vec<(f64, f64, String, swerve_draw::Color)> = early.into_iter().chain(steps).collect();
-    // Each as near to its instant as those before it leave room for; then back from the right edge.
+    // Each name as near to its instant as the previous ones allow, then shifted back from the right edge.
     let mut left = left;
     let mut lefts: Vec<f64> = Vec::new();
     for (x, width, ..) in &named {
@@ -240,7 +240,7 @@ fn chain(canvas: &mut Canvas, story: &Story, frame: &Axes, y: f64) {
     }
 }
 
-/// When somebody was first visible, closest approach or collision, and the changes of the plan, as lines across a panel.
+/// Draws first sight, steps of the chain, closest approach or collision, and plan changes as lines across a panel.
 fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
     let mut line = |at: Time, style: Style| {
         let t = at.as_secs();
@@ -267,7 +267,7 @@ fn marks(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
     }
 }
 
-/// The numbers of the changed plans above the first panel.
+/// Draws the numbers of the plan changes above the first panel.
 fn numbers(canvas: &mut Canvas, story: &Story, view: &View, frame: &Axes) {
     let mut last = f64::NEG_INFINITY;
     for (number, mark) in (1_usize..).zip(birds_eye::changes(story, view).shown) {

@@ -1,4 +1,4 @@
-//! What a story keeps of a run.
+//! Recording of a run for its story.
 
 use swerve_core::{Span, Time};
 use swerve_eval::{ActorMetrics, DecidedBy, LightCourse, Metrics, Outline, Why};
@@ -11,78 +11,78 @@ use swerve_msg::{
 
 use crate::halved::push_within;
 
-/// Tracks are kept every so often.
+/// Minimum time between recorded track lists.
 const TRACKS_EVERY: Span = Span::from_ms(250);
-/// A track farther than this from the outline of everybody is stale, metres.
+/// Distance from all actors' outlines beyond which a track is stale, metres.
 const STALE_M: f64 = 1.5;
-/// Ego states nearer to each other than this are left out.
+/// Minimum spacing of ego states; closer ones are left out.
 const EGO_EVERY: Span = Span::from_ms(20);
-/// Actor poses nearer to each other than this are left out, metres and radians.
+/// Minimum movement between actor poses, metres and radians; closer ones are left out.
 const ACTOR_MOVED: f64 = 0.01;
-/// Most states of the ego, and poses of an actor: 80 seconds. Of a longer run every second one goes.
+/// Maximum number of ego states, and of poses of one actor: 80 seconds. In longer runs every second one is dropped.
 const EGO_MAX: usize = 1 << 12;
 const POSES_MAX: usize = 1 << 14;
-/// Most plans that are kept, and places of tracks.
+/// Maximum number of plans, and of track positions.
 const PLANS_MAX: usize = 1 << 8;
 const TRACKS_MAX: usize = 1 << 12;
-/// A plan that deviates sideways by more than this from the one before it, or from the one kept last, is a
-/// changed plan, metres.
+/// Lateral deviation from the previous plan, or from the last recorded one, beyond which a plan counts as changed,
+/// metres.
 const CHANGE_OF_MIND_M: f64 = 0.3;
 
-/// A run, as far as its figure shows it. Fill it while the run goes on, then [`conclude`](Self::conclude).
+/// Recorded data of a run for its figure. Fill it during the run, then call [`conclude`](Self::conclude).
 #[derive(Clone, Debug)]
 pub struct Story {
     /// Title of the figure.
     pub title: String,
-    /// The way of the ego and the drivable ground beside it.
+    /// Route of the ego, with the drivable area beside it.
     pub route: Route,
     /// Width of a lane, metres; lane borders are drawn when it is known.
     pub lane_width_m: Option<f64>,
     /// The ego's outline.
     pub outline: Outline,
-    /// The traffic lights of the ego's lane.
+    /// Traffic lights of the ego's lane.
     pub lights: Vec<LightCourse>,
-    /// The ego's states, in order of time.
+    /// Ego states, in order of time.
     pub ego: Vec<EgoState>,
-    /// The actors, in order of identity.
+    /// Actors, ordered by identity.
     pub actors: Vec<ActorTrace>,
-    /// The plans at the changes, in order of time.
+    /// Plan changes, in order of time.
     pub plans: Vec<PlanMark>,
-    /// Where tracks were, every quarter of a second.
+    /// Track positions, every quarter of a second.
     pub tracks: Vec<TrackMark>,
-    /// The newest predictions.
+    /// Latest predictions.
     predicted: Vec<Vec<Point2>>,
-    /// The newest plan, kept or not.
+    /// Latest plan, recorded or not.
     newest: Option<Plan>,
-    /// How plans came about, each time that this changed.
+    /// Plan status, at each change.
     statuses: Vec<(Time, PlanStatus)>,
-    /// The result of the run; none before it is over.
+    /// Result of the run; `None` until it is over.
     pub metrics: Option<Metrics>,
-    /// The chain of the actor that decided the verdict.
+    /// Causal chain of the actor that decided the verdict.
     pub why: Option<Why>,
 }
 
-/// The way of one actor.
+/// Path of one actor.
 #[derive(Clone, Debug)]
 pub struct ActorTrace {
     /// Identity.
     pub id: ActorId,
-    /// What it is.
+    /// Type.
     pub kind: ActorKind,
     /// Size.
     pub extent: Extent,
-    /// Poses of its centre, whenever it had moved.
+    /// Poses of its centre, recorded when it moves.
     pub poses: Vec<(Time, Pose2)>,
 }
 
-/// A plan that changed the ego's mind.
+/// A plan that differs from the previous one.
 #[derive(Clone, Debug)]
 pub struct PlanMark {
-    /// When it became visible.
+    /// Time at which it became visible.
     pub at: Time,
     /// The plan.
     pub plan: Plan,
-    /// The newest predicted ways of the others then.
+    /// Latest predicted paths of the other road users at that time.
     pub predicted: Vec<Vec<Point2>>,
 }
 
@@ -91,14 +91,14 @@ pub struct PlanMark {
 pub struct TrackMark {
     /// Stamp of the list.
     pub at: Time,
-    /// Where it was.
+    /// Position.
     pub point: Point2,
-    /// Whether nobody was there.
+    /// True if no actor was there.
     pub is_stale: bool,
 }
 
 impl Story {
-    /// Nothing has happened yet.
+    /// Creates an empty recording.
     pub fn new(title: impl Into<String>, route: Route, lane_width_m: Option<f64>, outline: Outline) -> Self {
         Self {
             title: title.into(),
@@ -118,7 +118,7 @@ impl Story {
         }
     }
 
-    /// Takes in the state of the world after one step.
+    /// Records the state of the world after one step.
     pub fn world(&mut self, world: &WorldState) {
         let due = self.ego.last().is_none_or(|last| world.stamp - last.stamp >= EGO_EVERY);
         let eventful = world.ended.is_some() || !world.collisions.is_empty();
@@ -135,10 +135,10 @@ impl Story {
         }
     }
 
-    /// Takes in a plan that became visible at `at`; only changes are kept.
+    /// Records a plan that became visible at `at`, if it is a change.
     pub fn plan(&mut self, at: Time, plan: &Plan) {
-        // The one before shows a jump even where the one kept last does not reach any more; the one kept last
-        // shows a slow drift.
+        // The previous plan reveals a jump even beyond the end of the last recorded one; the last recorded one reveals
+        // a slow drift.
         let before = self.newest.iter().chain(self.plans.last().map(|mark| &mark.plan));
         if self.plans.is_empty() || before.into_iter().any(|old| is_change_of_mind(old, plan)) {
             let mark = PlanMark { at, plan: plan.clone(), predicted: self.predicted.clone() };
@@ -150,7 +150,7 @@ impl Story {
         self.newest = Some(plan.clone());
     }
 
-    /// When the planner itself led, as no comfortable plan was free; nothing where there is no comfortable layer.
+    /// Times at which the planner itself led because no comfortable plan was free; empty without a comfortable layer.
     pub(crate) fn without_comfort(&self) -> Vec<(Time, Time)> {
         if self.statuses.iter().all(|(_, status)| *status != PlanStatus::Comfortable) {
             return Vec::new();
@@ -159,7 +159,7 @@ impl Story {
         let until = self.statuses.iter().skip(1).map(|(at, _)| *at).chain([end]);
         let spans = self.statuses.iter().zip(until);
         let led = spans.filter(|((_, s), _)| !matches!(s, PlanStatus::Comfortable | PlanStatus::Route));
-        // Neighbours, say a path found and one kept, are one span.
+        // Adjacent spans, such as of a path found and then kept, are joined.
         led.fold(Vec::new(), |mut joined: Vec<(Time, Time)>, (&(from, _), until)| {
             match joined.last_mut().filter(|last| last.1 == from) {
                 Some(last) => last.1 = until,
@@ -169,7 +169,7 @@ impl Story {
         })
     }
 
-    /// Takes in what is tracked.
+    /// Records the tracks, at most every [`TRACKS_EVERY`].
     pub fn tracked(&mut self, list: &TrackList) {
         if self.tracks.last().is_some_and(|last| list.stamp - last.at < TRACKS_EVERY) {
             return;
@@ -187,19 +187,19 @@ impl Story {
         }
     }
 
-    /// Takes in where the others are predicted to be.
+    /// Takes in the latest predictions.
     pub fn predicted(&mut self, list: &PredictionList) {
         let way = |p: &swerve_msg::Prediction| p.path.iter().map(|place| place.pose.point()).collect();
         self.predicted = list.predictions.iter().map(way).collect();
     }
 
-    /// The run is over, this came of it, for this reason.
+    /// Records the result of the run and its cause.
     pub fn conclude(&mut self, metrics: &Metrics, why: Option<&Why>) {
         self.metrics = Some(metrics.clone());
         self.why = why.cloned();
     }
 
-    /// The ego at an instant, between the states that were kept.
+    /// Ego state at an instant, interpolated between the recorded ones.
     pub fn ego_at(&self, at: Time) -> Option<EgoState> {
         let after = self.ego.partition_point(|e| e.stamp <= at);
         let before = self.ego.get(after.checked_sub(1)?)?;
@@ -208,13 +208,13 @@ impl Story {
         Some(EgoState { stamp: at, pose: between(before.pose, next.pose, share), ..*before })
     }
 
-    /// How far along the route the ego's front is, metres.
+    /// Arc length of the ego's front along the route, metres.
     pub(crate) fn front_s_m(&self, ego: &EgoState) -> f64 {
         let front_m = self.outline.center_ahead_m + 0.5 * self.outline.length_m;
         self.route.project(ego.pose.ahead(front_m).point()).s_m
     }
 
-    /// The actor that the story is about: the one that decided the verdict; none where something else did.
+    /// Protagonist of the story: the actor that decided the verdict; `None` if something else did.
     pub(crate) fn protagonist(&self) -> Option<&ActorMetrics> {
         match self.metrics.as_ref()?.decided_by() {
             DecidedBy::Actor(actor) => Some(actor),
@@ -228,7 +228,7 @@ impl Story {
 }
 
 impl Observer for Story {
-    /// Takes in world states, tracks, predictions and plans, by their types, as the engine publishes them.
+    /// Records world states, tracks, predictions and plans as the engine publishes them.
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -255,7 +255,7 @@ impl ActorTrace {
         }
     }
 
-    /// Where it was at an instant; its first or last pose outside its life.
+    /// Interpolated pose at an instant; the first or last pose outside the recorded time.
     pub fn pose_at(&self, at: Time) -> Option<Pose2> {
         let after = self.poses.partition_point(|(t, _)| *t <= at);
         let &(since, from) = self.poses.get(after.saturating_sub(1))?;
@@ -263,12 +263,12 @@ impl ActorTrace {
         Some(between(from, to, (at - since).as_secs() / (until - since).as_secs()))
     }
 
-    /// Whether it ever moved.
+    /// True if the actor ever moved.
     pub fn moves(&self) -> bool {
         self.poses.len() > 1
     }
 
-    /// Its outline at a pose.
+    /// Outline at a pose.
     pub(crate) fn shape(&self, pose: Pose2) -> Shape {
         match self.kind {
             ActorKind::Pedestrian => Shape::Circle(pose.point(), 0.5 * self.extent.width_m),
@@ -284,7 +284,7 @@ pub(crate) enum Shape {
 }
 
 impl Shape {
-    /// The nearest points of the ego's outline and of this one.
+    /// Nearest points of the ego's outline and of this one.
     pub(crate) fn nearest(&self, ego: &Obb) -> (Point2, Point2) {
         match self {
             Self::Circle(center, radius_m) => {
@@ -317,12 +317,12 @@ fn between(a: Pose2, b: Pose2, share: f64) -> Pose2 {
     Pose2::new(point.x_m, point.y_m, a.heading_rad + angle_between(a.heading_rad, b.heading_rad) * share)
 }
 
-/// Whether `new` leads elsewhere than `old` did, or came about in another way.
+/// True if `new` deviates from `old` or has another status.
 fn is_change_of_mind(old: &Plan, new: &Plan) -> bool {
     if old.status != new.status {
         return true;
     }
-    // Following the route needs no figure, however its points are cut.
+    // A plan that follows the route is not a change, even if its points differ.
     if new.status == PlanStatus::Route {
         return false;
     }

@@ -11,14 +11,14 @@ use super::*;
 const NAMES: [&str; 2] = ["parked truck", "person"];
 const OUTLINE: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
-/// A person steps out from behind a truck; the ego swerves by `swerve_m` (or drives on and hits).
+/// A person steps out from behind a truck; the ego swerves by `swerve_m`, or hits the person if that is 0.
 struct Drive {
     swerve_m: f64,
     bend_1pm: f64,
 }
 
 impl Drive {
-    /// From distance along and to the left of the lane to the map.
+    /// Converts arc length and lateral offset from the lane to a map pose.
     fn map(&self, s_m: f64, d_m: f64, turn_rad: f64) -> Pose2 {
         let heading = self.bend_1pm * s_m;
         let (sin, cos) = math::sin_cos(heading);
@@ -35,7 +35,7 @@ impl Drive {
         Route::uniform(Polyline::new(&points).unwrap(), 6.0, 2.0)
     }
 
-    /// Sideways offset and its first two derivatives over distance.
+    /// Lateral offset and its first two derivatives over distance.
     fn offset(&self, s_m: f64) -> [f64; 3] {
         let wave = |from: f64, to: f64| {
             let t = ((s_m - from) / (to - from)).clamp(0.0, 1.0);
@@ -181,10 +181,10 @@ fn seen(at: Time) -> ObstacleList {
     }
 }
 
-/// The disc behind the number of a plan that was found.
+/// Disc behind the number of a plan with status `found`.
 const BADGE: &str = "r=\"7\" fill=\"#007D5A\"";
 
-/// Writes a figure where somebody wants to look at it.
+/// Writes a figure to the folder `SWERVE_STORY_DIR`, if set.
 fn show(name: &str, svg: &str) {
     if let Some(dir) = std::env::var_os("SWERVE_STORY_DIR") {
         std::fs::write(std::path::Path::new(&dir).join(name), svg).unwrap();
@@ -192,7 +192,7 @@ fn show(name: &str, svg: &str) {
 }
 
 #[test]
-fn a_swerve_is_told() {
+fn story_shows_a_swerve() {
     let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let svg = draw(&story).svg();
     show("avoided.svg", &svg);
@@ -205,7 +205,7 @@ fn a_swerve_is_told() {
 }
 
 #[test]
-fn a_collision_is_told() {
+fn story_shows_a_collision() {
     let svg = draw(&Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story()).svg();
     show("collision.svg", &svg);
     for part in ["COLLISION", "collision with person 5.", "impact at 19.9 m/s", "no path found"] {
@@ -213,13 +213,13 @@ fn a_collision_is_told() {
     }
 }
 
-/// The texts of a figure, numbers of axes among them.
+/// Text elements of a figure, including axis numbers.
 fn texts(svg: &str) -> Vec<&str> {
     svg.lines().filter(|line| line.starts_with("<text")).collect()
 }
 
 #[test]
-fn the_blow_of_a_collision_is_on_no_axis() {
+fn collision_jolt_does_not_change_the_axes() {
     let mut story = Drive { swerve_m: 0.0, bend_1pm: 0.0 }.story();
     let impact_s = story.metrics.as_ref().unwrap().impact.unwrap().at_s;
     let without = draw(&story).svg();
@@ -231,7 +231,7 @@ fn the_blow_of_a_collision_is_on_no_axis() {
 }
 
 #[test]
-fn steps_of_the_chain_from_before_the_view_are_on_the_time_axis_or_told_in_short() {
+fn early_chain_steps_are_on_the_time_axis_or_summarised() {
     let mut story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let view = view::View::of(&story, (0.0, 0.0), 1000.0).unwrap();
     let from_s = view.span.0.as_secs();
@@ -252,11 +252,11 @@ fn steps_of_the_chain_from_before_the_view_are_on_the_time_axis_or_told_in_short
         assert!(svg.contains(&format!(">{} {at_s:.3} s<", what.name())), "{}", what.name());
     }
     assert!(!svg.contains(">before this: ") && svg.contains("step of why, named below"));
-    // A step at the very start is on the axis, and on it alone.
+    // A step at the start of the run is on the axis, and only there.
     let svg = draw_with(&mut story, &[(Milestone::Light, 0.0), (Milestone::Planned, from_s - 2.0)]);
     assert!(from_s <= 5.0, "else the start is long before the view");
     assert!(svg.contains(">light 0.000 s<") && !svg.contains(">before this: "), "named twice");
-    // As if this drive had begun earlier.
+    // As if the drive had begun earlier.
     let far = [(Milestone::Visible, from_s - 9.0), (Milestone::Planned, from_s + 1.0)];
     let svg = draw_with(&mut story, &far);
     show("long_before.svg", &svg);
@@ -268,7 +268,7 @@ fn steps_of_the_chain_from_before_the_view_are_on_the_time_axis_or_told_in_short
 }
 
 #[test]
-fn a_bend_is_drawn_to_scale() {
+fn bend_is_drawn_to_scale() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 1.0 / 150.0 };
     let story = drive.story();
     let svg = draw(&story).svg();
@@ -285,7 +285,7 @@ fn a_bend_is_drawn_to_scale() {
 }
 
 #[test]
-fn the_view_runs_from_before_the_first_actor_to_beyond_the_last() {
+fn view_runs_from_before_the_first_actor_to_beyond_the_last() {
     let story = Drive { swerve_m: 1.4, bend_1pm: 0.0 }.story();
     let view = view::View::of(&story, (0.0, 0.0), 1000.0).unwrap();
     assert!((view.s_m.0 - 70.0).abs() < 0.1 && (view.s_m.1 - 142.0).abs() < 0.1, "{:?}", view.s_m);
@@ -293,7 +293,7 @@ fn the_view_runs_from_before_the_first_actor_to_beyond_the_last() {
 }
 
 #[test]
-fn only_changes_of_mind_are_kept() {
+fn story_keeps_only_changed_plans() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let mut story = drive.story();
     let statuses: Vec<PlanStatus> = story.plans.iter().map(|mark| mark.plan.status).collect();
@@ -315,9 +315,9 @@ fn only_changes_of_mind_are_kept() {
     assert_eq!(story.plans.len(), kept + 1, "0.4 m from the one kept last is one");
 }
 
-/// Changed plans every 50 ms make a picture that can be read: few plans, badges beside each other.
+/// Plan changes every 50 ms are thinned to a readable figure: few plans, badges that do not overlap.
 #[test]
-fn a_mind_that_never_rests_is_drawn_now_and_then() {
+fn frequent_plan_changes_are_thinned() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let mut story = drive.story();
     story.plans.clear();
@@ -328,7 +328,7 @@ fn a_mind_that_never_rests_is_drawn_now_and_then() {
     let svg = draw(&story).svg();
     show("restless.svg", &svg);
     let badges = |svg: &str| svg.matches(BADGE).count();
-    // Each badge stands in the view and above the panels.
+    // Each badge is in the view and above the panels.
     assert!((4..=18).contains(&badges(&svg)), "{}", badges(&svg));
     assert!(svg.contains(" more soon after)"));
     let places: Vec<(f64, f64)> = svg
@@ -348,7 +348,7 @@ fn a_mind_that_never_rests_is_drawn_now_and_then() {
 }
 
 #[test]
-fn the_time_without_comfort_is_marked_where_there_is_a_comfortable_layer() {
+fn time_without_comfort_is_marked_if_there_is_a_comfortable_layer() {
     use PlanStatus::{Comfortable, Found, Kept, Route};
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let told = drive.story();
@@ -372,7 +372,7 @@ fn the_time_without_comfort_is_marked_where_there_is_a_comfortable_layer() {
 }
 
 #[test]
-fn a_plan_from_before_first_sight_is_explained() {
+fn plan_before_first_sight_is_explained() {
     let drive = Drive { swerve_m: 1.4, bend_1pm: 0.0 };
     let mut story = drive.story();
     assert!(!draw(&story).svg().contains("was visible:"));
@@ -383,14 +383,14 @@ fn a_plan_from_before_first_sight_is_explained() {
 }
 
 #[test]
-fn a_run_that_ended_at_once_has_a_figure_that_says_so() {
+fn run_that_ends_at_once_has_a_figure_with_a_note() {
     let route = Drive { swerve_m: 0.0, bend_1pm: 0.0 }.route();
     let svg = draw(&Story::new("a < b & c", route, None, OUTLINE)).svg();
     assert!(svg.contains("before the ego moved") && svg.contains("a &lt; b &amp; c"));
 }
 
 #[test]
-fn a_run_without_actors_shows_all_of_it() {
+fn run_without_actors_is_shown_in_full() {
     let drive = Drive { swerve_m: 0.0, bend_1pm: 0.0 };
     let mut story = Story::new("alone", drive.route(), None, OUTLINE);
     for k in 0..100_i64 {

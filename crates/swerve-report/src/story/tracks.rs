@@ -1,4 +1,4 @@
-//! What the stack took the others for: tracks and predictions.
+//! Tracks and predictions of the stack.
 
 use super::birds_eye::changes;
 use super::labels::Labels;
@@ -6,15 +6,15 @@ use super::record::Story;
 use super::view::View;
 use swerve_draw::{At, Canvas, Style, color};
 
-/// Half the size of a sign, pixels.
+/// Half the size of a track sign, pixels.
 const SIGN: f64 = 3.0;
 
-/// Whether a track within the view is where nobody is.
+/// True if a track within the view is stale.
 pub(super) fn has_stale(story: &Story, view: &View) -> bool {
     within(story, view).any(|track| track.is_stale)
 }
 
-/// Whether predictions are drawn.
+/// True if predictions are drawn.
 pub(super) fn has_predictions(story: &Story, view: &View) -> bool {
     changes(story, view).shown.iter().any(|mark| mark.predicted.iter().any(|way| way.len() > 1))
 }
@@ -24,7 +24,7 @@ fn within<'a>(story: &'a Story, view: &View) -> impl Iterator<Item = &'a super::
     story.tracks.iter().filter(move |track| track.at >= from && track.at <= to)
 }
 
-/// Draws tracks as diamonds, stale ones as crosses, and the predictions that went with the plans shown.
+/// Draws tracks as diamonds, stale ones as crosses, and the predictions recorded with the plans shown.
 pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view: &View) {
     let style = Style::line(color::TRACK, 1.0).dashed(1.0, 3.0);
     for way in changes(story, view).shown.iter().flat_map(|mark| &mark.predicted) {
@@ -37,7 +37,7 @@ pub(super) fn draw(canvas: &mut Canvas, labels: &mut Labels, story: &Story, view
     }
 }
 
-/// The sign of a track.
+/// Draws the sign of a track.
 pub(super) fn sign(canvas: &mut Canvas, (x, y): At, is_stale: bool) {
     let r = SIGN;
     if is_stale {

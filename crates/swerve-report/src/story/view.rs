@@ -1,4 +1,4 @@
-//! Which part of the road the figure shows, and where.
+//! Part of the road that the figure shows, and its projection.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Map, Point2, Pose2, angle_between};
@@ -6,52 +6,52 @@ use swerve_geom::{FrenetPoint, Map, Point2, Pose2, angle_between};
 use super::record::{ActorTrace, Story};
 use swerve_draw::At;
 
-/// Shown before the first actor, metres along the route.
+/// Length shown before the first actor, metres along the route.
 const BEFORE_M: f64 = 40.0;
-/// Shown beyond the last actor that the ego came to, metres along the route.
+/// Length shown beyond the last actor that the ego reached, metres along the route.
 const BEYOND_M: f64 = 25.0;
-/// Shown beside the road, metres.
+/// Width shown beside the road, metres.
 const BESIDE_M: f64 = 1.6;
-/// Shown of the route at most, metres: longer parts make strips in which nothing can be read.
+/// Maximum length shown of the route, metres: longer parts make unreadably narrow strips.
 const SHOWN_MAX_M: f64 = 110.0;
-/// A stretch of the route bends where its curvature is at least this, 1/m: a junction or a roundabout, no country road.
+/// Minimum curvature of a bend, 1/m: a junction or a roundabout rather than a country road.
 const BEND_1PM: f64 = 1.0 / 60.0;
-/// A bend that ends nearer than this to the part shown belongs to it, metres along the route.
+/// Distance to the shown part below which a bend is included, metres along the route.
 const BEND_NEAR_M: f64 = 15.0;
-/// Shown of the road before and beyond such a bend, metres.
+/// Length of road shown before and beyond such a bend, metres.
 const BEND_ENDS_M: f64 = 5.0;
-/// Actors that came no nearer than this do not decide what is shown, metres.
+/// Actors that came no nearer than this do not affect the view, metres.
 const MATTERS_M: f64 = 15.0;
-/// Actors are shown up to so far beside the road, metres.
+/// Maximum distance of an actor beside the road for the view to include it, metres.
 const ACTOR_BESIDE_M: f64 = 8.0;
-/// The lowest that the bird's-eye view may become, pixels: labels need room.
+/// Minimum height of the bird's-eye view, pixels: labels need room.
 const HEIGHT_MIN: f64 = 190.0;
-/// The tallest that the bird's-eye view may become, pixels.
+/// Maximum height of the bird's-eye view, pixels.
 const HEIGHT_MAX: f64 = 560.0;
 
-/// From map to figure: equal scales on both axes.
+/// Projection from the map to the figure, with equal scales on both axes.
 pub(super) struct View {
     /// Top left corner and size of the view, pixels.
     pub(super) corner: At,
     pub(super) size: (f64, f64),
-    /// Part of the route that is shown, metres along it.
+    /// Part of the route shown, metres along it.
     pub(super) s_m: (f64, f64),
     /// Time during which the ego is in that part.
     pub(super) span: (Time, Time),
-    /// Whether the axes of the figure are those of the map.
+    /// True if the figure's axes are those of the map.
     pub(super) is_upright: bool,
     /// Pixels per metre.
     pub(super) scale: f64,
-    /// Pose in the map of the figure's axes.
+    /// Pose of the figure's axes in the map.
     axes: Pose2,
-    /// Smallest x, largest y of the view on these axes, metres.
+    /// Smallest x and largest y of the view on these axes, metres.
     low_x_m: f64,
     high_y_m: f64,
 }
 
 impl View {
-    /// The view of a story, `width` pixels wide with its top left corner at `corner`. None before the ego was
-    /// seen twice.
+    /// View of a story, `width` pixels wide, with its top left corner at `corner`. `None` if fewer than two ego states
+    /// are known.
     pub(super) fn of(story: &Story, corner: At, width: f64) -> Option<Self> {
         let s_m = shown(story)?;
         let line = story.route.line();
@@ -75,7 +75,7 @@ impl View {
         Some(view)
     }
 
-    /// A point of the map in the figure.
+    /// Projects a point of the map to the figure.
     pub(super) fn at(&self, point: Point2) -> At {
         let local: Point2 = self.axes.to_local::<Map>(point);
         (
@@ -90,19 +90,19 @@ impl View {
         within(x, self.corner.0, self.size.0) && within(y, self.corner.1, self.size.1)
     }
 
-    /// The place within the view that is nearest to one, this far from its left and right edges.
+    /// Nearest point within the view, at least `from_sides` from its left and right edges.
     pub(super) fn nearest(&self, (x, y): At, from_sides: f64) -> At {
         let (left, right) = (self.corner.0 + from_sides, self.corner.0 + self.size.0 - from_sides);
         (x.min(right).max(left), y.min(self.corner.1 + self.size.1).max(self.corner.1))
     }
 
-    /// Range of the axes: left, right, bottom, top, metres.
+    /// Axis ranges: left, right, bottom, top, metres.
     pub(super) fn range(&self) -> [f64; 4] {
         let (width, height) = (self.size.0 / self.scale, self.size.1 / self.scale);
         [self.low_x_m, self.low_x_m + width, self.high_y_m - height, self.high_y_m]
     }
 
-    /// Points of a line beside the route over the shown part; `d_m` is how far to its left at an arc length.
+    /// Points of a line beside the route over the shown part; `d_m` is its offset to the left at an arc length.
     pub(super) fn beside(&self, story: &Story, d_m: impl Fn(f64) -> f64) -> Vec<Point2> {
         let (from, to) = (self.s_m.0 - 30.0, self.s_m.1 + 30.0);
         let n = (to - from).ceil().max(1.0) as usize;
@@ -111,7 +111,7 @@ impl View {
         (0..=n).map(|k| story.route.unproject(place(s_at(k)))).collect()
     }
 
-    /// Whether any of an actor's way comes into the view, or as near as its outline reaches.
+    /// True if an actor's path comes into the view, or as near to it as its outline reaches.
     pub(super) fn shows(&self, actor: &ActorTrace) -> bool {
         let reach = actor.extent.length_m.max(actor.extent.width_m) * self.scale;
         let within = |v: f64, from: f64, size: f64| v >= from - reach && v <= from + size + reach;
@@ -121,7 +121,7 @@ impl View {
         })
     }
 
-    /// Takes in what has to be seen, and finds the scale.
+    /// Sets scale and height so that road, ego and relevant actors fit.
     fn fit(&mut self, story: &Story) {
         let axes = self.axes;
         let local = |p: Point2| -> Point2 { axes.to_local::<Map>(p) };
@@ -140,7 +140,7 @@ impl View {
         }
         let span = self.span;
         for ego in story.ego.iter().filter(|e| e.stamp >= span.0 && e.stamp <= span.1) {
-            // The outline at both ends of the view may be cut, but not beside the road.
+            // The outline may be cut at both ends of the view, but not at its sides.
             let (x, inside) = (ego.pose, story.outline.footprint(ego.pose));
             let s = route.project(x.point()).s_m;
             if s > from + 5.0 && s < to - 5.0 {
@@ -167,15 +167,15 @@ impl View {
     }
 }
 
-/// Whether an actor came near, or decided how the run ended; before the run is measured, each does.
+/// True if an actor came near or decided how the run ended; always true before the run is evaluated.
 fn matters(story: &Story, actor: &ActorTrace) -> bool {
     let Some(metrics) = &story.metrics else { return true };
     let is_hero = story.protagonist().is_some_and(|hero| hero.actor == actor.id);
     is_hero || metrics.actors.iter().any(|a| a.actor == actor.id && a.min_distance_m <= MATTERS_M)
 }
 
-/// The part of the route worth showing: from before the first actor that matters to beyond the last, each where it was
-/// when the ego was nearest, around the one that the story is about if that is too much.
+/// Part of the route to show: from before the first relevant actor to beyond the last, each at its position when the
+/// ego was nearest. If that is too long, a part around the protagonist.
 fn shown(story: &Story) -> Option<(f64, f64)> {
     let line = story.route.line();
     let (first, last) = (story.ego.first()?, story.ego.last()?);
@@ -192,14 +192,14 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     places.retain(|s| *s >= driven.0 - 10.0 && *s <= driven.1 + 10.0);
     let lines = story.lights.iter().map(|light| light.stop_s_m);
     places.extend(lines.filter(|s| *s >= driven.0 && *s <= driven.1 + 10.0));
-    // Where the ego left the road is what a reader looks for, too.
+    // The place where the ego left the road is shown, too.
     let left = super::marks::left_road(story).map(|ego| line.project(ego.pose.point()).s_m);
     let focus = [hero, left].into_iter().flatten().reduce(f64::max);
     places.extend(hero.into_iter().chain(left));
     let least = places.iter().copied().fold(f64::INFINITY, f64::min);
     let most = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let from = if least.is_finite() { (least - BEFORE_M).max(driven.0) } else { driven.0 };
-    // What the ego came to stand before is beyond what it drove.
+    // An obstacle that the ego stopped for is beyond the driven part.
     let to = if most.is_finite() {
         (most + BEYOND_M).min(driven.1.max(hero.map_or(0.0, |s| s + 8.0)))
     } else {
@@ -213,19 +213,19 @@ fn shown(story: &Story) -> Option<(f64, f64)> {
     } else {
         (from, to)
     };
-    // However far apart: the ego where it came nearest is in view.
+    // The ego at the closest approach is always in view.
     let nearest = super::marks::closest_at(story).and_then(|at| story.ego_at(at));
     let ego_m = nearest.map_or(from, |ego| line.project(ego.pose.point()).s_m);
     Some(with_bends(story, (from.min(ego_m - 3.0), to.max(ego_m + front_m + 3.0)), driven))
 }
 
-/// The part shown with the whole of the bends at its ends, as far as the ego drove through them: of a roundabout all is
-/// shown or nothing. Bends too large for one view stay outside.
+/// Extends the shown part to include the whole of the bends at its ends, as far as the ego drove them: a roundabout is
+/// shown in full or not at all. Bends too large for one view are not included.
 fn with_bends(story: &Story, (from, to): (f64, f64), driven: (f64, f64)) -> (f64, f64) {
     let line = story.route.line();
     let heading = |s_m: f64| line.at(s_m).pose.heading_rad;
     let is_bent = |s_m: f64| angle_between(heading(s_m - 2.0), heading(s_m + 2.0)).abs() >= 4.0 * BEND_1PM;
-    // From an end of the view on to the far end of the bend that is there, in steps of one metre.
+    // Searches from an end of the view for the far end of the bend there, in steps of one metre.
     let end = |start: f64, step: f64| {
         let (mut far, mut s_m) = (start, start);
         while (s_m - far).abs() <= BEND_NEAR_M && s_m >= driven.0 && s_m <= driven.1 {
@@ -243,7 +243,7 @@ fn with_bends(story: &Story, (from, to): (f64, f64), driven: (f64, f64)) -> (f64
     if reach_m <= SHOWN_MAX_M { wide } else { (from, to) }
 }
 
-/// When the ego is within the part shown; all of the run where it never is.
+/// Time during which the ego is within the shown part; the whole run if it never is. `None` if that time is empty.
 fn span(story: &Story, (from, to): (f64, f64)) -> Option<(Time, Time)> {
     let inside = |e: &&swerve_msg::EgoState| {
         let s_m = story.route.project(e.pose.point()).s_m;

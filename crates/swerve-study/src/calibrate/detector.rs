@@ -1,4 +1,4 @@
-//! `swerve calibrate detector`: the emulation of a detector fitted to a published accuracy, over the scenarios' frames.
+//! `swerve calibrate detector`: fits a detector's emulation to a published accuracy over frames of the scenarios.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,13 +30,13 @@ pub(crate) struct DetectorArgs {
     /// Published detector to emulate, such as efficientdet-d3@v100
     #[arg(required_unless_present_any = ["all", "ap"], conflicts_with_all = ["all", "ap"])]
     name: Option<String>,
-    /// All published detectors: writes the table of their fits
+    /// Fit all published detectors and write the table of their fits
     #[arg(long, conflicts_with = "ap")]
     all: bool,
-    /// Average precision to meet, for a detector of one's own by camera
+    /// Average precision to meet, for a custom camera detector
     #[arg(long, value_name = "0..1", value_parser = share)]
     ap: Option<f64>,
-    /// Configurations that the scenarios are driven with, the later over the earlier; the result is written into them
+    /// Configurations to drive the scenarios with, the later over the earlier; the result is written into them
     #[arg(short, long)]
     config: Vec<PathBuf>,
     /// Set a configuration key
@@ -44,7 +44,7 @@ pub(crate) struct DetectorArgs {
     set: Vec<String>,
     #[command(flatten)]
     code: CodeArgs,
-    /// Folder of the scenarios, without its folders [default: the scenarios in the program]
+    /// Folder of the scenarios; subfolders are ignored [default: the built-in scenarios]
     #[arg(long)]
     scenarios: Option<PathBuf>,
     /// Seeds to drive each scenario with
@@ -53,7 +53,7 @@ pub(crate) struct DetectorArgs {
     /// Seed of the detector's draws
     #[arg(long, default_value_t = 1)]
     draws_seed: u32,
-    /// Only what is nearer counts, m
+    /// Range limit: only nearer objects count, m
     #[arg(long, default_value_t = 50.0, value_parser = distance)]
     within_m: f64,
     /// Write to this file instead of standard output
@@ -77,16 +77,16 @@ fn distance(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Time between two frames: neighbours tell little that is new.
+/// Time between two frames: consecutive frames add little information.
 const EVERY: Span = Span::from_ms(200);
 
-/// Of what is less in sight than this nobody expects a detection (KITTI: partly occluded).
+/// Minimum visible share of an object for which a detection is expected (KITTI: partly occluded).
 pub(crate) const VISIBLE_SHARE_MIN: f64 = 1.0 / 3.0;
 
-/// Draws of the detector's errors over the same frames; the mean of their precisions is fitted, as one alone leaps.
+/// Number of error draws over the same frames. Their mean precision is fitted, as that of a single draw jumps.
 const DRAWS: u32 = 16;
 
-/// A fit this close is done; what is asked for is 0.02.
+/// Deviation of the precision at which the fit stops; 0.02 is required.
 const CLOSE: f64 = 0.002;
 
 /// Runs `swerve calibrate detector`.
@@ -128,7 +128,7 @@ pub(crate) fn run(args: &DetectorArgs, registry: &Registry) -> anyhow::Result<()
     }
 }
 
-/// What is to be met.
+/// Accuracy to fit.
 #[derive(Clone, PartialEq, Debug)]
 struct Target {
     name: String,
@@ -145,13 +145,13 @@ impl Target {
 }
 
 impl Target {
-    /// Whether the same fit meets both.
+    /// True if the same fit meets both targets.
     fn is_like(&self, other: &Self) -> bool {
         (self.ap, self.sensing, self.measure) == (other.ap, other.sensing, other.measure)
     }
 }
 
-/// One of each that are alike.
+/// One target of each group with the same fit.
 fn unlike(targets: &[Target]) -> Vec<&Target> {
     let is_first = |k: usize| !targets[..k].iter().any(|earlier| earlier.is_like(&targets[k]));
     (0..targets.len()).filter(|k| is_first(*k)).map(|k| &targets[k]).collect()
@@ -173,7 +173,7 @@ fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
     Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
 }
 
-/// Scenarios with actors: of a folder, without its folders, or those in the program.
+/// Scenarios with actors: those directly in a folder, or the built-in ones.
 fn scenarios(folder: Option<&Path>) -> anyhow::Result<Vec<Scenario>> {
     let all: Vec<Scenario> = match folder {
         Some(folder) => {
@@ -193,16 +193,16 @@ fn scenarios(folder: Option<&Path>) -> anyhow::Result<Vec<Scenario>> {
     Ok(peopled)
 }
 
-/// What there was to see, with the camera if there is one.
+/// Frames with the visible obstacles, and the camera if there is one.
 #[derive(Default)]
 pub(crate) struct Frames {
     camera: Option<ImageCamera>,
-    /// Each with the number of its drive.
+    /// Frames, each with the index of its drive.
     frames: Vec<(u64, Surroundings)>,
 }
 
 impl Frames {
-    /// Drives the scenarios with perfect perception and keeps what a detector that looks with `sensing` could see.
+    /// Drives the scenarios with perfect perception and collects what a detector with this sensor could see.
     pub(crate) fn gather(
         base: &Config,
         sensing: Sensing,
@@ -228,7 +228,7 @@ impl Frames {
     }
 }
 
-/// Frames for what looks with a camera, and for what looks with a lidar.
+/// Frames for camera detectors and for lidar detectors.
 #[derive(Default)]
 struct BySensing {
     camera: Frames,
@@ -262,7 +262,7 @@ impl BySensing {
     }
 }
 
-/// Keeps what there is to see of a drive.
+/// Collects the visible obstacles during a drive.
 struct Watch {
     sensor: ObstacleSight,
     next: Time,
@@ -282,8 +282,8 @@ impl Observer for Watch {
     }
 }
 
-/// Average precision of the emulation over frames, the mean over `draws` draws of its errors; and how many things
-/// counted. `None` if nothing did.
+/// Average precision of the emulation over frames, as the mean over `draws` draws of its errors, and the number of
+/// objects that counted. `None` if none did.
 pub(crate) fn measured(
     params: Params,
     measure: Measure,
@@ -296,7 +296,7 @@ pub(crate) fn measured(
         let mut precision = AveragePrecision::new(0.5);
         let mut detector: Option<(u64, Detector)> = None;
         for (drive, seen) in &frames.frames {
-            // Drives share instants and identities, but no draws.
+            // Drives share instants and identities, but not draws.
             let detector = match detector.take().filter(|(of, _)| of == drive) {
                 Some(same) => detector.insert(same),
                 None => {
@@ -340,7 +340,7 @@ fn take(
     precision.frame(&found, &counts, |f, w| overlap(measure.overlap, &boxes[f], &there[w].0));
 }
 
-/// The box that a perfect detector would report.
+/// Box that a perfect detector would report.
 pub(crate) fn true_box(
     obstacle: &Obstacle,
     seen: &Surroundings,
@@ -375,22 +375,22 @@ fn overlap(of: Overlap, a: &DetectedBox, b: &DetectedBox) -> f64 {
     }
 }
 
-/// What was found for a target.
+/// Fit of a target, and the number of frames and objects behind it.
 struct Fitted {
     fit: Fit,
     frames: usize,
     wanted: u64,
 }
 
-/// The error level at which the emulation meets the target. Precision falls with error level: the secant between an end
-/// that is too good and one that is too bad, never too near to either (over the logarithm of the error level).
+/// Fits the error level at which the emulation meets the target. Precision falls with the error level: the regula falsi
+/// over its logarithm, kept away from both ends of the bracket.
 fn fit(target: &Target, frames: &Frames, draws_seed: u32, within_m: f64) -> anyhow::Result<Fitted> {
     let measure = |error_level: f64, first: u32| {
         let params = Params::of_error_level(target.sensing, error_level);
         measured(params, target.measure, frames, first..first + DRAWS, within_m)?
             .context("nothing was to be found in any frame")
     };
-    // Between nothing wrong and nothing right: logarithm of the error level, and precision.
+    // Bracket between a perfect and a useless detector: logarithm of the error level, and precision.
     let (mut good, mut bad) = ((-3.0, 1.0), (3.0, 0.0));
     let mut best: Option<(f64, f64, u64)> = None;
     for _ in 0..20 {
@@ -412,12 +412,12 @@ fn fit(target: &Target, frames: &Frames, draws_seed: u32, within_m: f64) -> anyh
     Ok(Fitted { fit, frames: frames.frames.len(), wanted })
 }
 
-/// To four places, as it is written down.
+/// Rounds to four decimal places, as written to files.
 fn round(x: f64) -> f64 {
     (x * 1e4).round() / 1e4
 }
 
-/// The configuration with the emulation in it, every parameter spelled out.
+/// Configuration with the emulation in it and all its parameters written out.
 fn frozen(
     base: &Config,
     target: &Target,
@@ -446,7 +446,7 @@ fn frozen(
     Ok(config.to_text())
 }
 
-/// The built-in fits.
+/// File of the built-in fits.
 fn table(args: &DetectorArgs, fitted: &[(&Target, &Fitted)]) -> String {
     let seeds: Vec<String> = args.seeds.iter().map(u32::to_string).collect();
     let frames: BTreeMap<String, usize> =

@@ -1,5 +1,5 @@
-//! Samples as COCO's `instances.json` lists them (Lin et al., "Microsoft COCO", 2014): boxes and masks of what is
-//! visible. The images are those of the KITTI folder.
+//! Samples in COCO's `instances.json` (Lin et al., "Microsoft COCO", 2014): boxes and masks of the visible pixels. The
+//! images are those of the KITTI folder.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use swerve_text::{FILE_MAX, read_string};
 use super::kitti::PIXELS_MIN;
 use super::sample::{Object, Sample};
 
-/// The whole file.
+/// Content of the file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Coco {
     images: Vec<Listed>,
@@ -38,11 +38,11 @@ struct Annotation {
     area: usize,
     segmentation: Mask,
     iscrowd: u8,
-    /// Which actor of the scenario.
+    /// Identity of the actor in the scenario.
     track_id: u32,
 }
 
-/// Lengths of runs of pixels outside and inside in turn, column by column.
+/// Mask as run lengths of pixels, alternately outside and inside, column by column.
 #[derive(Serialize, Deserialize)]
 struct Mask {
     counts: Vec<u32>,
@@ -56,7 +56,7 @@ struct Category {
     supercategory: &'static str,
 }
 
-/// COCO's own ids and names, and what has none.
+/// COCO's ids and names, extended by a category for kinds that COCO lacks.
 fn category(kind: ActorKind) -> Category {
     let (id, name, supercategory) = match kind {
         ActorKind::Pedestrian => (1, "person", "person"),
@@ -107,7 +107,7 @@ impl Coco {
         }
     }
 
-    /// The list of the first `samples` images of a file.
+    /// Reads a file and keeps its first `samples` images.
     pub(super) fn read(path: &Path, samples: usize) -> anyhow::Result<Self> {
         let reading = || format!("reading {}", path.display());
         let text = read_string(path, FILE_MAX).with_context(reading)?;

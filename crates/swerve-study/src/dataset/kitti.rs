@@ -1,5 +1,5 @@
-//! Samples as the KITTI object benchmark lays them out (Geiger, Lenz, Urtasun: "Are we ready for autonomous
-//! driving?", CVPR 2012), with depth, classes and instances as its depth and semantics benchmarks have them.
+//! Samples in the layout of the KITTI object benchmark (Geiger, Lenz, Urtasun: "Are we ready for autonomous driving?",
+//! CVPR 2012), with depth, classes and instances as in its depth and semantics benchmarks.
 
 use std::path::{Path, PathBuf};
 
@@ -12,14 +12,15 @@ use swerve_stack::config::camera::CameraConfig;
 
 use super::sample::{Object, Sample};
 
-/// Fewer pixels than this make no label.
+/// Minimum number of pixels of a labelled object.
 pub(super) const PIXELS_MIN: usize = 10;
-/// Visible at least at this share of its points an object is not occluded, below the second largely.
+/// Visible shares of an object: at least the first is not occluded, below the second is largely occluded.
 const OCCLUSION: [f64; 2] = [0.8, 0.4];
 
-/// Writes `image_2`, `label_2`, `calib`, `velodyne`, `depth`, `semantic`, `instance`; points as x, y, z, intensity.
+/// Writes `image_2`, `label_2`, `calib`, `velodyne`, `depth`, `semantic` and `instance`; points as x, y, z, intensity.
 ///
-/// The folders are made with the first sample: a call that ends before it leaves an empty folder, which the next takes.
+/// The folders are created with the first sample: a call that ends earlier leaves an empty folder, which the next call
+/// accepts.
 pub(super) struct Kitti {
     folder: PathBuf,
     folders: Vec<&'static str>,
@@ -63,7 +64,7 @@ impl Kitti {
     }
 }
 
-/// One line: type, truncated, occluded, alpha, the box in the image, height, width, length, place, turn.
+/// One label line: type, truncated, occluded, alpha, image box, height, width, length, position, rotation.
 fn label(object: &Object<'_>, image: &Image) -> String {
     let actor = object.actor;
     let kind = match actor.kind {
@@ -78,7 +79,7 @@ fn label(object: &Object<'_>, image: &Image) -> String {
     let place = (object.camera_from_map * Point::new(actor.pose.x_m, actor.pose.y_m, actor.z_m)).coords;
     let (sin, cos) = math::sin_cos(actor.pose.heading_rad);
     let ahead = (object.camera_from_map * Vector::new(cos, sin, 0.0)).coords;
-    // About the camera's y axis, which points down: 0 looks along x, to the right.
+    // Rotation about the camera's y axis, which points down; 0 is along x, to the right.
     let turn_rad = math::atan2(-ahead.z, ahead.x);
     let alpha_rad = swerve_geom::wrap_angle(turn_rad - math::atan2(place.x, place.z));
     let [left, top, right, bottom] = object.clipped_px(image);
@@ -95,7 +96,7 @@ fn label(object: &Object<'_>, image: &Image) -> String {
     )
 }
 
-/// Projection and frames, as the benchmark's `calib` files have them.
+/// Projection and frames in the format of the benchmark's `calib` files.
 fn calibration(
     camera: &CameraConfig,
     ego_from_lidar: Option<Transform<Ego, Lidar>>,
@@ -113,7 +114,7 @@ fn calibration(
     Ok(text + "Tr_imu_to_velo: 1 0 0 0 0 1 0 0 0 0 1 0\n")
 }
 
-/// A transform as three rows of four.
+/// A transform as three rows of four numbers.
 fn rows<From>(to_camera: impl Fn(Point<From>) -> Point<swerve_geom::Camera>) -> String {
     let origin = to_camera(Point::new(0.0, 0.0, 0.0)).coords;
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -125,14 +126,14 @@ fn rows<From>(to_camera: impl Fn(Point<From>) -> Point<swerve_geom::Camera>) -> 
     [row(0), row(1), row(2)].join(" ")
 }
 
-/// 256 for each metre, 0 where there is none or beyond 255.99 m; big-endian, as PNG has it.
+/// Depth in units of 1/256 m, 0 if missing or at least 255.99 m; big-endian as in PNG.
 fn depth(image: &Image) -> Vec<u8> {
     let Pixels::DepthF32M(depths) = &image.pixels else { return Vec::new() };
     let code = |depth_m: &f32| if *depth_m < 255.99 { (depth_m * 256.0).round() as u16 } else { 0 };
     depths.iter().flat_map(|depth_m| code(depth_m).to_be_bytes()).collect()
 }
 
-/// 256 times the class, plus the instance's last eight bits.
+/// 256 times the class, plus the lowest eight bits of the instance.
 fn instances(semantic: &Image, instance: &Image) -> Vec<u8> {
     let (Pixels::ClassU8(classes), Pixels::InstanceU32(ids)) = (&semantic.pixels, &instance.pixels) else {
         return Vec::new();
@@ -142,7 +143,7 @@ fn instances(semantic: &Image, instance: &Image) -> Vec<u8> {
     classes.iter().zip(ids.iter()).flat_map(code).collect()
 }
 
-/// Writes numbers of one byte each, or of two where there are twice as many bytes as pixels.
+/// Writes a grey image of 8 bits, or of 16 bits if there are two bytes per pixel.
 fn grey(path: &Path, image: &Image, bytes: &[u8]) -> anyhow::Result<()> {
     let pixels = image.width_px as usize * image.height_px as usize;
     let depth = if bytes.len() == 2 * pixels { png::BitDepth::Sixteen } else { png::BitDepth::Eight };

@@ -1,4 +1,4 @@
-//! What belongs to one frame, gathered from a drive.
+//! One labelled frame, gathered from a drive.
 
 use std::collections::BTreeMap;
 
@@ -10,43 +10,44 @@ use swerve_msg::{Image, Pixels, PointCloud};
 
 use crate::worlds::Worlds;
 
-/// One frame with all that is known of it.
+/// Frame with its labels.
 pub(super) struct Sample<'a> {
     pub(super) rgb: &'a Image,
     pub(super) depth: &'a Image,
     pub(super) semantic: &'a Image,
     pub(super) instance: &'a Image,
-    /// The newest turn of the lidar, if there is one.
+    /// Newest turn of the lidar, if there is one.
     pub(super) cloud: Option<&'a PointCloud>,
-    /// Its points, x, y, z and intensity, in the lidar's frame at the image's instant: the car's way since each was
-    /// measured is taken out, by true poses.
+    /// Points of that turn, x, y, z and intensity, in the lidar's frame at the image's instant: the ego motion since
+    /// each measurement is compensated, by true poses.
     pub(super) points: Vec<[f32; 4]>,
-    /// The actors that have pixels in the image, by identity.
+    /// Actors with pixels in the image, ordered by identity.
     pub(super) objects: Vec<Object<'a>>,
 }
 
 /// An actor in an image.
 pub(super) struct Object<'a> {
     pub(super) actor: &'a Actor,
-    /// Left, top, right, bottom edge of its pixels; right and bottom are behind the last.
+    /// Left, top, right and bottom edge of its pixels; right and bottom are exclusive.
     pub(super) visible_px: [f64; 4],
     pub(super) pixels: usize,
-    /// The same of its box, as far as it is in front of the camera, not cut by the image's edges.
+    /// Edges of its projected box, not clipped to the image; those of its pixels if part of the box is behind the
+    /// camera.
     pub(super) whole_px: [f64; 4],
-    /// Of the pixels of its box within the image, the share that nothing nearer covers.
+    /// Share of the pixels of its box within the image that nothing nearer covers.
     pub(super) visible_share: f64,
     pub(super) camera_from_map: Transform<swerve_geom::Camera, Map>,
 }
 
 impl Object<'_> {
-    /// `whole_px` within the image.
+    /// `whole_px` clipped to the image.
     pub(super) fn clipped_px(&self, image: &Image) -> [f64; 4] {
         let [left, top, right, bottom] = self.whole_px;
         let (width, height) = (f64::from(image.width_px), f64::from(image.height_px));
         [left.clamp(0.0, width), top.clamp(0.0, height), right.clamp(0.0, width), bottom.clamp(0.0, height)]
     }
 
-    /// Share of its box that lies outside the image.
+    /// Share of its box outside the image.
     pub(super) fn truncated(&self, image: &Image) -> f64 {
         let area = |[left, top, right, bottom]: [f64; 4]| (right - left) * (bottom - top);
         let whole = area(self.whole_px);
@@ -54,7 +55,7 @@ impl Object<'_> {
     }
 }
 
-/// Gathers samples as a drive goes on and hands each over as soon as it is whole.
+/// Gathers samples during a drive and writes each as soon as it is complete.
 pub(super) struct Collector<'a> {
     camera: String,
     lidar: Option<(String, Transform<Ego, Lidar>)>,
@@ -82,8 +83,10 @@ impl<'a> Collector<'a> {
         }
     }
 
+    /// Ends the collection.
+    ///
     /// # Errors
-    /// The first sample that could not be written.
+    /// If a sample could not be written; the first error is returned.
     pub(super) fn finish(self) -> anyhow::Result<()> {
         self.failure.map_or(Ok(()), Err)
     }
@@ -133,7 +136,7 @@ impl Observer for Collector<'_> {
     }
 }
 
-/// The points of a turn in the lidar's frame at the instant of `now`.
+/// Points of a turn in the lidar's frame at the instant of `now`.
 fn still(
     cloud: &PointCloud,
     ego_from_lidar: &Transform<Ego, Lidar>,
@@ -154,7 +157,7 @@ fn still(
     (0..cloud.len()).map(place).collect()
 }
 
-/// The actors with at least one pixel.
+/// Actors with at least one pixel.
 fn objects<'a>(image: &Image, depth: &Image, world: &'a WorldState) -> Vec<Object<'a>> {
     let (Pixels::InstanceU32(ids), Pixels::DepthF32M(depths)) = (&image.pixels, &depth.pixels) else {
         return Vec::new();
@@ -180,7 +183,7 @@ fn objects<'a>(image: &Image, depth: &Image, world: &'a WorldState) -> Vec<Objec
     world.actors.iter().filter_map(object).collect()
 }
 
-/// Where a point of the map appears, and whether it is in front of the camera.
+/// Projects a map point to the image; `None` if it is not at least 0.1 m in front of the camera.
 fn project(
     image: &Image,
     camera_from_map: &Transform<swerve_geom::Camera, Map>,
@@ -200,7 +203,7 @@ fn corners(actor: &Actor) -> [Point<Map>; 8] {
     })
 }
 
-/// The edges of the box's picture; none if part of it is behind the camera.
+/// Edges of the projected box; `None` if part of it is behind the camera.
 fn whole(
     actor: &Actor,
     image: &Image,
@@ -213,11 +216,11 @@ fn whole(
     })
 }
 
-/// Things this much nearer than the nearest corner of an actor's box hide it, metres.
+/// A pixel hides an actor if it is nearer than the nearest corner of its box by this much, metres.
 const NEARER_M: f64 = 0.1;
 
-/// Of the pixels of an actor's box within the image, the share that nothing nearer covers: neither a thing before the
-/// box, nor another actor before its middle.
+/// Share of the pixels of an actor's box within the image that nothing nearer covers: neither a surface in front of the
+/// box nor another actor in front of its centre.
 fn share(object: &Object<'_>, (ids, depths): (&[u32], &[f32]), image: &Image) -> f64 {
     let (actor, camera_from_map) = (object.actor, &object.camera_from_map);
     let depth_m = |point: Point<Map>| (*camera_from_map * point).coords.z;
@@ -243,7 +246,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_nearer_hides_by_the_pixel() {
+    fn nearer_surfaces_hide_an_actor_by_the_pixel() {
         let intrinsics =
             Intrinsics { fx_px: 20.0, fy_px: 20.0, cx_px: 20.0, cy_px: 10.0, ..Intrinsics::default() };
         let camera = CameraInfo { intrinsics, ..CameraInfo::default() };
@@ -268,7 +271,7 @@ mod tests {
                 * camera.ego_from_camera)
                 .inverse();
         let whole_px = whole(&own, &image, &camera_from_map).unwrap();
-        // 4 m across at 10 m with 20 px for a metre at a metre.
+        // 4 m wide at a distance of 10 m, with a focal length of 20 px.
         assert_eq!(whole_px.map(f64::round), [16.0, 4.0, 24.0, 12.0]);
         let object = Object {
             actor: &own,
@@ -278,7 +281,7 @@ mod tests {
             visible_share: 1.0,
             camera_from_map,
         };
-        // A column of the eight: of what, how far, and whether it hides.
+        // One of the eight pixel columns: identity, depth, and true if it hides the actor.
         for (id, depth_m, hides) in [
             (0, 3.0, true),
             (0, 9.8, true),

@@ -1,4 +1,4 @@
-//! State of a data set in its folder: an interrupted call is continued by the same call.
+//! State file in the folder of a data set, from which an interrupted call is continued.
 
 use std::path::{Path, PathBuf};
 
@@ -7,27 +7,27 @@ use serde::{Deserialize, Serialize};
 use swerve_report::files::write_whole;
 use swerve_text::{FILE_MAX, read_string};
 
-/// File of the state.
+/// Name of the state file.
 const FILE: &str = ".dataset.json";
 
-/// Finished drives of a data set.
+/// Progress of a data set.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub(super) struct State {
     /// Digest of program, configuration, scenarios, seeds and weathers.
     call: String,
-    /// Finished drives, in the order of the call.
+    /// Number of finished drives, in the order of the call.
     pub(super) drives: usize,
-    /// Their samples.
+    /// Number of samples of these drives.
     pub(super) samples: usize,
-    /// Whether these are all drives.
+    /// True if all drives are finished.
     pub(super) is_complete: bool,
 }
 
 impl State {
-    /// The state that a call left in a folder; without a drive where the folder is empty or absent.
+    /// Reads the state that a call left in a folder; zero drives if the folder is empty or absent.
     ///
     /// # Errors
-    /// The folder holds other files, or the data set of another call.
+    /// If the folder holds other files, or the data set of another call.
     pub(super) fn open(out: &Path, call: &str) -> anyhow::Result<Self> {
         let path = file(out);
         if !path.exists() {
@@ -58,15 +58,15 @@ impl State {
         Ok(state)
     }
 
-    /// Writes it into its folder.
+    /// Writes the state file.
     pub(super) fn write(&self, out: &Path) -> anyhow::Result<()> {
         write_whole(&file(out), (serde_json::to_string(self)? + "\n").as_bytes())
     }
 }
 
-/// Whether a folder holds a complete data set.
+/// True if a folder holds a complete data set.
 pub(crate) fn is_complete(out: &Path) -> bool {
-    // Data sets of earlier versions have no state and got their index at the end.
+    // Data sets of earlier versions have no state; their index was written last.
     let state = read_string(&file(out), FILE_MAX).map(|text| serde_json::from_str::<State>(&text).ok());
     state.map_or_else(
         |_| out.join(super::INDEX).exists(),

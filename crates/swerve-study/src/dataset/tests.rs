@@ -5,7 +5,7 @@ use super::*;
 
 fn data_set(out: &Path, set: &[&str]) -> anyhow::Result<()> {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");
-    // A camera of few frames: 9 s of drive, one in 2 s.
+    // A slow camera: a 9 s drive, one frame every 2 s.
     let file = out.with_extension("toml");
     std::fs::write(
         &file,
@@ -62,7 +62,7 @@ fn labels_boxes_and_masks_agree_with_the_pixels() {
             assert_eq!(words.len(), 15, "{line}");
             let numbers: Vec<f64> = words[1..].iter().map(|word| word.parse().unwrap()).collect();
             assert!((0.0..=1.0).contains(&numbers[0]) && (0.0..=2.0).contains(&numbers[1]), "{line}");
-            // The box in the image is the projection of the box in space.
+            // The image box is the projection of the 3D box.
             let [height_m, x_m, y_m, z_m] = [numbers[7], numbers[10], numbers[11], numbers[12]];
             let focal_px = 160.0;
             let middle_px = 160.0 + focal_px * x_m / z_m;
@@ -92,7 +92,7 @@ fn labels_boxes_and_masks_agree_with_the_pixels() {
 }
 
 #[test]
-fn a_configuration_that_makes_no_data_set_is_refused() {
+fn data_set_refuses_unsuitable_configurations() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("set");
     let told = |set: &[&str]| data_set(&out, set).unwrap_err().to_string();
@@ -102,7 +102,7 @@ fn a_configuration_that_makes_no_data_set_is_refused() {
     assert!(!out.exists());
 }
 
-/// All files below a folder with their bytes.
+/// Contents of all files below a folder.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for path in swerve_report::files::entries(folder).unwrap() {
@@ -116,7 +116,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn an_interrupted_data_set_is_continued_to_the_same_bytes() {
+fn interrupted_data_set_is_continued_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (out, config) = (folder.path().join("set"), folder.path().join("eye.toml"));
     std::fs::write(
@@ -144,7 +144,7 @@ fn an_interrupted_data_set_is_continued_to_the_same_bytes() {
     let first = rows.lines().filter(|row| row.contains(",1,")).count();
     let samples = rows.lines().count() - 1;
     assert!(first > 0 && first < samples, "{rows}");
-    // As a kill in the second drive leaves it: its first sample is there, COCO's list is of the first drive.
+    // State after a kill in the second drive: its first sample exists, and COCO's list covers the first drive.
     let mut state: State = serde_json::from_slice(&whole[&out.join(".dataset.json")]).unwrap();
     assert!(is_complete(&out) && state.samples == samples);
     (state.drives, state.samples, state.is_complete) = (1, first, false);
@@ -163,13 +163,13 @@ fn an_interrupted_data_set_is_continued_to_the_same_bytes() {
         "{:?}",
         differing.first().map(|(path, _)| path)
     );
-    // A finished one is left as it is.
+    // A finished data set is left unchanged.
     make(&args, &registry).unwrap();
     assert_eq!(contents(&out), whole);
 }
 
 #[test]
-fn tracks_of_a_drive_and_of_a_crossing_are_read_again() {
+fn written_tracks_of_drives_and_crossings_can_be_read() {
     use swerve_prediction::recorded::commonroad_csv;
     let folder = tempfile::tempdir().unwrap();
     let args = DatasetArgs {

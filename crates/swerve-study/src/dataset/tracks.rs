@@ -1,4 +1,4 @@
-//! Tracks of everybody in drives, and of minutes at a crossing that is made: what predictors learn from and are judged by.
+//! Tracks of all road users in drives and at a generated crossing, for training and evaluating predictors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -18,15 +18,15 @@ use swerve_stack::config::Config;
 use super::state::State;
 use super::{DatasetArgs, call, configured};
 
-/// Between two places.
+/// Sampling interval.
 const EVERY: Span = Span::from_ms(100);
-/// The ego's identity: the others' count from 1.
+/// Identity of the ego; other identities start at 1.
 const EGO: ActorId = ActorId(0);
 
-/// Follows everybody.
+/// Records the positions of all road users.
 struct Follower {
     ego: Extent,
-    /// From the middle of the rear axle to that of the outline, metres.
+    /// Distance from the rear axle to the centre of the ego's outline, metres.
     ahead_m: f64,
     tracks: BTreeMap<ActorId, RecordedTrack>,
 }
@@ -63,7 +63,7 @@ impl Observer for Follower {
     }
 }
 
-/// Writes a file for each scenario, and one of the crossing, with all seeds in it.
+/// Writes one file per scenario, and one for the crossing, each with all seeds.
 pub(super) fn write(args: &DatasetArgs, registry: &Registry) -> anyhow::Result<String> {
     let config = configured(args, registry)?;
     let scenarios: Vec<_> =

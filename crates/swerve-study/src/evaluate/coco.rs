@@ -1,4 +1,4 @@
-//! COCO's annotations and results.
+//! COCO annotations and results.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -49,7 +49,7 @@ struct Report {
     score: f64,
 }
 
-/// Left, top, width, height.
+/// Deserialises a box: left, top, width, height, pixels.
 fn box_px<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 4], D::Error> {
     let edges = <[f64; 4]>::deserialize(from)?;
     if edges[2] < 0.0 || edges[3] < 0.0 {
@@ -60,17 +60,17 @@ fn box_px<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 4], D::Error> {
     Ok(edges)
 }
 
-/// Of all classes, and of each.
+/// Metrics over all classes, and of each class.
 #[derive(Serialize)]
 pub(super) struct CocoReport {
     all: CocoMetrics,
     classes: BTreeMap<String, CocoMetrics>,
-    /// Results that do not count, or look wrong.
+    /// Notes on results that do not count or look wrong.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<String>,
 }
 
-/// What a class has in each image, by the image's identity.
+/// Objects of one class in each image, by the image's identity.
 type Images<T> = BTreeMap<u64, Vec<T>>;
 
 pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
@@ -101,7 +101,7 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
     for (k, r) in found.iter().enumerate() {
         check_image(&compared.found, &format!("[{k}]"), r.image_id)?;
         if !classes.contains_key(&r.category_id) {
-            // As pycocotools: only categories of the truth are evaluated.
+            // As in pycocotools, only categories of the ground truth are evaluated.
             *passed_over.entry(r.category_id).or_default() += 1;
             continue;
         }
@@ -130,7 +130,7 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<CocoReport> {
     Ok(CocoReport { all: CocoMetrics::mean(&each), classes: metrics, notes })
 }
 
-/// Notes on results of categories that the truth does not have, by category, and on scores out of range, by index.
+/// Notes on results of categories missing in the ground truth, by category, and on scores out of range, by index.
 fn notes(
     compared: &Compared,
     passed_over: &BTreeMap<u64, usize>,

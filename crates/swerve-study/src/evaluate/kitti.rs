@@ -1,4 +1,4 @@
-//! KITTI's labels: a text file for each frame, a line for each box, columns between spaces.
+//! KITTI labels: one text file per frame, one line per box, columns separated by spaces.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,10 +11,10 @@ use swerve_text::nearest;
 
 use super::{Compared, cell, number, text, wrong};
 
-/// Columns of a label; a box that is found has its score behind them.
+/// Number of columns of a label; a detected box has its score after them.
 const COLUMNS: usize = 15;
 
-/// Of each class at each level.
+/// Metrics of each class at each level.
 #[derive(Serialize)]
 pub(super) struct KittiReport(Vec<ClassReport>);
 
@@ -29,7 +29,7 @@ struct ClassReport {
 /// One line of a label file.
 struct Label {
     kind: KittiKind,
-    /// From the second column on.
+    /// Values from the second column on.
     numbers: Vec<f64>,
 }
 
@@ -69,11 +69,11 @@ pub(super) fn evaluate(compared: &Compared) -> anyhow::Result<KittiReport> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     Truth,
-    /// With a score behind the columns. Types that KITTI does not have are passed over, as by its own evaluation.
+    /// Labels with a score as last column. Types unknown to KITTI are ignored, as in its own evaluation.
     Results,
 }
 
-/// Labels by file, and numbers of labels of other types by type.
+/// Labels by file, and counts of ignored labels by type.
 type Labels = (BTreeMap<String, Vec<Label>>, BTreeMap<String, usize>);
 
 fn note(found: &Path, others: &BTreeMap<String, usize>) -> Option<String> {
@@ -82,7 +82,7 @@ fn note(found: &Path, others: &BTreeMap<String, usize>) -> Option<String> {
     (!types.is_empty()).then(|| format!("{of}: {}", types.join(", ")))
 }
 
-/// The labels of a folder, by the names of their files.
+/// Labels of a folder, by file name.
 fn labels(folder: &Path, of: Of) -> anyhow::Result<Labels> {
     let (mut files, mut others) = (BTreeMap::new(), BTreeMap::new());
     for entry in std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))? {
@@ -104,7 +104,7 @@ fn labels(folder: &Path, of: Of) -> anyhow::Result<Labels> {
     Ok((files, others))
 }
 
-/// A label, or its type that KITTI does not have.
+/// Parses a label; for a type unknown to KITTI, returns the type.
 fn label(line: &str, of: Of) -> Result<Result<Label, String>, String> {
     const NAMES: [&str; COLUMNS + 1] = [
         "type",

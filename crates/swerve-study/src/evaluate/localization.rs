@@ -1,4 +1,4 @@
-//! `swerve eval localization`: a filter on a recorded drive, against its truth.
+//! `swerve eval localization`: a filter on a recorded drive, against the ground truth.
 
 use std::path::PathBuf;
 
@@ -8,18 +8,18 @@ use swerve_localization::recorded::{Preset, Recorded, Report};
 use swerve_localization::{Params, npz};
 use swerve_report::files::read_whole;
 
-/// A recorded drive, and what is to find its way on it.
+/// Recorded drive and filter settings.
 #[derive(clap::Args, Debug)]
 pub(super) struct LocalizationArgs {
-    /// The arrays of a drive and its truth, as NumPy writes them (.npz)
+    /// Arrays of a drive and its ground truth (NumPy .npz)
     log: PathBuf,
-    /// What localizes
+    /// Localization filter
     #[arg(long, value_enum, default_value = "eskf")]
     filter: Filter,
-    /// Its settings
+    /// Preset of the filter's settings
     #[arg(long, value_enum, default_value = "best")]
     preset: Settings,
-    /// Changes a key of the settings, as in `degrees_error=true`
+    /// Change a key of the settings, as in `degrees_error=true`
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Print one JSON object and nothing else
@@ -29,22 +29,23 @@ pub(super) struct LocalizationArgs {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Filter {
-    /// The error-state Kalman filter
+    /// Error-state Kalman filter
     Eskf,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Settings {
-    /// Every sensor, noises as they are, and what is known of a car
+    /// All sensors, their actual noise, and vehicle constraints
     Best,
-    /// Pylot's: fixes and inertial unit, its noises; its errors by `--set degrees_error=true` and `--set gravity_free_jacobian=true`
+    /// Pylot's settings: position fixes and inertial unit, with its noise; its errors by `--set degrees_error=true` and
+    /// `--set gravity_free_jacobian=true`
     Paper,
 }
 
-/// How well it did.
+/// Runs the filter on the drive and evaluates it.
 ///
 /// # Errors
-/// A file that cannot be read or is no such drive; a key that is unknown or out of its range.
+/// If a file cannot be read or is not such a drive, or if a key is unknown or out of range.
 pub(super) fn evaluate(args: &LocalizationArgs) -> anyhow::Result<Report> {
     let LocalizationArgs { log, filter: Filter::Eskf, preset, set, .. } = args;
     let at = log.display();
@@ -59,7 +60,7 @@ pub(super) fn evaluate(args: &LocalizationArgs) -> anyhow::Result<Report> {
     drive.run(params, preset).map_err(|error| anyhow!("--set: {error}"))
 }
 
-/// The settings with these keys changed.
+/// Settings with these keys changed.
 fn changed(params: &Params, set: &[String]) -> anyhow::Result<Params> {
     let mut table = toml::Table::try_from(params)?;
     for change in set {

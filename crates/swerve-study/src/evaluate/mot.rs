@@ -1,6 +1,7 @@
-//! MOTChallenge's rows: `frame,id,left,top,width,height,confidence`, and whatever follows.
+//! MOTChallenge rows: `frame,id,left,top,width,height,confidence`; further columns are ignored.
 //!
-//! Frames count from 1, may be missing and come in any order; in the truth a confidence of 0 marks what does not count.
+//! Frames count from 1, may be missing and come in any order. In the ground truth, boxes with confidence 0 do not
+//! count.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -9,26 +10,27 @@ use swerve_eval::{TrackingFrame, TrackingMetrics};
 
 use super::{Compared, number, text, wrong};
 
-/// Frames of a file, at most: the time between the first and the last is gone through.
+/// Maximum number of frames: the range from the first to the last is iterated.
 const FRAMES_MAX: u64 = 10_000_000;
 
-/// One box.
+/// Box of one row.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Row {
-    /// From 1.
+    /// Frame number, starting at 1.
     pub(crate) frame: u64,
-    /// Below 0 for none.
+    /// Identity; negative if there is none.
     pub(crate) id: i64,
     /// Left, top, width, height, pixels.
     pub(crate) box_px: [f64; 4],
-    /// 1 where the row has none.
+    /// Confidence; 1 if the row has none.
     pub(crate) confidence: f64,
 }
 
-/// Reads a file of rows, in its order.
+/// Reads a file of rows in file order, each with its line number.
 ///
 /// # Errors
-/// What cannot be read; a row with too few columns, what is no number, or out of its range: file, line and column.
+/// If the file cannot be read, or a row has too few columns, a non-number or a value out of range; the error names
+/// file, line and column.
 pub(crate) fn read(path: &Path) -> anyhow::Result<Vec<(usize, Row)>> {
     let text = text(path)?;
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
@@ -64,7 +66,7 @@ fn row(line: &str) -> Result<Row, String> {
 /// Boxes by frame: identity; left, top, right, bottom.
 type Tracks = BTreeMap<u64, Vec<(u64, [f64; 4])>>;
 
-/// The tracks of a file.
+/// Tracks of a file.
 fn tracks(path: &Path, counts: impl Fn(&Row) -> bool) -> anyhow::Result<Tracks> {
     let mut tracks = Tracks::new();
     let mut seen = BTreeSet::new();

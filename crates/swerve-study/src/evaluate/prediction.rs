@@ -1,4 +1,4 @@
-//! `swerve eval prediction`: a predictor on recorded tracks, against what happened.
+//! `swerve eval prediction`: a predictor on recorded tracks, against the true paths.
 
 mod files;
 pub(crate) mod tally;
@@ -23,34 +23,34 @@ use tally::{Figures, Tally};
 
 pub(crate) use files::{file, on_lanes};
 
-/// Recorded tracks, and what is to foretell them.
+/// Recorded tracks, and the predictor to evaluate.
 #[derive(clap::Args, Debug)]
 pub(super) struct PredictionArgs {
-    /// A folder of recordings, or one file
+    /// Folder of recordings, or a single file
     dir: PathBuf,
-    /// How they are written
+    /// Format of the recordings
     #[arg(long, value_enum)]
     format: Format,
-    /// Sightings up to the present
+    /// Observed steps, up to the present
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=1000))]
     observe: u16,
-    /// Steps foretold after it
+    /// Predicted steps after the present
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=1000))]
     predict: u16,
-    /// A window begins at every so many sightings of a track
+    /// Steps of a track between the starts of two windows
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     stride: u16,
-    /// What foretells: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`,
+    /// Predictor: all, or `linear`, `constant_velocity`, `kalman`, `ctra`, `imm`, `social_force`, `orca`, `lane_idm`,
     /// `multipath`, `mfp`, `r2p2`
     #[arg(long, value_name = "NAME", default_value = "all", value_parser = named)]
     predictor: Chosen,
-    /// What foretells is a net by these weights, as `swerve train prediction` writes them
+    /// Neural predictor with these weights, as written by `swerve train prediction`
     #[arg(long, value_name = "FILE", conflicts_with = "predictor")]
     weights: Option<PathBuf>,
-    /// Who is judged
+    /// Road users that are evaluated
     #[arg(long, value_enum, default_value = "whole")]
     protocol: Who,
-    /// The best of so many modes counts as `min_ade_m` and `min_fde_m`
+    /// Number of modes of which the best counts for `min_ade_m` and `min_fde_m`
     #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=1000))]
     best_of: u16,
     /// Print one JSON object and nothing else
@@ -62,21 +62,21 @@ pub(super) struct PredictionArgs {
 #[value(rename_all = "snake_case")]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
-    /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames for 0.4 s
+    /// ETH and UCY: *.txt with rows of `frame person x y`, ten frames per 0.4 s
     EthUcy,
-    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows of 0.1 s; lanes of the *.xml or *.xml.gz in the folder
-    /// `maps` beside
+    /// CommonRoad's recorded scenarios: *.csv or *.csv.gz with rows every 0.1 s; lanes from *.xml or *.xml.gz in the
+    /// sibling folder `maps`
     CommonroadCsv,
 }
 
-/// Who is judged.
+/// Road users that are evaluated.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Who {
-    /// Everybody who is there for all of the window (Trajectron++)
+    /// Road users present in the whole window (Trajectron++)
     Whole,
-    /// The same, where there are two at least (S-GAN)
+    /// The same, in windows with at least two of them (S-GAN)
     Sgan,
-    /// Everybody who is there for two steps at least after the present (Schöller et al. 2020)
+    /// Road users present for at least two steps after the present (Schöller et al. 2020)
     Schoeller,
 }
 
@@ -92,7 +92,7 @@ fn named(word: &str) -> Result<Chosen, String> {
     }
 }
 
-/// What one predictor came to.
+/// Evaluation of one predictor.
 #[derive(Serialize)]
 struct Report {
     predictor: String,
@@ -104,19 +104,20 @@ struct Report {
 #[derive(Serialize)]
 struct FileReport {
     file: String,
-    /// What its recordings have below them.
+    /// Number of recordings with and without lanes.
     lanes: Lanes,
     #[serde(flatten)]
     figures: Figures,
 }
 
-/// What foretells.
+/// Prediction function: tracks, horizon and ground to forecasts.
 pub(crate) type Foretells<'a> = &'a dyn Fn(&TrackList, &Horizon, Ground<'_>) -> ForecastList;
 
-/// What is printed.
+/// Evaluates the predictors and returns the text to print.
 ///
 /// # Errors
-/// A folder without such files, a file that cannot be read or is not of its form: file, line, and what was expected.
+/// If the folder has no such files, or a file cannot be read or has another format; the error names file, line and the
+/// expected content.
 pub(super) fn told(args: &PredictionArgs) -> anyhow::Result<String> {
     let files = files::files(&args.dir, args.format)?;
     let protocol = protocol(args);
@@ -183,7 +184,7 @@ fn report(
     Report { predictor, files, all: all.figures() }
 }
 
-/// Errors over recordings, each of which has a time of its own.
+/// Accumulates errors over recordings, each with its own time.
 pub(crate) fn judged<'a>(
     recordings: impl IntoIterator<Item = &'a Recording>,
     by: Foretells<'_>,

@@ -1,4 +1,4 @@
-//! `swerve eval registration`: where one point cloud lies in another.
+//! `swerve eval registration`: pose of one point cloud in another.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -14,29 +14,29 @@ use swerve_report::files::read_whole;
 
 use crate::ranking::median;
 
-/// Two clouds, and what finds one in the other.
+/// Two point clouds and the matching method.
 #[derive(clap::Args, Debug)]
 pub(super) struct RegistrationArgs {
-    /// The cloud to be moved (.ply)
+    /// Point cloud to be moved (.ply)
     source: PathBuf,
-    /// The cloud that stands (.ply)
+    /// Fixed point cloud (.ply)
     target: PathBuf,
-    /// What matches them
+    /// Matching method
     #[arg(long, value_enum, default_value = "ndt")]
     method: Method,
-    /// Edge of the cubes of the target's map, metres [default: 2, point to point 1]
+    /// Voxel size of the target's map, metres [default: 2, point to point 1]
     #[arg(long, value_name = "M")]
     resolution_m: Option<f64>,
-    /// Edge of the cubes of which the source keeps one point each, metres
+    /// Voxel size for thinning the source to one point each, metres
     #[arg(long, value_name = "M", default_value_t = 0.25)]
     thin_m: f64,
-    /// Where the source lies to begin with: a text of 4 x 4 numbers [default: where the target does]
+    /// Initial pose of the source: a text of 4 x 4 numbers [default: that of the target]
     #[arg(long, value_name = "FILE")]
     guess: Option<PathBuf>,
-    /// Where it lies in truth: a text of 4 x 4 numbers, to tell how far off the answer is
+    /// True pose of the source: a text of 4 x 4 numbers, for reporting the error
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
-    /// Match this many times; the times are the medians
+    /// Number of repetitions; the reported times are medians
     #[arg(long, value_name = "N", default_value_t = 1)]
     repeat: u16,
     /// Print one JSON object and nothing else
@@ -50,29 +50,29 @@ impl RegistrationArgs {
     }
 }
 
-/// Edge of the cubes of normal distributions, metres.
+/// Default voxel size of the normal distributions, metres.
 const RESOLUTION_M: f64 = 2.0;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Method {
-    /// Normal distributions, each point with that of the cube that it is in (DIRECT1)
+    /// Normal distributions transform, each point matched with the voxel that contains it (DIRECT1)
     Ndt,
-    /// The same with those of the six cubes beside it too (DIRECT7)
+    /// Normal distributions transform, also matched with the six adjacent voxels (DIRECT7)
     Ndt7,
     /// Point to point
     Icp,
 }
 
-/// The result.
+/// Result of `swerve eval registration`.
 #[derive(Serialize)]
 struct Report {
     target_from_source: [[f64; 4]; 4],
-    /// Absent of a pose that can be used.
+    /// Reason why the pose is unusable; absent for a usable pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<String>,
-    /// Of the match alone.
+    /// Time of the matching alone.
     time_ms: f64,
-    /// Of thinning the source and making the target's map.
+    /// Time of thinning the source and building the target's map.
     prepare_ms: f64,
     iterations: u32,
     converged: bool,
@@ -83,7 +83,7 @@ struct Report {
     min_eigenvalue_per_m2: f64,
     degenerate: u32,
     informed: f64,
-    /// In the middle of the source, metres: far from it, an error of the heading would count for more.
+    /// Error at the centre of the source, metres; far from it, a heading error would dominate.
     #[serde(skip_serializing_if = "Option::is_none")]
     error_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -95,26 +95,26 @@ struct Found {
     pose: Isometry3<f64>,
     iterations: u32,
     converged: bool,
-    /// With the target's normal distributions, whatever the method.
+    /// Agreement with the target's normal distributions, for every method.
     agreement: Agreement,
     points_thinned: usize,
     ms: [f64; 2],
 }
 
-/// Least share of their own information that two clouds have on each other, along every direction of the pose: 0.32 and more
-/// at right places of whole clouds, 0.22 and more of halves; 0.23 and less at local optima 1 to 30 m away (two scenes, three
-/// methods, 230 starts).
+/// Minimum share of their own information that two clouds have on each other, along every direction of the pose.
+/// Measured: at least 0.32 at correct poses of whole clouds and 0.22 of halves; at most 0.23 at local optima 1 to 30 m
+/// away (two scenes, three methods, 230 starts).
 const INFORMED_MIN: f64 = 0.25;
-/// Fewer points do not determine a pose.
+/// Minimum number of points that determine a pose.
 const POINTS_MIN: u32 = 10;
 
 impl Found {
-    /// Whether the last step was a short one, and to the right place as far as the surfaces tell.
+    /// True if the last step was short and, as far as the surfaces constrain it, the pose is correct.
     fn has_converged(&self) -> bool {
         self.converged && (self.agreement.degenerate > 0 || self.agreement.informed >= INFORMED_MIN)
     }
 
-    /// The reason why the pose is not to be used.
+    /// Reason why the pose must not be used.
     fn problem(&self) -> Option<String> {
         let Agreement { hits, degenerate, informed, .. } = self.agreement;
         if hits < POINTS_MIN {
@@ -138,10 +138,10 @@ impl Found {
     }
 }
 
-/// The report as text, and the reason why its pose is not to be used.
+/// Report as text, and the reason why its pose must not be used.
 ///
 /// # Errors
-/// A file that cannot be read or has another form; clouds that have nothing in common.
+/// If a file cannot be read or has another format, or if the clouds have nothing in common.
 pub(super) fn told(args: &RegistrationArgs) -> anyhow::Result<(String, Option<String>)> {
     for (name, value) in [("--resolution-m", args.resolution_m()), ("--thin-m", args.thin_m)] {
         if !(0.01..=100.0).contains(&value) {
@@ -228,7 +228,7 @@ fn matched(
     let scan = downsampled(source, args.thin_m);
     let since = |from: Instant, to: Instant| (to - from).as_secs_f64() * 1e3;
     let points_thinned = scan.len();
-    // Point to point, surfaces are what the result is judged by.
+    // Results of point-to-point matching are evaluated on surfaces, too.
     let voxels_m = if args.method == Method::Icp { RESOLUTION_M } else { args.resolution_m() };
     let mut sums = VoxelSums::new(voxels_m);
     target.iter().for_each(|point| sums.add(point));
@@ -250,7 +250,7 @@ fn matched(
     };
     let ms = [since(begun, ready), since(ready, now())];
     let mut agreement = ndt::agreement(&coarse, &scan, &pose)?;
-    // The other way round: what the target has inside of the source is not to be missed either.
+    // Also in reverse, so that parts of the target missing in the source are detected.
     let of_source = VoxelMap::of_points(coarse.resolution_m(), &scan);
     let back = ndt::agreement(&of_source, &downsampled(target, args.thin_m), &pose.inverse());
     let informed = agreement.informed.max(0.0) * back.map_or(0.0, |back| back.informed.max(0.0));
@@ -264,7 +264,7 @@ fn cloud(path: &Path) -> anyhow::Result<Vec<Vector3<f64>>> {
     ply::read(&bytes).map_err(|error| anyhow!("{at}: {error}"))
 }
 
-/// A transform of four rows of four numbers.
+/// Reads a transform of four rows of four numbers.
 fn pose(path: &Path) -> anyhow::Result<Isometry3<f64>> {
     let text = super::text(path)?;
     let mut numbers = Vec::new();

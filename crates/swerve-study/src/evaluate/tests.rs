@@ -29,7 +29,7 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    /// What `swerve eval` makes of words, in which `@` stands for the folder.
+    /// Output of `swerve eval` for a command line in which `@` is the folder.
     fn eval(&self, words: &str, as_json: bool) -> anyhow::Result<String> {
         let words = words.replace('@', &format!("{}/", self.0.path().display()));
         let json = as_json.then_some("--json");
@@ -47,11 +47,11 @@ impl Folder {
     }
 }
 
-/// A person who goes 10 px a frame, in frames 1, 2 and 4.
+/// A pedestrian who moves 10 px per frame, in frames 1, 2 and 4.
 const WALK: &str = "1,5,0,0,40,80,1\n2,5,10,0,40,80,1\n4,5,30,0,40,80,1\n";
 
 #[test]
-fn tracks_are_measured_row_by_row_in_any_order() {
+fn tracking_accepts_rows_in_any_order() {
     let back = "4,1,30,0,40,80,0.9,-1,-1,-1\n\n1,1,0.0,0,40,80\n2,1,10,0,40,80,0.4\n";
     let ignored = format!("{WALK}2,9,500,0,40,80,0\n");
     let folder = Folder::with(&[("gt.txt", &ignored), ("back.txt", back), ("empty.txt", "")]);
@@ -66,7 +66,7 @@ fn tracks_are_measured_row_by_row_in_any_order() {
 }
 
 #[test]
-fn a_late_result_is_measured_where_the_person_is_by_then() {
+fn late_results_are_compared_with_the_later_truth() {
     let folder =
         Folder::with(&[("gt.txt", "1,5,0,0,40,80\n2,5,10,0,40,80\n3,5,20,0,40,80\n4,5,30,0,40,80\n")]);
     let timely = |anchor: &str| {
@@ -80,7 +80,8 @@ fn a_late_result_is_measured_where_the_person_is_by_then() {
             .chain(overlap)
             .collect::<Vec<f64>>()
     };
-    // 20 px further after 200 ms, 10 px after 100 ms: overlaps of 20/60, which is none, and of 30/50.
+    // The pedestrian is 20 px further after 200 ms, 10 px after 100 ms: overlaps of 20/60, too little for a match, and
+    // of 30/50.
     assert_eq!(timely("start"), [0.0, 2.0, 2.0]);
     assert_eq!(timely("start --snap round"), [3.0, 0.0, 0.0, 0.6]);
     assert_eq!(timely("end"), [0.0, 2.0, 4.0]);
@@ -89,7 +90,7 @@ fn a_late_result_is_measured_where_the_person_is_by_then() {
 }
 
 #[test]
-fn rows_that_are_wrong_are_told_with_their_line() {
+fn wrong_rows_are_reported_with_their_line() {
     for (rows, says) in [
         (
             "1,5,0,0,40\n",
@@ -130,7 +131,7 @@ const COCO: &str = r#"{
 }"#;
 
 #[test]
-fn coco_files_give_cocos_numbers() {
+fn coco_files_give_the_metrics_of_coco() {
     let found = r#"[{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 0.9}]"#;
     let folder = Folder::with(&[("gt.json", COCO), ("found.json", found), ("none.json", "[]")]);
     let report = folder.numbers("detection @gt.json @found.json --format coco");
@@ -149,7 +150,7 @@ fn coco_files_give_cocos_numbers() {
 }
 
 #[test]
-fn coco_files_that_are_wrong_are_told_with_their_place() {
+fn wrong_coco_files_are_reported_with_their_place() {
     let one = |text: &str| format!("[\n {text}]");
     for (found, says) in [
         (String::new(), "bad.json:1: it ends too early"),
@@ -187,7 +188,7 @@ fn results_of_other_categories_do_not_count_and_are_noted() {
         format!(r#"{{"image_id": 3, "category_id": {category}, "bbox": [0, 0, 20, 40], "score": {score}}}"#)
     };
     let alone = format!("[{}]", result(1, 0.4));
-    // The others would be surer, in the same place.
+    // The others have higher scores at the same place.
     let others = format!("[{},{},{},{}]", result(9, 0.9), result(1, 0.4), result(9, 0.8), result(90, 1.0));
     let logits = format!("[{},{}]", result(1, 0.4), result(2, 7.5));
     let folder = Folder::with(&[
@@ -208,7 +209,7 @@ fn results_of_other_categories_do_not_count_and_are_noted() {
 }
 
 #[test]
-fn byte_order_marks_are_read_past() {
+fn byte_order_marks_are_skipped() {
     let mark = |text: &str| format!("\u{feff}{text}");
     let found = format!("{CAR} 0.9\n");
     let results = r#"[{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": 0.9}]"#;
@@ -249,13 +250,13 @@ fn kitti_results_of_other_types_do_not_count() {
     let folder = Folder::with(&[("gt/0.txt", CAR), ("det/0.txt", &found), ("alone/0.txt", &alone)]);
     let of = |found: &str| folder.numbers(&format!("detection @gt @{found} --format kitti"));
     assert_eq!(of("det"), of("alone"));
-    // Of a wrong label in the truth nobody would know.
+    // In the ground truth, an unknown type would otherwise go unnoticed.
     let error = folder.error("detection @det @det --format kitti");
     assert!(error.starts_with("det/0.txt:2: type: expected one of KITTI's, found `Wheelbarrow`"), "{error}");
 }
 
 #[test]
-fn kitti_folders_that_are_wrong_are_told_with_file_and_line() {
+fn wrong_kitti_folders_are_reported_with_file_and_line() {
     for (found, says) in [
         (CAR.to_owned(), "det/0.txt:1: expected 16 columns (type truncated"),
         (format!("{CAR} 1\n{CAR} inf"), "det/0.txt:2: score: expected a finite number, found `inf`"),
@@ -282,7 +283,7 @@ fn kitti_folders_that_are_wrong_are_told_with_file_and_line() {
     );
 }
 
-/// A square yard with two more walls and a post, or a corridor without ends, as PLY files about an origin. The source is
+/// A square yard with two more walls and a post, or an endless corridor, as PLY files around an origin. The source is
 /// the target moved by `by_m` along x.
 fn clouds(is_corridor: bool, by_m: f64, [east, north]: [f64; 2]) -> Folder {
     let mut scene = Vec::new();
@@ -316,7 +317,7 @@ fn clouds(is_corridor: bool, by_m: f64, [east, north]: [f64; 2]) -> Folder {
 }
 
 impl Folder {
-    /// The report of `swerve eval registration`, and the reason of its exit code.
+    /// Report of `swerve eval registration`, and the reason for its exit code.
     fn registered(&self, source: &str, method: &str) -> anyhow::Result<(Value, Option<String>)> {
         let at = |name: &str| self.path(name).display().to_string();
         let words = ["eval", "registration", &at(source), &at("target.ply"), "--method", method];
@@ -333,13 +334,13 @@ impl Folder {
 }
 
 #[test]
-fn registration_is_the_same_anywhere_on_earth() {
+fn registration_does_not_depend_on_the_origin() {
     for origin in [[0.0, 0.0], [1000.0, -1000.0], [691_000.0, 5_335_000.0]] {
         let folder = clouds(false, 0.15, origin);
         for method in ["ndt", "ndt7", "icp"] {
             let (report, problem) = folder.registered("source.ply", method).unwrap();
             let [m, deg] = ["error_m", "error_deg"].map(|key| report[key].as_f64().unwrap());
-            // Point to point, the points' distance of 0.2 m is seen in the result.
+            // With point-to-point matching, the point spacing of 0.2 m affects the result.
             let most_m = if method == "icp" { 0.05 } else { 0.02 };
             assert!(m < most_m && deg < 0.02, "{origin:?} {method}: {m} m, {deg}°");
             assert_eq!(problem, None, "{origin:?} {method}");
@@ -348,13 +349,13 @@ fn registration_is_the_same_anywhere_on_earth() {
 }
 
 #[test]
-fn registration_that_is_not_to_be_used_gives_its_reason() {
+fn unusable_registration_gives_its_reason() {
     for method in ["ndt", "ndt7", "icp"] {
         let corridor = clouds(true, 0.4, [0.0, 0.0]).registered("source.ply", method).unwrap().1;
         assert!(corridor.as_ref().is_some_and(|why| why.contains("degenerate: ")), "{method}: {corridor:?}");
         let far = clouds(false, 10.0, [0.0, 0.0]).registered("source.ply", method);
         let far = far.map_or_else(|error| Some(error.to_string()), |(_, problem)| problem);
-        // At the wrong place, the end walls are on nothing: that may leave a direction open.
+        // At the wrong place the end walls match nothing, which may leave a direction undetermined.
         let is_said = |why: &String| why.contains("not converged") || why.contains("degenerate: ");
         assert!(far.as_ref().is_some_and(is_said), "{method}: {far:?}");
         let three = clouds(false, 0.0, [0.0, 0.0]).registered("three.ply", method);

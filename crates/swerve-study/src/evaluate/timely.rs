@@ -1,39 +1,39 @@
-//! When results are judged.
+//! Timing of the evaluation: against which frame a late result is compared.
 
 use clap::ValueEnum;
 use swerve_core::{Span, Time};
 use swerve_eval::timely::{Finished, Snap, end_anchored, start_anchored};
 
-/// What is asked about time.
+/// Timing of the results.
 #[derive(clap::Args, Debug)]
 pub(super) struct TimelyArgs {
-    /// Judge results when they can be used and not against their own frame
+    /// Compare results with the ground truth at the time of their availability, not with that of their own frame
     #[arg(long, value_enum, requires = "runtime_ms")]
     anchor: Option<Anchor>,
-    /// From each frame until its result, ms
+    /// Time from each frame to its result, ms
     #[arg(long, value_name = "MS", requires = "anchor", value_parser = milliseconds)]
     runtime_ms: Option<Span>,
-    /// From frame to frame, ms
+    /// Time between frames, ms
     #[arg(long, value_name = "MS", default_value = "100", value_parser = period)]
     period_ms: Span,
-    /// Which frame stands for an instant between two
+    /// Frame used for an instant between two frames
     #[arg(long, value_enum, default_value = "ceil")]
     snap: SnapName,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Anchor {
-    /// Each result against the frame at which it is finished
+    /// Each result is compared with the frame at which it is finished
     Start,
-    /// Each frame by the newest result that is finished by then
+    /// Each frame is compared with the newest result finished by then
     End,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum SnapName {
-    /// The later one
+    /// The later frame
     Ceil,
-    /// The nearer one
+    /// The nearer frame
     Round,
 }
 
@@ -50,7 +50,7 @@ fn period(text: &str) -> Result<Span, String> {
 }
 
 impl TimelyArgs {
-    /// Of so many frames those that are judged, each with the frame whose result it is judged by.
+    /// Pairs of an evaluated frame and the frame whose result is compared with it, out of `frames` frames.
     pub(super) fn judged(&self, frames: usize) -> Vec<(usize, Option<usize>)> {
         let (Some(anchor), Some(after)) = (self.anchor, self.runtime_ms) else {
             return (0..frames).map(|k| (k, Some(k))).collect();

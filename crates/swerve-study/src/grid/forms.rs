@@ -1,4 +1,4 @@
-//! Values of a study file that can be written in several ways.
+//! Values of a study file with several notations.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -10,11 +10,11 @@ use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::Value;
 
-/// One file, or an array of them.
+/// One file, or an array of files.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Files(pub Vec<PathBuf>);
 
-/// By the kind of value: what is wrong is told in words of the file.
+/// Distinguishes the notations by the type of the value, so that errors use the terms of the file.
 impl<'de> Deserialize<'de> for Files {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct OneOrMany;
@@ -51,7 +51,7 @@ impl JsonSchema for Files {
     }
 }
 
-/// The values of an axis: an array, whole numbers `"1..20"` with both ends, or `{ from, to, step }` with both ends.
+/// Values of an axis: an array, integers `"1..20"` including both ends, or `{ from, to, step }` including both ends.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Values(pub Vec<Value>);
 
@@ -76,10 +76,10 @@ impl JsonSchema for Values {
     }
 }
 
-/// More values than this are a mistake.
+/// Maximum number of values; more are considered a mistake.
 const VALUES_MAX: usize = 100_000;
 
-/// Numbers at equal distances, both ends among them.
+/// Equally spaced numbers including both ends.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Range {
@@ -111,9 +111,9 @@ impl Range {
         if !(step > 0.0 && to >= from) {
             return Err(wrong().to_owned());
         }
-        // A millionth of a step is the rounding of decimals such as 0.1.
+        // The tolerance of 1e-6 steps covers the rounding of decimals such as 0.1.
         let count = ((to - from) / step + 1e-6).floor();
-        // Written with as many places as the step asks for: 0.3, not 0.30000000000000004.
+        // Rounded to nine decimals: 0.3, not 0.30000000000000004.
         let at = |k: usize| Value::Float(((from + k as f64 * step) * 1e9).round() / 1e9);
         many(Some(count as usize), at)
     }
@@ -178,8 +178,8 @@ impl<'de> Deserialize<'de> for Values {
     }
 }
 
-/// The name of an axis that has none: the last part of its key; of an actor's key with his name before, since the ego and
-/// others have keys of the same names.
+/// Default name of an axis: the last part of its key, with the actor's name in front for an actor's key, since the ego
+/// and other actors share key names.
 pub(super) fn name_of(key: &str) -> String {
     let parts: Vec<&str> = key.split('.').collect();
     match parts[..] {
@@ -188,7 +188,7 @@ pub(super) fn name_of(key: &str) -> String {
     }
 }
 
-/// How a value stands in a table.
+/// Label of a value in tables.
 pub(super) fn label_of(value: &toml::Value) -> String {
     match value {
         toml::Value::String(s) => s.clone(),

@@ -4,7 +4,7 @@ use swerve_text::{Document, Problems};
 
 use super::{LeaveOut, Step, no_axis};
 
-/// Whether a combination, one label an axis, is one of those that are not driven.
+/// True if a combination, one label per axis, is not driven.
 pub(super) fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> bool {
     let has = |(axis, steps): (&String, &Vec<String>)| {
         axes.iter().zip(labels).any(|(name, label)| name == axis && steps.contains(label))
@@ -12,7 +12,7 @@ pub(super) fn left_out(all: &[LeaveOut], axes: &[String], labels: &[String]) -> 
     all.iter().any(|out| out.iter().all(has))
 }
 
-/// What is wrong with what is left out.
+/// Checks the combinations to leave out.
 pub(super) fn check_left_out(
     document: &Document,
     all: &[LeaveOut],

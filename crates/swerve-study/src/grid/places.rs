@@ -1,4 +1,4 @@
-//! Where the file of a study says what.
+//! Locations in a study file, for error messages.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -8,7 +8,7 @@ use swerve_text::{Document, Problem, is_within, list};
 
 use super::{SCENARIO, Step, StudyFile, flatten};
 
-/// The lines of the file that set configuration keys, by key.
+/// Lines of the file that set configuration keys, by key.
 pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, usize> {
     let mut lines = BTreeMap::new();
     let mut at = |place: &str, key: &str| {
@@ -35,7 +35,7 @@ pub(super) fn lines(document: &Document, file: &StudyFile) -> BTreeMap<String, u
     lines
 }
 
-/// The places of the file that name other files, by these as they are looked for.
+/// Places in the file that name other files, by the resolved paths of these.
 pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTreeMap<PathBuf, Problem> {
     let mut of_values: Vec<(String, PathBuf)> = Vec::new();
     let mut named = vec![("base.scenario".to_owned(), Some(&file.base.scenario), Kind::Scenario)];
@@ -54,15 +54,15 @@ pub(super) fn files(document: &Document, file: &StudyFile, folder: &Path) -> BTr
         }
     }
     named.extend(of_values.iter().map(|(key, path)| (key.clone(), Some(path), Kind::Scenario)));
-    // Of several places the first counts.
+    // If a file is named several times, the first place is kept.
     let place = |(key, path, kind): (String, Option<&PathBuf>, Kind)| {
         Some((beside(folder, path?, kind), document.problem(&key, "")))
     };
     named.into_iter().rev().filter_map(place).collect()
 }
 
-/// `path` as seen from where `folder` is, without the detours (`configs/../scenarios`) that lead to the same file; or
-/// the name of a file that is in the program.
+/// `path` relative to `folder`, without detours to the same file (`configs/../scenarios`); or the name of a built-in
+/// file.
 pub(super) fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
     let joined = folder.join(path);
     let mut short = PathBuf::new();
@@ -79,7 +79,7 @@ pub(super) fn beside(folder: &Path, path: &Path, kind: Kind) -> PathBuf {
     kind.meant(path, if same { short } else { joined })
 }
 
-/// A key that the axis sets in every cell, or a key inside of it, cannot be set from outside as well.
+/// Problem of an assignment from outside to a key that the axis sets in every cell, or to a key within it.
 pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &str) -> Option<Problem> {
     let varied = |key: &str| steps.iter().any(|step| step.sets.iter().any(|(k, _)| is_within(key, k)));
     let (key, _) = sets.iter().find(|(key, _)| varied(key))?;
@@ -91,7 +91,7 @@ pub(crate) fn overridden(sets: &[(String, toml::Value)], steps: &[Step], axis: &
     })
 }
 
-/// What is said of an axis that a study does not have.
+/// Error message for an unknown axis.
 pub(crate) fn no_axis(name: &str, axes: &[String]) -> String {
     let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
     let expected = if axes.is_empty() {

@@ -27,14 +27,14 @@ fn axes_multiply_and_the_last_is_fastest() {
 }
 
 #[test]
-fn what_is_in_the_program_goes_by_its_name_where_no_file_is_beside() {
+fn built_in_names_apply_where_no_file_exists() {
     let text = "base = { scenario = \"lane\", config = \"paper\" }\n[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
     let study = study(text).unwrap();
     assert_eq!(study.command(&study.cells[0]), "swerve run lane -c paper --set seed=1");
 }
 
 #[test]
-fn values_can_be_ranges_with_both_ends() {
+fn values_can_be_ranges_including_both_ends() {
     let labels = |values: &str| {
         let text = format!("base = {{ scenario = \"a\" }}\n[[axis]]\nkey = \"seed\"\nvalues = {values}\n");
         let study = study(&text).map_err(|problems| problems.iter().next().unwrap().to_string());
@@ -65,7 +65,7 @@ fn values_can_be_ranges_with_both_ends() {
 }
 
 #[test]
-fn an_axis_can_be_over_scenarios_and_a_base_of_several_configurations() {
+fn axis_can_be_over_scenarios_and_base_can_have_several_configurations() {
     let text = "base = { scenario = \"lane\", config = [\"paper\", \"ros2\"] }\n\
                 [[axis]]\nkey = \"scenario\"\nvalues = [\"lane\", \"x/a.toml\"]\n\
                 [[axis]]\nkey = \"actor.person.speed_mps\"\nvalues = [2, 3]\n";
@@ -78,7 +78,7 @@ fn an_axis_can_be_over_scenarios_and_a_base_of_several_configurations() {
 }
 
 #[test]
-fn a_setting_lays_configurations_over_those_of_the_base() {
+fn setting_adds_configurations_over_those_of_the_base() {
     let text = "base = { scenario = \"lane\", config = \"ros2\" }\n\
                 [[axis]]\nname = \"pose\"\n\
                 settings = [{ name = \"truth\" }, { name = \"rtk\", config = \"localizer\", set = { seed = 7 } }]\n\
@@ -95,7 +95,7 @@ fn a_setting_lays_configurations_over_those_of_the_base() {
 }
 
 #[test]
-fn nonsense_names_its_place() {
+fn wrong_study_files_are_reported_with_their_place() {
     let wrong = |text: &str| {
         let problems = study(text).expect_err("wrong on purpose");
         problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")

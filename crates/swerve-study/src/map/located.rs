@@ -1,4 +1,5 @@
-//! A lidar found by a map, and by its own way, against the truth; wheels and gyroscopes straighten its turns.
+//! Lidar localization by map and by odometry, against the ground truth; wheels and gyroscopes compensate the motion in
+//! a turn.
 
 use std::fmt;
 
@@ -11,33 +12,34 @@ use swerve_localization::matcher::{Guess, Matcher};
 use swerve_localization::ndt::{Isometry3, Vector3};
 use swerve_localization::odometry::Odometry;
 
-/// How far off the first guess is along and across the road, metres, and how sure it says that it is.
+/// Error of the initial guess along and across the road, metres, and its reported standard deviations, metres and
+/// radians.
 const START_M: [f64; 2] = [1.0, 0.5];
 const START_SIGMA: [f64; 2] = [1.5, 0.09];
-/// Poses that are drawn around it.
+/// Number of poses drawn around it.
 const PARTICLES: u32 = 200;
-/// How far off other starts are, metres and degrees, and how near the truth one has to come from there.
+/// Error of further starts, and the error below which they count as captured, metres and degrees.
 const CAPTURE_FROM: [f64; 2] = [2.0, 5.0];
 const CAPTURED: [f64; 2] = [0.1, 0.2];
 
-/// Both on their way.
+/// Map matching and odometry in progress.
 pub(super) struct Located<'a> {
     map: &'a MapFile,
-    /// From the first turn on, with the truth of that.
+    /// Matcher, created at the first turn, and the true pose there.
     matcher: Option<(Matcher, Isometry3<f64>)>,
     odometry: Odometry,
-    /// Starts each turn, and how many came back of all.
+    /// Starts per turn, and total number captured.
     starts: u8,
     captured: usize,
     truth: Vec<Vector3<f64>>,
-    /// Squares of errors on the ground (m²) and of the heading (rad²), each a turn.
+    /// Squared errors in the ground plane (m²) and of the heading (rad²), one per turn.
     errors: Vec<[f64; 2]>,
     unmatched: usize,
     degenerate: usize,
     odometry_off_m: f64,
 }
 
-/// What is told.
+/// Result of `swerve map check`.
 #[derive(Serialize)]
 pub(super) struct Report {
     turns: usize,
@@ -53,7 +55,7 @@ pub(super) struct Report {
     odometry_percent: f64,
 }
 
-/// Starts 2 m and 5° off, and how many of them came to within 10 cm and 0.2° of the truth at once.
+/// Starts 2 m and 5° off, and how many of them were matched to within 10 cm and 0.2° of the truth at once.
 #[derive(Serialize)]
 struct Capture {
     starts: usize,
@@ -128,13 +130,13 @@ impl<'a> Located<'a> {
     }
 }
 
-/// A lidar that is about there.
+/// Initial guess around a pose.
 fn guess(map_from_lidar: Isometry3<f64>) -> Guess {
     let [sigma_m, sigma_rad] = START_SIGMA;
     Guess { map_from_lidar, sigma_m, sigma_rad, particles: PARTICLES }
 }
 
-/// Whether a turn is found from a start that is drawn off the truth.
+/// True if a turn is matched from a start drawn off the truth.
 fn is_captured(matcher: &mut Matcher, turn: &super::Turn, number: usize, start: u8) -> bool {
     let mut rng = Rng::keyed(1, "starts off the truth", &[number as i64, i64::from(start)]);
     let direction = rng.uniform(0.0, core::f64::consts::TAU);

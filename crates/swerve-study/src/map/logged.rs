@@ -1,4 +1,4 @@
-//! The clouds of a logged drive, each point on the map by the poses in the log.
+//! Clouds of a logged drive, with each point placed on the map by the poses in the log.
 //!
 //! ```text
 //! log: poses (of the world, else of the localizer), clouds ──────────────> points on the map
@@ -22,14 +22,14 @@ use swerve_stack::Registry;
 use swerve_stack::config::{Config, Images, LogConfig};
 use swerve_stack::pipeline::Pipeline;
 
-/// What MCAP files begin with.
+/// First bytes of an MCAP file.
 const MAGIC: &[u8; 6] = b"\x89MCAP0";
-/// Where nobody knows what a point lies on, those nearer to the lidar than this are of the car, metres.
+/// Points nearer to the lidar than this belong to the ego if their instances are unknown, metres.
 const NEAR_M: f32 = 2.0;
-/// A pose holds so long before and after its stamp, seconds.
+/// Maximum time from a pose's stamp for which it is extrapolated, seconds.
 const POSE_S: f64 = 0.2;
 
-/// Whether a file is a log, or is to be one.
+/// True if a file is a log by its first bytes or its name.
 pub(super) fn is_log(path: &Path) -> bool {
     use std::io::Read as _;
     let mut head = [0; MAGIC.len()];
@@ -37,7 +37,7 @@ pub(super) fn is_log(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending == "mcap") || (begins.is_ok() && head == *MAGIC)
 }
 
-/// A log, read, and the one lidar of it.
+/// Log and its selected lidar.
 pub(super) struct Logged {
     log: Log,
     config: Config,
@@ -47,10 +47,10 @@ pub(super) struct Logged {
 }
 
 impl Logged {
-    /// Reads a log, for its lidar of this name; without a name it has to be the only one.
+    /// Reads a log for the lidar of this name; without a name the log must have only one.
     ///
     /// # Errors
-    /// A file that is no whole log, or one without a cloud or a pose.
+    /// If the file is not a complete log, or has no clouds or no poses.
     pub(super) fn read(path: &Path, registry: &Registry, lidar: Option<&str>) -> anyhow::Result<Self> {
         let reader = Reader::open(path)?;
         let document = Config::logged(&reader.run_start().config)?;
@@ -81,10 +81,11 @@ impl Logged {
         Ok(Self { log, config, lidar, ego_from_lidar, way })
     }
 
-    /// Hands over the points of each turn on the map, but for those on actors where that is known; tells how many turns.
+    /// Passes the points of each turn on the map to `each`, without those on actors where known. Returns the number of
+    /// turns.
     ///
     /// # Errors
-    /// Clouds that the log does not hold and that cannot be computed again, or that no pose is beside.
+    /// If the clouds are neither in the log nor can be computed again, or have no pose near them.
     pub(super) fn turns(&self, each: &mut (dyn FnMut(&[Vector3<f64>]) + Send)) -> anyhow::Result<usize> {
         let mut turns = 0;
         let mut take = |cloud: &PointCloud, on: Option<&PointInstances>| {
@@ -107,7 +108,7 @@ impl Logged {
         Ok(turns)
     }
 
-    /// Clouds whose data the log has.
+    /// Clouds whose data are in the log.
     fn recorded(&self, take: Take<'_>) -> anyhow::Result<()> {
         let own = || self.log.all_publications().filter(|p| p.stream.operator == self.lidar);
         let truths: BTreeMap<Time, &PublicationRecord> =
@@ -121,7 +122,7 @@ impl Logged {
         Ok(())
     }
 
-    /// Clouds that the lidar makes once more of the logged states of the world.
+    /// Clouds computed again by the lidar from the logged states of the world.
     fn computed(&self, take: Take<'_>) -> anyhow::Result<()> {
         let (Some(text), None) = (self.log.start.extra.get("scenario"), &self.config.live) else {
             bail!("it has only fingerprints of the clouds: record it with log.images = \"lossless\"");
@@ -147,7 +148,7 @@ impl Logged {
         Ok(())
     }
 
-    /// The points of a turn on the map, each by where the lidar was at its own instant.
+    /// Points of a turn on the map, each by the lidar's pose at its own instant. `None` if a pose is missing.
     fn placed(&self, cloud: &PointCloud, on: Option<&PointInstances>) -> Option<Vec<Vector3<f64>>> {
         let mut points = Vec::with_capacity(cloud.len());
         for k in 0..cloud.len() {
@@ -167,10 +168,10 @@ impl Logged {
     }
 }
 
-/// Takes a cloud, and what its points lie on.
+/// Consumer of a cloud and its points' instances.
 type Take<'a> = &'a mut (dyn FnMut(&PointCloud, Option<&PointInstances>) + Send);
 
-/// Hands over the clouds of a run, each with what its points lie on.
+/// Passes on the clouds of a run, each with its points' instances.
 struct Clouds<'a> {
     lidar: &'a str,
     cloud: Option<PointCloud>,
@@ -201,20 +202,21 @@ fn is_cloud(publication: &PublicationRecord) -> bool {
     is_of::<PointCloud>(publication) || is_of::<PointInstances>(publication)
 }
 
-/// Where the car was, by stamp.
+/// Motion of the ego, by stamp.
 struct Way(Vec<Moment>);
 
-/// Where it was at an instant, and how it moved.
+/// Pose of the ego at an instant, and its velocities.
 struct Moment {
     stamp: Time,
     map_from_ego: Transform<Map, Ego>,
     speed_mps: f64,
-    /// About the ego's axes.
+    /// Angular velocity about the ego's axes, rad/s.
     turn_radps: [f64; 3],
 }
 
 impl Way {
-    /// By the states of the world where a log has them, else by the poses that the localizer told, or the vehicle.
+    /// Motion from the states of the world if the log has them, else from the poses of the localizer, or else of the
+    /// vehicle.
     fn of(log: &Log) -> anyhow::Result<Self> {
         let mut moments = Vec::new();
         for record in log.all_publications().filter(|p| is_of::<WorldState>(p)) {
@@ -234,7 +236,8 @@ impl Way {
         Ok(Self(moments))
     }
 
-    /// By the pose before an instant, or else the first, moved on as the car did then; none where that is long ago.
+    /// Pose extrapolated from the last moment up to `at`, or else from the first; `None` if that is more than
+    /// [`POSE_S`] away.
     fn at(&self, at: Time) -> Option<Transform<Map, Ego>> {
         let place = self.0.partition_point(|moment| moment.stamp <= at);
         let moment = self.0.get(place.saturating_sub(1))?;

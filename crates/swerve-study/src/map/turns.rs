@@ -1,4 +1,4 @@
-//! The turns of a lidar in a drive, with where each point is in truth.
+//! Turns of a lidar in a drive, with the true place of each point.
 
 use swerve_core::{Span, Time};
 use swerve_flow::{Event, Observer};
@@ -10,19 +10,19 @@ use swerve_msg::{Imu, PointCloud, WheelOdometry};
 
 use crate::worlds::Worlds;
 
-/// One turn.
+/// One turn of the lidar.
 pub(super) struct Turn {
-    /// At its end.
+    /// Pose at the end of the turn.
     pub(super) map_from_lidar: Isometry3<f64>,
-    /// Each point in the map, by the car's true way, and the actor that it is of, 0 for none.
+    /// Points in the map frame, by the true motion, and the actor hit by each, 0 for none.
     pub(super) points: Vec<(Vector3<f64>, u32)>,
-    /// Each point as measured, and when, as a share of the turn from its end, -1 to 0.
+    /// Points as measured, and their times as a share of the turn relative to its end, -1 to 0.
     pub(super) measured: Vec<(Vector3<f64>, f64)>,
-    /// How the lidar moved by the car's wheels and gyroscopes.
+    /// Motion of the lidar from wheels and gyroscopes.
     pub(super) motion: Turned,
 }
 
-/// Hands the turns of a drive over.
+/// Passes on the turns of a drive.
 pub(super) struct Turns<'a> {
     lidar: String,
     ego_from_lidar: Transform<Ego, Lidar>,
@@ -67,7 +67,7 @@ impl<'a> Turns<'a> {
         Some(turn)
     }
 
-    /// Where the lidar is at an instant: its pose at the step before, moved on by its speed.
+    /// Pose of the lidar at an instant, extrapolated from the previous step at its velocity.
     fn map_from_lidar(&self, at: Time) -> Option<Transform<Map, Lidar>> {
         let world = self.worlds.near(at)?;
         let moved = world.ego.velocity_mps.coords * (at - world.stamp).as_secs();

@@ -1,14 +1,15 @@
-//! Orientation of photographs: cameras keep the rows of their sensor and note in the EXIF data how the image is to be turned.
-//!
-//! Source: CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif", version 2.32, section 4.6.4, tag
+//! Orientation of photographs: cameras store the rows of their sensor and record the rotation of the image in its EXIF
+//! data.
+//! Source: CIPA DC-008, "Exchangeable image file format for digital still cameras: Exif", version 2.32, section 4.6.4,
+//! tag 274.
 //! 274.
 
 /// Tag of the orientation.
 const ORIENTATION: u16 = 274;
-/// Type of its value: a number of 16 bits.
+/// Type of its value: 16-bit integer.
 const SHORT: u16 = 3;
 
-/// Orientation by EXIF data, 1 to 8; 1, as it is, where the data has none.
+/// Orientation by EXIF data, 1 to 8; 1 (unchanged) if missing.
 pub(crate) fn orientation(exif: &[u8]) -> u16 {
     value(exif).filter(|value| (1..=8).contains(value)).unwrap_or(1)
 }
@@ -34,7 +35,7 @@ fn value(exif: &[u8]) -> Option<u16> {
     (short(entry + 2)? == SHORT).then(|| short(entry + 8)).flatten()
 }
 
-/// Turns and mirrors the pixels of an image of three bytes a pixel so that its first row is the top.
+/// Rotates and mirrors an image of three bytes per pixel so that its first row is the top.
 pub(crate) fn upright(
     [width, height]: [usize; 2],
     bytes: Vec<u8>,
@@ -45,7 +46,7 @@ pub(crate) fn upright(
     }
     let (right, bottom) = (width.saturating_sub(1), height.saturating_sub(1));
     let size = if orientation < 5 { [width, height] } else { [height, width] };
-    // Column and row of the sensor that are seen at a column and row of the upright image.
+    // Column and row of the sensor for a column and row of the upright image.
     let of = |x: usize, y: usize| match orientation {
         2 => (right - x, y),
         3 => (right - x, bottom - y),
@@ -100,7 +101,7 @@ mod tests {
         assert_eq!(orientation(b"MM\0*\xff\xff\xff\xff"), 1);
     }
 
-    /// The figure of the standard: the letter F, three by five, as the sensor has it with each orientation.
+    /// Figure of the standard: the letter F, three by five, as stored with each orientation.
     const F: [(u16, [&str; 5]); 8] = [
         (1, ["###", "#..", "##.", "#..", "#.."]),
         (2, ["###", "..#", ".##", "..#", "..#"]),

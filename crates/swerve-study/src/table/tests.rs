@@ -44,7 +44,7 @@ fn result(cell: &Cell, verdict: &str, impact: Option<f64>) -> Option<CellResult>
 }
 
 #[test]
-fn seeds_are_summed_up() {
+fn grid_pools_seeds() {
     let study = study();
     let results = [
         result(&study.cells[0], "avoided", None),
@@ -90,7 +90,7 @@ fn seeds_are_summed_up() {
 }
 
 #[test]
-fn a_budget_above_the_limit_is_marked() {
+fn budget_above_the_limit_is_marked() {
     let mut study = study();
     for (cell, label) in study.cells.iter_mut().zip(["fot", LIMIT, "fot", LIMIT]) {
         label.clone_into(&mut cell.labels[0]);
@@ -111,7 +111,7 @@ fn a_budget_above_the_limit_is_marked() {
 }
 
 #[test]
-fn what_is_told_in_words_has_a_column_as_well() {
+fn text_metrics_have_columns() {
     let study = study();
     let mut first = result(&study.cells[0], "collision", Some(4.0)).unwrap();
     first.texts = [("impact_name", "person, on foot"), ("end", "collision")]
@@ -128,7 +128,7 @@ fn what_is_told_in_words_has_a_column_as_well() {
 }
 
 #[test]
-fn a_cell_that_failed_is_told_and_counts_nowhere() {
+fn failed_cell_is_reported_and_does_not_count() {
     let study = study();
     let failed = |k: usize| {
         let blank = CellResult::blank(&study.cells[k], "failed");
@@ -144,7 +144,7 @@ fn a_cell_that_failed_is_told_and_counts_nowhere() {
 }
 
 #[test]
-fn a_budget_up_to_which_nothing_failed_is_a_lower_bound() {
+fn budget_without_a_failure_is_a_lower_bound() {
     let budget = Budget { max_ms: 300.0, scan_ms: 50.0, resolution_ms: 5.0, limit: None };
     let study = Study { budget: Some(budget), ..study() };
     for (first, second, told) in [
@@ -167,7 +167,7 @@ fn a_budget_up_to_which_nothing_failed_is_a_lower_bound() {
 }
 
 #[test]
-fn squares_state_the_share_of_comfortable_plans_where_the_layer_drives_at_all() {
+fn squares_state_the_share_of_comfortable_plans_if_the_layer_drives() {
     let study = study();
     let with = |cell: &Cell, comfortable: f64, found: f64| {
         let counts = [("comfortable", comfortable), ("found", found)];
@@ -178,7 +178,7 @@ fn squares_state_the_share_of_comfortable_plans_where_the_layer_drives_at_all() 
         let results = study.cells.iter().zip(plans).map(|(cell, (made, found))| with(cell, made, found));
         Grid::of(&study, &results.collect::<Vec<_>>())
     };
-    // Both seeds of a square together: 40 of 50 and 20 of 30 plans.
+    // Both seeds of a square pooled: 40 of 50 and 20 of 30 plans.
     let shared = grid([(40.0, 10.0), (20.0, 10.0), (0.0, 30.0), (0.0, 30.0)]);
     assert!(
         shared.squares[0].text().ends_with(", 75 % of plans comfortable"),

@@ -1,4 +1,4 @@
-//! What a timely study came to: text, rows and a picture, with quartiles over all judgements of all seeds.
+//! Results of a timely study as text, rows and a picture, with quartiles over all comparisons of all seeds.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ use crate::curve::quartiles;
 use crate::grid::Study;
 use crate::table::quoted;
 
-/// A line in the picture: one combination of the axes, under one measure.
+/// Line in the picture: one combination of the axes, under one measure.
 struct Line {
     panel: String,
     name: String,
@@ -27,15 +27,15 @@ struct Point {
 /// All results as lines.
 pub(crate) struct Chart<'a> {
     title: &'a str,
-    /// What the lines go over.
+    /// Quantity on the x axis.
     over: String,
-    /// Whether lines are rivals: over an axis, each is another choice under the same run time.
+    /// True if the lines are alternatives: over an axis, each is another choice at the same run time.
     is_contest: bool,
     lines: Vec<Line>,
 }
 
 impl<'a> Chart<'a> {
-    /// Of the cells that are there; seeds are put together.
+    /// Collects the finished cells; seeds are pooled.
     pub(crate) fn of(study: &'a Study, timely: &Timely, results: &[Option<CellResult>]) -> Self {
         let by_time =
             if timely.run_times_ms.is_empty() { "share of published run time" } else { "run time, ms" };
@@ -70,7 +70,7 @@ impl<'a> Chart<'a> {
         Self { title, over: over.map_or(by_time.into(), |axis| study.axes[axis].clone()), is_contest, lines }
     }
 
-    /// The panels, in the order of the cells.
+    /// Panels, in the order of the cells.
     fn panels(&self) -> Vec<&str> {
         let mut panels: Vec<&str> = Vec::new();
         for line in &self.lines {
@@ -85,7 +85,7 @@ impl<'a> Chart<'a> {
         self.lines.iter().filter(move |line| line.panel == panel)
     }
 
-    /// Medians with quartiles, a table for each panel; over an axis with several lines, which is best where.
+    /// Medians with quartiles, one table per panel; over an axis with several lines, also the best line at each point.
     pub(crate) fn text(&self) -> String {
         let mut text = String::new();
         for panel in self.panels() {
@@ -112,7 +112,7 @@ impl<'a> Chart<'a> {
         text
     }
 
-    /// One row for each point.
+    /// CSV with one row per point.
     pub(crate) fn csv(&self) -> String {
         let mut csv = "panel,line,x,lower_quartile,median,upper_quartile,values\n".to_owned();
         for line in &self.lines {
@@ -134,7 +134,7 @@ impl<'a> Chart<'a> {
         csv
     }
 
-    /// A panel for each measure, a line with its quartiles for each combination.
+    /// Draws one panel per measure, with one line and its quartiles per combination.
     pub(crate) fn draw(&self) -> Picture {
         let mut canvas = Canvas::default();
         canvas.text((LEFT, 28.0), self.title, Text::TITLE);
@@ -164,7 +164,7 @@ impl<'a> Chart<'a> {
         canvas.finish(LEFT + WIDTH + 12.0 + names_w + 16.0, height, self.title)
     }
 
-    /// The panels in rows: what is judged both ways, at the start of a result and streaming, is beside each other.
+    /// Panels in rows: the `start` and `end` anchors of a measure are side by side.
     fn rows(&self) -> Vec<Vec<&str>> {
         let panels = self.panels();
         let (ends, starts): (Vec<&str>, Vec<&str>) = panels.iter().partition(|panel| panel.contains(" end"));
@@ -181,7 +181,7 @@ impl Point {
     }
 }
 
-/// The line with the largest median at a point; of equal ones the first.
+/// Line with the largest median at a point; the first of equal ones.
 fn best<'a>(lines: &[&'a Line], point: usize) -> Option<&'a Line> {
     let median = |line: &Line| line.points.get(point)?.quartiles().map(|quartiles| quartiles[1]);
     let known = lines.iter().filter_map(|line| Some((median(line)?, *line)));
@@ -191,12 +191,12 @@ fn best<'a>(lines: &[&'a Line], point: usize) -> Option<&'a Line> {
 
 const LEFT: f64 = 64.0;
 const TOP: f64 = 80.0;
-/// Of all panels beside each other.
+/// Width of all panels in a row, pixels.
 const WIDTH: f64 = 760.0;
 const PANEL_H: f64 = 200.0;
 const GAP_X: f64 = 52.0;
 const GAP_Y: f64 = 64.0;
-/// Round places on the axes, about so many; the first of all panels beside each other.
+/// Approximate number of ticks: over all panels in a row, and upwards.
 const ACROSS: f64 = 10.0;
 const UPWARDS: f64 = 5.0;
 
@@ -204,7 +204,7 @@ fn line_of(look: Look) -> Style {
     Style::line(look.color, 1.6).dashes(look.dash)
 }
 
-/// The axes of a panel: at least 0 to 1 upwards.
+/// Axes of a panel; the y axis covers at least 0 to 1.
 fn axes_of(lines: &[&Line], corner: At, width: f64) -> Axes {
     let points = || lines.iter().flat_map(|line| &line.points);
     let least = points().filter_map(Point::quartiles).fold(0.0_f64, |least, q| least.min(q[0]));

@@ -1,4 +1,4 @@
-//! A ride at a given speed along a straight between people who walk, and what is seen on it.
+//! Ride at a given speed along a straight road between pedestrians, and its perception.
 
 use std::collections::BTreeMap;
 
@@ -29,14 +29,14 @@ use super::{Measure, Timely, speed_mps};
 use crate::calibrate::detector::{VISIBLE_SHARE_MIN, true_box};
 use crate::train::segmentation::street_mask_of;
 
-/// Speed of the people: Pylot's `ManyPedestrians`.
+/// Walking speed: that of Pylot's `ManyPedestrians`.
 const WALK_MPS: f64 = 1.4;
-/// A person keeps this far from the edges of the pavement, metres.
+/// Distance of pedestrians from the edges of the pavement, metres.
 const FROM_EDGE_M: f64 = 0.4;
 
-/// The road of a scenario made straight, with people on its pavements and nobody else.
+/// The road of a scenario made straight, with pedestrians on its pavements and no other actors.
 ///
-/// Their places, sides and ways are drawn from the seed, each uniformly.
+/// Their positions, sides and directions are drawn from the seed, all uniformly.
 pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario {
     let mut straight = scenario.clone();
     straight.road.segments = vec![Segment { length_m: timely.length_m, curvature_1pm: 0.0 }];
@@ -68,12 +68,12 @@ pub(super) fn crowd(scenario: &Scenario, timely: &Timely, seed: u64) -> Scenario
     straight
 }
 
-/// The world from frame to frame. People move as the simulator has them; the ego is where its speed puts it.
+/// World from frame to frame. The simulator moves the pedestrians; the ego moves at the given speed.
 pub(super) struct Ride {
     simulator: Simulator,
     started: bool,
     speed_mps: f64,
-    /// The instants of its frames: every step of the world until the ego has come to the end of the road.
+    /// Stamps of the frames: every step of the world until the ego reaches the end of the road.
     pub(super) frames: Vec<Time>,
 }
 
@@ -88,7 +88,7 @@ impl Ride {
         Ok(Self { simulator, started: false, speed_mps, frames })
     }
 
-    /// The world at the next frame.
+    /// Returns the world at the next frame.
     pub(super) fn next(&mut self) -> WorldState {
         if self.started {
             self.simulator.step(Command::default());
@@ -100,7 +100,7 @@ impl Ride {
     }
 }
 
-/// Puts the ego where it is at a constant speed from the road's start.
+/// Places the ego as at a constant speed from the start of the road.
 fn forced(world: &mut WorldState, speed_mps: f64) {
     let x_m = speed_mps * world.stamp.as_secs();
     let EgoTruth { state, .. } = &mut world.ego;
@@ -109,29 +109,29 @@ fn forced(world: &mut WorldState, speed_mps: f64) {
     world.ego.velocity_mps = Vector::new(speed_mps, 0.0, 0.0);
 }
 
-/// An identity and the edges of its box: left, top, right, bottom, pixels.
+/// Identity and box edges: left, top, right, bottom, pixels.
 pub(super) type Boxed = (u64, [f64; 4]);
 
-/// What is seen of one frame; what no measure asks for is empty.
+/// Perception of one frame; parts that no measure needs are empty.
 #[derive(Default)]
 pub(super) struct Sight {
     /// Class of each pixel.
     pub(super) labels: Vec<u8>,
-    /// The same in the classes that the segmentation tells apart.
+    /// Class of each pixel, in the classes of the segmentation.
     pub(super) grouped: Vec<u8>,
-    /// What the segmentation sees.
+    /// Output of the segmentation.
     pub(super) segmented: Vec<u8>,
-    /// People's pixels, boxed.
+    /// Boxes around the pixels of pedestrians.
     pub(super) people: Vec<Boxed>,
-    /// People by their true boxes, and whether they count.
+    /// True boxes of pedestrians, and true for those that count.
     pub(super) wanted: Vec<(Boxed, bool)>,
-    /// What the emulated detector reports, and whether that counts.
+    /// Boxes of the detector, and true for those that count.
     pub(super) found: Vec<(ImageDetection, bool)>,
     /// Tracks of SORT and of ByteTrack.
     pub(super) tracks: [Vec<Boxed>; 2],
 }
 
-/// What looks: at rendered truth, at a detector's boxes, or at both.
+/// Sensors and perception: rendered truth, a detector's boxes, or both.
 pub(super) struct Eyes {
     pixels: Option<Pixels>,
     boxes: Option<Boxes>,
@@ -144,7 +144,7 @@ struct Pixels {
     camera: Camera,
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
-    /// Of each of Cityscapes' ids the one of its group, where groups are asked for.
+    /// Group id of each Cityscapes id, if groups are needed.
     mask_of: Option<[u8; 256]>,
     forest: Option<Segmenter>,
 }
@@ -156,11 +156,11 @@ struct Boxes {
     trackers: Option<(Sort, ByteTrack)>,
 }
 
-/// Whose boxes they are.
+/// Source of the boxes.
 enum Source {
-    /// The detector that `perception.detector` emulates.
+    /// Detector that `perception.detector` emulates.
     Emulated(Box<Detector>),
-    /// An operator of the kind `camera_objects`, on the colours of its camera.
+    /// Operator of the kind `camera_objects`, on the colours of its camera.
     Images(Box<(CameraObjects, Pixels)>),
 }
 
@@ -179,8 +179,8 @@ impl Eyes {
         Ok(Self { pixels, boxes, within_m: timely.within_m })
     }
 
-    /// What there is to see. Frames come in their order; trackers go on at those that are due, and only frames that are
-    /// seen, not just judged by, are looked at in colour.
+    /// Perceives a frame. Frames must be in order. Trackers are updated only at frames that are due; colours are
+    /// rendered only for frames that are perceived, rather than used as ground truth alone.
     pub(super) fn look(&mut self, world: &WorldState, is_due: bool, is_seen: bool) -> anyhow::Result<Sight> {
         let mut sight = Sight::default();
         if let Some(pixels) = &mut self.pixels {
@@ -225,7 +225,7 @@ impl Pixels {
         Ok(())
     }
 
-    /// What the segmentation, if one is asked for, sees in the colours of the world that was looked at.
+    /// Runs the segmentation, if needed, on the colours of the world.
     fn segment(&mut self, world: &WorldState, sight: &mut Sight) -> anyhow::Result<()> {
         if self.forest.is_none() {
             return Ok(());
@@ -247,7 +247,7 @@ impl Pixels {
     }
 }
 
-/// From the camera, without the car that carries it.
+/// View from the camera, with the ego itself hidden.
 fn view<'a>(
     camera: &'a Camera,
     world: &WorldState,
@@ -257,7 +257,7 @@ fn view<'a>(
     View { hidden_instance: Some(EGO_INSTANCE), ..View::new(camera, map_from_camera) }
 }
 
-/// The one camera that there is.
+/// The only camera of the configuration.
 fn the_camera(config: &Config) -> anyhow::Result<&CameraConfig> {
     let mut cameras = config.camera.values();
     let (Some(mounted), None) = (cameras.next(), cameras.next()) else {
@@ -266,7 +266,7 @@ fn the_camera(config: &Config) -> anyhow::Result<&CameraConfig> {
     Ok(mounted)
 }
 
-/// The segmentation that is in the program, for images of a camera.
+/// Built-in segmentation for images of a camera.
 fn segmenter(mounted: &CameraConfig) -> anyhow::Result<Segmenter> {
     let weights = camera_detectors::segmentation("street").map_err(|message| anyhow!(message))?;
     let camera = image_camera(mounted).context("camera: expected one with a lens")?;
@@ -274,7 +274,7 @@ fn segmenter(mounted: &CameraConfig) -> anyhow::Result<Segmenter> {
     Ok(Segmenter::new(weights, size, camera_detectors::ground(&camera.info)))
 }
 
-/// Boxes of the pixels of people who have one that is no farther away than this.
+/// Boxes around the pixels of pedestrians that are at most this far away.
 fn people(frame: &Frame, world: &WorldState, within_m: f64) -> Vec<Boxed> {
     let mut edges = BTreeMap::<u32, [usize; 4]>::new();
     let width = frame.width_px.max(1);
@@ -373,7 +373,7 @@ impl Boxes {
     }
 }
 
-/// The true boxes of the people with a picture; those count that are near and not mostly hidden.
+/// True boxes of the pedestrians in the image; those that are near and mostly visible count.
 fn wanted(
     seen: &Surroundings,
     camera: &ImageCamera,

@@ -1,16 +1,16 @@
-//! What was seen against what is there, summed up over a ride.
+//! Comparison of perception with the ground truth, accumulated over a ride.
 
 use swerve_eval::{AveragePrecision, Confusion, Found, Recalls, TrackingFrame, TrackingMetrics, image_iou};
 
 use super::ride::{Boxed, Sight};
 use super::{Anchor, Measure, Reading};
 
-/// Cityscapes ids are below this; 0 is nothing known and no class.
+/// Upper bound of Cityscapes ids; 0 is unknown and not a class.
 const CLASSES: u8 = 34;
-/// The least overlap of a match.
+/// Minimum overlap of a match.
 const OVERLAP_MIN: f64 = 0.5;
 
-/// One measure under one run time.
+/// Score of one measure at one run time.
 pub(super) struct Score {
     measure: Measure,
     pub(super) anchor: Anchor,
@@ -21,7 +21,8 @@ pub(super) struct Score {
 }
 
 impl Score {
-    /// Under both anchors; what tracks takes a steady stream of frames, so it is judged by their starts alone.
+    /// Scores for both anchors; trackers need a regular stream of frames and are evaluated with the `start` anchor
+    /// only.
     pub(super) fn both(measure: Measure, time: usize) -> impl Iterator<Item = Self> {
         let is_asked = move |anchor: &Anchor| *anchor == Anchor::Start || !measure.tracks();
         [Anchor::Start, Anchor::End].into_iter().filter(is_asked).map(move |anchor| Self {
@@ -34,7 +35,7 @@ impl Score {
         })
     }
 
-    /// Judges what was seen, none being a report of nothing, by what is there.
+    /// Compares the perceived frame with the ground truth; `None` counts as an empty report.
     pub(super) fn take(&mut self, seen: Option<&Sight>, there: &Sight) {
         let nothing = Sight::default();
         let found = seen.unwrap_or(&nothing);
@@ -68,7 +69,7 @@ impl Score {
         }
     }
 
-    /// The readings, by the run times as they are named.
+    /// Readings, with the run times in the units of the study.
     pub(super) fn readings(self, named: &[f64]) -> Vec<Reading> {
         let at = named[self.time];
         let anchor = if self.anchor == Anchor::Start { "start" } else { "end" };
@@ -96,12 +97,12 @@ impl Score {
 }
 
 impl Measure {
-    /// Whether it needs a steady stream of frames.
+    /// True if the measure needs a regular stream of frames.
     pub(super) fn tracks(self) -> bool {
         self.place().is_some()
     }
 
-    /// Of what tracks, its place among the tracks of a sight.
+    /// Index of a tracker among the tracks of a sight.
     fn place(self) -> Option<usize> {
         match self {
             Self::Sort => Some(0),
@@ -111,7 +112,7 @@ impl Measure {
     }
 }
 
-/// Mean over the classes that are in either image; `None` if none is.
+/// Mean over the classes that occur in either image; `None` if there are none.
 pub(super) fn mean_iou(there: &[u8], seen: &[u8]) -> Option<f64> {
     let mut confusion = Confusion::new(CLASSES, None);
     confusion.image(there, seen).expect("the renderer's labels are Cityscapes ids");
@@ -119,8 +120,8 @@ pub(super) fn mean_iou(there: &[u8], seen: &[u8]) -> Option<f64> {
     (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
 }
 
-/// The share of the boxes seen that are on somebody who is there, each on somebody else; 0 where nobody was seen and
-/// somebody is there, `None` where nobody is in either.
+/// Share of the perceived boxes that match a true one, each a different one. 0 if only one of the lists is empty,
+/// `None` if both are.
 pub(super) fn share_right(there: &[Boxed], seen: &[Boxed]) -> Option<f64> {
     let mut one = AveragePrecision::new(OVERLAP_MIN);
     let found = vec![Found { score: 1.0, counts: true }; seen.len()];

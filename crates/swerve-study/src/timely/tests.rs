@@ -14,7 +14,7 @@ const CAMERA: &str =
 const DETECTOR: &str =
     "set = { perception.detector = \"efficientdet-d3@v100\", sensing.range_person_m = 125 }";
 
-/// A study of a straight of 40 m with 30 people.
+/// Study of a straight road of 40 m with 30 pedestrians.
 fn bench(base: &str, timely: &str, axes: &str) -> anyhow::Result<Bench> {
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("small.toml");
@@ -33,7 +33,7 @@ fn results(bench: &Bench) -> Vec<Option<CellResult>> {
     bench.study.cells.iter().map(|cell| Some(bench.run_cell(cell, None).unwrap())).collect()
 }
 
-/// The median of a series at a run time, by cell.
+/// Medians of a series at a run time, by cell.
 fn medians(results: &[Option<CellResult>], series: &str, at: f64) -> Vec<f64> {
     let reading = |result: &CellResult| {
         let found = result.timely.iter().find(|r| r.series == series && r.at == at);
@@ -45,7 +45,7 @@ fn medians(results: &[Option<CellResult>], series: &str, at: f64) -> Vec<f64> {
 }
 
 #[test]
-fn truth_is_perfect_at_once_and_loses_by_time_and_speed() {
+fn truth_is_perfect_at_once_and_degrades_with_run_time_and_speed() {
     let timely = "measures = [\"miou\", \"ap50\"]\nrun_times_ms = [0, 20, 100]\njudge_ms = 200";
     let bench = bench(CAMERA, timely, &speeds("5, 20")).unwrap();
     let results = results(&bench);
@@ -55,13 +55,13 @@ fn truth_is_perfect_at_once_and_loses_by_time_and_speed() {
         assert!(soon[0] > late[0] && soon[1] > late[1], "{series} over time: {soon:?} {late:?}");
         assert!(late[0] > late[1], "{series} over speed: {late:?}");
     }
-    // Streaming waits for the processor as well.
+    // With streaming, frames also wait for the processor.
     let [start, end] = ["mIoU start", "mIoU end"].map(|series| medians(&results, series, 100.0));
     assert!(start[1] >= end[1], "{start:?} {end:?}");
 }
 
 #[test]
-fn a_forest_begins_below_truth_and_loses_less_by_being_late() {
+fn forest_starts_below_truth_and_degrades_less_with_run_time() {
     let timely = "measures = [\"grouped_miou\", \"forest_miou\"]\nrun_times_ms = [0, 100]\njudge_ms = 400";
     let camera = CAMERA.replace("160", "640").replace("90,", "360,");
     let bench = bench(&camera, timely, &speeds("20")).unwrap();
@@ -75,7 +75,7 @@ fn a_forest_begins_below_truth_and_loses_less_by_being_late() {
 }
 
 #[test]
-fn the_emulated_detector_and_trackers_lose_by_time() {
+fn emulated_detector_and_trackers_degrade_with_run_time() {
     let timely =
         "measures = [\"detector_ap50\", \"sort\", \"bytetrack\"]\nof_published = [0, 1, 3]\njudge_ms = 50";
     let bench = bench(DETECTOR, timely, &speeds("8")).unwrap();
@@ -88,7 +88,7 @@ fn the_emulated_detector_and_trackers_lose_by_time() {
 }
 
 #[test]
-fn a_rung_that_looks_at_images_loses_by_its_measured_time() {
+fn image_detector_degrades_with_its_measured_run_time() {
     let timely = "measures = [\"detector_ap50\"]\nof_published = [0, 4]\njudge_ms = 250\nwithin_m = 25";
     let rung = "config = \"camera_objects\"\nset.operator.camera_objects.rung = \"ground\"";
     let bench = bench(rung, timely, &speeds("10")).unwrap();
@@ -98,7 +98,7 @@ fn a_rung_that_looks_at_images_loses_by_its_measured_time() {
 }
 
 #[test]
-fn results_are_the_same_again_and_are_kept() {
+fn results_are_reproducible_and_stored() {
     let timely = "measures = [\"miou\", \"ap50\"]\nrun_times_ms = [10]\njudge_ms = 1000";
     let bench = bench(CAMERA, timely, &speeds("20")).unwrap();
     let first = results(&bench);
@@ -123,7 +123,7 @@ fn charts_go_over_run_time_or_over_an_axis() {
         let chart = Chart::of(&bench.study, bench.study.timely.as_ref().unwrap(), &results);
         let (csv, text, svg) = (chart.csv(), chart.text(), chart.draw().svg());
         assert_eq!(text.matches("\nbest").count(), contests, "{text}");
-        // Two anchors, two run times, two speeds, two detectors: a row each.
+        // Two anchors, two run times, two speeds, two detectors: one row each.
         assert_eq!(csv.lines().count(), 1 + 16, "{csv}");
         assert_eq!(svg.matches("fill-opacity=\"0.12\"").count(), 16 / points, "{svg}");
         assert!(text.contains("efficientdet-d6@v100"), "{text}");
@@ -131,7 +131,7 @@ fn charts_go_over_run_time_or_over_an_axis() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_line() {
+fn wrong_tables_are_reported_with_their_line() {
     let good = "measures = [\"ap50\"]\nrun_times_ms = [0, 10]";
     for (timely, expected) in [
         ("measures = []\nrun_times_ms = [0]", "small.toml:7: timely.measures: expected at least one measure"),
@@ -171,8 +171,8 @@ fn what_is_wrong_is_told_with_its_line() {
 }
 
 #[test]
-fn overlaps_are_judged_as_counted_by_hand() {
-    // Road 7 and sidewalk 8: 2 of 3 and 1 of 2 pixels shared.
+fn overlaps_match_hand_counts() {
+    // Road 7 and sidewalk 8: 2 of 3 and 0 of 1 pixels shared.
     assert_eq!(mean_iou(&[7, 7, 8, 0], &[7, 7, 7, 0]), Some((2.0 / 3.0 + 0.0) / 2.0));
     assert_eq!(mean_iou(&[0], &[0]), None);
     let (near, far) = ((1, [0.0, 0.0, 10.0, 10.0]), (2, [50.0, 0.0, 60.0, 10.0]));
@@ -189,7 +189,7 @@ fn overlaps_are_judged_as_counted_by_hand() {
 }
 
 #[test]
-fn a_processor_takes_the_next_frame_when_it_is_free() {
+fn processor_takes_the_next_frame_when_it_is_free() {
     let frames: Vec<Time> = (0..8).map(|k| Time::from_ms(5 * k)).collect();
     for (after_ms, taken) in [(0, vec![0, 1, 2, 3, 4, 5, 6, 7]), (5, (0..8).collect()), (12, vec![0, 3, 6])] {
         assert_eq!(back_to_back(&frames, Span::from_ms(after_ms)), taken, "{after_ms}");
@@ -197,7 +197,7 @@ fn a_processor_takes_the_next_frame_when_it_is_free() {
 }
 
 #[test]
-fn the_shipped_studies_are_sound() {
+fn built_in_studies_are_valid() {
     for name in [
         "timely_segmentation",
         "timely_detection",

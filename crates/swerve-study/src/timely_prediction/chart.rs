@@ -1,4 +1,5 @@
-//! The picture of `[timely_prediction]`: by how much each predictor leads the first one without latency, over its own latency.
+//! Picture of `[timely_prediction]`: error of each predictor relative to the first one at zero latency, over its own
+//! latency.
 
 use swerve_draw::color::{self, Color, Look, SERIES};
 use swerve_draw::{At, Axes, Canvas, Picture, Style, Text};
@@ -12,9 +13,9 @@ const PANEL_H: f64 = 190.0;
 const GAP_X: f64 = 52.0;
 const GAP_Y: f64 = 66.0;
 const LEGEND_W: f64 = 210.0;
-/// Round places on the axes, about so many.
+/// Approximate number of ticks on the axes.
 const ABOUT: (f64, f64) = (5.0, 5.0);
-/// Marks of run times, by where they are from.
+/// Marks of run times, by their source.
 const MARKS: [Mark; 2] = [Mark::Dot, Mark::Ring];
 
 #[derive(Clone, Copy)]
@@ -24,7 +25,7 @@ enum Mark {
 }
 
 impl Measured<'_> {
-    /// A row of panels for each set, a panel for each of three horizons.
+    /// Draws one row of panels per set, with one panel for each of three horizons.
     pub(crate) fn draw(&self, title: &str) -> Picture {
         let mut canvas = Canvas::default();
         canvas.text((LEFT, 26.0), title, Text::TITLE);
@@ -45,7 +46,7 @@ impl Measured<'_> {
         canvas.finish(right + LEGEND_W, height.max(TOP + 320.0), title)
     }
 
-    /// Near, middle and far.
+    /// Short, medium and long horizon, seconds.
     fn horizons(&self) -> Vec<u32> {
         let most = self.asked.horizon_s;
         let mut seconds = vec![1, most.div_ceil(2), most];
@@ -74,7 +75,7 @@ impl Measured<'_> {
         let all = 0..self.asked.predictors.len();
         let ends = all.clone().flat_map(|k| [0.0, most_ms].map(|ms| lead_m(k, ms)));
         let [low, high] = ends.flatten().fold([0.0_f64; 2], |[low, high], m| [low.min(m), high.max(m)]);
-        // Who is far behind leaves the picture.
+        // Predictors with far larger errors are clipped.
         let far = lead_m(0, most_ms).unwrap_or(high) * 2.0;
         let high = high.min(far.max(1e-3));
         let low = low - 0.05 * (high - low);
@@ -100,7 +101,7 @@ impl Measured<'_> {
     }
 }
 
-/// Those beyond the looks that can be told apart are all thin and grey.
+/// Style of a line; lines beyond the distinguishable styles are all thin and grey.
 fn look(k: usize) -> Look {
     SERIES.get(k).copied().unwrap_or(Look { color: color::ROAD_EDGE, dash: [0.0; 4] })
 }

@@ -1,4 +1,4 @@
-//! How far predictions are off, by how much later they are read.
+//! Prediction errors as a function of the time at which they are read.
 
 use swerve_core::{Span, Time};
 use swerve_geom::Point2;
@@ -8,10 +8,10 @@ use swerve_prediction::{Ground, Horizon, PredictorName, Telling, forecast, foret
 
 use super::TimelyPrediction;
 
-/// Spacing of the instants at which errors are kept, seconds.
+/// Spacing of the instants at which errors are recorded, seconds.
 const GRID_S: f64 = 0.01;
 
-/// Who foretells.
+/// Predictor, including `truth` with its horizon.
 pub(super) struct Foreteller {
     pub(super) name: PredictorName,
     pub(super) truth_s: f64,
@@ -33,7 +33,7 @@ impl Foreteller {
     }
 }
 
-/// Places a step apart, the present one first.
+/// Positions one step apart, the present one first.
 struct Line(Vec<Point2>);
 
 impl Line {
@@ -41,7 +41,7 @@ impl Line {
         Self(core::iter::once(now).chain(later.iter().copied()).collect())
     }
 
-    /// After so many steps, on a straight line between them; none beyond the last.
+    /// Position after this many steps, linearly interpolated; `None` beyond the last.
     fn at(&self, steps: f64) -> Option<Point2> {
         let below = (steps + 1e-9).floor() as usize;
         let (from, share) = (*self.0.get(below)?, (steps - below as f64).max(0.0));
@@ -52,18 +52,18 @@ impl Line {
     }
 }
 
-/// Mean distances of the likeliest mode.
+/// Mean errors of the likeliest mode.
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Errors {
     pub(super) windows: usize,
-    /// After each [`GRID_S`], from the present on.
+    /// Mean error at multiples of [`GRID_S`], from the present on, metres.
     mean_m: Vec<f64>,
-    /// By horizon and latency, in that order: of who reads paths by their place in the list.
+    /// Mean error if paths are read by index, metres, by horizon, then latency.
     pub(super) careless_m: Vec<Option<f64>>,
 }
 
 impl Errors {
-    /// On recordings, of every so many instants one.
+    /// Evaluates a predictor on recordings, at every `every`-th instant.
     pub(super) fn of(
         recordings: &[Recording],
         by: &Foreteller,
@@ -87,12 +87,12 @@ impl Errors {
         sums.means()
     }
 
-    /// After so many seconds; none where no window is so long.
+    /// Mean error after this time, metres; `None` if no window is that long.
     pub(super) fn mean_m(&self, after_s: f64) -> Option<f64> {
         self.mean_m.get((after_s / GRID_S).round() as usize).copied().filter(|m| m.is_finite())
     }
 
-    /// When the error first is this large, seconds; none where it stays below.
+    /// Time at which the error first reaches a value, seconds; `None` if it stays below.
     pub(super) fn reaches_s(&self, goal_m: f64) -> Option<f64> {
         let next = self.mean_m.iter().position(|m| *m > goal_m)?;
         let Some(before) = next.checked_sub(1) else { return Some(0.0) };
@@ -101,11 +101,11 @@ impl Errors {
     }
 }
 
-/// These as they are summed up.
+/// Sums of the errors.
 struct Sums<'a> {
     asked: &'a TimelyPrediction,
     windows: usize,
-    /// Of each instant on the grid.
+    /// Sums at each instant on the grid, metres.
     off_m: Vec<f64>,
     careless: Vec<f64>,
 }
@@ -120,7 +120,7 @@ impl<'a> Sums<'a> {
         Self { asked, windows: 0, off_m: vec![0.0; instants], careless: vec![0.0; cells] }
     }
 
-    /// The farthest instant that is asked for.
+    /// Longest time needed, seconds.
     fn longest_s(&self) -> f64 {
         (self.off_m.len() - 1) as f64 * GRID_S
     }

@@ -23,7 +23,7 @@ fn asked(text: &str) -> (TimelyPrediction, Vec<String>) {
     (file.timely_prediction, problems.iter().map(ToString::to_string).collect())
 }
 
-/// One who speeds up steadily from standing, by 1 m/s².
+/// A pedestrian who accelerates from standstill at a constant 1 m/s².
 fn faster() -> Recording {
     let samples = (0..60).map(|k: i64| (k, Point2::new(0.5 * 0.01 * (k * k) as f64, 0.0))).collect();
     let extent = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
@@ -32,7 +32,7 @@ fn faster() -> Recording {
 }
 
 #[test]
-fn lateness_is_a_longer_way_ahead_and_carelessness_the_way_gone_meanwhile() {
+fn latency_extends_the_horizon_and_careless_reading_adds_the_motion_meanwhile() {
     let (mut asked, problems) = asked(TEXT);
     assert_eq!(problems, [] as [&str; 0]);
     asked.truth_s = 1.0;
@@ -42,21 +42,22 @@ fn lateness_is_a_longer_way_ahead_and_carelessness_the_way_gone_meanwhile() {
     };
     let straight = by(PredictorName::ConstantVelocity);
     assert_eq!(straight.windows, 60 - 7 - 35);
-    // The mean velocity of the last half second is that of 0.25 s ago: 0.25 t + t²/2 behind after t.
+    // The mean velocity of the last half second is that of 0.25 s ago, so the path lags by 0.25 t + t²/2 after t.
     let off_m = |t: f64| 0.25 * t + 0.5 * t * t;
     for (late_s, ahead_s) in [(0.0, 1.0), (0.5, 1.0), (0.2, 3.0), (0.0, 0.0)] {
         let found = straight.mean_m(late_s + ahead_s).unwrap();
         assert!((found - off_m(late_s + ahead_s)).abs() < 1e-3, "{late_s} {ahead_s}: {found}");
     }
-    // 500 ms late and careless, the present: what was gone in half a second at the mean speed of the windows.
+    // Read carelessly at the present, 500 ms late: the motion during half a second at the mean speed of the windows,
+    // plus the acceleration.
     let late = asked.latencies_ms.iter().position(|ms| *ms == 500).unwrap();
     let mean_mps = 0.1 * (7.0 + 24.0) / 2.0;
     assert!((straight.careless_m[late].unwrap() - (0.5 * mean_mps + 0.125)).abs() < 1e-3);
-    // Who knows the next second is right for so long, and straight on after it.
+    // `truth` is exact for its horizon of one second and continues straight on after it.
     let truth = by(PredictorName::Truth);
     assert!(truth.mean_m(1.0).unwrap() < 1e-9 && truth.mean_m(0.35).unwrap() < 1e-9);
     assert!((truth.mean_m(2.0).unwrap() - (0.05 + 0.5)).abs() < 1e-3, "{:?}", truth.mean_m(2.0));
-    // It reaches the error that the other has after 1 s when t/20 + t²/2 = 0.75 m, t from its horizon on.
+    // It reaches the other's error after 1 s when t/20 + t²/2 = 0.75 m, with t from its horizon on.
     let set = OfSet { name: "x", unseen_per_s: 0.0, errors: vec![straight, truth] };
     let t = -0.05 + (0.0025_f64 + 1.5).sqrt();
     let late_ms = set.may_be_late_ms(1, 1).unwrap();
@@ -66,7 +67,7 @@ fn lateness_is_a_longer_way_ahead_and_carelessness_the_way_gone_meanwhile() {
 }
 
 #[test]
-fn sets_that_are_not_there_are_said_and_the_rest_is_measured() {
+fn missing_sets_are_reported_and_the_others_evaluated() {
     let (asked, _) = asked(TEXT);
     let measured = asked.measure(Path::new("/")).unwrap();
     assert_eq!((measured.sets.len(), &measured.absent[..]), (1, &["lost"][..]));
@@ -76,7 +77,7 @@ fn sets_that_are_not_there_are_said_and_the_rest_is_measured() {
     {
         assert!(text.contains(expected), "{expected}: {text}");
     }
-    // Two latencies more than none of four horizons, three predictors.
+    // Six latencies, four horizons, three predictors.
     assert_eq!(measured.csv().lines().count(), 1 + 3 * 6 * 4);
     assert_eq!(measured.crossover_csv().lines().count(), 1 + 3 * 3);
     let svg = measured.draw("a title").svg();
@@ -85,7 +86,7 @@ fn sets_that_are_not_there_are_said_and_the_rest_is_measured() {
 }
 
 #[test]
-fn what_is_wrong_with_the_table_is_said_by_its_key() {
+fn wrong_table_is_reported_by_its_key() {
     let said = |from: &str, to: &str| {
         assert!(TEXT.contains(from));
         asked(&TEXT.replacen(from, to, 1)).1.join("\n")

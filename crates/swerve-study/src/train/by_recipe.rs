@@ -1,4 +1,4 @@
-//! What is trained by a recipe: weights of a detector, of a segmentation, of a predictor.
+//! Training by a recipe: weights of a detector, a segmentation or a predictor.
 
 use std::path::{Path, PathBuf};
 
@@ -11,17 +11,17 @@ use swerve_stack::Registry;
 /// `swerve train detector`, `swerve train segmentation`, `swerve train prediction`.
 #[derive(clap::Args, Debug)]
 pub(super) struct RecipeArgs {
-    /// Recipe (TOML): what to learn from, and how
+    /// Recipe (TOML): training data and parameters
     recipe: PathBuf,
-    /// Folder of what is learnt from: labelled images, of which those that are not there are made; recorded tracks
+    /// Folder of the training data: labelled images, of which missing ones are rendered; recorded tracks
     #[arg(long, default_value = "out/training")]
     pub(super) data: PathBuf,
-    /// Write the weights to this file [default: the recipe's, with the ending .weights]
+    /// Write the weights to this file [default: the recipe's path with the ending .weights]
     #[arg(long)]
     out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-    /// Images and trees looked at at once; the weights are the same for any number
+    /// Number of images and trees processed at the same time; the weights do not depend on it
     #[arg(long, default_value_t = 1, value_parser = swerve_drive::threads::parser())]
     threads: usize,
     /// Test these weights instead of training
@@ -42,19 +42,19 @@ impl RecipeArgs {
     }
 }
 
-/// Recipes of one kind, and the weights that they make.
+/// Recipe of one kind, and the weights that it trains.
 pub(super) trait Trained: Sized + Send + Sync {
-    /// What `swerve train` calls it.
+    /// Name of the subcommand of `swerve train`.
     const NAME: &str;
     type Weights: Send + Sync;
 
-    /// Reads and checks a recipe; with its text.
+    /// Reads and checks a recipe. Returns it with its text.
     fn recipe(path: &Path) -> anyhow::Result<(Self, String)>;
     fn read(bytes: &[u8]) -> anyhow::Result<Self::Weights>;
     fn write(weights: &Self::Weights) -> Vec<u8>;
-    /// `source` tells where the weights come from.
+    /// Trains the weights; `source` describes their origin.
     fn train(&self, source: String, args: &RecipeArgs, registry: &Registry) -> anyhow::Result<Self::Weights>;
-    /// A table of how good they are on the images that the recipe tests by.
+    /// Table of the weights' accuracy on the test sets of the recipe.
     fn test(
         &self,
         weights: &Self::Weights,
@@ -63,14 +63,14 @@ pub(super) trait Trained: Sized + Send + Sync {
     ) -> anyhow::Result<Vec<Vec<String>>>;
 }
 
-/// Where the weights of a recipe come from, in words.
+/// Description of the origin of a recipe's weights.
 pub(super) fn source<T: Trained>(recipe: &Path, text: &str) -> String {
     let name = recipe.file_name().unwrap_or_default().to_string_lossy();
     format!("swerve train {} {name} (recipe {})", T::NAME, swerve_core::digest_of(text))
 }
 
-/// A table of how good the weights beside a recipe are on the images that it holds out, which are made where they are
-/// not in this folder.
+/// Table of the accuracy of the weights beside a recipe on its held-out images, which are rendered if missing in this
+/// folder.
 pub(super) fn held_out<T: Trained>(
     recipe: &Path,
     data: &Path,
@@ -85,7 +85,7 @@ fn weights<T: Trained>(path: &Path) -> anyhow::Result<T::Weights> {
     T::read(&bytes).with_context(|| path.display().to_string())
 }
 
-/// Trains and tests, or tests alone.
+/// Trains and tests, or only tests.
 pub(super) fn run<T: Trained>(args: &RecipeArgs, registry: &Registry) -> anyhow::Result<()> {
     let (recipe, text) = T::recipe(&args.recipe)?;
     let out = args.out.clone().unwrap_or_else(|| args.recipe.with_extension("weights"));

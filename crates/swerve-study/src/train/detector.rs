@@ -1,4 +1,4 @@
-//! `swerve train detector`: detectors trained on images of random streets, by a recipe.
+//! `swerve train detector`: trains detectors on images of random streets, by a recipe.
 
 mod labelled;
 mod learn;
@@ -83,7 +83,7 @@ fn train(recipe: &Recipe, source: String, args: &RecipeArgs, registry: &Registry
     Ok(weights)
 }
 
-/// In the order of the weights' classes.
+/// Classes in the order of the weights.
 fn classes(recipe: &Recipe) -> Vec<Class> {
     let mut classes: Vec<Class> = recipe.window.iter().map(|window| window.class).collect();
     classes.sort_unstable();
@@ -91,7 +91,7 @@ fn classes(recipe: &Recipe) -> Vec<Class> {
     classes
 }
 
-/// A table: rung, set, class, average precision, how many there were.
+/// Table of rung, set, class, average precision and number of objects.
 fn test(
     recipe: &Recipe,
     weights: &Weights,

@@ -1,4 +1,4 @@
-//! Sets of labelled images of random streets: what a recipe says of them, and their making.
+//! Sets of labelled images of random streets: their description in recipes, and their rendering.
 
 use std::path::{Path, PathBuf};
 
@@ -16,49 +16,49 @@ use super::street::street;
 use crate::dataset::{self, DatasetArgs};
 use crate::picture::{MEGAPIXELS_MAX, exif, within_bound};
 
-/// The camera that images are taken with, level and straight ahead.
+/// Camera of the images, level and facing straight ahead.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Camera {
     pub(in crate::train) width_px: u32,
     pub(in crate::train) height_px: u32,
     pub(in crate::train) fov_deg: f64,
-    /// Above the ground.
+    /// Height above the ground, metres.
     pub(in crate::train) height_m: f64,
     pub(in crate::train) period_ms: f64,
 }
 
 impl Camera {
-    /// Focal length.
+    /// Focal length, pixels.
     pub(in crate::train) fn focal_px(&self) -> f64 {
         0.5 * f64::from(self.width_px) / swerve_geom::math::tan(0.5 * self.fov_deg.to_radians())
     }
 }
 
-/// What images are for.
+/// Purpose of an image set.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Purpose {
     Training,
-    /// Scores are mapped to probabilities by these.
+    /// Calibration of scores to probabilities.
     Calibration,
     Test,
 }
 
-/// Images of some streets.
+/// Images of a range of streets.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ImageSet {
     pub(in crate::train) name: String,
     pub(in crate::train) purpose: Purpose,
-    /// The first, and the one behind the last.
+    /// First street, and the one after the last.
     pub(in crate::train) streets: [u32; 2],
-    /// Of the drives.
+    /// Seed of the drives.
     pub(in crate::train) seed: u32,
     pub(in crate::train) weather: WeatherPreset,
 }
 
-/// Reads a recipe and checks it; with its text.
+/// Reads and checks a recipe. Returns it with its text.
 pub(super) fn read<T: DeserializeOwned>(
     path: &Path,
     problems: impl Fn(&T, &Document) -> Vec<Problem>,
@@ -72,7 +72,7 @@ pub(super) fn read<T: DeserializeOwned>(
     if problems.is_empty() { Ok((recipe, text)) } else { Err(problems_error(&problems)) }
 }
 
-/// What has to hold of a camera and of sets; there is one for each purpose.
+/// Checks the camera and the sets; each purpose needs at least one set.
 pub(super) fn check(
     camera: &Camera,
     sets: &[ImageSet],
@@ -120,7 +120,7 @@ pub(super) fn check(
     }
 }
 
-/// The folder of a set's images in KITTI's form, below a folder of data; rendered first, where they are not there.
+/// Folder of a set's images in KITTI format, below a data folder; rendered if missing.
 pub(super) fn rendered(
     camera: &Camera,
     set: &ImageSet,
@@ -169,13 +169,13 @@ pub(super) fn camera_text(camera: &Camera) -> String {
     )
 }
 
-/// Width, height and bytes of an image of 8 bits a colour, upright by its EXIF data.
+/// Width, height and bytes of an RGB image of 8 bits per channel, rotated as its EXIF data require.
 pub fn read_png(path: &Path) -> anyhow::Result<([usize; 2], Vec<u8>)> {
     let file = swerve_text::open_file(path).with_context(|| format!("reading {}", path.display()))?;
     decode_png(std::io::BufReader::new(file), path, MEGAPIXELS_MAX)
 }
 
-/// The same from what the file at `path` holds.
+/// [`read_png`] for the content of the file at `path`.
 pub(crate) fn decode_png(
     file: impl std::io::BufRead + std::io::Seek,
     path: &Path,

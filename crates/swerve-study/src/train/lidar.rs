@@ -1,5 +1,5 @@
-//! `swerve train lidar`: trees that tell objects in the points of a lidar, learned on streets drawn from seeds and judged
-//! on others and on shipped scenarios.
+//! `swerve train lidar`: trees that classify objects in lidar points, trained on streets drawn from seeds and evaluated
+//! on others and on given scenarios.
 
 mod frames;
 mod judge;
@@ -29,19 +29,19 @@ use judge::Judge;
 /// `swerve train lidar`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct LidarArgs {
-    /// Streets to learn from, each drawn from its number
+    /// Number of training streets, each drawn from its number
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=FIRST_TEST as i64 - 1))]
     streets: u32,
-    /// Streets to judge by, others than those
+    /// Number of test streets, different from the training streets
     #[arg(long, default_value_t = 6)]
     test_streets: u32,
-    /// Scenarios to judge by, each with seed 1
+    /// Test scenarios, each with seed 1
     #[arg(long, num_args = 1..)]
     test_scenarios: Vec<PathBuf>,
-    /// Trees of each class
+    /// Number of trees per class
     #[arg(long, default_value_t = 80, value_parser = clap::value_parser!(u32).range(1..=1000))]
     trees: u32,
-    /// Judge the weights that Swerve is shipped with; learn nothing
+    /// Evaluate the built-in weights without training
     #[arg(long, conflicts_with = "out")]
     judge_only: bool,
     /// Write the weights to this file
@@ -51,11 +51,11 @@ pub(crate) struct LidarArgs {
     overwrite: OverwriteArgs,
 }
 
-/// The streets to judge by count from here, those to learn from stay below.
+/// Number of the first test street; training streets have lower numbers.
 const FIRST_TEST: u32 = 1001;
-/// The lidar's name.
+/// Name of the lidar.
 const ROOF: &str = "roof";
-/// Between two sweeps to learn from: neighbours tell little that is new.
+/// Time between two training sweeps: consecutive sweeps add little information.
 const EVERY: Span = Span::from_ms(500);
 
 /// Runs `swerve train lidar`.
@@ -84,7 +84,7 @@ pub(super) fn run(args: &LidarArgs) -> anyhow::Result<()> {
     swerve_report::output::print(&judge(&model, &held_out)?.table())
 }
 
-/// Average precision of cars, with the weights that Swerve is shipped with.
+/// Average precision of cars with the built-in weights.
 pub(super) fn shipped_cars(streets: usize) -> anyhow::Result<[f64; 3]> {
     let drives: Vec<Drive> = (FIRST_TEST..)
         .take(streets)
@@ -93,7 +93,7 @@ pub(super) fn shipped_cars(streets: usize) -> anyhow::Result<[f64; 3]> {
     Ok(judge(&Model::shipped(), &drives)?.cars())
 }
 
-/// How good weights are on drives.
+/// Evaluates weights on drives.
 fn judge(model: &Model, drives: &[Drive]) -> anyhow::Result<Judge> {
     let progress = Progress::drives(drives.len());
     let mut judge = Judge::new();
@@ -109,7 +109,7 @@ fn judge(model: &Model, drives: &[Drive]) -> anyhow::Result<Judge> {
     Ok(judge)
 }
 
-/// Trees for each class, learned from so many streets.
+/// Trains the trees of each class on this many streets.
 fn learn(streets: u32, trees: u32) -> anyhow::Result<Model> {
     let progress = Progress::drives(streets as usize);
     let mut objects = LidarObjects::new(Params::default())?;
@@ -119,7 +119,7 @@ fn learn(streets: u32, trees: u32) -> anyhow::Result<Model> {
         let drive = Drive::of_street(seed)?;
         sweeps(&drive.config, &drive.scenario, EVERY, &mut |frame| {
             let scan = drive.scan(frame);
-            // Where the way is not known they are to tell objects too.
+            // The trees must also classify objects without a known route.
             for route in [scan.route, None] {
                 for candidate in objects.propose(&Scan { route, ..scan }) {
                     let kind = candidate.found.kind;
@@ -138,8 +138,8 @@ fn learn(streets: u32, trees: u32) -> anyhow::Result<Model> {
     Ok(Model { classes })
 }
 
-/// How far a candidate is right: by its overlap with the actor of its kind that it overlaps most. Boxes that are better
-/// placed are to come before others of the same thing.
+/// Target value of a candidate, 0 to 1, by its largest overlap with an actor of its kind, so that better placed boxes
+/// rank above others of the same object.
 fn truth(candidate: &Candidate, there: &[There]) -> f32 {
     let found = &candidate.found;
     let same = there.iter().filter(|there| there.truth.kind == found.kind);
@@ -148,7 +148,7 @@ fn truth(candidate: &Candidate, there: &[There]) -> f32 {
     ((overlap - none) / (all - none)).clamp(0.0, 1.0) as f32
 }
 
-/// A drive with a lidar on the roof, by perfect perception.
+/// Drive with a lidar on the roof, with perfect perception.
 struct Drive {
     config: Config,
     scenario: Scenario,
@@ -186,26 +186,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streets_are_scenarios_and_unlike() {
+    fn streets_are_valid_and_distinct_scenarios() {
         let all: Vec<Scenario> =
             (1..25).chain(1001..1009).map(|seed| streets::street(seed).unwrap()).collect();
         assert!(all.iter().all(|street| street.actors.len() > 10));
         assert!(all.windows(2).all(|two| two[0] != two[1]));
     }
 
-    /// A little is learned from two streets, and holds on a third.
+    /// Trains briefly on two streets and tests on a third.
     #[test]
     #[ignore = "minutes of drives"]
-    fn what_is_learned_holds_elsewhere() {
+    fn trained_weights_generalise_to_another_street() {
         let learned = judge(&learn(2, 30).unwrap(), &[Drive::of_street(1001).unwrap()]).unwrap();
         let [one, ..] = learned.cars();
         assert!(one > 0.6, "{}", learned.table());
     }
 
-    /// What is asked for: under 40 m, at least 20 points, half of the area in common.
+    /// Required accuracy: within 40 m, at least 20 points, overlap of one half.
     #[test]
     #[ignore = "minutes of drives"]
-    fn the_shipped_weights_find_cars_on_streets_that_they_have_not_seen() {
+    fn built_in_weights_find_cars_on_unseen_streets() {
         let cars = shipped_cars(4).unwrap();
         assert!(cars.into_iter().all(|precision| precision >= 0.8), "{cars:?}");
     }

@@ -1,5 +1,5 @@
-//! `swerve train prediction`: a small net that predicts where others go, trained on tracks that are made or recorded, by a
-//! recipe.
+//! `swerve train prediction`: a small network that predicts the paths of road users, trained on generated or recorded
+//! tracks, by a recipe.
 
 #[cfg(test)]
 mod tests;
@@ -20,44 +20,44 @@ use super::by_recipe::{RecipeArgs, Trained};
 use super::images::{Purpose, read};
 use crate::evaluate::prediction::{Foretells, Format, file, judged};
 
-/// Modes of which the best one counts.
+/// Number of modes of which the best counts.
 const BEST_OF: usize = 6;
 
-/// The whole recipe.
+/// Recipe of a predictor.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Recipe {
     net: Shape,
     learning: Learning,
-    /// Tracks, by what they are for.
+    /// Track sets, each with its purpose.
     set: Vec<Tracks>,
 }
 
-/// Tracks of one kind.
+/// Set of tracks.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Tracks {
     name: String,
     purpose: Purpose,
-    /// Recordings that are made.
+    /// Generated recordings.
     made: Option<Made>,
     /// Recordings in files of `--data`.
     recorded: Option<Recorded>,
-    /// A window begins at every so many sightings of a track.
+    /// Steps of a track between the starts of two windows.
     #[serde(default = "one")]
     stride: usize,
-    /// Speeds at which recordings are played, each time to learn from anew; backwards where negative.
+    /// Playback speeds; each gives another training recording, backwards if negative.
     #[serde(default = "as_recorded")]
     played: Vec<f64>,
 }
 
-/// A minute each, of a crossing.
+/// Generated recordings of a crossing, one minute each.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Made {
-    /// The first seed and the last.
+    /// First and last seed.
     seeds: [u64; 2],
-    /// On foot at once.
+    /// Number of pedestrians at the same time.
     people: usize,
 }
 

@@ -1,4 +1,4 @@
-//! `swerve train segmentation`: a forest that labels pixels, trained on images of random streets, by a recipe.
+//! `swerve train segmentation`: a forest that classifies pixels, trained on images of random streets, by a recipe.
 
 mod learn;
 mod recipe;
@@ -21,7 +21,7 @@ use super::by_recipe::{RecipeArgs, Trained};
 use super::images::{Purpose, read_png, rendered};
 pub(super) use recipe::Recipe;
 
-/// Of each of Cityscapes' ids the one that masks of the segmentation `street` have, which is in the program.
+/// For each Cityscapes id, the id in masks of the built-in segmentation `street`.
 pub(crate) fn street_mask_of() -> [u8; 256] {
     swerve_text::built_in::<Recipe>(include_str!("../../../swerve-vision/segmentations/street.toml"))
         .mask_of()
@@ -71,7 +71,8 @@ impl Trained for Recipe {
         for (name, paths) in sets(self, Purpose::Test, args, registry)? {
             let confusion = score(self, weights, &paths)?;
             let cell = |iou: Option<f64>| iou.map_or_else(|| "-".to_owned(), |iou| format!("{iou:.3}"));
-            // All else is no class that anybody asks for; what is taken for it, or it for another, is an error of that.
+            // The class of all other pixels is left out of the mean; confusions with it count as errors of the named
+            // classes.
             let named = weights.classes.len() - 1;
             let ious: Vec<f64> = (0..named).filter_map(|class| confusion.iou(class as u8)).collect();
             let mean = ious.iter().sum::<f64>() / ious.len().max(1) as f64;
@@ -82,7 +83,7 @@ impl Trained for Recipe {
     }
 }
 
-/// Sets of a purpose, with their images' files.
+/// Sets of a purpose, with their image files.
 fn sets(
     recipe: &Recipe,
     purpose: Purpose,
@@ -98,7 +99,7 @@ fn sets(
     .collect()
 }
 
-/// An image and the classes of its pixels.
+/// Image and the classes of its pixels.
 struct Labelled {
     size: [usize; 2],
     rgb: Vec<u8>,
@@ -106,14 +107,14 @@ struct Labelled {
 }
 
 impl Labelled {
-    /// An image of a data set, and what lies beside it.
+    /// Reads an image of a data set and its labels.
     fn read(recipe: &Recipe, path: &Path) -> anyhow::Result<Self> {
         let (size, rgb) = read_png(path)?;
         let labels = path.to_string_lossy().replace("image_2", "semantic");
         let (labelled, ids) = read_png(Path::new(&labels))?;
         ensure!(size == labelled, "{labels}: expected labels of {} x {} pixels", size[0], size[1]);
         let class_of = recipe.class_of();
-        // Grey, as three colours.
+        // Labels are grey, read as three equal channels.
         let classes = ids.chunks_exact(3).map(|id| class_of[usize::from(id[0])]).collect();
         Ok(Self { size, rgb, classes })
     }
@@ -123,14 +124,14 @@ impl Labelled {
     }
 }
 
-/// What the recipe's camera sees the ground by, if it is tilted by an angle more than it says.
+/// Ground plane seen by the recipe's camera with an additional tilt.
 fn ground(recipe: &Recipe, [_, height]: [usize; 2], tilt_rad: f64) -> Ground {
     let focal_px = recipe.camera.focal_px();
     let horizon_px = 0.5 * height as f64 + tilt_rad * focal_px;
     Ground { horizon_px, focal_px, height_m: recipe.camera.height_m }
 }
 
-/// Pixels of all images, by their class and the one that they are taken for.
+/// Confusion of true and predicted classes over the pixels of all images.
 fn score(recipe: &Recipe, weights: &Weights, paths: &[PathBuf]) -> anyhow::Result<Confusion> {
     let classes = weights.classes.len() as u8;
     let mut class_of = [classes - 1; 256];

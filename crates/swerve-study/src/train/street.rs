@@ -1,17 +1,18 @@
-//! Random streets, as scenarios: what detectors and segmentations are trained and tested on.
+//! Random streets as scenarios, for training and testing detectors and segmentations.
 //!
-//! A street is a straight, a bend or none, and a straight again, with pavements; people walk and stand on both sides and
-//! two cross, cars are parked in some, come towards the ego and drive ahead of it, with trucks and cyclists among them.
+//! A street is a straight, optionally a bend, and a straight again, with pavements. Pedestrians walk and stand on both
+//! sides and two cross. On some streets cars are parked; others come towards the ego or drive ahead of it, with trucks
+//! and cyclists among them.
 
 use core::f64::consts::PI;
 use core::fmt::Write as _;
 
 use swerve_core::Rng;
 
-/// Where the ego's drive ends, metres.
+/// End of the ego's drive, metres.
 const END_M: f64 = 130.0;
 
-/// The text of a scenario; every number is drawn under the street's own.
+/// Scenario text; all numbers are drawn from the street's own number.
 pub(super) fn street(number: u32) -> String {
     let mut street =
         Street { rng: Rng::keyed(u64::from(number), "street", &[]), text: String::new(), actors: 0 };
@@ -46,11 +47,11 @@ impl Street {
         all[self.rng.below(all.len())]
     }
 
-    /// An actor at an arc length and offset, with a heading along the road and further keys.
+    /// Adds an actor at an arc length and offset, with a heading along the road and further keys.
     fn actor(&mut self, kind: &str, at_m: [f64; 2], heading_rad: f64, more: &str) {
         self.actors += 1;
         let ([s, d], number) = (at_m, self.actors);
-        // Writing to a text cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(
             self.text,
             "[[actor]]\nname = \"{kind}{number}\"\nkind = \"{kind}\"\ns_m = {s:.2}\nd_m = {d:.2}\nheading_rad = {heading_rad:.3}\n{more}\n"
@@ -103,7 +104,7 @@ impl Street {
         ])
     }
 
-    /// A row at the far side, where the road is wide enough.
+    /// Adds a row of parked cars on the far side, if the road is wide enough.
     fn parked(&mut self, left_m: f64) {
         if left_m < 8.0 {
             return;
@@ -150,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streets_are_scenarios_and_no_two_alike() {
+    fn streets_are_valid_and_distinct_scenarios() {
         let texts: Vec<String> = (0..40).chain(100..106).chain(900..912).map(street).collect();
         for (k, text) in texts.iter().enumerate() {
             let folder = tempfile::tempdir().unwrap();

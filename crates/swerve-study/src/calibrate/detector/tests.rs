@@ -1,7 +1,7 @@
 use super::*;
 use swerve_stack::config::detectors::fits;
 
-/// The shipped scenarios once each: half of what the built-in fits were made with.
+/// Built-in scenarios with one seed each: half of the frames that the built-in fits were made with.
 fn frames(sensing: Sensing) -> Frames {
     let all = scenarios(None).unwrap();
     let with = "control.controller=pid planning.collision=time_indexed planning.comfort.enabled=false";
@@ -11,7 +11,7 @@ fn frames(sensing: Sensing) -> Frames {
 }
 
 #[test]
-fn what_is_frozen_is_met_again_on_part_of_the_frames() {
+fn built_in_fits_hold_on_part_of_the_frames() {
     let frames = frames(Sensing::Camera);
     let mut before = 1.0;
     for name in ["efficientdet-d7x@v100", "efficientdet-d3@v100", "ssd-mobilenet-v1@titan-x"] {

@@ -1,4 +1,4 @@
-//! Recordings in files, and the lanes of maps that lie beside them.
+//! Recordings in files, with the lanes of maps beside them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,46 +12,47 @@ use swerve_report::files::{entries, read_whole};
 
 use super::Format;
 
-/// The folder of maps beside recordings.
+/// Name of the folder with maps beside the recordings.
 const MAPS: &str = "maps";
-/// Less than this share of who drives in the middle of a lane, and the map is not of there.
+/// Minimum share of road users driving in the middle of a lane for a map to match a recording.
 const ON_LANES_MIN: f64 = 0.4;
 
-/// One file's recordings.
+/// Recordings of one file.
 pub(crate) struct File {
-    /// Its name without the folder.
+    /// File name without folder.
     pub(crate) name: String,
-    /// By the names of their scenarios, where they have one.
+    /// Recordings with the names of their scenarios; the name is empty in formats without scenarios.
     recordings: Vec<(String, Recording)>,
     pub(crate) lanes: Lanes,
 }
 
-/// How many recordings have lanes below them.
+/// Number of recordings by the source of their lanes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize)]
 pub(crate) struct Lanes {
-    /// Those of their own map.
+    /// Recordings with lanes of their own map.
     own: usize,
-    /// Those of another map of their site, onto which they were moved by the ways that were driven.
+    /// Recordings moved onto another map of their site by fitting the driven paths.
     placed: usize,
     without: usize,
 }
 
 impl File {
-    /// In the order of the file.
+    /// Recordings in file order.
     pub(crate) fn recordings(self) -> Vec<Recording> {
         self.recordings.into_iter().map(|(_, recording)| recording).collect()
     }
 
-    /// In the order of the file.
+    /// Recordings in file order.
     pub(crate) fn each(&self) -> impl Iterator<Item = &Recording> {
         self.recordings.iter().map(|(_, recording)| recording)
     }
 }
 
-/// All files of a folder that are of this form, or one.
+/// Reads a file, or all files of this format in a folder.
 ///
 /// # Errors
-/// A folder without such files, a file that cannot be read or is not of its form: file, line, and what was expected.
+/// If the folder has no such files, or a file cannot be read or has another format; the error names file, line and the
+/// expected content.
 pub(super) fn files(dir: &Path, format: Format) -> anyhow::Result<Vec<File>> {
     let endings = match format {
         Format::EthUcy => &[".txt"][..],
@@ -65,7 +66,7 @@ pub(super) fn files(dir: &Path, format: Format) -> anyhow::Result<Vec<File>> {
     paths.iter().map(|path| on_lanes(file(path, format)?, path)).collect()
 }
 
-/// The files of a folder with one of these endings, in order; a file is itself.
+/// Files of a folder with one of these endings, sorted; for a file, the file itself.
 fn matching(dir: &Path, endings: &[&str]) -> anyhow::Result<Vec<PathBuf>> {
     let told = |error| anyhow!("{}: cannot be read: {error}", dir.display());
     if !std::fs::metadata(dir).map_err(told)?.is_dir() {
@@ -76,10 +77,10 @@ fn matching(dir: &Path, endings: &[&str]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// The recordings of one file.
+/// Reads the recordings of one file.
 ///
 /// # Errors
-/// A file that cannot be read or is not of its form: file, line, and what was expected.
+/// If the file cannot be read or has another format; the error names file, line and the expected content.
 pub(crate) fn file(path: &Path, format: Format) -> anyhow::Result<File> {
     let at = path.display();
     let text = unpacked(path)?;
@@ -97,11 +98,11 @@ fn unpacked(path: &Path) -> anyhow::Result<String> {
     text(read_whole(path)?).map_err(|error| anyhow!("{}: {error}", path.display()))
 }
 
-/// A file with the lanes of the maps in the folder `maps` beside it: each scenario has those of its name, or is moved onto
-/// those of its site (the name up to the first `-`) that it fits best.
+/// Adds lanes from the folder `maps` beside the file: a scenario gets the map of its own name, or is moved onto the
+/// best-fitting map of its site (the name up to the first `-`).
 ///
 /// # Errors
-/// A map that cannot be read or is none: file, line, and what was expected.
+/// If a map cannot be read or parsed; the error names file, line and the expected content.
 pub(crate) fn on_lanes(mut file: File, path: &Path) -> anyhow::Result<File> {
     let folder = path.parent().unwrap_or(Path::new("")).join(MAPS);
     let is_there = file.recordings.iter().any(|(name, _)| !name.is_empty()) && folder.is_dir();
@@ -126,7 +127,7 @@ pub(crate) fn on_lanes(mut file: File, path: &Path) -> anyhow::Result<File> {
     Ok(File { lanes, ..file })
 }
 
-/// Maps by the names of their scenarios: those of the sites of a file.
+/// Maps of the sites in a file, by scenario name.
 fn maps(folder: &Path, file: &File) -> anyhow::Result<BTreeMap<String, Arc<LaneGraph>>> {
     let mut maps = BTreeMap::new();
     for path in matching(folder, &[".xml", ".xml.gz"])? {

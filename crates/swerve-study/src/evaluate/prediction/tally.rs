@@ -1,4 +1,4 @@
-//! Errors of forecasts, window by window.
+//! Forecast errors, accumulated window by window.
 
 use std::collections::VecDeque;
 
@@ -11,47 +11,47 @@ use swerve_geom::{Obb, Point2, Pose2, Vector2};
 use swerve_msg::{Forecast, ForecastList};
 use swerve_prediction::recorded::{Scene, Window};
 
-/// Latencies of the timely error, milliseconds.
+/// Latencies of the timely error, ms.
 const LATENCIES_MS: [u32; 6] = [0, 20, 50, 100, 200, 500];
-/// Who has moved less than this keeps the heading, metres.
+/// Minimum movement from which a heading is derived, metres; below it the previous heading is kept.
 const LEAST_M: f64 = 0.1;
-/// How fast regions answer to a miss.
+/// Adaptation rate of the recalibrated regions after a miss.
 const RECALIBRATION_RATE: f64 = 0.02;
 
 /// Means over windows.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub(crate) struct Figures {
-    /// How many were judged.
+    /// Number of evaluated windows.
     pub(crate) windows: usize,
-    /// Mean distance of the likeliest mode, metres.
+    /// Average displacement error of the likeliest mode, metres.
     pub(crate) ade_m: f64,
-    /// Its distance at the end, metres.
+    /// Final displacement error of the likeliest mode, metres.
     pub(crate) fde_m: f64,
-    /// Of the best of the likeliest K modes, metres.
+    /// Average displacement error of the best of the K likeliest modes, metres.
     pub(crate) min_ade_m: f64,
     pub(crate) min_fde_m: f64,
     pub(crate) brier_min_fde_m: f64,
-    /// Share of windows in which all of these end more than 2 m off.
+    /// Share of windows in which all of these modes end more than 2 m off.
     pub(crate) missed: f64,
-    /// Nats a step, with metres.
+    /// Negative log-likelihood per step, nats, with positions in metres.
     pub(crate) nll: f64,
-    /// Shares within the regions of 50, 80, 90 and 95 % at the end.
+    /// Shares of final positions within the regions of 50, 80, 90 and 95 %.
     pub(crate) coverage: Option<[f64; 4]>,
     /// Mean areas of these regions, m².
     pub(crate) areas_m2: Option<[f64; 4]>,
-    /// Share within the region of 90 % at the end that is learnt while the recording goes on.
+    /// Share of final positions within the 90 % region that is recalibrated during the recording.
     pub(crate) recalibrated_90: Option<f64>,
-    /// Share of windows whose likeliest mode runs into that of another.
+    /// Share of windows whose likeliest mode collides with that of another road user.
     pub(crate) collisions: f64,
-    /// The same of what happened: outlines of recorded actors touch too.
+    /// Share of windows whose recorded path collides with that of another: outlines of recorded actors touch, too.
     pub(crate) collisions_in_truth: f64,
-    /// Share of windows whose likeliest mode runs into that of another, while nobody was touched in truth.
+    /// Share of windows with a predicted collision but no recorded one.
     pub(crate) collisions_alone: f64,
-    /// Of all actors of a scene together, where mode `k` of one goes with mode `k` of the others.
+    /// Joint metrics over all actors of a scene, in which mode `k` of one belongs to mode `k` of the others.
     pub(crate) world: Option<World>,
-    /// By step: seconds ahead, mean and root mean square of the likeliest mode's distance, share missed.
+    /// Per step: time ahead, mean and root mean square distance of the likeliest mode, share missed.
     pub(crate) by_step: Vec<Step>,
-    /// What is known so much later, of instants so far ahead of then.
+    /// Error of late predictions by latency and time ahead.
     pub(crate) timely: Vec<Timely>,
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct Step {
     ahead_s: f64,
     mean_m: f64,
     rms_m: f64,
-    /// Share of windows in which all of the likeliest K modes are more than 2 m off there.
+    /// Share of windows in which all of the K likeliest modes are more than 2 m off at this step.
     missed: f64,
 }
 
@@ -68,9 +68,9 @@ pub(crate) struct Step {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub(crate) struct World {
     scenes: usize,
-    /// Of the scene's likeliest mode, at the end, metres.
+    /// Final displacement error of the scene's likeliest joint mode, metres.
     fde_m: f64,
-    /// Of the mode that is best for the scene, metres.
+    /// Final displacement error of the best joint mode of the scene, metres.
     min_fde_m: f64,
     brier_min_fde_m: f64,
     /// Share of actors whose path in that mode ends more than 2 m off.
@@ -84,7 +84,7 @@ pub(crate) struct Timely {
     error_m: f64,
 }
 
-/// Sums of these.
+/// Sums from which the means are computed.
 #[derive(Clone, Debug)]
 pub(crate) struct Tally {
     best_of: usize,
@@ -99,9 +99,9 @@ pub(crate) struct Tally {
     coverage: Coverage,
     recalibration: Recalibration,
     held: [usize; 2],
-    /// What is learnt once its end has come: when, the score, and whether it was held.
+    /// Scores to be learnt once their prediction has ended: end time, squared distance, and true if within the region.
     to_come: VecDeque<(Time, f64, bool)>,
-    /// Count, distances, squares and misses by step.
+    /// Count, sum of distances, sum of squares and misses, by step.
     steps: Vec<[f64; 4]>,
 }
 
@@ -125,12 +125,12 @@ impl Tally {
         }
     }
 
-    /// Another recording, whose time begins anew.
+    /// Starts another recording, whose time starts anew.
     pub(crate) fn begin(&mut self) {
         self.to_come.clear();
     }
 
-    /// Everybody who is judged in a scene.
+    /// Adds all evaluated road users of a scene.
     pub(crate) fn add(&mut self, scene: &Scene, list: &ForecastList) {
         let now = scene.tracks.stamp;
         while let Some((_, squared, held)) = self.to_come.pop_front_if(|(at, ..)| *at <= now) {
@@ -158,7 +158,7 @@ impl Tally {
         }
     }
 
-    /// All actors of a scene together.
+    /// Adds the joint errors of all actors of a scene.
     fn add_world(&mut self, errors: &[Vec<ModeErrors>]) {
         let worlds = joint(errors, &joint_probabilities(errors));
         let by_fde = |a: &&ModeErrors, b: &&ModeErrors| a.fde_m.total_cmp(&b.fde_m);
@@ -216,7 +216,7 @@ impl Tally {
         self.to_come.push_back((ends, squared, held));
     }
 
-    /// Takes in another file's, but for what is learnt of it.
+    /// Adds the sums of another file, except the state of recalibration.
     pub(crate) fn join(&mut self, other: &Self) {
         self.windows += other.windows;
         self.step_s = other.step_s.max(self.step_s);
@@ -275,8 +275,8 @@ impl Tally {
     }
 }
 
-/// A path is read at its instants, so that what is late is a longer way ahead: the mean error at the sum of both, linear
-/// between the steps.
+/// Error of late predictions. A path is read at its instants, so latency extends the time ahead: the result is the mean
+/// error at the sum of both, linearly interpolated between steps.
 fn timely(by_step: &[Step], step_s: f64) -> Vec<Timely> {
     let error_m = |after_s: f64| {
         let at = after_s / step_s;
@@ -298,7 +298,7 @@ fn timely(by_step: &[Step], step_s: f64) -> Vec<Timely> {
         .collect()
 }
 
-/// How far each mode is off.
+/// Errors of each mode.
 fn errors(forecast: &Forecast, window: &Window) -> Vec<ModeErrors> {
     let steps = window.truth.len();
     let of = |mode: &swerve_msg::Mode| {
@@ -308,13 +308,13 @@ fn errors(forecast: &Forecast, window: &Window) -> Vec<ModeErrors> {
     forecast.modes.iter().filter_map(of).collect()
 }
 
-/// The likeliest mode's outlines.
+/// Outlines along the likeliest mode.
 fn outlines(forecast: &Forecast) -> Vec<Obb> {
     let path = forecast.likeliest().map_or(&[][..], |mode| &mode.path);
     path.iter().map(|at| forecast.extent.footprint(at.pose)).collect()
 }
 
-/// What happened, as outlines with the heading of the motion; who stands keeps the one before.
+/// Outlines along the recorded path, headed along the motion; a standing road user keeps its previous heading.
 fn outlines_in_truth(forecast: &Forecast, window: &Window) -> Vec<Obb> {
     let Some(now) = forecast.likeliest().and_then(|mode| mode.path.first()) else { return Vec::new() };
     let (mut at, mut heading_rad) = (now.pose.point(), now.pose.heading_rad);

@@ -15,12 +15,12 @@ fn run(dir: &Path, more: &[&str]) -> anyhow::Result<String> {
     told(&Cli::try_parse_from(words)?.args)
 }
 
-/// Two who walk straight on, one of them past a gap, and one who turns by 2 m at the end.
+/// Two pedestrians walk straight on, one of them with a missing frame, and a third turns aside by 2.5 m at the end.
 fn recording(dir: &Path) {
     recording_at(dir, [0.0, 0.0], "");
 }
 
-/// The same about an origin, behind a prefix.
+/// The same recording around an origin, with a text in front.
 fn recording_at(dir: &Path, [east, north]: [f64; 2], prefix: &str) {
     let mut text = prefix.to_owned();
     for frame in 0..20 {
@@ -36,10 +36,10 @@ fn recording_at(dir: &Path, [east, north]: [f64; 2], prefix: &str) {
 }
 
 #[test]
-fn figures_are_the_same_at_utm_coordinates_and_behind_a_byte_order_mark() {
+fn figures_do_not_depend_on_utm_coordinates_or_a_byte_order_mark() {
     let (here, there) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     recording(here.path());
-    // Multiples of 0.5 m: the tracks are the same to the last bit.
+    // Multiples of 0.5 m, so that the tracks are equal to the last bit.
     recording_at(there.path(), [691_000.5, 5_335_000.0], "\u{feff}");
     for predictor in PredictorName::ALL {
         let figures = |dir: &tempfile::TempDir| -> Value {
@@ -55,7 +55,7 @@ fn figures_are_the_same_at_utm_coordinates_and_behind_a_byte_order_mark() {
 }
 
 #[test]
-fn errors_of_a_recording_are_told_by_file_and_step() {
+fn errors_are_reported_by_file_and_step() {
     let dir = tempfile::tempdir().unwrap();
     recording(dir.path());
     let json = run(dir.path(), &["--predictor", "constant_velocity", "--json"]).unwrap();
@@ -75,19 +75,19 @@ fn errors_of_a_recording_are_told_by_file_and_step() {
     close(&file["collisions"], 0.0);
     close(&file["by_step"][10]["missed"], 0.0);
     close(&file["by_step"][11]["missed"], 0.5);
-    // One mode each is a mode of all: both are in one scene.
+    // Single modes are joint modes: both pedestrians are in one scene.
     close(&file["world"]["scenes"], 1.0);
     close(&file["world"]["min_fde_m"], 1.25);
     close(&file["world"]["missed"], 0.5);
-    // All of them in a table; a single step after the present for who is cut short.
+    // All predictors in one table; a window of the `schoeller` protocol may end after fewer steps.
     let table = run(dir.path(), &["--protocol", "schoeller", "--observe", "2", "--predict", "4"]).unwrap();
     assert_eq!(table.lines().count(), 1 + PredictorName::ALL.len());
     assert!(table.lines().nth(2).unwrap().starts_with("constant_velocity"), "{table}");
 }
 
-/// Two who walk towards each other, until one steps aside: straight on they meet. And two who walk into each other.
+/// Two pedestrians walk towards each other until one steps aside; a straight prediction collides. Two others collide.
 #[test]
-fn collisions_are_told_apart_from_those_that_happened() {
+fn predicted_and_recorded_collisions_are_counted_separately() {
     let dir = tempfile::tempdir().unwrap();
     let mut text = String::new();
     for frame in 0..20 {
@@ -105,7 +105,7 @@ fn collisions_are_told_apart_from_those_that_happened() {
     let straight = figures("constant_velocity");
     let of = |key: &str| straight[key].as_f64().unwrap();
     assert_eq!((of("collisions"), of("collisions_in_truth"), of("collisions_alone")), (1.0, 0.5, 0.5));
-    // Modes of `mfp` go together, those of `imm` and `multipath` do not.
+    // Modes of `mfp` are joint, those of `imm` and `multipath` are not.
     assert_eq!(figures("mfp")["world"]["scenes"], 1);
     let best = |key: &str| figures("mfp")["world"][key].as_f64().unwrap();
     assert!(best("min_fde_m") <= best("fde_m") && best("min_fde_m") < best("brier_min_fde_m"));
@@ -113,25 +113,25 @@ fn collisions_are_told_apart_from_those_that_happened() {
 }
 
 #[test]
-fn what_cannot_be_judged_is_said_in_one_line() {
+fn unusable_recordings_are_reported_in_one_line() {
     let dir = tempfile::tempdir().unwrap();
     let said = |more: &[&str]| run(dir.path(), more).unwrap_err().to_string();
     assert!(said(&[]).ends_with("expected files that end in .txt, found none"));
     assert!(said(&["--predictor", "oracle"]).contains("expected all or one of linear, constant_velocity"));
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n0 1 x 3\n").unwrap();
     assert!(said(&[]).ends_with("a.txt:2: x: expected a number of at most 10000000, found `x`"));
-    // Nobody for long enough is no error.
+    // A recording without long enough tracks is not an error.
     std::fs::write(dir.path().join("a.txt"), "0 1 2 3\n").unwrap();
     assert!(run(dir.path(), &["--predictor", "imm"]).unwrap().lines().nth(1).unwrap().contains(" 0 "));
 }
 
-/// A lane of 200 m to the east.
+/// A lane of 200 m, heading east.
 const MAP: &str = "<commonRoad><lanelet id=\"1\">\
     <leftBound><point><x>0</x><y>2</y></point><point><x>200</x><y>2</y></point></leftBound>\
     <rightBound><point><x>0</x><y>-2</y></point><point><x>200</x><y>-2</y></point></rightBound>\
     </lanelet></commonRoad>";
 
-/// One who drives to the east and slowly to the left, by scenario.
+/// Scenarios with one car each that drives east and drifts slowly to the left.
 fn scenarios(dir: &Path) {
     let mut text = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps\n".to_owned();
     for (name, y_m) in [("A-1", 0.0), ("A-2", 30.0), ("B-1", 0.0)] {
@@ -144,7 +144,7 @@ fn scenarios(dir: &Path) {
 }
 
 #[test]
-fn maps_beside_recordings_are_below_them() {
+fn recordings_get_lanes_of_maps_beside_them() {
     let dir = tempfile::tempdir().unwrap();
     scenarios(dir.path());
     let more =
@@ -163,7 +163,7 @@ fn maps_beside_recordings_are_below_them() {
     assert_eq!(lanes(), counts(1, 1, 1), "its own, one of the same site, none of there");
     std::fs::write(maps.join("A-3.xml"), MAP.replace("</lanelet>", "")).unwrap();
     assert!(report().unwrap_err().to_string().contains("A-3.xml:1: "));
-    // What is of another site is not looked at.
+    // Maps of other sites are not read.
     std::fs::rename(maps.join("A-3.xml"), maps.join("C-3.xml")).unwrap();
     assert_eq!(lanes(), counts(1, 1, 1));
 }

@@ -1,4 +1,4 @@
-//! Labelled images as they are read.
+//! Labelled images as read from a data set.
 
 use std::path::{Path, PathBuf};
 
@@ -11,30 +11,30 @@ use swerve_vision::acf::iou;
 use super::recipe::Class;
 use crate::train::images::read_png;
 
-/// More hidden than this (KITTI's level) or beyond the image's edge is not counted.
+/// Maximum occlusion (KITTI's level) and truncation of an object that counts.
 const OCCLUDED_MAX: u32 = 1;
 const TRUNCATED_MAX: f64 = 0.3;
 
-/// An image and what is in it.
+/// Image with its labels.
 pub(super) struct Labelled {
     pub(super) size: [usize; 2],
     rgb: Vec<u8>,
     truths: Vec<Truth>,
 }
 
-/// A line of KITTI's labels.
+/// Line of KITTI labels.
 struct Truth {
     kind: String,
     truncated: f64,
     occluded: u32,
     /// Left, top, width, height.
     bbox: [f64; 4],
-    /// Along the optical axis.
+    /// Depth along the optical axis, metres.
     depth_m: f64,
 }
 
 impl Labelled {
-    /// A noisy image of cars, all of them whole, none behind another: grey boxes with dark wheels.
+    /// A noisy image of cars, all fully visible: grey boxes with dark wheels.
     #[cfg(test)]
     pub(super) fn drawn(size: [usize; 2], seed: u64) -> Self {
         let mut rng = swerve_core::Rng::keyed(seed, "drawn", &[]);
@@ -56,8 +56,8 @@ impl Labelled {
         Rgb::new(self.size[0], self.size[1], &self.rgb).expect("the size was that of the file")
     }
 
-    /// Boxes of a class, with whether they are to be found: they are if they are near and enough of them is visible.
-    /// What is near to the class is among them, and is not to be found.
+    /// Boxes of a class, and true for those to be found: near and sufficiently visible. Boxes of similar types are
+    /// included as not to be found.
     pub(super) fn wanted(&self, class: Class, within_m: f64) -> Vec<([f64; 4], bool)> {
         let one = |truth: &Truth| {
             let visible = truth.occluded <= OCCLUDED_MAX && truth.truncated <= TRUNCATED_MAX;
@@ -70,7 +70,7 @@ impl Labelled {
         self.truths.iter().filter_map(one).collect()
     }
 
-    /// Boxes of a class that are to be learnt: hidden no more than `occluded_max`, at most a tenth beyond the image's edge.
+    /// Boxes of a class to train on: occluded by at most `occluded_max`, truncated by at most a tenth.
     pub(super) fn examples(
         &self,
         class: Class,
@@ -84,14 +84,14 @@ impl Labelled {
         self.truths.iter().filter(clean).map(|truth| truth.bbox)
     }
 
-    /// The largest overlap of a box with any of a class, or near to it.
+    /// Largest overlap of a box with any object of a class or of a similar type.
     pub(super) fn overlap(&self, class: Class, bbox: [f64; 4]) -> f64 {
         let own = self.truths.iter().filter(|truth| class.is(&truth.kind) != Some(false));
         own.map(|truth| iou(truth.bbox, bbox)).fold(0.0, f64::max)
     }
 }
 
-/// All samples of a folder in KITTI's form, in order of their names.
+/// All samples of a folder in KITTI format, sorted by name.
 pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<Labelled>> {
     let labels = folder.join("label_2");
     let paths = entries(&labels).with_context(|| format!("reading {}", labels.display()))?;

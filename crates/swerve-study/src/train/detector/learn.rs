@@ -1,5 +1,5 @@
-//! Rounds of training: windows from the images, trees or templates from the windows, and again with what these took
-//! wrongly.
+//! Rounds of training: samples windows from the images, trains trees or templates on them, and repeats with the false
+//! positives of the previous round.
 
 use rayon::prelude::*;
 use swerve_core::Rng;
@@ -11,14 +11,14 @@ use swerve_vision::svm::{self, SvmParams};
 use super::labelled::Labelled;
 use super::recipe::{Growing, Method, Recipe, Svm, Window};
 
-/// Powers of the scale that colour, magnitude and orientations fall with (Dollár et al. 2014, table 2).
+/// Exponents by which colour, magnitude and orientations fall with scale (Dollár et al. 2014, table 2).
 const DECAY: [f32; 3] = [0.0, 0.11, 0.11];
-/// Passes of a support vector machine over its windows at most.
+/// Maximum number of passes of a support vector machine over its windows.
 const PASSES: usize = 200;
-/// Windows that share less than this with an object are none: at first, and of those that were taken for one.
+/// Maximum overlap of a negative window with an object: in the first round, and for false positives.
 const APART: [f64; 2] = [0.1, 0.3];
 
-/// Weights that nothing was learnt for yet: a template of zeros, or no trees.
+/// Untrained weights: a template of zeros, or no trees.
 pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
     let mut classes: Vec<_> = recipe.window.iter().map(|window| window.class).collect();
     classes.sort_unstable();
@@ -45,16 +45,16 @@ pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
     }
 }
 
-/// Windows of one model, a byte a feature.
+/// Windows of one model, one byte per feature.
 #[derive(Clone, Default)]
 struct Windows {
     positive: Vec<u8>,
     negative: Vec<u8>,
 }
 
-/// Learns what gives all windows their scores; the same on any number of threads.
+/// Trains the scorers of all windows; the result does not depend on the number of threads.
 pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights, progress: &Progress) {
-    // Templates give no window up early: fewer are looked at.
+    // Templates reject no window early, so fewer windows are scanned.
     let (per_octave, stride) = match &recipe.learning.method {
         Method::Trees(_) => (8, 1),
         Method::Svm(_) => (4, 2),
@@ -112,12 +112,12 @@ pub(super) fn learn(recipe: &Recipe, images: &[Labelled], weights: &mut Weights,
     }
 }
 
-/// How many features a window has.
+/// Number of features of a window.
 fn features(weights: &Weights, window: &Window) -> usize {
     weights.planes() * window.cells[0] * window.cells[1]
 }
 
-/// Leaves so many rows, drawn at random, in their order.
+/// Keeps `room` rows, drawn at random, in their order.
 fn thin(rows: &mut Vec<u8>, width: usize, room: usize, rng: &mut Rng) {
     let count = rows.len() / width;
     let mut chosen: Vec<usize> = (0..count).collect();
@@ -130,7 +130,7 @@ fn thin(rows: &mut Vec<u8>, width: usize, room: usize, rng: &mut Rng) {
     *rows = chosen.iter().flat_map(|k| &rows[k * width..][..width]).copied().collect();
 }
 
-/// Boosted trees, their thresholds in the features' own units.
+/// Trains boosted trees, with thresholds in the features' own units.
 fn grow(
     weights: &Weights,
     model: usize,
@@ -150,13 +150,13 @@ fn grow(
     trees
 }
 
-/// What a support vector machine makes of the windows; their features are as they are in images.
+/// Trains a support vector machine on the windows, with features scaled as in images.
 fn separate(weights: &Weights, model: usize, windows: &Windows, (svm, seed): (&Svm, u64)) -> Template {
     let [columns, lines] = weights.models[model].cells;
     let plane = columns * lines;
     let steps: Vec<f32> =
         (0..weights.planes() * plane).map(|feature| weights.feature_step(feature / plane)).collect();
-    // A byte is what a feature was cut to: in the middle it was half a unit more.
+    // A byte is a truncated feature, half a unit below it on average.
     let value = |(byte, step): (&u8, &f32)| (f32::from(*byte) + 0.5) * step;
     let rows = windows.positive.chunks_exact(steps.len()).chain(windows.negative.chunks_exact(steps.len()));
     let samples: Vec<f32> = rows.flat_map(|row| row.iter().zip(&steps).map(value)).collect();
@@ -167,7 +167,7 @@ fn separate(weights: &Weights, model: usize, windows: &Windows, (svm, seed): (&S
     Template { weights: linear.weights.iter().map(|w| *w as f32).collect(), offset: linear.offset as f32 }
 }
 
-/// What one image adds.
+/// Windows from one image.
 fn mine(
     recipe: &Recipe,
     scanner: &mut Scanner,
@@ -218,7 +218,7 @@ fn mine(
     windows
 }
 
-/// A window drawn at random.
+/// Random window.
 fn anywhere(scanner: &Scanner, model: usize, rng: &mut Rng) -> Option<Candidate> {
     if scanner.levels() == 0 {
         return None;
@@ -230,7 +230,7 @@ fn anywhere(scanner: &Scanner, model: usize, rng: &mut Rng) -> Option<Candidate>
     fits.then_some(Candidate { model, level, at, score: 0.0 })
 }
 
-/// The windows nearest to a box, and their mirror images.
+/// Features of the windows nearest to a box, and of their mirror images.
 fn example(scanner: &Scanner, window: &Window, (model, bbox): (usize, [f64; 4]), into: &mut Vec<u8>) {
     for candidate in scanner.around(model, bbox) {
         let start = into.len();
@@ -240,7 +240,7 @@ fn example(scanner: &Scanner, window: &Window, (model, bbox): (usize, [f64; 4]),
     }
 }
 
-/// A window's features as they would be in a mirror.
+/// Features of a mirrored window.
 fn mirror(weights: &Weights, features: &[u8], [columns, lines]: [usize; 2]) -> Vec<u8> {
     let plane = |k: usize| &features[k * columns * lines..][..columns * lines];
     let planes = (0..weights.planes()).map(|k| plane(weights.mirrored(k)));

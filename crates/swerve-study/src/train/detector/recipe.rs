@@ -1,4 +1,4 @@
-//! What a detector is to be trained on, and how: a recipe in TOML.
+//! Recipe of a detector (TOML): training data and parameters.
 
 use std::path::Path;
 
@@ -8,21 +8,21 @@ use swerve_vision::acf::Rung;
 
 use crate::train::images::{Camera, ImageSet, Purpose, check, read};
 
-/// The whole recipe.
+/// Recipe of a detector.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::train) struct Recipe {
-    /// Of all that is drawn in training.
+    /// Seed of all random draws in training.
     pub(super) seed: u64,
     pub(super) camera: Camera,
-    /// Images, by what they are for.
+    /// Image sets, each with its purpose.
     pub(super) set: Vec<ImageSet>,
     pub(super) window: Vec<Window>,
     pub(super) learning: Learning,
     pub(super) rung: Vec<Ladder>,
 }
 
-/// What is found by one set of trees, or by one template.
+/// Object window that one set of trees or one template detects.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Window {
@@ -31,16 +31,16 @@ pub(super) struct Window {
     pub(super) object_px: [f64; 2],
     /// Columns and lines of cells around it.
     pub(super) cells: [usize; 2],
-    /// Width over height of the objects that are learnt, from and to.
+    /// Range of width over height of the training objects.
     pub(super) aspects: [f64; 2],
-    /// The smallest and the largest height of an object.
+    /// Minimum and maximum height of an object, metres.
     pub(super) heights_m: [f64; 2],
-    /// The most hidden that is learnt, by KITTI's levels: 0 whole, 1 partly hidden, 2 largely.
+    /// Maximum occlusion of training objects, by KITTI's levels: 0 visible, 1 partly occluded, 2 largely.
     #[serde(default)]
     pub(super) occluded_max: u32,
 }
 
-/// A kind of objects.
+/// Class of objects.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Class {
@@ -60,7 +60,7 @@ impl Class {
         }
     }
 
-    /// Whether a type of KITTI's is of this class; none if it is near enough to be left out.
+    /// True if a KITTI type is of this class; `None` if it is similar enough to be ignored.
     pub(super) fn is(self, kind: &str) -> Option<bool> {
         let (own, near): (&[&str], &[&str]) = match self {
             Self::Pedestrian => (&["Pedestrian"], &["Cyclist", "Person_sitting", "Misc"]),
@@ -78,23 +78,23 @@ impl Class {
     }
 }
 
-/// How it learns.
+/// Parameters of training.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Learning {
-    /// Pixels along a cell.
+    /// Edge of a cell, pixels.
     pub(super) shrink: usize,
-    /// Trees or templates.
+    /// Scoring method: trees or templates.
     pub(super) method: Method,
-    /// Windows without an object that one image adds in a round, and that are kept in all.
+    /// Numbers of negative windows: added by one image in a round, and kept in total.
     pub(super) negatives: [usize; 2],
-    /// Farther objects are neither learnt nor counted.
+    /// Maximum distance of objects that are learnt and counted, metres.
     pub(super) within_m: f64,
-    /// Of boxes of a class that share more than this of their union, the surest stays.
+    /// Intersection over union above which only the box of the highest score in a class is kept.
     pub(super) overlap: f64,
 }
 
-/// What gives windows their scores.
+/// Scoring method of windows.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {
@@ -104,30 +104,30 @@ pub(super) enum Method {
     Svm(Svm),
 }
 
-/// How trees are grown.
+/// Parameters of tree growth.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Growing {
     /// Levels of nodes.
     pub(super) depth: usize,
-    /// Trees at most, of each round; each but the first adds what the round before took for objects.
+    /// Maximum number of trees in each round; each round but the first adds the false positives of the previous one.
     pub(super) rounds: Vec<usize>,
-    /// Each tree is offered one of so many features.
+    /// Each tree is offered one in this many features.
     pub(super) one_of: usize,
 }
 
-/// How a support vector machine is trained.
+/// Parameters of a support vector machine.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Svm {
-    /// What a window on the wrong side costs.
+    /// Cost of a window on the wrong side.
     pub(super) cost: f64,
-    /// Rounds; each but the first adds what the round before took for objects.
+    /// Number of rounds; each but the first adds the false positives of the previous one.
     pub(super) rounds: usize,
 }
 
 impl Learning {
-    /// How often windows are looked for and learnt from.
+    /// Number of rounds of sampling and training.
     pub(super) fn rounds(&self) -> usize {
         match &self.method {
             Method::Trees(growing) => growing.rounds.len(),
@@ -136,7 +136,7 @@ impl Learning {
     }
 }
 
-/// A way to use the detector.
+/// Operating point of the detector, a rung of the ladder.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ladder {
@@ -144,11 +144,11 @@ pub(super) struct Ladder {
     first_octave: i32,
     per_octave: usize,
     stride: usize,
-    /// Trees asked at most; all.
+    /// Maximum number of trees evaluated; default: all.
     #[serde(default = "all")]
     trees: usize,
     reject: f32,
-    /// Of so many images one is searched whole; each.
+    /// One in this many images is searched in full; default: each.
     #[serde(default = "one")]
     whole_every: u32,
     tolerance_deg: Option<f64>,

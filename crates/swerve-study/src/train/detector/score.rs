@@ -1,4 +1,4 @@
-//! How good a detector is on images that it was not trained on, and how likely a score is right.
+//! Accuracy of a detector on unseen images, and calibration of its scores.
 
 use rayon::prelude::*;
 use swerve_eval::{AveragePrecision, Found, Recalls};
@@ -8,10 +8,10 @@ use swerve_vision::acf::{Calibration, Detection, Ground, Rung, Scanner, Weights,
 use super::labelled::Labelled;
 use super::recipe::{Class, Recipe};
 
-/// Boxes that share this are of one object.
+/// Minimum overlap of boxes of the same object.
 const OVERLAP: f64 = 0.5;
 
-/// What is found in each image.
+/// Detections in each image.
 pub(super) fn detect(
     recipe: &Recipe,
     weights: &Weights,
@@ -33,7 +33,7 @@ pub(super) fn detect(
     images.par_iter().map_init(|| scanner.clone(), look).collect()
 }
 
-/// Average precision of a class at an overlap of one half over COCO's recalls, and how many were to be found.
+/// Average precision of a class at an overlap of 0.5 over COCO's recalls, and the number of objects.
 pub(super) fn average_precision(
     found: &[Vec<Detection>],
     images: &[Labelled],
@@ -50,7 +50,7 @@ pub(super) fn average_precision(
     (ap.value(Recalls::Coco101), ap.wanted())
 }
 
-/// Scores of a class with whether each is right; what is near an object that does not count is left out.
+/// Scores of a class, each with true if correct; detections on objects that do not count are ignored.
 pub(super) fn judged(
     found: &[Vec<Detection>],
     images: &[Labelled],
@@ -72,14 +72,14 @@ pub(super) fn judged(
     judged
 }
 
-/// The logistic function that makes what was seen likeliest (Platt 1999; Newton's method, with his targets).
+/// Fits a logistic function of the score by maximum likelihood (Platt 1999; Newton's method, with his targets).
 pub(super) fn calibrate(judged: &[(f64, bool)]) -> Calibration {
     let right = judged.iter().filter(|(_, right)| *right).count() as f64;
     let wrong = judged.len() as f64 - right;
     let target = |is_right: bool| if is_right { (right + 1.0) / (right + 2.0) } else { 1.0 / (wrong + 2.0) };
     let mut fit = Calibration { slope: 0.5, offset: 0.0 };
     for _ in 0..50 {
-        // A little ridge, so that one kind alone has an answer too.
+        // A small ridge term, so that a solution exists even if all are right or all wrong.
         let (mut gradient, mut curvature) =
             ([1e-3 * (fit.slope - 0.5), 1e-3 * fit.offset], [1e-3, 0.0, 1e-3]);
         for &(score, is_right) in judged {
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_seen_so_often_is_as_likely() {
+    fn calibrated_probability_matches_frequency() {
         // Right in 1, 3, 5, 7 and 9 of 10 at scores of -2 to 2.
         let judged: Vec<(f64, bool)> =
             (0..500).map(|k| (f64::from(k % 5) - 2.0, k / 5 % 10 < 2 * (k % 5) + 1)).collect();

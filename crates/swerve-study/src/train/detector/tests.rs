@@ -19,7 +19,7 @@ fn told(text: &str) -> String {
 }
 
 #[test]
-fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
+fn wrong_recipes_are_reported_with_their_line() {
     assert_eq!(told(RECIPE), "nothing");
     let cases = [
         ("shrink = 2", "shrink = 0", "learning.shrink: expected 1 to 8"),
@@ -50,7 +50,7 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
         let said = told(&text);
         let line = text.lines().position(|line| line.contains(to)).unwrap() + 1;
         assert!(said.contains(expected) && said.starts_with("recipe.toml:"), "{said}");
-        // A table's problem stands at the table's own line.
+        // A problem of a whole table is reported at the table's line.
         assert!(
             expected.starts_with("rung") || said.contains(&format!("recipe.toml:{line}:")),
             "{line}: {said}"
@@ -59,7 +59,7 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
 }
 
 #[test]
-fn the_stored_detectors_are_of_their_recipes() {
+fn built_in_detectors_match_their_recipes() {
     for name in ["street", "hog_street"] {
         is_of_its_recipe(name);
     }
@@ -81,12 +81,12 @@ fn is_of_its_recipe(detector: &str) {
 }
 
 #[test]
-fn a_file_that_is_no_image_is_told() {
+fn non_image_file_is_reported() {
     let error = read_png(Path::new("Cargo.toml")).unwrap_err();
     assert!(format!("{error:#}").starts_with("reading Cargo.toml: "), "{error:#}");
 }
 
-/// The bytes of weights learnt from drawn images by a method, on a number of threads.
+/// Bytes of weights trained on drawn images by a method, on a number of threads.
 fn learnt(method: &str, threads: usize) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tiny.toml");
@@ -115,7 +115,7 @@ fn learnt(method: &str, threads: usize) -> Vec<u8> {
 }
 
 #[test]
-fn weights_are_the_same_bytes_on_any_number_of_threads() {
+fn weights_do_not_depend_on_the_number_of_threads() {
     for method in ["trees = { depth = 3, rounds = [4, 12], one_of = 8 }", "svm = { cost = 0.1, rounds = 2 }"]
     {
         let one = learnt(method, 1);

@@ -1,4 +1,4 @@
-//! Sweeps of drives, with what there was to be found in them.
+//! Sweeps of drives with their ground truth.
 
 use std::collections::BTreeMap;
 
@@ -11,26 +11,26 @@ use swerve_msg::{DetectedBox, EgoState, PointCloud};
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 
-/// One sweep.
+/// One sweep with its ground truth.
 pub(super) struct Frame<'a> {
     /// Points.
     pub(super) cloud: &'a PointCloud,
-    /// The newest measured state of the ego, up to the sweep's stamp.
+    /// Newest measured state of the ego, up to the sweep's stamp.
     pub(super) ego: EgoState,
     /// The actors.
     pub(super) there: Vec<There>,
 }
 
-/// An actor that is there.
+/// Actor with its visibility.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct There {
-    /// Its true box in the ego frame.
+    /// True box in the ego frame.
     pub(super) truth: DetectedBox,
-    /// Points of the sweep on it.
+    /// Number of the sweep's points on it.
     pub(super) points: usize,
 }
 
-/// Drives a scenario and shows every sweep of the one lidar that is not nearer than `every` to the one before.
+/// Drives a scenario and passes on every sweep of the one lidar that is at least `every` after the previous one.
 pub(super) fn sweeps(
     config: &Config,
     scenario: &Scenario,
@@ -69,7 +69,7 @@ impl Observer for Watch<'_> {
 }
 
 impl Watch<'_> {
-    /// What the points of the sweep that was published before lie on: with that a frame is whole.
+    /// Takes in the instances of the previously published sweep's points, which completes the frame.
     fn sweep(&mut self, instances: &PointInstances) {
         let (Some(cloud), Some(world)) = (self.cloud.take(), &self.world) else { return };
         if cloud.stamp != instances.stamp || world.stamp != cloud.stamp {
@@ -89,7 +89,7 @@ impl Watch<'_> {
     }
 }
 
-/// What a detector without fault would report.
+/// Box that a perfect detector would report.
 fn true_box(actor: &Actor, ego: Pose2) -> DetectedBox {
     let at: Point2<Ego> = ego.to_local(actor.pose.point());
     let pose = Pose2::new(at.x_m, at.y_m, actor.pose.heading_rad - ego.heading_rad);

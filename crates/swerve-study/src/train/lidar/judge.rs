@@ -1,4 +1,4 @@
-//! How good objects from a lidar are: average precision on the ground, of single sweeps and behind the tracker.
+//! Accuracy of objects from a lidar: average precision on the ground, of single sweeps and of tracks.
 
 use core::fmt::Write as _;
 
@@ -12,10 +12,10 @@ use swerve_perception::{GroundParams, GroundTracker, LidarObjects, ab3dmot};
 
 use super::frames::There;
 
-/// What is farther does not count, metres.
+/// Maximum distance of objects that count, metres.
 const NEAR_M: f64 = 40.0;
 
-/// What counts of a kind: least points on it, least overlap of a match.
+/// Criteria by kind: minimum number of points, minimum overlap of a match.
 const KINDS: [(ActorKind, &str, usize, f64); 4] = [
     (ActorKind::Car, "cars", 20, 0.5),
     (ActorKind::Truck, "trucks", 20, 0.5),
@@ -23,10 +23,10 @@ const KINDS: [(ActorKind, &str, usize, f64); 4] = [
     (ActorKind::Pedestrian, "people", 10, 0.25),
 ];
 
-/// Takes in sweeps in the order of their drives.
+/// Accumulates the accuracy over sweeps, in the order of their drives.
 pub(super) struct Judge {
     one: Vec<AveragePrecision>,
-    /// Of each tracker, in the order of [`trackers`].
+    /// Average precisions of each tracker, in the order of [`trackers`].
     tracked: [Vec<AveragePrecision>; 2],
     trackers: [GroundTracker; 2],
     found: Detections,
@@ -39,7 +39,7 @@ impl Judge {
         Self { one: each(), tracked: [each(), each()], trackers, found: Detections::default() }
     }
 
-    /// Forgets the tracks of the drive before.
+    /// Resets the trackers for the next drive.
     pub(super) fn begin_drive(&mut self) -> Result<(), ParamError> {
         self.trackers = trackers()?;
         Ok(())
@@ -60,7 +60,7 @@ impl Judge {
             .map(|all| all[0].value(Recalls::Kitti40).unwrap_or(0.0))
     }
 
-    /// All of it, for people.
+    /// Table of all results.
     pub(super) fn table(&self) -> String {
         let mut text = format!(
             "within {NEAR_M} m, mean of 40 recalls      there  one sweep     sort  ab3dmot  least overlap, points\n"
@@ -78,7 +78,7 @@ impl Judge {
     }
 }
 
-/// The trackers to be judged, the one of `configs/lidar_objects.toml` first.
+/// Trackers to evaluate, first that of `configs/lidar_objects.toml`.
 fn trackers() -> Result<[GroundTracker; 2], ParamError> {
     let sort = Params {
         score_min: 0.3,

@@ -1,4 +1,4 @@
-//! Streets to train on: drawn from a seed, with more parked and moving vehicles than the shipped scenarios have.
+//! Training streets drawn from a seed, with more parked and moving vehicles than the built-in scenarios have.
 
 use core::f64::consts::PI;
 use core::fmt::Write as _;
@@ -8,19 +8,19 @@ use swerve_core::Rng;
 use swerve_geom::math;
 use swerve_scenario::Scenario;
 
-/// Least gap between the bumpers of vehicles that are parked in a row, metres.
+/// Minimum gap between the bumpers of vehicles parked in a row, metres.
 const GAP_MIN_M: f64 = 0.5;
-/// What starts keeps this far from what else does, along the road and across it, metres.
+/// Minimum clearance between actors at the start, along the road and across it, metres.
 const CLEAR_M: f64 = 0.25;
-/// Half of the ego's lane, metres.
+/// Half width of the ego's lane, metres.
 const HALF_LANE_M: f64 = 2.0;
-/// Where oncoming vehicles drive, metres to the left.
+/// Lateral offset of oncoming vehicles, metres to the left.
 const ONCOMING_M: f64 = 4.0;
 
-/// The street of a seed: bends, vehicles parked on both sides, oncoming traffic, cyclists, people.
+/// Scenario of a street with bends, vehicles parked on both sides, oncoming traffic, cyclists and pedestrians.
 ///
 /// # Errors
-/// A street that no scenario can be: a fault of this function.
+/// If the street is not a valid scenario, which is a bug in this function.
 pub(super) fn street(seed: u64) -> anyhow::Result<Scenario> {
     let mut rng = Rng::keyed(seed, "training street", &[]);
     let lengths = [rng.uniform(50.0, 80.0), rng.uniform(40.0, 60.0), rng.uniform(50.0, 70.0)];
@@ -37,7 +37,7 @@ pub(super) fn street(seed: u64) -> anyhow::Result<Scenario> {
         rng.uniform(7.0, 13.0),
     );
     let mut actors = Actors { text: &mut text, taken: vec![[0.0, 0.0, 6.0, 2.0]] };
-    // A row of vehicles stands on the pavement with two wheels where the ground beside the lanes is narrow.
+    // Parked vehicles stand with two wheels on the pavement if the ground beside the lanes is narrow.
     for (edge_m, side) in [(right_m.max(HALF_LANE_M + 0.9), -1.0), (left_m.max(ONCOMING_M + 3.3), 1.0)] {
         actors.parked(&mut rng, (edge_m, side), end_m);
     }
@@ -48,12 +48,12 @@ pub(super) fn street(seed: u64) -> anyhow::Result<Scenario> {
 
 struct Actors<'a> {
     text: &'a mut String,
-    /// Where something starts: s, d, and its sides along them, metres; the ego first.
+    /// Occupied places: s, d, and the extents along them, metres; the ego first.
     taken: Vec<[f64; 4]>,
 }
 
 impl Actors<'_> {
-    /// Adds an actor, unless something starts there.
+    /// Adds an actor, unless its place is occupied.
     fn add(&mut self, kind: &str, size: [f64; 3], place: [f64; 3], motion: &str) {
         let ([length, width, height], [s, d, heading]) = (size, place);
         let (sin, cos) = math::sin_cos(heading);
@@ -79,7 +79,7 @@ impl Actors<'_> {
         );
     }
 
-    /// A row along a kerb, or at right angles to it.
+    /// Adds a row of vehicles parked along a kerb, or at right angles to it.
     fn parked(&mut self, rng: &mut Rng, (edge_m, side): (f64, f64), end_m: f64) {
         let density = rng.uniform(0.3, 0.9);
         let is_across = rng.unit() < 0.25;
@@ -112,7 +112,7 @@ impl Actors<'_> {
             self.add(kind, size, [s_m, ONCOMING_M, PI], &motion);
             s_m += rng.uniform(14.0, 45.0);
         }
-        // One drives ahead.
+        // A car ahead of the ego.
         let (_, size) = vehicle(rng, 0.0);
         let speed = rng.uniform(8.0, 13.0);
         let motion = format!("motion = [{{ drive = {{ along = \"road\", speed_mps = {speed} }} }}]");
@@ -143,7 +143,7 @@ impl Actors<'_> {
     }
 }
 
-/// A car, van or, with this share, a truck: its kind, and length, width and height in metres.
+/// Car, van or, with probability `trucks`, truck: its kind, and length, width and height in metres.
 fn vehicle(rng: &mut Rng, trucks: f64) -> (&'static str, [f64; 3]) {
     let drawn = rng.unit();
     if drawn < trucks {

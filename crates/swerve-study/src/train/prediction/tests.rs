@@ -48,7 +48,7 @@ fn run(dir: &Path, recipe: &str, more: &[&str]) -> anyhow::Result<()> {
 }
 
 #[test]
-fn a_recipe_makes_the_same_weights_each_time() {
+fn recipe_trains_the_same_weights_each_time() {
     let dir = tempfile::tempdir().unwrap();
     let walk: String = (0..20).map(|k| format!("{} 1 {} 0\n", 10 * k, 0.5 * f64::from(k))).collect();
     std::fs::write(dir.path().join("walk.txt"), walk).unwrap();
@@ -56,7 +56,7 @@ fn a_recipe_makes_the_same_weights_each_time() {
     let written = std::fs::read(dir.path().join("small.weights")).unwrap();
     let weights = Weights::read(&written).unwrap();
     assert!(weights.source.starts_with("swerve train prediction small.toml (recipe "), "{}", weights.source);
-    // The weights alone are tested.
+    // Only tests the weights.
     let path = dir.path().join("small.weights");
     run(dir.path(), RECIPE, &["--test", path.to_str().unwrap()]).unwrap();
     run(dir.path(), RECIPE, &["--out", dir.path().join("again.weights").to_str().unwrap()]).unwrap();
@@ -65,9 +65,9 @@ fn a_recipe_makes_the_same_weights_each_time() {
     assert!(said.contains("it is a folder"), "{said}");
 }
 
-/// People of ETH and vehicles of US-101, each in a recipe as a user writes it; skipped where the recordings are not there.
+/// Pedestrians of ETH and vehicles of US-101, each with a user's recipe; skipped if the recordings are missing.
 #[test]
-fn recorded_files_of_both_forms_are_learnt_from() {
+fn predictor_trains_on_recorded_files_of_both_formats() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/prediction");
     for (format, folder, file, stride) in [
         ("eth_ucy", "eth_ucy", "biwi_eth.txt", 4),
@@ -109,7 +109,7 @@ fn file_of(path: &Path, format: &str) -> Vec<Recording> {
 }
 
 #[test]
-fn what_is_wrong_with_a_recipe_is_said_by_its_key() {
+fn wrong_recipe_is_reported_by_its_key() {
     let dir = tempfile::tempdir().unwrap();
     let said = |from: &str, to: &str| {
         assert!(RECIPE.contains(from));
@@ -125,6 +125,6 @@ fn what_is_wrong_with_a_recipe_is_said_by_its_key() {
         format!("{:#}", run(dir.path(), &RECIPE.replace("modes = 2", "modes = 99"), &[]).unwrap_err())
             .contains("`modes` is 99, expected 1 to 32")
     );
-    // The file of tracks is not there.
+    // The track file is missing.
     assert!(run(dir.path(), RECIPE, &[]).unwrap_err().to_string().contains("walk.txt"));
 }

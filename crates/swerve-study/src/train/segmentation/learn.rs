@@ -1,4 +1,4 @@
-//! Cells of images to learn from.
+//! Training cells from images.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,10 @@ use swerve_vision::segmentation::{CELL_PX, CLASSES, Class, FEATURES, Samples, Se
 use super::recipe::Recipe;
 use super::{Labelled, ground};
 
-/// What the mean cell weighs.
+/// Weight of the mean cell.
 const WEIGHT: f64 = 256.0;
 
-/// Weights that know no class from another.
+/// Untrained weights, which do not distinguish classes.
 pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
     let class = |class: &super::recipe::Class| Class {
         name: class.name.clone(),
@@ -25,7 +25,7 @@ pub(super) fn untrained(recipe: &Recipe, source: String) -> Weights {
     Weights { source, focal_px: recipe.camera.focal_px(), classes, trees: vec![tree] }
 }
 
-/// What one image adds: of each class some cells, drawn at random, and how many there are.
+/// Samples from one image: random cells of each class, and the number of cells present.
 #[derive(Default)]
 struct Drawn {
     rows: Vec<u8>,
@@ -34,7 +34,8 @@ struct Drawn {
     taken: [usize; CLASSES],
 }
 
-/// Cells of all images, weighted so that each class has what it would have if all were taken, to a power.
+/// Cells of all images, weighted so that the weight of a class is its share of all cells to the configured power,
+/// whatever number was drawn.
 pub(super) fn samples(recipe: &Recipe, paths: &[PathBuf]) -> anyhow::Result<Samples> {
     let draw = |(k, path): (usize, &PathBuf)| draw(recipe, path, k as i64);
     let drawn: Vec<Drawn> = paths.par_iter().enumerate().map(draw).collect::<anyhow::Result<_>>()?;
@@ -84,7 +85,7 @@ fn draw(recipe: &Recipe, path: &Path, number: i64) -> anyhow::Result<Drawn> {
     Ok(drawn)
 }
 
-/// The class that most pixels of a cell have, the first of equals.
+/// Most frequent class in a cell; the first of equal ones.
 fn most(image: &Labelled, [x, y]: [usize; 2]) -> u8 {
     let mut counts = [0; CLASSES];
     for row in 0..CELL_PX {

@@ -1,4 +1,4 @@
-//! What a segmentation is to be trained on, and how: a recipe in TOML.
+//! Recipe of a segmentation (TOML): training data and parameters.
 
 use std::path::Path;
 
@@ -9,16 +9,16 @@ use swerve_vision::segmentation::{CLASSES, ForestParams, TREES};
 
 use crate::train::images::{Camera, ImageSet, Purpose, check, read};
 
-/// The whole recipe.
+/// Recipe of a segmentation.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::train) struct Recipe {
-    /// Of all that is drawn in training.
+    /// Seed of all random draws in training.
     pub(super) seed: u64,
     pub(super) camera: Camera,
-    /// Images, by what they are for.
+    /// Image sets, each with its purpose.
     pub(super) set: Vec<ImageSet>,
-    /// What pixels are told apart as; what is in none is one class more.
+    /// Classes of pixels; all other pixels form one more class.
     pub(super) class: Vec<Class>,
     pub(super) learning: Learning,
 }
@@ -28,12 +28,12 @@ pub(in crate::train) struct Recipe {
 #[serde(deny_unknown_fields)]
 pub(super) struct Class {
     pub(super) name: String,
-    /// Names in Cityscapes' table; a mask has the id of the first.
+    /// Cityscapes names of its labels; masks have the id of the first.
     labels: Vec<String>,
 }
 
 impl Class {
-    /// Ids of its labels.
+    /// Cityscapes ids of its labels.
     pub(super) fn ids(&self) -> impl Iterator<Item = u8> {
         self.labels.iter().filter_map(|name| id(name))
     }
@@ -43,22 +43,22 @@ fn id(name: &str) -> Option<u8> {
     SemanticClass::ALL.iter().find(|class| class.name() == name).map(|class| *class as u8)
 }
 
-/// How the forest is grown.
+/// Parameters of forest growth.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Learning {
-    /// Cells of each class that one image adds, at most.
+    /// Maximum number of cells per class and image.
     pub(super) cells: usize,
-    /// How much a class weighs: its share of all cells to this power; 1 as often as it is, 0 all alike.
+    /// Exponent of a class's share of all cells in its weight: 1 by frequency, 0 equal weights.
     pub(super) power: f64,
-    /// How far the camera may be tilted unknown, either way; each image draws its own.
+    /// Maximum unknown tilt of the camera, either way, degrees; drawn for each image.
     pub(super) tilt_deg: f64,
     pub(super) trees: usize,
     /// Levels of nodes.
     depth: usize,
-    /// A node with less than this share of all weight is not split.
+    /// Minimum share of the total weight for a node to be split.
     least: f64,
-    /// A node is offered one of so many features.
+    /// Each node is offered one in this many features.
     one_of: usize,
 }
 
@@ -74,7 +74,7 @@ impl Recipe {
         read(path, Self::problems)
     }
 
-    /// Of each of Cityscapes' ids the place of its class; the last for all else.
+    /// For each Cityscapes id, the index of its class; the last index for all others.
     pub(super) fn class_of(&self) -> [u8; 256] {
         let mut class_of = [self.class.len() as u8; 256];
         for (k, class) in self.class.iter().enumerate() {
@@ -83,7 +83,7 @@ impl Recipe {
         class_of
     }
 
-    /// Of each of Cityscapes' ids the one that masks of this segmentation have; 0 for all else.
+    /// For each Cityscapes id, the id in masks of this segmentation; 0 for all others.
     pub(super) fn mask_of(&self) -> [u8; 256] {
         let mut mask_of = [0; 256];
         for class in &self.class {

@@ -13,7 +13,7 @@ fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-/// The recipe's text with other values.
+/// The recipe's text with values replaced.
 fn changed(changes: &[(&str, &str)]) -> String {
     changes.iter().fold(RECIPE.to_owned(), |text, (from, to)| {
         assert!(text.contains(from), "{from}");
@@ -22,7 +22,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
+fn wrong_recipes_are_reported_with_their_line() {
     for (from, to, expected) in [
         ("\"sidewalk\"]", "\"sidewolk\"]", "no class `sidewolk` of Cityscapes; did you mean \"sidewalk\"?"),
         ("cells = 40", "cells = 0", "learning.cells: expected 1 to 10000"),
@@ -39,7 +39,7 @@ fn what_is_wrong_with_a_recipe_is_told_with_its_line() {
 }
 
 #[test]
-fn the_stored_segmentation_is_of_the_recipe_and_small() {
+fn built_in_segmentation_matches_its_recipe_and_is_small() {
     let (recipe, text) = Recipe::read(Path::new(PATH)).unwrap();
     let weights = swerve_vision::shipped::segmentation("street").unwrap().unwrap();
     let expected = source::<Recipe>(Path::new(PATH), &text);
@@ -48,7 +48,7 @@ fn the_stored_segmentation_is_of_the_recipe_and_small() {
     assert!(weights.write().len() < 300_000);
 }
 
-/// Few images of few streets.
+/// Recipe with few images of few streets.
 fn tiny(size: [&str; 2], period_ms: &str) -> String {
     let (before, sets) = RECIPE.split_once("[[set]]").unwrap();
     let (_, classes) = sets.split_once("[[class]]").unwrap();
@@ -63,7 +63,7 @@ fn tiny(size: [&str; 2], period_ms: &str) -> String {
 }
 
 #[test]
-fn weights_are_the_same_bytes_on_any_number_of_threads() {
+fn weights_do_not_depend_on_the_number_of_threads() {
     let (folder, path) = written(&tiny(["160", "120"], "4000.0").replace("trees = 8", "trees = 3"));
     let (recipe, _) = Recipe::read(&path).unwrap();
     let args = RecipeArgs::of(&path, &folder.path().join("data"));
@@ -76,9 +76,9 @@ fn weights_are_the_same_bytes_on_any_number_of_threads() {
     assert!(one.trees.iter().all(|tree| tree.thresholds.len() > 20));
 }
 
-/// The floor: what the shipped weights say of a street, seed and drive that they were not learnt from.
+/// Minimum accuracy of the built-in weights on a street, seed and drive that they were not trained on.
 #[test]
-fn a_held_out_street_is_labelled() {
+fn held_out_street_is_segmented() {
     let (folder, path) = written(&tiny(["800", "600"], "4000.0"));
     let (recipe, _) = Recipe::read(&path).unwrap();
     let args = RecipeArgs::of(&path, &folder.path().join("data"));
