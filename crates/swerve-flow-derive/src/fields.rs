@@ -3,19 +3,19 @@
 use syn::ext::IdentExt;
 use syn::{Attribute, Data, DeriveInput, Error, Expr, ExprLit, Fields, Ident, Lit, Meta, Type};
 
-/// A field that is a port.
+/// A struct field that declares a port.
 pub(crate) struct Field<'a> {
     pub(crate) ident: &'a Ident,
     pub(crate) ty: &'a Type,
-    /// The port's name.
+    /// Name of the port.
     pub(crate) name: String,
-    /// The doc comment, its lines joined.
+    /// Doc comment, its lines joined.
     pub(crate) doc: String,
     pub(crate) feedback: bool,
     pub(crate) raw: bool,
 }
 
-/// The fields of a struct with named ones.
+/// Returns the named fields of a struct; an error for anything else.
 pub(crate) fn fields(input: &DeriveInput) -> Result<Vec<Field<'_>>, Error> {
     let Data::Struct(data) = &input.data else {
         return Err(Error::new_spanned(&input.ident, "ports are the fields of a struct"));

@@ -14,7 +14,7 @@ pub(crate) fn derive(input: &DeriveInput) -> Result<TokenStream, Error> {
     Ok(quote! { #inputs #named #connect })
 }
 
-/// The struct as what a step is given.
+/// Implements `Inputs`: the struct as the input of a step.
 fn inputs(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
@@ -30,7 +30,7 @@ fn inputs(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
             fn read(layout: &Self::Layout, slots: &mut ::swerve_flow::Slots<'_>) -> Self {
                 let (_, _) = (layout, &slots);
                 let input = Self { #(#idents: <#types as ::swerve_flow::Inputs>::read(&layout.#indices, slots),)* };
-                // A timer that only fires the operator is looked at by nobody else.
+                // Marks the fields as used: nothing else reads a timer that only triggers the operator.
                 #(let _ = &input.#idents;)*
                 input
             }
@@ -38,7 +38,7 @@ fn inputs(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     }
 }
 
-/// The struct as a list of ports, to be wired one by one.
+/// Implements `NamedInputs`: the struct as a list of ports, to be wired one by one.
 fn named(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
@@ -80,7 +80,7 @@ fn named(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     }
 }
 
-/// The struct as what a tuple of streams and timers may be connected to, in the order of its fields.
+/// Implements `Connect`: a tuple of streams and timers, in the order of the fields, connects to the struct.
 fn connect(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     let name = &input.ident;
     let (_, arguments, _) = input.generics.split_for_impl();

@@ -16,7 +16,7 @@ pub(crate) fn derive(input: &DeriveInput) -> Result<TokenStream, Error> {
     Ok(quote! { #outputs #named })
 }
 
-/// The struct as what a step publishes.
+/// Implements `Outputs`: the struct as the output of a step.
 fn outputs(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     let struct_name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
@@ -54,7 +54,7 @@ fn outputs(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     }
 }
 
-/// The struct as a list of ports.
+/// Implements `NamedOutputs`: the struct as a list of ports.
 fn named(input: &DeriveInput, fields: &[Field<'_>]) -> TokenStream {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();

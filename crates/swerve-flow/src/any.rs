@@ -11,32 +11,32 @@ use crate::message::{Header, Msg};
 use crate::operator::{Body, Context};
 use crate::payload::{ErasedPayload, Outs, PayloadType};
 
-/// How an operator of any types reads one input.
+/// One input of an operator whose types are known at run time only.
 #[derive(Clone, Copy, Debug)]
 pub enum AnySource {
     /// The message of the frame's stamp: [`At`](crate::At).
     At(AnyStream),
     /// The newest message: [`Latest`](crate::Latest).
     Latest(AnyStream),
-    /// The newest so many messages: [`Window`](crate::Window).
+    /// The newest messages, up to this number: [`Window`](crate::Window).
     Window(AnyStream, usize),
     /// A timer: [`Every`](crate::Every).
     Every(Timer),
 }
 
-/// A message of whatever type.
+/// A message with its type erased.
 #[derive(Clone, Debug)]
 pub struct AnyMessage {
-    /// Stamp, visibility and descent.
+    /// Stamp, visibility and origin.
     pub header: Header,
-    /// What it carries.
+    /// Payload of the message.
     pub payload: Arc<dyn ErasedPayload>,
 }
 
-/// What one port holds for one step.
+/// Contents of one port for one step.
 #[derive(Clone, Debug)]
 pub enum AnyInput {
-    /// No message, or no tick.
+    /// Neither a message nor a tick.
     Nothing,
     /// A tick of the timer.
     Tick,
@@ -48,42 +48,43 @@ pub enum AnyInput {
 
 /// An operator whose ports are declared at run time.
 pub trait AnyOperator: Send + 'static {
-    /// Answers one frame; `inputs` in the order of the ports.
+    /// Answers one frame; `inputs` are in the order of the ports.
     fn step(&mut self, cx: &mut Context<'_>, inputs: Vec<AnyInput>, out: &mut AnyOutputs<'_>);
 }
 
-/// The outputs of an operator of any types.
+/// Outputs of an [`AnyOperator`].
 pub struct AnyOutputs<'a> {
     types: &'a [PayloadType],
     outs: &'a mut Outs,
 }
 
-/// Why a message was not published.
+/// Reason why a message was not published.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AnyOutputError {
-    /// There is no such output.
+    /// The output does not exist.
     #[error("there is no output {0}")]
     Port(usize),
-    /// The bytes are no message of the output's type.
+    /// The bytes do not decode to a message of the output's type.
     #[error("this is no {expected}: {why}")]
     Payload {
-        /// What it should be.
+        /// Name of the output's type.
         expected: String,
-        /// What is wrong.
+        /// Decoding error.
         why: String,
     },
 }
 
 impl AnyOutputs<'_> {
-    /// The types of the outputs, in order.
+    /// Types of the outputs, in order.
     pub fn types(&self) -> &[PayloadType] {
         self.types
     }
 
-    /// Publishes a message from its CBOR form. The last one sent in a step counts.
+    /// Publishes a message from its CBOR form. Of several messages sent on a port in one step, the last one is
+    /// published.
     ///
     /// # Errors
-    /// When there is no such output, or the bytes are no message of its type.
+    /// If the output does not exist, or the bytes do not decode to a message of its type.
     pub fn send_cbor(&mut self, port: usize, cbor: &[u8]) -> Result<Digest, AnyOutputError> {
         let payload = self.types.get(port).ok_or(AnyOutputError::Port(port))?;
         let sent = (payload.decode)(cbor)
@@ -94,7 +95,7 @@ impl AnyOutputs<'_> {
     }
 }
 
-/// Erases the types of an operator that has none.
+/// Adapter from an [`AnyOperator`] to a [`Body`].
 struct AnyBody<O> {
     operator: O,
     types: Vec<PayloadType>,
@@ -115,17 +116,17 @@ impl<O: AnyOperator> Body for AnyBody<O> {
 }
 
 impl Graph {
-    /// The types of what an operator publishes, in the order of its outputs.
+    /// Types of an operator's output streams, in the order of its outputs.
     ///
     /// # Errors
-    /// When there is no operator of that name.
+    /// If there is no operator of this name.
     pub fn output_types(&self, operator: &str) -> Result<Vec<PayloadType>, GraphError> {
         let streams = &self.operators[self.index_of(operator)?].streams;
         Ok(streams.iter().map(|id| self.streams[*id].payload).collect())
     }
 
-    /// Adds an operator whose ports are declared at run time; gives its streams, named `name.output` as
-    /// [`outputs`](crate::OperatorRef::outputs) does (a single one: `name`).
+    /// Adds an operator whose ports are declared at run time. Returns its streams, named `name.output` as by
+    /// [`outputs`](crate::OperatorRef::outputs) (a single one: `name`).
     pub fn add_any(
         &mut self,
         name: &str,
@@ -146,7 +147,7 @@ impl Graph {
         self.push_any(name, ports.collect(), operator, outputs)
     }
 
-    /// Adds an operator whose ports are declared already.
+    /// Adds an operator whose ports have already been declared.
     pub(crate) fn push_any(
         &mut self,
         name: &str,
@@ -163,10 +164,10 @@ impl Graph {
         types.into_iter().enumerate().map(|(i, payload)| AnyStream { id: first + i, payload }).collect()
     }
 
-    /// Has the steps of an operator taken by another one, which reads and publishes the same.
+    /// Replaces an operator by another one with the same inputs and outputs.
     ///
     /// # Errors
-    /// When there is no operator of that name, or it is none that has steps.
+    /// If there is no operator of this name, or it has no steps.
     pub fn replace(&mut self, name: &str, operator: impl AnyOperator) -> Result<(), GraphError> {
         let types = self.output_types(name)?;
         self.set_body(name, Box::new(AnyBody { operator, types }))

@@ -1,6 +1,6 @@
-//! CBOR (RFC 8949), the form in which logs hold payloads and records: ciborium's, without what it costs beside its work.
+//! CBOR (RFC 8949), the form of payloads and records in logs: ciborium with less overhead.
 //!
-//! It writes byte by byte, and reads into four kilobytes that it empties for every value.
+//! Ciborium alone writes byte by byte, and reads into a buffer of four kilobytes that it clears for every value.
 
 use std::cell::RefCell;
 use std::io::{self, Read, Write};
@@ -8,10 +8,10 @@ use std::io::{self, Read, Write};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Appends a value.
+/// Appends a value to `out`.
 ///
 /// # Panics
-/// When the value's `Serialize` refuses: a bug of the type.
+/// If the value's `Serialize` fails: a bug of the type.
 pub fn write<T: Serialize + ?Sized>(value: &T, out: &mut Vec<u8>) {
     let mut pieces = Pieces { held: [0; HELD], len: 0, out };
     ciborium::into_writer(value, &mut pieces).expect("values serialize without fail, and memory takes all");
@@ -21,25 +21,25 @@ pub fn write<T: Serialize + ?Sized>(value: &T, out: &mut Vec<u8>) {
 /// Reads one value.
 ///
 /// # Errors
-/// When it is another one than expected, or none.
+/// If the bytes are not a value of type `T`.
 pub fn read<T: DeserializeOwned>(from: impl Read) -> Result<T, String> {
-    /// What ciborium takes for itself where it is given none.
+    /// Size of the buffer that ciborium allocates if it is given none.
     const SCRATCH: usize = 4096;
     thread_local! {
         static KEPT: RefCell<[u8; SCRATCH]> = const { RefCell::new([0; SCRATCH]) };
     }
     let read = KEPT.with(|kept| match kept.try_borrow_mut() {
         Ok(mut kept) => ciborium::de::from_reader_with_buffer(from, &mut *kept),
-        // A value that is being read reads another one.
+        // The buffer is in use: a value that is being read reads another one.
         Err(_) => ciborium::from_reader(from),
     });
     read.map_err(|error| error.to_string())
 }
 
-/// As many bytes are collected before they are appended.
+/// Number of bytes collected before they are appended.
 const HELD: usize = 256;
 
-/// Collects the pieces that are written, most of them a byte or a word.
+/// Collects written pieces, most of which are a byte or a word.
 struct Pieces<'a> {
     held: [u8; HELD],
     len: usize,
@@ -52,7 +52,7 @@ impl Pieces<'_> {
         self.len = 0;
     }
 
-    /// Takes in a piece that there is no room for.
+    /// Appends a piece that does not fit into the buffer.
     #[cold]
     fn append(&mut self, piece: &[u8]) {
         self.spill();
@@ -67,7 +67,7 @@ impl Write for Pieces<'_> {
     }
 
     fn write_all(&mut self, piece: &[u8]) -> io::Result<()> {
-        // Nothing follows the head of a small number.
+        // The head of a small number has no bytes after it.
         if piece.is_empty() {
             return Ok(());
         }
@@ -77,7 +77,7 @@ impl Write for Pieces<'_> {
             return Ok(());
         };
         self.len += piece.len();
-        // Heads and numbers: one store each.
+        // Heads and numbers take one store each.
         if let ([to], [byte]) = (&mut *room, piece) {
             *to = *byte;
         } else if let (Ok(to), Ok(word)) = (<&mut [u8; 8]>::try_from(&mut *room), <&[u8; 8]>::try_from(piece))
@@ -103,7 +103,7 @@ mod tests {
 
     use super::*;
 
-    /// A value with pieces of many lengths.
+    /// Values with pieces of many lengths.
     fn values() -> impl Strategy<Value = Vec<(Option<f64>, i64, String, Vec<u16>)>> {
         let one =
             (any::<Option<f64>>(), any::<i64>(), ".{0,300}", prop::collection::vec(any::<u16>(), 0..40));
@@ -138,13 +138,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_such_value_is_refused_in_ciboriums_words() {
+    fn value_of_another_type_is_refused_with_ciboriums_error() {
         let said = ciborium::from_reader::<u8, _>(&b"\x61a"[..]).unwrap_err().to_string();
         assert_eq!(read::<u8>(&b"\x61a"[..]).unwrap_err(), said);
         assert!(read::<u8>(&b""[..]).is_err());
     }
 
-    /// Reads its own bytes as a value.
+    /// Reads its bytes as a value while it is being read.
     #[derive(PartialEq, Debug)]
     struct Nested(u8);
 

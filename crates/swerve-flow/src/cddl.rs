@@ -1,4 +1,4 @@
-//! The form of a message in CDDL (RFC 8610), by the names that serde writes: what a log says of its streams.
+//! Schema of a message in CDDL (RFC 8610), with the names that serde writes; logs store it with each stream.
 
 use core::fmt::Write as _;
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,19 +10,19 @@ use serde_reflection::{
     ContainerFormat, Format, FormatHolder as _, Named, Registry, Samples, Tracer, TracerConfig, VariantFormat,
 };
 
-/// Rules of which the first is `payload`; `payload = any` of a type that does not show its form to a tracer, such as one
+/// Returns CDDL rules, the first of which is `payload`; `payload = any` for a type that cannot be traced, such as one
 /// that refuses made-up values.
 pub(crate) fn cddl<T: DeserializeOwned>() -> String {
     rules::<T>().unwrap_or_else(|| "payload = any\n".to_owned())
 }
 
-/// Looks at a type, each of which finds one variant more of every choice: more than these has none.
+/// Maximum number of traces of a type. Each finds one more variant of every enum; none has more variants than this.
 const LOOKS: usize = 1000;
 
-/// What a type is made of, by name.
+/// Traces the parts of a type, by name.
 ///
-/// The tracer goes into a sequence or an option once, and of a choice it finds there it has seen one variant. So it looks
-/// anew until it finds no variant more, each time told of those that it knows already.
+/// The tracer enters a sequence or an option once, and sees only one variant of an enum in it. The type is therefore
+/// traced repeatedly until no new variant is found, each time with the known variants given to the tracer.
 fn trace<T: DeserializeOwned>() -> Option<(Format, Registry)> {
     let mut found = Registry::new();
     for _ in 0..LOOKS {
@@ -43,7 +43,7 @@ fn trace<T: DeserializeOwned>() -> Option<(Format, Registry)> {
             let ContainerFormat::Enum(known) = of else { return None };
             for (place, variant) in variants {
                 if !known.values().any(|other| other.name == variant.name) {
-                    // Those that are not known yet are counted from the end, in their order.
+                    // The tracer numbers the unknown variants from the end, in their order.
                     known.insert(place, variant);
                     is_new = true;
                 }
@@ -56,10 +56,10 @@ fn trace<T: DeserializeOwned>() -> Option<(Format, Registry)> {
     None
 }
 
-/// A variant that the tracer need not look for: said to it as if it were written.
+/// A known variant of an enum, traced as a value so that the tracer need not look for it.
 ///
-/// Where the tracer knows all variants it goes into the first once more, which then has to be what was said of it: one
-/// that holds nothing, or bytes.
+/// If the tracer knows all variants it enters the first one once more, which must then match the traced value: a
+/// variant without data, or with bytes.
 struct KnownVariant {
     choice: &'static str,
     place: u32,
@@ -97,7 +97,7 @@ impl Serialize for NoBytes {
     }
 }
 
-/// A name that outlives the program, as serde asks of names; each is kept once.
+/// Interns a name, because serde requires static names; each is leaked only once.
 fn lasting(name: &str) -> &'static str {
     static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
@@ -139,7 +139,7 @@ fn tuple(parts: &[Format]) -> Option<String> {
     Some(format!("[{}]", parts?.join(", ")))
 }
 
-/// One variant: its name, or a map from its name to what it holds.
+/// Form of one variant: its name, or a map from its name to its data.
 fn variant(variant: &Named<VariantFormat>) -> Option<String> {
     let name = &variant.name;
     let inner = match &variant.value {
@@ -171,7 +171,7 @@ fn form(format: &Format) -> Option<String> {
     })
 }
 
-/// A form as one element: a choice in parentheses.
+/// Form of one element, with a choice in parentheses.
 fn grouped(format: &Format) -> Option<String> {
     let form = form(format)?;
     Some(if form.contains(" / ") { format!("({form})") } else { form })
@@ -231,7 +231,7 @@ mod tests {
         Late(u8),
     }
 
-    /// A choice of which each variant holds bytes.
+    /// An enum whose variants all hold bytes.
     #[derive(Deserialize)]
     enum Pixels {
         Grey(Run),
@@ -246,7 +246,7 @@ mod tests {
         }
     }
 
-    /// Takes no value that is made up.
+    /// Refuses made-up values.
     struct Even;
 
     impl<'de> Deserialize<'de> for Even {

@@ -1,4 +1,4 @@
-//! Deadlines: until when a stamp has to be answered, and what answers it otherwise.
+//! Deadlines: the time by which a stamp has to be answered, and the reaction to a miss.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use swerve_core::Span;
 
 use crate::input::{Edge, Source};
 
-/// The deadline of an operator; each of its stamps has its own: anchor plus length.
+/// Deadline of an operator. The deadline of each stamp is the anchor plus the length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Deadline {
     pub(crate) length: Length,
@@ -15,37 +15,37 @@ pub struct Deadline {
     pub(crate) reaction: Reaction,
 }
 
-/// How long a deadline is.
+/// Length of a deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Length {
     Static(Span),
-    /// The newest message of a stream at the anchor instant; the span before there is one.
+    /// The newest message of a stream at the anchor instant; the span until there is one.
     Policy(Edge, Span),
 }
 
-/// From when a deadline counts.
+/// Instant from which a deadline is counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Anchor {
-    /// The first message or tick of the frame became visible.
+    /// Arrival: the instant at which the first message or tick of the frame became visible.
     #[default]
     Arrival,
-    /// The stamp itself.
+    /// The stamp of the frame.
     Stamp,
-    /// The step started.
+    /// The start of the step.
     Start,
 }
 
-/// What answers a stamp whose deadline passed.
+/// Reaction to a missed deadline.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reaction {
-    /// No message; the watermark rises to the stamp.
+    /// Publishes no message; the watermark rises to the stamp.
     #[default]
     Skip,
-    /// The newest finished result again, under the new stamp; nothing before the first result.
+    /// Publishes the newest finished result again, under the new stamp; nothing before the first result.
     ReuseLast,
-    /// What [`Operator::on_deadline`](crate::Operator::on_deadline) publishes.
+    /// Publishes the output of [`Operator::on_deadline`](crate::Operator::on_deadline).
     OnDeadline,
 }
 
@@ -55,8 +55,8 @@ impl Deadline {
         Self { length: Length::Static(length), anchor: Anchor::Arrival, reaction: Reaction::Skip }
     }
 
-    /// A deadline whose length is the newest message of a stream (or feedback edge) at the anchor instant,
-    /// and `before` as long as there is none.
+    /// A deadline whose length is the newest message of a stream (or feedback edge) at the anchor instant, and `before`
+    /// until there is one.
     pub fn from_policy(policy: impl Into<Source<Span>>, before: Span) -> Self {
         Self {
             length: Length::Policy(policy.into().edge, before),
@@ -65,14 +65,14 @@ impl Deadline {
         }
     }
 
-    /// Counts from `anchor`.
+    /// Counts the deadline from `anchor`.
     #[must_use]
     pub const fn anchor(mut self, anchor: Anchor) -> Self {
         self.anchor = anchor;
         self
     }
 
-    /// Answers a miss by `reaction`.
+    /// Reacts to a miss with `reaction`.
     #[must_use]
     pub const fn reaction(mut self, reaction: Reaction) -> Self {
         self.reaction = reaction;

@@ -1,4 +1,4 @@
-//! Decision records: what in a wall-clock run is no function of its inputs.
+//! Decision records: the events of a wall-clock run that its inputs do not determine.
 
 use std::collections::BTreeMap;
 
@@ -7,90 +7,90 @@ use swerve_core::{Span, Time};
 
 use crate::observer::DropReason;
 
-/// One thing that a wall-clock run (or a measured run time) decided. With the messages of its sources,
-/// these repeat the run bit for bit in virtual time.
+/// Decision of a wall-clock run, or a measured run time. With the messages of the sources, the decisions repeat the run
+/// bit for bit in virtual time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "decision", rename_all = "snake_case")]
 pub enum Decision {
     /// The run began.
     Begin {
-        /// Whether the real clock moved it.
+        /// True if the run followed the real clock.
         wall_clock: bool,
     },
-    /// A source's message, or its watermark alone, was taken in.
+    /// A source's message, or a bare watermark, was received.
     Arrival {
-        /// The source.
+        /// Name of the source.
         operator: String,
-        /// The stamp that it got; none for a watermark alone.
+        /// Stamp that the message was given; `None` for a bare watermark.
         stamp: Option<Time>,
-        /// The instant that it got.
+        /// Instant that the arrival was given.
         at: Time,
     },
     /// A step ended.
     RunTime {
-        /// Whose step.
+        /// Operator that executed the step.
         operator: String,
-        /// For which stamp.
+        /// Stamp that the step was for.
         stamp: Time,
-        /// From its start to its end.
+        /// Time from the start of the step to its end.
         run_time: Span,
     },
     /// A deadline passed before the stamp was answered.
     Deadline {
-        /// Whose deadline.
+        /// Operator that the deadline belongs to.
         operator: String,
-        /// For which stamp.
+        /// Stamp that was not answered in time.
         stamp: Time,
-        /// When it was handled.
+        /// Instant at which the miss was handled.
         at: Time,
-        /// How many values the running step had offered.
+        /// Number of values that the running step had offered.
         offers: u64,
     },
     /// A frame or a result was dropped.
     Drop {
-        /// Whose frame.
+        /// Operator of the frame.
         operator: String,
-        /// For which stamp.
+        /// Stamp of the frame.
         stamp: Time,
-        /// When.
+        /// Instant of the drop.
         at: Time,
-        /// Why.
+        /// Reason for the drop.
         reason: DropReason,
     },
-    /// A step was told to stop.
+    /// A step was requested to stop.
     Stop {
-        /// Whose step.
+        /// Operator that executed the step.
         operator: String,
-        /// For which stamp.
+        /// Stamp that the step was for.
         stamp: Time,
-        /// The units that it had counted.
+        /// Units of work that the step had counted.
         units: u64,
     },
-    /// A step that was taken by another process did not come to its end.
+    /// A step in another process did not complete.
     Lost {
-        /// Whose step.
+        /// Operator of the step.
         operator: String,
-        /// For which stamp.
+        /// Stamp that the step was for.
         stamp: Time,
-        /// What happened.
+        /// Reason for the loss.
         why: String,
     },
-    /// A step was the first of an operator that was restarted, in the state that it starts a run with.
+    /// A step was the first one of an operator after a restart, from its initial state.
     #[serde(alias = "afresh")]
     Restarted {
-        /// Whose step.
+        /// Operator that was restarted.
         operator: String,
-        /// For which stamp.
+        /// Stamp that the step was for.
         stamp: Time,
     },
     /// The run was ended from outside.
     End {
-        /// The last instant that was swept.
+        /// Last instant that was swept.
         at: Time,
     },
 }
 
-/// Decisions of an earlier run, to be taken again.
+/// Decisions of an earlier run, to be repeated.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Replay {
     steps: BTreeMap<String, BTreeMap<Time, Decided>>,
@@ -98,7 +98,7 @@ pub struct Replay {
     wall_clock: bool,
 }
 
-/// What was decided for one step.
+/// Decisions about one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Decided {
     pub(crate) run_time: Option<Span>,
@@ -109,17 +109,17 @@ pub(crate) struct Decided {
 }
 
 impl Replay {
-    /// What was decided for a step, if the earlier run had it.
+    /// Decisions about a step, if the earlier run executed it.
     pub(crate) fn step(&self, operator: &str, stamp: Time) -> Option<Decided> {
         self.steps.get(operator)?.get(&stamp).copied()
     }
 
-    /// Whether the earlier run followed the real clock.
+    /// True if the earlier run followed the real clock.
     pub(crate) fn of_wall_clock(&self) -> bool {
         self.wall_clock
     }
 
-    /// The last instant of the earlier run, if it was ended from outside.
+    /// Last instant of the earlier run, if it was ended from outside.
     pub(crate) fn end(&self) -> Option<Time> {
         self.end
     }
@@ -153,7 +153,7 @@ impl FromIterator<Decision> for Replay {
                     replay.end = Some(at);
                     continue;
                 }
-                // Arrivals come with the sources' messages; drops follow from the rest.
+                // Arrivals are part of the sources' messages; drops follow from the rest.
                 Decision::Arrival { .. } | Decision::Drop { .. } => continue,
             };
             let step = replay.steps.entry(operator).or_default().entry(stamp).or_default();

@@ -1,4 +1,4 @@
-//! The executor: one sweep for every instant, whatever moves the clock.
+//! The executor: one sweep for every instant, whatever drives the clock.
 
 mod answer;
 mod commit;
@@ -27,39 +27,39 @@ use pool::Pool;
 use resource::ResourceState;
 pub(crate) use start::step as run_step;
 
-/// A graph being run.
+/// A graph during a run.
 pub(crate) struct Engine<'o> {
     nodes: Vec<Node>,
     streams: Vec<StreamState>,
     resources: Vec<ResourceState>,
-    /// The rank of each operator, in the order in which they were added.
+    /// Rank of each operator, in the order in which the operators were added.
     rank_of: Vec<usize>,
-    /// The ranks of those that are fed from outside.
+    /// Ranks of the sources that are fed from outside.
     sources: Vec<usize>,
     due: Due,
     ready: Ready,
-    /// The present instant.
+    /// Current instant.
     now: Time,
-    /// Which sweep of this instant is under way, from 0.
+    /// Index of the current sweep of this instant, from 0.
     pass: u32,
     pool: Option<Pool>,
-    /// The real clock, if that is what moves this run.
+    /// The real clock, if the run follows it.
     wall: Option<crate::wall::Pace>,
-    /// Heavy operators have one step on the host at a time: this is a wall-clock run, or repeats one.
+    /// True if heavy operators have only one step on the host at a time: in a wall-clock run, or when one is repeated.
     one_worker: bool,
     seed: u64,
     replay: Option<Replay>,
     digest: Commits,
     instants: u64,
     observers: Vec<&'o mut dyn Observer>,
-    /// Whether one of them looks at how long steps took on the host.
+    /// True if an observer uses the duration of steps on the host.
     host_time: bool,
-    /// Why the run ends after this sweep.
+    /// Reason why the run ends after this sweep.
     stop: Option<String>,
     failure: Option<RunError>,
 }
 
-/// Tells the observers, while what the event points at is borrowed from the engine beside them.
+/// Passes an event to the observers, while the event borrows other parts of the engine.
 fn tell(observers: &mut [&mut dyn Observer], event: &Event<'_>) {
     for observer in observers {
         observer.event(event);
@@ -67,17 +67,17 @@ fn tell(observers: &mut [&mut dyn Observer], event: &Event<'_>) {
 }
 
 impl Engine<'_> {
-    /// The next instant at which something is due.
+    /// Next instant at which something is due.
     pub(crate) fn next_due(&self) -> Time {
         self.due.next()
     }
 
-    /// The last instant that was swept.
+    /// Last instant that was swept.
     pub(crate) fn now(&self) -> Time {
         self.now
     }
 
-    /// Whether the run is over after the present sweep.
+    /// True if the run ends after the current sweep.
     pub(crate) fn is_over(&self) -> bool {
         self.stop.is_some() || self.failure.is_some()
     }
@@ -87,7 +87,7 @@ impl Engine<'_> {
         (0..self.nodes.len()).for_each(|rank| self.ready.insert(rank));
     }
 
-    /// Settles the instant `now`: every operator that has something to do takes its turn, in rank order.
+    /// Settles the instant `now`: every operator with something to do takes its turn, in rank order.
     pub(crate) fn sweep(&mut self, now: Time) {
         self.begin(now);
         self.go_on(None);
@@ -104,8 +104,8 @@ impl Engine<'_> {
         self.due.mark(now, &mut self.ready);
     }
 
-    /// Goes on with a sweep to its end, or to before the turn at which a frame opens for the operator of rank
-    /// `held`; says whether that turn is next.
+    /// Continues a sweep to its end, or up to the turn at which a frame opens for the operator of rank `held`; returns
+    /// true if that turn is next.
     pub(crate) fn go_on(&mut self, held: Option<usize>) -> bool {
         while self.failure.is_none() {
             while let Some(rank) = self.ready.pop() {
@@ -128,7 +128,7 @@ impl Engine<'_> {
         false
     }
 
-    /// Tells the observers.
+    /// Passes an event to the observers.
     fn tell(&mut self, event: &Event<'_>) {
         tell(&mut self.observers, event);
     }
@@ -152,12 +152,12 @@ impl Engine<'_> {
         self.decide(|| Decision::Drop { operator: operator.to_string(), stamp, at, reason });
     }
 
-    /// The threads of the run, in virtual time and where there are several: its own thread is to be one of them.
+    /// Threads of the run, in virtual time and if there are several; the engine's thread has to be one of them.
     pub(crate) fn workers(&self) -> Option<Arc<rayon::ThreadPool>> {
         self.pool.as_ref().and_then(Pool::workers)
     }
 
-    /// Notes why what an operator promised was never made, if so.
+    /// Records why the payload of a promise was not made, if so.
     fn note_broken(&mut self, promised: &Pending) {
         if let Err(why) = promised.wait() {
             let (operator, message) = (promised.operator.to_string(), why.to_owned());
@@ -165,7 +165,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Ends the run: tells the observers, gives the report.
+    /// Ends the run: passes the report to the observers and returns it.
     pub(crate) fn finish(mut self, end: EndReason) -> Result<RunReport, RunError> {
         let digest = self.digest.digest();
         if let Some(promised) = self.digest.broken.take() {

@@ -1,4 +1,4 @@
-//! The graph: operators, the streams between them, and how long, how often and on what they run.
+//! The graph: operators, the streams between them, their run times, policies and resources.
 
 mod check;
 mod describe;
@@ -32,8 +32,8 @@ pub struct Stream<T> {
     payload: PhantomData<fn() -> T>,
 }
 
-/// An edge that closes a loop: read by [`Latest`](crate::Latest) or [`Window`](crate::Window), shows what
-/// was visible strictly before the present instant. Connected to its stream by [`Graph::connect`].
+/// An edge that closes a loop: read by [`Latest`](crate::Latest) or [`Window`](crate::Window), it contains the messages
+/// visible strictly before the current instant. Connected to its stream by [`Graph::connect`].
 pub struct Feedback<T> {
     pub(crate) id: usize,
     payload: PhantomData<fn() -> T>,
@@ -69,7 +69,7 @@ macro_rules! handle {
 handle!(Stream);
 handle!(Feedback);
 
-/// A resource that steps of several operators share, such as a GPU: at most `slots` of them at once.
+/// A resource shared by steps of several operators, such as a GPU: used by at most `slots` steps at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Resource {
     pub(crate) id: usize,
@@ -83,7 +83,7 @@ pub struct Graph {
     pub(crate) feedbacks: Vec<FeedbackSpec>,
     pub(crate) resources: Vec<ResourceSpec>,
     pub(crate) inbox: Arc<Inbox>,
-    /// The operators that are fed from outside.
+    /// Operators that are fed from outside.
     pub(crate) sources: Vec<usize>,
     pub(crate) problems: Vec<GraphError>,
 }
@@ -99,16 +99,16 @@ pub(crate) struct OperatorSpec {
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
     pub(crate) delay: Span,
-    /// When steps that are played back held slots of the resource.
+    /// Intervals in which steps that are played back held slots of the resource.
     pub(crate) held: Vec<(Time, Time)>,
     pub(crate) body: BodySpec,
-    /// Bodies in their first state, for steps before which the operator was restarted in the run that is repeated.
+    /// Bodies in their initial state, for steps before which the operator was restarted in the run that is repeated.
     pub(crate) spares: Vec<Box<dyn Body>>,
 }
 
 pub(crate) enum BodySpec {
     Operator(Box<dyn Body>, OnDeadline),
-    /// Publishes what others report: a source outside, or the records of an earlier run.
+    /// Publishes external reports: an outside source, or the records of an earlier run.
     Feed(Vec<PlaybackRecord>),
 }
 
@@ -132,15 +132,15 @@ pub(crate) struct ResourceSpec {
 }
 
 impl Graph {
-    /// An empty graph.
+    /// Creates an empty graph.
     pub fn new() -> Self {
         Self::default()
     }
 
     /// Adds an operator that reads `inputs`: a stream, feedback edge or timer per input port.
     ///
-    /// By default it takes no run time, skips to the latest frame and has no deadline; the returned
-    /// builder changes that, and its [`out`](OperatorRef::out) gives the streams.
+    /// By default it takes no run time, skips to the latest frame and has no deadline; the returned builder changes
+    /// these properties, and its [`out`](OperatorRef::out) returns the streams.
     pub fn add<O: Operator>(
         &mut self,
         name: impl Into<String>,
@@ -162,17 +162,17 @@ impl Graph {
         (stream, handle)
     }
 
-    /// The names of the operators that are fed from outside.
+    /// Names of the operators that are fed from outside.
     pub fn sources(&self) -> impl Iterator<Item = &str> {
         self.sources.iter().map(|source| &*self.operators[*source].name)
     }
 
-    /// Ends a wall-clock run of this graph from another thread.
+    /// Returns a handle that ends a wall-clock run of this graph from another thread.
     pub fn stop_handle(&self) -> StopHandle {
         StopHandle(self.inbox.clone())
     }
 
-    /// Adds an operator that publishes `records` on one stream: a part of an earlier run, or a script.
+    /// Adds an operator that publishes `records` on one stream: part of an earlier run, or a script.
     pub fn script<T: Payload>(&mut self, name: impl Into<String>, records: Vec<PlaybackRecord>) -> Stream<T> {
         self.push::<crate::Port<T>>(name.into(), Vec::new(), BodySpec::Feed(records)).out()
     }
@@ -191,7 +191,7 @@ impl Graph {
         OperatorRef { graph: self, index, streams }
     }
 
-    /// Adds an operator whose types are known at run time only; gives the first of its streams.
+    /// Adds an operator whose types are known at run time only; returns the index of its first stream.
     pub(crate) fn push_body(
         &mut self,
         name: &str,
@@ -201,13 +201,13 @@ impl Graph {
     ) -> usize {
         let first = self.streams.len();
         let types = types.iter().map(|payload| Declared { port: None, payload: *payload }).collect();
-        // Nothing is offered without a type, so a reaction of its own has nothing to choose from.
+        // Without types nothing is offered, so an operator-specific reaction has nothing to choose from.
         let body = BodySpec::Operator(body, |_, _| {});
         self.push_declared(name.into(), ports, body, Declaration { first, types });
         first
     }
 
-    /// Gives an operator that has steps another body.
+    /// Replaces the body of an operator that has steps.
     pub(crate) fn set_body(&mut self, name: &str, new: Box<dyn Body>) -> Result<(), GraphError> {
         let index = self.index_of(name)?;
         match &mut self.operators[index].body {
@@ -246,33 +246,33 @@ impl Graph {
         });
     }
 
-    /// A feedback edge, to be given to its reader now and connected to its stream later.
+    /// Creates a feedback edge, to be passed to its reader now and connected to its stream later.
     pub fn feedback<T: Payload>(&mut self, name: impl Into<String>) -> Feedback<T> {
         Feedback::new(self.feedback_any(name, PayloadType::of::<T>()).id)
     }
 
-    /// Connects a feedback edge to the stream that it shows; the check of the graph says if that was wrong.
+    /// Connects a feedback edge to its stream; the check of the graph reports errors.
     pub fn connect<T: Payload>(&mut self, feedback: Feedback<T>, stream: Stream<T>) {
         let connected = self.connect_any(feedback.into(), stream.into());
         self.problems.extend(connected.err());
     }
 
-    /// A resource with this many slots.
+    /// Creates a resource with this many slots.
     pub fn resource(&mut self, name: impl Into<String>, slots: usize) -> Resource {
         self.resources.push(ResourceSpec { name: name.into(), slots });
         Resource { id: self.resources.len() - 1 }
     }
 
-    /// The builder of an operator by its name, to change what it was added with.
+    /// Returns the builder of an existing operator, to change its properties.
     pub fn operator(&mut self, name: &str) -> Result<OperatorRef<'_, ()>, GraphError> {
         let index = self.index_of(name)?;
         Ok(OperatorRef { graph: self, index, streams: () })
     }
 
-    /// Replaces an operator by what it published in an earlier run: its step never runs, its inputs are not read.
+    /// Replaces an operator by its publications in an earlier run: its steps are not executed, its inputs are not read.
     ///
     /// # Errors
-    /// When there is no operator of that name, or a record names a port that it does not have or holds a
+    /// If there is no operator of this name, or a record names a port that the operator does not have or contains a
     /// payload of another type.
     pub fn playback(&mut self, name: &str, mut records: Vec<PlaybackRecord>) -> Result<(), GraphError> {
         let index = self.index_of(name)?;
@@ -297,11 +297,11 @@ impl Graph {
         Ok(())
     }
 
-    /// Tells when the steps of an operator that is played back held the slots of its resource (start, end), so
-    /// that others wait for them as they did.
+    /// Sets the intervals (start, end) in which the steps of a played-back operator held slots of its resource, so that
+    /// other operators wait for them as before.
     ///
     /// # Errors
-    /// When there is no operator of that name.
+    /// If there is no operator of this name.
     pub fn playback_steps(&mut self, name: &str, mut steps: Vec<(Time, Time)>) -> Result<(), GraphError> {
         let index = self.index_of(name)?;
         steps.retain(|(start, end)| start < end);
@@ -310,11 +310,11 @@ impl Graph {
         Ok(())
     }
 
-    /// The operators of these names, to be stepped by hand: what another process does for a graph that has the
-    /// same ones [`remote`](OperatorRef::remote).
+    /// Extracts the operators of these names as a worker, for a process that executes steps for a graph in which they
+    /// are [`remote`](OperatorRef::remote).
     ///
     /// # Errors
-    /// When there is no operator of a name, or it is none that has steps.
+    /// If there is no operator of a name, or it has no steps.
     pub fn into_worker(mut self, names: &[String]) -> Result<Worker, GraphError> {
         let mut operators = Vec::new();
         for name in names {
@@ -335,8 +335,9 @@ impl Graph {
         Ok(Worker { operators })
     }
 
-    /// Takes the operators of `other`, the same graph built once more, as what operators start from that began
-    /// restarted in the run to be repeated ([`Decision::Restarted`](crate::Decision::Restarted)); one graph for each time.
+    /// Adds the operators of `other`, the same graph built once more, as initial states for operators that were
+    /// restarted in the run to be repeated ([`Decision::Restarted`](crate::Decision::Restarted)); one graph for each
+    /// restart.
     pub fn spare(&mut self, other: Self) {
         for spec in other.operators {
             let own = self.operators.iter_mut().find(|own| own.name == spec.name);
@@ -353,7 +354,7 @@ impl Graph {
             .ok_or_else(|| GraphError::UnknownOperator { operator: name.into() })
     }
 
-    /// Checks the graph whole, as a run does before its first step.
+    /// Checks the whole graph, as a run does before its first step.
     ///
     /// # Errors
     /// The first error found, naming the operators.
@@ -361,15 +362,15 @@ impl Graph {
         ranks(self).map(|_| ())
     }
 
-    /// What the graph consists of.
+    /// Describes the parts of the graph.
     ///
     /// # Errors
-    /// As [`check`](Self::check): a faulty graph has no ranks.
+    /// As for [`check`](Self::check): a graph with errors has no ranks.
     pub fn describe(&self) -> Result<GraphInfo, GraphError> {
         Ok(describe::describe(self, &ranks(self)?))
     }
 
-    /// The stream that an edge shows.
+    /// Stream that an edge reads.
     pub(crate) fn stream_of(&self, edge: Edge) -> Option<usize> {
         match edge {
             Edge::Stream(id) => Some(id),
@@ -377,7 +378,7 @@ impl Graph {
         }
     }
 
-    /// The operators that have to take their turn before `operator`, in the order of its ports.
+    /// Operators that have to take their turn before `operator`, in the order of its ports.
     pub(crate) fn upstream<'a>(&'a self, operator: &'a OperatorSpec) -> impl Iterator<Item = usize> + 'a {
         let ports = operator.ports.iter().filter_map(|port| match *port {
             PortSpec::At(id) | PortSpec::Latest { edge: Edge::Stream(id), .. } => Some(id),
@@ -404,44 +405,44 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
         self
     }
 
-    /// How long its steps take; no time by default.
+    /// Sets the run time of its steps; default: zero.
     #[must_use]
     pub fn runtime(self, model: RuntimeModel) -> Self {
         self.with(|operator| operator.runtime = model)
     }
 
-    /// What happens to frames that find it busy; the latest is next by default.
+    /// Sets the handling of frames that arrive while the operator is busy; by default, the latest is started next.
     #[must_use]
     pub fn policy(self, policy: Policy) -> Self {
         self.with(|operator| operator.policy = policy)
     }
 
-    /// Until when its stamps have to be answered; no limit by default.
+    /// Sets the deadline for answering a stamp; default: none.
     #[must_use]
     pub fn deadline(self, deadline: Deadline) -> Self {
         self.with(|operator| operator.deadline = Some(deadline))
     }
 
-    /// Its steps need a slot of `resource`.
+    /// Makes its steps require a slot of `resource`.
     #[must_use]
     pub fn uses(self, resource: Resource) -> Self {
         self.with(|operator| operator.uses = Some(resource.id))
     }
 
-    /// It is a sensor: its messages derive from their own stamp.
+    /// Marks the operator as a sensor: its messages derive from their own stamp.
     #[must_use]
     pub fn origin(self) -> Self {
         self.with(|operator| operator.origin = true)
     }
 
-    /// Its steps take long on this host (30 microseconds and more): worth a worker thread.
+    /// Marks its steps as slow on this host (30 microseconds and more), so that worker threads can execute them.
     #[must_use]
     pub fn heavy(self) -> Self {
         self.with(|operator| operator.heavy = true)
     }
 
-    /// Its steps are taken by another process that has built the same graph; counts as
-    /// [`heavy`](Self::heavy). Its own state here stays as it is.
+    /// Executes its steps in another process that has built the same graph; implies [`heavy`](Self::heavy). The
+    /// operator's state in this process does not change.
     #[must_use]
     pub fn remote(self, executor: Box<dyn RemoteExecutor>) -> Self {
         let streams = &self.graph.operators[self.index].streams;
@@ -453,7 +454,7 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
         })
     }
 
-    /// Its messages reach their readers this much after publication.
+    /// Delays the arrival of its messages at readers by `delay` after publication.
     #[must_use]
     pub fn delay(self, delay: Span) -> Self {
         self.with(|operator| operator.delay = delay)
@@ -470,13 +471,13 @@ impl<Out: Outputs> OperatorRef<'_, Out> {
         self
     }
 
-    /// The streams that it publishes.
+    /// Streams that it publishes.
     pub fn out(self) -> Out::Streams {
         self.streams
     }
 }
 
-/// The newest instant of a stamp list, for lists of what a step read.
+/// The newer of two instants, for the origins of a step's inputs.
 pub(crate) fn newest(a: Option<Time>, b: Option<Time>) -> Option<Time> {
     a.max(b)
 }

@@ -1,8 +1,8 @@
-//! The real clock: for the wall-clock executor, measured run times and statistics of this host, nothing else.
+//! The real clock, used only for the wall-clock executor, measured run times and statistics of this host.
 
 use std::time::Instant;
 
-/// The present moment of the real clock.
+/// Current time of the real clock.
 #[expect(clippy::disallowed_methods, reason = "the one place of the engine that reads the real clock")]
 pub(crate) fn now() -> Instant {
     Instant::now()
@@ -13,16 +13,16 @@ pub(crate) fn ns_since(begin: Instant) -> u64 {
     u64::try_from((now() - begin).as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// When a step began, for how long it takes on this host.
+/// Start of a step, for measuring its duration on this host.
 #[derive(Clone, Copy)]
 pub(crate) enum Begin {
     Clock(Instant),
-    /// By the processor's counter, which takes less than half as long to read; with the rate of that.
+    /// Reading of the processor's counter, which takes less than half as long, and the rate of the counter.
     Ticks(u64, ticks::Rate),
 }
 
 impl Begin {
-    /// At this moment.
+    /// Starts a measurement now.
     #[inline]
     pub(crate) fn now() -> Self {
         match ticks::rate() {
@@ -31,7 +31,7 @@ impl Begin {
         }
     }
 
-    /// Nanoseconds since.
+    /// Nanoseconds since the start.
     #[inline]
     pub(crate) fn ns(self) -> u64 {
         match self {
@@ -41,7 +41,8 @@ impl Begin {
     }
 }
 
-/// The processor's counter, where the system's own clock is made of it: it runs evenly then, and alike on all cores.
+/// The processor's time stamp counter, if the system's clock is based on it: it then runs evenly and alike on all
+/// cores.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
 mod ticks {
     use core::time::Duration;
@@ -50,28 +51,29 @@ mod ticks {
 
     pub(super) use safe_arch::read_timestamp_counter as read;
 
-    /// Says of what the system makes its clock.
+    /// File with the source of the system's clock.
     const CLOCK_SOURCE: &str = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
 
-    /// Both clocks are compared over at least so long.
+    /// Minimum duration over which the two clocks are compared.
     const COMPARED: Duration = Duration::from_millis(20);
 
-    /// Of two readings of one clock with the other between them so far apart something else came between.
+    /// Maximum distance of two readings of the clock around one of the counter; beyond it, something else ran in
+    /// between.
     const AT_ONCE: Duration = Duration::from_micros(1);
 
     /// Nanoseconds per 2^32 ticks.
     pub(super) type Rate = u64;
 
-    /// How long so many ticks take, nanoseconds.
+    /// Duration of `ticks` ticks, nanoseconds.
     #[inline]
     pub(super) fn ns(ticks: u64, rate: Rate) -> u64 {
         ((u128::from(ticks) * u128::from(rate)) >> 32) as u64
     }
 
-    /// The rate to one in 10,000; none where the counter is not to be used.
+    /// Rate, accurate to one in 10,000; `None` if the counter cannot be used.
     static RATE: OnceLock<Option<Rate>> = OnceLock::new();
 
-    /// The rate, once that is known.
+    /// Returns the rate once it is known.
     #[inline]
     pub(super) fn rate() -> Option<Rate> {
         match RATE.get() {
@@ -95,7 +97,7 @@ mod ticks {
         *RATE.get_or_init(|| u64::try_from(rate).ok())
     }
 
-    /// One moment on both clocks, if they could be read at once.
+    /// Reads both clocks at the same moment; `None` if something else ran in between.
     fn both() -> Option<(Instant, u64)> {
         let (before, tick, after) = (super::now(), read(), super::now());
         (after - before < AT_ONCE).then_some((before, tick))
@@ -104,7 +106,7 @@ mod ticks {
 
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 mod ticks {
-    /// There is none.
+    /// Uninhabited: there is no counter.
     #[derive(Clone, Copy)]
     pub(super) enum Rate {}
 
@@ -128,11 +130,11 @@ mod tests {
     #[test]
     fn a_step_takes_as_long_by_the_counter_as_by_the_clock() {
         let begin = now();
-        // Until the clocks are compared, and as long again.
+        // Until the clocks have been compared, and as long again.
         while ns_since(begin) < 30_000_000 {
             let _known_in_a_while = Begin::now();
         }
-        // What comes between two readings may be long, but hardly ever: the nearest of some counts.
+        // An interruption between two readings may be long but is rare: the smallest of several differences counts.
         let off = |_| {
             let (clock, counter) = (now(), Begin::now());
             while ns_since(clock) < 3_000_000 {}

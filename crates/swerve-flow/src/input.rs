@@ -1,4 +1,4 @@
-//! Input ports: what an operator's step is given.
+//! Input ports: the inputs of an operator's step.
 
 use core::marker::PhantomData;
 use std::collections::VecDeque;
@@ -9,23 +9,23 @@ use crate::graph::{Feedback, Stream};
 use crate::message::{Header, Message, Msg};
 use crate::payload::Payload;
 
-/// The inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples again), an `Option` or
-/// a `Vec` of ports, or a struct of ports with `#[derive(Inputs)]`.
+/// Inputs of an operator: a port, a tuple of up to twelve inputs (which may be tuples themselves), an `Option` or a
+/// `Vec` of ports, or a struct of ports with `#[derive(Inputs)]`.
 pub trait Inputs: Sized + Send + 'static {
-    /// What a `Vec` or an `Option` has to remember of the graph: how many ports there are.
+    /// Number of ports of a `Vec` or an `Option`, as connected in the graph.
     type Layout: Send + 'static;
 
-    /// The inputs of one step, from the slots that [`Connect`] declared, in that order.
+    /// Reads the inputs of one step from the slots that [`Connect`] declared, in that order.
     fn read(layout: &Self::Layout, slots: &mut Slots<'_>) -> Self;
 }
 
-/// What may be connected to the inputs `I`: a [`Stream`] or [`Feedback`] per port, a [`Timer`] per [`Every`].
+/// Sources of the inputs `I`: a [`Stream`] or [`Feedback`] per port, a [`Timer`] per [`Every`].
 pub trait Connect<I: Inputs> {
-    /// Declares the ports and what feeds them, in order.
+    /// Declares the ports and their sources, in order.
     fn connect(self, ports: &mut Ports) -> I::Layout;
 }
 
-/// A synchronised port: the message stamped exactly as the frame, if the stream has one.
+/// A synchronised port: the message with exactly the frame's stamp, if the stream has one.
 #[derive(Debug)]
 pub struct At<T> {
     message: Option<Message<T>>,
@@ -43,26 +43,26 @@ pub struct Window<T, const N: usize> {
     messages: Vec<Message<T>>,
 }
 
-/// A timer port, synchronised and without payload: the operator fires at `phase + k * period`.
+/// A timer port, synchronised and without payload; it triggers the operator at `phase + k * period`.
 #[derive(Clone, Copy, Debug)]
 pub struct Every {
     ticked: bool,
 }
 
-/// The period and phase of an [`Every`] port, made by [`every`].
+/// Period and phase of an [`Every`] port, created by [`every`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timer {
     pub(crate) period: Span,
     pub(crate) phase: Span,
 }
 
-/// A timer with this period that ticks first at instant 0.
+/// Creates a timer with this period whose first tick is at instant 0.
 pub const fn every(period: Span) -> Timer {
     Timer { period, phase: Span::ZERO }
 }
 
 impl Timer {
-    /// Ticks first at `phase`.
+    /// Sets the instant of the first tick.
     #[must_use]
     pub const fn phase(mut self, phase: Span) -> Self {
         self.phase = phase;
@@ -71,54 +71,54 @@ impl Timer {
 }
 
 impl Every {
-    /// Whether the frame's stamp is a tick of this timer (always, unless the operator joins other ports too).
+    /// True if the frame's stamp is a tick of this timer (always, unless the operator also joins other ports).
     pub fn ticked(&self) -> bool {
         self.ticked
     }
 }
 
 impl<T> At<T> {
-    /// The message, if the stream has one at this stamp.
+    /// Returns the message, if the stream has one at this stamp.
     pub fn get(&self) -> Option<&Message<T>> {
         self.message.as_ref()
     }
 
-    /// Its header.
+    /// Header of the message.
     pub fn header(&self) -> Option<&Header> {
         self.get().map(Message::header)
     }
 }
 
 impl<T> Latest<T> {
-    /// The message, if there is one yet.
+    /// Returns the newest message, if there is one yet.
     pub fn get(&self) -> Option<&Message<T>> {
         self.message.as_ref()
     }
 
-    /// Its header.
+    /// Header of the message.
     pub fn header(&self) -> Option<&Header> {
         self.get().map(Message::header)
     }
 
-    /// How old what it describes is at `now`.
+    /// Age at `now` of the instant that the message describes.
     pub fn age(&self, now: Time) -> Option<Span> {
         self.header().map(|header| now - header.stamp)
     }
 }
 
 impl<T, const N: usize> Window<T, N> {
-    /// Up to `N` messages, oldest first.
+    /// Returns up to `N` messages, oldest first.
     pub fn get(&self) -> &[Message<T>] {
         &self.messages
     }
 
-    /// The newest.
+    /// Returns the newest message.
     pub fn newest(&self) -> Option<&Message<T>> {
         self.messages.last()
     }
 }
 
-/// What one port holds for one step.
+/// Contents of one port for one step.
 #[derive(Default)]
 pub(crate) enum Slot {
     #[default]
@@ -146,7 +146,7 @@ impl Slots<'_> {
     }
 }
 
-/// The ports of an operator as they are being declared.
+/// Ports of an operator during their declaration.
 #[derive(Default)]
 pub struct Ports {
     pub(crate) specs: Vec<PortSpec>,
@@ -160,7 +160,7 @@ pub(crate) enum PortSpec {
     Timer(Timer),
 }
 
-/// What feeds a `Latest` or `Window` port.
+/// Source of a `Latest` or `Window` port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Edge {
     Stream(usize),
@@ -250,7 +250,7 @@ impl<T: Payload, const N: usize> Connect<Window<T, N>> for Feedback<T> {
     }
 }
 
-/// A stream or a feedback edge, where either may be: a `Vec` of [`Latest`] ports, the policy of a deadline.
+/// A stream or a feedback edge, for uses that accept both: a `Vec` of [`Latest`] ports, the policy of a deadline.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<T> {
     pub(crate) edge: Edge,

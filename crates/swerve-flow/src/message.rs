@@ -1,4 +1,4 @@
-//! A message: what is said, and when.
+//! A message: payload and header.
 
 use core::ops::Deref;
 use std::sync::Arc;
@@ -8,39 +8,39 @@ use swerve_core::{Digest, Time};
 
 use crate::payload::{Payload, Sent};
 
-/// When a message describes the world, when it could be read, and where it comes from.
+/// Header of a message: the instant that it describes, when it was published, and its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// The instant that the message describes.
+    /// Instant that the message describes.
     pub stamp: Time,
-    /// The instant at which it was published; its readers see it later by the stream's delay, if it has one.
+    /// Instant of publication; readers see the message later by the stream's delay, if it has one.
     pub visible_at: Time,
-    /// How many messages the stream carried before this one.
+    /// Number of messages on the stream before this one.
     pub seq: u64,
     /// The stream carries no later message with a stamp at or below this.
     pub watermark: Time,
-    /// The stamp of the step that computed it, where a missed deadline had an older result repeated.
+    /// Stamp of the step that computed the payload, if a missed deadline repeated an older result.
     pub reused_from: Option<Time>,
-    /// The stamp of the newest sensor frame that it derives from.
+    /// Stamp of the newest sensor frame that the message derives from.
     pub origin: Option<Time>,
 }
 
-/// One message as its reader sees it; dereferences to the payload, which all readers share.
+/// A message as seen by a reader; dereferences to the payload, which all readers share.
 #[derive(Debug)]
 pub struct Message<T> {
     header: Header,
     value: Arc<T>,
-    /// The payload's fingerprint.
+    /// Digest of the payload.
     pub(crate) digest: Digest,
 }
 
 impl<T> Message<T> {
-    /// Stamp, visibility and descent.
+    /// Stamp, visibility and origin.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// The payload, to be passed on without a copy.
+    /// Payload, to be passed on without a copy.
     pub fn shared(&self) -> Arc<T> {
         self.value.clone()
     }
@@ -60,7 +60,7 @@ impl<T> Deref for Message<T> {
     }
 }
 
-/// A message inside the engine.
+/// A message inside the engine, with its type erased.
 #[derive(Clone)]
 pub(crate) struct Msg {
     pub(crate) header: Header,

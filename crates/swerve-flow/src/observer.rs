@@ -1,4 +1,4 @@
-//! Observers: they are told everything that a run does, in commit order, and are readers of nothing.
+//! Observers receive every event of a run, in commit order, and never affect the run.
 
 mod dispatch;
 
@@ -13,13 +13,13 @@ use crate::decision::Decision;
 use crate::payload::Sent;
 use crate::report::RunReport;
 
-/// Is told everything that happens in a run, in commit order: a recorder, a table, a test. It goes along where its run
-/// is moved to another thread.
+/// Receives every event of a run, in commit order: a recorder, a table, a test. It is `Send` because a run can be moved
+/// to another thread.
 pub trait Observer: Send {
-    /// One event.
+    /// Handles one event.
     fn event(&mut self, event: &Event<'_>);
 
-    /// Whether it looks at how long steps took on this host, which costs two readings of a clock a step.
+    /// True if the observer uses the duration of steps on this host, which costs two clock readings per step.
     fn wants_host_time(&self) -> bool {
         true
     }
@@ -31,55 +31,55 @@ impl<F: FnMut(&Event<'_>) + Send> Observer for F {
     }
 }
 
-/// What an observer is told.
+/// Event that an observer receives.
 #[derive(Clone, Debug)]
 pub enum Event<'a> {
     /// A message or a bare watermark was published.
     Publication(Publication<'a>),
     /// A step started.
     StepStart(StepStart<'a>),
-    /// A step came to its modelled end.
+    /// A step reached its modelled end.
     StepEnd(StepEnd<'a>),
-    /// A deadline passed.
+    /// A deadline was missed.
     Miss(Miss<'a>),
     /// A frame or a result was dropped.
     Drop(Dropped<'a>),
-    /// Something was decided that is no function of the inputs.
+    /// A decision was taken that the inputs do not determine.
     Decision(&'a Decision),
-    /// The run is over; nothing follows.
+    /// The run has ended; no event follows.
     End(&'a RunReport),
 }
 
-/// A publication: of a message, or of a watermark alone.
+/// Publication of a message or of a bare watermark.
 #[derive(Clone, Debug)]
 pub struct Publication<'a> {
-    /// Who published it.
+    /// Operator that published it.
     pub operator: &'a str,
-    /// On which stream.
+    /// Stream on which it was published.
     pub stream: &'a str,
-    /// Which of the operator's outputs that is.
+    /// Index of the operator's output.
     pub port: usize,
-    /// How many messages the stream carried before; for a bare watermark, how many so far.
+    /// Number of messages on the stream before this one; for a bare watermark, the number so far.
     pub seq: u64,
-    /// The instant that the message describes; none for a bare watermark.
+    /// Instant that the message describes; `None` for a bare watermark.
     pub stamp: Option<Time>,
     /// The stream carries no later message with a stamp at or below this.
     pub watermark: Time,
-    /// The present instant.
+    /// Current instant.
     pub visible_at: Time,
-    /// In which sweep of the instant: 0 but for what follows from a shared resource's starts.
+    /// Index of the sweep within the instant; above 0 only for what follows from a start on a shared resource.
     pub pass: u32,
-    /// The stamp of the step that computed it, in a repeat.
+    /// Stamp of the step that computed it, if it is a repeat.
     pub reused_from: Option<Time>,
-    /// The stamp of the newest sensor frame that it derives from.
+    /// Stamp of the newest sensor frame that it derives from.
     pub origin: Option<Time>,
-    /// What the step that computed it read.
+    /// Inputs of the step that computed it.
     pub reads: Reads<'a>,
-    /// What it carries; none for a bare watermark.
+    /// Payload of the message; `None` for a bare watermark.
     pub payload: Option<&'a Sent>,
 }
 
-/// What a step read: per input other than timers, the stamp of the (newest) message, none if there was none.
+/// Inputs read by a step: the stamp of the (newest) message of each input except timers, `None` if there was none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reads<'a> {
     pub(crate) names: &'a [Arc<str>],
@@ -87,7 +87,7 @@ pub struct Reads<'a> {
 }
 
 impl<'a> Reads<'a> {
-    /// Inputs by the name of their stream, in the order of the operator's ports.
+    /// Inputs with the names of their streams, in the order of the operator's ports.
     pub fn iter(&self) -> impl Iterator<Item = (&'a str, Option<Time>)> + use<'a> {
         self.names.iter().map(|name| &**name).zip(self.stamps.iter().copied())
     }
@@ -96,79 +96,79 @@ impl<'a> Reads<'a> {
 /// The start of a step.
 #[derive(Clone, Debug)]
 pub struct StepStart<'a> {
-    /// Whose step.
+    /// Operator that executes the step.
     pub operator: &'a str,
-    /// For which stamp.
+    /// Stamp that the step is for.
     pub stamp: Time,
-    /// The present instant.
+    /// Current instant.
     pub at: Time,
-    /// When the stamp has to be answered.
+    /// Instant by which the stamp has to be answered.
     pub deadline: Option<Time>,
-    /// What it reads.
+    /// Inputs of the step.
     pub reads: Reads<'a>,
 }
 
 /// The modelled end of a step.
 #[derive(Clone, Debug)]
 pub struct StepEnd<'a> {
-    /// Whose step.
+    /// Operator that executed the step.
     pub operator: &'a str,
-    /// For which stamp.
+    /// Stamp that the step was for.
     pub stamp: Time,
-    /// When it started.
+    /// Instant at which the step started.
     pub start: Time,
-    /// The present instant.
+    /// Current instant.
     pub end: Time,
-    /// The units of work that it counted.
+    /// Units of work that the step counted.
     pub units: u64,
-    /// How long it took on this host; not repeatable.
+    /// Duration of the step on this host, nanoseconds; not repeatable.
     pub host_ns: u64,
-    /// Its result was not published, or will not be: the stamp is answered already.
+    /// True if its result is not published because the stamp has already been answered.
     pub late: bool,
 }
 
 /// A missed deadline.
 #[derive(Clone, Debug)]
 pub struct Miss<'a> {
-    /// Whose deadline.
+    /// Operator that the deadline belongs to.
     pub operator: &'a str,
-    /// For which stamp.
+    /// Stamp that was not answered in time.
     pub stamp: Time,
-    /// When it passed.
+    /// Instant of the deadline.
     pub deadline: Time,
-    /// The present instant.
+    /// Current instant.
     pub at: Time,
-    /// What answers.
+    /// Reaction that answers the stamp.
     pub reaction: Reaction,
-    /// Whether the step had started.
+    /// True if the step had started.
     pub started: bool,
 }
 
 /// A frame that will not be answered, or a result that will not be published.
 #[derive(Clone, Debug)]
 pub struct Dropped<'a> {
-    /// Whose frame.
+    /// Operator of the frame.
     pub operator: &'a str,
-    /// For which stamp.
+    /// Stamp of the frame.
     pub stamp: Time,
-    /// The present instant.
+    /// Current instant.
     pub at: Time,
-    /// Why.
+    /// Reason for the drop.
     pub reason: DropReason,
 }
 
-/// Why a frame or a result was dropped.
+/// Reason why a frame or a result was dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DropReason {
-    /// A newer frame was started, or waits, instead.
+    /// A newer frame was started or waits instead.
     Skipped,
     /// The queue was full.
     QueueFull,
-    /// A newer stamp was published before this one, which was waiting.
+    /// A newer stamp was published while this frame was waiting.
     GivenUp,
-    /// A newer stamp was published before this one's result.
+    /// A newer stamp was published before this result.
     Overtaken,
-    /// A message came for a stamp that was answered already, so it opened no frame.
+    /// A message arrived for a stamp that had already been answered, so it opened no frame.
     TooLate,
 }

@@ -1,4 +1,4 @@
-//! Operators: what the steps of a graph do.
+//! Operators: the computations of a graph.
 
 use std::sync::Arc;
 use std::sync::{Mutex, PoisonError};
@@ -11,57 +11,57 @@ use crate::payload::{Outs, Payload, Sent};
 use crate::promise::Workers;
 use crate::wall::Alarm;
 
-/// One component: a step from inputs to outputs, with state of its own.
+/// A component with state, whose step computes outputs from inputs.
 ///
-/// A step reads no clock, no file and no global: what it needs is in its inputs, its state and its
-/// context, so the same run always gives the same result.
+/// A step reads no clock, no file and no global: it depends on its inputs, its state and its context alone, so the same
+/// run always has the same result.
 pub trait Operator: Send + 'static {
-    /// The input ports: [`At`](crate::At), [`Latest`](crate::Latest), [`Window`](crate::Window),
-    /// [`Every`](crate::Every), tuples and `Vec`s of them.
+    /// Input ports: [`At`](crate::At), [`Latest`](crate::Latest), [`Window`](crate::Window), [`Every`](crate::Every),
+    /// tuples and `Vec`s of them.
     type In: Inputs;
-    /// The output ports: `()`, a [`Port`] or a tuple of ports.
+    /// Output ports: `()`, a [`Port`] or a tuple of ports.
     type Out: Outputs;
 
     /// Answers one frame.
     fn step(&mut self, cx: &mut Context<'_>, input: &Self::In, out: &mut Self::Out);
 
-    /// Answers a stamp whose deadline passed, where the reaction is [`OnDeadline`](crate::Reaction::OnDeadline).
-    /// It has no access to the operator's state, which a step may be using at this moment.
+    /// Answers a stamp whose deadline was missed, if the reaction is [`OnDeadline`](crate::Reaction::OnDeadline). The
+    /// function has no access to the operator's state, which a step may be using at this moment.
     fn on_deadline(miss: &Miss<Self::Out>, out: &mut Self::Out) {
         let _ = (miss, out);
     }
 }
 
-/// What a deadline's reaction has to work with.
+/// Inputs of a deadline's reaction.
 pub struct Miss<O: Outputs> {
-    /// The stamp to be answered.
+    /// Stamp to be answered.
     pub stamp: Time,
-    /// The present instant.
+    /// Current instant.
     pub now: Time,
-    /// The stamp of the newest finished result.
+    /// Stamp of the newest finished result.
     pub last_stamp: Option<Time>,
-    /// The newest finished result, by port.
+    /// Newest finished result, by port.
     pub last: O::Values,
-    /// What the running step offered last, by port.
+    /// Last values offered by the running step, by port.
     pub offered: O::Values,
 }
 
-/// Whether an anytime step goes on.
+/// Continuation of an anytime step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// There is time for more.
+    /// There is time for more work.
     Continue,
-    /// The budget is used up: publish what there is.
+    /// The budget is exhausted: publish the best result so far.
     Stop,
 }
 
-/// What a step knows besides its inputs.
+/// Context of a step: its data besides the inputs.
 pub struct Context<'a> {
     pub(crate) name: &'a str,
     pub(crate) task: &'a mut Task,
 }
 
-/// What a step needs to run beside its inputs, on whatever thread, and what it leaves behind beside its outputs.
+/// Data of a step besides its inputs, on whatever thread it runs, and its results besides the outputs.
 pub(crate) struct Task {
     pub(crate) now: Time,
     pub(crate) stamp: Time,
@@ -73,19 +73,19 @@ pub(crate) struct Task {
     pub(crate) unusual: Option<Box<Unusual>>,
 }
 
-/// What few steps leave behind.
+/// Rare results of a step.
 #[derive(Default)]
 pub(crate) struct Unusual {
-    /// The run is to end: why.
+    /// Reason to end the run.
     pub(crate) stop_run: Option<String>,
-    /// A step that another process took did not come to its end: why.
+    /// Reason why a step in another process did not complete.
     pub(crate) lost: Option<String>,
-    /// It was the first one after its process was restarted.
+    /// True if the step was the first one after its process was restarted.
     pub(crate) restarted: bool,
 }
 
 impl Task {
-    /// A task that nothing cuts.
+    /// Creates a task that is never cut short.
     #[inline]
     pub(crate) fn new(now: Time, stamp: Time, seed: u64) -> Self {
         Self {
@@ -101,75 +101,75 @@ impl Task {
     }
 }
 
-/// Counts the work of a step.
+/// Counter of the work of a step.
 #[derive(Default)]
 pub(crate) struct Meter {
     /// Units counted so far.
     pub(crate) units: u64,
-    /// What cuts the step; none where nothing can.
+    /// Limits of a step that can be cut short.
     pub(crate) cut: Option<Box<Cut>>,
 }
 
-/// What cuts a step before its own end, and what it offers for that case.
+/// Limits that cut a step short, and the values that it offers for that case.
 #[derive(Default)]
 pub(crate) struct Cut {
-    /// The count at which the step is told to stop.
+    /// Count at which the step is requested to stop.
     pub(crate) limit: Option<u64>,
-    /// The count at which the step was told to stop.
+    /// Count at which the step was requested to stop.
     pub(crate) stopped_at: Option<u64>,
-    /// The step went on after it had been told to stop.
+    /// True if the step continued after the request to stop.
     pub(crate) went_on: bool,
-    /// How many values were offered so far.
+    /// Number of values offered so far.
     pub(crate) offers: u64,
-    /// How many of them count, where an earlier run is repeated.
+    /// Number of offers that count, if an earlier run is repeated.
     pub(crate) offers_max: Option<u64>,
-    /// Where offered values go; none if nobody would read them.
+    /// Storage of offered values; `None` if no reaction would read them.
     pub(crate) offered: Option<Offered>,
-    /// Says whether the time is out, under wall clock.
+    /// Alarm at the deadline, under wall clock.
     pub(crate) time_is_out: Option<Alarm>,
 }
 
-/// The last offered values and how many there were, shared with the engine while the step runs.
+/// Number of offers and the last offered values, shared with the engine while the step runs.
 pub(crate) type Offered = Arc<Mutex<(u64, Outs)>>;
 
 impl Context<'_> {
-    /// The present instant: when the step starts.
+    /// Current instant: the start of the step.
     pub fn now(&self) -> Time {
         self.task.now
     }
 
-    /// The instant that the frame describes.
+    /// Instant that the frame describes.
     pub fn stamp(&self) -> Time {
         self.task.stamp
     }
 
-    /// When this stamp has to be answered.
+    /// Instant by which this stamp has to be answered.
     pub fn deadline(&self) -> Option<Time> {
         self.task.deadline
     }
 
-    /// The operator's name in the graph.
+    /// Name of the operator in the graph.
     pub fn name(&self) -> &str {
         self.name
     }
 
-    /// Who may go on with this step's work while the run goes on; none on one thread, on a thread of theirs, under wall
-    /// clock, and where the run time is what the step takes on this host.
+    /// Threads that can continue this step's work while the run goes on. `None` in a run with one thread, on one of
+    /// these threads, under wall clock, and if the run time of the step is measured on this host.
     pub fn workers(&self) -> Option<&Workers> {
         self.task.workers.as_ref()
     }
 
-    /// Random numbers of this operator and stamp, under the run's seed.
+    /// Random number generator of this operator and stamp, seeded by the run.
     pub fn rng(&mut self) -> &mut Rng {
         let Task { stamp, seed, rng, .. } = &mut *self.task;
         rng.get_or_insert_with(|| Rng::keyed(*seed, self.name, &[stamp.ns()]))
     }
 
-    /// Counts `units` of work done; says whether there is time for more.
+    /// Counts `units` of completed work; returns whether there is time for more.
     ///
-    /// Under [`Work`](crate::RuntimeModel::Work) the step is told to stop at the last count that ends by the
-    /// deadline. A step that returns then ends at its deadline at the latest; one that goes on all the
-    /// same takes as long as it counts.
+    /// Under [`Work`](crate::RuntimeModel::Work) the step is requested to stop at the last count that ends by the
+    /// deadline. A step that then returns ends at its deadline at the latest; one that continues takes as long as it
+    /// counts.
     pub fn spend(&mut self, units: u64) -> Progress {
         let meter = &mut self.task.meter;
         meter.units = meter.units.saturating_add(units);
@@ -186,15 +186,15 @@ impl Context<'_> {
         Progress::Continue
     }
 
-    /// Offers the best result so far: what a deadline's reaction gets if the step is late.
+    /// Offers the best result so far, which a deadline's reaction receives if the step is late.
     ///
-    /// Counts only where a step can be cut (under the work model, or under wall clock) and the reaction
-    /// would read it.
+    /// Has an effect only if the step can be cut short (under the work model, or under wall clock) and the reaction
+    /// reads offers.
     pub fn offer<T: Payload>(&mut self, port: &mut Port<T>, value: T) {
         self.offer_shared(port, Arc::new(value));
     }
 
-    /// As [`offer`](Self::offer), for a payload that exists already.
+    /// As [`offer`](Self::offer), for an existing payload.
     pub fn offer_shared<T: Payload>(&mut self, port: &mut Port<T>, value: Arc<T>) {
         let Some(cut) = &mut self.task.meter.cut else { return };
         let Some(offered) = &cut.offered else { return };
@@ -207,7 +207,7 @@ impl Context<'_> {
         slot.1.set(port.index, Sent::new(value));
     }
 
-    /// Ends the run after the sweep of the instant at which this step is done.
+    /// Ends the run after the sweep of the instant at which this step ends.
     pub fn stop_run(&mut self, reason: impl Into<String>) {
         self.task.unusual.get_or_insert_default().stop_run = Some(reason.into());
     }
@@ -215,11 +215,11 @@ impl Context<'_> {
 
 /// An operator with its types erased.
 pub(crate) trait Body: Send {
-    /// Runs one step on `slots`, filling `outs`.
+    /// Executes one step on `slots` and fills `outs`.
     fn step(&mut self, cx: &mut Context<'_>, slots: &mut [Slot], outs: &mut Outs);
 }
 
-/// The facts of a missed deadline, with types erased.
+/// Data of a missed deadline, with types erased.
 pub(crate) struct ErasedMiss<'a> {
     pub(crate) stamp: Time,
     pub(crate) now: Time,

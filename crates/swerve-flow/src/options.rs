@@ -1,17 +1,17 @@
-//! How to run a graph.
+//! Options of a run.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
-/// How to run a graph.
+/// Options of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunOptions {
-    /// Decides everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// How many threads do the work of the run, the engine's own among them in virtual time: steps of heavy operators,
-    /// and what steps leave to others; shows in no result.
+    /// Number of threads of a run, including the engine's thread in virtual time. They execute steps of heavy operators
+    /// and work that steps pass on; the result does not depend on them.
     pub threads: usize,
-    /// The last instant, itself included; none: until an operator stops the run or nothing is left to do.
+    /// Last instant, included; `None` to run until an operator stops the run or nothing is left to do.
     pub until: Option<Time>,
 }
 
@@ -22,19 +22,19 @@ impl Default for RunOptions {
 }
 
 impl RunOptions {
-    /// A run of one thread with seed 0 up to and including `until`.
+    /// Options for a run of one thread with seed 0, up to and including `until`.
     pub fn until(until: Time) -> Self {
         Self { until: Some(until), ..Self::default() }
     }
 
-    /// The same under another seed.
+    /// Sets the seed.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
         self
     }
 
-    /// The same on this many threads.
+    /// Sets the number of threads.
     #[must_use]
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = threads;

@@ -1,4 +1,4 @@
-//! Output ports: what an operator's step publishes.
+//! Output ports: the outputs of an operator's step.
 
 use std::sync::Arc;
 
@@ -9,12 +9,12 @@ use crate::message::Message;
 use crate::payload::{Made, Outs, Payload, PayloadType};
 use crate::promise::Pending;
 
-/// The outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
+/// Outputs of an operator: `()`, a [`Port`], a tuple of up to four ports, or a struct of ports with
 /// `#[derive(Outputs)]`.
 pub trait Outputs: Sized + Send + 'static {
-    /// The handles by which readers are connected: a [`Stream`] per port.
+    /// Handles for connecting readers: a [`Stream`] per port.
     type Streams: Copy;
-    /// What a step sent or offered, by port.
+    /// Values that a step sent or offered, by port.
     type Values;
 
     #[doc(hidden)]
@@ -27,7 +27,7 @@ pub trait Outputs: Sized + Send + 'static {
     fn values(outs: Option<&Outs>, first: usize) -> Self::Values;
 }
 
-/// The streams that an operator publishes, as they are being declared.
+/// Output streams of an operator during their declaration.
 pub struct Declaration {
     pub(crate) first: usize,
     pub(crate) types: Vec<Declared>,
@@ -35,7 +35,7 @@ pub struct Declaration {
 
 /// One declared stream.
 pub(crate) struct Declared {
-    /// The name of its port, where that has one.
+    /// Name of its port, if that has one.
     pub(crate) port: Option<&'static str>,
     pub(crate) payload: PayloadType,
 }
@@ -54,32 +54,33 @@ pub struct Port<T> {
     sent: Option<Filled<T>>,
 }
 
-/// What a step left in a port.
+/// Contents of a port after a step.
 enum Filled<T> {
-    /// A payload, and its fingerprint where that is known already.
+    /// A payload, and its digest if that is already known.
     Here(Arc<T>, Option<Digest>),
-    /// What another thread makes.
+    /// A payload that another thread computes.
     Promised(Arc<Pending>),
 }
 
 impl<T: Payload> Port<T> {
-    /// Room for one message. Dropping it publishes nothing.
+    /// Loans room for one message. Dropping it publishes nothing.
     pub fn loan(&mut self) -> Loan<'_, T> {
         Loan { port: self }
     }
 
-    /// Publishes `value`; the same as `loan().send(value)`. The last value sent in a step counts.
+    /// Publishes `value`; the same as `loan().send(value)`. Of several values sent in a step, the last one is
+    /// published.
     pub fn send(&mut self, value: T) {
         self.loan().send(value);
     }
 
-    /// Publishes a payload that exists already, without a copy.
+    /// Publishes an existing payload without a copy.
     pub fn forward(&mut self, value: Arc<T>) {
         self.put(value, None);
     }
 
-    /// Publishes what a message carries, without a copy and without taking its fingerprint again: what an
-    /// operator does that lets big payloads pass.
+    /// Publishes the payload of a message without a copy and without computing its digest again, for operators that
+    /// pass large payloads on.
     pub fn pass_on(&mut self, message: &Message<T>) {
         self.put(message.shared(), Some(message.digest));
     }
@@ -93,13 +94,13 @@ impl<T: Payload> Port<T> {
     }
 }
 
-/// Room for one message of a port; where it lies is the transport's business.
+/// Room for one message of a port; the transport determines its place in memory.
 pub struct Loan<'a, T> {
     port: &'a mut Port<T>,
 }
 
 impl<T: Payload> Loan<'_, T> {
-    /// Fills the room and publishes it.
+    /// Fills the room with `value` and publishes it.
     pub fn send(self, value: T) {
         self.port.put(Arc::new(value), None);
     }

@@ -1,4 +1,4 @@
-//! What messages carry, with its type erased for the engine and for observers.
+//! Payloads of messages, with their types erased for the engine and for observers.
 
 use core::any::{Any, TypeId};
 use core::fmt;
@@ -12,24 +12,24 @@ use crate::cbor;
 use crate::cddl::cddl;
 use crate::promise::Pending;
 
-/// A type that a stream may carry: anything that can be written, read back and shared.
+/// A type that a stream can carry: anything that can be serialized, deserialized and shared.
 pub trait Payload: Serialize + DeserializeOwned + Send + Sync + 'static {}
 
 impl<T: Serialize + DeserializeOwned + Send + Sync + 'static> Payload for T {}
 
-/// A payload whose type the holder does not know.
+/// A payload whose type is unknown to its holder.
 pub trait ErasedPayload: Any + Send + Sync {
-    /// Appends the payload in CBOR (RFC 8949), the form in which logs hold it.
+    /// Appends the payload in CBOR (RFC 8949), as stored in logs.
     fn to_cbor(&self, out: &mut Vec<u8>);
-    /// Appends the payload in the form in which it goes to another process (postcard).
+    /// Appends the payload as sent to other processes (postcard).
     fn to_wire(&self, out: &mut Vec<u8>);
-    /// The payload's fingerprint, as it enters the run's digest.
+    /// Digest of the payload, which enters the run's digest.
     fn digest(&self) -> Digest;
-    /// The Rust type, for error messages and listings.
+    /// Rust type, for error messages and listings.
     fn type_name(&self) -> &'static str;
-    /// The form of `to_cbor` in CDDL (RFC 8610), its first rule `payload`; `any` where the type does not show it.
+    /// Schema of `to_cbor` in CDDL (RFC 8610), its first rule `payload`; `any` if the type cannot be traced.
     fn cddl(&self) -> String;
-    /// The payload for a downcast, by an observer that knows the type.
+    /// Payload to be downcast by an observer that knows the type.
     fn as_any(&self) -> &dyn Any;
 }
 
@@ -66,7 +66,7 @@ impl fmt::Debug for dyn ErasedPayload {
     }
 }
 
-/// A payload, shared, with its digest taken once, where it was made.
+/// A shared payload with its digest, which is computed once, where the payload is made.
 #[derive(Clone, Debug)]
 pub(crate) struct Made {
     pub(crate) payload: Arc<dyn ErasedPayload>,
@@ -80,8 +80,8 @@ impl Made {
     }
 }
 
-/// A payload on its way: made, or [promised](crate::Promise). Its type is known either way; who asks for more waits
-/// until it is made.
+/// A sent payload: made, or [promised](crate::Promise). Its type is known in either case; access to the payload itself
+/// waits until it is made.
 #[derive(Clone)]
 pub struct Sent(Form);
 
@@ -109,7 +109,7 @@ impl Sent {
         Made::new(payload).into()
     }
 
-    /// The promise, if it is one.
+    /// Returns the promise, if it is one.
     #[inline]
     pub(crate) fn promised(&self) -> Option<&Arc<Pending>> {
         match &self.0 {
@@ -118,12 +118,12 @@ impl Sent {
         }
     }
 
-    /// Whether it is a promise, kept or not: what is cheap to ask of other payloads may take long.
+    /// True if it is a promise, kept or not: operations that are cheap for other payloads may then take long.
     pub fn is_promised(&self) -> bool {
         self.promised().is_some()
     }
 
-    /// What was made; none where a promise was broken, which ends the run.
+    /// Returns the payload once it is made; `None` if a promise was broken, which ends the run.
     #[inline]
     pub(crate) fn made(&self) -> Option<&Made> {
         match &self.0 {
@@ -132,17 +132,17 @@ impl Sent {
         }
     }
 
-    /// The payload; none where a promise was broken, which ends the run.
+    /// Returns the payload; `None` if a promise was broken, which ends the run.
     pub fn payload(&self) -> Option<&dyn ErasedPayload> {
         self.made().map(|made| &*made.payload)
     }
 
-    /// The payload's fingerprint, as it enters the run's digest.
+    /// Digest of the payload, which enters the run's digest.
     pub fn digest(&self) -> Digest {
         self.made().map_or(Digest(0), |made| made.digest)
     }
 
-    /// The payload's type, while the program runs; nobody waits for that.
+    /// Type of the payload, within this process; does not wait.
     pub fn type_id(&self) -> TypeId {
         match &self.0 {
             Form::Made(made) => made.payload.as_any().type_id(),
@@ -150,17 +150,17 @@ impl Sent {
         }
     }
 
-    /// Whether the payload is of this type; nobody waits for that.
+    /// True if the payload is of type `T`; does not wait.
     pub fn is<T: Payload>(&self) -> bool {
         self.type_id() == TypeId::of::<T>()
     }
 
-    /// The payload, if it is of this type.
+    /// Returns the payload, if it is of type `T`.
     pub fn downcast_ref<T: Payload>(&self) -> Option<&T> {
         if self.is::<T>() { self.payload()?.as_any().downcast_ref() } else { None }
     }
 
-    /// The payload's Rust type, for error messages and listings; nobody waits for that.
+    /// Rust type of the payload, for error messages and listings; does not wait.
     pub fn type_name(&self) -> &'static str {
         match &self.0 {
             Form::Made(made) => made.payload.type_name(),
@@ -168,7 +168,7 @@ impl Sent {
         }
     }
 
-    /// The form of the payload in CDDL, as [`ErasedPayload::cddl`]; nobody waits for that.
+    /// Schema of the payload in CDDL, as [`ErasedPayload::cddl`]; does not wait.
     pub fn cddl(&self) -> String {
         match &self.0 {
             Form::Made(made) => made.payload.cddl(),
@@ -176,21 +176,21 @@ impl Sent {
         }
     }
 
-    /// Appends the payload in CBOR; nothing where a promise was broken.
+    /// Appends the payload in CBOR; nothing if a promise was broken.
     pub fn to_cbor(&self, out: &mut Vec<u8>) {
         if let Some(payload) = self.payload() {
             payload.to_cbor(out);
         }
     }
 
-    /// Appends the payload in the form in which it goes to another process; nothing where a promise was broken.
+    /// Appends the payload as sent to other processes; nothing if a promise was broken.
     pub fn to_wire(&self, out: &mut Vec<u8>) {
         if let Some(payload) = self.payload() {
             payload.to_wire(out);
         }
     }
 
-    /// The payload in the memory that all readers share, with its fingerprint.
+    /// Payload in the memory that all readers share, with its digest.
     #[inline]
     pub(crate) fn into_made(self) -> Made {
         match self.0 {
@@ -213,12 +213,12 @@ impl fmt::Debug for Sent {
     }
 }
 
-/// The type of a payload, while the program runs.
+/// Type of a payload, within this process.
 #[derive(Clone, Copy, Debug)]
 pub struct PayloadType {
-    /// What tells it from all others in this process.
+    /// Identifier of the type, unique in this process.
     pub id: TypeId,
-    /// Its name with the paths of its modules.
+    /// Name of the type with its module paths.
     pub full_name: &'static str,
     pub(crate) decode: Decode,
     pub(crate) from_wire: FromWire,
@@ -233,7 +233,7 @@ impl PartialEq for PayloadType {
 impl Eq for PayloadType {}
 
 impl PayloadType {
-    /// The type `T`.
+    /// Returns the type `T`.
     pub fn of<T: Payload>() -> Self {
         Self {
             id: TypeId::of::<T>(),
@@ -243,7 +243,7 @@ impl PayloadType {
         }
     }
 
-    /// Its name without the paths of its modules.
+    /// Name of the type without its module paths.
     pub fn name(&self) -> String {
         self.to_string()
     }
@@ -261,20 +261,20 @@ impl fmt::Display for PayloadType {
     }
 }
 
-/// One step's outputs, by port. Most steps fill one port only, which takes no allocation.
+/// Outputs of one step, by port. Most steps fill only one port, which takes no allocation.
 #[derive(Clone, Debug, Default)]
 pub struct Outs {
     first: Option<Sent>,
-    /// Of the ports above 0 those that are filled, in their order.
+    /// Filled ports above 0, in their order.
     others: Vec<(usize, Sent)>,
 }
 
 impl Outs {
-    /// Fills a port, or fills it anew.
+    /// Fills a port, replacing earlier contents.
     #[inline(always)]
     pub(crate) fn set(&mut self, port: usize, sent: Sent) {
         if port == 0 {
-            // As an assignment it would be put together elsewhere first: the old value is dropped before.
+            // An assignment would first build the value elsewhere, because the old value is dropped before.
             drop(self.first.replace(sent));
         } else {
             self.set_other(port, sent);
@@ -289,7 +289,7 @@ impl Outs {
         }
     }
 
-    /// What a port is filled with.
+    /// Contents of a port.
     pub(crate) fn get(&self, port: usize) -> Option<&Sent> {
         if port == 0 {
             return self.first.as_ref();
@@ -298,19 +298,19 @@ impl Outs {
         Some(&self.others[index].1)
     }
 
-    /// The filled ports, in their order.
+    /// Filled ports, in their order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, &Sent)> {
         let others = self.others.iter().map(|(port, sent)| (*port, sent));
         self.first.iter().map(|sent| (0, sent)).chain(others)
     }
 
-    /// Empties port 0; gives what it was filled with.
+    /// Empties port 0; returns its contents.
     #[inline]
     pub(crate) fn take_first(&mut self) -> Option<Sent> {
         self.first.take()
     }
 
-    /// Empties the ports above 0; gives those that were filled, in their order.
+    /// Empties the ports above 0; returns the filled ones, in their order.
     #[inline]
     pub(crate) fn take_others(&mut self) -> impl Iterator<Item = (usize, Sent)> {
         self.others.drain(..)
@@ -326,7 +326,7 @@ impl Outs {
     }
 }
 
-/// How the engine makes a payload of one stream from its logged form.
+/// Decoder of a stream's payloads from their logged form.
 pub(crate) type Decode = fn(&[u8]) -> Result<Sent, String>;
 
 pub(crate) fn decode<T: Payload>(bytes: &[u8]) -> Result<Sent, String> {
@@ -334,7 +334,7 @@ pub(crate) fn decode<T: Payload>(bytes: &[u8]) -> Result<Sent, String> {
     Ok(Sent::new(Arc::new(value)))
 }
 
-/// How the engine makes a payload of one stream from what came from another process.
+/// Decoder of a stream's payloads from the form in which another process sent them.
 pub(crate) type FromWire = fn(&[u8]) -> Result<Arc<dyn ErasedPayload>, String>;
 
 pub(crate) fn from_wire<T: Payload>(bytes: &[u8]) -> Result<Arc<dyn ErasedPayload>, String> {

@@ -11,32 +11,32 @@ use crate::payload::{Payload, Sent};
 /// One publication of an operator in an earlier run.
 #[derive(Clone, Debug)]
 pub struct PlaybackRecord {
-    /// Which of the operator's outputs published it.
+    /// Index of the operator's output.
     pub port: usize,
-    /// When it was published.
+    /// Instant of publication.
     pub visible_at: Time,
-    /// In which sweep of that instant; 0 but for operators behind a shared resource.
+    /// Index of the sweep within that instant; above 0 only for operators that follow a shared resource.
     pub pass: u32,
-    /// The watermark that it carried.
+    /// Watermark that it carried.
     pub watermark: Time,
-    /// The message; none where a bare watermark was published.
+    /// The message; `None` for a bare watermark.
     pub message: Option<PlaybackMessage>,
 }
 
 /// The message of a [`PlaybackRecord`].
 #[derive(Clone, Debug)]
 pub struct PlaybackMessage {
-    /// The instant that it describes.
+    /// Instant that the message describes.
     pub stamp: Time,
-    /// The stamp of the step that computed it, where it was a repeat.
+    /// Stamp of the step that computed it, if it was a repeat.
     pub reused_from: Option<Time>,
-    /// The stamp of the newest sensor frame that it derives from.
+    /// Stamp of the newest sensor frame that it derives from.
     pub origin: Option<Time>,
-    /// What it carries.
+    /// Payload of the message.
     pub payload: PlaybackPayload,
 }
 
-/// What a recorded message carries.
+/// Payload of a recorded message.
 #[derive(Clone)]
 pub struct PlaybackPayload(Kind);
 
@@ -46,8 +46,8 @@ enum Kind {
     Cbor(Arc<[u8]>),
 }
 
-/// A payload of at most so many bytes of CBOR is decoded once: in memory it takes no more than with the names of its
-/// fields. Of images and point clouds there is one at a time.
+/// Maximum size of CBOR that is decoded only once, bytes: decoded it takes no more memory than the CBOR, which contains
+/// field names. Larger payloads (images, point clouds) are decoded one at a time.
 const SMALL: usize = 16 << 10;
 
 impl core::fmt::Debug for PlaybackPayload {
@@ -60,19 +60,19 @@ impl core::fmt::Debug for PlaybackPayload {
 }
 
 impl PlaybackPayload {
-    /// A payload in memory.
+    /// Creates a payload from a value in memory.
     pub fn value<T: Payload>(value: T) -> Self {
         Self(Kind::Ready(Sent::new(Arc::new(value))))
     }
 
-    /// A payload as a log holds it.
+    /// Creates a payload from its form in a log.
     pub fn cbor(bytes: impl Into<Arc<[u8]>>) -> Self {
         Self(Kind::Cbor(bytes.into()))
     }
 }
 
 impl PlaybackRecord {
-    /// A message published at `visible_at`, with its own stamp as watermark.
+    /// Creates a record of a message published at `visible_at`, with its stamp as watermark.
     pub fn message<T: Payload>(visible_at: Time, stamp: Time, value: T) -> Self {
         Self::sent(visible_at, stamp, Sent::new(Arc::new(value)))
     }
@@ -83,12 +83,12 @@ impl PlaybackRecord {
         Self { port: 0, visible_at, pass: 0, watermark: stamp, message: Some(message) }
     }
 
-    /// A watermark published at `visible_at` without a message.
+    /// Creates a record of a bare watermark published at `visible_at`.
     pub fn bare(visible_at: Time, watermark: Time) -> Self {
         Self { port: 0, visible_at, pass: 0, watermark, message: None }
     }
 
-    /// The record of a publication that an observer saw.
+    /// Creates the record of a publication that an observer received.
     pub fn of(publication: &Publication<'_>) -> Self {
         let message = publication.stamp.zip(publication.payload).map(|(stamp, payload)| {
             let mut cbor = Vec::new();
@@ -109,7 +109,7 @@ impl PlaybackRecord {
         }
     }
 
-    /// Checks that the payload is one of `stream`; a small one is kept as it was decoded for that.
+    /// Checks that the payload has the type of `stream`; keeps the decoded form of a small one.
     pub(crate) fn take_in(&mut self, stream: &StreamSpec) -> Result<(), (Time, String)> {
         let Some(PlaybackMessage { payload: PlaybackPayload(kind), stamp, .. }) = &mut self.message else {
             return Ok(());
@@ -129,7 +129,7 @@ impl PlaybackRecord {
         }
     }
 
-    /// The payload in memory.
+    /// Payload in memory, decoded if necessary.
     pub(crate) fn payload(&self, decode: crate::payload::Decode) -> Option<Sent> {
         self.message.as_ref().map(|message| match &message.payload.0 {
             Kind::Ready(sent) => sent.clone(),

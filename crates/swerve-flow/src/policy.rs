@@ -1,34 +1,34 @@
-//! What happens to frames that find their operator busy.
+//! Handling of frames that arrive while their operator is busy.
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-/// The busy policy of an operator: how many steps it has under way, and which frames wait.
+/// Busy policy of an operator: the number of concurrent steps, and the frames that wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
-    /// One step at a time; then the newest waiting frame. The same as `Pipelined` with one place.
+    /// One step at a time, followed by the newest waiting frame. The same as `Pipelined` with one place.
     #[default]
     SkipToLatest,
-    /// One step at a time; up to `capacity` frames wait, and the oldest is next.
+    /// One step at a time; up to `capacity` frames wait, and the oldest is started next.
     Queue {
-        /// How many frames may wait.
+        /// Maximum number of waiting frames.
         capacity: usize,
-        /// What gives when one more comes.
+        /// Reaction to one more frame.
         full: Full,
     },
-    /// Up to `places` steps under way at once, as in a pipeline of stages.
+    /// Up to `places` steps at once, as in a pipeline of stages.
     Pipelined {
-        /// How many steps may be under way.
+        /// Maximum number of concurrent steps.
         places: usize,
-        /// What becomes of results that are not done in the order of their stamps.
+        /// Handling of results that are not finished in the order of their stamps.
         late: Late,
     },
 }
 
-/// What gives when a queue is full.
+/// Reaction to a frame that arrives while the queue is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Full {
@@ -41,31 +41,31 @@ pub enum Full {
     Fail,
 }
 
-/// What becomes of results that are not done in the order of their stamps.
+/// Handling of results that are not finished in the order of their stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Late {
     /// Newer results wait for older ones.
     #[default]
     Waits,
-    /// A result that would come after a newer one is dropped.
+    /// A result that would be published after a newer one is dropped.
     Overtaken,
-    /// Newer results wait, and one that was done by the publication before it comes this long after that.
+    /// Newer results wait; one that was finished by the publication before it is published this long after that.
     PutOff(Span),
 }
 
 impl Policy {
-    /// A queue of `capacity` frames that drops its oldest when full.
+    /// A queue of `capacity` frames that drops the oldest frame when full.
     pub const fn queue(capacity: usize) -> Self {
         Self::Queue { capacity, full: Full::DropOldest }
     }
 
-    /// A pipeline of `places` steps whose results are published in order.
+    /// A pipeline of `places` steps with results published in order.
     pub const fn pipelined(places: usize) -> Self {
         Self::Pipelined { places, late: Late::Waits }
     }
 
-    /// How many steps may be under way at once.
+    /// Maximum number of concurrent steps.
     pub const fn places(self) -> usize {
         match self {
             Self::SkipToLatest | Self::Queue { .. } => 1,
@@ -73,7 +73,7 @@ impl Policy {
         }
     }
 
-    /// How many complete frames may wait while no place is free.
+    /// Maximum number of complete frames that wait while no place is free.
     pub const fn waiting_max(self) -> usize {
         match self {
             Self::SkipToLatest | Self::Pipelined { .. } => 1,
@@ -85,7 +85,8 @@ impl Policy {
         matches!(self, Self::Pipelined { late: Late::Overtaken, .. })
     }
 
-    /// When a result may come out that was done at `end`, the one before it having come out at `before`.
+    /// Earliest instant at which a result finished at `end` may be published, with the one before it published at
+    /// `before`.
     pub(crate) fn comes_out(self, end: Time, before: Option<Time>) -> Time {
         match (self, before) {
             (Self::Pipelined { late: Late::PutOff(by), .. }, Some(before)) if end <= before => {

@@ -1,4 +1,4 @@
-//! Ports as data: what an operator reads and publishes, by name, for whoever wires it without knowing its type.
+//! Ports as data: the inputs and outputs of an operator by name, for wiring without knowledge of its type.
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use crate::payload::{Payload, PayloadType};
 
 /// Inputs whose ports have names: a struct with `#[derive(Inputs)]`.
 pub trait NamedInputs: Inputs {
-    /// The ports, in the order of the fields.
+    /// Ports, in the order of the fields.
     fn ports() -> Vec<PortInfo>;
 
     #[doc(hidden)]
@@ -18,39 +18,39 @@ pub trait NamedInputs: Inputs {
 
 /// Outputs whose ports have names: a struct with `#[derive(Outputs)]`; a single [`Port`], named `out`; `()`.
 pub trait NamedOutputs: Outputs {
-    /// The ports, in the order of the fields.
+    /// Ports, in the order of the fields.
     fn ports() -> Vec<OutputInfo>;
 }
 
 /// An input port of an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PortInfo {
-    /// The name of the field, or the one that was declared for it at run time.
+    /// Name of the field, or the name declared at run time.
     pub name: Cow<'static, str>,
-    /// The doc comment of the field, in one line.
+    /// Doc comment of the field, in one line.
     pub doc: &'static str,
-    /// How it reads.
+    /// Read mode of the port.
     pub mode: PortMode,
-    /// The type of the messages; none for a timer.
+    /// Type of the messages; `None` for a timer.
     pub payload: Option<PayloadType>,
-    /// Whether it takes any number of streams, none included: a `Vec`.
+    /// True if it accepts any number of streams, including none: a `Vec`.
     pub many: bool,
-    /// Whether it may stay unconnected: an `Option`.
+    /// True if it may stay unconnected: an `Option`.
     pub optional: bool,
-    /// Whether it closes a loop, unless somebody wires it otherwise: `#[port(feedback)]`.
+    /// True if it closes a loop, unless wired otherwise: `#[port(feedback)]`.
     pub feedback: bool,
-    /// Whether it reads its stream before faults are put on it: `#[port(raw)]`.
+    /// True if it reads its stream before faults are injected: `#[port(raw)]`.
     pub raw: bool,
 }
 
-/// How a port reads.
+/// Read mode of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortMode {
-    /// The message stamped as the frame: [`At`].
+    /// The message with the frame's stamp: [`At`].
     At,
     /// The newest message: [`Latest`].
     Latest,
-    /// The newest so many messages: [`Window`].
+    /// The newest messages, up to this number: [`Window`].
     Window(usize),
     /// A timer: [`Every`].
     Every,
@@ -59,31 +59,31 @@ pub enum PortMode {
 /// An output port of an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutputInfo {
-    /// The name of the field, or the one that was declared for it at run time.
+    /// Name of the field, or the name declared at run time.
     pub name: Cow<'static, str>,
-    /// The doc comment of the field, in one line.
+    /// Doc comment of the field, in one line.
     pub doc: &'static str,
-    /// The type of the messages.
+    /// Type of the messages.
     pub payload: PayloadType,
 }
 
-/// What feeds an input port.
+/// Source of an input port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Wire {
     /// A stream.
     Stream(AnyStream),
     /// A feedback edge.
     Feedback(AnyFeedback),
-    /// The period of a timer.
+    /// A timer, with its period and phase.
     Timer(Timer),
-    /// Any number of wires, for a port that takes as many.
+    /// Any number of wires, for a port that accepts several.
     Many(Vec<Wire>),
-    /// Nothing, for a port that may stay unconnected.
+    /// No source, for a port that may stay unconnected.
     None,
 }
 
 impl Wire {
-    /// The wires that make it up.
+    /// Single wires that it consists of.
     pub(crate) fn each(&self) -> &[Self] {
         match self {
             Self::Many(wires) => wires,
@@ -136,7 +136,7 @@ impl<W: Into<Self>> From<Option<W>> for Wire {
 }
 
 impl PortMode {
-    /// Whether a feedback edge may be read in this way.
+    /// True if a feedback edge can be read in this mode.
     pub const fn reads_feedback(self) -> bool {
         matches!(self, Self::Latest | Self::Window(_))
     }
@@ -144,14 +144,14 @@ impl PortMode {
 
 /// A field of a struct with `#[derive(Inputs)]`: one port, an `Option` or a `Vec` of it.
 pub trait InputPort: Inputs {
-    /// How it reads.
+    /// Read mode of the port.
     const MODE: PortMode;
-    /// Whether it takes any number of streams.
+    /// True if it accepts any number of streams.
     const MANY: bool = false;
-    /// Whether it may stay unconnected.
+    /// True if it may stay unconnected.
     const OPTIONAL: bool = false;
 
-    /// The type of its messages; none for a timer.
+    /// Type of its messages; `None` for a timer.
     fn payload() -> Option<PayloadType>;
 
     #[doc(hidden)]
@@ -160,7 +160,7 @@ pub trait InputPort: Inputs {
 
 /// A field of a struct with `#[derive(Outputs)]`: a [`Port`].
 pub trait OutputPort: Outputs {
-    /// The type of its messages.
+    /// Type of its messages.
     fn payload() -> PayloadType;
 
     #[doc(hidden)]
@@ -168,12 +168,12 @@ pub trait OutputPort: Outputs {
 }
 
 impl PortInfo {
-    /// The port `P`, neither closing a loop nor raw.
+    /// Describes the port `P`, neither closing a loop nor raw.
     pub fn new<P: InputPort>(name: &'static str, doc: &'static str) -> Self {
         Self { many: P::MANY, optional: P::OPTIONAL, doc, ..Self::declared(name, P::MODE, P::payload()) }
     }
 
-    /// A port that is declared at run time: one stream or timer, neither closing a loop nor raw.
+    /// Describes a port declared at run time: one stream or timer, neither closing a loop nor raw.
     pub fn declared(
         name: impl Into<Cow<'static, str>>,
         mode: PortMode,
@@ -185,12 +185,12 @@ impl PortInfo {
 }
 
 impl OutputInfo {
-    /// The port `P`.
+    /// Describes the port `P`.
     pub fn new<P: OutputPort>(name: &'static str, doc: &'static str) -> Self {
         Self { doc, ..Self::declared(name, P::payload()) }
     }
 
-    /// A port that is declared at run time.
+    /// Describes a port declared at run time.
     pub fn declared(name: impl Into<Cow<'static, str>>, payload: PayloadType) -> Self {
         Self { name: name.into(), doc: "", payload }
     }

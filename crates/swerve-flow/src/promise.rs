@@ -1,8 +1,9 @@
-//! Promises: messages that are published before what they carry is made.
+//! Promises: messages that are published before their payload is made.
 //!
-//! In virtual time a step may leave its work to the run's other threads and publish what will come of it. Headers,
-//! order and watermarks are those of a step that did it all; only who looks at the payload waits. So what is drawn for
-//! one instant is drawn at once, and the world goes on meanwhile; it shows in no result.
+//! In virtual time a step may pass its work to other threads of the run and publish the result in advance. Headers,
+//! order and watermarks are those of a step that did all the work itself; only access to the payload waits. Images
+//! rendered for one instant are thus rendered in parallel while the simulation goes on; the result of the run does not
+//! depend on it.
 
 use core::marker::PhantomData;
 use core::panic::AssertUnwindSafe;
@@ -16,7 +17,7 @@ use crate::cddl::cddl;
 use crate::output::Port;
 use crate::payload::{Made, Payload, PayloadType};
 
-/// Threads that go on with what a step leaves to them: see [`Context::workers`](crate::Context::workers).
+/// Threads that continue the work of a step: see [`Context::workers`](crate::Context::workers).
 #[derive(Clone)]
 pub struct Workers {
     pub(crate) pool: Arc<ThreadPool>,
@@ -24,21 +25,21 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Publishes on `port` what the promise will be kept with.
+    /// Publishes a message on `port` whose payload the promise will provide.
     pub fn promise<T: Payload>(&self, port: &mut Port<T>) -> Promise<T> {
         let pending = Arc::new(Pending::of::<T>(self.operator.clone()));
         port.promise(pending.clone());
         Promise { pending, payload: PhantomData }
     }
 
-    /// Has another thread of the run do `work`. It must wait for nothing but threads of rayon's.
+    /// Executes `work` on another thread of the run. It must wait for nothing but threads of rayon.
     pub fn spawn(&self, work: impl FnOnce() + Send + 'static) {
-        // What panics leaves its promises unkept, and those end the run.
+        // A panic leaves its promises unkept, which ends the run.
         self.pool.spawn(|| drop(catch_unwind(AssertUnwindSafe(work))));
     }
 }
 
-/// What a message that is published already will carry. One that is dropped unkept ends the run.
+/// Promise of the payload of a published message. Dropping it unkept ends the run.
 #[must_use]
 pub struct Promise<T> {
     pending: Arc<Pending>,
@@ -46,12 +47,12 @@ pub struct Promise<T> {
 }
 
 impl<T: Payload> Promise<T> {
-    /// Gives the message its payload; takes its fingerprint here.
+    /// Provides the payload of the message; computes its digest on this thread.
     pub fn keep(self, payload: Arc<T>) {
         self.pending.settle(Ok(Made::new(payload)));
     }
 
-    /// Says why there will be no payload, which ends the run.
+    /// States why there will be no payload, which ends the run.
     pub fn fail(self, why: impl Into<Box<str>>) {
         self.pending.settle(Err(why.into()));
     }
@@ -65,11 +66,11 @@ impl<T> Drop for Promise<T> {
 
 /// A payload that is being made.
 pub(crate) struct Pending {
-    /// Whose it is.
+    /// Operator that published it.
     pub(crate) operator: Arc<str>,
     pub(crate) payload: PayloadType,
     pub(crate) cddl: fn() -> String,
-    /// What it is, or why it was never made.
+    /// The payload, or the reason why it was not made.
     made: OnceLock<Result<Made, Box<str>>>,
     told: Bell,
 }
@@ -86,12 +87,12 @@ impl Pending {
         }
     }
 
-    /// Whether nobody would wait for it any more.
+    /// True if waiting for it would return at once.
     pub(crate) fn is_settled(&self) -> bool {
         self.made.get().is_some()
     }
 
-    /// Waits until it is made; why not, if that failed.
+    /// Waits until it is made; an error has the reason why it was not.
     pub(crate) fn wait(&self) -> Result<&Made, &str> {
         loop {
             if let Some(made) = self.made.get() {
@@ -102,24 +103,25 @@ impl Pending {
     }
 }
 
-/// Wakes who waits for something that other threads of the run do.
+/// Notification of threads that wait for other threads of the run.
 #[derive(Default)]
 pub(crate) struct Bell {
     lock: Mutex<()>,
     rung: Condvar,
 }
 
-/// After so long a thread of the pool that found nothing to do looks again.
+/// Time after which an idle thread of the pool checks again.
 const LOOK_AGAIN: Duration = Duration::from_micros(50);
 
 impl Bell {
-    /// Wakes all who wait; what they wait for is there by now.
+    /// Wakes all waiting threads; their condition is true by now.
     pub(crate) fn ring(&self) {
         drop(self.lock.lock().unwrap_or_else(PoisonError::into_inner));
         self.rung.notify_all();
     }
 
-    /// Waits for a ring, unless `done`; a thread of the run's pool does work of others instead. May end early.
+    /// Waits for a notification, unless `done`; a thread of the run's pool executes other work instead. May return
+    /// early.
     pub(crate) fn wait_unless(&self, done: impl Fn() -> bool) {
         let idle = rayon::yield_now();
         if idle == Some(Yield::Executed) {
@@ -129,7 +131,7 @@ impl Bell {
         if done() {
             return;
         }
-        // Either way the caller looks anew.
+        // In either case the caller checks again.
         if idle.is_some() {
             drop(self.rung.wait_timeout(guard, LOOK_AGAIN));
         } else {

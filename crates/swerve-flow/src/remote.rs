@@ -1,9 +1,9 @@
-//! Steps that are taken by another process, which has built the same graph.
+//! Steps executed by another process, which has built the same graph.
 //!
-//! Here the operator's body is replaced by one that puts a step into a [`Call`] and hands that to an
-//! [`RemoteExecutor`]. There a [`Worker`] holds the operators themselves, and answers calls. What carries both is
-//! no business of the engine. Calls and answers are in postcard; payloads keep their digest on the way, so that
-//! a run comes out the same wherever its steps are taken.
+//! In the coordinator, the operator's body is replaced by one that encodes a step as a [`Call`] and passes it to a
+//! [`RemoteExecutor`]. In the other process, a [`Worker`] holds the operators themselves and answers calls. The engine
+//! does not depend on the transport. Calls and answers are in postcard; payloads keep their digest, so that the result
+//! of a run does not depend on where its steps are executed.
 
 use std::sync::{Arc, PoisonError};
 
@@ -18,32 +18,31 @@ use crate::operator::{Body, Context, Cut, Meter, Offered, Task};
 use crate::payload::{FromWire, Made, Outs, Sent};
 use crate::wall::Alarm;
 
-/// Has the steps of one operator taken by somebody else. One for each operator; a step blocks the thread that
-/// waits for it.
+/// Executor of the steps of one operator outside the engine. A step blocks the thread that waits for it.
 pub trait RemoteExecutor: Send + 'static {
-    /// Has one step taken; what [`Worker::answer`] made of it goes into `answer`, which comes empty.
+    /// Executes one step and writes the result of [`Worker::answer`] to `answer`, which is empty at first.
     ///
     /// # Errors
-    /// When the step did not come to its end: who should have taken it is gone. In virtual time this ends the
-    /// run; under wall clock the step comes to nothing, and the run goes on.
+    /// If the step did not complete because its executor is gone. In virtual time this ends the run; under wall clock
+    /// the step has no result, and the run goes on.
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<Answered, Lost>;
 }
 
-/// How a remote step was answered.
+/// State of the operator that executed a remote step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answered {
-    /// By an operator that remembers its steps so far.
+    /// The operator has the state of its steps so far.
     InTurn,
-    /// By one that was restarted: this was the first step since.
+    /// The operator was restarted: this was its first step since.
     Restarted,
 }
 
-/// Why a remote step did not come to its end.
+/// Reason why a remote step did not complete.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct Lost(pub String);
 
-/// One step that somebody else is to take.
+/// One step to be executed elsewhere.
 pub struct Call<'a> {
     operator: &'a str,
     task: &'a Task,
@@ -51,17 +50,17 @@ pub struct Call<'a> {
 }
 
 impl Call<'_> {
-    /// Whose step.
+    /// Name of the operator.
     pub fn operator(&self) -> &str {
         self.operator
     }
 
-    /// For which stamp.
+    /// Stamp that the step is for.
     pub fn stamp(&self) -> Time {
         self.task.stamp
     }
 
-    /// Appends all that it takes to take the step. May be done more than once, should what was sent get lost.
+    /// Appends everything needed to execute the step. Can be repeated if a message gets lost.
     pub fn encode(&self, out: &mut Vec<u8>) {
         let cut = self.task.meter.cut.as_ref().map(|cut| CutWire {
             limit: cut.limit,
@@ -112,7 +111,7 @@ struct CutWire {
     limit: Option<u64>,
     offers_max: Option<u64>,
     offers_wanted: bool,
-    /// Until the deadline on the real clock.
+    /// Time until the deadline on the real clock.
     left: Option<Span>,
 }
 
@@ -132,7 +131,7 @@ struct AnswerWire<'a> {
     stopped_at: Option<u64>,
     went_on: bool,
     offers: u64,
-    /// How many ports published, and how many offered: port and payload of each follow in this order.
+    /// Number of ports that published, and number that offered: port and payload of each follow in this order.
     outs: usize,
     offered: usize,
 }
@@ -165,12 +164,13 @@ fn take_sent(from_wire: FromWire, bytes: &mut &[u8]) -> Result<Sent, CallError> 
     Ok(Made { payload: from_wire(payload).map_err(CallError)?, digest }.into())
 }
 
-/// Why a call or an answer makes no sense: no step was taken.
+/// Reason why a call or an answer is invalid; the step was not executed.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct CallError(String);
 
-/// The operators of a graph that another process has stepped here: [`Graph::into_worker`](crate::Graph::into_worker).
+/// Operators of a graph that are stepped on behalf of another process:
+/// [`Graph::into_worker`](crate::Graph::into_worker).
 pub struct Worker {
     pub(crate) operators: Vec<WorkerOperator>,
 }
@@ -179,16 +179,16 @@ pub struct Worker {
 pub(crate) struct WorkerOperator {
     pub(crate) name: Arc<str>,
     pub(crate) body: Box<dyn Body>,
-    /// How the messages of each port are made; timers have none.
+    /// Decoder of each port's messages; `None` for timers.
     pub(crate) ports: Vec<Option<FromWire>>,
 }
 
 impl Worker {
-    /// Takes the step of a [`Call`]; appends the answer. What the operator panics with is part of that.
+    /// Executes the step of a [`Call`] and appends the answer. A panic of the operator is part of the answer.
     ///
     /// # Errors
-    /// When the call is none for an operator of this worker, or a message in it cannot be read. No step was
-    /// taken then.
+    /// If the call is not for an operator of this worker, or a message in it cannot be read. The step was not executed
+    /// then.
     pub fn answer(&mut self, call: &[u8], answer: &mut Vec<u8>) -> Result<(), CallError> {
         let mut bytes = call;
         let head: CallWire<'_> = take(&mut bytes)?;
@@ -252,10 +252,10 @@ fn take_slot(port: Option<FromWire>, bytes: &mut &[u8]) -> Result<Slot, CallErro
     })
 }
 
-/// The body of an operator whose steps another process takes.
+/// Body of an operator whose steps another process executes.
 pub(crate) struct Remote {
     executor: Box<dyn RemoteExecutor>,
-    /// How the messages of each output are made.
+    /// Decoder of each output's messages.
     ports: Vec<FromWire>,
     answer: Vec<u8>,
 }
@@ -304,7 +304,7 @@ impl Body for Remote {
                     cx.task.unusual.get_or_insert_default().restarted = true;
                 }
                 match self.take_in(cx.task, outs) {
-                    // It goes on here as what it was there: the engine ends the run with it.
+                    // The panic is resumed here: the engine ends the run with it.
                     Ok(Some(panic)) => std::panic::resume_unwind(Box::new(panic)),
                     Ok(None) => None,
                     Err(error) => Some(format!("its answer makes no sense: {error}")),

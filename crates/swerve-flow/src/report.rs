@@ -1,4 +1,4 @@
-//! What a run comes to.
+//! Result of a run.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Span, Time};
@@ -6,45 +6,45 @@ use thiserror::Error;
 
 use crate::graph::GraphError;
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunReport {
-    /// One number that two equal runs share: over (stream, stamp, visible_at, payload) in commit order.
+    /// Digest that is equal for equal runs: over (stream, stamp, visible_at, payload) in commit order.
     pub digest: Digest,
-    /// Why it ended.
+    /// Reason why the run ended.
     pub end: EndReason,
-    /// The last instant that was swept.
+    /// Last instant that was swept.
     pub at: Time,
-    /// The seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// How many instants were swept.
+    /// Number of instants that were swept.
     pub instants: u64,
-    /// Per operator, in the order of their ranks.
+    /// Reports of the operators, in the order of their ranks.
     pub operators: Vec<OperatorReport>,
-    /// How many steps ran on worker threads while another one did. Depends on the host; not part of the digest.
+    /// Number of steps that ran on worker threads while another one did. Depends on the host; not part of the digest.
     pub overlapped_steps: u64,
 }
 
-/// Why a run ended.
+/// Reason why a run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EndReason {
-    /// The requested span is over.
+    /// The requested span has elapsed.
     Until,
     /// An operator ended the run.
     Stopped(String),
-    /// Nothing is left to be done, ever.
+    /// Nothing is left to do.
     Idle,
-    /// It was ended from outside.
+    /// The run was ended from outside.
     Interrupted,
-    /// It failed.
+    /// The run failed.
     Failed(String),
 }
 
-/// What one operator did in a run.
+/// Activity of one operator in a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OperatorReport {
-    /// Its name.
+    /// Name of the operator.
     pub name: String,
     /// Steps started.
     pub steps: u64,
@@ -58,35 +58,35 @@ pub struct OperatorReport {
     pub misses: u64,
     /// Frames and results dropped.
     pub drops: Drops,
-    /// Run times drawn for want of a record.
+    /// Run times drawn because there was no record.
     pub unrecorded: u64,
-    /// The sum of its steps' run times, of those that came to their end.
+    /// Sum of the run times of its steps that ended.
     pub busy: Span,
-    /// How many steps came to their modelled end.
+    /// Number of steps that reached their modelled end.
     pub ended: u64,
     /// Units of work that its steps counted.
     pub units: u64,
-    /// How its timers kept time, under wall clock.
+    /// Timing of its timers, under wall clock.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ticks: Option<TickReport>,
 }
 
-/// How an operator's timers kept time on the real clock: how much later than due its turn came.
+/// Timing of an operator's timers on the real clock: the delay of its turn after a tick was due.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TickReport {
-    /// Ticks taken.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Ticks whose turn came when the next one was due already.
+    /// Ticks whose turn came after the next one was due.
     pub missed: u64,
-    /// Half of them were at most this late, nanoseconds (to an eighth of it).
+    /// Median delay, nanoseconds (to an eighth of it).
     pub p50_ns: u64,
-    /// 99 of 100 were at most this late, nanoseconds (to an eighth of it).
+    /// 99th percentile of the delay, nanoseconds (to an eighth of it).
     pub p99_ns: u64,
-    /// The latest, nanoseconds.
+    /// Maximum delay, nanoseconds.
     pub max_ns: u64,
 }
 
-/// How late ticks were: counts in buckets an eighth wide.
+/// Histogram of the delay of ticks, in buckets an eighth wide.
 #[derive(Clone, Debug)]
 pub(crate) struct Lateness {
     counts: Vec<u64>,
@@ -99,17 +99,17 @@ impl Default for Lateness {
     }
 }
 
-/// Of every power of two, so many buckets.
+/// Number of buckets per power of two.
 const STEPS: u64 = 8;
 const BUCKETS: usize = 62 * STEPS as usize;
 
-/// Which bucket so many nanoseconds are in.
+/// Index of the bucket that contains `ns` nanoseconds.
 fn bucket(ns: u64) -> usize {
     let power = u64::from(ns.max(STEPS).ilog2()) - 3;
     (power * STEPS + (ns >> power)) as usize
 }
 
-/// The largest time in a bucket.
+/// Largest time in a bucket.
 fn largest(bucket: usize) -> u64 {
     let (power, step) = match bucket as u64 {
         small if small < 2 * STEPS => (0, small),
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lateness_is_known_to_an_eighth() {
+    fn lateness_is_accurate_to_an_eighth() {
         for ns in (0..100).chain([1000, 1023, 1024, 99_999, 2_000_000, 5_000_000_000]) {
             let largest = largest(bucket(ns));
             assert!(ns <= largest && largest <= ns + ns / 8, "{ns}: {largest}");
@@ -166,63 +166,63 @@ mod tests {
 /// Frames and results dropped, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Drops {
-    /// A newer frame was started, or waits, instead.
+    /// A newer frame was started or waits instead.
     pub skipped: u64,
     /// The queue was full.
     pub queue_full: u64,
-    /// A newer stamp was published before this one, which was waiting.
+    /// A newer stamp was published while this frame was waiting.
     pub given_up: u64,
-    /// A newer stamp was published before this one's result.
+    /// A newer stamp was published before this result.
     pub overtaken: u64,
-    /// Messages for stamps that were answered already.
+    /// Messages for stamps that had already been answered.
     pub too_late: u64,
 }
 
 impl Drops {
-    /// All frames and results dropped, for whatever reason; messages that opened no frame are not among them.
+    /// Number of all dropped frames and results; excludes messages that opened no frame.
     pub fn total(&self) -> u64 {
         self.skipped + self.queue_full + self.given_up + self.overtaken
     }
 }
 
 impl RunReport {
-    /// What the operator of this name did.
+    /// Report of the operator of this name.
     pub fn operator(&self, name: &str) -> Option<&OperatorReport> {
         self.operators.iter().find(|operator| operator.name == name)
     }
 }
 
-/// Why a run could not be brought to its end. Observers have been told all that happened before.
+/// Error that ended a run. Observers have received all events before it.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// The graph has an error; no step ran.
+    /// The graph has an error; no step was executed.
     #[error(transparent)]
     Graph(#[from] GraphError),
     /// An operator panicked.
     #[error("operator `{operator}` panicked: {message}")]
     Panic {
-        /// Which.
+        /// Name of the operator.
         operator: String,
-        /// What it said.
+        /// Panic message.
         message: String,
     },
-    /// A step that another process took did not come to its end.
+    /// A step in another process did not complete.
     #[error("operator `{operator}`: {why}")]
     Lost {
-        /// Whose step.
+        /// Name of the operator.
         operator: String,
-        /// What happened.
+        /// Reason for the loss.
         why: String,
     },
-    /// A queue was full whose policy forbids it.
+    /// A queue was full whose policy is to fail then.
     #[error("the queue of operator `{operator}` is full at stamp {stamp}")]
     QueueFull {
-        /// Whose queue.
+        /// Name of the operator.
         operator: String,
-        /// The stamp that found no room.
+        /// Stamp of the frame that found no room.
         stamp: Time,
     },
-    /// The system gave no worker thread.
+    /// The system could not start a worker thread.
     #[error("no worker thread: {0}")]
     Thread(#[from] std::io::Error),
 }

@@ -1,4 +1,4 @@
-//! Run-time models: how long a step takes in run time.
+//! Run-time models: the modelled duration of a step.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -7,50 +7,50 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Rng, Span, Time};
 
-/// How long the steps of an operator take.
+/// Model of the duration of an operator's steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum RuntimeModel {
-    /// No time at all.
+    /// Zero run time.
     #[default]
     Zero,
-    /// Always the same.
+    /// Constant run time.
     Fixed(Span),
     /// The listed times in turn, by the number of steps started so far.
     Cycle(Vec<Span>),
-    /// Normally distributed, never below zero.
+    /// Normally distributed, clamped at zero.
     Normal {
-        /// Mean before the cut at zero.
+        /// Mean before the clamping.
         mean: Span,
-        /// Standard deviation before the cut at zero.
+        /// Standard deviation before the clamping.
         deviation: Span,
     },
     /// Log-normally distributed.
     LogNormal {
-        /// Half of the steps take less.
+        /// Median: half of the steps take less.
         median: Span,
         /// Standard deviation of the logarithm.
         sigma: f64,
     },
-    /// Percentiles in increasing order, 0 to 100, with the time that so many percent stay below.
-    /// Linear between them; the first time below the first, the last above the last.
+    /// Percentiles in increasing order, 0 to 100, with their times. Linear in between; the first time below the first
+    /// percentile, the last above the last.
     Percentiles(Vec<(f64, Span)>),
     /// `base + per_unit_ns * units`, with the units that the step counts by [`Context::spend`](crate::Context::spend).
     Work {
-        /// What a step takes before its first unit.
+        /// Run time before the first unit.
         base: Span,
         /// Nanoseconds per unit.
         per_unit_ns: f64,
     },
-    /// From an earlier run, by stamp; a stamp without record draws from the recorded times.
+    /// Run times of an earlier run, by stamp; a stamp without a record draws from the recorded times.
     Recorded(Arc<RecordedTimes>),
-    /// The time that the step takes on this host, times a factor. Not repeatable without its log.
+    /// Measured duration of the step on this host, times a factor. Not repeatable without its log.
     Measured {
-        /// Modelled over measured time.
+        /// Ratio of modelled to measured time.
         scale: f64,
     },
 }
 
-/// The run times of one operator in an earlier run.
+/// Run times of one operator in an earlier run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordedTimes {
     by_stamp: BTreeMap<Time, Span>,
@@ -66,23 +66,23 @@ impl FromIterator<(Time, Span)> for RecordedTimes {
     }
 }
 
-/// What a model says when a step starts.
+/// Result of a model when a step starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Draw {
-    /// The run time is known before the step ran.
+    /// The run time is known before the step is executed.
     Known(Span),
-    /// As `Known`, but drawn for want of a record.
+    /// As `Known`, but drawn because there was no record.
     Unrecorded(Span),
-    /// Known once the step has counted its units; never below this.
+    /// Known once the step has counted its units; at least this.
     Work(Span),
-    /// Known once the step has run.
+    /// Known once the step has been executed.
     Measured,
 }
 
 impl RuntimeModel {
-    /// `self` for a step of `operator` for `stamp`, before which `started` steps started.
+    /// Draws the run time of a step of `operator` for `stamp`, after `started` started steps.
     pub(crate) fn draw(&self, seed: u64, operator: &str, stamp: Time, started: u64) -> Draw {
-        // A key of its own, so that what a step draws and how long it takes stay independent.
+        // A separate key, so that the random numbers of a step and its run time are independent.
         let rng = || Rng::keyed(seed, operator, &[stamp.ns(), i64::from_le_bytes(*b"run time")]);
         match self {
             Self::Zero => Draw::Known(Span::ZERO),
@@ -107,7 +107,7 @@ impl RuntimeModel {
         }
     }
 
-    /// The largest number of units that end within `left` under `Work`; 0 when not even the base does.
+    /// Largest number of units that end within `left` under `Work`; 0 if not even the base does.
     pub(crate) fn units_within(&self, left: Span) -> u64 {
         let Self::Work { base, per_unit_ns } = self else { return u64::MAX };
         let room = left.ns().saturating_sub(base.ns());
@@ -117,12 +117,12 @@ impl RuntimeModel {
         if *per_unit_ns <= 0.0 {
             return u64::MAX;
         }
-        // The quotient can be rounded up past the last unit that the model itself puts in time.
+        // Rounding can put the quotient past the last unit that ends in time by the model itself.
         let units = (room as f64 / per_unit_ns) as u64;
         if self.worked(units) > left { units.saturating_sub(1) } else { units }
     }
 
-    /// The run time of `units` under `Work`.
+    /// Run time of `units` under `Work`.
     pub(crate) fn worked(&self, units: u64) -> Span {
         match self {
             Self::Work { base, per_unit_ns } => *base + whole(per_unit_ns * units as f64),
@@ -130,7 +130,7 @@ impl RuntimeModel {
         }
     }
 
-    /// The modelled time of a step that took `host_ns` on this host, under `Measured`.
+    /// Modelled time of a step that took `host_ns` on this host, under `Measured`.
     pub(crate) fn measured(&self, host_ns: u64) -> Span {
         match self {
             Self::Measured { scale } => whole(host_ns as f64 * scale),
@@ -138,7 +138,7 @@ impl RuntimeModel {
         }
     }
 
-    /// What is wrong with the model's numbers.
+    /// Error in the model's numbers, if there is one.
     pub(crate) fn problem(&self) -> Option<&'static str> {
         let finite = |x: f64| x.is_finite() && x >= 0.0;
         match self {

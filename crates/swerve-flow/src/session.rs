@@ -1,4 +1,4 @@
-//! A run in virtual time that is stepped from outside: to an instant, or to the next frame of one operator.
+//! A run in virtual time that its caller advances: to an instant, or to the next frame of one operator.
 
 use std::sync::Arc;
 
@@ -13,37 +13,36 @@ use crate::payload::ErasedPayload;
 use crate::report::{EndReason, RunError, RunReport};
 use crate::wall::Inbox;
 
-/// A run in virtual time that somebody outside moves on.
+/// A run in virtual time that its caller advances.
 ///
-/// It comes out as [`run_virtual`](crate::run_virtual) does it. In between its caller looks at streams
-/// ([`newest`](Self::newest)), and says something: through what an operator that the session holds before
-/// ([`hold_before`](Self::hold_before)) is going to read, or through the handles of the graph's
-/// [sources](Graph::source). What a source is given while the session holds is published at the present instant;
-/// what it is given between two instants, one nanosecond after the last. So the result is a function of the graph,
-/// the seed, and what was said when.
+/// Its result is that of [`run_virtual`](crate::run_virtual). In between, the caller reads streams
+/// ([`newest`](Self::newest)) and provides data: through the inputs of an operator before which the session holds
+/// ([`hold_before`](Self::hold_before)), or through the handles of the graph's [sources](Graph::source). Data given to
+/// a source while the session holds is published at the current instant; data given between two instants, one
+/// nanosecond after the last. So the result is a function of the graph, the seed, and the data with its times.
 pub struct Session<'o> {
     engine: Engine<'o>,
     inbox: Arc<Inbox>,
     until: Time,
-    /// The rank of the operator before whose turns it holds.
+    /// Rank of the operator before whose turns the session holds.
     before: Option<usize>,
     begun: bool,
-    /// An instant is under way: the next turn is that of `before`.
+    /// True during an instant: the next turn is that of `before`.
     holds: bool,
 }
 
-/// How far a session came.
+/// Reason why a session stopped advancing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reached {
-    /// It holds before the turn of the operator that it was told to hold before.
+    /// The session holds before the turn of the operator given to [`hold_before`](Session::hold_before).
     Held,
-    /// All instants up to the one asked for are settled.
+    /// All instants up to the requested one are settled.
     Instant,
-    /// The run is over.
+    /// The run has ended.
     End,
 }
 
-/// A message as it is shown outside; none where a promise was broken, which ends the run.
+/// Header and payload of a message; `None` if a promise was broken, which ends the run.
 fn carried(message: &Msg) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
     Some((&message.header, &message.sent.made()?.payload))
 }
@@ -53,10 +52,10 @@ fn carried(message: &Msg) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
 pub struct Watched(usize);
 
 impl<'o> Session<'o> {
-    /// A run of `graph` of which nothing has happened yet.
+    /// Creates a run of `graph`; nothing is executed yet.
     ///
     /// # Errors
-    /// When the graph has a fault, or the system gives no worker thread.
+    /// If the graph has an error, or the system cannot start a worker thread.
     pub fn new(
         graph: Graph,
         options: &RunOptions,
@@ -69,48 +68,48 @@ impl<'o> Session<'o> {
         Ok(Self { engine, inbox, until, before: None, begun: false, holds: false })
     }
 
-    /// Holds from now on before each turn of this operator in which a frame opens for it.
+    /// From now on, holds before each turn of this operator in which a frame opens for it.
     ///
     /// # Errors
-    /// When there is no such operator.
+    /// If there is no operator of this name.
     pub fn hold_before(&mut self, operator: &str) -> Result<(), GraphError> {
         let unknown = || GraphError::UnknownOperator { operator: operator.into() };
         self.before = Some(self.engine.rank(operator).ok_or_else(unknown)?);
         Ok(())
     }
 
-    /// Keeps the newest `depth` messages of a stream from now on; none where there is no such stream.
+    /// From now on, keeps the newest `depth` messages of a stream; `None` if there is no such stream.
     pub fn watch(&mut self, stream: &str, depth: usize) -> Option<Watched> {
         self.engine.keep(stream, depth).map(Watched)
     }
 
-    /// The newest messages of a stream that a reader without feedback would see at this moment, oldest first: at
-    /// least as many as are [watched](Self::watch), if there are so many.
+    /// Newest messages of a stream that a reader without feedback would receive now, oldest first: at least as many as
+    /// are [watched](Self::watch), if there are as many.
     pub fn recent(&self, stream: Watched) -> impl Iterator<Item = (&Header, &Arc<dyn ErasedPayload>)> {
         self.engine.seen(stream.0).filter_map(carried)
     }
 
-    /// The newest message of a stream that a reader without feedback would see at this moment.
+    /// Newest message of a stream that a reader without feedback would receive now.
     pub fn newest(&self, stream: Watched) -> Option<(&Header, &Arc<dyn ErasedPayload>)> {
         self.engine.seen(stream.0).next_back().and_then(carried)
     }
 
-    /// Why the run failed, if it did.
+    /// Error of the run, if it failed.
     pub fn failure(&self) -> Option<&RunError> {
         self.engine.failure()
     }
 
-    /// The present instant.
+    /// Current instant.
     pub fn now(&self) -> Time {
         self.engine.now()
     }
 
-    /// Goes on until it holds or the run is over.
+    /// Advances until the session holds or the run has ended.
     pub fn advance(&mut self) -> Reached {
         self.advance_to(Time::MAX)
     }
 
-    /// Goes on until it holds, the run is over, or everything up to and including `instant` is settled.
+    /// Advances until the session holds, the run has ended, or everything up to and including `instant` is settled.
     pub fn advance_to(&mut self, instant: Time) -> Reached {
         match self.engine.workers() {
             Some(pool) => pool.install(|| self.go_on_to(instant)),
@@ -120,7 +119,7 @@ impl<'o> Session<'o> {
 
     fn go_on_to(&mut self, instant: Time) -> Reached {
         loop {
-            // A sweep that is under way is brought to its end, as in every run.
+            // A sweep that has begun is completed, as in every run.
             if !self.holds && (self.engine.is_over() || self.inbox.is_stopped()) {
                 return Reached::End;
             }
@@ -134,7 +133,7 @@ impl<'o> Session<'o> {
         }
     }
 
-    /// Goes on with the instant that is under way, or begins the next one; says so where there is none to begin.
+    /// Continues the current instant, or begins the next one; returns the reason if there is none to begin.
     fn begin_next(&mut self, instant: Time) -> Option<Reached> {
         let arrivals = self.inbox.take();
         if core::mem::take(&mut self.holds) {
@@ -166,10 +165,10 @@ impl<'o> Session<'o> {
         None
     }
 
-    /// Ends the run, wherever it is, and gives its report.
+    /// Ends the run at its current instant and returns its report.
     ///
     /// # Errors
-    /// As [`run_virtual`](crate::run_virtual).
+    /// As for [`run_virtual`](crate::run_virtual).
     pub fn finish(self) -> Result<RunReport, RunError> {
         self.inbox.close();
         let end = match self.engine.next_due() {

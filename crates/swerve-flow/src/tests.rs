@@ -1,4 +1,4 @@
-//! The rules of `docs/execution.md`, each pinned by a test named after its section.
+//! The rules of `docs/execution.md`, each checked by a test named after its section.
 
 mod any;
 mod clock;

@@ -10,12 +10,12 @@ use crate::options::RunOptions;
 use crate::report::{EndReason, RunError, RunReport};
 use crate::wall::Inbox;
 
-/// Runs a graph in virtual time. The result is a function of the graph and the seed alone, unless it is stopped by its
-/// [`StopHandle`](crate::StopHandle).
+/// Runs a graph in virtual time. The result is a function of the graph and the seed alone, unless the run is stopped by
+/// its [`StopHandle`](crate::StopHandle).
 ///
 /// # Errors
-/// When the graph has an error, an operator panics, or a queue overflows that must not; observers were told
-/// all that happened before.
+/// If the graph has an error, an operator panics, or a queue with policy `fail` overflows; observers have received all
+/// events before it.
 pub fn run_virtual(
     graph: Graph,
     options: &RunOptions,
@@ -25,11 +25,11 @@ pub fn run_virtual(
     run(Engine::new(graph, options, None, observers, None)?, options.until, &inbox)
 }
 
-/// Repeats a wall-clock run in virtual time: run times, stops and offers as its decision records say; its
-/// sources have to be replaced by what they published then ([`Graph::playback`]).
+/// Repeats a wall-clock run in virtual time: run times, stops and offers follow its decision records. Its sources have
+/// to be replaced by their recorded publications ([`Graph::playback`]).
 ///
 /// # Errors
-/// As [`run_virtual`].
+/// As for [`run_virtual`].
 pub fn run_replay(
     graph: Graph,
     options: &RunOptions,

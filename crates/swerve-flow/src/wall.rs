@@ -1,4 +1,4 @@
-//! Wall clock: the same sweep, whose instants the real clock, the sources and the workers give.
+//! Wall clock: the same sweep, at instants given by the real clock, the sources and the workers.
 
 use core::marker::PhantomData;
 use core::time::Duration;
@@ -18,52 +18,53 @@ use crate::options::RunOptions;
 use crate::payload::{Payload, Sent};
 use crate::report::{EndReason, RunError, RunReport};
 
-/// How many reports may wait for the engine; more are refused, so that a stuck engine does not eat the memory.
+/// Maximum number of reports that wait for the engine; more are refused, so that a stuck engine does not exhaust
+/// memory.
 const REPORTS_MAX: usize = 4096;
 
-/// Where sources and workers report to the engine.
+/// Queue through which sources and workers report to the engine.
 #[derive(Default)]
 pub(crate) struct Inbox {
     state: Mutex<Reports>,
     bell: Condvar,
-    /// Whether the run is to end.
+    /// True if the run has to end.
     stop: AtomicBool,
 }
 
 #[derive(Default)]
 struct Reports {
     arrivals: VecDeque<Arrival>,
-    /// A worker is done with a step.
+    /// True if a worker has finished a step.
     rung: bool,
     closed: bool,
 }
 
-/// Something that a source reported.
+/// Report of a source.
 pub(crate) struct Arrival {
-    /// The source, by its place among the operators as they were added.
+    /// Index of the source among the operators, in the order in which they were added.
     pub(crate) operator: usize,
     pub(crate) report: Report,
 }
 
 pub(crate) enum Report {
-    /// A message; the stamp is the instant at which it is taken in, if none is given.
+    /// A message; without a stamp, its stamp is the instant at which the engine receives it.
     Message(Option<Time>, Sent),
     Watermark(Time),
 }
 
-/// Why a source's report was not taken.
+/// Reason why a source's report was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// The run is over.
+    /// The run has ended.
     #[error("the run is over")]
     Over,
-    /// The engine does not keep up: too many reports wait.
+    /// Too many reports wait because the engine does not keep up.
     #[error("{REPORTS_MAX} reports wait for the engine, which does not keep up")]
     Full,
 }
 
 impl Inbox {
-    /// Whether the run is to end.
+    /// True if the run has to end.
     pub(crate) fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -86,12 +87,12 @@ impl Inbox {
         Ok(())
     }
 
-    /// Takes out what was reported.
+    /// Removes and returns the waiting reports.
     pub(crate) fn take(&self) -> VecDeque<Arrival> {
         core::mem::take(&mut self.lock().arrivals)
     }
 
-    /// Takes no more reports.
+    /// Accepts no more reports.
     pub(crate) fn close(&self) {
         let mut state = self.lock();
         state.closed = true;
@@ -104,7 +105,7 @@ impl Inbox {
     }
 }
 
-/// Feeds a source of a graph, from any thread. When the last clone is gone the stream is closed.
+/// Feeds a source of a graph, from any thread. Dropping the last clone closes the stream.
 pub struct SourceHandle<T> {
     source: Arc<OpenSource>,
     payload: PhantomData<fn(T)>,
@@ -123,7 +124,7 @@ struct OpenSource {
 
 impl Drop for OpenSource {
     fn drop(&mut self) {
-        // Whether the run is over or too many reports wait, nobody is left to be told.
+        // Pushed even if the run is over or too many reports wait: there is no caller to return an error to.
         let mut state = self.inbox.lock();
         state.arrivals.push_back(Arrival { operator: self.operator, report: Report::Watermark(Time::MAX) });
         drop(state);
@@ -140,19 +141,19 @@ impl<T: Payload> SourceHandle<T> {
         self.source.inbox.push(Arrival { operator: self.source.operator, report })
     }
 
-    /// Reports a message that describes the instant `stamp`. Stamps have to increase: one at or below the
+    /// Reports a message that describes the instant `stamp`. Stamps have to increase: a message at or below the
     /// stream's watermark is counted as too late.
     ///
     /// # Errors
-    /// When the run is over, or the engine does not keep up.
+    /// If the run has ended, or the engine does not keep up.
     pub fn send(&self, stamp: Time, value: T) -> Result<(), SendError> {
         self.report(Report::Message(Some(stamp), Sent::new(Arc::new(value))))
     }
 
-    /// Reports a message that describes the instant at which the engine takes it in.
+    /// Reports a message that describes the instant at which the engine receives it.
     ///
     /// # Errors
-    /// As [`send`](Self::send).
+    /// As for [`send`](Self::send).
     pub fn send_now(&self, value: T) -> Result<(), SendError> {
         self.report(Report::Message(None, Sent::new(Arc::new(value))))
     }
@@ -160,21 +161,21 @@ impl<T: Payload> SourceHandle<T> {
     /// Reports that no message with a stamp at or below `watermark` will come.
     ///
     /// # Errors
-    /// As [`send`](Self::send).
+    /// As for [`send`](Self::send).
     pub fn advance(&self, watermark: Time) -> Result<(), SendError> {
         self.report(Report::Watermark(watermark))
     }
 }
 
-/// Ends a run from any thread, at an instant that depends on when it is asked to.
+/// Ends a run from any thread, at an instant that depends on the time of the call.
 #[derive(Clone)]
 pub struct StopHandle(pub(crate) Arc<Inbox>);
 
 impl StopHandle {
-    /// Ends the run after the present sweep.
+    /// Ends the run after the current sweep.
     pub fn stop(&self) {
         {
-            // Whoever is about to sleep has looked, or looks once this lock is free.
+            // A thread about to sleep has checked the flag already, or checks it once this lock is free.
             let _state = self.0.lock();
             self.0.stop.store(true, Ordering::Relaxed);
         }
@@ -193,20 +194,20 @@ impl Pace {
         Time::from_ns(i64::try_from(crate::host::ns_since(self.begin)).unwrap_or(i64::MAX))
     }
 
-    /// Whether the real clock has reached a step's deadline.
+    /// Creates an alarm for a step's deadline.
     pub(crate) fn alarm(self, deadline: Time) -> Alarm {
         Alarm { pace: self, deadline }
     }
 }
 
-/// Says whether the real clock has passed a step's deadline.
+/// Checks whether the real clock has passed a step's deadline.
 pub(crate) struct Alarm {
     pace: Pace,
     deadline: Time,
 }
 
 impl Alarm {
-    /// Goes off so long from now.
+    /// Creates an alarm that goes off after `left` from now.
     pub(crate) fn after(left: Span) -> Self {
         Pace { begin: crate::host::now() }.alarm(Time::ZERO + left)
     }
@@ -215,30 +216,30 @@ impl Alarm {
         self.pace.now() >= self.deadline
     }
 
-    /// How long it is until then; zero once it has passed.
+    /// Time left until the deadline; zero once it has passed.
     pub(crate) fn left(&self) -> Span {
         (self.deadline - self.pace.now()).max(Span::ZERO)
     }
 }
 
-/// What the engine woke up for.
+/// Reason why the engine woke up.
 enum Wake {
-    /// Something is due.
+    /// An instant is due.
     Due,
-    /// Sources or workers reported, at this moment of the real clock.
+    /// Sources or workers reported, at this time of the real clock.
     Reports(VecDeque<Arrival>, Time),
     Stop,
 }
 
-/// Runs a graph against the real clock. Its sources are fed through their handles; steps of heavy operators
-/// run on worker threads, all others on this one.
+/// Runs a graph against the real clock. Its sources are fed through their handles; steps of heavy operators run on
+/// worker threads, all others on this one.
 ///
-/// A step takes as long as it takes here, and at least as long as its run-time model says; a step of no run
-/// time that is not heavy takes none. What is no function of the inputs is told to the observers as
-/// [`Decision`]s, with which [`run_replay`](crate::run_replay) repeats the run.
+/// A step takes its actual duration, and at least the run time of its model; a step without run time that is not heavy
+/// takes zero time. Observers receive everything that the inputs do not determine as [`Decision`]s, with which
+/// [`run_replay`](crate::run_replay) repeats the run.
 ///
 /// # Errors
-/// As [`run_virtual`](crate::run_virtual), or when the system gives no worker thread.
+/// As for [`run_virtual`](crate::run_virtual), and if the system cannot start a worker thread.
 pub fn run_wall(
     graph: Graph,
     options: &RunOptions,
@@ -265,14 +266,14 @@ fn pursue(engine: &mut Engine<'_>, until: Time, pace: Pace, inbox: &Inbox) -> En
         if due == Time::MAX && engine.is_idle() {
             return EndReason::Idle;
         }
-        // The run lasts until its end has passed on the real clock too.
+        // The run lasts until its end has passed on the real clock as well.
         let limit = due.min(until.saturating_add(Span::from_ns(1)));
         match wait(inbox, pace, limit) {
             Wake::Stop => return EndReason::Interrupted,
             Wake::Due if due > until => return EndReason::Until,
             Wake::Due => engine.sweep(due),
             Wake::Reports(arrivals, at) => {
-                // Two sweeps never share an instant, so that a replay settles each in one.
+                // Two sweeps never share an instant, so that a replay settles each in one sweep.
                 let now = at.max(engine.now().saturating_add(Span::from_ns(1)));
                 engine.take_reports(arrivals, now);
                 engine.sweep(now);
@@ -282,7 +283,7 @@ fn pursue(engine: &mut Engine<'_>, until: Time, pace: Pace, inbox: &Inbox) -> En
     EndReason::Until
 }
 
-/// Sleeps until `due` on the real clock, or until somebody reports.
+/// Sleeps until `due` on the real clock, or until a report arrives.
 fn wait(inbox: &Inbox, pace: Pace, due: Time) -> Wake {
     let mut state = inbox.lock();
     loop {
@@ -290,7 +291,7 @@ fn wait(inbox: &Inbox, pace: Pace, due: Time) -> Wake {
             return Wake::Stop;
         }
         let now = pace.now();
-        // What is due comes before what was reported later.
+        // Due instants come before later reports.
         if due <= now {
             return Wake::Due;
         }

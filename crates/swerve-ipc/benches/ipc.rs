@@ -1,13 +1,13 @@
-//! What it takes to hand a payload to another process and to hear that it came: our transport, iceoryx2 as it is, a
-//! loopback TCP socket, a Unix socket.
+//! Duration of passing a payload to another process and receiving an acknowledgement: this crate's transport, plain
+//! iceoryx2, a loopback TCP socket, a Unix socket.
 //!
-//! Each payload goes to a process of its own, which looks at its two ends and answers with eight bytes. *Asleep*: the
-//! receiver has slept for a millisecond and is woken by the kernel, as between the frames of a sensor. *Awake*:
+//! Each payload goes to a separate process, which reads its first and last byte and answers with eight bytes. *Asleep*:
+//! the receiver has slept for a millisecond and is woken by the kernel, as between the frames of a sensor. *Awake*:
 //! both ends spin. One way is the round trip less half of that of 64 bytes. Shared memory is filled before the clock
-//! starts, and read in place; sockets copy, which is their way. Before each, the sender takes the payload's fingerprint.
+//! starts, and read in place; sockets copy. Before each trip, the sender computes the fingerprint of the payload.
 //!
-//! The transports take turns in rounds; each starts its processes anew, and warms up until it has been through all the
-//! memory that it uses. A ratio is that of the medians of one round. `--bench ipc -- asleep 12` measures only that, in
+//! The transports take turns in rounds; each round starts their processes anew and warms up until all memory in use has
+//! been touched. A ratio is that of the medians of one round. `--bench ipc -- asleep 12` measures only *asleep*, in
 //! twelve rounds.
 
 use std::io::{ErrorKind, Read, Write};
@@ -30,14 +30,14 @@ use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
 const SIZES: [(usize, &str); 4] = [(64, "64 B"), (65_536, "64 KiB"), (1 << 20, "1 MiB"), (6 << 20, "6 MiB")];
-/// Round trips of one transport in one round, and how many before them do not count.
+/// Measured round trips of one transport in one round, and the number of warm-up trips before them.
 const TRIPS: usize = 120;
 const WARM_UP: usize = 40;
 const LONG: Duration = Duration::from_secs(10);
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
-/// Whether the receiver is woken or waits with open eyes.
+/// Mode of the receiver: woken by the kernel, or spinning.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Receiver {
     Asleep,
@@ -52,7 +52,7 @@ impl Receiver {
         }
     }
 
-    /// Lets the receiver fall asleep. The sender has something else to do meanwhile, as between two frames.
+    /// Lets the receiver fall asleep, while the sender is busy as between two frames.
     fn pause(self) {
         const PAUSE: Duration = Duration::from_millis(1);
         let began = now();
@@ -69,19 +69,19 @@ fn us(seconds: f64) -> f64 {
     seconds * 1e6
 }
 
-/// This program as the other process.
+/// Command that starts this program as the other process.
 fn peer(words: &[&str]) -> Command {
     let mut command = Command::new(std::env::current_exe().unwrap_or_default());
     command.args(words);
     command
 }
 
-// Ours.
+// This crate's transport.
 
 struct Sensor {
     bytes: usize,
     memory: Option<Box<dyn Memory>>,
-    /// How long it took to hand over what was written.
+    /// Time to seal each image, seconds.
     sealed: Arc<Mutex<Vec<f64>>>,
 }
 
@@ -115,7 +115,7 @@ impl Operator for Reader {
     }
 }
 
-/// What the engine does with every payload, and what it makes of the sender's caches.
+/// Computes a fingerprint as the engine does for every payload, with the same effect on the sender's caches.
 fn fingerprint(bytes: &[u8]) {
     let mut hasher = Hasher::new();
     hasher.bytes(bytes);
@@ -133,7 +133,7 @@ fn graph(sensor: Sensor) -> Graph {
     graph
 }
 
-/// Takes the time of each call.
+/// Measures the duration of each call.
 struct Timed {
     door: Box<dyn RemoteExecutor>,
     receiver: Receiver,
@@ -183,16 +183,16 @@ fn worker() -> Outcome<()> {
     Ok(work(&setup, graph(sensor).into_worker(&setup.operators)?)?)
 }
 
-// iceoryx2 as it is.
+// Plain iceoryx2.
 
-/// Both ends of one direction.
+/// Service for both ends of one direction.
 type Service = iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [u8], ()>;
 
 fn service(node: &Node<ipc::Service>, name: &str) -> Outcome<Service> {
     Ok(node.service_builder(&ServiceName::new(name)?).publish_subscribe::<[u8]>().open_or_create()?)
 }
 
-/// Of a run of its own, as ours is.
+/// Node of a separate run, as in this crate's transport.
 fn raw_node(name: &str) -> Outcome<Node<ipc::Service>> {
     set_log_level(LogLevel::Fatal);
     let mut config = Config::default();
@@ -202,7 +202,7 @@ fn raw_node(name: &str) -> Outcome<Node<ipc::Service>> {
     Ok(node.create()?)
 }
 
-/// Removes what a killed peer leaves.
+/// Removes files that a killed peer leaves.
 fn clean_up(name: &str) -> Outcome<()> {
     for entry in std::fs::read_dir("/dev/shm")? {
         let entry = entry?;
@@ -213,13 +213,13 @@ fn clean_up(name: &str) -> Outcome<()> {
     Ok(std::fs::remove_dir_all(format!("/tmp/{name}"))?)
 }
 
-/// A peer process; its end is the end of its standard input.
+/// Peer process; it ends when its standard input is closed.
 struct Peer(Child, Option<ChildStdin>);
 
 impl Peer {
     fn start(words: &[&str]) -> Outcome<Self> {
         let mut child = peer(words).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-        // One byte says that it is ready.
+        // One byte reports that it is ready.
         child.stdout.as_mut().ok_or("asked for")?.read_exact(&mut [0])?;
         let stdin = child.stdin.take();
         Ok(Self(child, stdin))
@@ -235,7 +235,7 @@ impl Drop for Peer {
 }
 
 fn raw(receiver: Receiver, bytes: usize) -> Outcome<Trips> {
-    // Sockets lie below a folder of this name, whose paths have to be short.
+    // Sockets are created below a folder of this name, and their paths have to be short.
     let name = format!("swerve_b{}", std::process::id());
     let trips = raw_trips(&name, receiver, bytes);
     clean_up(&name)?;
@@ -286,7 +286,7 @@ fn raw_peer(name: &str, receiver: Receiver) -> Outcome<()> {
     let waker = event(format!("{name}/ring"))?.listener_builder().create()?;
     let ring = event(format!("{name}/waker"))?.notifier_builder().create()?;
     say_ready()?;
-    // As a reader of the newest frame, it has the last one until the next is there: two are written in turn.
+    // Like a reader of the newest frame, the peer keeps each sample until the next arrives: two buffers alternate.
     let mut newest = None;
     loop {
         let Some(sample) = there.receive()? else {
@@ -402,7 +402,7 @@ fn socket_peer(socket: &mut dyn Socket, receiver: Receiver) -> Outcome<()> {
     }
 }
 
-/// One transport at one size: all its trips, and the medians of the rounds.
+/// Measurements of one transport at one size: all trips, and the median of each round.
 #[derive(Default)]
 struct Measured {
     trips: Trips,
@@ -413,7 +413,7 @@ type Measure = fn(Receiver, usize) -> Outcome<Trips>;
 const TRANSPORTS: [(&str, Measure); 4] =
     [("ours", ours), ("iceoryx2", raw), ("TCP", tcp), ("Unix socket", unix)];
 
-/// By size, then by transport.
+/// Measures all transports; results by size, then by transport.
 fn rounds(receiver: Receiver, rounds: usize) -> Outcome<Vec<[Measured; 4]>> {
     let mut measured: Vec<[Measured; 4]> = SIZES.map(|_| Default::default()).into();
     for _ in 0..rounds {
@@ -432,7 +432,7 @@ fn measure(rows: &mut Rows, receiver: Receiver, n: usize) -> Outcome<()> {
     let measured = rounds(receiver, n)?;
     let trips: Vec<[Sample; 4]> =
         measured.iter().map(|of| core::array::from_fn(|i| Sample::new(of[i].trips.clone()))).collect();
-    // Half of what 64 bytes take there and back is the way back of any answer.
+    // Half of a round trip of 64 bytes is the return time of any answer.
     let one_way =
         |size: usize, transport: usize| trips[size][transport].median() - 0.5 * trips[0][transport].median();
     let goal = |goal: Goal| if receiver == Receiver::Asleep { goal } else { Goal::None };
@@ -463,7 +463,7 @@ fn receiver_of(name: Option<&String>) -> Receiver {
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let receiver = receiver_of(words.get(2));
-    // A peer ends when the other end is gone, which it finds out by an error.
+    // A peer ends with an error when the other end is gone.
     match (words.first().map(String::as_str), words.get(1)) {
         (Some("worker"), _) => return worker(),
         (Some("raw"), Some(name)) => return raw_peer(name, receiver),

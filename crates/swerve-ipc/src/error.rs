@@ -2,29 +2,29 @@ use core::fmt::Debug;
 
 use thiserror::Error;
 
-/// What the machine refused, or another process.
+/// Error of the machine or of another process.
 #[derive(Debug, Error)]
 pub enum IpcError {
-    /// Shared memory, or what belongs to it.
+    /// Shared memory or its files could not be used.
     #[error("{doing}: {error}")]
     Shared {
-        /// What was tried.
+        /// Attempted action.
         doing: String,
-        /// What came of it.
+        /// Resulting error.
         error: String,
     },
-    /// A worker process did not come up.
+    /// A worker process did not become ready.
     #[error("process `{process}` {why}")]
     Worker {
-        /// Which.
+        /// Name of the process.
         process: String,
-        /// What happened.
+        /// Reason, as a predicate of the process.
         why: String,
     },
 }
 
 impl IpcError {
-    /// An error of iceoryx2 or of the file system, with what was tried.
+    /// Wraps an error of iceoryx2 or of the file system with the attempted action.
     pub(crate) fn of<E: Debug>(doing: impl Into<String>) -> impl FnOnce(E) -> Self {
         let doing = doing.into();
         move |error| {
@@ -34,11 +34,11 @@ impl IpcError {
     }
 }
 
-/// True if this process may open hardly any more files: iceoryx2 does not pass on why the system refuses one.
+/// True if this process can open hardly any more files; iceoryx2 does not report why the system refuses one.
 fn has_few_descriptors() -> bool {
     const FEW: u64 = 16;
     let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    // Where no descriptor is left, the list is not to be had either.
+    // If no descriptor is left, the list cannot be read either.
     let open = std::fs::read_dir("/proc/self/fd").map_or(u64::MAX - FEW, |all| all.count() as u64);
     most.is_some_and(|most| open + FEW > most)
 }

@@ -1,12 +1,12 @@
-//! A name of its own for all that a run leaves on the machine, and the removal of what dead runs left.
+//! Unique names for everything that a run leaves on the machine, and cleanup after dead runs.
 //!
-//! Shared memory outlives a process that is killed. So every run has a folder in one that is its user's alone, a
-//! prefix for its files in the shared-memory folder, and a lock on a file beside the folder for as long as it
-//! lives. Whoever starts next removes what carries the name of a run whose lock is free. The run's files in shared memory have a
-//! locked marker beside them, for runs that look into another folder.
+//! Shared memory outlives a killed process. Every run therefore has a folder in a directory private to its user, a
+//! prefix for its files in the shared-memory folder, and a lock file beside its folder, locked for as long as the run
+//! lives. The next run to start removes the files of every run whose lock is free. A locked marker beside the run's
+//! files in shared memory protects them from runs that use another folder.
 //!
-//! A run can also be given a name. Then others may join its shared memory, such as a tunnel to another host, and
-//! what is there is not the run's alone: iceoryx2 removes what each dead process left, when the next one joins.
+//! A run can also be given a name. Other processes, such as a tunnel to another host, may then join its shared memory,
+//! so the run does not remove it: iceoryx2 cleans up after each dead process when the next one joins.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -19,30 +19,30 @@ use serde::{Deserialize, Serialize};
 use crate::IpcError;
 use crate::leftovers::{self, Marker};
 
-/// Where POSIX shared memory lies.
+/// Folder of POSIX shared memory.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
-/// What a run's things on the machine are called.
+/// Names of a run's files and folders on the machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Address {
-    /// The folder of its services and nodes.
+    /// Folder of its services and nodes.
     pub(crate) root: PathBuf,
-    /// What its files start with.
+    /// Prefix of its file names.
     pub(crate) prefix: String,
 }
 
-/// The folder of a run, locked for as long as this lives; removed with it, unless it has a name that was given.
+/// Folder of a run, locked for the lifetime of this value. Removed on drop unless the run was given a name.
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     pub(crate) address: Address,
-    /// What is removed last; none where all stays.
+    /// Lock file, removed last; `None` for a named run, whose folder is kept.
     lock_file: Option<PathBuf>,
     _lock: File,
     _marker: Option<Marker>,
 }
 
 impl RunFolder {
-    /// Makes one, after removing those of dead runs.
+    /// Creates a folder, after removing the folders of dead runs.
     pub(crate) fn create() -> Result<Self, IpcError> {
         let base = base();
         Self::create_in(&base, TRIES).map_err(|error| refused(&base, &error))
@@ -50,11 +50,11 @@ impl RunFolder {
 
     fn create_in(base: &Path, tries: u32) -> io::Result<Self> {
         own(base)?;
-        // Nobody else makes or removes folders meanwhile: a lock file that is not locked is one of a dead run.
+        // While `guard` is held, no other run creates or removes folders: an unlocked lock file belongs to a dead run.
         let guard = OpenOptions::new().create(true).append(true).open(base.join("guard"))?;
         lock(&guard, tries)?;
         remove_dead(base)?;
-        // Runs of this folder have been looked at; what cannot be removed stays.
+        // Runs of this folder were handled above; files that cannot be removed stay.
         let _left = leftovers::remove_dead(&|run| base.join(format!("{run}.lock")).exists());
         let process = std::process::id();
         let mut n = 0;
@@ -83,7 +83,8 @@ impl RunFolder {
         }
     }
 
-    /// The folder of this name, of letters, digits and underscores; a letter comes first.
+    /// Creates or opens the folder of a named run. A name consists of letters, digits and underscores and starts with a
+    /// letter.
     pub(crate) fn named(name: &str) -> Result<Self, IpcError> {
         let doing = || format!("making the folder `{name}` for shared memory");
         let base = base();
@@ -104,17 +105,17 @@ impl RunFolder {
 impl Drop for RunFolder {
     fn drop(&mut self) {
         let Some(lock_file) = &self.lock_file else { return };
-        // What cannot be removed now is removed by the next run.
+        // Files that cannot be removed now are removed by the next run.
         let _left = remove_run(&self.address, lock_file);
     }
 }
 
-/// How often a lock is tried, and the wait between: ten seconds in all, in which any start of a run is over.
+/// Number of attempts to take a lock, and the wait between them: ten seconds in total, longer than any start of a run.
 const TRIES: u32 = 100;
 const WAIT: Duration = Duration::from_millis(100);
 
-/// The folder of all runs of this user: where the system keeps what is its user's alone, else a temporary one. Sockets
-/// lie below it, whose paths have to be short.
+/// Folder of all runs of this user: in `XDG_RUNTIME_DIR` if that is private to the user, else in the temporary
+/// directory. Its path is short, because it contains sockets, whose paths are limited in length.
 fn base() -> PathBuf {
     const LONG: usize = 40;
     let is_short = |path: &PathBuf| path.as_os_str().len() <= LONG;
@@ -134,8 +135,8 @@ fn is_ours_alone(folder: &Path) -> bool {
     fs::symlink_metadata(folder).is_ok_and(|of| of.is_dir() && of.uid() == user() && of.mode() & 0o077 == 0)
 }
 
-/// Makes a folder that nobody but this user reads or writes, or takes the one that is there, if it is ours: in a folder
-/// like `/tmp`, where anybody makes files, somebody else may have been first.
+/// Creates a folder that only this user can access, or takes the existing one if this user owns it: in a shared folder
+/// like `/tmp` another user may have created it first.
 fn own(folder: &Path) -> io::Result<()> {
     match fs::DirBuilder::new().mode(0o700).create(folder) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
@@ -147,7 +148,7 @@ fn own(folder: &Path) -> io::Result<()> {
     } else if found.uid() != user() {
         format!("it belongs to user {}", found.uid())
     } else {
-        // One that an older version made is open to others.
+        // A folder made by an older version may be open to other users.
         return fs::set_permissions(folder, fs::Permissions::from_mode(0o700));
     };
     Err(io::Error::new(
@@ -156,7 +157,7 @@ fn own(folder: &Path) -> io::Result<()> {
     ))
 }
 
-/// Locks a file, within a time in which whoever holds it is through.
+/// Locks a file; if another process holds it, tries `tries` times in all.
 #[expect(clippy::disallowed_methods, reason = "the start of processes is no part of a run's time")]
 fn lock(file: &File, tries: u32) -> io::Result<()> {
     for _ in 1..tries {
@@ -206,7 +207,7 @@ fn remove_run(address: &Address, lock_file: &Path) -> io::Result<()> {
     gone(fs::remove_file(lock_file))
 }
 
-/// That something is not there to be removed is no error.
+/// Treats `NotFound` as success: there is nothing to remove.
 pub(crate) fn gone(result: io::Result<()>) -> io::Result<()> {
     match result {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -214,7 +215,7 @@ pub(crate) fn gone(result: io::Result<()>) -> io::Result<()> {
     }
 }
 
-/// The files in the shared-memory folder that start with `prefix`.
+/// Files in the shared-memory folder that start with `prefix`.
 pub(crate) fn shared_files(prefix: &str) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(SHARED_MEMORY) else { return Vec::new() };
     let names = entries.filter_map(Result::ok).map(|entry| entry.path());
@@ -227,12 +228,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_dead_run_left_is_removed_by_the_next_and_a_live_one_is_left_alone() {
-        // A folder of its own: other runs on this machine remove dead ones as well.
+    fn next_run_removes_files_of_dead_runs_and_keeps_those_of_live_ones() {
+        // A separate folder: other runs on this machine also remove dead ones.
         let base = tempfile::tempdir().unwrap();
         let base = base.path();
         let alive = RunFolder::create_in(base, TRIES).unwrap();
-        // A run that was killed: its files are there, its lock is free.
+        // A killed run: its files exist, its lock is free.
         let name = format!("dead_{}", std::process::id());
         let (dead, lock) =
             (Address { root: base.join(&name), prefix: prefix(&name) }, format!("{name}.lock"));
@@ -261,12 +262,12 @@ mod tests {
             assert!(told(name).starts_with("it is no folder, and not yours"), "{name}: {}", told(name));
         }
         assert_eq!(fs::read_dir(at("elsewhere")).unwrap().count(), 0, "nothing is made behind a link");
-        // As an older version made it, open to all.
+        // A folder as an older version made it, open to all.
         fs::create_dir(at("open")).unwrap();
         fs::set_permissions(at("open"), fs::Permissions::from_mode(0o777)).unwrap();
         drop(RunFolder::create_in(&at("open"), 1).unwrap());
         assert!(is_ours_alone(&at("open")));
-        // Only root can give a folder away.
+        // Only root can change the owner of a folder.
         fs::create_dir(at("foreign")).unwrap();
         if std::os::unix::fs::chown(at("foreign"), Some(65_534), None).is_ok() {
             assert!(
@@ -280,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lock_that_is_held_is_told_and_not_waited_for_without_end() {
+    fn held_lock_is_reported_after_a_timeout() {
         let base = tempfile::tempdir().unwrap();
         let guard = File::create(base.path().join("guard")).unwrap();
         guard.lock().unwrap();
@@ -297,7 +298,7 @@ mod tests {
         assert!(refused.contains("another run has this name"), "{refused}");
         let root = first.address.root.clone();
         drop(first);
-        // Another run takes it for no dead one's.
+        // Another run does not take it for the folder of a dead run.
         drop(RunFolder::create().unwrap());
         assert!(root.exists());
         RunFolder::named(&name).unwrap();

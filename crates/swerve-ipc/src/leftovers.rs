@@ -1,8 +1,8 @@
-//! Shared memory of runs that were killed.
+//! Cleanup of shared memory that killed runs left.
 //!
-//! The lock of a run's folder shows that it is alive, but only to runs that look into the same folder: with another
-//! `XDG_RUNTIME_DIR` or `TMPDIR`, or after the folder was cleaned, files in the shared-memory folder had no owner that
-//! could be asked. So a run also locks a marker beside these files.
+//! The lock on a run's folder shows that the run is alive, but only to runs that use the same folder. With another
+//! `XDG_RUNTIME_DIR` or `TMPDIR`, or after the folder was cleaned, the owner of files in the shared-memory folder would
+//! be unknown. A run therefore also locks a marker beside these files.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 
 use crate::folder::{SHARED_MEMORY, gone, user};
 
-/// Prefix of the files of runs.
+/// Prefix of the names of all runs' files.
 const PROGRAM: &str = "swerve_";
 /// Suffix of the name of a marker.
 const MARKER: &str = ".lock";
 
-/// The sign of a living run in the shared-memory folder: a locked file, removed with it.
+/// Marker of a living run in the shared-memory folder: a locked file, removed on drop.
 #[derive(Debug)]
 pub(crate) struct Marker {
     path: PathBuf,
@@ -25,10 +25,11 @@ pub(crate) struct Marker {
 }
 
 impl Marker {
-    /// Marks the run of this name as alive; `None` where the shared-memory folder takes no files.
+    /// Marks the run of this name as alive; `None` if the shared-memory folder accepts no files.
     ///
     /// # Errors
-    /// A living run has this name, as one of another process namespace may: [`AlreadyExists`](io::ErrorKind::AlreadyExists).
+    /// [`AlreadyExists`](io::ErrorKind::AlreadyExists) if a living run, possibly in another process namespace, has this
+    /// name.
     pub(crate) fn create(name: &str) -> io::Result<Option<Self>> {
         Self::create_in(Path::new(SHARED_MEMORY), name)
     }
@@ -38,7 +39,7 @@ impl Marker {
         if File::open(&path).is_ok_and(|other| other.try_lock().is_err()) {
             return Err(io::ErrorKind::AlreadyExists.into());
         }
-        // It has its name only once it is locked: an unlocked marker is of a dead run.
+        // Renamed only once it is locked: an unlocked marker belongs to a dead run.
         let beside = shared.join(format!("{PROGRAM}new_{name}"));
         let made = OpenOptions::new().create_new(true).write(true).mode(0o600).open(&beside);
         let Ok(lock) = made else { return Ok(None) };
@@ -57,19 +58,19 @@ impl Drop for Marker {
     }
 }
 
-/// The files that a dead run left.
+/// Files that a dead run left.
 struct Leftover {
     files: Vec<PathBuf>,
-    /// The run's marker, locked while its files are removed: no new run takes the name meanwhile.
+    /// Marker of the run, locked while its files are removed so that no new run takes the name.
     _lock: Option<File>,
 }
 
-/// Number of dead runs of this user whose files are in the shared-memory folder; the next run with processes removes them.
+/// Number of dead runs of this user with files in the shared-memory folder; the next run with processes removes them.
 pub fn dead_runs() -> usize {
     find(Path::new(SHARED_MEMORY), &|_| false).len()
 }
 
-/// Removes what dead runs of this user left in the shared-memory folder, but for those that `is_known` elsewhere.
+/// Removes files that dead runs of this user left in the shared-memory folder, except runs that `is_known` accepts.
 pub(crate) fn remove_dead(is_known: &dyn Fn(&str) -> bool) -> io::Result<()> {
     remove_dead_in(Path::new(SHARED_MEMORY), is_known)
 }
@@ -95,7 +96,7 @@ fn find(shared: &Path, is_known: &dyn Fn(&str) -> bool) -> Vec<Leftover> {
         let marker = shared.join(format!("{PROGRAM}{run}{MARKER}"));
         let lock = match files.contains(&marker) {
             true => Some(File::open(&marker).ok().filter(|marker| marker.try_lock().is_ok())?),
-            // As an older version left it.
+            // Without a marker, as an older version left it.
             false if is_alive(&run) => return None,
             false => None,
         };
@@ -104,8 +105,8 @@ fn find(shared: &Path, is_known: &dyn Fn(&str) -> bool) -> Vec<Leftover> {
     runs.into_iter().filter_map(dead).collect()
 }
 
-/// The run that a file is of, process and number: `12_0` of `swerve_12_0_x.data` and `swerve_12_0.lock`. Runs with a name
-/// that was given have none.
+/// Run that a file belongs to, as process and number: `12_0` for `swerve_12_0_x.data` and `swerve_12_0.lock`. `None`
+/// for the files of named runs.
 fn run_of(file: &str) -> Option<&str> {
     let rest = file.strip_prefix(PROGRAM)?;
     let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
@@ -125,7 +126,7 @@ fn is_alive(run: &str) -> bool {
 mod tests {
     use super::*;
 
-    /// A process that has been there and is gone.
+    /// Process ID of a process that has ended.
     fn dead_process() -> u32 {
         let mut child = std::process::Command::new("true").spawn().unwrap();
         child.wait().unwrap();
@@ -142,7 +143,7 @@ mod tests {
             name
         };
         let left = [format!("swerve_{dead}_0_a.data"), format!("swerve_{dead}_0_b.dyn")].map(make);
-        // Its marker is there, and nobody holds it, whoever has the number of its process now.
+        // With an unlocked marker the run is dead, even if its process ID is in use.
         let unlocked = [format!("swerve_{alive}_7_a.data"), format!("swerve_{alive}_7.lock")].map(make);
         let kept = [
             format!("swerve_{alive}_0_a.data"),
@@ -166,7 +167,7 @@ mod tests {
     fn marked_run_is_alive_whatever_process_it_is_of() {
         let folder = tempfile::tempdir().unwrap();
         let shared = folder.path();
-        // As in a container whose processes are not seen here.
+        // As in a container whose processes are not visible here.
         let run = format!("{}_0", dead_process());
         let marker = Marker::create_in(shared, &run).unwrap().unwrap();
         let file = shared.join(format!("swerve_{run}_a.data"));

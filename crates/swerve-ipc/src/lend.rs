@@ -1,8 +1,8 @@
-//! Memory of one stream that sensors write into and workers read in place.
+//! Shared memory of a stream: sensors write it, workers read it in place.
 //!
-//! The coordinator's sensor gets loans of a service of its own. A sealed loan is sent to all that read the stream,
-//! and to a receiver of the coordinator's own, which takes the very same piece of shared memory: what the
-//! coordinator's readers, the digest and the log read is what the workers read.
+//! The sensor, in the coordinator, writes into loans of a service of this stream. A sealed loan is sent to all readers
+//! of the stream and to a receiver in the coordinator, which gets the same piece of shared memory: the coordinator's
+//! readers, the digest and the log read the same bytes as the workers.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -14,17 +14,17 @@ use swerve_msg::block::{Block, Memory, Place, Room, Shelf};
 use crate::IpcError;
 use crate::service::{Depth, Head, Hub, Kept, Kind, Loan, WordReceiver, WordSender};
 
-/// Smaller payloads are no burden in a message.
+/// Minimum size of a payload in shared memory, bytes; smaller payloads are sent in the message.
 const BYTES_MIN: usize = 4096;
 
-/// The memory of one stream, as both sides know it.
+/// Memory of one stream, as known at both ends.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct StreamMemory {
-    /// Its number.
+    /// Number of the memory.
     pub(crate) memory: u32,
-    /// The stream.
+    /// Name of the stream.
     pub(crate) stream: String,
-    /// How many blocks each of its messages consists of.
+    /// Number of blocks in each message of the stream.
     pub(crate) blocks: usize,
 }
 
@@ -33,19 +33,19 @@ impl StreamMemory {
         format!("memory/{}", self.stream)
     }
 
-    /// Frames that a worker has, or could have.
+    /// Numbers of blocks that may wait for a receiver and that it may hold.
     fn depth(&self) -> Depth {
         const FRAMES_WAITING: usize = 2;
         Depth { waiting: FRAMES_WAITING * self.blocks, held: self.held() + FRAMES_WAITING * self.blocks }
     }
 
-    /// The blocks that the coordinator has at most; what more its sensor writes is in memory of its own.
+    /// Maximum number of blocks held by the coordinator; beyond it, the sensor writes into unshared memory.
     fn held(&self) -> usize {
         const FRAMES_HELD: usize = 6;
         FRAMES_HELD * self.blocks
     }
 
-    /// The newest blocks, of which a worker keeps for calls to come what the coordinator still has.
+    /// Number of newest blocks that a worker keeps for later calls, as far as the coordinator still holds them.
     fn kept(&self) -> usize {
         const FRAMES_KEPT: usize = 4;
         FRAMES_KEPT * self.blocks
@@ -61,7 +61,7 @@ pub(crate) struct Lender {
 }
 
 struct Ends {
-    /// Made for the first room, whose size is the largest of the stream.
+    /// Created for the first room, which has the largest size in the stream.
     sender: Option<Arc<WordSender>>,
     receiver: WordReceiver,
     seq: u64,
@@ -96,14 +96,14 @@ impl Memory for Lender {
     }
 }
 
-/// The rooms and blocks of one memory that the coordinator has.
+/// Rooms and blocks of one memory that the coordinator holds.
 #[derive(Default)]
 pub(crate) struct Live(Mutex<Alive>);
 
 #[derive(Default)]
 struct Alive {
     held: usize,
-    /// Of the blocks among them.
+    /// Sequence numbers of the blocks among them.
     seqs: Vec<u64>,
 }
 
@@ -112,16 +112,16 @@ impl Live {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// No call will name an older block than this one.
+    /// Sequence number of the oldest block that a call may still name; `u64::MAX` if there is none.
     pub(crate) fn oldest(&self) -> u64 {
         self.alive().seqs.iter().copied().min().unwrap_or(u64::MAX)
     }
 }
 
-/// One of as many as may be held.
+/// Guard that counts one held room or block.
 struct Held {
     live: Arc<Live>,
-    /// Once it is a block.
+    /// Sequence number, once the room is sealed as a block.
     seq: Option<u64>,
 }
 
@@ -187,7 +187,7 @@ impl Room for LentRoom {
     }
 }
 
-/// What was written, at either end.
+/// A sealed block, at either end.
 struct LentBlock {
     received: Kept,
     place: Place,
@@ -204,11 +204,11 @@ impl Block for LentBlock {
     }
 }
 
-/// A worker's end: what it was sent of all memories that it reads and may still be asked for.
+/// A worker's end: the received blocks of all memories that it reads, as far as calls may still name them.
 pub(crate) struct Shelves {
-    /// By their numbers.
+    /// In the order of their numbers.
     memories: Vec<RefCell<Stack>>,
-    /// A block was asked for that is not there.
+    /// True if a requested block was not found.
     missed: Cell<bool>,
 }
 
@@ -229,13 +229,13 @@ impl Shelves {
         Ok(Self { memories, missed: Cell::new(false) })
     }
 
-    /// Splits a call into what it says of the oldest blocks that calls may name, and the call itself.
+    /// Splits a call into the numbers of the oldest blocks that calls may name, and the call itself.
     pub(crate) fn split<'a>(&self, call: &'a [u8]) -> Option<(&'a [[u8; 8]], &'a [u8])> {
         let (oldest, call) = call.split_at_checked(8 * self.memories.len())?;
         Some((oldest.as_chunks().0, call))
     }
 
-    /// Takes in what was sent since the last time, and lets go of what no call will name any more.
+    /// Receives the blocks sent since the last time and drops those that no call will name any more.
     pub(crate) fn tidy(&self, oldest: &[[u8; 8]]) {
         for (stack, oldest) in self.memories.iter().zip(oldest) {
             let stack = &mut *stack.borrow_mut();
@@ -250,14 +250,14 @@ impl Shelves {
         }
     }
 
-    /// Whether a block was missed since the last time.
+    /// Returns true if a block was missed since the last call of this function.
     pub(crate) fn has_missed(&self) -> bool {
         self.missed.take()
     }
 }
 
 impl Stack {
-    /// Takes in the next block, if one was sent. What cannot be received is missed when it is asked for.
+    /// Receives the next block, if one was sent. A block that cannot be received counts as missed once it is requested.
     fn take_in(&mut self) -> bool {
         let Ok(Some(received)) = self.receiver.receive() else { return false };
         let place = Place { memory: self.of.memory, seq: received.user_header().seq };

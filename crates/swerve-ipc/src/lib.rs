@@ -1,23 +1,23 @@
-//! Operators in processes of their own: the transport (iceoryx2), and who starts, watches and ends the processes.
+//! Operators in separate processes: the transport (iceoryx2), and starting, watching and ending the processes.
 //!
-//! A run has one *coordinator*, which has the graph, the world and the log, and *workers*, which hold operators
-//! of the same graph in a [`Worker`](swerve_flow::Worker). The coordinator hands a worker one step at a time
-//! ([`RemoteExecutor`](swerve_flow::RemoteExecutor)): a call goes out as a message in shared memory, a waker wakes the
-//! worker, the answer comes back the same way. Small messages are in the call itself. What fills images and
-//! point clouds is written by its sensor into shared memory and read there by all: the call names the place.
+//! A run has one *coordinator*, which has the graph, the world and the log, and *workers*, which hold operators of the
+//! same graph in a [`Worker`](swerve_flow::Worker). The coordinator passes one step at a time to a worker
+//! ([`RemoteExecutor`](swerve_flow::RemoteExecutor)): a call is sent as a message in shared memory, a waker wakes the
+//! worker, and the answer returns in the same way. Small messages are part of the call. A sensor writes the data of
+//! images and point clouds into shared memory, where all processes read it: the call names its place.
 //!
-//! | file | what |
+//! | file | content |
 //! |---|---|
-//! | `folder.rs` | a name of its own for all that a run leaves on the machine; removal of what dead runs left |
-//! | `leftovers.rs` | shared memory of runs that were killed |
-//! | `service.rs` | the one place where services are made, so that both ends always agree |
+//! | `folder.rs` | unique names for everything that a run leaves on the machine; cleanup after dead runs |
+//! | `leftovers.rs` | cleanup of shared memory that killed runs left |
+//! | `service.rs` | creation of all services, so that both ends always agree |
 //! | `waker.rs` | wakes the process at the other end |
 //! | `link.rs` | a call and its answer |
 //! | `lend.rs` | memory that sensors write and workers read in place |
-//! | `pool.rs` | the workers of a run: started, watched, started again or given up |
-//! | `worker.rs` | the other end |
+//! | `pool.rs` | worker processes of a run: started, watched, restarted or given up |
+//! | `worker.rs` | the worker's end |
 //!
-//! No other crate sees iceoryx2.
+//! No other crate depends on iceoryx2.
 
 mod error;
 mod folder;

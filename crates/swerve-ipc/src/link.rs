@@ -1,7 +1,8 @@
 //! A call to a worker and its answer.
 //!
-//! Before a call itself stand eight bytes for each memory that the worker reads: the number of the oldest block that
-//! calls may name. Calls and answers are in loaned slices of shared memory; a [`Waker`] wakes who waits for them.
+//! A call is preceded by eight bytes for each memory that the worker reads: the number of the oldest block that calls
+//! may name. Calls and answers are in loaned slices of shared memory; a [`Waker`] wakes the process that waits for
+//! them.
 
 use core::time::Duration;
 use std::process::Child;
@@ -19,13 +20,13 @@ use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::waker::{Listener, Signal as Heard, Timeout, Waker};
 use crate::{IpcError, OnWorkerEvent, WorkerEvent};
 
-/// How long who waits for the other end sleeps before it looks around by itself. It is woken for whatever happens.
+/// Maximum sleep of a process that waits for the other end; every event wakes it earlier.
 pub(crate) const LOOK_AROUND: Duration = Duration::from_millis(20);
 
-/// After so long without an answer a call is made again: between two hosts it may have been lost.
+/// Time without an answer after which a call is repeated: between two hosts it may have been lost.
 const CALL_AGAIN: Duration = Duration::from_millis(500);
 
-/// The services between the coordinator and one worker.
+/// Names of the services between the coordinator and one worker.
 pub(crate) struct Names {
     pub(crate) calls: String,
     pub(crate) answers: String,
@@ -38,21 +39,21 @@ impl Names {
     }
 }
 
-/// What went between the processes of a run.
+/// Traffic between the processes of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Traffic {
-    /// Steps that were taken elsewhere.
+    /// Steps executed in workers.
     pub calls: u64,
     /// Bytes of calls and answers.
     pub bytes: u64,
-    /// Bytes among these of numbers that fill images and clouds, of runs longer than [`BIG`](Traffic::BIG).
+    /// Copied bytes among these: image and point cloud arrays, and answers, longer than [`BIG`](Traffic::BIG).
     pub copied: u64,
-    /// How many such runs were read where they lie instead.
+    /// Number of such arrays read in place instead.
     pub in_place: u64,
 }
 
 impl Traffic {
-    /// From so many bytes on, copying is what costs.
+    /// Size from which copying dominates the cost, bytes.
     pub const BIG: usize = 64 * 1024;
 }
 
@@ -80,7 +81,7 @@ impl Counts {
     }
 }
 
-/// What is known of a worker's life; the thread that watches it tells.
+/// State of a worker process, and the notification of its end.
 #[derive(Default)]
 pub(crate) struct Watched {
     life: Mutex<Life>,
@@ -89,42 +90,42 @@ pub(crate) struct Watched {
 
 #[derive(Default)]
 pub(crate) struct Life {
-    /// How often it was started.
+    /// Number of starts.
     pub(crate) starts: u64,
-    /// The last start that came to be ready.
+    /// Last start that became ready.
     pub(crate) ready: u64,
-    /// Why it is gone, if it is.
+    /// Reason why the worker is gone; `None` while it is alive.
     pub(crate) gone: Option<String>,
-    /// How it ended last.
+    /// Reason for its last end.
     pub(crate) ended: String,
-    /// The wake-up channel between it and the coordinator.
+    /// Wake-up channel between the worker and the coordinator.
     pub(crate) waker: Option<Arc<Waker>>,
-    /// The process, from its start to its end.
+    /// Process, from its start to its end.
     child: Option<Child>,
-    /// Why it was killed, if it hung.
+    /// Reason why it was killed, if it hung.
     hung: Option<String>,
 }
 
-/// The process groups of all workers of this program.
+/// Process groups of all workers of this program.
 static GROUPS: Mutex<Vec<Pid>> = Mutex::new(Vec::new());
 
-/// Kills all workers of this program at once, also those that are stopped or hang.
+/// Kills all workers of this program at once, including stopped and hung ones.
 pub fn kill_workers() {
     let groups = GROUPS.lock().unwrap_or_else(PoisonError::into_inner);
     for group in &*groups {
-        // One that has just ended needs no killing.
+        // Fails for a group that has just ended.
         let _gone = kill_process_group(*group, Signal::KILL);
     }
 }
 
 impl Life {
-    /// Takes note of a process that was just started, in a group of its own.
+    /// Records a process that was just started, in a separate process group.
     pub(crate) fn begin(&mut self, child: Child) {
         GROUPS.lock().unwrap_or_else(PoisonError::into_inner).push(Pid::from_child(&child));
         (self.child, self.hung) = (Some(child), None);
     }
 
-    /// The process, which has ended, to be reaped; and why it was killed, if it hung.
+    /// Returns the ended process, to be reaped, and the reason why it was killed if it hung.
     pub(crate) fn end(&mut self) -> (Option<Child>, Option<String>) {
         let child = self.child.take();
         if let Some(child) = &child {
@@ -134,15 +135,15 @@ impl Life {
         (child, self.hung.take())
     }
 
-    /// The number of the process, while there is one.
+    /// Process ID, while the process exists.
     pub(crate) fn process_number(&self) -> Option<u32> {
         self.child.as_ref().map(Child::id)
     }
 
-    /// Kills the process and what it has started.
+    /// Kills the process and its children.
     pub(crate) fn kill(&self) {
         if let Some(child) = &self.child {
-            // It is not reaped yet, so that the number is still its own; one that has ended needs no killing.
+            // Not reaped yet, so the process ID is still valid. Fails for a process that has just ended.
             let _gone = kill_process_group(Pid::from_child(child), Signal::KILL);
         }
     }
@@ -153,12 +154,12 @@ impl Watched {
         self.life.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// That it ended is known now.
+    /// Notifies waiting threads that the end of the worker is recorded.
     pub(crate) fn tell_end(&self) {
         self.ended.notify_all();
     }
 
-    /// Waits a while for what is known of the end of a start that is over.
+    /// Waits at most [`LOOK_AROUND`] until the end of start `start` is recorded.
     fn wait_end(&self, start: u64) {
         let life = self.life();
         if life.gone.is_none() && life.starts == start {
@@ -167,41 +168,41 @@ impl Watched {
     }
 }
 
-/// Wait for a worker's answers.
+/// Timing of the wait for a worker's answers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Waits {
-    /// For so long without sleeping.
+    /// Time to spin before sleeping.
     pub(crate) spin: Duration,
     /// A worker that takes longer is killed.
     pub(crate) reply_within: Duration,
 }
 
-/// How long a worker is waited for.
+/// Limits of the wait for a worker to become ready.
 pub(crate) struct Patience<'a> {
-    /// Then it is given up.
+    /// Time at which the worker is given up.
     pub(crate) until: Instant,
-    /// Then somebody is told that it is waited for.
+    /// Time at which `tell` is called.
     pub(crate) tell_at: Instant,
-    /// That one.
+    /// Callback with the name of a worker that is still waited for.
     pub(crate) tell: &'a dyn Fn(&str),
 }
 
-/// The coordinator's end of what connects it with one worker.
+/// The coordinator's end of the connection to one worker.
 pub(crate) struct Link {
     process: String,
     calls: Sender,
     answers: Receiver,
-    /// That of the worker's last start.
+    /// Listener of the worker's last start.
     listener: Option<Listener>,
     waits: Waits,
-    /// The memories that the worker reads.
+    /// Memories that the worker reads.
     lives: Vec<Arc<Live>>,
     watched: Arc<Watched>,
     counts: Arc<Counts>,
     on_event: OnWorkerEvent,
-    /// The start of the worker that the last call went to.
+    /// Start of the worker that the last call went to.
     start: u64,
-    /// The last start that said that it is ready.
+    /// Last start that reported that it is ready.
     ready: u64,
     seq: u64,
     call: Vec<u8>,
@@ -236,7 +237,7 @@ impl Link {
         })
     }
 
-    /// Waits until the worker says that it is ready.
+    /// Waits until the worker reports that it is ready.
     pub(crate) fn wait_ready(&mut self, patience: &Patience<'_>) -> Result<(), IpcError> {
         let mut told = false;
         let error = |process: &str, why: String| IpcError::Worker { process: process.to_owned(), why };
@@ -256,7 +257,7 @@ impl Link {
         Ok(())
     }
 
-    /// Waits for the worker to say that it is ready.
+    /// Receives one signal from the worker; records the start if it reports that it is ready.
     fn receive_ready(&mut self, timeout: Timeout) {
         match self.listener.as_mut().map_or(Heard::Closed, |listener| listener.listen(timeout)) {
             Heard::Ready(start) => self.ready = start,
@@ -265,7 +266,7 @@ impl Link {
         }
     }
 
-    /// Makes sure that there is a worker that takes calls; says which start of it that is.
+    /// Ensures that the worker takes calls; returns the number of its start.
     fn connect(&mut self) -> Result<u64, Lost> {
         let (starts, ready) = {
             let life = self.watched.life();
@@ -295,7 +296,7 @@ impl Link {
         Lost(format!("process `{}` {why}", self.process))
     }
 
-    /// Has one step taken.
+    /// Executes one step in the worker; returns the number of its start.
     fn step(&mut self, call: &Call<'_>, answer: &mut Vec<u8>) -> Result<u64, Lost> {
         let start = self.connect()?;
         Counts::add(&self.counts.calls, 1);
@@ -309,7 +310,8 @@ impl Link {
         Ok(start)
     }
 
-    /// Sends a call, with what fills images and clouds as its places or as it is, and waits for the answer.
+    /// Sends a call and waits for the answer. Data of images and point clouds is sent as places in shared memory if
+    /// `places` is true, else as a copy.
     fn send_and_wait(&mut self, call: &Call<'_>, places: bool, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         self.seq += 1;
         self.call.clear();
@@ -338,7 +340,7 @@ impl Link {
         Ok(())
     }
 
-    /// Waits for the answer to the last call, which is for a step of `operator`.
+    /// Waits for the answer to the last call, a step of `operator`.
     fn wait(&mut self, operator: &str, answer: &mut Vec<u8>) -> Result<Kind, Lost> {
         let Waits { spin, reply_within } = self.waits;
         let spin_until = (spin > Duration::ZERO).then(|| now() + spin);
@@ -352,7 +354,7 @@ impl Link {
                 core::hint::spin_loop();
                 continue;
             }
-            // Of a while in which this process was stopped itself only a moment counts.
+            // If this process itself was stopped for a while, only a moment of that counts.
             let before = core::mem::replace(&mut looked, now());
             waited += (looked - before).min(10 * LOOK_AROUND);
             if waited > reply_within {
@@ -379,7 +381,7 @@ impl Link {
         }
     }
 
-    /// Kills a worker that does not answer. From then on it is one that has ended.
+    /// Kills a worker that does not answer. It then counts as ended.
     fn kill_hung(&self, operator: &str) {
         let mut life = self.watched.life();
         if life.starts == self.start && life.hung.is_none() {
@@ -392,7 +394,7 @@ impl Link {
         }
     }
 
-    /// The answer to the last call from a loaned slice, if it is there.
+    /// Copies the answer to the last call from its loaned slice, if it has arrived.
     fn receive(&self, answer: &mut Vec<u8>) -> Result<Option<Kind>, Lost> {
         let failed = |error| self.lost(&format!("cannot be heard: {error:?}"));
         while let Some(message) = self.answers.receive().map_err(failed)? {
@@ -405,7 +407,7 @@ impl Link {
         Ok(None)
     }
 
-    /// That the worker which was called last still lives.
+    /// Checks that the worker that was called last is still alive.
     fn check_life(&self) -> Result<(), Lost> {
         let life = self.watched.life();
         if let Some(why) = &life.gone {
@@ -418,15 +420,15 @@ impl Link {
     }
 }
 
-/// What kind of answer to a call this is.
+/// Kind of a message if it answers call `seq`.
 fn answers(head: &Head, seq: u64) -> Option<Kind> {
     Kind::of(head).filter(|_| head.seq == seq)
 }
 
-/// The steps of one operator, taken by a worker.
+/// Executor for the steps of one operator in a worker.
 pub(crate) struct Endpoint {
     pub(crate) link: Arc<Mutex<Link>>,
-    /// The start of the worker that took the last step.
+    /// Start of the worker that took the last step.
     pub(crate) start: u64,
 }
 
@@ -439,7 +441,7 @@ impl RemoteExecutor for Endpoint {
     }
 }
 
-/// The present moment of the real clock.
+/// Current time of the real (monotonic) clock.
 #[expect(
     clippy::disallowed_methods,
     reason = "how long to wait for another process; no result depends on it"

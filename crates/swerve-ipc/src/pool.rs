@@ -1,4 +1,4 @@
-//! The workers of a run: started, watched, started again or given up, ended.
+//! Worker processes of a run: started, watched, restarted or given up, ended.
 
 use core::time::Duration;
 use std::io::Write as _;
@@ -23,63 +23,63 @@ use crate::service::Hub;
 use crate::waker::Waker;
 use crate::{IpcError, Setup, Traffic};
 
-/// What becomes of a worker that died.
+/// Reaction to the death of a worker process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnLoss {
-    /// It is not started again.
+    /// The worker is not restarted.
     #[default]
     Stop,
-    /// It is started again, with operators in their first state.
+    /// The worker is restarted, with its operators in their initial state.
     Restart,
 }
 
-/// A worker to be started.
+/// Specification of a worker to be started.
 pub struct WorkerSpec {
-    /// Its name.
+    /// Name of the worker process.
     pub process: String,
-    /// The operators whose steps it takes.
+    /// Operators whose steps the worker executes.
     pub operators: Vec<String>,
-    /// What it needs to build the graph of which they are.
+    /// Data from which the worker builds the graph of these operators.
     pub payload: Vec<u8>,
-    /// The streams of which it reads big payloads where the sensor writes them.
+    /// Streams whose large payloads the worker reads in place, where the sensor writes them.
     pub streams: Vec<String>,
-    /// What becomes of it when it dies.
+    /// Reaction to the death of the worker.
     pub on_loss: OnLoss,
-    /// For so long its answers are waited for, and its calls by itself, without sleeping.
+    /// Time to spin before sleeping: the coordinator waiting for an answer, the worker waiting for a call.
     pub spin: Duration,
-    /// A worker that has not answered a call after so long is killed.
+    /// A worker that has not answered a call after this time is killed.
     pub reply_within: Duration,
-    /// The command that ends in [`work`](crate::work); gets its [`Setup`] through standard input.
+    /// Command that ends in [`work`](crate::work); it receives its [`Setup`] through standard input.
     pub command: Box<dyn Fn() -> Command + Send>,
 }
 
-/// Something that befell a worker.
+/// Change in the state of a worker.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum WorkerEvent {
-    /// It is gone.
+    /// The worker has ended, or could not be restarted.
     Gone {
-        /// Which.
+        /// Name of the worker process.
         process: String,
-        /// How it ended.
+        /// Exit status, or the reason why it was killed or not restarted.
         why: String,
     },
-    /// It was started again, and is not ready after [`LATE_S`] seconds.
+    /// The worker was restarted and is not ready after [`LATE_S`] seconds.
     Late {
-        /// Which.
+        /// Name of the worker process.
         process: String,
     },
-    /// It was started again, and is ready.
+    /// The worker was restarted and is ready.
     Restarted {
-        /// Which.
+        /// Name of the worker process.
         process: String,
     },
 }
 
-/// The callback that worker events go to.
+/// Callback for worker events.
 pub type OnWorkerEvent = Arc<dyn Fn(WorkerEvent) + Send + Sync>;
 
-/// The workers of a run, and all that a run has on the machine. Ends and removes them when it is dropped.
+/// Worker processes of a run, and all files of the run on the machine. Ended and removed on drop.
 pub struct WorkerPool {
     workers: Vec<WorkerHandle>,
     memories: Vec<(StreamMemory, Arc<Live>)>,
@@ -88,7 +88,7 @@ pub struct WorkerPool {
     folder: RunFolder,
 }
 
-/// A worker as the coordinator has it.
+/// The coordinator's handle of a worker.
 struct WorkerHandle {
     process: String,
     link: Arc<Mutex<Link>>,
@@ -97,14 +97,14 @@ struct WorkerHandle {
     watch: Option<JoinHandle<()>>,
 }
 
-/// What the thread that watches a worker shares with the pool.
+/// State shared by the pool and the thread that watches a worker.
 struct Shared {
     watched: Arc<Watched>,
     ending: AtomicBool,
 }
 
 impl Shared {
-    /// Tells the worker that its run is over.
+    /// Signals to the worker that its run is over.
     fn close(&self) {
         if let Some(waker) = &self.watched.life().waker {
             waker.close();
@@ -113,19 +113,19 @@ impl Shared {
 }
 
 impl WorkerPool {
-    /// Nobody yet. What dead runs left is removed.
+    /// Creates a pool without workers and removes the files of dead runs.
     ///
     /// # Errors
-    /// When there is no place for the run's files, or no shared memory.
+    /// If the run's files cannot be created, or shared memory is unavailable.
     pub fn new() -> Result<Self, IpcError> {
         Self::in_folder(RunFolder::create()?)
     }
 
-    /// As [`new`](Self::new), in shared memory of this name, which others may join: letters, digits and underscores,
-    /// a letter first.
+    /// As [`new`](Self::new), in shared memory of this name, which other processes may join. A name consists of
+    /// letters, digits and underscores and starts with a letter.
     ///
     /// # Errors
-    /// As there, and when another run has this name.
+    /// As for [`new`](Self::new), and if another run has this name.
     pub fn named(name: &str) -> Result<Self, IpcError> {
         Self::in_folder(RunFolder::named(name)?)
     }
@@ -135,11 +135,11 @@ impl WorkerPool {
         Ok(Self { workers: Vec::new(), memories: Vec::new(), counts: Arc::default(), hub, folder })
     }
 
-    /// Shared memory for a stream whose messages consist of so many blocks. To be lent before workers start
-    /// that read it.
+    /// Lends shared memory to a stream whose messages consist of `blocks` blocks. To be called before the workers that
+    /// read the stream are started.
     ///
     /// # Errors
-    /// When there is no shared memory.
+    /// If shared memory is unavailable.
     pub fn lend(&mut self, stream: &str, blocks: usize) -> Result<Box<dyn Memory>, IpcError> {
         let memory = u32::try_from(self.memories.len()).unwrap_or(u32::MAX);
         let of = StreamMemory { memory, stream: stream.to_owned(), blocks };
@@ -149,10 +149,10 @@ impl WorkerPool {
         Ok(Box::new(lender))
     }
 
-    /// Starts a worker, without waiting until it is ready.
+    /// Starts a worker without waiting until it is ready.
     ///
     /// # Errors
-    /// When there is no shared memory, or the process cannot be started.
+    /// If shared memory is unavailable, or the process cannot be started.
     pub fn start(&mut self, spec: WorkerSpec, on_event: OnWorkerEvent) -> Result<(), IpcError> {
         let process = spec.process.clone();
         let watched = Arc::new(Watched::default());
@@ -172,7 +172,7 @@ impl WorkerPool {
         let shared = watch.shared.clone();
         let thread = Builder::new().name(format!("swerve-watch-{process}")).spawn(move || {
             watch.watch(life);
-            // Nobody waits for it where the pool was not ended but dropped half made.
+            // The receiver may be gone if the pool was dropped while it was being set up.
             let _told = tell_end.send(());
         });
         let watch = Some(thread.map_err(IpcError::of("starting a thread"))?);
@@ -180,18 +180,19 @@ impl WorkerPool {
         Ok(())
     }
 
-    /// Waits until all are ready.
+    /// Waits until all workers are ready.
     ///
     /// # Errors
-    /// When one of them ended, or takes longer.
+    /// If a worker ends first, or is not ready in time.
     pub fn wait_ready(&self, within: Duration) -> Result<(), IpcError> {
         self.wait_ready_telling(within, within, &|_| {})
     }
 
-    /// The same; `tell` is told the names of those that are still waited for after a time.
+    /// As [`wait_ready`](Self::wait_ready); after `told_after`, calls `tell` with the name of each worker that it still
+    /// waits for.
     ///
     /// # Errors
-    /// As [`wait_ready`](Self::wait_ready).
+    /// As for [`wait_ready`](Self::wait_ready).
     pub fn wait_ready_telling(
         &self,
         within: Duration,
@@ -202,25 +203,25 @@ impl WorkerPool {
         self.workers.iter().try_for_each(|worker| lock(&worker.link).wait_ready(&patience))
     }
 
-    /// What takes the steps of one operator; none if there is no such process.
+    /// Executor for the steps of one operator in a worker process; `None` if the pool has no such process.
     pub fn endpoint(&self, process: &str) -> Option<Box<dyn RemoteExecutor>> {
         let worker = self.workers.iter().find(|worker| worker.process == process)?;
         let start = worker.shared.watched.life().starts;
         Some(Box::new(Endpoint { link: worker.link.clone(), start }))
     }
 
-    /// What went between the processes so far.
+    /// Traffic between the processes so far.
     pub fn traffic(&self) -> Traffic {
         self.counts.traffic()
     }
 
-    /// The process numbers of those that run, by name.
+    /// Process IDs of the running workers, by name.
     pub fn processes(&self) -> Vec<(String, u32)> {
         let number = |worker: &WorkerHandle| worker.shared.watched.life().process_number();
         self.workers.iter().filter_map(|worker| Some((worker.process.clone(), number(worker)?))).collect()
     }
 
-    /// What the names of this run's files in the shared-memory folder start with.
+    /// Prefix of the names of this run's files in the shared-memory folder.
     pub fn prefix(&self) -> &str {
         &self.folder.address.prefix
     }
@@ -244,7 +245,7 @@ impl Drop for WorkerPool {
     }
 }
 
-/// The thread that watches one worker.
+/// State of the thread that watches one worker.
 struct Watch {
     spec: WorkerSpec,
     memories: Vec<StreamMemory>,
@@ -254,7 +255,7 @@ struct Watch {
 }
 
 impl Watch {
-    /// Starts the worker and hands it its setup. What is returned becomes readable when the process ends.
+    /// Starts the worker and sends it its setup. The returned descriptor becomes readable when the process ends.
     fn start(&mut self) -> std::io::Result<OwnedFd> {
         let start = self.shared.watched.life().starts + 1;
         let setup = Setup {
@@ -267,22 +268,22 @@ impl Watch {
             memories: self.memories.clone(),
         };
         let mut command = (self.spec.command)();
-        // A group of its own: what the terminal sends to the coordinator is the coordinator's business.
+        // A separate process group: signals from the terminal reach only the coordinator.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        // Our end closes with the coordinator, whatever ends that: a worker never outlives it.
+        // The coordinator's end closes however the coordinator ends, so a worker never outlives it.
         let (waker, there) = Waker::pair(LOOK_AROUND)?;
-        // Standard output is the same: a program that hands both on, such as one that reaches another host, passes
-        // through what the worker answers.
+        // Standard output is the same socket: a program that forwards both, such as one that reaches another host,
+        // passes on what the worker sends back.
         let child = command.stdin(OwnedFd::from(there.try_clone()?)).stdout(OwnedFd::from(there)).spawn();
         let program = command.get_program().to_string_lossy();
         let child =
             child.map_err(|error| std::io::Error::new(error.kind(), format!("`{program}`: {error}")))?;
-        // The command keeps the other end for another child.
+        // The command keeps the other end open for another child.
         drop(command);
         let end = pidfd_open(Pid::from_child(&child), PidfdFlags::empty())?;
-        // A worker that does not live long enough to read it is found out by its end.
+        // A worker that ends before it has read the setup is detected by its end.
         let mut socket = waker.socket()?;
-        // One that does not read is found out by not being ready.
+        // A worker that does not read the setup is detected because it never becomes ready.
         socket.set_write_timeout(Some(SETUP_WITHIN))?;
         let _read = socket.write_all(&setup.framed());
         let mut life = self.shared.watched.life();
@@ -328,8 +329,8 @@ impl Watch {
         }
     }
 
-    /// Waits until a process ends, however that is; meanwhile others may kill it. Says where one that was started again
-    /// does not come to be ready.
+    /// Waits until the process ends for any reason; other threads may kill it meanwhile. Reports a restarted worker
+    /// that is not ready in time.
     fn await_end(&self, life: &OwnedFd) {
         let mut late =
             Some(Timespec { tv_sec: LATE_S, tv_nsec: 0 }).filter(|_| self.shared.watched.life().starts > 1);
@@ -338,7 +339,7 @@ impl Watch {
                 Err(Errno::INTR) => {}
                 Ok(0) => {
                     late = None;
-                    // Whoever finds it ready waits for this lock: that is said after this.
+                    // A thread that finds it ready waits for this lock, so it reports `Restarted` after `Late`.
                     let life = self.shared.watched.life();
                     if life.ready != life.starts {
                         (self.on_event)(WorkerEvent::Late { process: self.spec.process.clone() });
@@ -354,13 +355,13 @@ impl Watch {
     }
 }
 
-/// A worker that was started again and is not ready after so many seconds is told.
+/// Time after which a restarted worker that is not ready is reported, seconds.
 pub const LATE_S: i64 = 1;
 
-/// Longest time for a worker to read its setup.
+/// Maximum time for a worker to read its setup.
 const SETUP_WITHIN: Duration = Duration::from_secs(10);
 
-/// So many times in turn a worker may end before it is ready.
+/// Number of times in a row that a worker may end before it is ready.
 const FUTILE_MAX: u32 = 3;
 
 fn ended(status: Option<std::io::Result<ExitStatus>>) -> String {

@@ -1,5 +1,5 @@
-//! The one place where services are made. Whoever opens a service first decides how it is (buffers, alignment,
-//! overflow), and everybody else has to want the same: with one function for both ends they always do.
+//! Creation of all services. The process that opens a service first sets its properties (buffers, alignment, overflow),
+//! and all others must request the same; one function for both ends guarantees that.
 
 use core::fmt::Debug;
 #[cfg(test)]
@@ -28,33 +28,33 @@ use rustix::fs::{Access, FallocateFlags, access, fallocate, statvfs};
 use crate::IpcError;
 use crate::folder::{Address, SHARED_MEMORY, shared_files};
 
-/// Several threads use the ports of one process.
+/// Thread-safe service: several threads use the ports of one process.
 pub(crate) type Ipc = ipc_threadsafe::Service;
 pub(crate) type Receiver = Subscriber<Ipc, [u8], Head>;
-/// What fills images and clouds is words, so that it lies at the addresses that its numbers need. (An alignment
-/// asked of a service of bytes is applied by iceoryx2 0.10 to each single byte, in memory set aside.)
+/// Sender of image and point cloud data, in words so that the data is aligned for its numbers. (In a service of bytes,
+/// iceoryx2 0.10 applies a requested alignment to each single byte of preallocated memory.)
 pub(crate) type WordSender = Publisher<Ipc, [u64], Head>;
 pub(crate) type WordReceiver = Subscriber<Ipc, [u64], Head>;
 
-/// What messages consist of.
+/// Element type of messages.
 pub(crate) trait Element: ZeroCopySend + Debug + 'static {}
 
 impl Element for u8 {}
 impl Element for u64 {}
 
-/// What is before the bytes of every message. The type's name holds a fingerprint of its layout, because
-/// iceoryx2 compares names and sizes, and would let two layouts of one size meet.
+/// Header of every message. The type's name contains a fingerprint of its layout, because iceoryx2 compares only names
+/// and sizes and would accept two different layouts of the same size.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
 #[type_name("swerve.Head.6a438280d2cb8e77")]
 pub(crate) struct Head {
-    /// Which message; an answer has that of its call.
+    /// Sequence number of the message; an answer has that of its call.
     pub(crate) seq: u64,
-    /// What it is: [`Kind`] as a number.
+    /// Kind of the message: [`Kind`] as a number.
     pub(crate) kind: u64,
 }
 
-/// The fingerprint in the name of [`Head`]: FNV-1a over its size and where its fields lie.
+/// Fingerprint in the name of [`Head`]: FNV-1a over its size and the offsets and sizes of its fields.
 #[cfg(test)]
 const LAYOUT: u64 = {
     let facts = [size_of::<Head>(), offset_of!(Head, seq), 8, offset_of!(Head, kind), 8];
@@ -66,19 +66,19 @@ const LAYOUT: u64 = {
     hash
 };
 
-/// What a message is.
+/// Kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub(crate) enum Kind {
-    /// A step to be taken.
+    /// Request to execute a step.
     Call = 1,
-    /// What came of it.
+    /// Result of the step.
     Answer,
-    /// A place in shared memory that the call names is not to be had any more.
+    /// A place in shared memory named by the call is no longer available.
     Missing,
-    /// The call makes no sense; the bytes say why.
+    /// The call cannot be executed; the bytes state the reason.
     Refused,
-    /// What fills an image or a part of a point cloud; the number is that of its place.
+    /// Data of an image or of a part of a point cloud; the sequence number is that of its place.
     Block,
 }
 
@@ -90,29 +90,29 @@ impl Kind {
     }
 }
 
-/// True if this user may make files in a folder.
+/// Checks that this user may create files in a folder.
 ///
 /// # Errors
-/// Why not, as the system says it.
+/// The system's error if the user may not.
 pub fn writable(folder: &std::path::Path) -> io::Result<()> {
     Ok(access(folder, Access::WRITE_OK | Access::EXEC_OK)?)
 }
 
-/// A process's access to the shared memory of a run.
+/// Access of a process to the shared memory of a run.
 pub(crate) struct Hub {
     node: Node<Ipc>,
     backing: Backing,
 }
 
-/// Sees to it that there is memory behind what is shared. The system gives it when it is written to, and kills who
-/// writes to what it cannot give (`SIGBUS`); so all is asked for before.
+/// Reserves the memory behind shared files. The system otherwise allocates it on the first write, and kills a process
+/// that writes where it cannot allocate any (`SIGBUS`).
 #[derive(Clone, Debug)]
 struct Backing {
-    /// What the names of the run's files start with.
+    /// Prefix of the names of the run's files.
     prefix: String,
 }
 
-/// So much more has to be free than is asked for: what iceoryx2 keeps books in.
+/// Free bytes required in addition to the request, for the bookkeeping of iceoryx2.
 const SPARE_BYTES: u64 = 1 << 20;
 
 impl Backing {
@@ -120,7 +120,7 @@ impl Backing {
         shared_files(&self.prefix).into_iter().collect()
     }
 
-    /// Makes something for which so many bytes of shared memory are needed, and has the system set them aside.
+    /// Runs `make`, which needs `bytes` of shared memory, and has the system reserve the files that it creates.
     fn behind<T>(&self, bytes: u64, make: impl FnOnce() -> Result<T, IpcError>) -> Result<T, IpcError> {
         let refused = |error: String| {
             Err(IpcError::Shared { doing: format!("getting shared memory in {SHARED_MEMORY}"), error })
@@ -133,9 +133,9 @@ impl Backing {
         let before = self.files();
         let made = make()?;
         for file in self.files().difference(&before) {
-            // One that is gone already needs nothing.
+            // A file that is already gone needs nothing.
             let Ok(opened) = OpenOptions::new().write(true).open(file) else { continue };
-            // iceoryx2 0.10 makes one file that anybody on the machine may write to.
+            // iceoryx2 0.10 creates one file that every user on the machine may write to.
             close_to_others(&opened).map_err(IpcError::of("closing shared memory to other users"))?;
             let length = opened.metadata().map_or(0, |file| file.len());
             if length > 0
@@ -148,22 +148,21 @@ impl Backing {
     }
 }
 
-/// Takes all rights from others than the owner of a file.
+/// Removes the access rights of all users other than the owner of a file.
 fn close_to_others(file: &File) -> io::Result<()> {
     let mode = file.metadata()?.permissions().mode();
     file.set_permissions(Permissions::from_mode(mode & 0o700))
 }
 
-/// The writing end of a service of messages.
+/// Sending end of a message service.
 pub(crate) struct Sender {
     publisher: Publisher<Ipc, [u8], Head>,
     backing: Backing,
-    /// The longest message for which there is room.
+    /// Longest message for which memory is reserved, bytes.
     room: AtomicUsize,
 }
 
-/// So many messages of one end there may be at once: being written, waiting, and being read by the one at the other
-/// end.
+/// Maximum number of messages of one sender at a time: being written, waiting, and being read by the receiver.
 const MESSAGES_MAX: usize = 12;
 
 impl Sender {
@@ -187,22 +186,22 @@ impl Sender {
     }
 }
 
-/// How many messages a service holds.
+/// Numbers of messages that a service holds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Depth {
-    /// That a receiver has not taken yet; the oldest goes when there are more.
+    /// Messages that a receiver has not taken yet; the oldest is dropped when there are more.
     pub(crate) waiting: usize,
-    /// That a receiver holds at once.
+    /// Messages that a receiver holds at once.
     pub(crate) held: usize,
 }
 
-/// For calls and answers: one is on its way at a time, and after a kill one more.
+/// Depth for calls and answers: one at a time is under way, and one more after a kill.
 pub(crate) const TALK: Depth = Depth { waiting: 4, held: 4 };
 
-/// At most so many workers read what one sensor writes.
+/// Maximum number of readers of one service.
 const READERS_MAX: usize = 16;
 
-/// So many words hold so many bytes.
+/// Number of words that hold `bytes` bytes.
 fn words(bytes: usize) -> usize {
     bytes.div_ceil(size_of::<u64>())
 }
@@ -210,7 +209,7 @@ fn words(bytes: usize) -> usize {
 impl Hub {
     /// Joins a run.
     pub(crate) fn join(address: &Address) -> Result<Self, IpcError> {
-        // What it has to say reaches the user through the errors of its calls.
+        // Errors of iceoryx2 reach the user through the results of its calls, not through its log.
         set_log_level(LogLevel::Fatal);
         let mut config = Config::default();
         config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(IpcError::of("a prefix"))?;
@@ -229,7 +228,7 @@ impl Hub {
         Ok(Self { node, backing })
     }
 
-    /// The service of this name, made or opened: all its ends come through here.
+    /// Creates or opens the service of this name. All ends of services are created through this function.
     fn service<T: Element>(&self, name: &str, depth: Depth) -> Result<PortFactory<Ipc, [T], Head>, IpcError> {
         let doing = || format!("opening service {name}");
         let id = ServiceName::new(name).map_err(IpcError::of(doing()))?;
@@ -237,7 +236,7 @@ impl Hub {
             .service_builder(&id)
             .publish_subscribe::<[T]>()
             .user_header::<Head>()
-            // The newest matters, and a sender never waits for a receiver that may be dead.
+            // The newest message matters, and a sender never waits for a receiver that may be dead.
             .enable_safe_overflow(true)
             .history_size(0)
             .max_publishers(2)
@@ -249,7 +248,7 @@ impl Hub {
             .map_err(IpcError::of(doing()))
     }
 
-    /// The writing end of a service of messages, of `bytes` at first.
+    /// Creates the sending end of a message service, initially for messages of up to `bytes`.
     pub(crate) fn sender(&self, name: &str, depth: Depth, bytes: usize) -> Result<Sender, IpcError> {
         const LOANS: usize = 2;
         let make = || {
@@ -266,8 +265,8 @@ impl Hub {
         Ok(Sender { publisher, backing: self.backing.clone(), room: AtomicUsize::new(bytes) })
     }
 
-    /// As [`sender`](Self::sender), for messages of at most `bytes` in memory that never grows: so many of
-    /// them may be being written, and so many there are at all.
+    /// As [`sender`](Self::sender), for messages of at most `bytes` in memory that never grows: at most `loans` of them
+    /// are being written at a time, and there are at most `rooms` in total.
     pub(crate) fn lending_sender(
         &self,
         name: &str,
@@ -289,7 +288,7 @@ impl Hub {
         self.backing.behind((rooms * bytes) as u64, make)
     }
 
-    /// The reading end of a service.
+    /// Creates the receiving end of a service.
     pub(crate) fn receiver<T: Element>(
         &self,
         name: &str,
@@ -303,30 +302,30 @@ impl Hub {
     }
 }
 
-/// A message that is being written. Several threads may look at it, one at a time writes.
+/// Message that is being written. Several threads may read it; writing requires exclusive access.
 pub(crate) struct Loan(SampleMut<Ipc, [u64], Head>);
 
-/// A message that was received and is kept for a while. Several threads read it.
+/// Received message that is kept for a while. Several threads may read it.
 pub(crate) struct Kept(pub(crate) Sample<Ipc, [u64], Head>);
 
 #[expect(
     unsafe_code,
     reason = "iceoryx2 says that samples may be sent between threads, not that they may be shared"
 )]
-// SAFETY: all that is done through a shared reference is reading bytes. Nothing else writes them while this lives:
-// a loan is its holder's alone. What both types have beside the pointer to them is behind a lock in
-// `ipc_threadsafe`, which is what makes them `Send`.
+// SAFETY: through a shared reference, bytes are only read. Nothing else writes them during the lifetime of this value:
+// a loan belongs to its holder alone. Apart from the pointer to the bytes, everything in both types is behind a lock in
+// `ipc_threadsafe`, which also makes them `Send`.
 unsafe impl Sync for Loan {}
 
 #[expect(
     unsafe_code,
     reason = "iceoryx2 says that samples may be sent between threads, not that they may be shared"
 )]
-// SAFETY: as above; a received message has no writer at all until it is given back, when this is dropped.
+// SAFETY: as above; a received message has no writer until it is returned, when this is dropped.
 unsafe impl Sync for Kept {}
 
 impl Loan {
-    /// Room for so many bytes and no word more, all zero; none if there is none left.
+    /// Loans zeroed memory for `bytes` bytes, rounded up to a word; `None` if none is left.
     pub(crate) fn of(sender: &WordSender, bytes: usize) -> Option<Self> {
         sender.loan_slice(words(bytes)).ok().map(Self)
     }
@@ -356,7 +355,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_more_is_lent_than_there_is() {
+    fn hub_refuses_to_lend_more_memory_than_is_free() {
         let folder = crate::folder::RunFolder::create().unwrap();
         let hub = Hub::join(&folder.address).unwrap();
         let refused = hub.lending_sender("memory/big", TALK, 2, 1 << 30, 1 << 20).unwrap_err().to_string();
@@ -365,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn no_other_user_reads_or_writes_what_a_run_shares() {
+    fn shared_files_are_closed_to_other_users() {
         let folder = crate::folder::RunFolder::create().unwrap();
         let hub = Hub::join(&folder.address).unwrap();
         let _ends = (hub.sender("a", TALK, 100).unwrap(), hub.receiver::<u8>("a", TALK).unwrap());

@@ -1,10 +1,11 @@
-//! What wakes the process at the other end: a pair of connected sockets.
+//! Wake-up channel to the process at the other end: a pair of connected sockets.
 //!
-//! One system call wakes, one waits, and nothing has to be emptied or switched before or after. The end of a
-//! process, however it comes, closes its end: whoever waits at the other is woken by that too. A worker has its end
-//! as standard input and output, behind the setup that came through it.
+//! One system call wakes, one waits, and nothing has to be drained or re-armed before or after. When a process ends for
+//! any reason, its end closes, which also wakes a process that waits at the other end. A worker's end is its standard
+//! input and output, after the setup that it received there.
 //!
-//! What goes through it is words of eight bytes: zero is a wake-up, a number says which start of a worker is ready.
+//! The channel carries words of eight bytes: zero is a wake-up, any other number is the start of a worker that is
+//! ready.
 
 use core::time::Duration;
 use std::io;
@@ -18,19 +19,19 @@ use rustix::net::{RecvFlags, SendFlags, Shutdown, recv, send, shutdown};
 
 const WORD: usize = size_of::<u64>();
 
-/// One end: wakes who waits at the other, and is woken from there.
+/// One end: wakes the process at the other end, and is woken by it.
 pub(crate) struct Waker(OwnedFd);
 
 impl Waker {
-    /// Both ends. `look_around`: waits at the first one last no longer.
+    /// Creates both ends. A wait at the first one lasts at most `look_around`.
     pub(crate) fn pair(look_around: Duration) -> io::Result<(Self, UnixStream)> {
         let (here, there) = UnixStream::pair()?;
         here.set_read_timeout(Some(look_around))?;
         Ok((Self(here.into()), there))
     }
 
-    /// The end that this process was started with. A message can come later than its wake-up, where the processes are
-    /// on two hosts: whoever waits here looks around too.
+    /// The end that this process was started with. Between two hosts a message can arrive after its wake-up, so waits
+    /// at this end last at most `look_around` too.
     pub(crate) fn inherited(look_around: Duration) -> io::Result<Self> {
         let here = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
         here.set_read_timeout(Some(look_around))?;
@@ -41,13 +42,13 @@ impl Waker {
         self.0.try_clone().map(UnixStream::from)
     }
 
-    /// Wakes the other end. One that is gone is that of a dead process, of which others take care.
+    /// Wakes the other end. Without effect if its process is dead, which is detected elsewhere.
     pub(crate) fn wake(&self) {
-        // A full socket has been waking for long. Nothing waits here for a process that does not listen.
+        // A full socket already holds wake-ups. This process never waits for one that does not listen.
         let _unheard = self.send(&[0; WORD]);
     }
 
-    /// Says that this start of a worker, counted from 1, is ready.
+    /// Reports that start `start` of a worker, counted from 1, is ready.
     pub(crate) fn ready(&self, start: u64) {
         let _unheard = self.send(&start.to_le_bytes());
     }
@@ -56,46 +57,46 @@ impl Waker {
         send(&self.0, bytes, SendFlags::DONTWAIT | SendFlags::NOSIGNAL)
     }
 
-    /// Waits until the process at the other end is gone, or has closed its end; takes nothing away.
+    /// Waits until the process at the other end is gone or has closed its end; reads nothing.
     pub(crate) fn wait_closed(&self) {
         let mut ends = [PollFd::new(&self.0, PollFlags::empty())];
         while poll(&mut ends, None) == Err(Errno::INTR) {}
     }
 
-    /// Tells the other end that nobody is here any more.
+    /// Signals to the other end that this end is closed.
     pub(crate) fn close(&self) {
-        // A process that is gone already cannot be told.
+        // Fails if the other process is already gone.
         let _gone = shutdown(&self.0, Shutdown::Both);
     }
 }
 
-/// What came through a [`Waker`].
+/// Signal received through a [`Waker`].
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
-    /// A wake-up, for whatever it may be.
+    /// A wake-up, for any reason.
     Wake,
     /// This start of a worker is ready.
     Ready(u64),
-    /// Nothing, for long enough.
+    /// No signal within the timeout.
     TimedOut,
-    /// The process at the other end is gone.
+    /// The process at the other end is gone, or has closed its end.
     Closed,
 }
 
-/// How long to wait.
+/// Maximum duration of a wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Timeout {
-    /// For what came already.
+    /// No wait: only signals that have already arrived.
     Zero,
-    /// For the read timeout of the socket.
+    /// Read timeout of the socket.
     Set,
 }
 
-/// Takes in what comes from the other end of a [`Waker`].
+/// Receiver of signals from the other end of a [`Waker`].
 pub(crate) struct Listener {
     pub(crate) waker: Arc<Waker>,
     buffer: [u8; 64 * WORD],
-    /// What of it came and was not taken.
+    /// Range of the received bytes that are not yet consumed.
     begin: usize,
     end: usize,
 }
@@ -105,7 +106,7 @@ impl Listener {
         Self { waker, buffer: [0; 64 * WORD], begin: 0, end: 0 }
     }
 
-    /// The next signal. Wake-ups in a row are one.
+    /// Returns the next signal. Consecutive wake-ups count as one.
     pub(crate) fn listen(&mut self, timeout: Timeout) -> Signal {
         let mut woken = false;
         loop {
@@ -115,7 +116,7 @@ impl Listener {
                     woken = true;
                     self.begin += WORD;
                 }
-                // What came behind a wake-up is for the next time.
+                // A word after a wake-up is left for the next call.
                 _ if woken => return Signal::Wake,
                 Some(start) => {
                     self.begin += WORD;
@@ -124,7 +125,7 @@ impl Listener {
                 None => match self.receive(timeout) {
                     Ok(0) => return Signal::Closed,
                     Ok(_) => {}
-                    // Should it be interrupted, the waiting one looks around a little early.
+                    // After an interruption the caller polls a little early.
                     Err(Errno::INTR | Errno::AGAIN) => return Signal::TimedOut,
                     Err(_) => return Signal::Closed,
                 },
@@ -132,7 +133,7 @@ impl Listener {
         }
     }
 
-    /// Takes bytes in; what is left of a word stays before them.
+    /// Receives bytes, after the rest of an incomplete word.
     fn receive(&mut self, timeout: Timeout) -> Result<usize, Errno> {
         self.buffer.copy_within(self.begin..self.end, 0);
         (self.begin, self.end) = (0, self.end - self.begin);
@@ -159,10 +160,10 @@ mod tests {
     }
 
     #[test]
-    fn it_rings_at_the_other_end_and_says_when_nobody_is_there() {
+    fn waker_wakes_the_other_end_and_detects_when_it_is_closed() {
         let [mut here, mut there] = pair();
         assert_eq!(here.listen(Timeout::Set), Signal::TimedOut, "it does not wait forever");
-        // More often than anybody listens.
+        // More often than the other end listens.
         (0..10_000).for_each(|_| there.waker.wake());
         here.waker.wake();
         assert_eq!([here.listen(Timeout::Set), there.listen(Timeout::Set)], [Signal::Wake, Signal::Wake]);
@@ -177,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn words_come_as_they_were_said_in_whatever_pieces() {
+    fn listener_reassembles_words_received_in_pieces() {
         let [here, mut there] = pair();
         here.waker.ready(3);
         here.waker.wake();
@@ -193,7 +194,7 @@ mod tests {
         assert_eq!(there.listen(Timeout::Zero), Signal::Ready(258));
     }
 
-    /// Many more with `SWERVE_FUZZ=1`.
+    /// Number of cases: 500, or 100,000 with `SWERVE_FUZZ=1`.
     fn cases() -> ProptestConfig {
         let cases = if std::env::var_os("SWERVE_FUZZ").is_some() { 100_000 } else { 500 };
         let rng_seed = RngSeed::Fixed(7);
@@ -203,9 +204,9 @@ mod tests {
     proptest! {
         #![proptest_config(cases())]
 
-        /// Whatever comes through the socket is rings and numbers, and has an end.
+        /// Any bytes that arrive through the socket are read as wake-ups and numbers, up to the end of the connection.
         #[test]
-        fn whatever_is_said_is_heard_to_its_end(bytes in prop::collection::vec(0..3_u8, 0..400)) {
+        fn listener_reads_any_bytes_up_to_their_end(bytes in prop::collection::vec(0..3_u8, 0..400)) {
             let (here, there) = Waker::pair(Duration::from_millis(5)).unwrap();
             here.send(&bytes).unwrap();
             drop(here);
@@ -215,9 +216,9 @@ mod tests {
             prop_assert!(heard.is_some());
         }
 
-        /// What a worker is told at its start.
+        /// Any bytes instead of a worker's setup are read or refused, without a panic.
         #[test]
-        fn what_is_no_setup_is_refused(
+        fn setup_is_read_or_refused_without_a_panic(
             bytes in prop::collection::vec(any::<u8>(), 0..200),
             length in any::<Option<u64>>(),
         ) {

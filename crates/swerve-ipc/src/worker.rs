@@ -1,4 +1,4 @@
-//! A worker: takes the steps that it is called for until the coordinator is gone.
+//! Worker: executes the steps that it is called for until the coordinator is gone.
 
 use core::time::Duration;
 use std::io::{self, Read};
@@ -19,29 +19,29 @@ use crate::link::{LOOK_AROUND, Names, now};
 use crate::service::{Head, Hub, Kind, Receiver, Sender, TALK};
 use crate::waker::{Listener, Signal, Timeout, Waker};
 
-/// What a worker is told at its start.
+/// Setup that a worker receives at its start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Setup {
     pub(crate) address: Address,
-    /// Its name.
+    /// Name of the worker process.
     pub process: String,
-    /// Which start of it this is.
+    /// Number of this start, counted from 1.
     pub(crate) start: u64,
-    /// The operators whose steps it takes.
+    /// Operators whose steps the worker executes.
     pub operators: Vec<String>,
-    /// What it needs to build the graph of which they are.
+    /// Data from which the worker builds the graph of these operators.
     pub payload: Vec<u8>,
-    /// For so long it waits for the next call without sleeping, microseconds.
+    /// Time to spin before sleeping while it waits for the next call, microseconds.
     pub(crate) spin_us: u64,
-    /// What it reads where sensors write it.
+    /// Memories that it reads in place, where sensors write them.
     pub(crate) memories: Vec<StreamMemory>,
 }
 
 impl Setup {
-    /// Reads it from standard input, which has to be left open.
+    /// Reads the setup from standard input, which has to be left open.
     ///
     /// # Errors
-    /// When it was not a coordinator that started this process.
+    /// If the input is not a worker's setup, as when no coordinator started this process.
     pub fn read(mut from: impl Read) -> io::Result<Self> {
         const BYTES_MAX: u64 = 1 << 30;
         let mut length = [0; 8];
@@ -54,17 +54,17 @@ impl Setup {
         postcard::from_bytes(&bytes).map_err(|error| wrong(format!("the setup of a worker: {error}")))
     }
 
-    /// As [`read`](Self::read) expects it.
+    /// Encodes the setup as [`read`](Self::read) expects it.
     pub(crate) fn framed(&self) -> Vec<u8> {
         let bytes = postcard::to_allocvec(self).expect("plain values serialize without fail");
         [&(bytes.len() as u64).to_le_bytes(), &bytes[..]].concat()
     }
 }
 
-/// Takes steps until the coordinator is gone.
+/// Executes steps until the coordinator is gone.
 ///
 /// # Errors
-/// When the run's shared memory is not there, or cannot be used.
+/// If the run's shared memory is missing or cannot be used.
 pub fn work(setup: &Setup, worker: Worker) -> Result<(), IpcError> {
     const ANSWER_BYTES: usize = 16 * 1024;
     let hub = Hub::join(&setup.address)?;
@@ -78,10 +78,10 @@ pub fn work(setup: &Setup, worker: Worker) -> Result<(), IpcError> {
     let (end, alone) = (waker.clone(), orphaned.clone());
     let watch = move || {
         const GRACE: Duration = Duration::from_secs(1);
-        // Whatever ends the coordinator closes its end.
+        // The coordinator's end closes however the coordinator ends.
         end.wait_closed();
         alone.store(true, Ordering::SeqCst);
-        // Held up until the loop below is left; a step that takes longer is of no use to anybody.
+        // Wait until the loop below is left; the result of a longer step is of no use.
         if is_left.recv_timeout(GRACE).is_err_and(|error| error == std::sync::mpsc::RecvTimeoutError::Timeout)
         {
             std::process::exit(1);
@@ -115,7 +115,7 @@ pub fn work(setup: &Setup, worker: Worker) -> Result<(), IpcError> {
     Ok(())
 }
 
-/// Where calls are answered.
+/// Answers the calls of the coordinator.
 struct CallServer {
     worker: Worker,
     shelves: Rc<Shelves>,
@@ -123,21 +123,21 @@ struct CallServer {
     waker: Arc<Waker>,
     /// The last answer.
     answer: Vec<u8>,
-    /// To which call that is, and what it is.
+    /// Sequence number of the call that it answers, and its kind.
     answered: Option<(u64, Kind)>,
 }
 
 impl CallServer {
-    /// Takes the next call that came in a slice, if there is one.
+    /// Executes the next call that arrived, if any; returns true if there was one.
     fn take_slice(&mut self, calls: &Receiver) -> Result<bool, IpcError> {
         let Some(call) = calls.receive().map_err(IpcError::of("receiving a call"))? else { return Ok(false) };
         self.take(*call.user_header(), call.payload())?;
         Ok(true)
     }
 
-    /// Takes the step that a call is for, and answers.
+    /// Executes the step that a call requests, and answers.
     fn take(&mut self, head: Head, call: &[u8]) -> Result<(), IpcError> {
-        // It is called again where the answer was lost on its way, or the step takes long.
+        // A call is repeated if its answer was lost or the step takes long.
         match self.answered {
             Some((seq, kind)) if seq == head.seq => return self.reply(seq, kind),
             Some((seq, _)) if seq > head.seq => return Ok(()),

@@ -1,6 +1,5 @@
-//! Images that two processes read are one and the same memory: the same file in the shared-memory folder, at the
-//! same offset, whatever their addresses are. A test with a `main` of its own: started with `worker`, it is the
-//! other process.
+//! Two processes that read an image read the same memory: the same file in the shared-memory folder, at the same
+//! offset, at whatever addresses. This test has a custom `main`: started with `worker`, it is the other process.
 #![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 use std::process::Command;
@@ -16,7 +15,7 @@ use swerve_ipc::{OnLoss, Setup, Traffic, WorkerPool, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
-/// Where bytes lie: the file behind the memory, and how far in.
+/// Place of bytes in memory: the mapped file and the offset in it.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 struct Place {
     file: String,
@@ -24,7 +23,7 @@ struct Place {
     offset: u64,
 }
 
-/// Looks up what the system has mapped where `bytes` are.
+/// Looks up the mapping that contains `bytes`.
 fn place(bytes: &[u8]) -> Place {
     let at = bytes.as_ptr() as u64;
     let hex = |text: &str| u64::from_str_radix(text, 16).unwrap();
@@ -45,7 +44,7 @@ fn pixels(image: &Image) -> &[u8] {
     image.pixels.bytes()
 }
 
-/// What the reader found: where its images lie, newest last, and the sum of all bytes.
+/// Result of the reader: the places of its images, newest last, and the sum of all bytes.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 struct Seen {
     places: Vec<Place>,
@@ -71,7 +70,7 @@ impl Operator for Camera {
     }
 }
 
-/// Looks at the image of its frame.
+/// Reads the image of its frame.
 struct Newest;
 
 impl Operator for Newest {
@@ -85,7 +84,7 @@ impl Operator for Newest {
     }
 }
 
-/// Looks at the last ten images: more than a worker keeps.
+/// Reads the last ten images, more than a worker keeps.
 struct LastTen;
 
 impl Operator for LastTen {

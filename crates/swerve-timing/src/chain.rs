@@ -7,16 +7,16 @@ use swerve_core::{Span, Time};
 use super::pipeline::Pipeline;
 use super::trace::{Publication, Step, Trace};
 
-/// Publications that follow from each other, the sensor's first, each with the step that computed it.
+/// Publications that each derive from the one before, starting with the sensor's, with the steps that computed them.
 pub(crate) struct Chain<'a> {
-    /// From the frame to the result.
+    /// Links, from the frame to the result.
     pub(crate) links: Vec<(&'a Publication, &'a Step)>,
-    /// From the stamp of the frame to the publication of the result.
+    /// Time from the stamp of the frame to the publication of the result.
     pub(crate) took: Span,
 }
 
 impl<'a> Chain<'a> {
-    /// That of the slowest of all results that are published until an instant, the first of equals.
+    /// Returns the chain of the slowest result published up to `until`; of equally slow ones the first.
     pub(crate) fn slowest(pipeline: &Pipeline, trace: &'a Trace, until: Time) -> Option<Self> {
         let response = |p: &Publication| Some(p.visible_at - p.origin.filter(|_| p.stamp.is_some())?);
         let results = trace.publications.iter();
@@ -38,7 +38,7 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// The stamp of the step that computed a publication.
+/// Stamp of the step that computed a publication.
 fn computed_for(publication: &Publication) -> Option<Time> {
     publication.reused_from.or(publication.stamp)
 }
@@ -48,14 +48,14 @@ fn step_of<'a>(trace: &'a Trace, publication: &Publication) -> Option<&'a Step> 
     trace.steps.iter().find(|step| step.operator == publication.operator && step.stamp == stamp)
 }
 
-/// What the step read that is of the same frame, feedback last; none of a sensor's own. It ends: nothing is read before it is
-/// published, and by feedback only later.
+/// Publication that the step read and that derives from the same frame, feedback last; `None` for a sensor's
+/// publication. Following causes terminates: nothing is read before it is published, and feedback only later.
 fn cause<'a>(
     pipeline: &Pipeline,
     by_stamp: &BTreeMap<(usize, Time), &'a Publication>,
     publication: &Publication,
 ) -> Option<&'a Publication> {
-    // A repeat says what it repeats; what was read then, that one says.
+    // A repeat has the reads of the publication that it repeats.
     let first = publication.reused_from.and_then(|stamp| by_stamp.get(&(publication.operator, stamp)));
     let publication = first.copied().unwrap_or(publication);
     let read = pipeline.operators[publication.operator].inputs().zip(&publication.reads);

@@ -1,5 +1,6 @@
-//! The chart of `swerve timing --picture`: a row for each operator, a bar for each step, marks for what came of it, and the
-//! chain of the slowest response. What the eye could not tell apart is one band with its count.
+//! Chart of `swerve timing --picture`: a row per operator, a bar per step, marks for publications, misses and drops,
+//! and the chain of the slowest response. Bars or marks that are too close together are merged into a band; a band of
+//! steps shows its count.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -18,32 +19,32 @@ use super::trace::{Step, Trace};
 
 const LANE_PX: f64 = 22.0;
 const BAR_PX: f64 = 15.0;
-/// Below the bars of a row: a line of publications, and one of misses and drops.
+/// Space below the bars of a row: a line of publications, and one of misses and drops.
 const FOOT_PX: f64 = 18.0;
 const TOP_PX: f64 = 58.0;
 const PLOT_PX_MIN: f64 = 1000.0;
 const PLOT_PX_MAX: f64 = 12_000.0;
 const LEFT_PX_MIN: f64 = 110.0;
-/// Bars are at least this wide on average, as far as the chart may grow.
+/// Width per step of the busiest operator, within the limits of the plot's width.
 const STEP_PX: f64 = 40.0;
-/// More steps than this do not fit into one chart: it shows the first part of the run.
+/// Maximum number of steps in a chart; for longer runs it shows the first part.
 const STEPS_MAX: usize = 3000;
-/// Ticks of the axis stand about this far apart.
+/// Approximate distance between the ticks of the axis.
 const TICK_PX: f64 = 80.0;
-/// Steps, or publications, of a row are told apart from so far on, start to start,
+/// Minimum distance at which bars or marks of a row are drawn one by one, start to start.
 const APART_PX: f64 = 14.0;
-/// and are one band where so many in a row are not.
+/// Minimum number of consecutive closer ones that are merged into a band.
 const BAND_MIN: usize = 4;
-/// Tints of the palette that dark text can be read on.
+/// Tint of an operator's palette colour on which dark text is readable.
 fn fill_of(operator: usize) -> Color {
     SERIES[operator % 4].color.mixed(color::PAPER, 0.6)
 }
 
-/// What stands at a bar, at a mark and at the axis.
+/// Text of bars, marks and the axis.
 const LABEL: Text = Text { size: 11.0, ..Text::PLAIN };
 const NOTE: Text = Text { size: 9.0, ..Text::SOFT };
 
-/// The chart of a run.
+/// Draws the chart of a run.
 pub(crate) fn draw(pipeline: &Pipeline, trace: &Trace) -> Picture {
     let chart = Chart::new(pipeline, trace);
     let mut canvas = Canvas::default();
@@ -62,15 +63,15 @@ pub(crate) fn draw(pipeline: &Pipeline, trace: &Trace) -> Picture {
 struct Chart<'a> {
     pipeline: &'a Pipeline,
     trace: &'a Trace,
-    /// Per step, in the order of the trace, which of its operator's lanes it lies in.
+    /// Lane of each step within its operator's row, in the order of the trace.
     lanes: Vec<usize>,
-    /// Per operator, the top of its row.
+    /// Top of each operator's row.
     tops: Vec<f64>,
     bottom_px: f64,
     left_px: f64,
     plot_px: f64,
     px_per_ms: f64,
-    /// The end of what is shown.
+    /// End of the displayed part of the run.
     until: Time,
 }
 
@@ -166,7 +167,7 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// The bars of a lane, and in the place of those that are too close a band.
+    /// Draws the bars of a lane, with a band in place of bars that are too close together.
     fn lane(&self, canvas: &mut Canvas, lane: usize, steps: &[&Step]) {
         let at: Vec<f64> = steps.iter().map(|step| self.x(step.start)).collect();
         let mut next = 0;
@@ -179,13 +180,13 @@ impl<'a> Chart<'a> {
         steps[next..].iter().for_each(|step| self.bar(canvas, step, lane));
     }
 
-    /// The top left corner and the width of a bar.
+    /// Returns the top left corner and the width of a bar.
     fn place(&self, step: &Step, lane: usize) -> (At, f64) {
         let (x, y) = (self.x(step.start), self.tops[step.operator] + LANE_PX * lane as f64);
         ((x, y), (self.x(self.end(step)) - x).max(1.5))
     }
 
-    /// Its end, as far as it is shown.
+    /// End of a step, clipped to the displayed part.
     fn end(&self, step: &Step) -> Time {
         step.end.map_or(self.until, |end| end.min(self.until))
     }
@@ -230,26 +231,26 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// Where the publications of an operator stand, and below them its misses and drops.
+    /// Heights of an operator's publications, and of its misses and drops below them.
     fn feet(&self, operator: usize) -> (f64, f64) {
         let foot = self.tops.get(operator + 1).copied().unwrap_or(self.bottom_px) - 9.5;
         (foot - 9.0, foot)
     }
 
-    /// Instants of an operator's publications, new ones or repeats.
+    /// Horizontal positions of an operator's publications, either new ones or repeats.
     fn published(&self, operator: usize, again: bool) -> Vec<f64> {
         let all = self.trace.publications.iter().filter(|p| p.operator == operator && p.stamp.is_some());
         let shown = all.filter(|p| p.reused_from.is_some() == again && p.visible_at <= self.until);
         shown.map(|p| self.x(p.visible_at)).collect()
     }
 
-    /// The chain's steps are set off, and an arrow leads from each publication to the step that read it.
+    /// Outlines the steps of the chain and draws an arrow from each publication to the step that read it.
     fn chain(&self, canvas: &mut Canvas, chain: &Chain<'_>) {
         for pair in chain.links.windows(2) {
             let ((read, _), (_, by)) = (pair[0], pair[1]);
             let from = (self.x(read.visible_at), self.feet(read.operator).0);
             let top = self.tops[by.operator];
-            // What is read by feedback comes from below.
+            // Feedback is read from below.
             let edge = if top > from.1 { top - 1.0 } else { top + BAR_PX + 1.0 };
             arrow(canvas, from, (self.x(by.start), edge));
         }
@@ -257,7 +258,7 @@ impl<'a> Chart<'a> {
             let lane = self.trace.steps.iter().position(|other| core::ptr::eq(other, *step));
             let (at, width) = self.place(step, lane.map_or(0, |k| self.lanes[k]));
             canvas.rect(at, (width, BAR_PX), CHAIN.rounded(2.0));
-            // What is published again is published later than it was computed.
+            // A repeat is published later than it was computed.
             if publication.reused_from.is_some() {
                 let to = (self.x(publication.visible_at), self.feet(publication.operator).0);
                 canvas.path(
@@ -269,7 +270,7 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// Publications, and below them misses and drops, stand on the lower edge of their row.
+    /// Draws publications, and below them misses and drops, at the lower edge of each row.
     fn marks(&self, canvas: &mut Canvas) {
         for operator in 0..self.pipeline.operators.len() {
             let (y, foot) = self.feet(operator);
@@ -293,7 +294,7 @@ impl<'a> Chart<'a> {
         }
     }
 
-    /// What of the signs there is in the chart; gives the height of its last line.
+    /// Draws a legend of the signs in the chart; returns the height of its last line.
     fn legend(&self, canvas: &mut Canvas, chain: Option<&Chain<'_>>) -> f64 {
         let (trace, until) = (self.trace, self.until);
         let steps = || trace.steps.iter().filter(|step| step.start <= until);
@@ -326,10 +327,11 @@ impl<'a> Chart<'a> {
     }
 }
 
-/// What draws a mark about a place.
+/// Draws a mark at a position.
 type Mark = fn(&mut Canvas, At);
 
-/// Of places in order the runs of neighbours that are too close to be told apart and all `may` be in one.
+/// Merges at least [`BAND_MIN`] neighbours closer than [`APART_PX`] into bands; `at` is ascending, and `may` is true
+/// for the indices that a band may contain.
 fn bands(at: &[f64], may: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
     let joins = |k: usize| at[k] - at[k - 1] < APART_PX && may(k - 1) && may(k);
     let mut bands = Vec::new();
@@ -343,7 +345,7 @@ fn bands(at: &[f64], may: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
     bands
 }
 
-/// Bends down into the step, or up.
+/// Draws an arrow that bends into the step, downwards or upwards.
 fn arrow(canvas: &mut Canvas, from: At, to: At) {
     let down = (to.1 - from.1).signum();
     let bend = (0.5 * (to.1 - from.1).abs()).max(8.0) * down;
@@ -354,7 +356,7 @@ fn arrow(canvas: &mut Canvas, from: At, to: At) {
 
 const GRID: Style = Style::line(color::GRID, 1.0);
 
-/// Opacity and dashes of the bars of steps that came to nothing.
+/// Opacity and dashes of the bars of late, unfinished and finished steps.
 const LATE: (f64, [f64; 2]) = (0.35, [3.0, 2.0]);
 const UNDER_WAY: (f64, [f64; 2]) = (0.6, [1.0, 2.0]);
 const DONE: (f64, [f64; 2]) = (1.0, [0.0, 0.0]);
@@ -363,10 +365,10 @@ fn bar_style(fill: Color, (opacity, [dash, gap]): (f64, [f64; 2])) -> Style {
     Style::fill(fill).filled_by(opacity).outlined(color::SOFT, 0.7).dashed(dash, gap).rounded(2.0)
 }
 
-/// The chain of the slowest response.
+/// Style of the chain of the slowest response.
 const CHAIN: Style = Style::line(color::INK, 1.6);
 
-/// Publications that are too close to be told apart.
+/// Style of publications that are too close together to be drawn one by one.
 const MANY: Style = Style::line(color::GOOD, 4.0);
 const MANY_AGAIN: Style = MANY.lined_by(0.4);
 
@@ -397,7 +399,7 @@ fn dropped(canvas: &mut Canvas, at: At) {
     canvas.circle(at, 3.0, Style::fill(color::PAPER).outlined(color::SOFT, 1.4));
 }
 
-/// Which lane of its operator's row each step lies in, the first that is free; and how many lanes each row has.
+/// Assigns each step the first free lane of its operator's row; also returns the number of lanes of each row.
 fn lanes(pipeline: &Pipeline, trace: &Trace) -> (Vec<usize>, Vec<usize>) {
     let mut ends: Vec<Vec<Time>> = vec![Vec::new(); pipeline.operators.len()];
     let mut place = |step: &Step| {
@@ -411,7 +413,7 @@ fn lanes(pipeline: &Pipeline, trace: &Trace) -> (Vec<usize>, Vec<usize>) {
     (lanes, ends.iter().map(|row| row.len().max(1)).collect())
 }
 
-/// What a row says below its name: policy, and resource if it has one.
+/// Text below the name of a row: policy, and resource if it has one.
 fn note(pipeline: &Pipeline, op: &super::BlackBox) -> String {
     match op.uses {
         Some(r) => format!("{} on {}", op.policy, pipeline.resources[r].name),
@@ -424,7 +426,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_close_is_a_band_where_there_is_enough_of_it() {
+    fn bands_contain_enough_close_neighbours() {
         let at = [0.0, 5.0, 10.0, 15.0, 40.0, 45.0, 50.0, 80.0, 85.0, 90.0, 95.0, 100.0];
         assert_eq!(bands(&at, |_| true), [0..4, 7..12]);
         assert_eq!(bands(&at, |k| k != 11), [0..4, 7..11]);

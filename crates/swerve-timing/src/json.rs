@@ -1,4 +1,4 @@
-//! What `swerve timing --json` prints: every publication, in commit order.
+//! Output of `swerve timing --json`: every publication, in commit order.
 
 use serde::{Serialize, Serializer};
 
@@ -29,7 +29,7 @@ impl Serialize for Reads<'_> {
     }
 }
 
-/// One array, a publication on each line.
+/// Formats one array, with a publication on each line.
 pub(crate) fn json(pipeline: &Pipeline, trace: &Trace) -> String {
     let row = |publication: &Publication| {
         let row = Row {

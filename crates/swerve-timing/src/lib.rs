@@ -1,9 +1,8 @@
-//! `swerve timing`: sizes a pipeline before any of it is written.
+//! `swerve timing`: sizes a pipeline before any of it is implemented.
 //!
-//! A file describes operators of which only the timing is known: what they read, how long their steps take, what
-//! happens while they are busy, until when they have to answer, and what they share. The engine runs them over a
-//! span in virtual time, under the rules of `docs/execution.md`; out come response times, losses and utilisation,
-//! every publication as JSON, and a chart.
+//! A file describes operators of which only the timing is known: their inputs, run times, policies while busy,
+//! deadlines and shared resources. The engine runs them over a span in virtual time, under the rules of
+//! `docs/execution.md`. The output is response times, losses and utilisation, every publication as JSON, and a chart.
 
 mod chain;
 mod gantt;
@@ -34,18 +33,18 @@ pub use trace::{Mark, Publication, Step, Trace};
 /// Runs a pipeline of black boxes and prints its response times, losses and utilisation.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TimingArgs {
-    /// The pipeline, as TOML.
+    /// Pipeline file (TOML).
     pub file: PathBuf,
     /// Draw a chart of all steps, publications, misses and drops into this file.
     #[arg(long, value_name = "FILE", alias = "svg")]
     pub picture: Option<PathBuf>,
-    /// How it is written.
+    /// Options of the chart.
     #[command(flatten)]
     pub pictures: PictureArgs,
-    /// Write a page with all steps, of which each tells its chain, and the run times into this file.
+    /// Write a page with all steps, each with its chain, and the run times into this file.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// Consent to the replacement of these files.
+    /// Options for replacing existing files.
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Print every publication, in commit order, as one JSON array and nothing else.
@@ -62,15 +61,15 @@ pub struct TimingArgs {
 /// Runs `swerve timing`.
 ///
 /// # Errors
-/// When the file cannot be read or has problems (all of them, with line and key), the run fails (a full queue
-/// under `fail`), or the chart cannot be written.
+/// If the file cannot be read or has problems (all are reported, with line and key), if the run fails (a full queue
+/// under `fail`), or if the chart or the page cannot be written.
 pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     for path in [&args.picture, &args.report].into_iter().flatten() {
         swerve_report::files::refuse_toml(path)?;
         args.overwrite.check([path.as_path()])?;
     }
     let pipeline = read_file(&args.file).map_err(|problems| swerve_drive::problems_error(&problems))?;
-    // Everything is kept only where somebody asks for it: a table needs an eighth of the memory.
+    // All events are kept only if an output needs them: the table takes an eighth of the memory.
     let all = args.picture.is_some() || args.report.is_some() || args.json;
     let mut trace = Trace::default();
     let tally = simulate::simulate(&pipeline, args.seed, args.threads, all.then_some(&mut trace))
@@ -86,10 +85,10 @@ pub fn run(args: &TimingArgs) -> anyhow::Result<()> {
     swerve_report::output::print(&text)
 }
 
-/// The pipeline that a file describes.
+/// Reads the pipeline that a file describes.
 ///
 /// # Errors
-/// When the file cannot be read, or all that is wrong with it: file, line, key and what was expected.
+/// If the file cannot be read or is invalid: all problems, with file, line, key and expected value.
 pub fn read_file(path: &Path) -> Result<Pipeline, Problems> {
     read::pipeline(&Kind::Timing.document(path)?)
 }
@@ -99,7 +98,7 @@ pub fn schema() -> schemars::Schema {
     schemars::schema_for!(read::File)
 }
 
-/// The pipeline that `text` describes; `name` stands for its file in messages.
+/// Reads the pipeline that `text` describes; `name` is the file name in messages.
 ///
 /// # Errors
 /// As [`read_file`].
@@ -110,33 +109,33 @@ pub fn parse(name: &str, text: &str) -> Result<Pipeline, Problems> {
 /// Runs `pipeline` over its span, the end included.
 ///
 /// # Errors
-/// When the engine refuses the graph or the run fails.
+/// If the engine refuses the graph or the run fails.
 pub fn simulate(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Trace> {
     let mut trace = Trace::default();
     simulate::simulate(pipeline, seed, threads, Some(&mut trace))?;
     Ok(trace)
 }
 
-/// The same, of which only counts and run times are kept.
+/// As [`simulate`], but keeps only counts and run times.
 ///
 /// # Errors
-/// As [`simulate`].
+/// As for [`simulate`].
 pub fn tally(pipeline: &Pipeline, seed: u64, threads: usize) -> anyhow::Result<Tally<'_>> {
     simulate::simulate(pipeline, seed, threads, None)
 }
 
-/// Response times, losses and utilisation as aligned text.
+/// Formats response times, losses and utilisation as aligned text.
 pub fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
     table::table(pipeline, tally)
 }
 
-/// A Gantt chart.
+/// Draws a Gantt chart.
 pub fn draw(pipeline: &Pipeline, trace: &Trace) -> swerve_draw::Picture {
     gantt::draw(pipeline, trace)
 }
 
-/// Every publication in commit order, as a JSON array of
-/// `{operator, stamp_ns, watermark_ns, visible_at_ns, reused_from_ns, reads}`.
+/// Formats every publication in commit order as a JSON array of `{operator, stamp_ns, watermark_ns, visible_at_ns,
+/// reused_from_ns, reads}`.
 pub fn json(pipeline: &Pipeline, trace: &Trace) -> String {
     json::json(pipeline, trace)
 }

@@ -1,4 +1,4 @@
-//! The page of a pipeline of black boxes: operators over time, and their run times.
+//! Page of a pipeline of black boxes: operators over time, and their run times.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use super::table::Row;
 use super::tally::Tally;
 use super::trace::Trace;
 
-/// The page of a run of `pipeline`, read from `file`.
+/// Builds the page of a run of `pipeline`, read from `file`.
 pub(crate) fn page(
     file: &Path,
     seed: u64,
@@ -23,7 +23,7 @@ pub(crate) fn page(
         collector.set_inputs(&operator.name, inputs(pipeline, operator));
     }
     for step in &trace.steps {
-        // One that the end cut off has no run time.
+        // A step cut off by the end of the run has no run time.
         let Some(end) = step.end else { continue };
         collector.step(name(step.operator), step.stamp, step.start, end, step.late);
     }
@@ -50,7 +50,7 @@ pub(crate) fn page(
     )
 }
 
-/// What the terminal has.
+/// Tables of the terminal output.
 fn tables(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<Table> {
     let table = |(title, mut rows): (&str, Vec<Row>)| {
         let columns = rows.remove(0);

@@ -11,18 +11,18 @@ use swerve_text::{Document, Problems, nearest, number};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 
-/// More ticks than this would not end in a sensible time.
+/// Maximum number of ticks of a timer; more would take too long.
 const TICKS_MAX: i64 = 2_000_000;
 const SLOTS_MAX: usize = 1_000_000;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct File {
-    /// How long the pipeline runs, ms.
+    /// Duration of the run, ms.
     span_ms: f64,
-    /// The operators, in the order of their ranks.
+    /// Operators, in the order of their ranks.
     operator: Vec<OperatorTable>,
-    /// What operators share, by name.
+    /// Resources that operators share, by name.
     #[serde(default)]
     resource: BTreeMap<String, ResourceTable>,
 }
@@ -30,39 +30,40 @@ pub(crate) struct File {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct OperatorTable {
-    /// What others call it.
+    /// Name of the operator and of its stream.
     name: String,
-    /// From one tick of a timer to the next, ms.
+    /// Period of the timer that triggers the operator, ms.
     every_ms: Option<f64>,
-    /// The first tick of a timer, ms.
+    /// Time of the timer's first tick, ms. Default: 0.
     phase_ms: Option<f64>,
-    /// Operators at whose stamps it fires.
+    /// Operators whose stamps trigger a step; their messages are joined by stamp.
     #[serde(default)]
     at: Vec<String>,
-    /// Operators of which it takes the newest message.
+    /// Operators whose newest message is read.
     #[serde(default)]
     latest: Vec<String>,
-    /// The same of operators behind it.
+    /// As `latest`, for operators that follow this one in the pipeline.
     #[serde(default)]
     feedback: Vec<String>,
-    /// How long a step takes.
+    /// Run time of a step.
     runtime: Runtime,
-    /// What happens while it is busy: `skip_to_latest`, `queue(N)`, `pipelined(N)` and their variants.
+    /// Handling of frames while the operator is busy: `skip_to_latest` (default), `queue(N)`, `pipelined(N)` and their
+    /// variants.
     policy: Option<String>,
-    /// By when it has to be done.
+    /// Deadline for answering a stamp, and the reaction to a miss.
     deadline: Option<Deadline>,
-    /// The resource that a step takes up.
+    /// Resource that a step occupies.
     uses: Option<String>,
 }
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ResourceTable {
-    /// Steps that it takes at a time.
+    /// Number of steps that can use the resource at a time.
     slots: usize,
 }
 
-/// The pipeline that a file describes, or all that is wrong with it.
+/// Reads the pipeline that a file describes, or returns all of its problems.
 pub(crate) fn pipeline(document: &Document) -> Result<Pipeline, Problems> {
     document.to_checked(|file| checked(document, file))
 }
@@ -82,7 +83,7 @@ fn checked(document: &Document, file: File) -> Result<Pipeline, Problems> {
     reader.problems.or(Pipeline { span, operators, resources })
 }
 
-/// Reads tables, keeping the problems on the way: a value with a problem stands as a harmless one.
+/// Reads tables and collects their problems; an invalid value is replaced by a harmless one.
 struct Reader<'a> {
     document: &'a Document,
     file: &'a File,
@@ -183,7 +184,7 @@ impl Reader<'_> {
         Some(Timer { period, phase: phase.unwrap_or(Span::ZERO) })
     }
 
-    /// The indices of the operators in one list of inputs; each once per operator, whatever the list.
+    /// Indices of the operators in one list of inputs. An operator is an input only once, whatever the list.
     fn inputs(&mut self, key: &str, names: &[String], seen: &mut Vec<usize>) -> Vec<usize> {
         let operators = &self.file.operator;
         let mut read = Vec::new();
@@ -223,7 +224,7 @@ impl Reader<'_> {
         {
             ranked[i] = true;
         }
-        // Every operator without rank waits for another one: following them comes back to a visited one.
+        // Every operator without a rank waits for another one: following them leads back to a visited one.
         let Some(first) = ranked.iter().position(|done| !done) else { return };
         let mut path = vec![first];
         let start = loop {
@@ -251,7 +252,7 @@ impl Reader<'_> {
     }
 }
 
-/// The model of a run time; the key in it that is wrong, and what is wrong.
+/// Reads a run time model; an error has the invalid key and the message.
 fn runtime(table: &Runtime) -> Result<RuntimeModel, (&'static str, String)> {
     if table.work.is_some() || table.measured.is_some() {
         let message = "a black box does no work to be counted or measured: expected one of zero, fixed_ms, cycle_ms, \

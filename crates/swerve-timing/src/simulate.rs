@@ -1,4 +1,4 @@
-//! From a pipeline to a graph of black boxes on the engine, and its run in virtual time.
+//! Builds the engine's graph of a pipeline of black boxes, and runs it in virtual time.
 
 use swerve_core::Time;
 use swerve_flow::{
@@ -10,7 +10,7 @@ use super::pipeline::{BlackBox, Names, Pipeline};
 use super::tally::Tally;
 use super::trace::Trace;
 
-/// Computes nothing: its run time is all there is to it.
+/// Operator that computes nothing and only takes its run time.
 struct Blank;
 
 impl Operator for Blank {
@@ -22,8 +22,8 @@ impl Operator for Blank {
     }
 }
 
-/// The engine's graph of a pipeline. Operators are added in the order of the ranks that the file gives them, which
-/// the engine, going by the order of addition, gives them again.
+/// Builds the engine's graph of a pipeline. Operators are added in the order of the ranks that the file gives them; the
+/// engine ranks by order of addition and so assigns the same ranks.
 fn graph(pipeline: &Pipeline) -> Graph {
     let mut graph = Graph::new();
     let resources: Vec<_> = pipeline
@@ -71,7 +71,7 @@ fn graph(pipeline: &Pipeline) -> Graph {
     graph
 }
 
-/// Runs the pipeline; `trace`, where there is one, takes in everything.
+/// Runs the pipeline; `trace`, if given, records all events.
 pub(crate) fn simulate<'a>(
     pipeline: &'a Pipeline,
     seed: u64,

@@ -1,4 +1,4 @@
-//! What `swerve timing` prints: response times, what every operator did, and how busy everything was.
+//! Text output of `swerve timing`: response times, activity of every operator, and utilisation.
 
 use core::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use swerve_core::Span;
 use super::pipeline::Pipeline;
 use super::tally::Tally;
 
-/// The report of a run as aligned text.
+/// Formats the report of a run as aligned text.
 pub(crate) fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
     let mut text = format!("span {} ms, {} operators\n", ms(pipeline.span), pipeline.operators.len());
     for (title, rows) in tables(pipeline, tally) {
@@ -16,7 +16,7 @@ pub(crate) fn table(pipeline: &Pipeline, tally: &Tally<'_>) -> String {
     text
 }
 
-/// The tables that have rows, each with its title and its head.
+/// Tables that have rows, each with its title and header.
 pub(crate) fn tables(pipeline: &Pipeline, tally: &Tally<'_>) -> Vec<(&'static str, Vec<Row>)> {
     let all = [
         (
@@ -88,7 +88,7 @@ fn sorted(spans: &[Span]) -> Vec<Span> {
     spans
 }
 
-/// The smallest of `sorted` that so many percent do not exceed (nearest rank), in ms.
+/// Percentile of `sorted` by nearest rank, in ms; `-` if there are no values.
 fn percentile(sorted: &[Span], percent: usize) -> String {
     let rank = (sorted.len() * percent).div_ceil(100);
     sorted.get(rank.saturating_sub(1)).map_or_else(|| "-".to_owned(), |span| ms(*span))
@@ -103,7 +103,7 @@ fn share(busy: Span, span: Span, places: usize) -> String {
     format!("{:.1} %", 100.0 * busy.as_secs() / (span.as_secs() * places as f64))
 }
 
-/// Columns as wide as their widest cell: the first and last text column to the left, figures to the right.
+/// Pads columns to their widest cell: text (the first column and `used by`) to the left, numbers to the right.
 fn aligned(rows: &[Row]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| {

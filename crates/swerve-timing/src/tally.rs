@@ -1,43 +1,44 @@
-//! Counts and run times of a run, in the few bytes a step that a run of hours needs.
+//! Counts and run times of a run, in the few bytes per step that a run of hours allows.
 
 use swerve_core::{Span, Time};
 use swerve_flow::{DropReason, Event, Observer};
 
 use super::pipeline::{Names, Pipeline};
 
-/// What the table tells of a run.
+/// Counts and run times of a run, as shown in the table.
 #[derive(Clone, Debug)]
 pub struct Tally<'a> {
     names: Names<'a>,
-    /// Of each operator of the pipeline.
+    /// Tally of each operator of the pipeline.
     pub operators: Vec<OperatorTally>,
 }
 
-/// What one operator did.
+/// Activity of one operator.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OperatorTally {
     /// Steps that started.
     pub steps: u64,
     /// Messages published.
     pub messages: u64,
-    /// Those of them that repeat an older result.
+    /// Messages among them that repeat an older result.
     pub repeats: u64,
     /// Deadlines missed.
     pub misses: u64,
     /// Frames and results dropped.
     pub drops: u64,
-    /// How long its steps took that ended, in the order of their ends.
+    /// Run times of the steps that ended, in the order of their ends.
     pub run_times: Vec<Span>,
-    /// Of a result of the pipeline, the times from the newest sensor frame that a message derives from to the message.
+    /// Response times, if the operator's messages are results: from the newest sensor frame that a message derives from
+    /// to the message.
     pub responses: Vec<Span>,
-    /// The time that its steps took within the span of the run.
+    /// Time spent in steps within the span of the run.
     pub busy: Span,
     /// Stamps and starts of the steps that have not ended.
     running: Vec<(Time, Time)>,
 }
 
 impl<'a> Tally<'a> {
-    /// Of a run of this pipeline that has not begun.
+    /// Creates the tally of a run of this pipeline before it begins.
     pub(crate) fn new(pipeline: &'a Pipeline) -> Self {
         Self {
             names: Names::new(pipeline),
@@ -74,7 +75,7 @@ impl Observer for Tally<'_> {
                 tally.busy += s.end - s.start;
             }
             Event::Miss(m) => self.of(m.operator).misses += 1,
-            // A message that comes too late opens no frame: nothing of this operator is lost by it.
+            // A message that arrives too late opens no frame, so this operator loses nothing.
             Event::Drop(d) if d.reason == DropReason::TooLate => {}
             Event::Drop(d) => self.of(d.operator).drops += 1,
             Event::Decision(_) => {}

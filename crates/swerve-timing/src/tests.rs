@@ -19,7 +19,7 @@ uses = "gpu0"
 slots = 1
 "#;
 
-/// The problems of the good file with `from` replaced by `to`.
+/// Returns the problems of the good file with `from` replaced by `to`.
 fn problems(from: &str, to: &str) -> Vec<String> {
     assert!(GOOD.contains(from), "{from} is not in the file");
     match parse("p.toml", &GOOD.replacen(from, to, 1)) {
@@ -28,7 +28,7 @@ fn problems(from: &str, to: &str) -> Vec<String> {
     }
 }
 
-/// The only problem starts as `start` says, after the file's name, and holds `part`.
+/// Asserts that there is only one problem, which starts with `start` after the file's name and contains `part`.
 #[track_caller]
 fn refused(from: &str, to: &str, start: &str, part: &str) {
     let [problem] = &problems(from, to)[..] else { panic!("not one problem: {:?}", problems(from, to)) };
@@ -71,7 +71,7 @@ fn an_unknown_key_is_named_with_its_line_and_the_nearest_one() {
 }
 
 #[test]
-fn an_unknown_name_is_met_with_the_nearest_one() {
+fn unknown_name_is_reported_with_the_nearest_one() {
     refused(
         "[\"camera\"]",
         "[\"camra\"]",
@@ -100,7 +100,7 @@ fn an_unknown_name_is_met_with_the_nearest_one() {
 }
 
 #[test]
-fn times_that_are_none_are_refused() {
+fn invalid_times_are_refused() {
     for bad in ["nan", "-5", "inf", "1e300", "\"50\"", "0", "1e-9"] {
         refused("every_ms = 50", &format!("every_ms = {bad}"), "4: operator[0].every_ms: ", "");
         refused("span_ms = 2000", &format!("span_ms = {bad}"), "1: span_ms: ", "");
@@ -125,7 +125,7 @@ fn times_that_are_none_are_refused() {
 }
 
 #[test]
-fn a_run_time_is_required_and_one() {
+fn operator_requires_exactly_one_run_time() {
     refused("runtime = { fixed_ms = 80 }\n", "", "6: operator[1].runtime: is missing: expected a table", "");
     for (bad, part) in [
         ("", "exactly one"),
@@ -147,7 +147,7 @@ fn a_run_time_is_required_and_one() {
 }
 
 #[test]
-fn policies_and_resources_that_are_none_are_refused() {
+fn invalid_policies_and_resources_are_refused() {
     let unknown = ["unknown policy", "pipelined(N)"];
     let count = ["expected an N from 1 to 1000000 in `queue(N)`", "found `queue("];
     for (bad, [start, part]) in [
@@ -168,7 +168,7 @@ fn policies_and_resources_that_are_none_are_refused() {
 }
 
 #[test]
-fn inputs_are_named_once_and_something_fires() {
+fn operator_requires_distinct_inputs_and_a_trigger() {
     let at = "at = [\"camera\"]";
     refused(
         at,
@@ -212,7 +212,7 @@ fn all_problems_of_values_are_reported() {
 }
 
 #[test]
-fn text_that_is_no_toml_is_refused_with_its_line() {
+fn invalid_toml_is_refused_with_its_line() {
     refused("name = \"camera\"", "name = \"camera", "3: ", "");
     refused("[resource.gpu0]", "[resource.gpu0", "13: ", "");
     assert!(parse("p.toml", "").is_err());
@@ -235,7 +235,7 @@ fn the_json_has_every_key_and_the_reads_by_name() {
 }
 
 #[test]
-fn random_run_times_go_by_the_seed_alone() {
+fn random_run_times_depend_on_the_seed_alone() {
     let text = GOOD.replace("fixed_ms = 80", "normal_ms = [60, 15]");
     let pipeline = parse("p.toml", &text).expect("the file is good");
     let run = |seed, threads| simulate(&pipeline, seed, threads).expect("it runs").publications;
@@ -252,8 +252,8 @@ fn a_full_queue_that_fails_ends_the_run_with_its_name() {
 }
 
 #[test]
-fn the_table_counts_what_happened() {
-    // The detector takes 80 of every 100 ms: two frames of three in 200 ms are answered.
+fn table_counts_steps_and_messages() {
+    // The detector takes 80 ms per frame, and a frame arrives every 50 ms: it skips frames.
     let pipeline = good();
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
     let table = table(&pipeline, &tally(&pipeline, 1, 1).expect("it runs"));
@@ -274,7 +274,7 @@ fn a_busy_operator_is_busy_all_the_time() {
         GOOD.replace("deadline", "#").replace("every_ms = 50", "every_ms = 10").replace("= 80", "= 25");
     let pipeline = parse("p.toml", &text).expect("the file is good");
     let tally = tally(&pipeline, 1, 1).expect("it runs");
-    // It starts when the first image is there, after 5 ms, and never stops.
+    // It starts when the first image arrives, after 5 ms, and never stops.
     assert_eq!(tally.operators[1].busy, Span::from_ms(1995));
 }
 
@@ -290,7 +290,7 @@ fn the_chart_has_a_bar_for_each_step_and_survives_any_name() {
 }
 
 #[test]
-fn a_chart_of_a_long_run_shows_its_first_part_and_says_so() {
+fn chart_of_a_long_run_shows_its_first_part_and_states_it() {
     let text = GOOD.replace("span_ms = 2000", "span_ms = 3600000");
     let pipeline = parse("p.toml", &text).expect("the file is good");
     let svg = draw(&pipeline, &simulate(&pipeline, 1, 1).expect("it runs")).svg();
@@ -298,9 +298,9 @@ fn a_chart_of_a_long_run_shows_its_first_part_and_says_so() {
     assert!(svg.len() < 2_000_000, "{} bytes", svg.len());
 }
 
-/// A controller that turns a hundred times a second beside a camera that does so twenty times.
+/// A controller at 100 Hz beside a camera at 20 Hz.
 #[test]
-fn the_chart_has_a_band_of_what_is_too_close_and_the_slowest_chain() {
+fn chart_has_a_band_of_close_steps_and_the_slowest_chain() {
     let control = "[[operator]]\nname = \"control\"\nevery_ms = 10\nlatest = [\"detector\"]\nruntime = { zero = true }\n";
     let pipeline = parse("p.toml", &GOOD.replace("[resource", &format!("{control}[resource"))).expect("good");
     let trace = simulate(&pipeline, 1, 1).expect("it runs");
@@ -308,7 +308,7 @@ fn the_chart_has_a_band_of_what_is_too_close_and_the_slowest_chain() {
     let of = |operator| trace.steps.iter().filter(|step| step.operator == operator).count();
     assert!(svg.contains(&format!("<title>control: {} steps from 0 to 2000 ms</title>", of(2))), "{svg}");
     assert_eq!(svg.matches("<title>").count(), 1 + of(0) + of(1) + 1, "of the others each step has its bar");
-    // The chain is that of the table's largest response time, and begins with a frame of the camera.
+    // The chain has the largest response time of the table, and begins with a frame of the camera.
     let chain = chain::Chain::slowest(&pipeline, &trace, Time::MAX).expect("there are responses");
     let operators: Vec<usize> = chain.links.iter().map(|(publication, _)| publication.operator).collect();
     assert_eq!(operators, [0, 1, 2]);
@@ -321,7 +321,7 @@ fn the_chart_has_a_band_of_what_is_too_close_and_the_slowest_chain() {
 }
 
 #[test]
-fn the_examples_are_good_and_say_what_they_promise() {
+fn examples_are_valid_and_publish() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/timing");
     for entry in std::fs::read_dir(folder).expect("the examples are there") {
         let path = entry.expect("a readable entry").path();

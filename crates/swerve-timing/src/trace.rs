@@ -1,11 +1,11 @@
-//! What a run of a pipeline did, as the JSON, the chart and the page need it.
+//! Events of a pipeline's run, as needed by the JSON, the chart and the page.
 
 use swerve_core::Time;
 use swerve_flow::{DropReason, Event, RunReport};
 
 use super::pipeline::Names;
 
-/// Everything that a run did, in commit order.
+/// All events of a run, in commit order.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
     /// Messages and bare watermarks.
@@ -16,58 +16,58 @@ pub struct Trace {
     pub misses: Vec<Mark>,
     /// Frames and results dropped.
     pub drops: Vec<Mark>,
-    /// What the engine counted.
+    /// Report of the engine, once the run has ended.
     pub report: Option<RunReport>,
 }
 
 /// One publication; operators are indices into [`Pipeline::operators`](super::Pipeline::operators).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
-    /// Who published it.
+    /// Operator that published it.
     pub operator: usize,
-    /// The instant that it describes; none for a bare watermark.
+    /// Instant that it describes; `None` for a bare watermark.
     pub stamp: Option<Time>,
     /// No later message of this operator has a stamp at or below it.
     pub watermark: Time,
-    /// When it was published.
+    /// Time of publication.
     pub visible_at: Time,
-    /// The stamp of the step that computed it, in a repeat.
+    /// Stamp of the step that computed it, if it is a repeat.
     pub reused_from: Option<Time>,
-    /// The stamp of the newest sensor message that it derives from.
+    /// Stamp of the newest sensor message that it derives from.
     pub origin: Option<Time>,
-    /// The stamps read by the step that computed it, in the order of [`inputs`](super::BlackBox::inputs);
-    /// empty for a bare watermark.
+    /// Stamps read by the step that computed it, in the order of [`inputs`](super::BlackBox::inputs); empty for a bare
+    /// watermark.
     pub reads: Vec<Option<Time>>,
 }
 
 /// One step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Whose step.
+    /// Operator that executed it.
     pub operator: usize,
-    /// For which stamp.
+    /// Stamp that it was for.
     pub stamp: Time,
-    /// When it started.
+    /// Start time.
     pub start: Time,
-    /// Its modelled end; none when the run was over before.
+    /// Modelled end; `None` if the run ended before.
     pub end: Option<Time>,
-    /// Its result was of no use: the stamp was answered already.
+    /// True if its result was of no use because the stamp had already been answered.
     pub late: bool,
 }
 
-/// Something that happened to a stamp at an instant.
+/// A miss or a drop of a stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// To whose stamp.
+    /// Operator that it belongs to.
     pub operator: usize,
-    /// To which stamp.
+    /// Stamp that was missed or dropped.
     pub stamp: Time,
-    /// When.
+    /// Time of the miss or drop.
     pub at: Time,
 }
 
 impl Trace {
-    /// Notes one event of a run.
+    /// Records one event of a run.
     pub(crate) fn note(&mut self, names: &mut Names<'_>, event: &Event<'_>) {
         let mut index = |name: &str| names.index(name);
         match event {
@@ -97,7 +97,7 @@ impl Trace {
             Event::Miss(m) => {
                 self.misses.push(Mark { operator: index(m.operator), stamp: m.stamp, at: m.at })
             }
-            // A message that comes too late opens no frame: nothing of this operator is lost by it.
+            // A message that arrives too late opens no frame, so this operator loses nothing.
             Event::Drop(d) if d.reason == DropReason::TooLate => {}
             Event::Drop(d) => self.drops.push(Mark { operator: index(d.operator), stamp: d.stamp, at: d.at }),
             Event::Decision(_) => {}

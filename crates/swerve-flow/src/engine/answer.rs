@@ -1,4 +1,4 @@
-//! What a turn answers with, and what is left of a step that did not come in time.
+//! The answers of a turn, and the remains of a step that was not in time.
 
 use std::sync::PoisonError;
 
@@ -8,7 +8,7 @@ use super::node::Finished;
 use crate::operator::Offered;
 use crate::payload::Outs;
 
-/// What is published for a stamp, beside the payloads.
+/// Data published for a stamp, besides the payloads.
 pub(super) struct Answer<'a> {
     pub(super) stamp: Time,
     pub(super) reused_from: Option<Time>,
@@ -16,7 +16,7 @@ pub(super) struct Answer<'a> {
     pub(super) reads: &'a [Option<Time>],
 }
 
-/// A step whose modelled end has come.
+/// A step that has reached its modelled end.
 pub(super) struct Ended {
     pub(super) stamp: Time,
     pub(super) start: Time,
@@ -24,25 +24,25 @@ pub(super) struct Ended {
     pub(super) late: bool,
 }
 
-/// A frame whose deadline has passed.
+/// A frame whose deadline was missed.
 pub(super) struct Missed {
     pub(super) stamp: Time,
     pub(super) deadline: Time,
     pub(super) started: bool,
 }
 
-/// What the step of a missed deadline has so far.
+/// Results so far of the step of a missed deadline.
 #[derive(Default)]
 pub(super) struct Step {
-    /// Its own result, where it only waited for an older one.
+    /// The step's own result, if it was only waiting for an older one.
     pub(super) own: Option<Finished>,
-    /// How many values it offered, and the last.
+    /// Number of values that it offered, and the last one per port.
     pub(super) offered: Option<(u64, Outs)>,
     pub(super) origin: Option<Time>,
     pub(super) reads: Vec<Option<Time>>,
 }
 
-/// What a running step offered so far: how many values, and the last.
+/// Copies the number of values offered so far and the last ones.
 pub(super) fn snapshot(offered: &Offered) -> (u64, Outs) {
     offered.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }

@@ -1,4 +1,4 @@
-//! Publishing: headers, the digest, and who is to be told.
+//! Publishing: headers, the digest, and delivery to observers and readers.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ impl Engine<'_> {
         self.publish_with(rank, watermark, answer, outs);
     }
 
-    /// The same with a watermark that is known to be the operator's.
+    /// As [`publish`](Self::publish), with a watermark that is known to be the operator's.
     #[inline]
     pub(super) fn publish_with(
         &mut self,
@@ -62,7 +62,7 @@ impl Engine<'_> {
             let publication = publication(node, port, stream, &msg, answer, self.pass);
             tell(&mut self.observers, &Event::Publication(publication));
         }
-        // Handed to the ports that read the stream.
+        // Delivered to the ports that read the stream.
         if stream.depth > 0 {
             stream.remember(msg.clone(), now);
         }
@@ -76,7 +76,7 @@ impl Engine<'_> {
         hand_over(nodes, due, ready, last, arrival, now, msg);
     }
 
-    /// (f) Publishes the operator's watermark where it rose without a message.
+    /// (f) Publishes the operator's watermark if it rose without a message.
     pub(super) fn publish_watermark(&mut self, rank: usize) {
         let watermark = self.nodes[rank].watermark();
         for port in 0..self.nodes[rank].streams.len() {
@@ -84,7 +84,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Publishes `watermark` on one stream, where it is above what the stream carried last.
+    /// Publishes `watermark` on one stream, if it is above the stream's last watermark.
     pub(super) fn publish_risen(&mut self, rank: usize, port: usize, watermark: Time) {
         let stream = self.nodes[rank].streams[port];
         if self.streams[stream].watermark < watermark {
@@ -118,7 +118,7 @@ impl Engine<'_> {
         self.deliver_bare(id, watermark);
     }
 
-    /// Hands a watermark without a message to the ports that read the stream.
+    /// Delivers a bare watermark to the ports that read the stream.
     fn deliver_bare(&mut self, id: usize, watermark: Time) {
         let now = self.now;
         let stream = &self.streams[id];
@@ -135,7 +135,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Publishes what a feed has for the present instant.
+    /// Publishes the records of a feed for the current instant.
     pub(super) fn publish_feed(&mut self, rank: usize) {
         let (now, pass) = (self.now, self.pass);
         loop {
@@ -158,7 +158,7 @@ impl Engine<'_> {
     }
 }
 
-/// What observers are told of a message.
+/// Builds the event of a message for the observers.
 #[inline(always)]
 fn publication<'a>(
     node: &'a Node,
@@ -168,7 +168,7 @@ fn publication<'a>(
     answer: &Answer<'a>,
     pass: u32,
 ) -> Publication<'a> {
-    // A feed has no record of what was read.
+    // A feed has no record of the inputs.
     let names = if answer.reads.len() == node.reads.len() { &node.reads[..] } else { &[] };
     Publication {
         operator: &node.name,
@@ -186,7 +186,7 @@ fn publication<'a>(
     }
 }
 
-/// Gives a message to one port: now, or where the stream is delayed, when it arrives.
+/// Delivers a message to one port: now, or on its arrival if the stream is delayed.
 #[inline(always)]
 fn hand_over(
     nodes: &mut [Node],
@@ -210,23 +210,23 @@ fn hand_over(
     }
 }
 
-/// The run's digest, which takes in messages by the hundred.
+/// Digest of the run, which hashes messages in batches.
 pub(super) struct Commits {
     hasher: Hasher,
-    /// What waits to be hashed: stream, stamp, visible_at and payload of each message.
+    /// Messages to be hashed: stream, stamp, visible_at and payload of each.
     waiting: Vec<[u8; 32]>,
-    /// How many are to wait before they are hashed.
+    /// Number of waiting messages at which they are hashed.
     enough: usize,
-    /// Those of which the payload was not made yet, and where they wait.
+    /// Messages whose payload has not been made yet, and their positions in `waiting`.
     promised: VecDeque<(usize, Arc<Pending>)>,
-    /// One that was broken.
+    /// A broken promise.
     pub(super) broken: Option<Arc<Pending>>,
 }
 
-/// How many messages are hashed at a time.
+/// Number of messages hashed at a time.
 const HASHED: usize = 512;
 
-/// Messages that may wait behind one whose payload is being made, before all wait for it.
+/// Maximum number of messages that wait behind an unfinished payload, before the engine waits for it.
 const WAITING_MAX: usize = 8192;
 
 impl Commits {
@@ -253,7 +253,7 @@ impl Commits {
         self.waiting.push(bytes);
     }
 
-    /// Hashes what waits behind nothing; all, once too much waits.
+    /// Hashes the messages before the first unfinished payload; all messages, once too many wait.
     #[inline(never)]
     fn make_room(&mut self) {
         self.take_made(self.waiting.len() >= WAITING_MAX);
@@ -264,7 +264,7 @@ impl Commits {
         self.enough = self.waiting.len() + HASHED;
     }
 
-    /// Takes in what was made meanwhile, in order, or waits for all of it, and holds it no longer.
+    /// Adds the digests of payloads made meanwhile, in order, or waits for all payloads, and releases them.
     fn take_made(&mut self, all: bool) {
         while self.promised.front().is_some_and(|(_, promised)| all || promised.is_settled()) {
             let Some((at, promised)) = self.promised.pop_front() else { return };
@@ -275,7 +275,7 @@ impl Commits {
         }
     }
 
-    /// The digest of all messages so far.
+    /// Digest of all messages so far.
     pub(super) fn digest(&mut self) -> Digest {
         self.take_made(true);
         self.make_room();

@@ -1,10 +1,11 @@
-//! The instants at which something is due, and who has to take a turn.
+//! The instants at which something is due, and the operators that have to take a turn.
 
 use swerve_core::Time;
 
 /// The next due instant of every operator, in a tournament tree: the root is the next instant of the run.
 ///
-/// Instead of a heap of events: each operator has one entry, which moves; nothing goes stale, nothing allocates.
+/// It replaces a heap of events: each operator has one entry, which is updated, so no entry becomes stale and nothing
+/// is allocated.
 pub(crate) struct Due {
     /// `tree[1]` is the root; the leaf of rank `i` is `tree[leaves + i]`.
     tree: Vec<Time>,
@@ -17,7 +18,7 @@ impl Due {
         Self { tree: vec![Time::MAX; 2 * leaves], leaves }
     }
 
-    /// The next instant at which something is due; `Time::MAX` when nothing is.
+    /// Next instant at which something is due; `Time::MAX` if nothing is.
     pub(crate) fn next(&self) -> Time {
         self.tree[1]
     }
@@ -60,10 +61,10 @@ impl Due {
     }
 }
 
-/// The operators that have to take a turn in this sweep, by rank.
+/// Operators that have to take a turn in this sweep, by rank.
 pub(crate) struct Ready {
     words: Vec<u64>,
-    /// No word before this one has a bit.
+    /// Index before which no word has a bit set.
     first: usize,
 }
 
@@ -77,7 +78,7 @@ impl Ready {
         self.first = self.first.min(rank / 64);
     }
 
-    /// Takes out the lowest.
+    /// Removes and returns the lowest rank.
     pub(crate) fn pop(&mut self) -> Option<usize> {
         while let Some(word) = self.words.get_mut(self.first) {
             if *word != 0 {

@@ -1,5 +1,5 @@
-//! What a run that is stepped from outside asks of the engine: to hold before an operator's turn, to keep the newest
-//! message of a stream.
+//! Engine functions for runs that are stepped by a caller: holding before an operator's turn, keeping the newest
+//! messages of a stream.
 
 use swerve_core::Time;
 
@@ -9,7 +9,7 @@ use crate::message::Msg;
 use crate::report::RunError;
 
 impl Node {
-    /// Whether a frame opens in the operator's turn at `now`.
+    /// True if a frame opens in the operator's turn at `now`.
     pub(super) fn opens_frame(&self, now: Time) -> bool {
         let comes = |port: &AtPort| {
             let mut arrives = port.pending.iter().take_while(|(arrival, ..)| *arrival <= now);
@@ -20,30 +20,30 @@ impl Node {
 }
 
 impl Engine<'_> {
-    /// The rank of the operator of this name.
+    /// Rank of the operator of this name.
     pub(crate) fn rank(&self, operator: &str) -> Option<usize> {
         self.nodes.iter().position(|node| &*node.name == operator)
     }
 
-    /// Has the newest messages of the stream of this name kept, whoever reads it; gives its place.
+    /// Keeps the newest messages of the stream of this name, whether or not it has readers; returns its index.
     pub(crate) fn keep(&mut self, stream: &str, depth: usize) -> Option<usize> {
         let id = self.streams.iter().position(|state| &*state.name == stream)?;
         self.streams[id].depth = self.streams[id].depth.max(depth);
         Some(id)
     }
 
-    /// What is kept of a stream and a reader would see now, oldest first.
+    /// Kept messages of a stream that a reader would receive now, oldest first.
     pub(crate) fn seen(&self, stream: usize) -> impl DoubleEndedIterator<Item = &Msg> {
         let stream = &self.streams[stream];
         stream.history.iter().take(stream.visible(self.now, false))
     }
 
-    /// Why the run failed, if it did.
+    /// Error of the run, if it failed.
     pub(crate) fn failure(&self) -> Option<&RunError> {
         self.failure.as_ref()
     }
 
-    /// Takes the turn of the operator of rank `held`, behind those of sources that were reported to meanwhile.
+    /// Takes the turn of the operator of rank `held`, after those of sources that received reports meanwhile.
     pub(crate) fn take_held_turn(&mut self, held: usize) {
         while let Some(rank) = self.ready.pop() {
             self.turn(rank);

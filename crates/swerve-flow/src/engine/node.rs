@@ -20,79 +20,79 @@ use crate::runtime::{Draw, RuntimeModel};
 /// One operator during a run; its index is its rank.
 pub(crate) struct Node {
     pub(crate) name: Arc<str>,
-    /// Absent in a feed, and while a worker has it.
+    /// `None` in a feed, and while a worker has the body.
     pub(crate) body: Option<Box<dyn Body>>,
     pub(crate) on_deadline: Option<OnDeadline>,
-    /// Bodies for steps before which it was restarted in the run that is repeated.
+    /// Bodies for steps before which the operator was restarted in the run that is repeated.
     pub(crate) spares: VecDeque<Box<dyn Body>>,
-    /// What a feed publishes next, in order of its instants.
+    /// Next publications of a feed, in order of their instants.
     pub(crate) feed: Option<VecDeque<PlaybackRecord>>,
-    /// When the steps that a feed plays back hold slots of the resource, in order of their starts.
+    /// Intervals in which steps played back by a feed hold slots of the resource, in order of their starts.
     pub(crate) held: VecDeque<(Time, Time)>,
     pub(crate) at: Vec<AtPort>,
     pub(crate) timers: Vec<TimerPort>,
     pub(crate) latest: Vec<LatestPort>,
-    /// The ports in the order of their declaration.
+    /// Ports in the order of their declaration.
     pub(crate) order: Vec<PortRef>,
     /// One slot per port, filled for each step.
     pub(crate) slots: Vec<Slot>,
-    /// The names of the streams that the ports read, timers left out.
+    /// Names of the streams that the ports read, without timers.
     pub(crate) reads: Arc<[Arc<str>]>,
     pub(crate) streams: Vec<usize>,
     pub(crate) runtime: RuntimeModel,
     pub(crate) policy: Policy,
     pub(crate) deadline: Option<Deadline>,
-    /// No open stamp has its deadline before this; `Time::MAX` without deadlines.
+    /// Lower bound of the deadlines of open stamps; `Time::MAX` without deadlines.
     pub(crate) next_deadline: Time,
-    /// The stream that decides how long the deadline is.
+    /// Stream that determines the length of the deadline.
     pub(crate) policy_stream: Option<usize>,
     pub(crate) uses: Option<usize>,
     pub(crate) origin: bool,
     pub(crate) heavy: bool,
-    /// Nothing but its one port says when it takes a step, and none of them takes time.
+    /// True if only its single port triggers steps, and the steps take no time.
     pub(crate) at_once: bool,
-    /// What the last step read, emptied, for the next one.
+    /// Emptied list of the last step's inputs, reused for the next step.
     pub(crate) spare_reads: Vec<Option<Time>>,
     /// Open frames that have not started, in order of stamps; the first `complete` are complete.
     pub(crate) open: VecDeque<Open>,
     pub(crate) complete: usize,
     /// Steps that hold a place, in order of stamps.
     pub(crate) running: VecDeque<Run>,
-    /// The newest stamp that was published or reacted for.
+    /// Newest stamp that was published or reacted for.
     pub(crate) floor: Time,
-    /// When the newest result came out.
+    /// Instant at which the newest result was published.
     pub(crate) came_out: Option<Time>,
-    /// The newest finished result, kept where a reaction may want it.
+    /// Newest finished result, kept if a reaction may use it.
     pub(crate) last: Option<Finished>,
-    /// Of its last steps that promised something one promise each, oldest first; gone where it is kept and nobody
-    /// holds it any more.
+    /// One promise of each of its last steps that made promises, oldest first; a dead reference once it is kept and no
+    /// longer held anywhere.
     pub(crate) promised: VecDeque<Weak<Pending>>,
-    /// Since when it has had a complete frame and a free place without a start.
+    /// Instant since which it has had a complete frame and a free place without a start.
     pub(crate) since: Option<Time>,
-    /// It had a turn in this sweep whose (e) and (f) are still to come.
+    /// True if it had a turn in this sweep for which (e) and (f) have not been done.
     pub(crate) unsettled: bool,
     pub(crate) tally: OperatorReport,
-    /// How its timers keep time, under wall clock.
+    /// Timing of its timers, under wall clock.
     pub(crate) lateness: Option<Box<Lateness>>,
 }
 
 /// A synchronised port that reads a stream.
 pub(crate) struct AtPort {
     pub(crate) watermark: Time,
-    /// Messages that no step has taken yet, in order of stamps.
+    /// Messages that no step has read yet, in order of stamps.
     pub(crate) queue: VecDeque<Msg>,
-    /// How many at the end of the queue came since the operator's last turn.
+    /// Number of messages at the end of the queue that arrived since the operator's last turn.
     pub(crate) fresh: usize,
-    /// Delayed publications on their way: when they arrive, the message if any, the watermark.
+    /// Delayed publications under way: arrival, message if any, watermark.
     pub(crate) pending: VecDeque<(Time, Option<Msg>, Time)>,
 }
 
 /// A timer port.
 pub(crate) struct TimerPort {
     pub(crate) timer: Timer,
-    /// The next tick that was not taken in.
+    /// Next tick that has not been taken in.
     pub(crate) next: Time,
-    /// The tick at `next` opened its frame in this turn.
+    /// True if the tick at `next` opened its frame in this turn.
     pub(crate) ticking: bool,
     pub(crate) watermark: Time,
 }
@@ -101,7 +101,7 @@ pub(crate) struct TimerPort {
 pub(crate) struct LatestPort {
     pub(crate) stream: usize,
     pub(crate) depth: usize,
-    /// Gives all of them, not only the newest.
+    /// True if it reads all of them, not only the newest.
     pub(crate) window: bool,
     pub(crate) feedback: bool,
 }
@@ -117,7 +117,7 @@ pub(crate) enum PortRef {
 #[derive(Clone, Copy)]
 pub(crate) struct Open {
     pub(crate) stamp: Time,
-    /// `Time::MAX` where it has none (yet).
+    /// `Time::MAX` if it has no deadline (yet).
     pub(crate) deadline: Time,
 }
 
@@ -125,19 +125,19 @@ pub(crate) struct Open {
 pub(crate) struct Run {
     pub(crate) stamp: Time,
     pub(crate) start: Time,
-    /// The modelled end; a lower bound of it while `draw` still has to be settled.
+    /// The modelled end; a lower bound until `settled`.
     pub(crate) end: Time,
     pub(crate) settled: bool,
-    /// What the run-time model says, under wall clock: the step may take longer here, but not less.
+    /// End by the run-time model, under wall clock: the step may take longer on this host, but not less.
     pub(crate) least_end: Time,
     pub(crate) draw: Draw,
-    /// `Time::MAX` where there is none.
+    /// `Time::MAX` if there is no deadline.
     pub(crate) deadline: Time,
-    /// The modelled end has come.
+    /// True if the modelled end has been reached.
     pub(crate) finished: bool,
-    /// The stamp is answered: the step only holds its place until its end.
+    /// True if the stamp is answered: the step only holds its place until its end.
     pub(crate) resolved: bool,
-    /// It holds a slot of the operator's resource.
+    /// True if it holds a slot of the operator's resource.
     pub(crate) slot: bool,
     pub(crate) origin: Option<Time>,
     pub(crate) reads: Vec<Option<Time>>,
@@ -145,7 +145,7 @@ pub(crate) struct Run {
     pub(crate) outcome: Outcome,
 }
 
-/// What came of running a step on the host.
+/// Result of executing a step on the host.
 pub(crate) enum Outcome {
     /// A worker has it, under this ticket.
     Away(u64),
@@ -157,9 +157,9 @@ pub(crate) enum Outcome {
 pub(crate) struct Ran {
     pub(crate) outs: Outs,
     pub(crate) units: u64,
-    /// The count at which it was told to stop.
+    /// Count at which the step was requested to stop.
     pub(crate) stopped_at: Option<u64>,
-    /// It went on after that.
+    /// True if the step continued after that.
     pub(crate) went_on: bool,
     pub(crate) host_ns: u64,
     pub(crate) unusual: Option<Box<Unusual>>,
@@ -167,7 +167,7 @@ pub(crate) struct Ran {
 }
 
 impl Run {
-    /// Whether the step was told to stop, stopped, and sent nothing: its stamp is the reaction's to answer.
+    /// True if the step was requested to stop, stopped, and sent nothing: the reaction has to answer its stamp.
     pub(crate) fn left_to_reaction(&self) -> bool {
         let left = |ran: &Ran| ran.stopped_at.is_some() && !ran.went_on && ran.is_empty();
         !self.resolved
@@ -195,29 +195,29 @@ pub(crate) struct Finished {
 #[derive(Clone, Copy)]
 pub(crate) struct Reader {
     pub(crate) rank: usize,
-    /// Among the synchronised ports of that operator.
+    /// Index among the synchronised ports of that operator.
     pub(crate) port: usize,
 }
 
 /// One stream during a run.
 pub(crate) struct StreamState {
     pub(crate) name: Arc<str>,
-    /// What stands for its name in the run's digest.
+    /// Digest of its name, for the run's digest.
     pub(crate) key: u64,
     pub(crate) decode: Decode,
     pub(crate) watermark: Time,
     pub(crate) seq: u64,
     pub(crate) delay: Span,
-    /// The ports that join on it.
+    /// Ports that join on it.
     pub(crate) readers: Vec<Reader>,
-    /// The newest messages, as deep as its readers look.
+    /// Newest messages, as many as its readers need.
     pub(crate) history: VecDeque<Msg>,
-    /// How deep that is; 0 where nobody looks.
+    /// Number of messages that its readers need; 0 without readers of the newest messages.
     pub(crate) depth: usize,
 }
 
 impl StreamState {
-    /// The header of the next message, which the stream carries from now on.
+    /// Creates the header of the next message, and updates the stream.
     #[inline]
     pub(crate) fn next_header(&mut self, now: Time, watermark: Time, answer: &Answer<'_>) -> Header {
         let &Answer { stamp, reused_from, origin, .. } = answer;
@@ -227,7 +227,7 @@ impl StreamState {
         header
     }
 
-    /// The number of messages at the front of the history that are visible at `now`.
+    /// Number of messages at the front of the history that are visible at `now`.
     pub(crate) fn visible(&self, now: Time, strictly_before: bool) -> usize {
         let hidden = |msg: &&Msg| {
             let at = msg.header.visible_at.saturating_add(self.delay);
@@ -236,14 +236,14 @@ impl StreamState {
         self.history.len() - self.history.iter().rev().take_while(hidden).count()
     }
 
-    /// Keeps a message for readers of the newest ones, and forgets what none of them can see any more.
+    /// Keeps a message for readers of the newest ones, and drops messages that none of them can read any more.
     pub(crate) fn remember(&mut self, msg: Msg, now: Time) {
         if self.depth == 0 {
             return;
         }
         self.history.push_back(msg);
         while self.history.len() > self.depth {
-            // The front is out of sight once `depth` younger ones are visible even across a feedback edge.
+            // The front is obsolete once `depth` newer ones are visible even across a feedback edge.
             let covering = self.history[self.depth].header.visible_at.saturating_add(self.delay);
             if covering >= now {
                 break;
@@ -254,13 +254,13 @@ impl StreamState {
 }
 
 impl Node {
-    /// What it did.
+    /// Report of the operator.
     pub(crate) fn report(&self) -> OperatorReport {
         let ticks = self.lateness.as_ref().map(|lateness| lateness.report());
         OperatorReport { ticks, ..self.tally.clone() }
     }
 
-    /// The watermark that a publication of this moment carries; `Time::MIN` when there is none.
+    /// Watermark of a publication at this moment; `Time::MIN` if there is none.
     pub(crate) fn watermark(&self) -> Time {
         let mut oldest = self.open.front().map_or(Time::MAX, |open| open.stamp);
         if !self.running.is_empty()
@@ -275,7 +275,7 @@ impl Node {
         self.floor.max(least)
     }
 
-    /// The smallest watermark of the synchronised ports.
+    /// Smallest watermark of the synchronised ports.
     pub(crate) fn joined(&self) -> Time {
         if self.at.is_empty() && self.timers.is_empty() {
             return Time::MIN;
@@ -284,18 +284,18 @@ impl Node {
         self.timers.iter().fold(at, |least, port| least.min(port.watermark))
     }
 
-    /// Whether, after steps started, there is more to do at `now`: one of them is done, or late, or frames
-    /// are left to be started.
+    /// True if there is more to do at `now` after steps were started: a step ends, a deadline is missed, or frames are
+    /// left to be started.
     pub(crate) fn has_more(&self, now: Time) -> bool {
         self.complete > 0 || self.next_deadline <= now || self.running.iter().any(|run| run.end <= now)
     }
 
-    /// How many steps may still start.
+    /// Number of steps that can still start.
     pub(crate) fn free_places(&self) -> usize {
         self.policy.places().saturating_sub(self.running.len())
     }
 
-    /// Where the frame of `stamp` has to be opened: nowhere if it is open or was answered.
+    /// Index at which the frame of `stamp` has to be inserted; `None` if it is open or was answered.
     pub(crate) fn opening(&self, stamp: Time) -> Option<usize> {
         if stamp <= self.floor {
             return None;
@@ -307,8 +307,8 @@ impl Node {
         (self.open[index].stamp != stamp).then_some(index)
     }
 
-    /// The stamp of the only frame that there is, where it came just now, is complete, and its step is all that the
-    /// turn is to bring.
+    /// Stamp of the only frame, if it has just arrived, is complete, and its step is everything that the turn has to
+    /// do.
     #[inline]
     pub(crate) fn frame_at_once(&self) -> Option<Time> {
         let [port] = &self.at[..] else { return None };
@@ -320,7 +320,7 @@ impl Node {
         (self.floor < stamp && stamp <= port.watermark).then_some(stamp)
     }
 
-    /// Lets go of slots that a played-back step held until `now`.
+    /// Releases slots that a played-back step held until `now`.
     pub(crate) fn release_held(&mut self, now: Time) {
         let mut index = 0;
         while let Some((start, end)) = self.held.get(index)
@@ -334,19 +334,19 @@ impl Node {
         }
     }
 
-    /// How many slots played-back steps hold at `now`.
+    /// Number of slots that played-back steps hold at `now`.
     pub(crate) fn held_now(&self, now: Time) -> usize {
         self.held.iter().take_while(|(start, _)| *start <= now).filter(|(_, end)| now < *end).count()
     }
 
-    /// When that number changes next.
+    /// Next instant at which that number changes.
     pub(crate) fn held_change(&self, now: Time) -> Time {
         let started = self.held.iter().take_while(|(start, _)| *start <= now).map(|(_, end)| *end);
         let next = self.held.iter().map(|(start, _)| *start).find(|start| *start > now);
         started.chain(next).min().unwrap_or(Time::MAX)
     }
 
-    /// Removes the open frame at `index` and gives its stamp; its messages are forgotten.
+    /// Removes the open frame at `index` with its messages, and returns its stamp.
     pub(crate) fn discard(&mut self, index: usize) -> Time {
         let open = self.open.remove(index).expect("the caller found it");
         self.complete -= usize::from(index < self.complete);
@@ -358,7 +358,7 @@ impl Node {
 }
 
 impl AtPort {
-    /// Takes out the message of the frame at `stamp`.
+    /// Removes and returns the message of the frame at `stamp`.
     #[inline]
     pub(crate) fn take(&mut self, stamp: Time) -> Option<Msg> {
         if self.queue.front()?.header.stamp == stamp {

@@ -1,9 +1,9 @@
-//! Threads for heavy steps. Which thread runs a step, and when, shows in no result.
+//! Threads for heavy steps. The result of a run does not depend on the thread that executes a step, nor on when.
 //!
-//! In virtual time they are one pool of rayon's for all that a run does, and the engine's own thread is one of them:
-//! while it waits it does what is queued. What runs in the pool waits for nothing but pieces of its own work, so who
-//! waits there may do work of others meanwhile. Under wall clock the engine has to keep the time, and steps that are
-//! late are not to wait for others: each worker is a thread of its own.
+//! In virtual time, all work of a run is done by one rayon pool, and the engine's own thread is part of it: while it
+//! waits, it executes queued work. Work in the pool waits only for parts of itself, so a waiting thread can execute
+//! other work meanwhile. Under wall clock the engine has to keep time, and late steps must not wait for others: each
+//! worker is a separate thread.
 
 use std::collections::VecDeque;
 use std::io;
@@ -17,7 +17,7 @@ use crate::input::Slot;
 use crate::operator::{Body, Task};
 use crate::promise::Bell;
 
-/// A step on its way to a worker.
+/// A step to be executed by a worker.
 pub(crate) struct Job {
     pub(crate) rank: usize,
     pub(crate) name: Arc<str>,
@@ -26,7 +26,7 @@ pub(crate) struct Job {
     pub(crate) slots: Vec<Slot>,
 }
 
-/// A step on its way back.
+/// A step that a worker has executed.
 pub(crate) struct Done {
     pub(crate) ticket: u64,
     pub(crate) rank: usize,
@@ -40,18 +40,18 @@ pub(crate) struct Pool {
     tickets: u64,
 }
 
-/// Who runs the steps.
+/// Threads that execute steps.
 enum Crew {
     /// The threads of a run in virtual time.
     Pool(Arc<rayon::ThreadPool>),
-    /// Workers beside the thread that keeps the time.
+    /// Workers besides the thread that keeps time.
     Workers(Vec<JoinHandle<()>>),
 }
 
-/// Stack of a thread, bytes: steps of several operators may lie on top of one another.
+/// Stack of a thread, bytes: steps of several operators may be nested on it.
 const STACK: usize = 16 << 20;
 
-/// Told whenever a step is done, beside the pool's own record: the wall-clock engine sleeps elsewhere.
+/// Callback when a step is done, in addition to the pool's own notification: the wall-clock engine sleeps elsewhere.
 pub(crate) type Doorbell = Arc<dyn Fn() + Send + Sync>;
 
 struct Shared {
@@ -71,8 +71,8 @@ struct State {
 }
 
 impl Pool {
-    /// A pool of `threads`: workers where a doorbell is rung for one that waits elsewhere, else the engine's own thread
-    /// is to be one of them.
+    /// Creates a pool of `threads`: with a doorbell, separate workers; else a rayon pool that the engine's own thread
+    /// has to join.
     pub(crate) fn new(threads: usize, doorbell: Option<Doorbell>) -> io::Result<Self> {
         let is_wall = doorbell.is_some();
         let shared = Arc::new(Shared {
@@ -90,7 +90,7 @@ impl Pool {
             let pool = pool.build().map_err(io::Error::other)?;
             return Ok(Self { shared, crew: Crew::Pool(Arc::new(pool)), tickets: 0 });
         }
-        // Made before its workers, so that those that were started end should one fail to.
+        // Created before its workers, so that the workers already started end if one fails to start.
         let mut pool = Self { shared, crew: Crew::Workers(Vec::new()), tickets: 0 };
         for i in 0..threads {
             let shared = pool.shared.clone();
@@ -102,7 +102,7 @@ impl Pool {
         Ok(pool)
     }
 
-    /// The threads of a run in virtual time.
+    /// Threads of a run in virtual time.
     pub(crate) fn workers(&self) -> Option<Arc<rayon::ThreadPool>> {
         match &self.crew {
             Crew::Pool(pool) => Some(pool.clone()),
@@ -140,12 +140,12 @@ impl Pool {
         }
     }
 
-    /// The steps that are done, by ticket and rank, without waiting.
+    /// Tickets and ranks of the steps that are done, without waiting.
     pub(crate) fn finished(&self) -> Vec<(u64, usize)> {
         self.shared.lock().done.iter().map(|done| (done.ticket, done.rank)).collect()
     }
 
-    /// How many steps began while another one ran.
+    /// Number of steps that began while another one ran.
     pub(crate) fn overlapped(&self) -> u64 {
         self.shared.overlapped.load(Ordering::Relaxed)
     }
@@ -161,14 +161,14 @@ impl Drop for Pool {
         self.shared.work.notify_all();
         let Crew::Workers(workers) = &mut self.crew else { return };
         for thread in workers.drain(..) {
-            // A worker catches what operators panic with, so this one has nothing to say.
+            // A worker catches panics of operators, so joining it returns no error.
             let _ = thread.join();
         }
     }
 }
 
 impl State {
-    /// Takes the queued step under this ticket.
+    /// Removes and returns the queued step under this ticket.
     fn take(&mut self, ticket: u64) -> Option<(u64, Job)> {
         let index = self.jobs.iter().position(|(queued, _)| *queued == ticket)?;
         self.jobs.remove(index)
@@ -197,7 +197,7 @@ impl Shared {
         }
     }
 
-    /// Runs the step that has been queued longest, if it is not running by now.
+    /// Executes the step that has been queued longest, if it is not already running.
     fn run_oldest(&self) {
         let job = self.lock().jobs.pop_front();
         if let Some((ticket, job)) = job {
@@ -205,12 +205,12 @@ impl Shared {
         }
     }
 
-    /// Whether the step under this ticket is done.
+    /// True if the step under this ticket is done.
     fn has(&self, ticket: u64) -> bool {
         self.lock().done.iter().any(|done| done.ticket == ticket)
     }
 
-    /// Runs a step on the present thread, and tells that it is done.
+    /// Executes a step on the current thread, and signals that it is done.
     fn run(&self, ticket: u64, job: Job) {
         if self.running.fetch_add(1, Ordering::Relaxed) > 0 {
             self.overlapped.fetch_add(1, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! What sources and workers report under wall clock, taken in at an instant.
+//! Reports of sources and workers under wall clock, received at an instant.
 
 use std::collections::VecDeque;
 
@@ -12,14 +12,14 @@ use crate::playback::PlaybackRecord;
 use crate::wall::{Arrival, Report};
 
 impl Engine<'_> {
-    /// Tells the observers of a decision, if this run takes any.
+    /// Passes a decision to the observers, if this run takes decisions.
     pub(crate) fn decide(&mut self, decision: impl FnOnce() -> Decision) {
         if self.wall.is_some() && !self.observers.is_empty() {
             self.tell(&Event::Decision(&decision()));
         }
     }
 
-    /// Whether nothing can be reported any more: all sources are closed and no worker has a step.
+    /// True if nothing more can be reported: all sources are closed and no worker has a step.
     pub(crate) fn is_idle(&self) -> bool {
         let closed = |rank: &usize| self.streams[self.nodes[*rank].streams[0]].watermark == Time::MAX;
         let away = self.nodes.iter().flat_map(|node| &node.running);
@@ -27,7 +27,7 @@ impl Engine<'_> {
             && !away.into_iter().any(|run| matches!(run.outcome, Outcome::Away(_)))
     }
 
-    /// Gives what was reported the instant `now`.
+    /// Receives reports at the instant `now`.
     pub(crate) fn take_reports(&mut self, arrivals: VecDeque<Arrival>, now: Time) {
         self.now = now;
         for arrival in arrivals {
@@ -58,7 +58,7 @@ impl Engine<'_> {
         for (ticket, rank) in pool.finished() {
             let node = &mut self.nodes[rank];
             let away = |run: &&mut super::node::Run| matches!(run.outcome, Outcome::Away(t) if t == ticket);
-            // One that was reported before waits for its modelled end.
+            // A step that was reported before waits for its modelled end.
             if let Some(run) = node.running.iter_mut().find(away)
                 && run.end == Time::MAX
             {

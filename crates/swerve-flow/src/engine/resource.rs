@@ -5,21 +5,21 @@ use super::Engine;
 /// A resource during a run.
 pub(crate) struct ResourceState {
     pub(crate) slots: usize,
-    /// The operators that use it, by rank.
+    /// Operators that use it, by rank.
     pub(crate) users: Vec<usize>,
-    /// A user had a turn in this sweep.
+    /// True if a user had a turn in this sweep.
     pub(crate) touched: bool,
 }
 
 impl Engine<'_> {
-    /// Notes that a user of the operator's resource had a turn.
+    /// Records that a user of the operator's resource had a turn.
     pub(super) fn resources_touched(&mut self, rank: usize) {
         if let Some(id) = self.nodes[rank].uses {
             self.resources[id].touched = true;
         }
     }
 
-    /// Starts, of the frames that may start, those that are known to need no slot.
+    /// Starts the next frame if its step is known to need no slot.
     pub(super) fn start_without_slot(&mut self, rank: usize) -> bool {
         let node = &self.nodes[rank];
         let frame = self.next_frame(rank);
@@ -30,7 +30,7 @@ impl Engine<'_> {
         true
     }
 
-    /// Which of the complete frames is next: by the places that are free, however many slots are.
+    /// Index of the next complete frame, by the number of free places regardless of the number of slots.
     fn next_frame(&self, rank: usize) -> usize {
         let (node, places) = (&self.nodes[rank], self.places(rank));
         match node.policy {
@@ -41,8 +41,8 @@ impl Engine<'_> {
         }
     }
 
-    /// Starts what has a slot, in order of (instant since which it could have started, rank); then bounds the
-    /// queues of all users, of whatever resource, and publishes their watermarks, in rank order.
+    /// Starts the frames that have a slot, in order of (instant since which they could have started, rank); then bounds
+    /// the queues of all users, of whatever resource, and publishes their watermarks, in rank order.
     pub(super) fn share_resources(&mut self) {
         if !self.resources.iter().any(|resource| resource.touched) {
             return;
@@ -69,7 +69,7 @@ impl Engine<'_> {
                 self.bound_queue(rank);
                 self.rearm(rank);
             }
-            // Also of a user that had no turn: what an earlier one has just published may raise it.
+            // Includes users that had no turn: a publication of an earlier user may raise their watermark.
             self.publish_watermark(rank);
         }
     }
@@ -84,7 +84,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Who starts next.
+    /// Rank of the operator that starts next.
     fn next_to_start(&self, ranks: &[usize]) -> Option<usize> {
         let eligible = ranks.iter().filter_map(|rank| {
             let node = &self.nodes[*rank];
@@ -103,8 +103,8 @@ impl Engine<'_> {
         resource.slots.saturating_sub(resource.users.iter().map(held).sum())
     }
 
-    /// Starts the oldest of the frames that there are places for; those before it are dropped, and the others
-    /// wait until their turn comes, or for a slot.
+    /// Starts the oldest of the frames for which there are places. Older frames are dropped; newer ones wait for their
+    /// turn, or for a slot.
     fn start_next(&mut self, rank: usize) {
         for _ in 0..self.next_frame(rank) {
             let stamp = self.nodes[rank].discard(0);

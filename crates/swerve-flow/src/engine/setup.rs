@@ -1,4 +1,4 @@
-//! From a checked graph to an engine at rest.
+//! Construction of an engine from a checked graph.
 
 use std::collections::VecDeque;
 
@@ -36,7 +36,7 @@ impl<'o> Engine<'o> {
         }
         wire(&graph, &rank_of, &mut streams);
         let heavy = graph.operators.iter().any(|operator| operator.heavy);
-        // In virtual time one thread is this one; under wall clock it has to keep the time.
+        // In virtual time this thread is one of them; under wall clock it has to keep time.
         let threads = match (&wall, options.threads) {
             (None, threads) if threads > 1 => threads,
             (Some(_), threads) if heavy => threads.max(1),
@@ -65,7 +65,7 @@ impl<'o> Engine<'o> {
         let specs = order.iter().map(|index| specs[*index].take().expect("each operator has one rank"));
         let mut nodes: Vec<Node> = specs.map(|spec| node(spec, &stream_of, &names)).collect();
         if replay.is_some() {
-            // The records say how long a step takes.
+            // The records determine the duration of steps.
             nodes.iter_mut().for_each(|node| node.at_once = false);
         }
         let (due, ready) = (Due::new(nodes.len()), Ready::new(nodes.len()));
@@ -116,7 +116,7 @@ fn streams(graph: &Graph) -> Vec<StreamState> {
     graph.streams.iter().map(state).collect()
 }
 
-/// Tells every stream who joins on it and how deep others look into it.
+/// Sets the joining readers of every stream, and the number of messages that other readers need.
 fn wire(graph: &Graph, rank_of: &[usize], streams: &mut [StreamState]) {
     for (operator, rank) in graph.operators.iter().zip(rank_of) {
         let mut joins = 0;

@@ -1,4 +1,4 @@
-//! Starting a step: what it reads, how long it takes, where it runs.
+//! Starting a step: its inputs, its run time, and where it is executed.
 
 use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
@@ -23,11 +23,11 @@ use crate::promise::Workers;
 use crate::report::RunError;
 use crate::runtime::{Draw, RuntimeModel};
 
-/// Steps of an operator of which the promises may be unkept at once.
+/// Maximum number of an operator's steps with unkept promises.
 const PROMISED_MAX: usize = 4;
 
 impl Engine<'_> {
-    /// Starts the step for the oldest complete frame; `alone` if no other one starts in this pass of the turn.
+    /// Starts the step of the oldest complete frame; `alone` if no other one starts in this pass of the turn.
     pub(super) fn start(&mut self, rank: usize, alone: bool) {
         let now = self.now;
         self.wait_for_body(rank);
@@ -62,7 +62,7 @@ impl Engine<'_> {
         let node = &mut self.nodes[rank];
         node.next_deadline = node.next_deadline.min(deadline);
         let away = node.heavy && (least_end > now || wall) && self.pool.is_some();
-        // Under wall clock a worker says when it is done.
+        // Under wall clock a worker reports the end.
         let end = if away && wall { Time::MAX } else { least_end };
         let settled = known && (!wall || least_end == now) || (away && wall);
         let (finished, resolved, slot) = (false, false, node.uses.is_some());
@@ -88,7 +88,7 @@ impl Engine<'_> {
             self.nodes[rank].body = Some(spare);
         }
         if decided.is_some_and(|decided| decided.lost) {
-            // It came to nothing in the run that is repeated.
+            // It had no result in the run that is repeated.
         } else if away {
             run.outcome = self.send_away(rank, task);
             return self.nodes[rank].running.push_back(run);
@@ -104,8 +104,8 @@ impl Engine<'_> {
         self.nodes[rank].running.push_back(run);
     }
 
-    /// Takes a step that takes no time and is the only one, for a frame that is not open, and publishes its answer with
-    /// this watermark; says whether that is all there is to the frame.
+    /// Executes a single step that takes no time, for a frame that is not open, and publishes its answer with this
+    /// watermark. Returns true if the frame is done.
     pub(super) fn step_at_once(&mut self, rank: usize, stamp: Time, watermark: Time) -> bool {
         let Some((origin, reads)) = self.read(rank, stamp) else { return true };
         let now = self.now;
@@ -127,11 +127,11 @@ impl Engine<'_> {
         true
     }
 
-    /// Puts what the step reads into the slots; gives the origin and the stamps that come of it, unless something of it
-    /// was promised and is never made, which ends the run.
+    /// Fills the slots with the step's inputs and returns their origin and stamps; `None` if an input was promised and
+    /// not made, which ends the run.
     #[inline]
     fn read(&mut self, rank: usize, stamp: Time) -> Option<(Option<Time>, Vec<Option<Time>>)> {
-        // Where nobody else works nobody promises.
+        // Without a pool there are no promises.
         if self.pool.is_none() {
             return Some(self.fill_slots(rank, stamp));
         }
@@ -141,7 +141,7 @@ impl Engine<'_> {
         self.failure.is_none().then_some(read)
     }
 
-    /// Puts what the step reads into the slots; gives the origin and the stamps that come of it.
+    /// Fills the slots with the step's inputs and returns their origin and stamps.
     fn fill_slots(&mut self, rank: usize, stamp: Time) -> (Option<Time>, Vec<Option<Time>>) {
         let observed = !self.observers.is_empty();
         let now = self.now;
@@ -197,7 +197,7 @@ impl Engine<'_> {
         (origin, reads)
     }
 
-    /// Waits until all is made of what the next step reads: what runs in the pool must not wait for what runs there.
+    /// Waits until all inputs of the next step are made: work in the pool must not wait for other work in the pool.
     fn wait_for_promised(&mut self, rank: usize) {
         let is_broken = |msg: &Msg| msg.sent.promised().is_some_and(|promised| promised.wait().is_err());
         let broken = |slot: &Slot| match slot {
@@ -212,7 +212,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Waits until what an operator promised a while ago is made, so that what waits stays bounded.
+    /// Waits until the older promises of an operator are kept, so that the number of unkept ones stays bounded.
     fn keep_up(&mut self, rank: usize) {
         while self.nodes[rank].promised.len() >= PROMISED_MAX {
             if let Some(oldest) = self.nodes[rank].promised.pop_front().and_then(|oldest| oldest.upgrade()) {
@@ -229,14 +229,14 @@ impl Engine<'_> {
         let draw = node.runtime.draw(self.seed, &node.name, stamp, node.tally.steps);
         let instant = !node.heavy && matches!(draw, Draw::Known(Span::ZERO) | Draw::Unrecorded(Span::ZERO));
         if self.one_worker && self.wall.is_none() && !instant {
-            // It was still running when the run that is being repeated ended.
+            // It was still running at the end of the run that is repeated.
             return Draw::Known(Span::MAX);
         }
         node.tally.unrecorded += u64::from(matches!(draw, Draw::Unrecorded(_)));
         draw
     }
 
-    /// Whether the next step is known to take no time, so that it needs no slot.
+    /// True if the next step is known to take no time, so that it needs no slot.
     pub(super) fn takes_no_time(&self, rank: usize, stamp: Time) -> bool {
         let node = &self.nodes[rank];
         let decided = self.replay.as_ref().and_then(|replay| replay.step(&node.name, stamp));
@@ -247,7 +247,7 @@ impl Engine<'_> {
         matches!(draw, Draw::Known(Span::ZERO) | Draw::Unrecorded(Span::ZERO))
     }
 
-    /// What cuts the step, where anything does.
+    /// Limits that cut the step short, if there are any.
     fn cut(&self, rank: usize, deadline: Time, decided: Option<Decided>) -> Option<Box<Cut>> {
         if deadline == Time::MAX {
             return None;
@@ -274,7 +274,7 @@ impl Engine<'_> {
         let workers = if has_workers { self.workers() } else { None };
         let node = &mut self.nodes[rank];
         let is_measured = matches!(node.runtime, RuntimeModel::Measured { .. });
-        // What a step leaves to others is not in its time on this host.
+        // Work that a step passes to other threads is not part of its measured time.
         if let Some(pool) = workers.filter(|_| !is_measured) {
             task.workers = Some(Workers { pool, operator: node.name.clone() });
         }
@@ -296,7 +296,7 @@ impl Engine<'_> {
         Outcome::Away(pool.submit(Job { rank, name: node.name.clone(), body, task, slots }))
     }
 
-    /// Makes sure that the step at `index` ran, and that its end is exact; says whether it has come.
+    /// Ensures that the step at `index` was executed and its end is exact; returns true if the end has been reached.
     pub(super) fn settle(&mut self, rank: usize, index: usize) -> bool {
         self.wait_for(rank, index);
         self.nodes[rank].running.get(index).is_some_and(|run| run.end <= self.now) && self.failure.is_none()
@@ -313,7 +313,7 @@ impl Engine<'_> {
         self.nodes[rank].running.insert(index, run);
     }
 
-    /// Waits until the operator's state is back from the worker that runs its previous step.
+    /// Waits until the operator's state is back from the worker that executes its previous step.
     fn wait_for_body(&mut self, rank: usize) {
         if self.nodes[rank].body.is_some() {
             return;
@@ -324,7 +324,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Works out the end of a step that ran, and notes if it failed.
+    /// Determines the end of a step that was executed, and records if it failed.
     fn settle_ran(&mut self, rank: usize, run: &mut Run) {
         let Outcome::Here(ran) = &mut run.outcome else { return };
         if !self.went_well(rank, run.stamp, ran) {
@@ -352,8 +352,8 @@ impl Engine<'_> {
             Draw::Work(_) => {
                 run.end = run.start.saturating_add(node.runtime.worked(ran.units));
                 if ran.stopped_at.is_some() && !ran.went_on {
-                    // A step that stops when told to ends in time; if it sends nothing, it ends at its deadline,
-                    // whose reaction has what it offered.
+                    // A step that stops when requested ends in time; if it sends nothing, it ends at its deadline,
+                    // whose reaction has its offers.
                     run.end = if ran.is_empty() { run.deadline } else { run.end.min(run.deadline) };
                 }
             }
@@ -366,7 +366,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Notes what a step panicked with, or that it was lost; says whether the run goes on.
+    /// Records a panic or the loss of a step; returns true if the run goes on.
     #[inline(always)]
     fn went_well(&mut self, rank: usize, stamp: Time, ran: &mut Ran) -> bool {
         if let Some(message) = ran.panic.take() {
@@ -379,7 +379,7 @@ impl Engine<'_> {
         self.came_from_away(rank, stamp, restarted, lost)
     }
 
-    /// Notes what a step in another process came to; says whether the run goes on.
+    /// Records the outcome of a step in another process; returns true if the run goes on.
     fn came_from_away(&mut self, rank: usize, stamp: Time, restarted: bool, lost: Option<String>) -> bool {
         let operator = self.nodes[rank].name.to_string();
         if restarted {
@@ -406,7 +406,7 @@ impl Engine<'_> {
         tell(&mut self.observers, &Event::StepStart(start));
     }
 
-    /// Calls the operator's reaction; what it panics with ends the run.
+    /// Calls the operator's reaction; a panic ends the run.
     pub(super) fn call_on_deadline(&mut self, rank: usize, miss: &ErasedMiss<'_>) -> Outs {
         let mut outs = Outs::default();
         if let Some(react) = self.nodes[rank].on_deadline
@@ -420,7 +420,7 @@ impl Engine<'_> {
     }
 }
 
-/// Runs one step on the present thread; with `begin` given, its host time is taken from there.
+/// Executes one step on the current thread; with `begin`, measures its host time from there.
 #[inline(always)]
 pub(super) fn run(
     body: &mut dyn Body,
@@ -439,7 +439,7 @@ pub(super) fn run(
     ran.unusual = task.unusual.take();
 }
 
-/// Calls the operator's step; gives what it panicked with.
+/// Calls the operator's step; returns its panic message, if it panicked.
 #[inline]
 pub(crate) fn step(
     body: &mut dyn Body,
@@ -453,7 +453,7 @@ pub(crate) fn step(
     result.err().map(|panic| said(&*panic).into())
 }
 
-/// What a panic said.
+/// Message of a panic.
 fn said(panic: &(dyn core::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_string());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())

@@ -14,7 +14,7 @@ use crate::policy::{Full, Policy};
 use crate::report::RunError;
 
 impl Engine<'_> {
-    /// Lets the operator do all that is due for it at the present instant.
+    /// Executes everything that is due for the operator at the current instant.
     pub(super) fn turn(&mut self, rank: usize) {
         if self.nodes[rank].feed.is_some() {
             self.publish_feed(rank);
@@ -33,7 +33,7 @@ impl Engine<'_> {
             let reacted = self.handle_deadlines(rank);
             self.take_in(rank);
             let started = self.start_allowed(rank);
-            // Only a reaction, or a step that is done already, gives (a) to (d) something more to do.
+            // Only a reaction, or a step that has already ended, gives (a) to (d) more to do.
             if !(reacted || started && self.nodes[rank].has_more(self.now)) || self.failure.is_some() {
                 break;
             }
@@ -48,13 +48,13 @@ impl Engine<'_> {
         self.rearm(rank);
     }
 
-    /// A turn that is one step, which takes no time: what [`turn`](Self::turn) comes to then, without its detours.
+    /// A turn with a single step that takes no time: the result of [`turn`](Self::turn), on a shorter path.
     fn turn_at_once(&mut self, rank: usize, stamp: Time) {
         let node = &mut self.nodes[rank];
         node.at[0].fresh = 0;
         let watermark = node.at[0].watermark;
         if !self.step_at_once(rank, stamp, watermark) {
-            // What the step was for stays open.
+            // The frame of the step stays open.
             self.nodes[rank].open.push_back(super::node::Open { stamp, deadline: Time::MAX });
             return self.publish_watermark(rank);
         }
@@ -63,7 +63,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Opens the frames of what became visible since the last turn.
+    /// Opens the frames of messages and ticks that became visible since the last turn.
     fn arrive(&mut self, rank: usize) {
         let now = self.now;
         for port in 0..self.nodes[rank].at.len() {
@@ -99,7 +99,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Notes how late a tick is on the real clock.
+    /// Records the delay of a tick on the real clock.
     fn note_lateness(&mut self, rank: usize, due: Time, period: Span) {
         if let (Some(pace), Some(lateness)) = (&self.wall, &mut self.nodes[rank].lateness) {
             let late = (pace.now() - due).max(Span::ZERO);
@@ -125,7 +125,7 @@ impl Engine<'_> {
         }
     }
 
-    /// The deadline that counts from `anchor`, with the length of the present instant.
+    /// Deadline counted from `anchor`, with the length at the current instant.
     pub(super) fn deadline_from(&self, rank: usize, anchor: Time) -> Time {
         let length = match self.nodes[rank].deadline.map(|deadline| deadline.length) {
             None => return Time::MAX,
@@ -176,29 +176,29 @@ impl Engine<'_> {
         }
     }
 
-    /// Publishes the result of a step that came to its end and left the line; gives the number of older ones
-    /// that left the line with it.
+    /// Publishes the result of a step that has ended and left the line; returns the number of older steps that left the
+    /// line with it.
     fn publish_result(&mut self, rank: usize, run: &mut Run) -> usize {
         let Outcome::Here(ran) = &mut run.outcome else { return 0 };
         if run.resolved || ran.is_empty() {
             return 0;
         }
         self.nodes[rank].came_out = Some(self.now);
-        // Those before it in the line that are still running give up their stamps.
+        // Steps before it in the line that are still running give up their stamps.
         let left = self.resolve_older(rank, run.stamp);
         let answer = Answer { stamp: run.stamp, reused_from: None, origin: run.origin, reads: &run.reads };
         self.publish(rank, &answer, &mut ran.outs);
         left
     }
 
-    /// A step that takes no time, alone in its operator, is answered as soon as it ran.
+    /// Answers at once for a step that takes no time and is alone in its operator.
     pub(super) fn publish_at_once(&mut self, rank: usize, mut run: Run) {
         self.end_step(rank, &mut run);
         self.publish_result(rank, &mut run);
         self.nodes[rank].spare_reads = run.reads;
     }
 
-    /// Notes that the modelled end of a step has come.
+    /// Records that a step has reached its modelled end.
     fn end_step(&mut self, rank: usize, run: &mut Run) {
         if core::mem::replace(&mut run.finished, true) {
             return;
@@ -214,7 +214,7 @@ impl Engine<'_> {
         self.note_end(rank, &ended, ran);
     }
 
-    /// Counts a step whose modelled end has come, and tells the observers.
+    /// Counts a step that has reached its modelled end, and notifies the observers.
     #[inline]
     pub(super) fn note_end(&mut self, rank: usize, ended: &Ended, ran: &mut Ran) {
         let &Ended { stamp, start, end, late } = ended;
@@ -233,8 +233,8 @@ impl Engine<'_> {
         tell(&mut self.observers, &Event::StepEnd(event));
     }
 
-    /// Resolves what is older than `stamp`, which is being answered; gives the number of running steps that
-    /// left the line with it.
+    /// Resolves stamps older than `stamp`, which is being answered; returns the number of running steps that left the
+    /// line.
     fn resolve_older(&mut self, rank: usize, stamp: Time) -> usize {
         let mut left = 0;
         let mut index = 0;
@@ -291,7 +291,7 @@ impl Engine<'_> {
         let missed = Missed { stamp: run.stamp, deadline: run.deadline, started: true };
         let origin = run.origin;
         if run.finished {
-            // Its place is free from now on: it only waited, for an older result or for this reaction.
+            // Its place is now free: it only waited for an older result or for this reaction.
             let mut run = self.nodes[rank].running.remove(index).expect("just seen");
             let offered = run.offered.take().map(|offered| snapshot(&offered));
             let Outcome::Here(ran) = run.outcome else { return };
@@ -305,7 +305,7 @@ impl Engine<'_> {
         }
         let offered = run.offered.clone();
         if offered.is_some() && self.wall.is_none() {
-            // What the step offered under its budget is a function of its inputs: wait until it ran.
+            // The offers of the step within its budget are a function of its inputs: wait until it was executed.
             self.wait_for(rank, index);
         }
         let reads = self.nodes[rank].running[index].reads.clone();
@@ -348,7 +348,7 @@ impl Engine<'_> {
             offered: offered.as_ref(),
         };
         let mut outs = self.call_on_deadline(rank, &miss);
-        // It derives from the running step if that offered something, else from the newest result.
+        // The answer derives from the running step if that offered something, else from the newest result.
         let (origin, reads) = match (&offered, last) {
             (Some(_), _) => (step.origin, &step.reads[..]),
             (None, Some(last)) => (last.origin, &last.reads[..]),
@@ -388,7 +388,7 @@ impl Engine<'_> {
         }
     }
 
-    /// (d) Starts what the busy policy allows. Steps that need a slot start after the sweep.
+    /// (d) Starts the steps that the busy policy allows. Steps that need a slot start after the sweep.
     fn start_allowed(&mut self, rank: usize) -> bool {
         let node = &self.nodes[rank];
         if node.complete == 0 || self.places(rank) == 0 {
@@ -402,7 +402,7 @@ impl Engine<'_> {
         true
     }
 
-    /// How many steps may start now. Under wall clock a heavy operator has one worker at a time.
+    /// Number of steps that can start now. Under wall clock a heavy operator has one worker at a time.
     pub(super) fn places(&self, rank: usize) -> usize {
         let node = &self.nodes[rank];
         let free = node.free_places();
@@ -412,7 +412,7 @@ impl Engine<'_> {
         if node.running.iter().any(|run| run.end > self.now) { 0 } else { free.min(1) }
     }
 
-    /// Starts up to `n` frames as the policy chooses them; those that it passes over are dropped.
+    /// Starts up to `n` frames selected by the policy; frames that it passes over are dropped.
     pub(super) fn start_some(&mut self, rank: usize, n: usize) {
         let node = &self.nodes[rank];
         let starting = match node.policy {
@@ -431,7 +431,7 @@ impl Engine<'_> {
         }
     }
 
-    /// (e) Drops what the busy policy does not let wait.
+    /// (e) Drops the frames that the busy policy does not let wait.
     pub(super) fn bound_queue(&mut self, rank: usize) {
         loop {
             let node = &self.nodes[rank];
@@ -453,7 +453,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Works out when the operator has something to do next.
+    /// Determines the operator's next due instant.
     pub(super) fn rearm(&mut self, rank: usize) {
         let node = &mut self.nodes[rank];
         let mut due = Time::MAX;
@@ -471,7 +471,7 @@ impl Engine<'_> {
             if !run.finished {
                 due = due.min(run.end);
             } else if !run.resolved {
-                // Put off; where it waits for an older one, that one's end is due before.
+                // It was put off; if it waits for an older step, the end of that step is due earlier.
                 let out = node.policy.comes_out(run.end, node.came_out);
                 due = if out > self.now { due.min(out) } else { due };
             }

@@ -1,4 +1,4 @@
-//! The check of a whole graph before its first step, and the ranks that come of it.
+//! Check of a whole graph before its first step, and the ranks that result from it.
 
 use std::collections::BTreeSet;
 
@@ -13,10 +13,10 @@ use crate::policy::Policy;
 /// An error in a graph.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum GraphError {
-    /// Operators wait for each other in a circle.
+    /// Operators wait for each other in a cycle.
     #[error("cycle without a feedback edge: {}", operators.join(" -> "))]
     Cycle {
-        /// The circle, each operator reading the one before it; the first is named again at the end.
+        /// The cycle, in which each operator reads the one before it; the first is repeated at the end.
         operators: Vec<String>,
     },
     /// Two operators or streams share a name.
@@ -25,68 +25,68 @@ pub enum GraphError {
         /// The name.
         name: String,
     },
-    /// A feedback edge was never connected to a stream.
+    /// A feedback edge was not connected to a stream.
     #[error("feedback edge `{feedback}`, read by {}, is connected to no stream", readers.join(", "))]
     Unconnected {
-        /// The edge.
+        /// Name of the edge.
         feedback: String,
-        /// The operators that read it.
+        /// Operators that read it.
         readers: Vec<String>,
     },
     /// A feedback edge was connected twice.
     #[error("feedback edge `{feedback}` is connected twice")]
     FeedbackTwice {
-        /// The edge.
+        /// Name of the edge.
         feedback: String,
     },
     /// A feedback edge was connected to a stream of another type.
     #[error("feedback edge `{feedback}`: expected a stream of `{expected}`, found {found}")]
     FeedbackType {
-        /// The edge.
+        /// Name of the edge.
         feedback: String,
-        /// The type of its messages.
+        /// Type of its messages.
         expected: String,
-        /// The stream, with its type.
+        /// Stream that was found, with its type.
         found: String,
     },
-    /// A port was given what it cannot read.
+    /// A port was connected to a source that it cannot read.
     #[error("operator `{operator}`, port `{port}`: expected {expected}, found {found}")]
     Wire {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
-        /// The port.
+        /// Name of the port.
         port: String,
-        /// What the port takes.
+        /// Sources that the port accepts.
         expected: String,
-        /// What it was given.
+        /// Source that was found.
         found: String,
     },
-    /// An operator was given a stream, edge or resource of another graph.
+    /// An operator was connected to a stream, edge or resource of another graph.
     #[error("operator `{operator}` was given a handle of another graph")]
     ForeignHandle {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
     },
-    /// Nothing would ever make the operator fire.
+    /// The operator has no input that would trigger it.
     #[error("operator `{operator}` has no synchronised input: give it an `At` or an `Every` port")]
     NeverFires {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
     },
-    /// A number that makes no sense.
+    /// A number is invalid.
     #[error("operator `{operator}`: {reason}")]
     Value {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
-        /// What is wrong.
+        /// Reason why the number is invalid.
         reason: &'static str,
     },
     /// A resource without slots.
     #[error("resource `{resource}` has no slot, so {} would never start", users.join(", "))]
     NoSlots {
-        /// The resource.
+        /// Name of the resource.
         resource: String,
-        /// The operators that use it.
+        /// Operators that use it.
         users: Vec<String>,
     },
     /// No operator has this name.
@@ -98,24 +98,24 @@ pub enum GraphError {
     /// A recorded publication names an output that the operator does not have.
     #[error("operator `{operator}` has no output {port}, but a record was published there")]
     PlaybackPort {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
-        /// The output.
+        /// Index of the output.
         port: usize,
     },
-    /// A recorded payload is none of the stream's type.
+    /// A recorded payload is not of the stream's type.
     #[error("operator `{operator}`, record of stamp {at}: {reason}")]
     PlaybackPayload {
-        /// The operator.
+        /// Name of the operator.
         operator: String,
-        /// The stamp of the record.
+        /// Stamp of the record.
         at: Time,
-        /// What did not fit.
+        /// Reason why the payload does not fit.
         reason: String,
     },
 }
 
-/// Checks the graph; gives its operators in rank order.
+/// Checks the graph; returns its operators in rank order.
 pub(crate) fn ranks(graph: &Graph) -> Result<Vec<usize>, GraphError> {
     if let Some(problem) = graph.problems.first() {
         return Err(problem.clone());
@@ -198,7 +198,7 @@ fn check_operator(graph: &Graph, operator: &OperatorSpec) -> Result<(), GraphErr
 }
 
 impl OperatorSpec {
-    /// What the length of the deadline is read from.
+    /// Edge from which the length of the deadline is read, if any.
     fn policy_edge(&self) -> Option<Edge> {
         match self.deadline?.length {
             Length::Policy(edge, _) => Some(edge),
@@ -236,7 +236,7 @@ fn problem_of(operator: &OperatorSpec) -> Option<&'static str> {
     operator.runtime.problem()
 }
 
-/// Ranks are given one by one, each time to the operator declared first whose inputs all have one.
+/// Ranks are given one by one, each time to the operator added first whose inputs all have one.
 fn order(graph: &Graph) -> Result<Vec<usize>, GraphError> {
     let n = graph.operators.len();
     let mut ranked = vec![false; n];
@@ -250,7 +250,7 @@ fn order(graph: &Graph) -> Result<Vec<usize>, GraphError> {
     Ok(order)
 }
 
-/// Walks upstream among the operators without rank until one comes again.
+/// Walks upstream among the operators without a rank until one repeats.
 fn cycle(graph: &Graph, ranked: &[bool]) -> GraphError {
     let mut path = Vec::new();
     let mut at = ranked.iter().position(|ranked| !ranked).expect("called when some operator has no rank");

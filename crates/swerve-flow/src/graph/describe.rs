@@ -1,4 +1,4 @@
-//! What a graph consists of, as plain data.
+//! Description of a graph as plain data.
 
 use serde::Serialize;
 use swerve_core::Span;
@@ -7,73 +7,73 @@ use super::{BodySpec, Graph, OperatorSpec};
 use crate::deadline::Length;
 use crate::input::{Edge, PortSpec};
 
-/// What a graph consists of: operators in rank order.
+/// Description of a graph: its operators in rank order.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GraphInfo {
-    /// The operators.
+    /// Operators of the graph.
     pub operators: Vec<OperatorInfo>,
-    /// The shared resources, with their slots.
+    /// Shared resources, with their numbers of slots.
     pub resources: Vec<(String, usize)>,
 }
 
-/// One operator.
+/// Description of one operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperatorInfo {
-    /// Its name.
+    /// Name of the operator.
     pub name: String,
-    /// Its place in every sweep.
+    /// Position in every sweep.
     pub rank: usize,
-    /// Its inputs.
+    /// Inputs of the operator.
     pub inputs: Vec<InputInfo>,
-    /// Its streams: name and payload type.
+    /// Streams of the operator: name and payload type.
     pub outputs: Vec<(String, String)>,
-    /// How long its steps take.
+    /// Run time model of its steps.
     pub runtime: String,
-    /// What happens to frames that find it busy.
+    /// Handling of frames that arrive while it is busy.
     pub policy: String,
-    /// Its deadline.
+    /// Deadline, if it has one.
     pub deadline: Option<String>,
-    /// The resource that its steps need.
+    /// Resource that its steps need.
     pub uses: Option<String>,
-    /// The delay of its streams, in nanoseconds.
+    /// Delay of its streams, in nanoseconds.
     pub delay_ns: i64,
-    /// Whether its messages derive from their own stamp.
+    /// True if its messages derive from their own stamp.
     pub origin: bool,
-    /// Whether its steps are worth a worker thread.
+    /// True if worker threads can execute its steps.
     pub heavy: bool,
-    /// Whether it publishes what is reported to it: a source, or the records of an earlier run.
+    /// True if it publishes external reports: a source, or the records of an earlier run.
     pub feed: bool,
 }
 
 /// One input of an operator.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InputInfo {
-    /// How it reads.
+    /// Read mode of the input.
     pub kind: InputKind,
-    /// The stream that it reads; none for a timer.
+    /// Stream that it reads; `None` for a timer.
     pub stream: Option<String>,
-    /// The operator that publishes it.
+    /// Operator that publishes the stream.
     pub from: Option<String>,
 }
 
-/// How an input reads.
+/// Read mode of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InputKind {
-    /// The message of the frame's stamp.
+    /// The message with the frame's stamp.
     At,
-    /// The newest so many messages.
+    /// The newest messages, up to `depth`.
     Latest {
-        /// How many.
+        /// Maximum number of messages.
         depth: usize,
-        /// Whether over a feedback edge.
+        /// True if read over a feedback edge.
         feedback: bool,
     },
     /// A timer.
     Every {
-        /// From tick to tick, in nanoseconds.
+        /// Time from tick to tick, in nanoseconds.
         period_ns: i64,
-        /// The first tick, in nanoseconds.
+        /// Time of the first tick, in nanoseconds.
         phase_ns: i64,
     },
 }

@@ -1,4 +1,4 @@
-//! Wiring by name: handles without a type, and operators whose ports are connected one by one.
+//! Wiring by name: untyped handles, and operators whose ports are connected one by one.
 
 use super::{BodySpec, Feedback, FeedbackSpec, Graph, GraphError, OperatorRef, Stream};
 use crate::any::AnyOperator;
@@ -7,14 +7,14 @@ use crate::operator::{Operator, Typed, on_deadline};
 use crate::payload::{Payload, PayloadType};
 use crate::port::{NamedInputs, NamedOutputs, OutputInfo, PortInfo, PortMode, Wire};
 
-/// A [`Stream`] whose type is known to the running program only.
+/// A [`Stream`] whose type is known at run time only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnyStream {
     pub(crate) id: usize,
     pub(crate) payload: PayloadType,
 }
 
-/// A [`Feedback`] edge whose type is known to the running program only.
+/// A [`Feedback`] edge whose type is known at run time only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AnyFeedback {
     pub(crate) id: usize,
@@ -24,12 +24,12 @@ pub struct AnyFeedback {
 macro_rules! handle {
     ($any:ident, $typed:ident) => {
         impl $any {
-            /// The type of its messages.
+            /// Type of its messages.
             pub fn payload(self) -> PayloadType {
                 self.payload
             }
 
-            /// The handle with its type, if that is `T`.
+            /// Returns the typed handle, if the type is `T`.
             pub fn typed<T: Payload>(self) -> Option<$typed<T>> {
                 (self.payload == PayloadType::of::<T>()).then(|| $typed::new(self.id))
             }
@@ -47,14 +47,14 @@ handle!(AnyStream, Stream);
 handle!(AnyFeedback, Feedback);
 
 impl Graph {
-    /// Adds an operator whose ports have names; `wire` says for each input port what feeds it, and may add to
-    /// the graph what that takes.
+    /// Adds an operator whose ports have names. `wire` returns the source of each input port, and may add to the graph
+    /// what the source requires.
     ///
-    /// Its streams are called after the output ports, `operator.port`, or `operator` where there is one only.
+    /// The streams are named after the output ports, `operator.port`, or `operator` if there is only one.
     ///
     /// # Errors
-    /// What `wire` fails with; [`GraphError::Wire`] where what it gives does not fit the port, and
-    /// [`GraphError::ForeignHandle`] where it is of another graph.
+    /// Errors of `wire`; [`GraphError::Wire`] if the returned source does not fit the port, and
+    /// [`GraphError::ForeignHandle`] if it belongs to another graph.
     pub fn add_wired<O, E>(
         &mut self,
         name: impl Into<String>,
@@ -76,10 +76,10 @@ impl Graph {
         Ok(self.push(name, ports.specs, BodySpec::Operator(body, on_deadline::<O>)))
     }
 
-    /// The same for an operator whose ports are declared at run time.
+    /// As [`add_wired`](Self::add_wired), for an operator whose ports are declared at run time.
     ///
     /// # Errors
-    /// As [`add_wired`](Self::add_wired).
+    /// As for [`add_wired`](Self::add_wired).
     pub fn add_any_wired<E: From<GraphError>>(
         &mut self,
         name: &str,
@@ -96,7 +96,7 @@ impl Graph {
         Ok(self.push_any(name, ports.specs, operator, &outputs))
     }
 
-    /// Declares what feeds one port of `operator`.
+    /// Declares the source of one port of `operator`.
     fn declare(
         &self,
         operator: &str,
@@ -138,7 +138,7 @@ impl Graph {
         Ok(())
     }
 
-    /// What `wire` is, for an error.
+    /// Describes `wire`, for an error.
     fn found(&self, wire: &Wire) -> String {
         match wire {
             Wire::Stream(stream) => {
@@ -161,37 +161,37 @@ impl Graph {
         self.feedbacks.get(edge.id).is_some_and(|own| own.payload == edge.payload)
     }
 
-    /// The streams with their names, in the order in which their operators were added.
+    /// Streams with their names, in the order in which their operators were added.
     pub fn streams(&self) -> impl Iterator<Item = (&str, AnyStream)> {
         let streams = self.streams.iter().enumerate();
         streams.map(|(id, spec)| (&*spec.name, AnyStream { id, payload: spec.payload }))
     }
 
-    /// The stream of this name.
+    /// Returns the stream of this name.
     pub fn stream(&self, name: &str) -> Option<AnyStream> {
         self.streams().find(|(own, _)| *own == name).map(|(_, stream)| stream)
     }
 
-    /// The streams of an operator, in the order of its output ports.
+    /// Streams of an operator, in the order of its output ports.
     ///
     /// # Errors
-    /// When there is no operator of that name.
+    /// If there is no operator of this name.
     pub fn streams_of(&self, operator: &str) -> Result<Vec<AnyStream>, GraphError> {
         let operator = &self.operators[self.index_of(operator)?];
         let any = |id: &usize| AnyStream { id: *id, payload: self.streams[*id].payload };
         Ok(operator.streams.iter().map(any).collect())
     }
 
-    /// As [`feedback`](Self::feedback), for a type that is known to the running program only.
+    /// As [`feedback`](Self::feedback), for a type that is known at run time only.
     pub fn feedback_any(&mut self, name: impl Into<String>, payload: PayloadType) -> AnyFeedback {
         self.feedbacks.push(FeedbackSpec { name: name.into(), payload, stream: None });
         AnyFeedback { id: self.feedbacks.len() - 1, payload }
     }
 
-    /// Connects a feedback edge to the stream that it shows.
+    /// Connects a feedback edge to its stream.
     ///
     /// # Errors
-    /// When the stream carries another type, the edge is connected already, or one of them is of another graph.
+    /// If the stream has another type, the edge is already connected, or one of them belongs to another graph.
     pub fn connect_any(&mut self, feedback: AnyFeedback, stream: AnyStream) -> Result<(), GraphError> {
         if !self.owns_stream(stream) || !self.owns_feedback(feedback) {
             return Err(GraphError::ForeignHandle { operator: "feedback".into() });
@@ -210,7 +210,7 @@ impl Graph {
     }
 }
 
-/// What `port` takes, for an error.
+/// Describes the sources that `port` accepts, for an error.
 fn expected(port: &PortInfo) -> String {
     let one = match &port.payload {
         None => "a timer".to_owned(),

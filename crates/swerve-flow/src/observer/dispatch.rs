@@ -1,4 +1,4 @@
-//! Payloads by their type: what an observer does with each is registered once, whoever publishes it.
+//! Dispatch of payloads by type: handlers are registered once per type, for all publishers.
 
 use core::any::TypeId;
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use crate::payload::{Payload, Sent};
 
 type Handler<S> = Box<dyn FnMut(&mut S, &Publication<'_>, &Sent) + Send>;
 
-/// An observer that hands each payload to what was registered for its type, together with a state that all share.
+/// Observer that passes each payload to the handlers registered for its type, with a state that they all share.
 ///
 /// ```
 /// use swerve_core::{Span, Time};
@@ -35,13 +35,13 @@ pub struct Dispatcher<S> {
 }
 
 impl<S> Dispatcher<S> {
-    /// With nothing registered yet.
+    /// Creates a dispatcher without handlers.
     pub fn new(state: S) -> Self {
         Self { state, handlers: BTreeMap::new() }
     }
 
-    /// Has `handler` called with every message of type `T`. Several of one type are called in the order in which they
-    /// were registered.
+    /// Registers `handler` for every message of type `T`. Several handlers of one type are called in the order of their
+    /// registration.
     #[must_use]
     pub fn on<T: Payload>(
         mut self,
@@ -56,7 +56,7 @@ impl<S> Dispatcher<S> {
         self
     }
 
-    /// Hands on a publication; a bare watermark is nobody's.
+    /// Passes a publication to its handlers; ignores bare watermarks.
     pub fn publication(&mut self, publication: &Publication<'_>) {
         let Some(payload) = publication.payload else { return };
         for handler in self.handlers.get_mut(&payload.type_id()).into_iter().flatten() {
@@ -64,17 +64,17 @@ impl<S> Dispatcher<S> {
         }
     }
 
-    /// The state that the handlers share.
+    /// State that the handlers share.
     pub fn state(&self) -> &S {
         &self.state
     }
 
-    /// The state, to be changed.
+    /// Mutable state that the handlers share.
     pub fn state_mut(&mut self) -> &mut S {
         &mut self.state
     }
 
-    /// The state, where the run is over.
+    /// Returns the state, after the run.
     pub fn into_state(self) -> S {
         self.state
     }

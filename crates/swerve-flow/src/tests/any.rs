@@ -3,7 +3,7 @@
 use super::net::*;
 use crate::*;
 
-/// Answers with the sum of all that it reads, in CBOR.
+/// Publishes the sum of all its inputs, encoded in CBOR.
 struct Adder;
 
 impl AnyOperator for Adder {

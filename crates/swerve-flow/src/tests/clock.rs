@@ -1,4 +1,4 @@
-//! Section 8: wall clock, record, replay. And section 4's promise: threads do not show.
+//! Section 8: wall clock, record, replay. Section 4: the result does not depend on the number of threads.
 
 use std::thread;
 
@@ -14,7 +14,7 @@ fn s8_wall_clock_reports_how_timers_kept_time() {
         type In = Every;
         type Out = ();
         fn step(&mut self, cx: &mut Context<'_>, _: &Every, _: &mut ()) {
-            // The third tick holds everything up for as long as five take.
+            // The third tick delays the operator by five periods.
             let until = Time::from_ms(70);
             if cx.stamp() == Time::from_ms(20) {
                 let begin = crate::host::now();
@@ -34,7 +34,7 @@ fn s8_wall_clock_reports_how_timers_kept_time() {
     assert_eq!(report.operator("slow").unwrap().ticks, None);
 }
 
-/// What an observer needs to repeat a run.
+/// Records the data needed to repeat a run.
 #[derive(Default)]
 struct Recorder {
     decisions: Vec<Decision>,
@@ -60,7 +60,7 @@ impl Recorder {
     }
 }
 
-/// Spins until its deadline, or as many rounds as its input says.
+/// Spins until its deadline, or for the number of rounds in its input.
 struct Spin;
 
 impl Operator for Spin {
@@ -76,7 +76,7 @@ impl Operator for Spin {
             if n % 100 == 0 {
                 cx.offer(out, value);
                 if cx.spend(1) == Progress::Stop {
-                    // Half of them leave it to the reaction.
+                    // Half of the steps leave the answer to the reaction.
                     if rounds.is_multiple_of(2) {
                         out.send(n);
                     }
@@ -135,7 +135,7 @@ fn repeats_in_virtual_time(threads_worth: bool) {
     let feeder = thread::spawn(move || {
         for rounds in [1_u64, 500, 1_000_000, 20, 1_000_001, 3, 200, 5_001, 7_000] {
             handle.send_now(rounds).unwrap();
-            // Give the engine something to do meanwhile; how much of it gets done is the real clock's business.
+            // Delay the next message while the engine works; its progress depends on the real clock.
             std::hint::black_box((0..rounds * 10).fold(0_u64, |a, b| a.wrapping_add(b)));
         }
     });
@@ -215,7 +215,7 @@ impl Operator for Keep {
 }
 
 #[test]
-fn s8_what_is_upstream_of_a_cut_can_be_played_back() {
+fn s8_operators_upstream_of_a_cut_can_be_played_back() {
     let build = || {
         let mut net = Net::new();
         let gpu = net.graph.resource("gpu", 1);
@@ -249,7 +249,7 @@ fn s8_what_is_upstream_of_a_cut_can_be_played_back() {
         let mut graph = build();
         for operator in cut {
             graph.playback(operator, all.of(operator)).unwrap();
-            // `detector` and `lanes` share the GPU: whichever is computed again has to wait for the other one.
+            // `detector` and `lanes` share the GPU: the one that is recomputed has to wait for the other.
             let steps = all.steps.iter().filter(|(name, ..)| name == operator);
             graph.playback_steps(operator, steps.map(|&(_, start, end)| (start, end)).collect()).unwrap();
         }
@@ -280,7 +280,7 @@ fn s8_records_of_another_type_or_port_are_refused() {
     assert!(matches!(net.graph.playback("nobody", vec![]), Err(GraphError::UnknownOperator { .. })));
 }
 
-/// Computes for a while, and a while longer if it should meet another worker.
+/// Computes long enough for steps on several workers to overlap.
 struct Heavy;
 
 impl Operator for Heavy {
@@ -342,7 +342,7 @@ fn s4_the_digest_is_the_same_on_any_number_of_threads() {
 #[test]
 fn s3_steps_of_one_sweep_overlap_on_two_threads() {
     use std::sync::{Arc, Barrier};
-    /// Returns only once the other one has started too.
+    /// Returns only once the other operator has started too.
     struct Meet(Arc<Barrier>);
     impl Operator for Meet {
         type In = At<i64>;
@@ -402,7 +402,7 @@ fn a_virtual_run_ends_when_asked() {
     assert_eq!((report.end, report.at), (EndReason::Interrupted, Time::ZERO));
 }
 
-/// Counts what it reads.
+/// Counts its steps.
 struct Count(std::sync::Arc<std::sync::atomic::AtomicU64>);
 
 impl Operator for Count {
@@ -418,7 +418,7 @@ impl Operator for Count {
 #[test]
 #[ignore = "real clock"]
 fn a_source_far_faster_than_its_readers_is_bounded_and_counted() {
-    /// Takes every message, for as long as ten of them take to come.
+    /// Forwards its input; its run time is much longer than the interval between messages.
     struct Slow;
     impl Operator for Slow {
         type In = At<u64>;
@@ -451,7 +451,7 @@ fn a_source_far_faster_than_its_readers_is_bounded_and_counted() {
     assert_eq!(refused, 0, "the engine keeps up");
     let dropped = heavy.drops.queue_full + heavy.drops.skipped;
     assert!(dropped > 5 * taken, "{taken} steps, {dropped} dropped");
-    // One may be under way, two may wait.
+    // One may be running, two may wait.
     assert!((997..=1000).contains(&(taken + dropped)), "{taken} and {dropped}: none is lost without a count");
     assert!(ticks.load(std::sync::atomic::Ordering::Relaxed) >= 10);
 }

@@ -54,7 +54,7 @@ fn s6_1_each_stamp_has_its_own_deadline() {
         .deadline(reuse(40))
         .out();
     let log = net.run(300);
-    // The step for 10 is late at 50; those for 20 and 30 wait for it until then and are in time.
+    // The step for 10 is late at 50; the steps for 20 and 30 wait for it until then and are in time.
     assert_eq!(log.messages("work"), [(0, 15), (10, 50), (20, 50), (30, 50)]);
     let reused: Vec<_> = log.published("work").iter().filter_map(|p| p.reused_from).collect();
     assert_eq!(reused, [30_000_000], "the newest finished result, published or not");
@@ -86,7 +86,7 @@ fn s6_2_a_policy_stream_decides_the_length_at_the_anchor_instant() {
     net.stage("work", join(&[source])).runtime(fixed(40)).deadline(deadline).out();
     let log = net.run(300);
     let misses: Vec<_> = log.lines("work").into_iter().filter(|line| line.contains("misses")).collect();
-    // 30 ms before there is a policy, 10 ms at 50, 90 ms from 100 on.
+    // 30 ms until there is a policy, 10 ms at 50, 90 ms from 100 on.
     assert_eq!(misses, ["work misses 0@30", "work misses 50@60"]);
     assert_eq!(log.messages("work"), [(100, 140), (150, 190)]);
 }
@@ -107,7 +107,8 @@ fn s6_3_reuse_last_repeats_the_newest_finished_result_through_any_number_of_repe
     let camera = net.stage("camera", tick(100)).origin().out();
     net.stage("work", join(&[camera])).runtime(cycle(&[30, 250, 10])).deadline(reuse(50)).out();
     let log = net.run(460);
-    // 100 runs until 350: 100, 200 and 300 repeat 0. Then it is the newest finished result, though never published.
+    // The step for 100 runs until 350: 100 and 200 repeat 0. Its result is then the newest, though never published, and
+    // 300 repeats it.
     assert_eq!(log.messages("work"), [(0, 30), (100, 150), (200, 250), (300, 350), (400, 410)]);
     let reused: Vec<_> =
         log.published("work").iter().filter(|p| p.stamp.is_some()).map(|p| p.reused_from).collect();
@@ -140,7 +141,7 @@ fn s6_3_a_step_that_only_waits_for_an_older_one_gives_its_own_result() {
         .deadline(deadline)
         .out();
     let log = net.run(300);
-    // 10 (ended at 30) and 20 (ended at 50) wait for 0; at 70 the deadline of 10 passes: its own result answers.
+    // 10 (ended at 30) and 20 (ended at 50) wait for 0; at 70 the deadline of 10 passes and its own result answers.
     assert_eq!(log.messages("work"), [(10, 70), (20, 70)]);
     assert!(log.published("work").iter().all(|p| p.reused_from.is_none()), "nothing was repeated");
     assert_eq!((log.tally("work").repeats, log.tally("work").misses), (0, 1));
@@ -155,7 +156,7 @@ fn s6_3_the_reaction_wins_over_the_late_result_and_the_place_stays_taken() {
     let source = net.script("source", &[(0, Some(0), 0), (10, Some(10), 10), (60, Some(60), 60)]);
     net.stage("work", join(&[source])).runtime(cycle(&[5, 80])).deadline(reuse(30)).out();
     let log = net.run(300);
-    // The step for 10 runs from 10 to 90; at 40 it is answered by 0, and 60 waits until 90 in vain.
+    // The step for 10 runs from 10 to 90: its stamp is answered by 0 at 40, and 60 waits until 90 in vain.
     assert_eq!(log.messages("work"), [(0, 5), (10, 40), (60, 90)]);
     assert_eq!(
         log.published("work").last().unwrap().reused_from,
@@ -197,12 +198,12 @@ fn s6_3_dropping_a_frame_ends_its_deadline_without_reaction() {
     assert_eq!(log.tally("work").drops.skipped, 2);
 }
 
-/// Counts up to `goal`, offering every count; publishes when done or told to stop.
+/// Counts up to `goal` and offers every count; publishes when done or requested to stop.
 struct Anytime {
     goal: i64,
-    /// Publishes nothing when told to stop: the reaction has to.
+    /// Publishes nothing when requested to stop, so that the reaction has to answer.
     leave: bool,
-    /// Goes on when told to stop.
+    /// Continues when requested to stop.
     stubborn: bool,
 }
 
@@ -259,12 +260,12 @@ fn work(base_ms: i64) -> RuntimeModel {
 }
 
 #[test]
-fn s6_4_a_step_is_told_to_stop_at_a_definite_unit_and_publishes_in_time() {
+fn s6_4_a_step_is_stopped_at_a_definite_unit_and_publishes_in_time() {
     let anytime_step = Anytime { goal: 99, leave: false, stubborn: false };
-    // (50 - 10) / 4 = 10 units: told to stop at the tenth, done at the deadline.
+    // (50 - 10) / 4 = 10 units: requested to stop at the tenth, done at the deadline.
     assert_eq!(anytime(anytime_step, work(10)).0, [(0, 50, 1010), (100, 150, 1010)]);
     let anytime_step = Anytime { goal: 99, leave: false, stubborn: false };
-    // (50 - 11) / 4 = 9 units and a bit: done at 47.
+    // (50 - 11) / 4 = 9.75 units: requested to stop at the ninth, done at 47.
     assert_eq!(anytime(anytime_step, work(11)).0, [(0, 47, 1009), (100, 147, 1009)]);
     let short = Anytime { goal: 5, leave: false, stubborn: false };
     assert_eq!(anytime(short, work(10)).0, [(0, 30, 5), (100, 130, 5)]);
@@ -277,10 +278,10 @@ fn s6_4_a_step_whose_base_alone_is_late_still_ends_at_its_deadline_when_it_stops
 }
 
 #[test]
-fn s6_4_the_reaction_gets_what_was_offered_by_the_deadline() {
+fn s6_4_the_reaction_receives_the_offers_made_by_the_deadline() {
     let stubborn = Anytime { goal: 20, leave: false, stubborn: true };
     let (values, log) = anytime(stubborn, work(10));
-    // Counts on to 20 and ends at 90; of its offers those count that it made before the eleventh unit.
+    // It counts on to 20 and ends at 90; only the offers made before the eleventh unit count.
     assert_eq!(values, [(0, 50, 11), (100, 150, 11)]);
     assert!(log.all().contains(&"work ends 0@90".to_string()), "it keeps its place until its modelled end");
 }
@@ -298,7 +299,7 @@ fn s6_4_a_step_that_stops_and_sends_nothing_leaves_the_stamp_to_the_reaction() {
 fn s6_4_under_other_models_a_step_cannot_be_cut() {
     let step = Anytime { goal: 20, leave: false, stubborn: false };
     let (values, log) = anytime(step, cycle(&[20, 80]));
-    // `spend` only counts; the miss of 100 finds nothing offered and takes the newest result.
+    // `spend` only counts; at the miss of 100 nothing was offered, so the newest result is used.
     assert_eq!(values, [(0, 20, 20), (100, 150, 20)]);
     assert_eq!(log.tally("work").units, 40);
 }

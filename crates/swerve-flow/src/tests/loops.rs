@@ -3,7 +3,7 @@
 use super::net::*;
 use crate::*;
 
-/// Counts the ticks since a command above zero acts; publishes (command that acted, time it acted).
+/// Publishes the latched command, then latches the newest one; ends the run at 40 ms.
 #[derive(Default)]
 struct World {
     latched: i64,
@@ -39,13 +39,13 @@ fn s7_a_command_acts_from_the_first_tick_strictly_after_it_is_visible() {
         }
     };
     let report = run_virtual(net.graph, &RunOptions::default(), vec![&mut observer]).unwrap();
-    // Visible at 10: latched at 20 (strictly after), so the interval that ends at 30 is the first under it.
+    // Visible at 10: latched at 20 (strictly after), so the interval that ends at 30 is the first with it.
     assert_eq!(states, [(0, 0), (10, 0), (20, 0), (30, 7), (40, 7)]);
     assert_eq!((report.end, report.at), (EndReason::Stopped("far enough".into()), at(40)));
 }
 
 #[test]
-fn s7_what_is_in_flight_at_the_end_is_not_published() {
+fn s7_steps_in_flight_at_the_end_are_not_published() {
     let mut net = Net::new();
     net.stage("work", tick(100)).runtime(fixed(30)).out();
     let log = net.run(129);
@@ -79,7 +79,7 @@ fn s7_the_origin_is_the_newest_sensor_frame_that_a_message_derives_from() {
 }
 
 #[test]
-fn s7_equal_runs_have_equal_digests_and_others_have_not() {
+fn s7_equal_runs_have_equal_digests_and_different_runs_do_not() {
     let digest = |until, runtime| {
         let mut net = Net::new();
         let a = net.stage("a", tick(10)).runtime(fixed(runtime)).out();

@@ -1,4 +1,4 @@
-//! Memory is bounded: an hour of virtual time takes no more than its first minutes.
+//! Memory is bounded: an hour of virtual time takes no more memory than its first minutes.
 
 use crate::{
     Anchor, At, Context, Deadline, Every, Graph, Latest, Operator, Policy, Port, Reaction, RunOptions,
@@ -34,7 +34,7 @@ impl Operator for Tracker {
     }
 }
 
-/// Drops, deadlines, feedback and a shared resource, all in one.
+/// A graph with drops, deadlines, feedback and a shared resource.
 fn busy() -> Graph {
     let ms = Span::from_ms;
     let normal = |mean, deviation| RuntimeModel::Normal { mean: ms(mean), deviation: ms(deviation) };
@@ -58,7 +58,7 @@ fn busy() -> Graph {
     graph
 }
 
-/// Most bytes that a run of so many minutes has at once.
+/// Peak memory of a run of `minutes` minutes, bytes.
 fn peak(minutes: i64) -> u64 {
     let mut graph = Some(busy());
     let options = RunOptions::until(Time::from_ms(60_000 * minutes));
@@ -73,6 +73,6 @@ fn peak(minutes: i64) -> u64 {
 #[test]
 fn an_hour_takes_no_more_memory_than_its_first_minutes() {
     let (early, hour) = (peak(10), peak(60));
-    // Ring buffers may still find their size in the first minutes; one leaked message a second would be 3000.
+    // Ring buffers may still grow in the first minutes; one leaked message per second would be 3000 messages.
     assert!(hour < early + 4096, "{early} bytes in the first ten minutes, {hour} in an hour");
 }

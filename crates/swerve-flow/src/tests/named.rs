@@ -1,4 +1,4 @@
-//! Ports by name: what the derives say of a struct, and graphs wired by it.
+//! Ports by name: the port descriptions derived from a struct, and graphs wired with them.
 
 use swerve_core::Digest;
 
@@ -42,7 +42,7 @@ type Tuple = (
     Option<Window<String, 2>>,
 );
 
-/// What both operators below compute.
+/// Outputs of both operators below.
 fn results(
     frame: &At<i64>,
     result: &Latest<f64>,
@@ -109,7 +109,7 @@ fn digest(graph: Graph) -> Digest {
     report.digest
 }
 
-/// What feeds a port of [`Everything`] by name; of several streams of a type the named one.
+/// Returns the source of each port of [`Everything`].
 fn wire(graph: &mut Graph, port: &PortInfo) -> Result<Wire, GraphError> {
     let stream = |name| Wire::from(graph.stream(name));
     Ok(match &*port.name {
@@ -124,7 +124,7 @@ fn wire(graph: &mut Graph, port: &PortInfo) -> Result<Wire, GraphError> {
 }
 
 #[test]
-fn the_fields_are_the_ports() {
+fn derived_ports_match_the_fields() {
     let (int, float) = (PayloadType::of::<i64>(), PayloadType::of::<f64>());
     let port = |name, doc, mode, payload| PortInfo { doc, ..PortInfo::declared(name, mode, payload) };
     let expected = [
@@ -159,7 +159,7 @@ fn names_of_payload_types_have_no_paths() {
 }
 
 #[test]
-fn what_is_wired_by_name_runs_as_what_is_wired_by_position() {
+fn wiring_by_name_and_by_position_gives_the_same_run() {
     let mut by_name = Graph::new();
     counters(&mut by_name);
     let streams = by_name.add_wired("work", Named, wire).unwrap().runtime(fixed(2)).out();
@@ -239,7 +239,7 @@ fn a_wire_that_does_not_fit_is_refused() {
         refused("absent", &edge),
         text("absent", &format!("{either} `String`"), "feedback edge `loop` of `i64`")
     );
-    // The first stream of another graph has no match here, the second one is of another type here.
+    // In this graph, the index of `b` belongs to a stream of another type, and that of `far` to none.
     let foreign = |id| {
         let mut other = Graph::new();
         let streams = [other.script::<i64>("a", vec![]).into(), other.script::<f64>("b", vec![]).into()];
@@ -253,7 +253,7 @@ fn a_wire_that_does_not_fit_is_refused() {
 }
 
 #[test]
-fn what_the_wiring_fails_with_is_passed_on() {
+fn add_wired_returns_the_errors_of_the_wiring() {
     #[derive(Debug)]
     struct Missing(String);
     impl From<GraphError> for Missing {
@@ -274,7 +274,7 @@ fn what_the_wiring_fails_with_is_passed_on() {
 }
 
 #[test]
-fn an_edge_shows_a_stream_of_its_own_type_once() {
+fn feedback_edge_accepts_one_stream_of_its_type() {
     let mut graph = Graph::new();
     let [fast, slow] = counters(&mut graph);
     let edge = graph.feedback_any("loop", PayloadType::of::<f64>());
@@ -291,7 +291,7 @@ fn an_edge_shows_a_stream_of_its_own_type_once() {
     assert!(matches!(graph.connect_any(foreign, fast.into()), Err(GraphError::ForeignHandle { .. })));
 }
 
-/// A struct of ports may be generic, and have more outputs than any tuple.
+/// Structs of ports can be generic, and can have more outputs than any tuple.
 #[derive(Inputs)]
 struct One<T: Payload> {
     message: At<T>,
@@ -330,7 +330,7 @@ impl<T: Payload> Operator for Spread<T> {
 }
 
 #[test]
-fn there_may_be_many_outputs_and_they_are_published_in_the_order_of_the_fields() {
+fn many_outputs_are_published_in_the_order_of_the_fields() {
     let mut graph = Graph::new();
     let [fast, _] = counters(&mut graph);
     let wire = |_: &mut Graph, _: &PortInfo| Ok::<_, GraphError>(fast.into());

@@ -1,4 +1,4 @@
-//! Black boxes to build test graphs of, and a list of what they publish.
+//! Black boxes for test graphs, and a log of their events.
 
 use std::sync::{Arc, Mutex};
 
@@ -30,7 +30,7 @@ impl Operator for Stage {
     }
 }
 
-/// What feeds the ports of a [`Stage`].
+/// Sources of the ports of a [`Stage`].
 #[derive(Default)]
 pub(super) struct Inputs {
     timers: Vec<Timer>,
@@ -78,7 +78,7 @@ impl Net {
         self.graph.add(name, Stage, (inputs.timers, inputs.at, inputs.latest))
     }
 
-    /// A stream that carries the listed publications: (visible at, stamp if any, watermark), in ms.
+    /// Adds a stream with the listed publications: (visible at, stamp if any, watermark), in ms.
     pub(super) fn script(&mut self, name: &str, publications: &[(i64, Option<i64>, i64)]) -> Stream<i64> {
         let record = |&(visible, stamp, watermark): &(i64, Option<i64>, i64)| {
             let mut record = match stamp {
@@ -91,7 +91,7 @@ impl Net {
         self.graph.script(name, publications.iter().map(record).collect())
     }
 
-    /// Messages stamped 0, `period`, ..., each visible at its stamp.
+    /// Adds a stream of messages stamped 0, `period`, ..., up to `last`, each visible at its stamp.
     pub(super) fn instant_messages(&mut self, name: &str, period: i64, last: i64) -> Stream<i64> {
         let records: Vec<_> =
             (0..=last / period).map(|k| (k * period, Some(k * period), k * period)).collect();
@@ -126,7 +126,7 @@ struct Lines {
     report: Option<RunReport>,
 }
 
-/// All that observers were told.
+/// All events that observers received.
 #[derive(Clone, Default)]
 pub(super) struct Log(Arc<Mutex<Lines>>);
 
@@ -152,7 +152,7 @@ impl Observer for Log {
     }
 }
 
-/// An event as a line of text, instants in milliseconds.
+/// Formats an event as a line of text, instants in milliseconds.
 fn line(event: &Event<'_>) -> Option<String> {
     let ms = |time: Time| time.ns() as f64 / 1e6;
     Some(match event {
@@ -170,14 +170,14 @@ fn line(event: &Event<'_>) -> Option<String> {
 }
 
 impl Log {
-    /// The messages of an operator, as (stamp, instant) in ms.
+    /// Messages of an operator, as (stamp, instant) in ms.
     pub(super) fn messages(&self, operator: &str) -> Vec<(i64, i64)> {
         let of = |p: &&Published| p.operator == operator;
         let ms = |p: &Published| p.stamp.map(|stamp| (stamp / 1_000_000, p.visible_at / 1_000_000));
         self.0.lock().unwrap().published.iter().filter(of).filter_map(ms).collect()
     }
 
-    /// The publications of an operator.
+    /// Publications of an operator.
     pub(super) fn published(&self, operator: &str) -> Vec<Published> {
         self.0.lock().unwrap().published.iter().filter(|p| p.operator == operator).cloned().collect()
     }
@@ -187,7 +187,7 @@ impl Log {
         self.published(operator).iter().map(|p| (p.stamp, p.watermark, p.visible_at)).collect()
     }
 
-    /// What a message of an operator was computed from, by stamp in ms.
+    /// Inputs of an operator's message, by stamp in ms.
     pub(super) fn reads(&self, operator: &str, stamp_ms: i64) -> Vec<(String, Option<i64>)> {
         let stamp = Some(stamp_ms * 1_000_000);
         let published = self.published(operator);
@@ -195,14 +195,14 @@ impl Log {
         message.reads.iter().map(|(name, stamp)| (name.clone(), stamp.map(|ns| ns / 1_000_000))).collect()
     }
 
-    /// How many missed deadlines were answered by the own result of the step.
+    /// Number of missed deadlines that were answered by the step's own result.
     pub(super) fn own_results_at_misses(&self, operator: &str) -> usize {
         let lines = self.lines(operator);
         let own = |line: &&String| lines.contains(&line.replacen(" misses ", " ", 1));
         lines.iter().filter(|line| line.contains(" misses ")).filter(own).count()
     }
 
-    /// The lines about an operator.
+    /// Lines about an operator.
     pub(super) fn lines(&self, operator: &str) -> Vec<String> {
         let prefix = format!("{operator} ");
         self.0.lock().unwrap().lines.iter().filter(|line| line.starts_with(&prefix)).cloned().collect()

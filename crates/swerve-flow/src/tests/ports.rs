@@ -57,7 +57,7 @@ fn s2_2_a_timer_and_a_stream_are_joined_by_stamp() {
     let inputs = join(&[source]).and_tick(10);
     net.stage("both", inputs).policy(Policy::queue(8)).out();
     let log = net.run(30);
-    // Tick 0 waits for the stream to pass 0; 5 has no tick; 10 has both; 20 and 30 have the tick alone.
+    // Tick 0 waits for the stream to pass 0; 5 has no tick; 10 has both; 20 and 30 have only the tick.
     assert_eq!(log.messages("both"), [(0, 12), (5, 12), (10, 15), (20, 20), (30, 30)]);
     assert_eq!(log.reads("both", 5), [("source".into(), Some(5))]);
     assert_eq!(log.reads("both", 20), [("source".into(), None)]);
@@ -83,7 +83,7 @@ fn s2_3_latest_is_read_when_the_step_starts() {
     let pose = net.instant_messages("pose", 5, 100);
     net.stage("work", join(&[frames]).latest(pose)).runtime(fixed(30)).out();
     let log = net.run(100);
-    // The frame of 10 starts at 30, and so sees the pose of 30.
+    // The step for 10 starts at 30, and so reads the pose of 30.
     assert_eq!(log.reads("work", 10), [("frames".into(), Some(10)), ("pose".into(), Some(30))]);
 }
 
@@ -117,7 +117,7 @@ fn s2_3_a_window_holds_the_newest_messages_oldest_first() {
 }
 
 #[test]
-fn s2_4_feedback_shows_what_was_visible_strictly_before() {
+fn s2_4_feedback_contains_messages_visible_strictly_before() {
     let mut net = Net::new();
     let feedback = net.graph.feedback("loop");
     net.graph.add("sum", Sum, (every(ms(20)), feedback)).out();
@@ -143,7 +143,7 @@ fn s2_4_latest_over_feedback_is_strictly_before_too() {
 fn s2_4_a_cycle_without_feedback_is_refused_and_named() {
     let mut net = Net::new();
     let a = net.stage("a", tick(10)).out();
-    // Handles are given out by `add`, so a circle can only be tied with a stream that comes later.
+    // Handles are returned by `add`, so a cycle requires a stream that is added later.
     let later: Stream<i64> = Stream::new(a.id + 2);
     let b = net.stage("b", join(&[a, later])).out();
     net.stage("c", join(&[b])).out();
@@ -161,7 +161,7 @@ fn s2_4_unconnected_feedback_is_refused() {
 }
 
 #[test]
-fn the_graph_is_checked_whole() {
+fn graph_check_reports_every_kind_of_error() {
     let refused = |build: &dyn Fn(&mut Net)| {
         let mut net = Net::new();
         build(&mut net);
@@ -195,7 +195,7 @@ fn the_graph_is_checked_whole() {
     assert_eq!(foreign, "operator `a` was given a handle of another graph");
 }
 
-/// Publishes what it gets, the second way.
+/// Publishes its input, by `pass_on` or by `forward`.
 struct Again {
     pass_on: bool,
 }
@@ -215,12 +215,12 @@ impl Operator for Again {
 }
 
 #[test]
-fn what_is_passed_on_is_the_same_payload_with_the_same_digest() {
+fn pass_on_publishes_the_same_payload_with_the_same_digest() {
     let run = |pass_on: bool| {
         let mut net = Net::new();
         let a = net.instant_messages("a", 10, 50);
         net.graph.add("again", Again { pass_on }, a).out();
-        // Addresses: a pointer would not be sent.
+        // Addresses, because a pointer is not `Send`.
         let mut payloads: Vec<(String, usize)> = Vec::new();
         let mut observer = |event: &Event<'_>| {
             if let Event::Publication(publication) = event

@@ -1,4 +1,4 @@
-//! What a step leaves to other threads shows in no result.
+//! Work that a step passes to other threads does not affect the result.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,11 +8,11 @@ use swerve_core::{Digest, Time};
 use super::net::*;
 use crate::*;
 
-/// How many frames of one camera are in the making, and how many were at most.
+/// Number of frames of one camera being made, and its maximum.
 #[derive(Clone, Default)]
 struct Making(Arc<(AtomicUsize, AtomicUsize)>);
 
-/// What becomes of the frame at 100 ms.
+/// Outcome of the frame at 100 ms.
 #[derive(Clone, Copy, PartialEq)]
 enum Fate {
     Drawn,
@@ -20,13 +20,13 @@ enum Fate {
     Panics,
 }
 
-/// Publishes, for every tick, what other threads of the run work out where there are any.
+/// Publishes an image and a sum at every tick, computed by other threads of the run if there are any.
 struct Camera {
     making: Making,
     fate: Fate,
 }
 
-/// Takes its time; a function of the stamp alone.
+/// Takes a while to compute an image, a function of the stamp alone.
 fn drawn(stamp: Time) -> Vec<u64> {
     let mut x = stamp.ns() as u64;
     for k in 0..50_000 {
@@ -64,7 +64,7 @@ impl Operator for Camera {
     }
 }
 
-/// Takes time of its own, on another thread.
+/// Reads an image in a heavy step with a run time.
 struct Looks;
 
 impl Operator for Looks {
@@ -88,7 +88,7 @@ impl Operator for Glances {
     }
 }
 
-/// Three cameras, of which two fire together.
+/// Three cameras, of which two tick together.
 fn cameras(is_read: bool, fate: Fate) -> (Graph, Vec<Making>) {
     let (mut graph, mut all) = (Graph::new(), Vec::new());
     for (k, phase) in [0, 0, 7].into_iter().enumerate() {
@@ -104,11 +104,11 @@ fn cameras(is_read: bool, fate: Fate) -> (Graph, Vec<Making>) {
     (graph, all)
 }
 
-/// Stream, stamp and digest of all that is published.
+/// Stream, stamp and digest of every publication.
 type Seen = Vec<(String, Option<Time>, Option<Digest>)>;
 
 #[test]
-fn s3_what_is_left_to_other_threads_comes_out_as_if_it_were_not() {
+fn s3_work_on_other_threads_does_not_change_the_result() {
     let run = |is_read: bool, threads: usize, with_observer: bool| {
         let (graph, all) = cameras(is_read, Fate::Drawn);
         let mut seen = Seen::new();
@@ -137,7 +137,7 @@ fn s3_what_is_left_to_other_threads_comes_out_as_if_it_were_not() {
 }
 
 #[test]
-fn s3_a_session_gives_what_was_promised() {
+fn s3_a_session_returns_promised_payloads() {
     let newest = |threads: usize| {
         let (graph, _) = cameras(false, Fate::Drawn);
         let mut session = Session::new(graph, &RunOptions::until(at(200)).threads(threads), vec![]).unwrap();

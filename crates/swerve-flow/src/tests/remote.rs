@@ -1,4 +1,4 @@
-//! Section 9: remote steps. Here that is a worker behind a lock.
+//! Section 9: remote steps, here with a worker behind a lock.
 
 use std::sync::{Arc, Mutex};
 
@@ -32,7 +32,7 @@ impl Operator for Sensor {
     }
 }
 
-/// Has all kinds of ports, a memory, randomness, two outputs; passes one message on as it is.
+/// Has all kinds of ports, a state, random numbers and two outputs; passes one message on unchanged.
 #[derive(Default)]
 struct Mixer {
     sum: u64,
@@ -56,7 +56,7 @@ impl Operator for Mixer {
     }
 }
 
-/// Works until it is told to stop, and offers on the way.
+/// Works until it is requested to stop, and makes offers on the way.
 struct Anytime;
 
 impl Operator for Anytime {
@@ -68,7 +68,7 @@ impl Operator for Anytime {
         for n in 0..goal {
             cx.offer(out, 1000 + n);
             if cx.spend(1) == Progress::Stop {
-                // Every other one leaves it to the reaction.
+                // Every other step leaves the answer to the reaction.
                 if goal.is_multiple_of(2) {
                     out.send(n);
                 }
@@ -98,13 +98,13 @@ fn graph() -> Graph {
     graph
 }
 
-/// A worker as a process would have it, which may be lost at a call.
+/// A worker as in another process, which can be lost at a call.
 struct There {
     make: fn() -> Graph,
     names: Vec<String>,
     worker: Option<Worker>,
     calls: u64,
-    /// It is gone in this call and those after it.
+    /// Calls during which it is gone.
     gone: std::ops::Range<u64>,
 }
 
@@ -143,7 +143,7 @@ fn remote(graph: &mut Graph, there: &Arc<Mutex<There>>) {
 }
 
 #[test]
-fn s9_a_run_comes_out_the_same_wherever_its_steps_are_taken() {
+fn s9_the_result_does_not_depend_on_where_steps_are_executed() {
     let options = RunOptions::until(Time::from_ms(2000)).seed(3);
     let here = run_virtual(graph(), &options, vec![]).unwrap();
     assert!(here.operator("anytime").unwrap().misses > 20, "deadlines are missed");
@@ -183,7 +183,7 @@ impl Observer for Ends {
 }
 
 #[test]
-fn s9_what_is_panicked_there_ends_the_run_here() {
+fn s9_a_panic_in_a_worker_ends_the_run() {
     struct Bomb;
     impl Operator for Bomb {
         type In = Every;
@@ -204,7 +204,7 @@ fn s9_what_is_panicked_there_ends_the_run_here() {
 }
 
 #[test]
-fn s9_calls_that_make_no_sense_are_refused() {
+fn s9_invalid_calls_are_refused() {
     assert!(graph().into_worker(&["nobody".into()]).is_err());
     let mut worker = graph().into_worker(&["mixer".into()]).unwrap();
     let mut answer = Vec::new();
@@ -232,7 +232,7 @@ impl Observer for Recorder {
 
 #[test]
 #[ignore = "real clock"]
-fn s9_under_wall_clock_a_loss_is_said_and_replays() {
+fn s9_under_wall_clock_a_loss_is_recorded_and_replays() {
     let mut moved = graph();
     remote(&mut moved, &There::new(graph, &["mixer"], 8..12));
     let mut recorder = Recorder::default();
@@ -244,7 +244,7 @@ fn s9_under_wall_clock_a_loss_is_said_and_replays() {
     let replay = |spare: bool| {
         let mut again = graph();
         for name in NAMES {
-            // As they were marked in the run: by being remote.
+            // Heavy as in the run, where remote operators are heavy.
             let node = again.operator(name).unwrap();
             let _marked = if name == "mixer" { node.heavy() } else { node };
         }
@@ -258,7 +258,7 @@ fn s9_under_wall_clock_a_loss_is_said_and_replays() {
     assert_ne!(replay(false), driven.digest, "its memory was lost with it");
 }
 
-/// What is done to a call or an answer on its way.
+/// Changes to the bytes of a call or an answer: position and value.
 type Harm = Vec<(usize, u8)>;
 
 fn harmed(bytes: &mut Vec<u8>, harm: &[(usize, u8)], keep: usize) {
@@ -273,7 +273,7 @@ fn harmed(bytes: &mut Vec<u8>, harm: &[(usize, u8)], keep: usize) {
     }
 }
 
-/// Spoils one call, and one answer.
+/// Corrupts one call or one answer.
 struct Spoiled {
     worker: Worker,
     calls: u64,
@@ -308,7 +308,7 @@ fn spoiling() -> ProptestConfig {
 proptest! {
     #![proptest_config(spoiling())]
 
-    /// A call or an answer that was changed on its way ends the run with an error, or changes its result; nobody panics.
+    /// A corrupted call or answer ends the run with an error or changes its result, without a panic.
     #[test]
     fn s9_spoiled_calls_and_answers_never_panic(
         harm in prop::collection::vec(any::<(u16, u8)>(), 0..6),
@@ -338,7 +338,7 @@ proptest! {
 }
 
 #[test]
-fn s9_a_restart_in_an_older_log_reads_as_one() {
+fn s9_a_restart_in_an_older_log_is_read_as_restarted() {
     let read = |name: &str| {
         let json = format!(r#"{{"decision":"{name}","operator":"mixer","stamp":5}}"#);
         serde_json::from_str::<Decision>(&json).unwrap()

@@ -13,7 +13,7 @@ fn ends(model: RuntimeModel, seed: u64) -> Vec<i64> {
 }
 
 #[test]
-fn s4_fixed_and_cycle() {
+fn s4_fixed_and_cycle_models_give_their_times() {
     assert!(ends(fixed(7), 1).iter().all(|ns| *ns == 7_000_000));
     let cycle = RuntimeModel::Cycle(vec![ms(300), ms(100), ms(200)]);
     assert_eq!(ends(cycle, 1)[..4], [300_000_000, 100_000_000, 200_000_000, 300_000_000]);
@@ -50,7 +50,7 @@ fn s4_random_run_times_are_keyed_by_seed_operator_and_stamp() {
     let model = || RuntimeModel::Normal { mean: ms(80), deviation: ms(10) };
     assert_eq!(ends(model(), 1), ends(model(), 1));
     assert_ne!(ends(model(), 1), ends(model(), 2));
-    // What else runs beside it, and in what order, changes nothing.
+    // Other operators and their order have no effect.
     let beside = |others: usize| {
         let mut net = Net::new();
         for i in 0..others {
@@ -143,7 +143,7 @@ fn s4_steps_that_share_a_resource_start_after_the_last_turn_in_order_of_waiting_
 fn s4_no_user_of_a_resource_starves() {
     let mut net = Net::new();
     let gpu = net.graph.resource("gpu", 1);
-    // `greedy` alone would keep the slot busy for ever: its next frame is there whenever it ends.
+    // `greedy` alone would keep the slot busy forever: its next frame is complete whenever its step ends.
     net.stage("greedy", tick(10)).runtime(fixed(10)).uses(gpu).out();
     net.stage("modest", tick(50)).runtime(fixed(10)).uses(gpu).out();
     let log = net.run(500);
@@ -161,7 +161,7 @@ fn s4_a_frame_that_lacks_only_a_slot_waits_as_if_no_place_were_free() {
     let log = net.run(200);
     assert_eq!(log.messages("skip"), [(90, 110)]);
     assert_eq!(log.tally("skip").drops.skipped, 9);
-    // With its watermark, the drop at 10 is published in the sweep of 10.
+    // The drop at 10 and its watermark are published in the sweep of 10.
     assert_eq!(log.watermarks("skip")[1], (None, 9_999_999, 10_000_000));
 }
 
@@ -169,7 +169,7 @@ fn s4_a_frame_that_lacks_only_a_slot_waits_as_if_no_place_were_free() {
 fn s4_places_choose_the_frames_and_slots_only_delay_them() {
     let mut net = Net::new();
     let gpu = net.graph.resource("gpu", 1);
-    // Two results at 50, as the second waited for the first.
+    // Two results at 50, because the second waited for the first.
     let times = RuntimeModel::Cycle(vec![ms(50), ms(30)]);
     let burst = net.stage("burst", tick(20)).runtime(times).policy(Policy::pipelined(4)).out();
     net.stage("work", join(&[burst])).runtime(fixed(10)).uses(gpu).policy(Policy::pipelined(2)).out();
@@ -188,7 +188,7 @@ fn s4_watermarks_after_the_starts_pass_from_user_to_user_in_rank_order() {
     net.stage("plain", join(&[waits])).out();
     net.stage("user", join(&[waits])).runtime(fixed(5)).uses(npu).out();
     let log = net.run(20);
-    // At 20 `waits` drops 0: `user` passes its watermark on at once, `plain` in the next sweep.
+    // At 20 `waits` drops 0: `user` passes the watermark on at once, `plain` in the next sweep.
     let end: Vec<_> = log.all().into_iter().filter(|line| line.contains("@20")).rev().take(3).collect();
     assert_eq!(
         end.iter().map(|line| line.split(' ').next().unwrap_or("")).collect::<Vec<_>>(),
@@ -230,7 +230,7 @@ fn s4_a_watermark_published_after_the_starts_has_the_instant_swept_once_more() {
     let fast = net.stage("fast", join(&[source])).out();
     net.stage("join", join(&[fast, skip])).out();
     let log = net.run(30);
-    // At 20 the frame of 10 is dropped for 20 after the last turn; at once the join knows that 10 will not come.
+    // At 20, after the last turn, the frame of 10 is dropped for 20; the watermark reaches `join` at once.
     assert_eq!(log.messages("join"), [(0, 10), (10, 20), (20, 30)]);
     assert_eq!(log.reads("join", 10), [("fast".into(), Some(10)), ("skip".into(), None)]);
 }

@@ -1,11 +1,11 @@
-//! A run that is stepped from outside comes out as one that is not, and what is said in between is said at once.
+//! A session has the result of a run, and data given to it is published at once.
 
 use std::sync::{Arc, Mutex};
 
 use super::net::*;
 use crate::*;
 
-/// A camera, a planner that takes 30 ms of a shared resource, a controller that joins nothing.
+/// A camera, two operators that share a resource, and a controller without synchronised streams.
 fn net() -> Net {
     let mut net = Net::new();
     let gpu = net.graph.resource("gpu", 1);
@@ -17,7 +17,7 @@ fn net() -> Net {
 }
 
 #[test]
-fn a_session_comes_out_as_a_run_however_it_is_stepped() {
+fn a_session_has_the_result_of_a_run_however_it_is_stepped() {
     let whole = net().run(1000);
     let stepped = |step: &mut dyn FnMut(&mut Session<'_>)| {
         let log = Log::default();
@@ -55,7 +55,7 @@ fn a_session_comes_out_as_a_run_however_it_is_stepped() {
 }
 
 #[test]
-fn what_is_said_while_it_holds_is_read_in_that_very_turn() {
+fn data_given_while_a_session_holds_is_read_in_the_same_turn() {
     struct Asks(Arc<Mutex<i64>>);
     impl Operator for Asks {
         type In = Every;
@@ -98,7 +98,7 @@ fn what_is_said_while_it_holds_is_read_in_that_very_turn() {
 }
 
 #[test]
-fn what_is_said_between_two_instants_comes_just_after_the_last() {
+fn data_given_between_two_instants_is_published_just_after_the_last() {
     let mut net = Net::new();
     let (wishes, handle) = net.graph.source::<i64>("wishes");
     net.stage("reader", join(&[wishes])).out();
@@ -136,7 +136,7 @@ fn a_panic_ends_a_session_with_the_operators_name() {
 }
 
 #[test]
-fn a_session_may_go_to_another_thread() {
+fn a_session_can_move_to_another_thread() {
     let mut session = Session::new(net().graph, &RunOptions::until(at(1000)), vec![]).unwrap();
     session.advance_to(at(500));
     let there = std::thread::spawn(move || {

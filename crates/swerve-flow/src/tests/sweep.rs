@@ -36,7 +36,7 @@ fn s3_a_frame_not_started_at_its_deadline_is_missed() {
     let deadline = Deadline::after(ms(40)).anchor(Anchor::Stamp);
     net.stage("work", join(&[source])).runtime(fixed(50)).policy(Policy::queue(4)).deadline(deadline).out();
     let log = net.run(200);
-    // The step for 0, late itself, ends at 50, just when the frame of 10 has to be answered: that never starts.
+    // The step for 0, itself late, ends at 50, the deadline of the frame of 10: that frame never starts.
     let expected = ["work starts 0@0", "work misses 0@40", "work ends 0@50", "work misses 10@50"];
     let lines: Vec<_> = log.lines("work").into_iter().filter(|line| !line.starts_with("work -")).collect();
     assert_eq!(lines, expected);
@@ -67,13 +67,13 @@ fn s3_a_policy_sees_all_frames_that_became_complete_at_once() {
     net.stage("two", join(&[a, late])).policy(Policy::pipelined(2)).runtime(fixed(5)).out();
     let log = net.run(100);
     assert_eq!(log.messages("newest"), [(30, 30)]);
-    // Steps of no run time are all done in the turn, before the queue's bound applies.
+    // Steps without run time all end in the turn, before the bound of the queue applies.
     assert_eq!(log.messages("all"), [(0, 30), (10, 30), (20, 30), (30, 30)]);
     assert_eq!(log.messages("two"), [(20, 35), (30, 35)]);
     assert_eq!((log.tally("newest").drops.skipped, log.tally("two").drops.skipped), (3, 2));
 }
 
-/// A chain and a join, random in all that a configuration can say.
+/// A chain and a join with random policies, run times, deadlines and resources.
 fn random_net(case: i64) -> Net {
     let mut rng = swerve_core::Rng::keyed(7, "net", &[case]);
     let mut net = Net::new();
@@ -141,7 +141,7 @@ fn s3_stamps_are_never_out_of_order_or_skipped_without_a_count() {
             let started = operator.messages - operator.repeats;
             assert!(operator.name == "source" || started <= operator.steps, "{case}: {operator:?}");
         }
-        // Whoever reads the source alone answers each of its stamps once: by its step, by a reaction, or by a drop.
+        // An operator that reads only the source answers each stamp once: by its step, by a reaction, or by a drop.
         let alone = |name: &str| {
             let published = log.published(name);
             let reads = |p: &Published| p.reads.len() == 1 && p.reads[0].0 == "source";
@@ -169,8 +169,8 @@ fn s8_observers_change_nothing() {
     }
 }
 
-/// All that observers are told of a run, and what it comes to; by the records of an earlier run that has none, so that
-/// no turn is cut short, or else.
+/// Events, publications and report of a run; with `by_records`, it replays an empty record, so that no turn takes the
+/// short path.
 fn told(net: Net, by_records: bool) -> (Vec<String>, Vec<Published>, Result<RunReport, String>) {
     let log = Log::default();
     let mut recorder = log.clone();
@@ -184,7 +184,7 @@ fn told(net: Net, by_records: bool) -> (Vec<String>, Vec<Published>, Result<RunR
     (log.all(), published.concat(), report.map_err(|error| error.to_string()))
 }
 
-/// Sends every other time, and panics at a stamp.
+/// Publishes on some steps only, and panics at a stamp.
 struct Fitful {
     panics_at: Time,
     steps: u64,
@@ -210,7 +210,7 @@ impl Operator for Fitful {
 }
 
 #[test]
-fn s3_a_turn_that_is_one_step_of_no_run_time_comes_to_what_any_turn_does() {
+fn s3_the_short_path_of_a_turn_has_the_result_of_a_full_turn() {
     for case in 0..300 {
         assert_eq!(told(random_net(case), false), told(random_net(case), true), "{case}");
     }

@@ -3,7 +3,7 @@
 use super::net::*;
 use crate::*;
 
-/// Stamps 0, 50, 100, ... ms at zero delay, run time 550 ms.
+/// Stamps 0, 50, 100, ... ms without delay, run time 550 ms.
 fn worked_example(policy: Policy, until: i64) -> Log {
     let mut net = Net::new();
     let camera = net.stage("camera", tick(50)).out();
@@ -15,7 +15,7 @@ fn worked_example(policy: Policy, until: i64) -> Log {
 fn s5_worked_example_skip_to_latest() {
     let log = worked_example(Policy::SkipToLatest, 2199);
     assert_eq!(log.messages("work"), [(0, 550), (550, 1100), (1100, 1650)]);
-    // Of the eleven stamps between two starts all but the newest are passed over; one waits at the end.
+    // Of the eleven stamps between two starts, all but the newest are skipped; one waits at the end.
     assert_eq!(log.tally("work").drops.skipped, 10 * 3 + 9);
 }
 
@@ -86,7 +86,7 @@ fn s5_results_of_a_pipeline_are_published_in_order_and_wait_for_older_ones() {
     let cycle = RuntimeModel::Cycle(vec![ms(300), ms(100)]);
     net.stage("work", join(&[camera])).runtime(cycle).policy(Policy::pipelined(2)).out();
     let log = net.run(900);
-    // The step for 100 ends at 200 and holds its place until 0 is out at 300. Then both places are free.
+    // The step for 100 ends at 200 and holds its place until 0 is published at 300. Then both places are free.
     assert_eq!(log.messages("work"), [(0, 300), (100, 300), (200, 600), (300, 600), (500, 900), (600, 900)]);
     assert!(log.all().contains(&"work drops 400@500 Skipped".to_string()));
 }
@@ -115,9 +115,10 @@ fn s5_a_result_that_is_put_off_comes_a_while_after_the_one_before() {
         net.stage("work", join(&[camera])).runtime(cycle).policy(policy).out();
         net.run(400).messages("work")
     };
-    // 50 and 100 are done by 200, when 0 comes; 150 is done at 270, after 100 came at 260.
+    // 50 and 100 are finished by 200, when 0 is published; 150 is finished at 270, after 100 was published at 260.
     assert_eq!(net([200, 20, 60, 120])[..4], [(0, 200), (50, 230), (100, 260), (150, 270)]);
-    // In step they come when they are done; one that is done when the one before comes is put off too.
+    // Results in order are published when finished; one that is finished when the one before is published is put off
+    // too.
     assert_eq!(net([60, 60, 60, 60])[..4], [(0, 60), (50, 110), (100, 160), (150, 210)]);
     assert_eq!(net([60, 10, 60, 60])[..4], [(0, 60), (50, 90), (100, 160), (150, 210)]);
 }
@@ -129,7 +130,7 @@ fn s5_readers_that_join_on_a_dropped_stamp_see_none() {
     let slow = net.stage("slow", join(&[camera])).runtime(fixed(120)).out();
     net.stage("join", join(&[camera, slow])).policy(Policy::queue(9)).out();
     let log = net.run(300);
-    // 50 waits from 50 on and is dropped for 100 at 100; the watermark says so when 100 is published.
+    // 50 waits from 50 on and is dropped for 100 at 100; the watermark published with 0 at 120 shows it.
     assert_eq!(log.messages("slow"), [(0, 120), (100, 240)]);
     assert_eq!(log.reads("join", 0), [("camera".into(), Some(0)), ("slow".into(), Some(0))]);
     assert_eq!(log.reads("join", 50), [("camera".into(), Some(50)), ("slow".into(), None)]);

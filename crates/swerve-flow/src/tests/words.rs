@@ -20,7 +20,7 @@ fn s1_a_timer_has_a_watermark_from_the_first_sweep_on() {
 #[test]
 fn s1_a_publication_carries_the_watermark_of_that_moment() {
     let mut net = Net::new();
-    // The stream says at 10 that nothing up to 30 comes any more; the frame of 0 is open until 40.
+    // At 10 the stream's watermark rises to 30; the frame of 0 is open until 40.
     let source = net.script("source", &[(0, Some(0), 0), (10, None, 30), (35, Some(35), 35)]);
     net.stage("work", join(&[source])).runtime(fixed(40)).out();
     let log = net.run(100);
@@ -60,7 +60,7 @@ fn s1_a_stamp_whose_step_publishes_nothing_is_resolved_at_its_end() {
 }
 
 #[test]
-fn s1_ranks_follow_the_declaration_among_those_that_are_ready() {
+fn s1_ranks_follow_the_order_of_addition_among_ready_operators() {
     let mut net = Net::new();
     let feedback = net.graph.feedback("loop");
     let a = net.stage("a", tick(10).latest(feedback)).out();
