@@ -272,7 +272,7 @@ impl Follower<'_> {
         let error_m = gap_m - standing_m - self.gaps.time_s * v.min(lead_mps);
         let closing_mps = (v - lead_mps).max(0.0);
         let keeps_mps2 = (SPEED_GAIN_1PS * (lead_mps - v) + GAP_GAIN_1PS2 * error_m).max(-OPENING_MPS2);
-        // It is not crept up to more slowly than by the steady deceleration that ends there.
+        // Closing in is no slower than with the steady deceleration that ends at the gap.
         let steady_mps2 =
             if error_m > 0.0 { closing_mps * closing_mps / (2.0 * error_m) } else { f64::INFINITY };
         let keeps_mps2 = keeps_mps2.max(-steady_mps2);

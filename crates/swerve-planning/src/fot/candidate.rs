@@ -16,7 +16,7 @@ pub struct Candidate {
     pub v_mps: f64,
     /// End time, seconds.
     pub t_s: f64,
-    /// Until when it is driven: its end, or the last sample before the line's end, seconds.
+    /// Time until which it is driven: its end, or the last sample before the line's end, seconds.
     pub last_s: f64,
 }
 

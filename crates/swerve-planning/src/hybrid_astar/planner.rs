@@ -76,7 +76,7 @@ pub struct HybridAstar {
     lattice: LatticeSearch,
 }
 
-/// The search with its memory.
+/// The search with its reusable storage.
 #[derive(Clone, Debug)]
 struct LatticeSearch {
     params: Params,

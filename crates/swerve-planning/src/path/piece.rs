@@ -1,4 +1,4 @@
-//! Arcs and straights: the pieces that drivable paths are made of.
+//! Arcs and straights, the pieces of drivable paths.
 
 use swerve_geom::{Point2, Pose2, math};
 
@@ -23,10 +23,10 @@ pub fn advance(from: Pose2, curvature_1pm: f64, length_m: f64) -> Pose2 {
     Pose2::new(from.x_m + chord * cos, from.y_m + chord * sin, from.heading_rad + turned)
 }
 
-/// Calls `visit` with pose, cosine and sine of the heading, and length so far at even steps of at most
-/// `step_m` along the piece, its end included and its start not; stops when `visit` says so.
+/// Calls `visit` with point, cosine and sine of the heading, and length so far at even steps of at most `step_m` along
+/// the piece, including its end but not its start; stops when `visit` returns false.
 ///
-/// One sine and cosine a piece: the rest are rotations by a fixed angle.
+/// Computes one sine and cosine per piece; the rest are rotations by a fixed angle.
 pub fn walk(
     from: Pose2,
     piece: Piece,
