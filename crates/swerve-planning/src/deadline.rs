@@ -24,8 +24,8 @@
 //! and the later of the two counts. Hazards are
 //! - **in the way**: predicted to be, at any instant, on the strip that the ego sweeps;
 //! - **possibly hidden**: a person behind an object beside the strip, no further away than `reach_m`. Treated as a
-//! standing hazard at the object's far end that can only be braked for (RSS, rule 4: be cautious where sight is
-//! limited).
+//!   standing hazard at the object's far end that can only be braked for (RSS, rule 4: be cautious where sight is
+//!   limited).
 //!
 //! **Response.** The time that passes besides computing is subtracted from the smallest time left over all hazards: the
 //! wait for the next frame, the control period, the dead time of the car; for hidden hazards also the frames until a

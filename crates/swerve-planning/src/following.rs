@@ -3,11 +3,11 @@
 //! The acceleration is the smallest of three bounds, with a bounded rate of change:
 //! - towards the speed that target and curves allow;
 //! - a constant time gap, linear in relative speed and gap error; it never brakes harder than [`OPENING_MPS2`], so that
-//! the gap behind a vehicle that cuts in opens over seconds;
+//!   the gap behind a vehicle that cuts in opens over seconds;
 //! - the constant deceleration that keeps the standstill gap to a lead that continues its current motion: the
-//! constant-acceleration heuristic of Kesting, Treiber and Helbing ("Enhanced intelligent driver model", Phil. Trans.
-//! R. Soc. A 368, 2010, equation 2.4), with the lead braking to a stop as in the safe distance of Shalev-Shwartz et al.
-//! ("On a formal model of safe and scalable self-driving cars", 2017, definition 1).
+//!   constant-acceleration heuristic of Kesting, Treiber and Helbing ("Enhanced intelligent driver model", Phil. Trans.
+//!   R. Soc. A 368, 2010, equation 2.4), with the lead braking to a stop as in the safe distance of Shalev-Shwartz et
+//!   al. ("On a formal model of safe and scalable self-driving cars", 2017, definition 1).
 
 use swerve_geom::math;
 

@@ -159,7 +159,7 @@ pub(crate) struct Knot {
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
-    /// Its prediction among those of the [`Traffic`].
+    /// Index of its prediction in the [`Traffic`].
     pub(crate) index: usize,
     /// True if it stopped or set off in the last seconds.
     pub(crate) changed_lately: bool,
