@@ -1,4 +1,4 @@
-//! From a wanted acceleration to pedals.
+//! Conversion of a target acceleration to pedals.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,11 +12,11 @@ pub struct Pedals {
     pub brake: f64,
 }
 
-/// Knows which pedals give which acceleration: the inverse of a drivetrain.
+/// Conversion of accelerations to pedals: the inverse of a drivetrain.
 ///
-/// Any function of (acceleration along the heading in m/s², speed in m/s) is one.
+/// Implemented by any function of (acceleration along the heading in m/s², speed in m/s).
 pub trait AccelToPedals: Send {
-    /// The pedals that give `accel_mps2` at `speed_mps`, as far as the vehicle can.
+    /// Pedals that give `accel_mps2` at `speed_mps`, within the vehicle's capability.
     fn pedals(&self, accel_mps2: f64, speed_mps: f64) -> Pedals;
 }
 
@@ -26,7 +26,7 @@ impl<F: Fn(f64, f64) -> Pedals + Send> AccelToPedals for F {
     }
 }
 
-/// Acceleration in proportion to the pedal, at any speed.
+/// Pedals proportional to the acceleration, at any speed.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinearPedals {
