@@ -3,7 +3,6 @@
 //! The idea is that of D3 (Gog et al., "D3: A Dynamic Deadline-Driven Approach for Building Autonomous Vehicles",
 //! EuroSys 2022): a deadline that follows the situation allows an accurate answer when there is time, and a quick one
 //! when there is not. The formulas are ours.
-//! asks for a quick one where there is none. The formulas are ours.
 //!
 //! **Time left.** The ego moves parallel to the route at its speed `v` (m/s). For each hazard at gap `g` (m) ahead of
 //! the bumper, itself moving along the route at `u` (m/s), the closing speed is `c = v - u`, and braking with `b`

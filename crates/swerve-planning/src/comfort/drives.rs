@@ -326,7 +326,7 @@ fn a_blocked_lane_is_passed_when_the_other_is_free() {
     for manner in &MANNERS[1..] {
         let free = drive(14.0, true, *manner, &[&truck], 20.0);
         let (over_s, over_m) = over_line(&free);
-        // Half the truck, the clearance and the ego's width are 0.9 + 0.5 + 1.86 m from the centre: 1.51 m over the line.
+        // Half the truck, the clearance and the ego's width: 0.9 + 0.5 + 1.86 m from the centre, 1.51 m over the line.
         assert!(over_s < 6.0 && over_m < 1.51 + 0.5, "{manner:?} {over_s} {over_m}");
         assert!(free.iter().all(|i| i.distance_m > 0.4 && i.ego.speed_mps > 13.0), "{manner:?}");
         assert!(free.last().unwrap().ego.pose.x_m > 200.0);

@@ -41,7 +41,6 @@ impl SpeedProfile {
 /// Except with [`SpeedProfile::Constant`], speeds respect `limits`: lateral acceleration everywhere, braking before
 /// curves, acceleration out of them. The start's speed is not changed: if it is too high for the path, the plan brakes
 /// as hard as allowed.
-/// follows the plan brakes as hard as it may.
 pub fn timed_points(
     path: &[PathPoint],
     start: &EgoState,
