@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_pedal_at_a_time_and_never_beyond_its_travel() {
+    fn pedals_are_used_one_at_a_time_within_their_travel() {
         let linear = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
         assert_eq!(linear.pedals(1.5, 10.0), Pedals { throttle: 0.5, brake: 0.0 });
         assert_eq!(linear.pedals(-2.0, 10.0), Pedals { throttle: 0.0, brake: 0.25 });

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn holds_at_rest_and_when_rolling_back() {
+    fn pid_holds_the_car_at_rest_and_when_rolling_back() {
         let full = Pedals { throttle: 0.0, brake: 1.0 };
         assert_eq!(pid().step(0.0, 0.9, 0.01), full);
         assert_eq!(pid().step(5.0, -0.31, 0.01), full);

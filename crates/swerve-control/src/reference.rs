@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn projects_before_on_and_beyond_the_path() {
+    fn reference_projects_before_on_and_beyond_the_path() {
         let reference = loaded(6);
         for (x, want) in [(7.0, -3.0), (13.5, 3.5), (25.0, 15.0)] {
             assert!((reference.project(Point2::new(x, 3.0)) - want).abs() < 1e-12, "{x}");

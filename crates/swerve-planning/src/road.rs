@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn gives_the_routes_margin() {
+    fn road_margin_matches_the_routes() {
         let straight: Vec<Point2> = (0..80).map(|k| Point2::new(f64::from(k), 0.0)).collect();
         check(&straight);
         let road = Road::new(&Route::uniform(Polyline::new(&straight).unwrap(), 1.0, 1.0));

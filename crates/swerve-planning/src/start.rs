@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_plan_the_start_goes_on_round_its_circle() {
+    fn start_without_a_plan_continues_on_its_circle() {
         // A quarter circle of radius 10 m in one second.
         let quarter = core::f64::consts::FRAC_PI_2;
         let there = predicted_start(&start(10.0 * quarter, quarter), None, Span::from_ms(1000));
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_plan_the_start_moves_as_the_plan_does() {
+    fn start_with_a_plan_moves_as_planned() {
         let point = |ms, x, speed_mps| PlanPoint {
             at: Time::from_ms(ms),
             pose: Pose2::new(x, 1.0, 0.0),

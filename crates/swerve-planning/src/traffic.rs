@@ -439,7 +439,7 @@ mod tests {
     use crate::testing::World;
 
     #[test]
-    fn thing_closes_the_road_where_neither_side_has_the_room() {
+    fn object_closes_the_road_if_neither_side_has_room() {
         let closes = |kind, width_m: f64, y_m: f64| {
             let mut world = World::straight(20.0).with(kind, (0.5, width_m), (60.0, y_m), (0.0, 0.0));
             let line = world.route.line().clone();

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_are_the_originals() {
+    fn factors_match_the_originals() {
         let p = Params::default();
         assert_eq!(p.person_factor(30.0, 0.1), 30.0 / 61.25);
         assert_eq!(p.person_factor(30.0, 0.2), 1.0);

@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn plans_only_with_something_in_range() {
+    fn hybrid_astar_searches_only_with_obstacles_in_range() {
         let params = HybridAstarParams { obstacle_range_m: 30.0, ..HybridAstarParams::slow() };
         let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
         let plan = planner(params).plan(&far.request(), &mut Unlimited::default());
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let rules = Rules::of(Era::May2020, Original::HybridAstar);
         let bad = HybridAstarParams { rad_step: 0.0, ..HybridAstarParams::default() };
         assert_eq!(HybridAstar::new(bad, rules).unwrap_err().key, "rad_step");

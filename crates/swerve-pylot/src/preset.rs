@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_predictor_lets_newcomers_stand() {
+    fn predictor_of_the_paper_treats_new_objects_as_static() {
         assert_eq!(Preset::Paper.linear().single_sighting, SingleSighting::Static);
         assert_eq!(Preset::Best.linear().single_sighting, SingleSighting::Velocity);
     }

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = RrtStarParams { goal_share: 1.5, ..RrtStarParams::default() };
         let rules = Rules::of(Era::May2020, Original::RrtStar);
         assert_eq!(RrtStar::new(bad, rules).unwrap_err().key, "goal_share");

@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_command_leaves_the_last_one_in_force() {
+    fn missing_command_leaves_the_last_one_in_effect() {
         let mut line = DeadTime::new(0.0, steer(0.0));
         assert_eq!(line.step(Some(steer(0.1)), 0.005), steer(0.1));
         assert_eq!(line.step(None, 0.005), steer(0.1));
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn the_brake_builds_up_in_its_time_and_wins_over_the_accelerator() {
+    fn brake_builds_up_in_its_time_and_overrides_the_accelerator() {
         let params = VehicleParams::default();
         let mut actuators = Actuators::default();
         let both = Controls { steering_rad: 0.0, throttle: 1.0, brake: 1.0 };

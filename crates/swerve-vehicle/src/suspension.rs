@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lifted_wheel_carries_nothing_and_a_bump_stop_much() {
+    fn lifted_wheel_carries_no_load_and_bump_stop_a_high_one() {
         assert_eq!(at([-0.5; 4]), [0.0; 4]);
         let stopped = at([0.1; 4])[0] - VehicleParams::default().static_loads_n()[0];
         assert!((stopped - (3_000.0 + 150_000.0 * 0.02)).abs() < 1e-9);

@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slip_for_a_force_gives_that_force() {
+    fn slip_for_a_force_gives_that_force() {
         let params = tyre();
         for asked_n in [-3_400.0, -1_000.0, 0.0, 500.0, 3_000.0] {
             let slip = slip_for_force(&params, 4_000.0, 0.9, asked_n, 0.0, 0.2);

@@ -124,7 +124,7 @@ fn laws_change_lane_at_20() {
 }
 
 #[test]
-fn follows_the_route_at_the_first_speed_before_any_plan() {
+fn controller_follows_the_route_at_the_first_speed_before_any_plan() {
     for law_ in LAWS {
         let start = ego(Pose2::new(0.0, 0.5, 0.0), 12.0);
         let (states, output) = run(law(law_, Following::Time), start, None, &road(), 6.0);
@@ -181,7 +181,7 @@ fn a_stop_after_an_expired_plan_follows_the_road_wherever_it_ends() {
 }
 
 #[test]
-fn an_empty_plan_and_a_plan_with_bad_numbers_bring_a_stop() {
+fn empty_and_non_finite_plans_lead_to_a_stop() {
     let mut bad = curve(|_| (0.0, 0.0, 0.0), 10.0, 9.0);
     bad.points[3].curvature_1pm = f64::NAN;
     for law_ in LAWS {

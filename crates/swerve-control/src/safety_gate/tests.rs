@@ -274,7 +274,7 @@ fn releasing_the_switch_is_a_stop() {
 }
 
 #[test]
-fn a_stop_never_brakes_less_than_was_asked_for() {
+fn stop_never_brakes_less_than_commanded() {
     let mut bench = Bench::driving();
     bench.report().speed_mps = 20.0;
     bench.command().accel_mps2 = -6.0;

@@ -248,7 +248,7 @@ fn braking_leads_need_no_more_than_the_minimum_deceleration() {
 
 #[test]
 #[ignore = "a minute: the whole table"]
-fn braking_leads_are_met_with_the_least_that_suffices_whole() {
+fn braking_leads_need_no_more_than_the_minimum_deceleration_whole() {
     let brakes: Vec<f64> = (1..=8).map(f64::from).collect();
     lead_brakes(&[5.0, 8.0, 11.0, 14.0, 18.0, 22.0, 26.0, 30.0], &brakes, &[0.8, 1.2, 1.5, 2.0, 2.5, 3.0]);
 }
@@ -387,7 +387,7 @@ fn at_speeds_m(speeds: &[(f64, f64)], mps2: f64, t_s: f64) -> f64 {
 }
 
 #[test]
-fn pass_of_a_vehicle_that_speeds_up_is_given_up_gently() {
+fn pass_of_a_vehicle_that_speeds_up_is_aborted_gently() {
     // From 5 m/s to 16 m/s, which is more than the ego's target, before the two are level: the pass cannot be
     // completed. Falling back by both lengths and a gap, 12 m, at 2 to 3 m/s less takes 5 s: within comfort at all
     // times.
@@ -463,7 +463,7 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
 /// ego moves out to 0.75 m, its side to -0.18 m. With a fifth of her width in the lane, the speed drops by a fifth of
 /// the way from 14 to 5.5 m/s.
 #[test]
-fn pedestrian_at_the_edge_of_the_lane_is_passed_the_slower_the_further_she_is_in_it() {
+fn pedestrian_at_the_edge_of_the_lane_is_passed_more_slowly_the_more_she_is_inside() {
     for manner in &MANNERS[1..] {
         let cases = [
             (2.3, 1.4, 14.0),

@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_kept_for_straight_stretches_are_those_computed() {
+    fn stored_directions_of_straights_match_the_computed_ones() {
         let points: Vec<Point2> =
             (0..40).map(|k| Point2::new(0.7 * f64::from(k), 1.9 * f64::from(k))).collect();
         let mut line = Line::default();
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_go_on_straight() {
+    fn line_is_extended_straight_beyond_its_ends() {
         let mut line = Line::default();
         line.set(&Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(0.0, 0.5)]).unwrap());
         let (before, beyond) = (line.at(-3.0), line.at(4.0));

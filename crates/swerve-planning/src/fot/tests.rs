@@ -12,18 +12,18 @@ fn conforms() {
 }
 
 #[test]
-fn yields_to_pedestrians_who_may_stop() {
+fn fot_yields_to_pedestrians_that_may_stop() {
     yields_to_pedestrians(&|collision| Fot::new(Params { collision, ..Params::default() }).unwrap());
 }
 
 #[test]
-fn keeps_its_lane_before_oncoming_traffic() {
+fn fot_keeps_its_lane_before_oncoming_traffic() {
     keeps_its_lane(&|| Fot::new(Params::fast()).unwrap());
 }
 
 /// A stop within a few samples must not exceed the brakes between samples.
 #[test]
-fn stops_that_are_too_near_are_not_found() {
+fn infeasible_stops_are_not_found() {
     for ahead_m in 8..40 {
         let mut world = World::straight(15.0);
         for y in [-1.5, 1.0, 3.5, 6.0] {
@@ -69,7 +69,7 @@ fn a_person_is_passed_behind_in_time() {
 }
 
 #[test]
-fn few_candidates_are_looked_at() {
+fn few_candidates_are_evaluated() {
     let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
     let plan = plan(&world, Params::slow());
     assert!(plan.work > 0 && plan.work < 3_000, "{}", plan.work);
@@ -174,7 +174,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
 }
 
 #[test]
-fn the_person_behind_the_truck_is_avoided_when_there_is_time() {
+fn person_behind_the_truck_is_avoided_if_there_is_time() {
     for speed_mps in [16.0, 18.0, 20.0, 22.0] {
         let least_m = person_behind_truck(speed_mps, Params::fast(), 20);
         assert!(least_m > 0.1, "{speed_mps} m/s: {least_m}");

@@ -173,19 +173,19 @@ mod tests {
     }
 
     #[test]
-    fn yields_to_pedestrians_who_may_stop() {
+    fn hybrid_astar_yields_to_pedestrians_that_may_stop() {
         yields_to_pedestrians(&|collision| {
             HybridAstar::new(Params { collision, ..Params::default() }).unwrap()
         });
     }
 
     #[test]
-    fn keeps_its_lane_before_oncoming_traffic() {
+    fn hybrid_astar_keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| HybridAstar::new(Params::default()).unwrap());
     }
 
     #[test]
-    fn swerves_around_a_person_and_back() {
+    fn hybrid_astar_swerves_around_a_person_and_back() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for ahead_m in [24.0, 30.0, 40.0] {
                 let world = World::straight(speed_mps).with_person((ahead_m, 0.0), (0.0, 0.0));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_gap_where_a_person_steps_out() {
+    fn hybrid_astar_finds_the_gap_when_a_person_steps_out() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for late_s in [0.0, 0.05, 0.1, 0.2] {
                 let world = World::person_stepping_out(speed_mps, late_s);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = Params { iterations_max: 0, ..Params::default() };
         assert_eq!(HybridAstar::new(bad).unwrap_err().key, "iterations_max");
         let bad = Params { clearance_m: f64::NAN, ..Params::default() };

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn shortest_paths_match_the_closed_forms() {
         let cases = [
             ([10.0, 0.0, 0.0], 10.0),
             ([0.0, 0.0, 0.0], 0.0),
@@ -255,7 +255,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn ends_at_the_goal_and_is_never_beaten(
+        fn shortest_path_ends_at_the_goal_and_is_never_beaten(
             x in -30.0..30.0, y in -30.0..30.0, h in -3.1..3.1, h0 in -3.1..3.1, radius in 3.0..12.0,
         ) {
             let (from, to) = (Pose2::new(1.0, -2.0, h0), Pose2::new(x, y, h));

@@ -84,7 +84,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn walking_is_advancing(h in -3.0..3.0, curvature in -0.2..0.2, length in 0.1..20.0) {
+        fn walk_agrees_with_advance(h in -3.0..3.0, curvature in -0.2..0.2, length in 0.1..20.0) {
             let from = Pose2::new(3.0, 4.0, h);
             let piece = Piece { curvature_1pm: curvature, length_m: length };
             let mut n = 0;

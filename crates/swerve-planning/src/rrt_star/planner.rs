@@ -247,17 +247,17 @@ mod tests {
     }
 
     #[test]
-    fn yields_to_pedestrians_who_may_stop() {
+    fn rrt_star_yields_to_pedestrians_that_may_stop() {
         yields_to_pedestrians(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
     }
 
     #[test]
-    fn keeps_its_lane_before_oncoming_traffic() {
+    fn rrt_star_keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| RrtStar::new(Params::default()).unwrap());
     }
 
     #[test]
-    fn swerves_around_a_person_and_back() {
+    fn rrt_star_swerves_around_a_person_and_back() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for ahead_m in [24.0, 30.0, 40.0] {
                 for seed in 0..5 {
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_gap_where_a_person_steps_out() {
+    fn rrt_star_finds_the_gap_when_a_person_steps_out() {
         let mut found = 0;
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for seed in 0..6 {
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = Params { goal_share: 1.5, ..Params::default() };
         assert_eq!(RrtStar::new(bad).unwrap_err().key, "goal_share");
     }
