@@ -53,7 +53,7 @@ pub struct Params {
     pub time_gap_s: f64,
     /// Gap to a lead vehicle at standstill, metres. Source: Treiber, Hennecke and Helbing 2000.
     pub standstill_gap_m: f64,
-    /// Gap to a standing obstacle that can be passed on the other lane, metres: leaves room to steer out.
+    /// Gap to a standing obstacle that can be passed in the other lane, metres: leaves room to steer out.
     pub steer_out_gap_m: f64,
     /// The other lane is entered only with at least this time to collision with all road users in it, until the ego is
     /// back, seconds.
