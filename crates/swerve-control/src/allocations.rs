@@ -1,4 +1,4 @@
-//! What a step allocates, counted.
+//! Counts the allocations of a control step.
 
 use crate::{Controller, Following, Input, Law, LinearPedals, Params, mpc};
 use swerve_core::{Span, Time};
@@ -18,7 +18,7 @@ fn plan() -> Plan {
     Plan { points, ..Default::default() }
 }
 
-/// Most allocations of one step `aside_m` off the plan, after a few that fill the buffers.
+/// Largest number of allocations of one step `aside_m` off the plan, after a few steps that fill the buffers.
 fn worst(law: Law, horizon: usize, aside_m: f64) -> u64 {
     let params = Params {
         law,

@@ -10,7 +10,7 @@ pub(crate) const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake
 pub(crate) const WHEELBASE_M: f64 = 2.85;
 const STEERING_RATE_MAX_RADPS: f64 = 0.7;
 
-/// Moves `ego` on by `dt` under `command`, in steps of 1 ms.
+/// Advances `ego` by `dt` under `command`, in steps of 1 ms.
 pub(crate) fn drive(ego: &mut EgoState, command: Command, dt: Span) {
     let steps = dt.ns() / 1_000_000;
     let h = 1e-3;
@@ -73,7 +73,7 @@ pub(crate) fn slalom(x: f64) -> (f64, f64, f64) {
     (2.0 * sin, cos / 6.0, -sin / 72.0)
 }
 
-/// One lane of 3.5 m to the left between x = 20 and x = 80: a quintic.
+/// A lane change by 3.5 m to the left between x = 20 and x = 80: a quintic.
 pub(crate) fn lane_change(x: f64) -> (f64, f64, f64) {
     let t = ((x - 20.0) / 60.0).clamp(0.0, 1.0);
     let y = 3.5 * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);

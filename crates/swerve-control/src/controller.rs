@@ -1,4 +1,4 @@
-//! The controller: what to follow, at which speed, by which law.
+//! The controller: selects path, target speed and control law.
 
 mod params;
 mod reckoning;
@@ -22,22 +22,22 @@ use stop::Stop;
 
 pub use params::{AlongParams, Following, Law, Params, StopParams};
 
-/// Everything that one step of control may know.
+/// Input of one control step.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// The present instant.
+    /// The current instant.
     pub now: Time,
-    /// The ego as measured.
+    /// The measured ego state.
     pub ego: &'a EgoState,
-    /// The newest plan, if there is one yet.
+    /// The latest plan, or `None` before the first.
     pub plan: Option<&'a Plan>,
-    /// The way to go: followed before the first plan, and where a plan ends.
+    /// Route: followed before the first plan, and beyond the end of a plan.
     pub route: &'a Route,
 }
 
 impl Input<'_> {
-    /// Instant of the state. It is compared with the plan of this instant: latency is no lag behind the plan. A state that is
-    /// later than 50 ms is moved on to now by the commands before.
+    /// Instant of the state. The state is compared with the plan at this instant, so that latency does not count as lag
+    /// behind the plan. A state older than 50 ms is first extrapolated to now using the past commands.
     fn stated(&self) -> Time {
         self.ego.stamp.min(self.now)
     }
@@ -46,15 +46,15 @@ impl Input<'_> {
 /// Result of a step.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Output {
-    /// The command to the vehicle.
+    /// Command to the vehicle.
     pub command: Command,
-    /// The speed that it goes for, m/s.
+    /// Target speed, m/s.
     pub speed_mps: f64,
-    /// The acceleration that it asks for, m/s²; none where the law works the pedals itself.
+    /// Target acceleration, m/s²; `None` if the law operates the pedals itself.
     pub accel_mps2: Option<f64>,
     /// The path that the command follows.
     pub status: Status,
-    /// With [`Law::Mpc`]: how the command came about.
+    /// Report of the model predictive law, with [`Law::Mpc`].
     pub mpc: Option<mpc::Report>,
 }
 
@@ -68,21 +68,21 @@ pub enum Status {
     Plan,
     /// A comfortable stop along the last path.
     Stopping(StopReason),
-    /// The state of the ego is not finite or too old: a stop along the last path by dead reckoning.
+    /// The ego state is not finite or too old: a stop along the last path by dead reckoning.
     Blind,
 }
 
-/// Why the ego comes to a stop.
+/// Reason for a stop of the controller.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
-    /// The plan is older than its horizon.
+    /// The last point of the plan has passed.
     PlanExpired,
-    /// The plan has no point.
+    /// The plan has no points.
     PlanEmpty,
-    /// A number of the plan is not finite.
+    /// The plan contains a non-finite number.
     PlanNotFinite,
-    /// The plan is from before a state of the ego came again: the ego is not where it was to be by then.
+    /// The plan was made before ego states resumed: the ego is not where the plan expected it.
     PlanOutdated,
 }
 
@@ -99,17 +99,17 @@ pub struct Controller {
     route_speed_mps: Option<f64>,
     /// The stop under way.
     stopping: Option<Stop>,
-    /// The last state that it could drive by.
+    /// The last usable state.
     seen: Option<EgoState>,
     reckoning: Reckoning,
-    /// Stamp of the first state after a time without any.
+    /// Stamp of the first state after an interval without states.
     seen_again: Option<Time>,
     before: Option<Time>,
-    /// The last command.
+    /// Steering angle of the last command.
     steering_rad: f64,
     accel_mps2: f64,
     mpc: Option<Predictive>,
-    /// The ego's place along the route, and the arc length of it, metres.
+    /// Tracker of the ego's place along the route, with its arc length, metres.
     place: LineTracker,
     route_m: f64,
 }
@@ -122,7 +122,7 @@ struct Predictive {
 }
 
 impl Controller {
-    /// A controller for a vehicle of this shape and these limits, whose pedals `drive` knows.
+    /// Creates a controller for a vehicle of this shape and these limits; `drive` maps accelerations to its pedals.
     pub fn new(params: Params, shape: Shape, limits: Limits, drive: Box<dyn AccelToPedals>) -> Self {
         let mpc = (params.law == Law::Mpc).then(|| Predictive {
             mpc: Mpc::new(params.mpc, shape.wheelbase_m, &limits),
@@ -156,7 +156,8 @@ impl Controller {
         self.mpc.as_ref().map(|predictive| (predictive.start, &*predictive.knots))
     }
 
-    /// One step of control. Called at a fixed rate; the time since the call before is the step of the integrals.
+    /// Runs one control step. To be called at a fixed rate; the time since the previous call is the step of the
+    /// integrals.
     pub fn step(&mut self, input: &Input<'_>) -> Output {
         let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
         self.before = Some(input.now);
@@ -197,14 +198,14 @@ impl Controller {
         Output { command, speed_mps, accel_mps2, status, mpc: report }
     }
 
-    /// Before there is a state: the wheels as they are, and the brake.
+    /// Output before the first state: wheels held, brake applied.
     fn held(&self) -> Output {
         let brake = self.drive.pedals(-self.params.stop.blind_decel_mps2, 0.0).brake;
         let command = Command { steering_rad: self.steering_rad, throttle: 0.0, brake };
         Output { command, speed_mps: 0.0, accel_mps2: None, status: Status::Blind, mpc: None }
     }
 
-    /// Decides what to follow and loads it as the reference.
+    /// Selects the path and loads it as the reference.
     fn load(&mut self, input: &Input<'_>, is_seen: bool) -> Status {
         use StopReason::{PlanExpired, PlanOutdated};
         let Input { now, ego, route, .. } = *input;
@@ -220,7 +221,7 @@ impl Controller {
             Some(_) => Status::Plan,
         };
         match (status, input.plan) {
-            // The path of before.
+            // Keeps the previous path.
             _ if !is_seen || self.reckoning.is_overdue() => {}
             (Status::Plan | Status::Stopping(PlanExpired | PlanOutdated), Some(plan)) => {
                 self.reference.load_plan(plan);
@@ -235,7 +236,7 @@ impl Controller {
         status
     }
 
-    /// Where on the path the ego is and which speed it should have there.
+    /// Place of the ego on the path, with its target there.
     fn here(&mut self, input: &Input<'_>, status: Status) -> Here {
         let Input { now, ego, route, .. } = *input;
         let by_time = status == Status::Plan && self.params.following == Following::Time;
@@ -251,7 +252,7 @@ impl Controller {
         let until_m = s_m.max(0.0) + self.reach_m(ego.speed_mps);
         self.reference.extend(route, self.route_m - s_m.max(0.0), until_m);
         if !by_time && s_m >= 0.0 {
-            // Beyond the end of the plan the ego is on its continuation.
+            // Beyond the end of the plan the ego is on the plan's continuation.
             s_m = self.reference.project(point);
         }
         let from_m = if by_time { due_m } else { s_m };
@@ -269,7 +270,7 @@ impl Controller {
         Here { s_m, from_m, target }
     }
 
-    /// How much of the path a law may look at, metres.
+    /// Length of path that a law may use, metres.
     fn reach_m(&self, speed_mps: f64) -> f64 {
         let lookahead = match self.params.law {
             Law::Mpc => {
@@ -299,7 +300,7 @@ impl Controller {
         (steering_rad, self.drive_at(here.target.speed_mps, accel_mps2, ego))
     }
 
-    /// Angle of the front road wheels by a law that tracks a path, radians; the slip of the tyres is that at a deceleration.
+    /// Angle of the front road wheels by a path-tracking law, radians; tyre slip is that at the given deceleration.
     fn steering_by(&self, law: Law, ego: &EgoState, here: &Here, decel_mps2: f64) -> f64 {
         let beside = self.at(here.s_m);
         let speed = ego.speed_mps.max(0.0);
@@ -322,8 +323,7 @@ impl Controller {
         steering_rad + self.params.slip.added_m(wheelbase, speed, decel_mps2) * ahead.curvature_1pm
     }
 
-    /// The ego with the direction in which its rear axle goes on the path for a heading: the nose points
-    /// further into a turn than that.
+    /// Ego pose with the heading replaced by the course of the rear axle: in a turn the nose points further inwards.
     fn course(&self, ego: &EgoState, beside: &PlanPoint) -> Pose2 {
         let EgoState { pose, speed_mps, .. } = *ego;
         let course_rad = self.params.slip.course_rad(pose.heading_rad, beside.curvature_1pm, speed_mps);
@@ -353,17 +353,18 @@ impl Controller {
         *report = Some(step.report);
         let rests = wanted < 0.05 && ego.speed_mps.abs() < 0.3;
         let accel = if rests { -self.params.speed.hold_mps2 } else { step.accel_mps2 };
-        // What the horizon begins with may be slow yet: the speed at its end is where it goes.
+        // The horizon may begin with low speeds: the speed at its end is the target.
         (step.steering_rad, self.drive_at(wanted, accel, ego))
     }
 
-    /// Pedals for an acceleration, on the way to a speed.
+    /// Pedals for an acceleration on the way to a speed.
     fn drive_at(&self, speed_mps: f64, accel_mps2: f64, ego: &EgoState) -> Drive {
         let pedals = self.drive.pedals(accel_mps2, ego.speed_mps);
         Drive { pedals, speed_mps, accel_mps2: Some(accel_mps2) }
     }
 
-    /// Lays one knot per step of the horizon along the path, as fast as the ego can take up the wanted speeds.
+    /// Places one knot per step of the horizon along the path, at speeds limited by how fast the ego can reach the
+    /// target speeds.
     fn lay_knots(&self, input: &Input<'_>, here: &Here, status: Status, knots: &mut Vec<Knot>) {
         let Input { ego, route, .. } = *input;
         let then = input.stated();
@@ -397,7 +398,7 @@ impl Controller {
         }
     }
 
-    /// Place and speed that the ego should have at `instant`, when it is then at arc length `s_m`.
+    /// Target place and speed at `instant`, given the expected arc length `s_m` then.
     fn wanted(&self, input: &Input<'_>, status: Status, instant: Time, s_m: f64) -> Wanted {
         if let Some(stop) = self.stopping {
             let target = stop.target(instant);
@@ -406,7 +407,7 @@ impl Controller {
         let by_time = status == Status::Plan && self.params.following == Following::Time;
         match input.plan.filter(|_| by_time).and_then(|plan| plan.at(instant)) {
             Some(point) => {
-                // A lag beyond what the speed correction answers is made up bit by bit.
+                // A lag beyond the reach of the speed correction is reduced gradually.
                 let along = self.params.along;
                 let most = along.speed_max_mps / along.gain_ps;
                 Wanted {
@@ -422,7 +423,8 @@ impl Controller {
         }
     }
 
-    /// Room for the ego origin to the left and right of a point of the path `ahead_m` of the ego: the corridor within the road.
+    /// Room for the ego origin to the left and right of a path point `ahead_m` ahead of the ego: the corridor, limited
+    /// by the road.
     fn room(&self, route: &Route, on_path: &PlanPoint, ahead_m: f64) -> (f64, f64) {
         let mpc::Params { corridor_m, edge_m, .. } = self.params.mpc;
         let point = on_path.pose.point();
@@ -433,7 +435,7 @@ impl Controller {
         (left_m, right_m)
     }
 
-    /// Angle of the road wheels that drives a curvature, within the limit.
+    /// Angle of the road wheels for a curvature, within the limit, radians.
     fn steering_of(&self, curvature_1pm: f64) -> f64 {
         let max = self.limits.steering_max_rad;
         math::atan(self.shape.wheelbase_m * curvature_1pm).clamp(-max, max)
@@ -444,19 +446,19 @@ impl Controller {
     }
 }
 
-/// Reach of the search for a point of the path along the route, metres.
+/// Search radius along the route for a point of the path, metres.
 const ROOM_REACH_M: f64 = 20.0;
 
-/// A law's answer for the speed.
+/// Longitudinal output of a law.
 struct Drive {
     pedals: Pedals,
     speed_mps: f64,
     accel_mps2: Option<f64>,
 }
 
-/// Place and speed that the ego should have at one instant of the horizon.
+/// Target place and speed at one instant of the horizon.
 struct Wanted {
-    /// How far ahead of where it is expected, metres.
+    /// Distance ahead of the expected place, metres.
     ahead_m: f64,
     speed_mps: f64,
     accel_mps2: f64,
@@ -464,9 +466,9 @@ struct Wanted {
 
 /// Place and target of one step.
 struct Here {
-    /// Arc length of the path beside the ego.
+    /// Arc length of the path beside the ego, metres.
     s_m: f64,
-    /// Arc length of the path at which the ego should be: beside it, or where the plan is now.
+    /// Arc length of the path where the ego should be, metres: beside it, or at the plan's current place.
     from_m: f64,
     target: Target,
 }

@@ -1,20 +1,20 @@
 //! Steering laws: pure functions of a pose and a place on the path, returning the angle of the road wheels.
 //!
-//! All take the path of the ego origin (centre of the rear axle), as plans give it.
+//! All laws expect the path of the ego origin (centre of the rear axle), as in plans.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Point2, Pose2, angle_between, math};
 
-/// Steering of Pylot: in proportion to the angle at which a waypoint is seen.
+/// Parameters of Pylot's steering: proportional to the angle to a waypoint.
 ///
 /// Pylot computes `steer = clip(gain * angle, -1, 1)`, gain 0.7 by default, 1.0 in its scenarios and 1.5 on its
 /// car, to the first waypoint at least 5 m away. In CARLA a steer of 1 turns the wheels of the Lincoln MKZ
 /// to 70 degrees, so that in angles of the road wheels the law is `1.222 gain * angle`: 0.855 per radian for 0.7,
 /// 1.222 for 1.0. (Pure pursuit at that distance would be `2 * 2.85 m / 5 m = 1.14` per radian.)
-/// CARLA turns the wheels less at higher speeds by a curve of its own, which is not carried over; nor is the
-/// sign (left is positive here), nor that the angle is taken from the middle of the car: path and
-/// pose are those of the rear axle here. A road wheel never turns beyond the vehicle's limit.
+/// CARLA additionally reduces the angle at higher speeds, which is not modelled here. Also different from Pylot: the
+/// sign (left is positive here), and the reference point of the angle (path and pose are those of the rear axle here,
+/// not of the car's centre). The road wheels never exceed the vehicle's limit.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WaypointParams {
@@ -22,18 +22,18 @@ pub struct WaypointParams {
     pub steer_gain: f64,
     /// Angle of the road wheels at a normalised steer of 1, radians.
     pub steer_full_rad: f64,
-    /// The first waypoint at least this far away is steered at and gives the speed, metres.
+    /// Distance of the waypoint, metres: the first one at least this far away sets angle and speed.
     pub waypoint_min_m: f64,
 }
 
 impl Default for WaypointParams {
-    /// Pylot's scenarios.
+    /// Values of Pylot's scenarios.
     fn default() -> Self {
         Self { steer_gain: 1.0, steer_full_rad: 70.0_f64.to_radians(), waypoint_min_m: 5.0 }
     }
 }
 
-/// Angle of the road wheels that Pylot's law gives for a waypoint, radians.
+/// Angle of the front road wheels by Pylot's law for a waypoint, radians.
 pub fn waypoint_angle(pose: Pose2, waypoint: Point2, params: &WaypointParams) -> f64 {
     let angle = angle_between(pose.heading_rad, (waypoint - pose.point()).heading());
     (params.steer_gain * angle).clamp(-1.0, 1.0) * params.steer_full_rad
@@ -43,17 +43,17 @@ pub fn waypoint_angle(pose: Pose2, waypoint: Point2, params: &WaypointParams) ->
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PurePursuitParams {
-    /// Look-ahead per speed, seconds. Longer is calmer and slower to come back to the path.
+    /// Look-ahead time, seconds. A longer one is calmer but returns to the path more slowly.
     pub lookahead_s: f64,
-    /// Shortest look-ahead, metres.
+    /// Shortest look-ahead distance, metres.
     pub lookahead_min_m: f64,
-    /// Longest look-ahead, metres.
+    /// Longest look-ahead distance, metres.
     pub lookahead_max_m: f64,
-    /// Whether the path's own curvature is fed forward and only the deviation is pursued; otherwise the law
-    /// of the textbook, which cuts corners.
+    /// True if the path's curvature is fed forward and only the deviation is pursued; false for the textbook law, which
+    /// cuts corners.
     pub feed_forward: bool,
-    /// The curvature fed forward is that of the path this far ahead, seconds: the lag of steering and tyres,
-    /// and of a law that has no damping of its own.
+    /// Preview time of the curvature fed forward, seconds: compensates the lag of steering and tyres, and of a law
+    /// without damping.
     pub preview_s: f64,
 }
 
@@ -70,13 +70,13 @@ impl Default for PurePursuitParams {
 }
 
 impl PurePursuitParams {
-    /// How far ahead to look at `speed_mps`, metres.
+    /// Look-ahead distance at `speed_mps`, metres.
     pub fn lookahead_m(&self, speed_mps: f64) -> f64 {
         (self.lookahead_s * speed_mps).clamp(self.lookahead_min_m, self.lookahead_max_m)
     }
 }
 
-/// The path beside the ego, as a law sees it.
+/// The path beside the ego, as input of a law.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OnPath {
     /// Nearest pose of the path.
@@ -85,10 +85,11 @@ pub struct OnPath {
     pub curvature_1pm: f64,
 }
 
-/// Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc of the rear axle that meets `goal`.
+/// Angle of the front road wheels by pure pursuit, radians (Coulter, CMU-RI-TR-92-01): the arc of the rear axle that
+/// meets `goal`.
 ///
-/// With feed-forward the curvature is that of the path plus the difference between the arcs to `goal` from the
-/// ego and from the path beside it: exact on the path, whatever its shape. Radians.
+/// With feed-forward, the curvature is that of the path plus the difference between the arcs to `goal` from the ego and
+/// from the path beside it: exact on a path of any shape.
 pub fn pure_pursuit(
     pose: Pose2,
     goal: Point2,
@@ -103,7 +104,7 @@ pub fn pure_pursuit(
     math::atan(wheelbase_m * curvature)
 }
 
-/// Curvature of the arc that leaves `from` along its heading and meets `goal`, 1/m; zero when it is too close.
+/// Curvature of the arc that leaves `from` along its heading and meets `goal`, 1/m; zero if it is too close.
 fn arc_to(from: Pose2, goal: Point2) -> f64 {
     let to = goal - from.point();
     let squared = to.norm_squared();
@@ -116,14 +117,14 @@ fn arc_to(from: Pose2, goal: Point2) -> f64 {
 pub struct StanleyParams {
     /// Gain on the cross-track error, 1/s: an error decays about this fast.
     pub gain_ps: f64,
-    /// Added to the speed, so that the law stays calm near standstill, m/s.
+    /// Added to the speed, so that the law is well-behaved near standstill, m/s.
     pub softening_mps: f64,
-    /// Steering per rad/s by which the car turns faster than the path, seconds.
+    /// Steering angle per rad/s by which the car's yaw rate exceeds the path's, seconds.
     pub yaw_damping_s: f64,
-    /// Above this speed, m/s, the answer to deviations falls with the speed: the path turns with `speed / wheelbase` for each
-    /// radian of steering, and steering and tyres are as slow as before.
+    /// Speed above which the gain on deviations decreases with speed, m/s: the path's response to steering grows with
+    /// `speed / wheelbase`, while the lag of steering and tyres stays the same.
     pub full_gain_mps: f64,
-    /// The curvature fed forward is that of the path this far ahead, seconds: the lag of steering and tyres.
+    /// Preview time of the curvature fed forward, seconds: compensates the lag of steering and tyres.
     pub preview_s: f64,
 }
 
@@ -133,11 +134,12 @@ impl Default for StanleyParams {
     }
 }
 
-/// The law of Stanley (Hoffmann et al., ACC 2007, equation 5), for a path of the **rear** axle.
+/// Angle of the front road wheels by the law of Stanley, radians (Hoffmann et al., ACC 2007, equation 5), for a path of
+/// the **rear** axle.
 ///
-/// The original wants the path of the front axle. That path follows from the rear's: with the rear axle at a pose
-/// of curvature k, the front axle is one wheelbase ahead and heads `atan(wheelbase k)` further to the left. So
-/// the law feeds the curvature forward and has no error on a path of constant curvature. Radians.
+/// The original requires the path of the front axle, which follows from the rear's: with the rear axle at a pose of
+/// curvature k, the front axle is one wheelbase ahead and heads `atan(wheelbase k)` further to the left. The law
+/// therefore feeds the curvature forward and has no error on a path of constant curvature.
 pub fn stanley(
     pose: Pose2,
     speed_mps: f64,
@@ -181,23 +183,23 @@ mod tests {
     }
 
     #[test]
-    fn full_steer_is_the_end() {
+    fn full_steer_is_the_largest_angle() {
         let steer =
             waypoint_angle(Pose2::new(0.0, 0.0, 0.0), Point2::new(-5.0, 0.1), &WaypointParams::default());
         assert!((steer - 70f64.to_radians()).abs() < 1e-12);
     }
 
     #[test]
-    fn stanley_answers_deviations_less_the_faster_it_is_and_the_curvature_alike() {
+    fn stanley_reduces_the_gain_on_deviations_but_not_on_curvature_with_speed() {
         let params = StanleyParams { softening_mps: 0.0, yaw_damping_s: 0.0, ..StanleyParams::default() };
         let at = |speed_mps: f64, heading_rad: f64, curvature_1pm: f64| {
             let beside = OnPath { curvature_1pm, ..straight() };
             stanley(Pose2::new(0.0, 0.0, heading_rad), speed_mps, 0.0, beside, L, &params)
         };
         let v = params.full_gain_mps;
-        // Steering times speed over wheelbase is how fast the heading comes back: no faster above that speed.
+        // Steering times speed over wheelbase is the rate at which the heading returns: constant above that speed.
         for (speed_mps, share) in [(0.5 * v, 1.0), (v, 1.0), (2.0 * v, 0.5), (3.0 * v, 1.0 / 3.0)] {
-            // The front axle is off by the wheelbase times the heading, too.
+            // The front axle is displaced by the wheelbase times the heading, too.
             let expected = -share * (0.01 + math::atan2(params.gain_ps * L * math::sin(0.01), speed_mps));
             assert!((at(speed_mps, 0.01, 0.0) - expected).abs() < 1e-9, "{speed_mps}");
             assert!((at(speed_mps, 0.0, 0.01) - math::atan(0.01 * L)).abs() < 1e-9, "{speed_mps}");
@@ -231,7 +233,7 @@ mod tests {
     fn on_the_path_every_law_steers_its_curvature() {
         let curvature = 0.05;
         let beside = OnPath { pose: Pose2::new(0.0, 0.0, 0.0), curvature_1pm: curvature };
-        // A goal on a path that bends away from the arc: the textbook law would be wrong.
+        // A goal on a path that bends away from the arc: the textbook law would be off.
         let goal = Point2::new(8.0, 0.3);
         let want = math::atan(L * curvature);
         let pursuit = pure_pursuit(beside.pose, goal, beside, L, &PurePursuitParams::default());
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_at_the_ego_is_no_reason_to_steer() {
+    fn goal_at_the_ego_gives_zero_steering() {
         let at = straight();
         assert_eq!(pure_pursuit(at.pose, at.pose.point(), at, L, &PurePursuitParams::default()), 0.0);
     }

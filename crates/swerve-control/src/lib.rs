@@ -1,13 +1,12 @@
-//! From a plan to steering and pedals.
+//! Vehicle control: from a plan to steering and pedals.
 //!
-//! A [`Controller`] is called at a fixed rate with the measured [`EgoState`](swerve_msg::EgoState), the newest
-//! plan and the route, and returns a [`Command`](swerve_msg::Command) with a [`Status`] that says what it
-//! followed. Laws: the [`pid`] of Pylot with its steering by the angle to a waypoint, pure pursuit and Stanley
-//! ([`lateral`]) with a speed law of our own ([`speed`]),
-//! and a model predictive controller ([`mpc`]).
+//! A [`Controller`] is called at a fixed rate with the measured [`EgoState`](swerve_msg::EgoState), the newest plan and
+//! the route, and returns a [`Command`](swerve_msg::Command) with a [`Status`] that names the path it followed. Laws:
+//! Pylot's [`pid`] with its steering by the angle to a waypoint, pure pursuit and Stanley ([`lateral`]) with a separate
+//! speed law ([`speed`]), and a model predictive controller ([`mpc`]).
 //!
-//! Frames: plans, routes and states are in the map; angles of the road wheels are positive to the left.
-//! Absences: no engine, no clock (the instant is an input), no simulator, no files.
+//! Frames: plans, routes and states are in the map; angles of the road wheels are positive to the left. The crate has
+//! no engine, clock (the instant is an input), simulator or files.
 
 #[cfg(test)]
 mod allocations;

@@ -1,20 +1,20 @@
 //! Linear time-varying model predictive control of the kinematic bicycle.
 //!
-//! States: position, heading, speed, steering angle, acceleration; inputs: steering rate and jerk, constant over
-//! steps of 0.1 s. The model is linearised along knots: the poses of the path that the ego can reach with its
-//! speed, one per step ([`Knot`]). In the axes of its knot each state deviates along and across the path, so
-//! that costs are diagonal and constant and the corridor is a bound; a step is one quadratic program. Where its
-//! unconstrained optimum meets all bounds, that is the solution (a Riccati sweep); otherwise an interior-point method
-//! over such sweeps finds it, and Clarabel where that does not converge. The number of iterations depends on the
-//! program alone, and there is no time limit.
+//! States: position, heading, speed, steering angle, acceleration; inputs: steering rate and jerk, constant over steps
+//! of 0.1 s. The model is linearised along knots: the poses of the path that the ego can reach with its speed, one per
+//! step ([`Knot`]). Deviations are expressed in the axes of each knot, along and across the path, so that costs are
+//! diagonal and constant and the corridor is a bound; each step is one quadratic program. If its unconstrained optimum
+//! satisfies all bounds, it is the solution (a Riccati sweep); otherwise an interior-point method over such sweeps
+//! finds it, and Clarabel if that does not converge. The number of iterations depends only on the program, and there is
+//! no time limit.
 //!
-//! - Bounds on steering angle and rate, acceleration, jerk and speed are hard, but one that the start state breaks
-//!   already is widened to the hardest allowed way back, so that it cannot make the problem infeasible.
-//! - The corridor is soft: beyond it a slack is paid for, linearly (so that it is kept exactly where that is
-//!   possible) and with its square.
-//! - Numbers that are not finite are refused before the solver, which would report them as infeasible.
-//! - When the solver ends with anything but a solution, the last solution goes on, shifted to the present; past
-//!   its use the car brakes with the wheels held. The [`Report`] says so.
+//! - Bounds on steering angle and rate, acceleration, jerk and speed are hard, except that a bound violated by the
+//!   start state is widened to the hardest allowed way back, so that it cannot make the problem infeasible.
+//! - The corridor is soft: its slack has a linear cost (so that the corridor is kept exactly if possible) and a
+//!   quadratic one.
+//! - Non-finite numbers are rejected before the solver, which would report them as infeasible.
+//! - If the solver finds no solution, the last solution is shifted to the present; once it is too old, the car brakes
+//!   with the wheels held. The [`Report`] states which applies.
 
 mod model;
 mod optimum;
@@ -43,26 +43,26 @@ use stages::Stages;
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Steps that it looks ahead.
+    /// Number of steps of the horizon.
     pub horizon: usize,
-    /// Length of a step, seconds.
+    /// Duration of a step, seconds.
     pub dt_s: f64,
     /// Weights of the cost.
     pub weights: Weights,
-    /// Largest change of acceleration, m/s³.
+    /// Largest jerk, m/s³.
     pub jerk_max_mps3: f64,
-    /// Speed bound, m/s.
+    /// Upper bound on the speed, m/s.
     pub speed_max_mps: f64,
-    /// Half width of the corridor around the path, metres, cut by the drivable ground.
+    /// Half width of the corridor around the path, metres, limited by the drivable ground.
     pub corridor_m: f64,
-    /// Distance between the car's side and the edge of the drivable ground that the corridor keeps, metres.
+    /// Distance that the corridor keeps between the car's side and the edge of the drivable ground, metres.
     pub edge_m: f64,
-    /// How far ahead of the measured state the commanded one is taken from the solution, seconds: the delay of
-    /// the actuators and tyres, which the model does not have.
+    /// Time offset between the measured state and the command taken from the solution, seconds: the delay of actuators
+    /// and tyres, which the model lacks.
     pub lead_s: f64,
-    /// How old a solution may be that stands in for a failed one, seconds.
+    /// Largest age of an earlier solution that replaces a failed one, seconds.
     pub shift_max_s: f64,
-    /// Deceleration when there is no solution to shift, m/s² (positive).
+    /// Deceleration without a solution to shift, m/s² (positive).
     pub fallback_brake_mps2: f64,
 }
 
@@ -83,31 +83,31 @@ impl Default for Params {
     }
 }
 
-/// Weights of the cost, per square of the unit named, each halved.
+/// Weights of the cost, per square of the unit named, each multiplied by 1/2.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
-    /// Being early or late along the path, metres.
+    /// Weight of the longitudinal error along the path, metres.
     pub along: f64,
-    /// Being beside the path, metres.
+    /// Weight of the lateral error from the path, metres.
     pub across: f64,
-    /// Heading off the path's, radians.
+    /// Weight of the heading error, radians.
     pub heading: f64,
-    /// Speed off the wanted one, m/s.
+    /// Weight of the speed error, m/s.
     pub speed: f64,
-    /// Steering off the path's curvature, radians.
+    /// Weight of the steering deviation from the path's curvature, radians.
     pub steering: f64,
-    /// Acceleration off the wanted one, m/s².
+    /// Weight of the acceleration error, m/s².
     pub accel: f64,
-    /// Steering rate, rad/s.
+    /// Weight of the steering rate, rad/s.
     pub steering_rate: f64,
-    /// Jerk, m/s³.
+    /// Weight of the jerk, m/s³.
     pub jerk: f64,
     /// Factor on the costs of the last state.
     pub terminal: f64,
-    /// Price of leaving the corridor, per metre.
+    /// Linear cost of leaving the corridor, per metre.
     pub slack: f64,
-    /// Price of leaving the corridor, metres.
+    /// Quadratic cost of leaving the corridor, metres.
     pub slack_squared: f64,
 }
 
@@ -130,9 +130,9 @@ impl Default for Weights {
 }
 
 impl Weights {
-    /// Pylot's: Q = diag(1, 1, 0.01, 0.01) on x, y, speed and heading, R = diag(0.01, 0.1) on acceleration and
-    /// steering, Rd = diag(0.01, 1) on their change per step of 0.1 s. Pylot's R weighs the steering itself;
-    /// here it weighs what differs from the path's curvature.
+    /// Pylot's weights: Q = diag(1, 1, 0.01, 0.01) on x, y, speed and heading, R = diag(0.01, 0.1) on acceleration and
+    /// steering, Rd = diag(0.01, 1) on their change per step of 0.1 s. Pylot's R weights the steering itself; here it
+    /// weights the deviation from the path's curvature.
     pub fn pylot() -> Self {
         Self {
             along: 1.0,
@@ -164,20 +164,20 @@ pub(crate) struct Bounds {
     pub(crate) speed_max_mps: f64,
 }
 
-/// One step of the path: what the model is linearised around, and what is wanted there.
+/// One step of the path: the linearisation point, and the targets there.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Knot {
-    /// A pose of the path, and the speed, steering and acceleration expected there.
+    /// A pose of the path, with the expected speed, steering and acceleration.
     pub state: State,
-    /// Where the ego should be, ahead of the pose along its heading, metres.
+    /// Target position ahead of the pose along its heading, metres.
     pub wanted_along_m: f64,
-    /// Speed that the ego should have, m/s.
+    /// Target speed, m/s.
     pub wanted_speed_mps: f64,
-    /// Acceleration that the ego should have, m/s².
+    /// Target acceleration, m/s².
     pub wanted_accel_mps2: f64,
-    /// Room to the left of the pose for the ego origin, metres; negative when the pose is outside.
+    /// Room to the left of the pose for the ego origin, metres; negative if the pose is outside.
     pub left_m: f64,
-    /// Room to the right, metres.
+    /// Room to the right of the pose for the ego origin, metres; negative if the pose is outside.
     pub right_m: f64,
 }
 
@@ -196,7 +196,7 @@ impl Knot {
     }
 }
 
-/// Where a command comes from.
+/// Source of a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
@@ -204,11 +204,11 @@ pub enum Source {
     Solution,
     /// An earlier solution, shifted to the present.
     Shifted,
-    /// Nothing usable: wheels held, brakes on.
+    /// No usable solution: wheels held, brakes applied.
     Brake,
 }
 
-/// How the solver ended.
+/// Termination status of the solver.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
@@ -216,9 +216,9 @@ pub enum Ending {
     Solved,
     /// Solved to reduced accuracy.
     AlmostSolved,
-    /// No point meets the constraints.
+    /// No point satisfies the constraints.
     Infeasible,
-    /// Out of iterations or progress.
+    /// Iteration limit reached, or no progress.
     Stalled,
     /// A number was not finite: the solver was not called.
     Refused,
@@ -227,33 +227,33 @@ pub enum Ending {
 /// Report of one step of the controller.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
-    /// Where the command comes from.
+    /// Source of the command.
     pub source: Source,
-    /// How the solver ended.
+    /// Termination status of the solver.
     pub ending: Ending,
-    /// Iterations of the solver; 0 where no bound is active.
+    /// Iterations of the solver; 0 if no bound is active.
     pub iterations: u32,
-    /// How far outside the corridor the solution goes, metres.
+    /// Largest distance of the solution outside the corridor, metres.
     pub slack_max_m: f64,
 }
 
-/// Answer of the controller.
+/// Output of the controller.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Step {
     /// Angle of the road wheels, radians.
     pub steering_rad: f64,
     /// Acceleration along the heading, m/s².
     pub accel_mps2: f64,
-    /// How that came about.
+    /// Source of the command, and solver status.
     pub report: Report,
 }
 
-/// The controller. Allocates at construction; a step allocates only where Clarabel solves it.
+/// Model predictive controller. Allocates at construction; a step allocates only if Clarabel solves it.
 pub struct Mpc {
     params: Params,
     stages: Stages,
     optimum: Optimum,
-    /// Solver of programs on which `optimum` does not converge.
+    /// Solver for programs on which `optimum` does not converge.
     program: Program,
     /// The last solution: states at its instant and after each step.
     solution: Vec<State>,
@@ -262,7 +262,7 @@ pub struct Mpc {
 }
 
 impl Mpc {
-    /// A controller of a car with this wheelbase and these limits.
+    /// Creates a controller for a car with this wheelbase and these limits.
     pub fn new(params: Params, wheelbase_m: f64, limits: &Limits) -> Self {
         let bounds = Bounds {
             steering_max_rad: limits.steering_max_rad,
@@ -285,7 +285,7 @@ impl Mpc {
         }
     }
 
-    /// Steps that it looks ahead; [`step`](Self::step) wants one knot more.
+    /// Number of steps of the horizon; [`step`](Self::step) expects one knot more.
     pub fn horizon(&self) -> usize {
         self.params.horizon
     }
@@ -295,13 +295,13 @@ impl Mpc {
         &self.solution
     }
 
-    /// The problem that the solver was given last, for inspection and comparison.
+    /// The latest problem passed to the solver, for inspection and comparison.
     pub fn problem(&self) -> Problem {
         self.program.problem(&self.stages)
     }
 
-    /// Commands for the car that is at `start` at `now`, to drive along `knots`: `knots[k]` belongs to
-    /// `now + k dt`. Fewer or more knots than `horizon + 1` are refused like numbers that are not finite.
+    /// Command for a car at `start` at `now`, to drive along `knots`: `knots[k]` belongs to `now + k dt`. A number of
+    /// knots other than `horizon + 1` is rejected like non-finite numbers.
     pub fn step(&mut self, now: Time, start: &State, knots: &[Knot]) -> Step {
         let usable = knots.len() == self.params.horizon + 1;
         let (ending, iterations) = if usable && start.is_finite() && knots.iter().all(Knot::is_finite) {
@@ -346,7 +346,7 @@ impl Mpc {
         (ending(status), iterations)
     }
 
-    /// The command out of the last solution at `now` plus the lead, or the brake.
+    /// Command from the last solution at `now` plus the lead, or the brake.
     fn command(&mut self, now: Time, report: Report) -> Step {
         let accel_mps2 = match self.solved_at {
             Some(at) if report.source != Source::Brake => {
@@ -369,9 +369,9 @@ impl Mpc {
     }
 }
 
-/// Settings under which Clarabel's data can be updated and the number of its iterations depends on the problem alone.
+/// Settings under which Clarabel's data can be updated and the number of iterations depends only on the problem.
 ///
-/// With these tolerances angles and accelerations agree with tighter ones to about 1e-4.
+/// With these tolerances, angles and accelerations agree with tighter ones to about 1e-4.
 fn settings() -> DefaultSettings<f64> {
     DefaultSettings {
         verbose: false,

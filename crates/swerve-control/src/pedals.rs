@@ -1,4 +1,4 @@
-//! From a wanted acceleration to pedals.
+//! Conversion of a target acceleration to pedals.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,11 +12,11 @@ pub struct Pedals {
     pub brake: f64,
 }
 
-/// Knows which pedals give which acceleration: the inverse of a drivetrain.
+/// Conversion of accelerations to pedals: the inverse of a drivetrain.
 ///
-/// Any function of (acceleration along the heading in m/s², speed in m/s) is one.
+/// Implemented by any function of (acceleration along the heading in m/s², speed in m/s).
 pub trait AccelToPedals: Send {
-    /// The pedals that give `accel_mps2` at `speed_mps`, as far as the vehicle can.
+    /// Pedals that give `accel_mps2` at `speed_mps`, within the vehicle's capability.
     fn pedals(&self, accel_mps2: f64, speed_mps: f64) -> Pedals;
 }
 
@@ -26,7 +26,7 @@ impl<F: Fn(f64, f64) -> Pedals + Send> AccelToPedals for F {
     }
 }
 
-/// Acceleration in proportion to the pedal, at any speed.
+/// Pedals proportional to the acceleration, at any speed.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinearPedals {
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_pedal_at_a_time_and_never_beyond_its_travel() {
+    fn pedals_are_used_one_at_a_time_within_their_travel() {
         let linear = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
         assert_eq!(linear.pedals(1.5, 10.0), Pedals { throttle: 0.5, brake: 0.0 });
         assert_eq!(linear.pedals(-2.0, 10.0), Pedals { throttle: 0.0, brake: 0.25 });

@@ -5,10 +5,10 @@
 //! clips the sum to one pedal or the other. Here the error is in m/s and the gains are the same physical ones:
 //! 1 m/s is 3.6 km/h, so 3.6 per m/s, 0.18 per metre and 0. An error of 0.28 m/s is thus a full pedal.
 //!
-//! Carried over: gains, ten-sample buffer, clipping, the full brake that holds the car (below 1 m/s with
-//! target 0, or rolling back faster than 0.3 m/s). Not carried over: the unit mix (the original documents m/s
-//! and computes km/h), the wall clock as time step, and the warning instead of an answer for negative speeds
-//! (they count as 0, as in the original).
+//! Carried over: gains, ten-sample buffer, clipping, the full brake that holds the car (below 1 m/s with target 0, or
+//! rolling back faster than 0.3 m/s). Not carried over: the unit mix (the original documents m/s and computes km/h),
+//! the wall clock as time step, and the warning without an output for negative speeds (they count as 0, as in the
+//! original).
 
 use std::collections::VecDeque;
 
@@ -30,7 +30,7 @@ pub struct Params {
     pub ki_pm: f64,
     /// Pedal per m/s² of change of the error. Pylot: 0.
     pub kd_s2pm: f64,
-    /// Errors kept for the integral, and time over which it reaches back in steps. Pylot: 10.
+    /// Number of errors kept for the integral, i.e. its time window in steps. Pylot: 10.
     pub samples: usize,
     /// Largest throttle, 0 to 1.
     pub throttle_max: f64,
@@ -39,7 +39,7 @@ pub struct Params {
 }
 
 impl Default for Params {
-    /// Pylot's.
+    /// Pylot's values.
     fn default() -> Self {
         Self {
             kp_spm: 1.0 * KMPH_PER_MPS,
@@ -52,7 +52,7 @@ impl Default for Params {
     }
 }
 
-/// A PID on speed with a short memory.
+/// PID controller of the speed with a short integration window.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Pid {
     params: Params,
@@ -60,17 +60,17 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// Without any past.
+    /// Creates a controller without past errors.
     pub fn new(params: Params) -> Self {
         Self { params, errors_mps: VecDeque::with_capacity(params.samples + 1) }
     }
 
-    /// Forgets the past errors.
+    /// Clears the past errors.
     pub fn reset(&mut self) {
         self.errors_mps.clear();
     }
 
-    /// The pedals that take `speed_mps` to `target_mps`, `dt_s` seconds after the call before.
+    /// Pedals that take `speed_mps` to `target_mps`, `dt_s` seconds after the previous call.
     pub fn step(&mut self, target_mps: f64, speed_mps: f64, dt_s: f64) -> Pedals {
         let rolls_back = speed_mps < -0.3;
         let stands = speed_mps < 1.0 && target_mps == 0.0;
@@ -92,7 +92,7 @@ impl Pid {
         if self.errors_mps.len() > samples.max(1) {
             self.errors_mps.pop_front();
         }
-        // The first call has no time step behind it.
+        // The first call has no time step.
         let (integral_m, slope_mps2) = match before {
             Some(before) if dt_s > 0.0 => {
                 (self.errors_mps.iter().sum::<f64>() * dt_s, (error_mps - before) / dt_s)
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gains_are_those_of_pylot_in_its_own_unit() {
+    fn gains_match_those_of_pylot_in_its_unit() {
         // 0.2 m/s = 0.72 km/h: first 0.72, then with the integral of two samples over 0.1 s.
         let mut pid = pid();
         assert!((pid.step(10.2, 10.0, 0.1).throttle - 0.72).abs() < 1e-12);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn holds_at_rest_and_when_rolling_back() {
+    fn pid_holds_the_car_at_rest_and_when_rolling_back() {
         let full = Pedals { throttle: 0.0, brake: 1.0 };
         assert_eq!(pid().step(0.0, 0.9, 0.01), full);
         assert_eq!(pid().step(5.0, -0.31, 0.01), full);

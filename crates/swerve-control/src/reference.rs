@@ -7,23 +7,23 @@ use swerve_msg::{Plan, PlanPoint, Route};
 /// Spacing of the points that continue a plan along the route, metres.
 const ROUTE_STEP_M: f64 = 1.0;
 
-/// Reach of the search for the place of a path's end along the route, metres.
+/// Search radius for the place of a path's end along the route, metres.
 const ROUTE_REACH_M: f64 = 15.0;
 
-/// A path by arc length. Before its first and beyond its last point it goes on straight; who is before it turns as its first
-/// point does already.
+/// A path by arc length, extended straight before its first and beyond its last point; before the first point its
+/// curvature already applies.
 ///
 /// Buffers are kept between loads, so that a steady state allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reference {
     points: Vec<PlanPoint>,
     s_m: Vec<f64>,
-    /// Points that come from the plan; those after them follow the route.
+    /// Number of points from the plan; the points after them follow the route.
     planned: usize,
 }
 
 impl Reference {
-    /// Takes the points of `plan`.
+    /// Loads the points of `plan`.
     pub(crate) fn load_plan(&mut self, plan: &Plan) {
         self.clear();
         for &point in &plan.points {
@@ -32,23 +32,22 @@ impl Reference {
         self.planned = self.points.len();
     }
 
-    /// Takes the route at `speed_mps` from arc length `s_m` on, which is reached at `now`.
+    /// Loads the route at `speed_mps` from arc length `s_m` on, which is reached at `now`.
     pub(crate) fn load_route(&mut self, route: &Route, s_m: f64, speed_mps: f64, now: Time) {
         self.clear();
         self.push(on_route(route, s_m, 0.0, speed_mps, now));
         self.planned = 1;
     }
 
-    /// Appends points along the route, at the distance from its line at which the path ends, until the path
-    /// reaches at least `until_m`; they keep the last speed. `route_m` is the arc length of the route near the path's
-    /// beginning.
+    /// Appends points along the route, at the offset from its line at which the path ends, until the path reaches at
+    /// least `until_m`; they keep the last speed. `route_m` is the arc length of the route near the path's beginning.
     pub(crate) fn extend(&mut self, route: &Route, route_m: f64, until_m: f64) {
         let Some(&last) = self.points.last() else { return };
         let missing_m = until_m - self.length();
         if missing_m <= 0.0 {
             return;
         }
-        // The path's end is no further along the route than the path is long, but for what bends spare it.
+        // Along the route, the path's end is no further than the path's length, apart from shortcuts in bends.
         let half_m = 0.6 * self.length();
         let from = route.project_near(last.pose.point(), route_m + half_m, half_m + ROUTE_REACH_M);
         let speed = last.speed_mps.max(0.0);
@@ -81,12 +80,13 @@ impl Reference {
         self.s_m.last().copied().unwrap_or(0.0)
     }
 
-    /// Arc length of the nearest place to `point`: negative before the first, beyond the length after the last.
+    /// Arc length of the nearest place to `point`, metres: negative before the first point, beyond the length after the
+    /// last.
     pub(crate) fn project(&self, point: Point2) -> f64 {
         self.project_near(point, 0.0, f64::INFINITY)
     }
 
-    /// The same, over the arc lengths within `reach_m` of `near_m` only.
+    /// As [`project`](Self::project), limited to arc lengths within `reach_m` of `near_m`.
     pub(crate) fn project_near(&self, point: Point2, near_m: f64, reach_m: f64) -> f64 {
         let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else { return 0.0 };
         let before_m = first.pose.direction().dot(point - first.pose.point());
@@ -112,7 +112,7 @@ impl Reference {
         if best.0.is_finite() { best.1 } else { near_m }
     }
 
-    /// The path at arc length `s_m`. `None` without any point.
+    /// The path at arc length `s_m`; `None` if it has no points.
     pub(crate) fn at(&self, s_m: f64) -> Option<PlanPoint> {
         let after = self.s_m.partition_point(|&s| s <= s_m);
         let first = self.points.first()?;
@@ -129,7 +129,8 @@ impl Reference {
         Some(mix(a, b, t))
     }
 
-    /// Arc length at which the path is at `instant`: before its time at constant speed, after it the last point.
+    /// Arc length of the path at `instant`, metres: before its first point extrapolated at constant speed, after its
+    /// end the last point.
     pub(crate) fn s_at(&self, instant: Time) -> f64 {
         let after = self.points.partition_point(|p| p.at <= instant);
         if after == 0 {
@@ -143,8 +144,8 @@ impl Reference {
         self.s_m[after - 1] + (self.s_m[after] - self.s_m[after - 1]) * t
     }
 
-    /// Pylot's waypoint: the first point after arc length `passed_m` that is at least `min_m` away from
-    /// `from`, else the last point. `None` without any point.
+    /// Pylot's waypoint: the first point after arc length `passed_m` that is at least `min_m` away from `from`,
+    /// otherwise the last point. `None` if the path has no points.
     pub(crate) fn waypoint(&self, from: Point2, passed_m: f64, min_m: f64) -> Option<&PlanPoint> {
         let first = self.s_m.partition_point(|&s| s <= passed_m);
         let ahead = &self.points[first..];
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn projects_before_on_and_beyond_the_path() {
+    fn reference_projects_before_on_and_beyond_the_path() {
         let reference = loaded(6);
         for (x, want) in [(7.0, -3.0), (13.5, 3.5), (25.0, 15.0)] {
             assert!((reference.project(Point2::new(x, 3.0)) - want).abs() < 1e-12, "{x}");
@@ -225,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_along_the_route_at_the_same_offset() {
+    fn path_continues_along_the_route_at_the_same_offset() {
         let mut reference = loaded(6);
         reference.extend(&route(), 10.0, 50.0);
         assert!(reference.length() >= 50.0 - 1e-9);
@@ -235,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn one_point_is_a_straight_line_and_none_is_nothing() {
+    fn path_of_one_point_is_a_straight_line_and_empty_path_has_no_pose() {
         let one = loaded(1);
         assert_eq!(one.project(Point2::new(14.0, 0.0)), 4.0);
         assert_eq!(one.at(-3.0).unwrap().pose.x_m, 7.0);

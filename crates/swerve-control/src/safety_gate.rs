@@ -1,8 +1,8 @@
-//! The last step before a vehicle: what may reach its actuators.
+//! Safety gate: the last check of commands before a vehicle's actuators.
 //!
-//! A [`SafetyGate`] is called at a fixed rate with the newest command of the stack, the newest report of the
-//! vehicle, the switch that a person holds, and the emergency stop. What it returns is finite, within limits and
-//! within rates, whatever it was given. It is a state machine:
+//! A [`SafetyGate`] is called at a fixed rate with the latest command of the stack, the latest report of the vehicle,
+//! the driver's enable switch, and the emergency stop. Its output is finite, within limits and within rates for any
+//! input. It is a state machine:
 //!
 //! ```text
 //!            rising edge of `enable`, all well
@@ -17,14 +17,14 @@
 //!                    before standstill                      Driving
 //! ```
 //!
-//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the mode,
-//! of what was sent before, and of how hard the plan before the stop was to brake. No report enters it: not its sign, its
-//! noise or its absence.
+//! In `Stopping` and `Holding` the output is a deceleration by the brake ([`Longitudinal::Brake`]), a function of the
+//! mode, the previous output, and the deceleration planned before the stop. It is independent of reports, including
+//! their sign, noise or absence.
 //!
-//! The rules are those of Autoware's `vehicle_cmd_gate` and of drive-by-wire kits: an outdated command is a stop,
-//! not the last command for ever; the driver always wins; enabling is an act, not a state.
+//! The rules are those of Autoware's `vehicle_cmd_gate` and of drive-by-wire kits: an outdated command leads to a stop
+//! instead of being repeated; the driver always has priority; enabling is an event, not a state.
 //!
-//! Pure: the instant is an input.
+//! The gate is pure: the instant is an input.
 
 mod params;
 mod pose_check;
@@ -45,62 +45,62 @@ use pose_check::PoseCheck;
 use standstill::Standstill;
 use stop_path::StopPath;
 
-/// Longest step that rates are applied over: a gate that was not called for long does not leap.
+/// Longest time step for rate limits: after a long interval between calls the output does not jump.
 const STEP_MAX: Span = Span::from_ms(100);
 
-/// A localizer that begins anew is lost for a moment: a pose that was known this long ago is not lost yet, seconds.
+/// A localizer that restarts reports a lost pose for a moment: the pose counts as lost only after this time, seconds.
 const LOST_MAX_S: f64 = 0.15;
 
-/// A car that rolls backwards by less than this is not faster than it may reverse, m/s.
+/// Tolerance on the largest reverse speed, for a car that rolls backwards, m/s.
 const REVERSE_MARGIN_MPS: f64 = 0.1;
 
-/// A car that is faster than its command wants it by more than this is not accelerated, m/s.
+/// A car faster than its command by more than this is not accelerated, m/s.
 const TOO_FAST_MPS: f64 = 2.0;
 
-/// Input of the gate at one instant: always the newest of each, new or not.
+/// Input of the gate at one instant: the latest value of each, new or not.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct GateInput<'a> {
-    /// The instant.
+    /// The current instant.
     pub now: Time,
-    /// The newest command of the stack.
+    /// The latest command of the stack.
     pub command: Option<MotionCommand>,
-    /// The newest sensor frame that this command derives from, where that is known.
+    /// Stamp of the latest sensor frame from which this command derives, if known.
     pub origin: Option<Time>,
-    /// The newest report of the vehicle.
+    /// The latest report of the vehicle.
     pub report: Option<VehicleReport>,
-    /// Whether a person wants the stack to drive: its rising edge enables.
+    /// Enable switch: its rising edge enables driving.
     pub enable: bool,
-    /// Whether the car is to be stopped at once.
+    /// Emergency stop requested.
     pub emergency: bool,
-    /// Why the car is to be stopped whatever the command says: who hears commands found something wrong.
+    /// Reason for a stop regardless of the command, reported by the receiver of commands.
     pub alarm: Option<StopCause>,
-    /// The newest quality of the pose, where localization reports one.
+    /// The latest quality of the pose, if localization reports one.
     pub quality: Option<PoseQuality>,
-    /// The newest pose that the stack drives by.
+    /// The latest pose used by the stack.
     pub pose: Option<EgoState>,
-    /// The newest plan: the path of a stop, should one begin now.
+    /// The latest plan: the path of a stop that begins now.
     pub plan: Option<&'a Plan>,
 }
 
-/// The state machine: see the module's page.
+/// State machine of the safety gate; see the module documentation.
 #[derive(Clone, Debug)]
 pub struct SafetyGate {
     params: GateParams,
     mode: GateMode,
-    /// The newest command that was not refused.
+    /// The latest accepted command.
     command: Option<MotionCommand>,
-    /// Stamp of the first command since when they say the same.
+    /// Stamp of the first of the latest commands with equal values.
     same_since: Time,
-    /// The command given last, to count a refusal once.
+    /// The last input command, so that a refusal is counted once.
     given: Option<MotionCommand>,
     given_refusal: Option<Refusal>,
     report: Option<VehicleReport>,
     standstill: Standstill,
     pose: PoseCheck,
     stop_path: Option<StopPath>,
-    /// Stamp of the newest quality that is not lost.
+    /// Stamp of the latest quality with a pose that is not lost.
     pose_known: Time,
-    /// Angle and acceleration sent last.
+    /// Angle and acceleration of the last output.
     sent: Option<(f64, f64)>,
     enable_before: bool,
     now: Option<Time>,
@@ -109,10 +109,10 @@ pub struct SafetyGate {
 }
 
 impl SafetyGate {
-    /// In manual mode. The switch has to be seen released once before it can enable.
+    /// Creates a gate in manual mode. The switch has to be seen released once before it can enable.
     ///
     /// # Errors
-    /// A parameter that makes no gate.
+    /// If a parameter is out of range.
     pub fn new(params: GateParams) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self {
@@ -135,14 +135,14 @@ impl SafetyGate {
         })
     }
 
-    /// How often commands were refused so far.
+    /// Numbers of refused commands so far.
     pub fn refusals(&self) -> Refusals {
         self.refusals
     }
 
-    /// The command that may reach the vehicle now.
+    /// Command to the vehicle at this instant.
     pub fn step(&mut self, input: &GateInput<'_>) -> GateOutput {
-        // Time that runs backwards is time that stands: nothing gets younger by it.
+        // If time runs backwards, it counts as standing still: nothing becomes younger.
         let now = self.now.map_or(input.now, |before| before.max(input.now));
         let dt_s = self.now.map_or(Span::ZERO, |before| (now - before).min(STEP_MAX)).as_secs();
         self.now = Some(now);
@@ -203,7 +203,7 @@ impl SafetyGate {
         if !numbers.iter().all(|number| number.is_finite()) {
             return Some(Refusal::NotFinite);
         }
-        // Two of one stamp are in order: several come of one state where the control is faster than its measurements.
+        // Equal stamps are in order: a controller faster than its measurements sends several commands per state.
         if self.command.is_some_and(|before| command.stamp < before.stamp) {
             return Some(Refusal::OutOfOrder);
         }
@@ -216,8 +216,8 @@ impl SafetyGate {
         (is_blind || is_old).then_some(Refusal::Stale)
     }
 
-    /// A report that is not finite, from the future or older than the one before it is none; but that the driver is
-    /// active is believed of every report.
+    /// Takes a report unless it is not finite, from the future or older than the previous one; an active driver is
+    /// accepted from every report.
     fn take_report(&mut self, given: Option<VehicleReport>, now: Time) {
         let Some(report) = given else { return };
         let finite = report.speed_mps.is_finite() && report.steering_rad.is_finite();
@@ -264,19 +264,19 @@ impl SafetyGate {
             GateMode::Stopping(_) if input.emergency => GateMode::Stopping(StopCause::Emergency),
             GateMode::Stopping(cause) => GateMode::Stopping(cause),
             GateMode::Holding(_) if may_start => GateMode::Driving,
-            // It rolls: brake it again.
+            // The car rolls: brake again.
             GateMode::Holding(cause) if report && !self.standstill.stands() => GateMode::Stopping(cause),
             GateMode::Holding(cause) => GateMode::Holding(cause),
         }
     }
 
-    /// Whether localization reports a lost pose, for longer than a moment.
+    /// Returns true if localization has reported a lost pose for longer than a moment.
     fn is_lost(&self, input: &GateInput<'_>, now: Time) -> bool {
         let lost = input.quality.is_some_and(|quality| quality.mode == PoseMode::Lost);
         lost && !is_fresh(self.pose_known, now, LOST_MAX_S)
     }
 
-    /// Whether commands come that say the same for too long.
+    /// Returns true if commands have repeated the same values for too long.
     fn hangs(&self, now: Time) -> bool {
         let most_s = self.params.repeat_max_s;
         most_s > 0.0 && !self.standstill.stands() && !is_fresh(self.same_since, now, most_s)
@@ -294,7 +294,7 @@ impl SafetyGate {
                 (MotionCommand { stamp: now, ..command }, limited)
             }
             (GateMode::Stopping(_) | GateMode::Holding(_), _) => self.brake(now, before, dt_s),
-            // Driving without a command does not exist: it would be a time-out.
+            // Driving always has a command: without one it would have timed out.
             (GateMode::Manual | GateMode::Driving, _) => {
                 self.sent = None;
                 let speed_mps = speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
@@ -306,10 +306,9 @@ impl SafetyGate {
         (command, limited)
     }
 
-    /// The command of a stop, and whether the deceleration is still building up. The deceleration is a function of the
-    /// mode, of what was sent before and of the last plan, and of no measurement: the speed is 0, the acceleration is never
-    /// above 0.
-    /// The wheels are turned along the path of the stop; they are held where there is none, and at standstill.
+    /// Command of a stop, and true while the deceleration is still building up. The deceleration is a function of the
+    /// mode, the previous output and the last plan, not of any measurement: the speed is 0, the acceleration is never
+    /// above 0. The wheels follow the path of the stop; they are held without a path, and at standstill.
     fn brake(
         &self,
         now: Time,
@@ -324,7 +323,7 @@ impl SafetyGate {
             Some(wanted_rad) => self.steered(wanted_rad, steering_before, dt_s),
             None => steering_before,
         };
-        // Who asked for hard braking last, or planned it, may have had a reason: a stop never brakes less.
+        // Harder braking in the previous output or in the plan may have had a reason: a stop never brakes less.
         let before = (-accel_before).max(0.0);
         let planned = path.map_or(0.0, |path| path.planned_mps2(now).min(p.decel_max_mps2));
         let asked = before.max(planned);
@@ -340,7 +339,7 @@ impl SafetyGate {
         (MotionCommand { stamp: now, steering_rad, speed_mps: 0.0, accel_mps2: 0.0 - decel }, decel < wanted)
     }
 
-    /// An angle of the wheels within limits at the reported speed, and within the rate.
+    /// A steering angle within the limit at the reported speed and within the rate, radians.
     fn steered(&self, wanted_rad: f64, before_rad: f64, dt_s: f64) -> f64 {
         let p = &self.params;
         let speed_mps = self.report.map_or(0.0, |report| report.speed_mps);
@@ -350,7 +349,7 @@ impl SafetyGate {
         wanted_rad.clamp(-most_rad, most_rad).clamp(before_rad - turn, before_rad + turn)
     }
 
-    /// The wish of the stack, within limits and rates.
+    /// The stack's command, within limits and rates.
     fn drive(
         &self,
         wish: &MotionCommand,
@@ -361,13 +360,13 @@ impl SafetyGate {
         let p = &self.params;
         let steering_rad = self.steered(wish.steering_rad, steering_before, dt_s);
         let wanted_mps = wish.speed_mps.clamp(-p.reverse_max_mps, p.speed_max_mps);
-        // Faster than allowed, it does not get faster still, whatever is asked for.
-        // Nor where the command itself wants it slower: an old command under new stamps is held by that.
+        // Above the allowed speed the car is not accelerated further, whatever the command.
+        // The same applies above the command's own speed, which bounds the effect of an old command under new stamps.
         let too_fast = speed_mps > p.speed_max_mps.min(wanted_mps.max(0.0) + TOO_FAST_MPS)
             || speed_mps < -p.reverse_max_mps - REVERSE_MARGIN_MPS;
         let most = if too_fast { 0.0 } else { p.accel_max_mps2 };
         let change = p.jerk_max_mps3 * dt_s;
-        // Back within limits is reached even where that is a leap.
+        // The limits take precedence over the rate, even if that is a jump.
         let accel_mps2 = wish.accel_mps2.clamp(-p.decel_max_mps2, most);
         let accel_mps2 =
             accel_mps2.clamp(accel_before - change, accel_before + change).clamp(-p.decel_max_mps2, most);
@@ -375,8 +374,8 @@ impl SafetyGate {
     }
 }
 
-/// The pedals of `vehicle` for an output of the gate, at a measured speed. While the car is stopped or held these are
-/// the brake alone, and the measured speed has no effect.
+/// Pedals of `vehicle` for an output of the gate, at a measured speed. While the car is stopped or held, these are the
+/// brake alone, and the measured speed has no effect.
 pub fn pedals(vehicle: &VehicleParams, output: &GateOutput, speed_mps: f64) -> Pedals {
     match output.longitudinal() {
         Longitudinal::Accel(accel_mps2) => pedals_for_accel(vehicle, speed_mps, accel_mps2),
@@ -384,7 +383,7 @@ pub fn pedals(vehicle: &VehicleParams, output: &GateOutput, speed_mps: f64) -> P
     }
 }
 
-/// Equal, not-a-number included.
+/// Returns true if the commands are equal, treating NaN as equal to itself.
 fn same(a: &MotionCommand, b: &MotionCommand) -> bool {
     let bits = |c: &MotionCommand| [c.steering_rad, c.speed_mps, c.accel_mps2].map(f64::to_bits);
     a.stamp == b.stamp && bits(a) == bits(b)

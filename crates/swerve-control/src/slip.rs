@@ -1,24 +1,24 @@
-//! A car whose tyres slip, as a single track in steady turns.
+//! Tyre slip of a single-track model in steady turns.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Pose2, math};
 
-/// Least share of the wheelbase that a car turns by, however hard it brakes: beyond that the tyres' limit counts.
+/// Smallest effective wheelbase under braking, as a fraction of the wheelbase: beyond that the tyres' limit applies.
 const WHEELBASE_SHARE_MIN: f64 = 0.7;
 
-/// Slip of the tyres, which adds to the geometry of steering.
+/// Tyre slip, added to the geometric steering.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlipParams {
-    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points that much
-    /// further in than the rear axle goes. Near the inverse of the tyres' stiffness per load and of gravity.
+    /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points further inwards than
+    /// the course of the rear axle by this angle. Close to the inverse of the tyres' stiffness per load and of gravity.
     pub rear_s2pm: f64,
-    /// Steering beyond the geometric angle per lateral acceleration, rad s²/m: the understeer gradient.
+    /// Understeer gradient, rad s²/m: steering beyond the geometric angle per lateral acceleration.
     pub understeer_s2pm: f64,
-    /// How much less of that per deceleration, rad s⁴/m²: a brake loads the front tyres and unloads the rear ones, so that
-    /// the same angle turns the car more. About `rear_s2pm h/g (1/a + 1/b)`, with the height `h` of the centre of gravity and
-    /// its distances `a` and `b` from the axles.
+    /// Reduction of the understeer gradient per deceleration, rad s⁴/m²: braking loads the front tyres and unloads the
+    /// rear ones, so that the same angle turns the car more. About `rear_s2pm h/g (1/a + 1/b)`, with the height `h` of
+    /// the centre of gravity and its distances `a` and `b` from the axles.
     pub braking_s4pm2: f64,
 }
 
@@ -29,17 +29,17 @@ impl Default for SlipParams {
 }
 
 impl SlipParams {
-    /// Of a car whose tyres do not slip.
+    /// Parameters of a car without tyre slip.
     #[cfg(test)]
     pub(crate) const NONE: Self = Self { rear_s2pm: 0.0, understeer_s2pm: 0.0, braking_s4pm2: 0.0 };
 
-    /// Wheelbase that slip adds for steering, metres; negative where it turns the car more.
+    /// Effective wheelbase added by slip, metres; negative if it turns the car more.
     pub(crate) fn added_m(&self, wheelbase_m: f64, speed_mps: f64, decel_mps2: f64) -> f64 {
         let gradient_s2pm = self.understeer_s2pm - self.braking_s4pm2 * decel_mps2.max(0.0);
         (gradient_s2pm * speed_mps * speed_mps).max((WHEELBASE_SHARE_MIN - 1.0) * wheelbase_m)
     }
 
-    /// How the nose turns by an angle of the wheels, 1/m.
+    /// Curvature of the heading for a steering angle, 1/m.
     pub(crate) fn curvature_1pm(
         &self,
         steering_rad: f64,
@@ -50,12 +50,12 @@ impl SlipParams {
         math::tan(steering_rad) / (wheelbase_m + self.added_m(wheelbase_m, speed_mps, decel_mps2))
     }
 
-    /// The direction in which the rear axle goes while the nose turns like this, radians.
+    /// Course of the rear axle for a heading curvature, radians.
     pub(crate) fn course_rad(&self, heading_rad: f64, curvature_1pm: f64, speed_mps: f64) -> f64 {
         heading_rad - self.rear_s2pm * (speed_mps * speed_mps * curvature_1pm)
     }
 
-    /// A pose after a way, metres, on which the nose turns like this.
+    /// Pose after driving `way_m` metres with a heading curvature.
     pub(crate) fn moved<F>(
         &self,
         pose: Pose2<F>,

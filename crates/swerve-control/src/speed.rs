@@ -1,4 +1,4 @@
-//! The speed law of the trackers: planned acceleration ahead, proportional and integral feedback behind.
+//! Speed law of the path trackers: feed-forward of the planned acceleration, with proportional and integral feedback.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,13 +9,13 @@ use crate::{AccelToPedals, Pedals};
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Acceleration per m/s of speed error, 1/s. Higher follows closer and jerks more.
+    /// Proportional gain: acceleration per m/s of speed error, 1/s. Higher values follow more closely but jerk more.
     pub kp_ps: f64,
-    /// Acceleration per metre of accumulated speed error, 1/s². Takes out drag and slope.
+    /// Integral gain: acceleration per metre of accumulated speed error, 1/s². Compensates drag and slope.
     pub ki_ps2: f64,
     /// Bound of the integral part, m/s².
     pub integral_max_mps2: f64,
-    /// Deceleration that holds the car at rest, m/s².
+    /// Deceleration commanded to hold the car at rest, m/s².
     pub hold_mps2: f64,
 }
 
@@ -25,12 +25,12 @@ impl Default for Params {
     }
 }
 
-/// The speed and acceleration to have.
+/// Target speed and acceleration.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Target {
-    /// Wanted speed, m/s.
+    /// Target speed, m/s.
     pub speed_mps: f64,
-    /// Wanted acceleration, m/s².
+    /// Target acceleration, m/s².
     pub accel_mps2: f64,
 }
 
@@ -39,20 +39,20 @@ pub struct Target {
 pub struct SpeedLaw {
     params: Params,
     integral_mps2: f64,
-    /// What the call before asked for.
+    /// Acceleration of the previous call, m/s².
     last_mps2: f64,
 }
 
-/// Time in which the brake that holds the car grows, seconds: at once it would stop a rolling car with a jolt.
+/// Time in which the holding brake builds up, seconds: applied at once it would jolt a rolling car.
 const HOLD_GROWS_S: f64 = 0.5;
 
 impl SpeedLaw {
-    /// Without any past.
+    /// Creates a speed law without past errors.
     pub fn new(params: Params) -> Self {
         Self { params, integral_mps2: 0.0, last_mps2: 0.0 }
     }
 
-    /// The acceleration to ask for, m/s², `dt_s` seconds after the call before.
+    /// Acceleration to command, m/s², `dt_s` seconds after the previous call.
     pub fn accel(&mut self, target: Target, speed_mps: f64, dt_s: f64) -> f64 {
         self.last_mps2 = self.wanted(target, speed_mps, dt_s);
         self.last_mps2
@@ -65,7 +65,7 @@ impl SpeedLaw {
             return (self.last_mps2.min(0.0) - hold_mps2 * dt_s / HOLD_GROWS_S).max(-hold_mps2);
         }
         let error = target.speed_mps - speed_mps;
-        // Large errors are transients: integrating them would only make the speed overshoot.
+        // Large errors are transients: integrating them would only cause overshoot.
         if error.abs() < 1.0 {
             let raised = self.integral_mps2 + ki_ps2 * error * dt_s;
             self.integral_mps2 = raised.clamp(-integral_max_mps2, integral_max_mps2);
@@ -73,7 +73,7 @@ impl SpeedLaw {
         target.accel_mps2 + kp_ps * error + self.integral_mps2
     }
 
-    /// The same as pedals.
+    /// As [`accel`](Self::accel), converted to pedals.
     pub fn step(&mut self, target: Target, speed_mps: f64, dt_s: f64, drive: &dyn AccelToPedals) -> Pedals {
         let accel = self.accel(target, speed_mps, dt_s);
         drive.pedals(accel, speed_mps)
@@ -121,14 +121,14 @@ mod tests {
     }
 
     #[test]
-    fn comes_to_rest_and_stays_there() {
+    fn speed_law_comes_to_rest_and_stays_there() {
         let speeds = drive(
             |t| Target { speed_mps: (5.0 - 2.0 * t).max(0.0), accel_mps2: if t < 2.5 { -2.0 } else { 0.0 } },
             5.0,
         );
         assert_eq!(speeds[1999], 0.0);
         let mut law = SpeedLaw::new(Params::default());
-        // The brake that holds grows from nothing to 3 m/s², of 8, within half a second.
+        // The holding brake builds up from zero to 3 m/s², of 8, within half a second.
         let brakes: Vec<f64> =
             (0..60).map(|_| law.step(Target::default(), 0.0, 0.01, &DRIVE).brake).collect();
         assert!(brakes[0] < 0.01 && brakes[24] < 0.2 && (brakes[59] - 3.0 / 8.0).abs() < 1e-9, "{brakes:?}");

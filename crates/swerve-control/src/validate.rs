@@ -1,14 +1,14 @@
-//! Whether parameters are in range.
+//! Range checks of controller parameters.
 
 use swerve_core::param::{ParamError, require, require_all_within};
 
 use crate::{Law, Params};
 
-/// Steps ahead beyond which a program no longer fits into a tick by far.
+/// Longest horizon, in steps; beyond it a program takes far longer than a control period.
 const HORIZON_MAX: usize = 200;
 
 impl Params {
-    /// The first parameter outside its range, if there is one.
+    /// Checks that all parameters are in range; returns the first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
         let Self { stop, pid, waypoint, pure_pursuit, stanley, speed, along, slip, mpc, .. } = self;
         let (gain, weight) = ([0.0, 1000.0], [0.0, 1e9]);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn parameters_out_of_range_are_named() {
         let check = |spoil: fn(&mut Params), want: &str| {
             let mut params = Params { law: Law::Mpc, ..Params::default() };
             spoil(&mut params);

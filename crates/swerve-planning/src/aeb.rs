@@ -1,7 +1,7 @@
 //! Automatic emergency braking: the route at the target speed, and full brake below a time to collision.
 //!
-//! The time to collision is measured, not estimated: the ego's outline goes on at its present speed beside
-//! the route, everything else as predicted, until the two touch.
+//! The time to collision is simulated step by step: the ego's outline moves along the route at constant speed,
+//! everything else as predicted, until the two touch.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,22 +16,23 @@ use crate::path::route::{follow_route, route_path};
 use crate::path::speed::SpeedProfile;
 use crate::request::{Budget, Counted, Planner, Progress, Request};
 
-/// Parameters.
+/// Parameters of automatic emergency braking.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Brakes fully when a collision is nearer than this, seconds. Source: ours: a little over the 1.2 s
-    /// that stop a car from 18 m/s before standing traffic.
+    /// Full brake below this time to collision, seconds. Source: ours: a little over the 1.2 s needed to stop from 18
+    /// m/s before standing traffic.
     pub time_to_collision_s: f64,
-    /// Braking goes on until the time to collision is this many times that, or the ego stands. Source: ours.
+    /// Braking continues until the time to collision exceeds `time_to_collision_s` by this factor, or the ego is at
+    /// rest. Source: ours.
     pub release_factor: f64,
-    /// Passing nearer than this counts as touching, metres. Source: ours.
+    /// Distance below which a pass counts as a collision, metres. Source: ours.
     pub clearance_m: f64,
-    /// Time between two looks, seconds; motion between them is covered. Source: ours.
+    /// Time step of the collision check, seconds; motion between steps is covered. Source: ours.
     pub step_s: f64,
     /// Length of the plan, seconds. Source: ours.
     pub horizon_s: f64,
-    /// How predicted motion is taken. Source: ours.
+    /// Treatment of predicted motion in the collision check. Source: ours.
     pub collision: CollisionMode,
 }
 
@@ -64,10 +65,10 @@ impl Params {
     }
 }
 
-/// Steps of one look ahead at most.
+/// Largest number of steps of one collision check.
 const STEPS_MAX: f64 = 10_000.0;
 
-/// The planner, with the storage it keeps from call to call.
+/// Automatic emergency braking, with storage that is reused between calls.
 #[derive(Clone, Debug)]
 pub struct Aeb {
     params: Params,
@@ -75,14 +76,14 @@ pub struct Aeb {
 }
 
 impl Aeb {
-    /// With valid parameters.
+    /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, obstacles: Obstacles::default() })
     }
 
-    /// Seconds until the ego touches something if it goes on along the route, if below `within_s`; each
-    /// step looked at counts as one unit.
+    /// Time until the ego on the route touches something, seconds, if below `within_s`; each step checked counts as one
+    /// unit of work.
     fn time_to_collision_s(
         &self,
         request: &Request<'_>,
@@ -109,7 +110,7 @@ impl Aeb {
                 let t_s = from_s + u * self.params.step_s;
                 (outline(t_s), start.stamp + Span::from_secs(t_s))
             };
-            // In bends the corners outrun the origin; twice its way is well above that.
+            // In bends the corners move faster than the origin; twice its distance is a safe upper bound.
             let travel_m = 2.0 * speed_mps * self.params.step_s;
             if !self.obstacles.motion_free(&mut place, travel_m, self.params.clearance_m) {
                 return Some(from_s);
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn brakes_at_the_time_to_collision_and_not_before() {
+    fn aeb_brakes_at_the_time_to_collision_and_not_before() {
         // Front at 3.89 m, person's near side 0.25 m before its centre, 0.2 m clearance: 1.5 s at 10 m/s.
         let touch_m = 15.0 + 3.89 + 0.25 + 0.2;
         let near = World::straight(10.0).with_person((touch_m - 0.6, 0.0), (0.0, 0.0));
@@ -163,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_person_who_will_be_gone_does_not_brake_it() {
+    fn person_gone_before_arrival_does_not_trigger_braking() {
         let gone = World::straight(10.0).with_person((15.0, 0.5), (0.0, -3.0));
         assert_eq!(plan(&gone).status, PlanStatus::Route);
         let coming = World::straight(10.0).with_person((15.0, 4.0), (0.0, -3.0));
@@ -171,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn braking_is_held_a_little_longer() {
+    fn braking_is_held_up_to_the_release_factor() {
         let world = World::straight(10.0).with_person((21.0, 0.0), (0.0, 0.0));
         assert_eq!(plan(&world).status, PlanStatus::Route);
         let before = Plan { status: PlanStatus::Brake, ..Plan::default() };

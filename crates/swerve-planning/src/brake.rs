@@ -9,21 +9,21 @@ use crate::path::route::PATH_STEP_M;
 use crate::request::Request;
 use crate::start::moved_steadily;
 
-/// Time between the points of braking plans, seconds.
+/// Time step of braking plans, seconds.
 const BRAKE_STEP_S: f64 = 0.1;
 
-/// Way to standstill under full brake, with something to spare, metres.
+/// Stopping distance under full brake plus one path step, metres.
 pub fn brake_length_m(request: &Request<'_>) -> f64 {
     let v = request.start.speed_mps.max(0.0);
     v * v / (2.0 * request.limits.brake_max_mps2) + PATH_STEP_M
 }
 
-/// Full brake along the rest of the previous plan's path, or along the present arc without one.
+/// Full brake along the rest of the previous plan's path, or along the current arc if there is no previous plan.
 pub fn brake(request: &Request<'_>) -> Plan {
     brake_along(request, &with_curvature(&way_ahead(request)), PlanStatus::Brake)
 }
 
-/// The rest of the previous plan's path from the start on, or the present arc without one.
+/// Rest of the previous plan's path from the start on, or the current arc if there is none.
 pub(crate) fn way_ahead(request: &Request<'_>) -> Vec<Pose2> {
     let start = request.start.pose;
     let mut poses = vec![start];
@@ -41,7 +41,7 @@ pub(crate) fn way_ahead(request: &Request<'_>) -> Vec<Pose2> {
     poses
 }
 
-/// Poses on the circle that the ego is on, for `length_m`.
+/// Poses along the ego's current circle, for `length_m`.
 fn present_arc(start: &EgoState, length_m: f64) -> Vec<Pose2> {
     let curvature = if start.speed_mps > 1.0 { start.yaw_rate_radps / start.speed_mps } else { 0.0 };
     let steps = (length_m / PATH_STEP_M).ceil().clamp(1.0, 1000.0) as usize;
@@ -52,7 +52,7 @@ fn present_arc(start: &EgoState, length_m: f64) -> Vec<Pose2> {
     (0..=steps).map(on_arc).collect()
 }
 
-/// Full brake along `path` (extended straight where it is too short) until standstill.
+/// Full brake along `path` to standstill; a path that is too short is extended straight.
 pub fn brake_along(request: &Request<'_>, path: &[PathPoint], status: PlanStatus) -> Plan {
     let (v0, brake) = (request.start.speed_mps.max(0.0), request.limits.brake_max_mps2);
     let stop_s = v0 / brake;

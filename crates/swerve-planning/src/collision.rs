@@ -1,9 +1,9 @@
-//! One exact collision check for every planner and every test.
+//! The exact collision check that all planners and tests share.
 //!
-//! Obstacles are oriented boxes, moving along their predictions or standing. A footprint is *free* when it
-//! touches none of them and keeps a clearance (Euclidean distance between the two rectangles). Motions
-//! between two poses are checked by bisection: a stretch is free once the distance at its middle exceeds
-//! what can move within it, so nothing passes through anything however far the samples are apart.
+//! Obstacles are oriented boxes that stand or move along their predictions. A footprint is *free* when it touches no
+//! obstacle and keeps a clearance (Euclidean distance between the two rectangles). Motions between two poses are
+//! checked by bisection: an interval is free once the distance at its middle exceeds what can move within it, so
+//! nothing tunnels through, however far apart the samples are.
 
 mod motion;
 mod risk;
@@ -23,31 +23,32 @@ pub(crate) use risk::contact_mps;
 pub use risk::{plan_within_risk, within_risk};
 pub use solid::Solid;
 
-/// How predicted motion enters the collision check.
+/// Treatment of predicted motion in the collision check.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CollisionMode {
-    /// An obstacle is where it is predicted to be at the moment in question.
+    /// An obstacle occupies only its predicted place at the instant checked.
     #[default]
     TimeIndexed,
-    /// An obstacle is at all its predicted places at once, all the time (places at least
-    /// [`SWEPT_STEP_M`] apart): what Pylot does.
+    /// An obstacle occupies all its predicted places at all times (places at least [`SWEPT_STEP_M`] apart), as in
+    /// Pylot.
     SweptStatic,
-    /// As time-indexed, but a pedestrian may stop on the way: at each moment all that lies between where it is now and
-    /// where it is predicted to be by then counts.
+    /// As time-indexed, but a pedestrian may stop on the way: at each instant it occupies everything between its
+    /// current and its predicted place.
     ///
-    /// Whoever walks can stand within a step, without notice, and constant velocity says only how far they can have
-    /// come. This is the set that they can reach along their way (as the reachable sets of Koschi et al., Set-Based
-    /// Prediction of Pedestrians, ITSC 2018, but along one line). What rolls needs a way to stop in and stays
-    /// time-indexed. Where this leaves neither a way through nor a stop, planners take pedestrians as predicted.
+    /// A pedestrian can stop within a step and without warning, so constant velocity only bounds the distance
+    /// travelled. This is the reachable set along the predicted path (the reachable sets of Koschi et al., Set-Based
+    /// Prediction of Pedestrians, ITSC 2018, restricted to one line). Vehicles need a distance to stop and stay
+    /// time-indexed. If this leaves neither a way through nor a stop, planners take pedestrians as predicted.
     MayStop,
-    /// As [`MayStop`](Self::MayStop), but ways that others hardly go are not kept clear of: whoever makes the request leaves
-    /// out the least likely, up to a bound on the probability of them all ([`within_risk`]).
+    /// As [`MayStop`](Self::MayStop), but unlikely modes are not kept clear of: the caller removes the least likely
+    /// ones, up to a bound on their total probability ([`within_risk`]).
     Risk,
 }
 
 impl CollisionMode {
-    /// The modes that planners try in order: where nothing is found although walkers may stop, they are taken as predicted.
+    /// Modes in the order in which planners try them: if no plan is found with pedestrians that may stop, they are
+    /// taken as predicted.
     pub fn in_order(self) -> &'static [Self] {
         match self {
             Self::TimeIndexed => &[Self::TimeIndexed],
@@ -57,34 +58,33 @@ impl CollisionMode {
     }
 }
 
-/// Smallest distance between two places of one obstacle under [`CollisionMode::SweptStatic`], metres
-/// (Pylot's value).
+/// Smallest distance between two places of one obstacle under [`CollisionMode::SweptStatic`], metres. Source: Pylot.
 pub const SWEPT_STEP_M: f64 = 1.0;
 
 /// One obstacle with all its places.
 #[derive(Clone, Debug, Default)]
 struct Mover {
-    /// First of its places in `Obstacles::at` and `Obstacles::places`.
+    /// Index of its first place in `Obstacles::at` and `Obstacles::places`.
     first: usize,
     /// One past its last place.
     end: usize,
-    /// Of the largest of its places.
+    /// Radius of the largest of its places, metres.
     radius_m: f64,
     /// Bounds of the centres of all places: x_min, y_min, x_max, y_max.
     bounds: [f64; 4],
     /// Fastest motion between two places, m/s.
     speed_mps: f64,
-    /// How many places there are in a second, on average.
+    /// Average number of places per second.
     places_per_s: f64,
 }
 
-/// Everything that must not be touched.
+/// Obstacles of a collision check.
 ///
-/// Storage is kept by [`set`](Self::set), so a planner that holds one does not allocate in steady state.
+/// [`set`](Self::set) reuses the storage, so a planner that holds one does not allocate in steady state.
 #[derive(Clone, Debug, Default)]
 pub struct Obstacles {
     mode: CollisionMode,
-    /// Whether anybody walks who may stop.
+    /// True if some pedestrian may stop.
     walkers: bool,
     movers: Vec<Mover>,
     at: Vec<Time>,
@@ -93,14 +93,14 @@ pub struct Obstacles {
 }
 
 impl Obstacles {
-    /// From predictions.
+    /// Creates obstacles from predictions.
     pub fn new(predictions: &[Prediction], mode: CollisionMode) -> Self {
         let mut obstacles = Self::default();
         obstacles.set(predictions, mode);
         obstacles
     }
 
-    /// From boxes that stand still.
+    /// Creates static obstacles from boxes.
     pub fn from_boxes(boxes: &[Obb]) -> Self {
         let mut obstacles = Self::default();
         for obb in boxes {
@@ -109,7 +109,7 @@ impl Obstacles {
         obstacles
     }
 
-    /// Replaces the content, keeping the storage.
+    /// Replaces the obstacles, reusing the storage.
     pub fn set(&mut self, predictions: &[Prediction], mode: CollisionMode) {
         self.mode = mode;
         self.walkers = false;
@@ -122,7 +122,7 @@ impl Obstacles {
         }
     }
 
-    /// As [`set`](Self::set), leaving out what is never within `range_m` of `center` (centre to centre).
+    /// As [`set`](Self::set), without obstacles that never come within `range_m` of `center` (centre to centre).
     pub fn set_near(
         &mut self,
         predictions: &[Prediction],
@@ -138,7 +138,7 @@ impl Obstacles {
         }
     }
 
-    /// Replaces the content by boxes that stand still, keeping the storage.
+    /// Replaces the obstacles by static boxes, reusing the storage.
     pub fn set_boxes(&mut self, boxes: impl IntoIterator<Item = Obb>) {
         self.set(&[], CollisionMode::TimeIndexed);
         for obb in boxes {
@@ -159,7 +159,7 @@ impl Obstacles {
         self.push(boxes, mode);
     }
 
-    /// Takes one obstacle in.
+    /// Adds one obstacle.
     fn push(&mut self, places: impl Iterator<Item = (Time, Obb)>, mode: CollisionMode) {
         let first = self.places.len();
         let mut mover = Mover {
@@ -198,23 +198,23 @@ impl Obstacles {
         }
     }
 
-    /// Whether there is nothing to hit.
+    /// True if there are no obstacles.
     pub fn is_empty(&self) -> bool {
         self.movers.is_empty()
     }
 
-    /// Whether somebody walks who may stop: under [`CollisionMode::MayStop`], whether it differs from time-indexed.
+    /// True if some pedestrian may stop: only then does [`CollisionMode::MayStop`] differ from time-indexed.
     pub fn any_may_stop(&self) -> bool {
         self.walkers
     }
 
-    /// How predicted motion is taken.
+    /// Treatment of predicted motion.
     pub fn mode(&self) -> CollisionMode {
         self.mode
     }
 
-    /// Calls `visit` with every box that counts at `at`: one for each obstacle, or all places at once
-    /// under [`CollisionMode::SweptStatic`].
+    /// Calls `visit` with every box that counts at `at`: one per obstacle, or all its places under
+    /// [`CollisionMode::SweptStatic`].
     pub fn for_each_at(&self, at: Time, mut visit: impl FnMut(&Solid)) {
         for mover in &self.movers {
             match self.mode {
@@ -226,12 +226,12 @@ impl Obstacles {
         }
     }
 
-    /// Whether `footprint` at `at` touches nothing and keeps `clearance_m` to everything.
+    /// Returns true if `footprint` at `at` touches no obstacle and keeps `clearance_m` to all.
     pub fn free(&self, footprint: &Obb, at: Time, clearance_m: f64) -> bool {
         self.solid_free(&Solid::from(footprint), at, clearance_m)
     }
 
-    /// As [`free`](Self::free), for a footprint whose direction is at hand.
+    /// As [`free`](Self::free), for a footprint with a known direction.
     pub fn solid_free(&self, footprint: &Solid, at: Time, clearance_m: f64) -> bool {
         let limit = clearance_m.max(f64::MIN_POSITIVE);
         self.distance_below(footprint, at, limit) >= limit
@@ -243,7 +243,7 @@ impl Obstacles {
         self.distance_below(&Solid::from(footprint), at, f64::INFINITY)
     }
 
-    /// Distance to the nearest obstacle that is nearer than `cap_m`, else `cap_m`.
+    /// Distance to the nearest obstacle, metres, capped at `cap_m`.
     pub fn distance_below(&self, footprint: &Solid, at: Time, cap_m: f64) -> f64 {
         let own_m = footprint.radius_m();
         let mut nearest_m = cap_m;
@@ -270,7 +270,7 @@ impl Obstacles {
         nearest_m
     }
 
-    /// Where `mover` is at `at`: linear between its places, held before the first and after the last.
+    /// Place of `mover` at `at`: linear between its places, constant before the first and after the last.
     fn place_at(&self, mover: &Mover, at: Time) -> Solid {
         let times = &self.at[mover.first..mover.end];
         let (Some(&from), Some(&to)) = (times.first(), times.last()) else { return Solid::default() };
@@ -280,7 +280,7 @@ impl Obstacles {
         if at >= to {
             return self.places[mover.end - 1];
         }
-        // Instants are as a rule evenly apart.
+        // Instants are usually equidistant.
         let mut after = (((at - from).as_secs() * mover.places_per_s) as usize).min(times.len() - 1);
         while times[after] > at {
             after -= 1;

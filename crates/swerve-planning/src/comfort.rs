@@ -1,9 +1,9 @@
-//! A comfortable layer above a planner: while a plan within limits of comfort is free it is driven, else what the planner
-//! finds within the vehicle's own.
+//! A comfort layer above a planner: uses a plan within the limits of comfort while one is free, otherwise the plan that
+//! the inner planner finds within the vehicle's limits.
 //!
-//! The layer searches Frenet candidates (Werling 2010, as [`crate::fot`]) along the line with its corners eased, so that
-//! curvature comes and goes at a bounded rate, from where the previous plan has the ego by now: plans made one after
-//! another are one motion, and what is remembered comes with the request.
+//! The layer searches Frenet candidates (Werling 2010, as [`crate::fot`]) along the smoothed line, so that curvature
+//! changes at a bounded rate, starting where the previous plan places the ego now: successive plans form one motion,
+//! and the layer's only memory is the previous plan in the request.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,13 +27,13 @@ mod stop;
 #[cfg(test)]
 mod drives;
 
-/// Limits of comfort; the vehicle's are kept too.
+/// Limits of comfort; the vehicle's limits apply as well.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Largest lateral acceleration, m/s². Source: people call 2 m/s² firm.
+    /// Largest lateral acceleration, m/s². Source: people describe 2 m/s² as firm.
     pub lateral_accel_max_mps2: f64,
-    /// Largest change of the lateral acceleration by steering, m/s³.
+    /// Largest lateral jerk caused by steering, m/s³.
     pub lateral_jerk_max_mps3: f64,
     /// Largest acceleration, m/s². Source: within nuPlan's 2.4.
     pub accel_max_mps2: f64,
@@ -41,25 +41,27 @@ pub struct Params {
     pub brake_max_mps2: f64,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
-    /// Distance at which pedestrians and cyclists in the lane are passed where the road has the room, metres. Source: 1.5 m
-    /// in towns, StVO § 5 and Highway Code rule 163.
+    /// Passing distance from pedestrians and cyclists in the lane if the road is wide enough, metres. Source: 1.5 m in
+    /// towns, StVO § 5 and Highway Code rule 163.
     pub pass_person_m: f64,
-    /// Distance at which a moving vehicle is overtaken where the road has the room, metres. Source: German courts, § 5 StVO.
+    /// Distance at which a moving vehicle is overtaken if the road is wide enough, metres. Source: German courts, § 5
+    /// StVO.
     pub pass_vehicle_m: f64,
-    /// Corners of the line are eased over this much before and after each place, metres.
+    /// Corners of the line are smoothed over this distance before and after each place, metres.
     pub ease_m: f64,
     /// Time gap to a lead vehicle, seconds. Source: ISO 15622 has 1.0 to 2.2.
     pub time_gap_s: f64,
     /// Gap to a lead vehicle at standstill, metres. Source: Treiber, Hennecke and Helbing 2000.
     pub standstill_gap_m: f64,
-    /// Gap to what stands in the lane where the other lane leads past it, metres: from here the ego can steer out.
+    /// Gap to a standing obstacle that can be passed in the other lane, metres: leaves room to steer out.
     pub steer_out_gap_m: f64,
-    /// The other lane is entered only with at least this time to collision with everybody in it, until the ego is back,
-    /// seconds.
+    /// The other lane is entered only with at least this time to collision with all road users in it, until the ego is
+    /// back, seconds.
     pub other_lane_ttc_s: f64,
-    /// A moving vehicle is overtaken only where it is slower than the target speed by at least this, m/s.
+    /// A moving vehicle is overtaken only if it is slower than the target speed by at least this, m/s.
     pub overtake_gain_mps: f64,
-    /// Longest time over the line of the own lane to pass what moves, seconds; four times as long for what stands.
+    /// Longest time across the line of the ego's lane to pass something moving, seconds; four times as long for
+    /// standing obstacles.
     pub over_line_max_s: f64,
 }
 
@@ -112,7 +114,7 @@ impl Params {
         shape.wheelbase_m * self.lateral_jerk_max_mps3 / (v * v)
     }
 
-    /// The vehicle's limits where these are not narrower.
+    /// The limits of comfort, but never beyond the vehicle's.
     fn within(&self, request: &Request<'_>) -> Limits {
         let vehicle = request.limits;
         let steering_rate_radps = self.wheels_max_radps(request.shape, request.start.speed_mps);
@@ -126,29 +128,29 @@ impl Params {
     }
 }
 
-/// Longest stretch to either side that corners are eased over, metres: bounds the work.
+/// Longest smoothing distance to either side, metres: bounds the work.
 const EASE_MAX_M: f64 = 50.0;
 
-/// Slower than this the wheels are turned no faster than at it, m/s.
+/// Below this speed the steering rate is limited as at this speed, m/s.
 const SLOW_MPS: f64 = 6.0;
 
-/// How a comfortable plan keeps clear of others: as the planner below it does.
+/// Style of clearing obstacles: that of the inner planner.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Manner {
-    /// On the line: it slows, stops and follows, and crosses nobody's way.
+    /// Stays on the line: slows, stops and follows, and cuts across nobody's path.
     Waits,
-    /// Round what is in the way of the line.
+    /// Goes round obstacles on the line.
     GoesRound,
-    /// Away from what is near too, as a Frenet planner of these [`fot::Params`] does.
+    /// Also keeps away from nearby obstacles, as a Frenet planner with these [`fot::Params`] does.
     KeepsAway {
         /// Weight of nearness.
         weight_obstacle: f64,
-        /// Time between the samples that it is summed over, seconds.
+        /// Time between the samples of the nearness sum, seconds.
         time_step_s: f64,
     },
 }
 
-/// A planner with a comfortable layer above it.
+/// A planner with a comfort layer above it.
 pub struct Comfort {
     params: Params,
     manner: Manner,
@@ -158,7 +160,7 @@ pub struct Comfort {
 }
 
 impl Comfort {
-    /// Above `planner`; `collision` says how a layer that does not wait takes predictions.
+    /// Creates a comfort layer above `planner`; `collision` sets the treatment of predictions unless the layer waits.
     pub fn new(
         params: Params,
         collision: CollisionMode,
@@ -171,21 +173,21 @@ impl Comfort {
     }
 }
 
-/// Distance that is kept from the lane's borders, metres.
+/// Distance kept from the lane borders, metres.
 pub(crate) const LANE_EDGE_M: f64 = 0.05;
 
-/// Offsets of candidates: their distance, and the furthest, metres.
+/// Spacing of candidate offsets and largest offsets to the left and right, metres.
 pub(crate) const LATERAL_STEP_M: f64 = 0.25;
 const LEFT_MAX_M: f64 = 4.0;
 const RIGHT_MAX_M: f64 = 1.0;
 
-/// Distance from the edge of the road that is left for the swing of the corners, metres.
+/// Distance from the edge of the road reserved for the swing of the corners, metres.
 const EDGE_SWING_M: f64 = 0.12;
 
-/// Obstacles that never come within this are left out, metres.
+/// Obstacles that never come within this distance are ignored, metres.
 const OBSTACLES_M: f64 = 100.0;
 
-/// A lateral acceleration beyond this share of the limit is not that of a comfortable plan.
+/// A lateral acceleration above this fraction of the limit is not caused by a comfortable plan.
 const SWERVE_SHARE: f64 = 1.1;
 
 impl Planner for Comfort {
@@ -201,8 +203,8 @@ impl Planner for Comfort {
     }
 }
 
-/// The layer's candidates: later ends and more speeds than the paper's, and where the planner does not ask for it far less
-/// weight on nearness.
+/// Parameters of the layer's search: later end times and more speeds than in the paper, and far less weight on nearness
+/// unless the inner planner uses it.
 fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Params {
     let round = fot::Params {
         collision,
@@ -226,7 +228,7 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
             fot::Params { collision: CollisionMode::SweptStatic, left_m: 0.0, right_m: 0.0, ..round }
         }
         Manner::GoesRound => round,
-        // Nearness is summed over samples: seconds are to weigh as much as there.
+        // Nearness is summed over samples: scaled so that a second has the same weight as in the inner planner.
         Manner::KeepsAway { weight_obstacle, time_step_s } => {
             let weight_obstacle = (weight_obstacle * round.time_step_s / time_step_s).min(fot::WEIGHT_MAX);
             fot::Params { weight_obstacle, ..round }
@@ -234,15 +236,16 @@ fn gentle(params: &Params, collision: CollisionMode, manner: Manner) -> fot::Par
     }
 }
 
-/// More than any vehicle's speed, m/s.
+/// Upper bound on the speed of any vehicle, m/s.
 const SPEED_MAX_MPS: f64 = 150.0;
 
-/// An ego nearer to its plan than this, in place, speed and heading, takes it up where it should be by now.
+/// Within these tolerances of its plan in position, speed and heading, the ego continues it from where the plan places
+/// it now.
 const ON_PLAN_M: f64 = 0.5;
 const ON_PLAN_MPS: f64 = 1.0;
 const ON_PLAN_RAD: f64 = 0.1;
 
-/// Where the previous plan has the ego at the start's instant, else where it is.
+/// State where the previous plan places the ego at the start instant, otherwise the measured state.
 fn taken_up(request: &Request<'_>) -> EgoState {
     let start = request.start;
     let covers =
@@ -266,7 +269,7 @@ fn taken_up(request: &Request<'_>) -> EgoState {
     }
 }
 
-/// Shares of the limits that the line's curves are driven with: the rest is for what is corrected.
+/// Fractions of the limits used in the line's curves; the rest is reserved for corrections.
 const CURVE_SHARE: f64 = 0.8;
 const BRAKE_SHARE: f64 = 0.5;
 
@@ -282,7 +285,7 @@ mod tests {
     use crate::steady_stop::STEP_S;
     use crate::testing::World;
 
-    /// Says that it was asked.
+    /// Inner planner that reports that it was called.
     struct Below;
 
     impl Planner for Below {
@@ -313,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bend_is_slowed_down_for_and_entered_gently() {
+    fn comfort_slows_for_a_bend_and_enters_it_gently() {
         // 14 m/s round 60 m would be 3.3 m/s²; the bend begins 40 m ahead.
         let straight = (-20..40).map(|x| Point2::new(f64::from(x), 0.0));
         let bend = (0..150).map(|k| {
@@ -338,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_ahead_is_stopped_for_steadily() {
+    fn comfort_stops_steadily_before_a_standing_person() {
         // A quartic from 14 m/s over these 35 m would brake with 4.2 m/s².
         let world = World::straight(14.0).with_person((40.0, 0.0), (0.0, 0.0));
         let plan = plan(&world, Manner::Waits, None);
@@ -350,17 +353,17 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_too_near_is_left_to_the_planner_below() {
+    fn obstacles_too_near_for_comfort_are_left_to_the_inner_planner() {
         let world = World::straight(14.0).with_person((20.0, 0.0), (0.0, 0.0));
         assert_eq!(plan(&world, Manner::Waits, None).status, PlanStatus::GaveUp);
-        // And so is a swerve that is under way.
+        // The same applies during a swerve.
         let mut world = World::straight(14.0);
         world.start.yaw_rate_radps = 0.3;
         assert_eq!(plan(&world, Manner::GoesRound, None).status, PlanStatus::GaveUp);
     }
 
     #[test]
-    fn only_who_goes_round_leaves_the_line() {
+    fn only_manners_that_go_round_leave_the_line() {
         let world = World::straight(8.0).with_person((28.0, -0.3), (0.0, 0.0));
         let farthest = |manner| {
             let plan = plan(&world, manner, None);

@@ -1,37 +1,38 @@
-//! How long the answer to what a sensor saw may take: from speed, time to collision and what is around.
+//! Deadline policy: response time to a sensor frame from speed, time to collision and scene.
 //!
 //! The idea is that of D3 (Gog et al., "D3: A Dynamic Deadline-Driven Approach for Building Autonomous Vehicles",
-//! EuroSys 2022): a deadline that follows the situation leaves time for an accurate answer where there is time, and
-//! asks for a quick one where there is none. The formulas are ours.
+//! EuroSys 2022): a deadline that follows the situation allows an accurate answer when there is time, and a quick one
+//! when there is not. The formulas are ours.
 //!
-//! **Time left.** The ego goes on beside the route with its speed `v` (m/s). For each hazard at the gap `g` (m) ahead of
-//! the bumper, itself moving along the route with `u` (m/s), the closing speed is `c = v - u`, and braking with `b`
+//! **Time left.** The ego moves parallel to the route at its speed `v` (m/s). For each hazard at gap `g` (m) ahead of
+//! the bumper, itself moving along the route at `u` (m/s), the closing speed is `c = v - u`, and braking with `b`
 //! (m/s²) has to begin within
 //!
 //! ```text
-//! t_brake = (g - margin) / c - c / (2 b)        the gap over the speed, less what braking needs: c²/(2b) of way
+//! t_brake = (g - margin) / c - c / (2 b)  the gap over the closing speed, less the braking distance c²/(2b)
 //! ```
 //!
-//! which is the stopping distance of RSS (Shalev-Shwartz et al. 2017) without its response time, solved for it. Where
-//! there is room beside the hazard, a swerve by `y` (m) with the lateral acceleration `a` (m/s²), half of the way to
-//! either side, may begin as late as
+//! which is the stopping distance of RSS (Shalev-Shwartz et al. 2017) without its response time, solved for the time.
+//! If there is room beside the hazard, a swerve by `y` (m) with the lateral acceleration `a` (m/s²), half of the
+//! distance in either direction, may begin as late as
 //!
 //! ```text
 //! t_swerve = (g - margin) / c - 2 sqrt(y / a)
 //! ```
 //!
-//! and the later of both counts. Hazards are
-//! - **what is in the way**: predicted to be, at any instant, on the strip that the ego sweeps;
-//! - **what may be hidden**: a thing beside the strip, no further than `reach_m`, behind which a person may be. Taken for
-//!   a standing hazard at its far end, that can only be braked for (RSS, rule 4: be cautious where sight is limited).
+//! and the later of the two counts. Hazards are
+//! - **in the way**: predicted to be, at any instant, on the strip that the ego sweeps;
+//! - **possibly hidden**: a person behind an object beside the strip, no further away than `reach_m`. Treated as a
+//!   standing hazard at the object's far end that can only be braked for (RSS, rule 4: be cautious where sight is
+//!   limited).
 //!
-//! **Response.** From the least time left over all hazards goes what passes beside computing: the wait for the next
-//! frame, the control period, the dead time of the car; for what is hidden also the frames until a track is confirmed.
-//! The rest, within the bounds of the two components, is the response time `T`: never more with more speed, never
-//! less with more distance, and the longest where there is no hazard.
+//! **Response.** The time that passes besides computing is subtracted from the smallest time left over all hazards: the
+//! wait for the next frame, the control period, the dead time of the car; for hidden hazards also the frames until a
+//! track is confirmed. The rest, within the bounds of the two components, is the response time `T`: non-increasing in
+//! speed, non-decreasing in distance, and largest without hazards.
 //!
-//! **Division.** The planner's share of `T` grows with the number of things near by, in which a planner has more to
-//! look at; the detector has the rest. What the detector did not need is the planner's.
+//! **Division.** The planner's share of `T` grows with the number of nearby obstacles, which give a planner more to
+//! check; the detector has the rest. Time that the detector does not use goes to the planner.
 //!
 //! No term is fitted to results of drives.
 
@@ -44,77 +45,77 @@ use swerve_vehicle::{Limits, Shape};
 
 pub use params::Params;
 
-/// The situation that the policy judges.
+/// Input of the policy.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     /// The present instant.
     pub now: Time,
     /// The ego as measured last.
     pub ego: &'a EgoState,
-    /// Where it goes, and what ground it may use.
+    /// Route with its drivable ground.
     pub route: &'a Route,
-    /// Its outline.
+    /// Outline of the ego.
     pub shape: &'a Shape,
-    /// Its limits.
+    /// Limits of the ego.
     pub limits: &'a Limits,
-    /// Motions of the others.
+    /// Predicted motions of other road users.
     pub predictions: &'a [Prediction],
 }
 
-/// Time that passes from an event to the first effect of its answer, beside computing.
+/// Time from an event to the first effect of the response, excluding computation.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Overhead {
-    /// For what is tracked already, seconds: the wait for a frame, the control period, the car's dead time.
+    /// For tracked objects, seconds: the wait for a frame, the control period, the car's dead time.
     pub seen_s: f64,
-    /// For what has still to come into sight, seconds: the frames until a track is confirmed, too.
+    /// For objects still hidden, seconds: also the frames until a track is confirmed.
     pub hidden_s: f64,
 }
 
-/// The thing that leaves least time.
+/// The hazard with the least time left.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Hazard {
-    /// The thing itself, or the one that it is hidden behind.
+    /// Identity of the hazard, or of the object that may hide it.
     pub id: ActorId,
-    /// Whether it is what may be hidden.
+    /// True if the hazard may be hidden behind the object.
     pub hidden: bool,
-    /// Time until braking or swerving has to begin, seconds; negative when that is over.
+    /// Time until braking or swerving has to begin, seconds; negative if that has passed.
     pub left_s: f64,
 }
 
-/// How long the answer may take.
+/// Response time and its division.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Response {
-    /// From the frame to its plan, seconds.
+    /// Time from the frame to its plan, seconds.
     pub total_s: f64,
-    /// The detector's part, seconds.
+    /// The detector's share, seconds.
     pub detector_s: f64,
-    /// The planner's part, seconds.
+    /// The planner's share, seconds.
     pub planner_s: f64,
 }
 
-/// Slower than this the ego stands, m/s.
+/// Below this speed the ego stands, m/s.
 const STANDS_MPS: f64 = 0.3;
 
-/// Things lower or shorter than this hide nobody, metres.
+/// Objects lower or shorter than this hide nobody, metres.
 const HIDES_M: f64 = 1.0;
 
-/// A pace below which nothing is closing, m/s.
+/// Closing speeds below this do not count as closing, m/s.
 const CLOSING_MPS: f64 = 0.1;
 
-/// The hazard that leaves least time beyond what passes anyway.
+/// The hazard with the least time left after the overhead.
 pub fn nearest_hazard(params: &Params, situation: &Situation<'_>, overhead: Overhead) -> Option<Hazard> {
     if situation.ego.speed_mps < STANDS_MPS {
         return None;
     }
     let ego = Ego::new(params, situation);
     let spare_s = |h: &Hazard| h.left_s - if h.hidden { overhead.hidden_s } else { overhead.seen_s };
-    // A thing may be in the way and hide another: both count.
+    // An object may be in the way and also hide somebody: both count.
     let both = |p| [in_the_way(params, situation, &ego, p), behind(params, situation, &ego, p)];
     let hazards = situation.predictions.iter().flat_map(both).flatten();
     hazards.min_by(|a, b| spare_s(a).total_cmp(&spare_s(b)))
 }
 
-/// How many things are near by.
+/// Number of nearby obstacles.
 pub fn obstacles_near(params: &Params, situation: &Situation<'_>) -> usize {
     let at = situation.ego.pose.point();
     let near = |p: &&Prediction| {
@@ -123,7 +124,7 @@ pub fn obstacles_near(params: &Params, situation: &Situation<'_>) -> usize {
     situation.predictions.iter().filter(near).count()
 }
 
-/// How long the answer may take with this hazard and so many things near by.
+/// Response time for this hazard and number of nearby obstacles.
 pub fn respond(params: &Params, hazard: Option<Hazard>, overhead: Overhead, obstacles: usize) -> Response {
     let least_s = params.detector_min_s + params.planner_min_s;
     let most_s = params.detector_max_s + params.planner_max_s;
@@ -133,7 +134,7 @@ pub fn respond(params: &Params, hazard: Option<Hazard>, overhead: Overhead, obst
     let total_s = spare_s.clamp(least_s, most_s);
     let full = (obstacles as f64 / f64::from(params.full_at)).min(1.0);
     let share = params.planner_share_empty + (params.planner_share_full - params.planner_share_empty) * full;
-    // Neither below its least; what one cannot use is the other's.
+    // Neither is below its minimum; the remainder of one goes to the other.
     let detector_s = (total_s * (1.0 - share))
         .clamp(params.detector_min_s, params.detector_max_s)
         .max(total_s - params.planner_max_s)
@@ -141,13 +142,13 @@ pub fn respond(params: &Params, hazard: Option<Hazard>, overhead: Overhead, obst
     Response { total_s, detector_s, planner_s: total_s - detector_s }
 }
 
-/// The ego in terms of the route.
+/// The ego in route coordinates.
 struct Ego {
-    /// Of its bumper, metres.
+    /// Arc length of its bumper, metres.
     front_m: f64,
-    /// Of its middle, metres to the left.
+    /// Offset of its centre, metres to the left.
     d_m: f64,
-    /// Half of the strip that it sweeps, metres.
+    /// Half width of the strip that it sweeps, metres.
     half_m: f64,
 }
 
@@ -164,7 +165,7 @@ impl Ego {
     }
 }
 
-/// A footprint in terms of the route, metres.
+/// A footprint in route coordinates, metres.
 #[derive(Clone, Copy)]
 struct Stretch {
     s_m: [f64; 2],
@@ -182,12 +183,12 @@ fn stretch(route: &Route, prediction: &Prediction, pose: Pose2) -> Stretch {
     Stretch { s_m, d_m }
 }
 
-/// How far a thing is beside the strip that the ego sweeps, metres; negative on it.
+/// Lateral gap between an object and the strip that the ego sweeps, metres; negative on the strip.
 fn beside_m(ego: &Ego, at: &Stretch) -> f64 {
     (at.d_m[0] - ego.d_m).max(ego.d_m - at.d_m[1]) - ego.half_m
 }
 
-/// A thing that is predicted to be on the strip, ahead.
+/// Hazard from an object predicted to be on the strip, ahead.
 fn in_the_way(
     params: &Params,
     situation: &Situation<'_>,
@@ -199,14 +200,14 @@ fn in_the_way(
         (at.s_m[1] > ego.front_m && beside_m(ego, &at) < 0.0).then_some((place.at, at))
     })?;
     let along_mps = along_mps(situation.route, prediction);
-    // Where it would be now, had it always been on the strip.
+    // Its current place, had it always been on the strip.
     let gap_m = at.s_m[0] - along_mps * (when - situation.now).as_secs().max(0.0) - ego.front_m;
     let closing_mps = situation.ego.speed_mps - along_mps;
     let left_s = left_s(params, gap_m, closing_mps, swerve_m(situation, ego, &at), situation.limits)?;
     Some(Hazard { id: prediction.id, hidden: false, left_s })
 }
 
-/// A person who may be hidden behind a thing near the strip.
+/// Hazard from a person possibly hidden behind an object near the strip.
 fn behind(params: &Params, situation: &Situation<'_>, ego: &Ego, prediction: &Prediction) -> Option<Hazard> {
     let here = stretch(situation.route, prediction, prediction.path.first()?.pose);
     let extent = &prediction.extent;
@@ -221,8 +222,8 @@ fn behind(params: &Params, situation: &Situation<'_>, ego: &Ego, prediction: &Pr
     Some(Hazard { id: prediction.id, hidden: true, left_s })
 }
 
-/// Time until braking, or a swerve by `swerve_m` where there is room for one, has to begin, seconds; none where
-/// nothing is closing.
+/// Time until braking, or a swerve by `swerve_m` if there is room for one, has to begin, seconds; `None` if nothing is
+/// closing.
 fn left_s(
     params: &Params,
     gap_m: f64,
@@ -239,7 +240,7 @@ fn left_s(
     Some((gap_m - params.margin_m) / closing_mps - brake_s.min(swerve_s))
 }
 
-/// How far the ego has to go aside to pass, to the nearer side that has room for it, metres.
+/// Lateral distance to pass on the nearer side that has room, metres.
 fn swerve_m(situation: &Situation<'_>, ego: &Ego, at: &Stretch) -> Option<f64> {
     let route = situation.route;
     let half_m = 0.5 * situation.shape.width_m;

@@ -1,4 +1,4 @@
-//! The plan where a search finds none, and the plan that gives way to pedestrians.
+//! Fallback plans when a search finds none, and plans that give way to pedestrians.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, FrenetPoint, Point2, Pose2, angle_between, math};
@@ -14,15 +14,15 @@ use crate::path::route::PATH_STEP_M;
 use crate::path::speed::{CREEP_MPS, SpeedProfile, timed_points};
 use crate::request::Request;
 
-/// The previous plan while it is free of collision by `clearance_m`, else full brake along it; where that ends in the lane of
-/// oncoming traffic, a stop in the ego's own lane if that does no more harm.
+/// The previous plan while it is collision-free with `clearance_m`, otherwise full brake along it; if that ends in the
+/// lane of oncoming traffic, a stop in the ego's own lane, provided that it does no more harm.
 pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Plan {
     kept(request, obstacles, clearance_m).unwrap_or_else(|| {
         let full = brake(request);
         if rests_in_lane(request, &full) {
             return full;
         }
-        // Negative: it touches nothing.
+        // Negative: no contact.
         let harm = |plan: &Plan| contact_mps(request, obstacles, plan, clearance_m).unwrap_or(-1.0);
         let in_lane = SHARES.into_iter().map(|share| stop_on_way_back(request, share));
         let stops = in_lane.filter(|plan| rests_in_lane(request, plan)).chain([full.clone()]);
@@ -30,25 +30,25 @@ pub fn keep_or_brake(request: &Request<'_>, obstacles: &Obstacles, clearance_m: 
     })
 }
 
-/// Whether a plan ends where the ego may come to rest.
+/// Returns true if a plan ends at a pose where the ego may come to rest.
 fn rests_in_lane(request: &Request<'_>, plan: &Plan) -> bool {
     plan.points.last().is_none_or(|end| request.may_rest_at(end.pose))
 }
 
-/// A share of full brake on the way back to the ego's lane.
+/// Brakes with a fraction of full brake on the way back to the ego's lane.
 fn stop_on_way_back(request: &Request<'_>, share: f64) -> Plan {
     let Limits { brake_max_mps2, lateral_accel_max_mps2, .. } = *request.limits;
     let limits = Limits { brake_max_mps2: share * brake_max_mps2, ..*request.limits };
-    // The friction circle: what braking leaves for turning.
+    // Friction circle: lateral acceleration left by braking.
     let path = with_curvature(&way_back(request, lateral_accel_max_mps2 * (1.0 - share * share).sqrt()));
     brake_along(&Request { limits: &limits, ..*request }, &path, PlanStatus::Brake)
 }
 
-/// Shares of full brake that are tried on the way back to the ego's lane, the hardest first.
+/// Fractions of full brake tried on the way back to the ego's lane, the hardest first.
 const SHARES: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
 
-/// Back to the line: a quintic offset over arc length (Werling 2010, section V.C), as short as the lateral acceleration and
-/// full lock allow at the present speed, and on along the line.
+/// Path back to the line: a quintic offset over arc length (Werling 2010, section V.C), as short as the lateral
+/// acceleration and full lock allow at the current speed, then along the line.
 fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     let (route, start) = (request.route, &request.start);
     let FrenetPoint { s_m, d_m } = request.place();
@@ -70,11 +70,11 @@ fn way_back(request: &Request<'_>, lateral_mps2: f64) -> Vec<Pose2> {
     core::iter::once(start.pose).chain((1..=steps).map(beside)).collect()
 }
 
-/// Largest second derivative of a quintic from rest to rest, for a way and a duration of 1: 10 / sqrt(3).
+/// Largest second derivative of a quintic from rest to rest, for unit distance and duration: 10 / sqrt(3).
 const QUINTIC_PEAK: f64 = 5.773_502_691_896_258;
 
-/// The rest of the previous plan, if it is still free of collision and the ego is on it; none that ends at rest in the lane of
-/// oncoming traffic.
+/// Rest of the previous plan, if it is still collision-free and the ego is on it; `None` if it ends at rest in the lane
+/// of oncoming traffic.
 pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
     let previous = request.previous?;
     if stops(Some(previous)) && !rests_in_lane(request, previous) {
@@ -110,7 +110,7 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
         };
         path.iter().map(|&(pose, at)| (moved(pose), at)).collect()
     };
-    // What comes after it counts too: it is kept only as long as the ego can still come to a stop, be it at its end or
+    // The state after the plan counts too: the plan is kept only while the ego can still come to a stop, at its end or
     // while it is being driven.
     let stops_from = |k: usize| {
         let p = &points[k];
@@ -130,17 +130,18 @@ pub fn kept(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> O
     })
 }
 
-/// An ego further from its plan than this is not on it, metres.
+/// An ego further than this from its plan is not on it, metres.
 const OFF_PLAN_M: f64 = 2.0;
 
-/// How long a plan may be driven on where only braking can follow it: some periods of planning.
+/// Longest time for which a plan that can only be followed by braking is kept: several planning periods.
 const BRAKE_LATER: Span = Span::from_ms(300);
 
-/// A stop before what the obstacles may come to cover of the way ahead: gently if that suffices, else as hard as it
-/// must be. `None` where braking as hard as the limits allow does not keep `clearance_m`.
+/// A stop before the ground ahead that the obstacles may cover: gentle if that suffices, otherwise as hard as
+/// necessary. `None` if the hardest braking within the limits does not keep `clearance_m`.
 ///
-/// For [`CollisionMode::MayStop`](crate::collision::CollisionMode::MayStop): who gives way to a walker has a stop left
-/// wherever the walker stops. Meant to be asked anew with every frame: once the way is free, it is driven on.
+/// For [`CollisionMode::MayStop`](crate::collision::CollisionMode::MayStop): a plan that gives way to a pedestrian
+/// always leaves a stop, wherever the pedestrian stops. To be called again on every frame: once the path is free, the
+/// ego drives on.
 pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) -> Option<Plan> {
     let free = |plan: &Plan, clearance_m: f64| {
         let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
@@ -165,37 +166,37 @@ pub fn give_way(request: &Request<'_>, obstacles: &Obstacles, clearance_m: f64) 
             return Some(plan);
         }
     }
-    // A stop that is under way is not given up for less than a touch.
+    // A stop under way is abandoned only if it would touch something.
     let needed_m = if stops(request.previous) { 0.0 } else { clearance_m };
     Some(brake(request)).filter(|plan| free(plan, needed_m) && rests_in_lane(request, plan))
 }
 
-/// Limits for a plan that gives way, or goes round all that walkers may do: not all of the brakes, so that what is late
-/// or off is made up for; all of them once a stop is under way.
+/// Limits for a plan that gives way, or goes round everything that pedestrians may cover: only part of the braking,
+/// which leaves a reserve for delays and errors; all of it once a stop is under way.
 pub fn comfort_limits(request: &Request<'_>) -> Limits {
     let share = if stops(request.previous) { 1.0 } else { GIVE_WAY_SHARE };
     Limits { brake_max_mps2: share * request.limits.brake_max_mps2, ..*request.limits }
 }
 
-/// Share of the deceleration that giving way may need. Where it takes more, walkers are taken as predicted: a swerve
-/// may still clear them.
+/// Largest fraction of the deceleration used to give way. Beyond it, pedestrians are taken as predicted: a swerve may
+/// still clear them.
 const GIVE_WAY_SHARE: f64 = 0.75;
 
-/// Whether a plan ends at rest.
+/// Returns true if a plan ends at rest.
 fn stops(plan: Option<&Plan>) -> bool {
     plan.and_then(|plan| plan.points.last()).is_some_and(|p| p.speed_mps < CREEP_MPS)
 }
 
-/// Deceleration that giving way gets by with where there is room, m/s².
+/// Deceleration for giving way if there is enough room, m/s².
 const COMFORT_BRAKE_MPS2: f64 = 3.0;
 
-/// Distance left before the ground that others may come to cover, where there is room, metres.
+/// Gap left before the ground that others may cover if there is enough room, metres.
 const YIELD_GAP_M: f64 = 1.0;
 
-/// A stop is looked for this much further than it takes to brake gently, seconds.
+/// A stop is searched for over this much more than the gentle braking distance, seconds.
 const YIELD_AHEAD_S: f64 = 1.0;
 
-/// Along `path` at no more than the present speed, at rest after `way_m`.
+/// Plan along `path` at no more than the current speed, at rest after `way_m`.
 fn stop_after(request: &Request<'_>, path: &Measured<'_>, way_m: f64, limits: &Limits) -> Plan {
     let steps = (way_m / PATH_STEP_M).ceil().max(1.0) as usize;
     let path: Vec<PathPoint> = (0..=steps).map(|k| path.at(way_m * k as f64 / steps as f64)).collect();
@@ -214,7 +215,7 @@ mod tests {
     use swerve_msg::ActorKind;
 
     #[test]
-    fn a_free_plan_is_kept_and_a_blocked_one_braked_along() {
+    fn free_plan_is_kept_and_blocked_plan_is_braked_along() {
         let world = World::straight(10.0);
         let request = world.request();
         let before = follow_route(&request, SpeedProfile::Limited, 4.0, PlanStatus::Route);
@@ -236,11 +237,11 @@ mod tests {
         assert!((last.pose.x_m - (3.5 + 100.0 / 16.0)).abs() < 0.01, "{last:?}");
     }
 
-    /// At 10 m/s, 3 m to the left of the line, an oncoming truck ahead. Half of 8 m/s² stops after 100 / 8 = 12.5 m, 12.1 m of
-    /// them ahead; the way back with what the friction circle leaves, 6.9 m/s², is √(5.77 * 3 m * 100 / 6.9) = 15.8 m long:
-    /// 0.26 m are left then.
+    /// At 10 m/s, 3 m to the left of the line, an oncoming truck ahead. Half of 8 m/s² stops after 100 / 8 = 12.5 m,
+    /// 12.1 m of them ahead; the path back with the lateral acceleration left by the friction circle, 6.9 m/s², is
+    /// √(5.77 * 3 m * 100 / 6.9) = 15.8 m long: 0.26 m are left then.
     #[test]
-    fn no_stop_ends_in_the_oncoming_lane_where_the_own_lane_does_no_more_harm() {
+    fn stop_ends_in_the_own_lane_unless_that_does_more_harm() {
         let mut world = World::straight(10.0);
         world.route = world.route.in_lane(Borders::constant(2.0, 2.0));
         world.limits.lateral_accel_max_mps2 = 8.0;
@@ -258,7 +259,7 @@ mod tests {
         let (clearance_m, hardest, end) = stop(&oncoming);
         assert!(clearance_m > 0.15 && (hardest + 4.0).abs() < 1e-9, "{clearance_m} {hardest}");
         assert!((end.x_m - 12.1).abs() < 0.1 && (end.y_m - 0.26).abs() < 0.05, "{end:?}");
-        // The truck would reach the ego at rest there, too; a person in the own lane would be hit at speed.
+        // The truck would reach the ego at rest there, too; a person in the ego's lane would be hit at speed.
         let blocked = oncoming.with_person((9.0, 0.0), (0.0, 0.0));
         let (_, hardest, end) = stop(&blocked);
         assert!((hardest + 8.0).abs() < 1e-9 && (end.y_m - 3.0).abs() < 1e-6, "{hardest} {end:?}");
@@ -280,13 +281,13 @@ mod tests {
             let previous = Plan { points, ..Plan::default() };
             kept(&Request { previous: Some(&previous), ..world.request() }, &clear, 0.2).is_some()
         };
-        // The lane ends at 2 m, the outline reaches 0.93 m aside, 0.3 m over the border are allowed.
+        // The lane ends at 2 m, the outline extends 0.93 m to the side, and 0.3 m over the border are allowed.
         assert!(ends_at(1.3) && !ends_at(1.5));
     }
 
     #[test]
-    fn giving_way_stops_before_all_that_a_walker_may_come_to_cover() {
-        // She comes from the left and may stop anywhere between 4 m left and 6 m right of the line, 24.75 m ahead.
+    fn giving_way_stops_before_all_ground_that_a_pedestrian_may_cover() {
+        // She approaches from the left and may stop anywhere between 4 m left and 6 m right of the line, 24.75 m ahead.
         let stopping = |speed_mps: f64, previous: Option<&Plan>| {
             let world = World::straight(speed_mps).with_person((25.0, 4.0), (0.0, -2.0));
             let obstacles = Obstacles::new(&world.predictions, CollisionMode::MayStop);
@@ -305,7 +306,7 @@ mod tests {
         assert!(front_m > 20.0 && front_m < 24.45, "{front_m}");
         let (_, hardest, _) = stopping(13.0, None).expect("there is just room");
         assert!((-6.0..-3.5).contains(&hardest), "{hardest}");
-        // From 17 m/s it takes 7 of 8 m/s²: too much to begin with, but not to go on with.
+        // From 17 m/s it takes 7 of 8 m/s²: too much to start, but not to continue.
         assert_eq!(stopping(17.0, None), None);
         let stop = Plan { points: vec![PlanPoint::default()], ..Plan::default() };
         assert!(stopping(17.0, Some(&stop)).is_some());

@@ -1,83 +1,84 @@
-//! Following a lead vehicle: speed along the line with a time gap, and the least deceleration that keeps a standstill gap.
+//! Car following: speed along the line with a time gap, and the minimum deceleration that keeps a standstill gap.
 //!
-//! Three bounds on the acceleration, the least of which counts, with a bounded rate:
+//! The acceleration is the smallest of three bounds, with a bounded rate of change:
 //! - towards the speed that target and curves allow;
-//! - a constant time gap: linear in relative speed and gap error, where it brakes never harder than [`OPENING_MPS2`], so
-//!   that the gap behind a vehicle that cuts in opens over seconds;
-//! - the constant deceleration that keeps the standstill gap to a lead that goes on as it does now: the constant-acceleration
-//!   heuristic of Kesting, Treiber and Helbing ("Enhanced intelligent driver model", Phil. Trans. R. Soc. A 368, 2010,
-//!   equation 2.4), with the lead braking until it stands as in the safe distance of Shalev-Shwartz et al. ("On a formal
-//!   model of safe and scalable self-driving cars", 2017, definition 1).
+//! - a constant time gap, linear in relative speed and gap error; it never brakes harder than [`OPENING_MPS2`], so that
+//!   the gap behind a vehicle that cuts in opens over seconds;
+//! - the constant deceleration that keeps the standstill gap to a lead that continues its current motion: the
+//!   constant-acceleration heuristic of Kesting, Treiber and Helbing ("Enhanced intelligent driver model", Phil. Trans.
+//!   R. Soc. A 368, 2010, equation 2.4), with the lead braking to a stop as in the safe distance of Shalev-Shwartz et
+//!   al. ("On a formal model of safe and scalable self-driving cars", 2017, definition 1).
 
 use swerve_geom::math;
 
 use crate::fot::line::Line;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS};
 
-/// Gains of the time gap: on the relative speed, 1/s, and on the gap's error, 1/s².
+/// Gains of the time gap: on the relative speed, 1/s, and on the gap error, 1/s².
 const SPEED_GAIN_1PS: f64 = 0.6;
 const GAP_GAIN_1PS2: f64 = 0.1;
 
 /// Hardest braking to open a gap that is safe, m/s².
 const OPENING_MPS2: f64 = 1.0;
 
-/// Hardest braking to keep the time gap: so much more for each speed with which the gap closes, 1/s.
+/// Hardest braking to keep the time gap, additional per closing speed, 1/s.
 const FIRM_1PS: f64 = 0.4;
 
-/// A deceleration that is needed begins to count at the first of these and counts in full from the second on, m/s²:
-/// approaching brakes late and steadily, not early and hardly at all.
+/// A required deceleration is blended in from the first value and counts in full from the second, m/s²: braking starts
+/// late and is steady, instead of early and weak.
 const NEEDED_MPS2: [f64; 2] = [0.8, 1.0];
 
-/// Kept beyond the standstill gap, for what the vehicle is off its plan, metres.
+/// Added to the standstill gap for deviations of the vehicle from its plan, metres.
 const SPARE_M: f64 = 0.3;
 
-/// Time that a vehicle's deceleration is behind its plan, seconds.
+/// Lag of a vehicle's deceleration behind its plan, seconds.
 const RESPONDS_S: f64 = 0.15;
 
-/// A vehicle that comes into the ego's way counts so long before it is there, seconds.
+/// A vehicle that enters the ego's path counts this long before it arrives there, seconds.
 const SOON_S: f64 = 2.0;
 
-/// Less than this of braking is not felt, m/s².
+/// Deceleration differences below this are not perceptible, m/s².
 const FELT_MPS2: f64 = 0.1;
 
-/// Gap that is left where keeping the standstill gap takes more than comfort, metres.
+/// Gap that remains if keeping the standstill gap would exceed comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
-/// Change of speed towards the target in proportion to what is missing, seconds.
+/// Time constant of the speed towards the target, seconds.
 const SETTLES_S: f64 = 0.8;
 
-/// A speed that falls along the line counts this long before its place, seconds: a deceleration builds up in 0.1 s more than
-/// [`SETTLES_S`], by which the speed is behind what it is set to.
+/// A speed limit that falls along the line counts this long before its place, seconds: a deceleration builds up in 0.1
+/// s more than [`SETTLES_S`], by which the speed lags its set value.
 const LEADS_S: f64 = SETTLES_S + 0.1;
 
-/// Rates of the acceleration, m/s³: in comfort, and where more is needed.
+/// Rates of the acceleration, m/s³: within comfort, and if more is needed.
 const JERK_MPS3: f64 = 5.0;
 const HARD_JERK_MPS3: f64 = 20.0;
 
-/// Time between the steps, seconds.
+/// Time step, seconds.
 pub(crate) const STEP_S: f64 = 0.1;
 
-/// Distance between the entries of a table of speeds, metres.
+/// Spacing of the entries of a speed table, metres.
 const TABLE_M: f64 = 2.0;
 
-/// Least deceleration of a stop whose place is reached, m/s², and the way from which on an ego at rest drives up, metres.
+/// Smallest deceleration of a stop whose place is reached, m/s², and smallest distance over which an ego at rest moves
+/// up, metres.
 const CREEP_MPS2: f64 = 0.3;
 const DRIVE_UP_M: f64 = 2.0;
 
-/// Slower than this the ego is at rest, m/s.
+/// Below this speed the ego is at rest, m/s.
 const AT_REST_MPS: f64 = 0.1;
 
-/// Lead vehicles are looked for until this long after the start, seconds.
+/// Look-ahead time for lead vehicles, seconds.
 pub(crate) const AHEAD_S: f64 = 8.0;
 
-/// What is taken to the side in a curve: acceleration, m/s², and its change, m/s³.
+/// Lateral limits in a curve: acceleration, m/s², and jerk, m/s³.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Curve {
     pub(crate) accel_mps2: f64,
     pub(crate) jerk_mps3: f64,
 }
 
-/// Speeds that curves allow along the line from `from_m` on.
+/// Speeds allowed by curves along the line from `from_m` on.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct SpeedTable {
     from_m: f64,
@@ -85,15 +86,15 @@ pub(crate) struct SpeedTable {
 }
 
 impl SpeedTable {
-    /// For `length_m` from `from_m` on: the largest speed with which curves take no more than `curve`, and each is reached by
-    /// `brake_mps2`.
+    /// Creates a table for `length_m` from `from_m` on: the largest speeds within the limits of `curve`, each reachable
+    /// with `brake_mps2`.
     pub(crate) fn new(line: &Line, [from_m, length_m]: [f64; 2], curve: Curve, brake_mps2: f64) -> Self {
         let count = (length_m / TABLE_M).ceil() as usize;
         let curvatures_1pm: Vec<f64> =
             (0..=count + 1).map(|k| line.at(from_m + k as f64 * TABLE_M).curvature_1pm).collect();
         let curve_mps = |pair: &[f64]| {
             let bend_1pm2 = (pair[1] - pair[0]) / TABLE_M;
-            // v² κ to the side, and v³ dκ/ds while the curvature changes.
+            // v² κ laterally, and v³ dκ/ds while the curvature changes.
             let accel_mps = (curve.accel_mps2 / pair[0].abs().max(1e-9)).sqrt();
             accel_mps.min(math::pow(curve.jerk_mps3 / bend_1pm2.abs().max(1e-12), 1.0 / 3.0))
         };
@@ -105,12 +106,12 @@ impl SpeedTable {
         Self { from_m, speeds_mps }
     }
 
-    /// The speed at `s_m` for an ego at this speed, m/s: the one that comes within [`LEADS_S`] where that is less.
+    /// Speed at `s_m` for an ego at `speed_mps`, m/s: at most the speed allowed [`LEADS_S`] later.
     pub(crate) fn before(&self, s_m: f64, speed_mps: f64) -> f64 {
         self.at(s_m).min(self.at(s_m + LEADS_S * speed_mps))
     }
 
-    /// The speed at `s_m`, m/s.
+    /// Speed at `s_m`, m/s.
     pub(crate) fn at(&self, s_m: f64) -> f64 {
         let k = ((s_m - self.from_m) / TABLE_M).max(0.0) as usize;
         self.speeds_mps[k.min(self.speeds_mps.len() - 1)]
@@ -120,11 +121,11 @@ impl SpeedTable {
 /// Distances to lead vehicles.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Gaps {
-    /// At rest, metres.
+    /// Gap at rest, metres.
     pub(crate) standstill_m: f64,
-    /// At rest behind what stands and may be passed later, metres.
+    /// Gap at rest behind a standing obstacle that may be passed later, metres.
     pub(crate) steer_out_m: f64,
-    /// Added per speed, seconds.
+    /// Time gap, seconds.
     pub(crate) time_s: f64,
 }
 
@@ -138,7 +139,7 @@ pub(crate) struct Accel {
     pub(crate) hardest_mps2: f64,
 }
 
-/// One instant of a profile along the line.
+/// One step of a profile along the line.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
     pub(crate) s_m: f64,
@@ -146,14 +147,14 @@ pub(crate) struct Step {
     pub(crate) accel_mps2: f64,
 }
 
-/// A motion along the line.
+/// A speed profile along the line.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(crate) struct Profile {
-    /// Every [`STEP_S`].
+    /// One step every [`STEP_S`].
     pub(crate) steps: Vec<Step>,
     /// Largest deceleration, m/s².
     pub(crate) brake_mps2: f64,
-    /// Whether a lead vehicle slows it at any time.
+    /// True if a lead vehicle limits it at any time.
     pub(crate) is_led: bool,
 }
 
@@ -161,22 +162,22 @@ pub(crate) struct Profile {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Lead<'a> {
     pub(crate) mover: &'a Mover,
-    /// It can be passed where it stands.
+    /// True if it can be passed where it stands.
     pub(crate) passable: bool,
-    /// For a lead vehicle beside the ego: how the ego falls back behind it.
+    /// For a lead vehicle beside the ego: limits for falling back behind it.
     pub(crate) beside: Option<FallBack>,
 }
 
 /// Speed and braking of an ego that lets a vehicle beside it go ahead.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct FallBack {
-    /// Speed below that of the vehicle, m/s.
+    /// Speed difference to the vehicle, m/s; the ego is slower.
     pub(crate) slower_mps: f64,
-    /// Largest deceleration, m/s²; the vehicle's limit is kept too.
+    /// Largest deceleration, m/s²; the ego's own limit applies too.
     pub(crate) brake_mps2: f64,
 }
 
-/// What a profile is computed from.
+/// Input of a speed profile.
 pub(crate) struct Follower<'a> {
     pub(crate) gaps: Gaps,
     pub(crate) accel: Accel,
@@ -185,12 +186,12 @@ pub(crate) struct Follower<'a> {
     /// Distance from the ego origin to its front, metres.
     pub(crate) front_m: f64,
     pub(crate) leads: Vec<Lead<'a>>,
-    /// Whether a road user at this place is in the ego's way.
+    /// Returns true if a road user at this place is in the ego's path.
     pub(crate) in_way: &'a dyn Fn(&Knot) -> bool,
 }
 
 impl Follower<'_> {
-    /// The profile from `start` on, until the ego stands for a while or for [`AHEAD_S`].
+    /// Profile from `start` until the ego has stood for a while, or for [`AHEAD_S`].
     pub(crate) fn profile(&self, start: Step) -> Profile {
         let mut profile = Profile::default();
         let mut now = start;
@@ -211,7 +212,7 @@ impl Follower<'_> {
         profile
     }
 
-    /// The acceleration to aim for `t_s` after the start, whether a lead vehicle bounds it, and whether it takes more than
+    /// Acceleration to aim for at `t_s` after the start, true if a lead vehicle limits it, and true if it exceeds
     /// comfort.
     fn wanted(&self, now: &Step, t_s: f64) -> (f64, bool, bool) {
         let free_mps = self.target_mps.min(self.curves.before(now.s_m, now.speed_mps));
@@ -243,23 +244,23 @@ impl Follower<'_> {
                 least_mps2.min(self.behind(now, gap_m, standing_m, (speed_mps.max(0.0), brake_mps2)));
         }
         let is_led = least_mps2 < free_mps2 - 0.05;
-        // It dies away until the ego stands.
+        // The deceleration fades until the ego stands.
         let dies_mps2 = -(2.0 * JERK_MPS3 * now.speed_mps).sqrt().max(CREEP_MPS2);
         let hard = least_mps2 < -self.accel.brake_mps2 - 0.05;
         (if hard { least_mps2 } else { least_mps2.max(dies_mps2) }, is_led, hard)
     }
 
-    /// True of a vehicle that is in the ego's way at `t_s`, or soon after.
+    /// True for a vehicle in the ego's path at `t_s`, or soon after.
     fn comes_in_way(&self, lead: &Mover, now: &Knot, t_s: f64) -> bool {
         (self.in_way)(now) || (self.in_way)(&lead.at(t_s + SOON_S))
     }
 
-    /// The acceleration behind one lead, by its speed and deceleration.
+    /// Acceleration behind one lead with the given speed and deceleration.
     fn behind(&self, now: &Step, gap_m: f64, standing_m: f64, (lead_mps, brake_mps2): (f64, f64)) -> f64 {
         let v = now.speed_mps;
         let room_m = gap_m - standing_m - SPARE_M - RESPONDS_S * (v - lead_mps).max(0.0);
         if lead_mps < STANDS_MPS && room_m < DRIVE_UP_M {
-            // At rest it stays, and what is left is not crept over.
+            // At rest the ego stays; the remaining distance is not crept over.
             if v < AT_REST_MPS {
                 return if v > 0.0 { -CREEP_MPS2 } else { 0.0 };
             }
@@ -267,15 +268,15 @@ impl Follower<'_> {
                 return -CREEP_MPS2.max(needed_mps2(v, 0.0, 0.0, room_m.max(0.1)).min(self.accel.brake_mps2));
             }
         }
-        // To a slower lead the gap that its speed needs.
+        // Gap error for a slower lead, with the time gap at the lead's speed.
         let error_m = gap_m - standing_m - self.gaps.time_s * v.min(lead_mps);
         let closing_mps = (v - lead_mps).max(0.0);
         let keeps_mps2 = (SPEED_GAIN_1PS * (lead_mps - v) + GAP_GAIN_1PS2 * error_m).max(-OPENING_MPS2);
-        // It is not crept up to more slowly than by the steady deceleration that ends there.
+        // Closing in is no slower than with the steady deceleration that ends at the gap.
         let steady_mps2 =
             if error_m > 0.0 { closing_mps * closing_mps / (2.0 * error_m) } else { f64::INFINITY };
         let keeps_mps2 = keeps_mps2.max(-steady_mps2);
-        // Closing on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
+        // Closing in on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
         let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
         let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
         keeps_mps2.min(self.counted(in_time.min(firm_mps2))).min(self.braking(
@@ -286,17 +287,18 @@ impl Follower<'_> {
         ))
     }
 
-    /// The bound on the acceleration for a gap that closes, m/s².
+    /// Bound on the acceleration for a closing gap, m/s².
     fn braking(&self, now: &Step, (lead_mps, brake_mps2): (f64, f64), gap_m: f64, room_m: f64) -> f64 {
         let v = now.speed_mps;
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
         if needed > comfort {
-            // Some of the standstill gap is given up where that is felt, or leaves comfort.
+            // Part of the standstill gap is given up if the difference is perceptible, or if that keeps the braking
+            // within comfort.
             let least =
                 needed_mps2(v, lead_mps, brake_mps2, gap_m - (LEAST_GAP_M + SPARE_M).min(0.5 * gap_m));
             let is_worth_it = least <= comfort || needed - least > FELT_MPS2;
-            // Braking does not decrease.
+            // Braking must not decrease.
             let eased =
                 if is_worth_it { needed.min(least.max(comfort).max(-now.accel_mps2)) } else { needed };
             return -eased.min(self.accel.hardest_mps2);
@@ -304,7 +306,8 @@ impl Follower<'_> {
         self.counted(needed)
     }
 
-    /// The bound on the acceleration by a deceleration that is needed: none at all to all of it, m/s².
+    /// Bound on the acceleration from a required deceleration, blended from the largest acceleration to the full
+    /// deceleration, m/s².
     fn counted(&self, needed_mps2: f64) -> f64 {
         let [from, full] = NEEDED_MPS2;
         let share = ((needed_mps2 - from) / (full - from)).clamp(0.0, 1.0);
@@ -312,8 +315,8 @@ impl Follower<'_> {
     }
 }
 
-/// The least constant deceleration with which an ego at `v` comes no nearer than `room_m` allows to a lead at `lead_mps`
-/// that brakes with `brake_mps2` until it stands, m/s².
+/// The minimum constant deceleration, m/s², with which an ego at `v` keeps within `room_m` of a lead at `lead_mps` that
+/// brakes with `brake_mps2` to a stop.
 pub(crate) fn needed_mps2(v: f64, lead_mps: f64, brake_mps2: f64, room_m: f64) -> f64 {
     let room_m = room_m.max(0.05);
     let closing_mps = (v - lead_mps).max(0.0);
@@ -321,7 +324,7 @@ pub(crate) fn needed_mps2(v: f64, lead_mps: f64, brake_mps2: f64, room_m: f64) -
         return closing_mps * closing_mps / (2.0 * room_m);
     }
     let stop_s = lead_mps / brake_mps2;
-    // Braking harder than the lead: nearest while both move.
+    // Ego braking harder than the lead: closest while both move.
     let moving = brake_mps2 + closing_mps * closing_mps / (2.0 * room_m);
     if closing_mps > 0.0 && closing_mps / (moving - brake_mps2) <= stop_s {
         return moving;

@@ -1,9 +1,9 @@
 //! Frenet optimal trajectories (Werling, Ziegler, Kammel, Thrun: Optimal Trajectory Generation for Dynamic
 //! Street Scenarios in a Frenét Frame, ICRA 2010).
 //!
-//! Candidates are all combinations of an end offset, an end speed and an end time: quintics across the line,
-//! quartics along it. Costs are the original planner's (Pylot's), so that figures compare; `search.rs` says
-//! how the cheapest valid one is found without building them all.
+//! Candidates are all combinations of an end offset, an end speed and an end time: quintics across the line, quartics
+//! along it. Costs are those of the original planner (Pylot's), so that results are comparable; `search.rs` explains
+//! how the cheapest valid candidate is found without building all of them.
 
 pub mod candidate;
 mod follow;
@@ -40,32 +40,32 @@ use poly::Quintic;
 use search::{Search, Task};
 use swerve_core::param::ParamError;
 
-/// Largest time between two points of a plan, seconds.
+/// Largest time step of a plan, seconds.
 const POINT_STEP_S: f64 = 0.1;
 
-/// A way that goes on beyond a plan's end turns into the line's direction over this distance, metres.
+/// A path continued beyond a plan's end turns into the line's direction over this distance, metres.
 const TURN_IN_M: f64 = 15.0;
 
-/// Largest angle to the line that such a way turns in from, radians.
+/// Largest angle to the line from which such a path turns in, radians.
 const TURN_MAX_RAD: f64 = 0.5;
 
-/// Share of the clearance that is enough in the ego's lane before a plan meets oncoming traffic in the other lane.
+/// Fraction of the clearance that suffices in the ego's lane before a plan meets oncoming traffic in the other lane.
 const CLOSER: f64 = 0.4;
 
-/// Distance of the right-most candidate from the limit at the edge of the road, metres: within a move of half a metre in 2 s
-/// the front corner, 3.8 m ahead, swings 0.03 m beyond the end at 12 m/s.
+/// Distance of the right-most candidate from the limit at the edge of the road, metres: during a lateral move of half a
+/// metre in 2 s the front corner, 3.8 m ahead, swings 0.03 m beyond the end at 12 m/s.
 const EDGE_SWING_M: f64 = 0.05;
 
 /// Below this speed lateral motion is a function of arc length, m/s.
 const LOW_MPS: f64 = 4.0;
 
-/// Below this speed the curvature of the ego's way is that of its wheels: a yaw rate says nothing, m/s.
+/// Below this speed the curvature is taken from the steering angle, as the yaw rate is not informative, m/s.
 const WHEELS_MPS: f64 = 1.0;
 
 /// Cosine of the largest angle to the line from which lateral motion is a function of arc length.
 const COS_MIN: f64 = 0.3;
 
-/// The planner, with the storage it keeps from call to call; no call depends on an earlier one.
+/// Frenet planner with storage that is reused between calls; calls are independent of each other.
 #[derive(Clone, Debug)]
 pub struct Fot {
     params: Params,
@@ -78,7 +78,7 @@ pub struct Fot {
 }
 
 impl Fot {
-    /// With valid parameters.
+    /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self {
@@ -92,7 +92,7 @@ impl Fot {
         })
     }
 
-    /// The same along a line whose corners are eased over `ease_m` before and after each place.
+    /// As [`new`](Self::new), along a line whose corners are smoothed over `ease_m` before and after each place.
     pub(crate) fn eased(params: Params, ease_m: f64) -> Result<Self, ParamError> {
         Ok(Self { line: RouteLine::eased(ease_m), ..Self::new(params)? })
     }
@@ -102,7 +102,7 @@ impl Fot {
         &self.params
     }
 
-    /// Takes in route and predictions.
+    /// Sets route and obstacles.
     fn set_world(&mut self, request: &Request<'_>, collision: CollisionMode) {
         self.line.follow(request.route.line());
         self.road.set(request.route);
@@ -117,13 +117,13 @@ impl Fot {
         let (sin, cos) = math::sin_cos(turn_rad);
         let speed_mps = start.speed_mps.max(0.0);
         let limits = request.limits;
-        // An ego that is almost standing cannot go on braking hard without rolling back.
+        // An ego that is almost at rest cannot continue braking hard without rolling back.
         let hardest = limits.brake_max_mps2.min(2.0 * speed_mps);
         let along = start.accel_mps2.clamp(-hardest, limits.accel_max_mps2);
         let lateral_max = limits.lateral_accel_max_mps2;
         let across = (speed_mps * start.yaw_rate_radps).clamp(-lateral_max, lateral_max);
-        // Velocity and acceleration turned into the line's axes, then the line's own turning taken out
-        // (the second derivative of r(s) + d n, solved for s and d).
+        // Velocity and acceleration rotated into the line's axes, then corrected for the rotation of the line (second
+        // derivative of r(s) + d n, solved for s and d).
         let stretch = (1.0 - node.curvature_1pm * d_m).max(0.1);
         let (s1, d1) = (speed_mps * cos / stretch, speed_mps * sin);
         let (accel_t, accel_n) = (along * cos - across * sin, along * sin + across * cos);
@@ -131,7 +131,7 @@ impl Fot {
         let s2 = (accel_t + turning) / stretch;
         let d2 = accel_n - node.curvature_1pm * s1 * s1 * stretch;
         let d_by_s = if speed_mps < LOW_MPS && cos > COS_MIN {
-            // Heading and curvature as derivatives by arc length: those of the path, whatever the speed.
+            // Heading and curvature as derivatives by arc length: properties of the path, independent of the speed.
             let slope = stretch * sin / cos;
             let length = stretch / cos;
             let curvature = standing_curvature_1pm(request, speed_mps);
@@ -144,10 +144,10 @@ impl Fot {
         FrenetState { s: [s_m, s1, s2], d: [d_m, d1, d2], d_by_s }
     }
 
-    /// The speed to aim for: no more change than the limits give within the earliest end.
+    /// Target speed, changed no more than the limits allow within the earliest end time.
     fn target(&self, request: &Request<'_>) -> f64 {
         let target_mps = request.target_speed_mps.min(self.params.max_speed_mps);
-        // From and to zero acceleration a quartic peaks at 1.5 times its mean.
+        // From and to zero acceleration, a quartic peaks at 1.5 times its mean.
         let within_s = 0.9 * self.params.horizon_min_s / 1.5;
         let v = request.start.speed_mps.max(0.0);
         let slowest = (v - within_s * request.limits.brake_max_mps2).max(0.0);
@@ -176,29 +176,29 @@ impl Planner for Fot {
 }
 
 impl Fot {
-    /// Where the request starts beside the route's line.
+    /// Place of the start along the route's line.
     pub(crate) fn place(&mut self, request: &Request<'_>) -> OnLine {
         self.line.follow(request.route.line());
         self.road.set(request.route);
         self.line.locate_from(request.start.pose, request.place().s_m)
     }
 
-    /// The route's line as followed last.
+    /// The line of the last route.
     pub(crate) fn line(&self) -> &Line {
         self.line.line()
     }
 
-    /// Candidates end between these offsets, metres: to the left of the line, and to its right.
+    /// Sets the range of candidate end offsets, metres: to the left of the line, and to its right.
     pub(crate) fn set_offsets(&mut self, left_m: f64, right_m: f64) {
         (self.params.left_m, self.params.right_m) = (left_m, right_m);
     }
 
-    /// The ego stops this far behind what is in its way, metres.
+    /// Sets the gap for stopping behind an obstacle in the way, metres.
     pub(crate) fn set_follow_gap(&mut self, gap_m: f64) {
         self.params.follow_gap_m = gap_m;
     }
 
-    /// The cheapest valid plan at about the target speed, by the first of the collision modes; no fallback.
+    /// The cheapest valid plan at about the target speed, with the first of the collision modes; without fallback.
     pub(crate) fn at_speed(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
         self.set_world(request, self.params.collision.in_order()[0]);
         self.search(request, |search, task, lattice, _| {
@@ -206,26 +206,26 @@ impl Fot {
         })
     }
 
-    /// The cheapest valid plan behind what is in the way, or slower than the target; no fallback.
+    /// The cheapest valid plan behind the obstacle in the way, or slower than the target; without fallback.
     pub(crate) fn slower(&mut self, request: &Request<'_>, budget: &mut dyn Budget) -> Option<Plan> {
         self.set_world(request, self.params.collision.in_order()[0]);
         self.search(request, |search, task, lattice, other| behind(search, task, lattice, other, budget))
     }
 
-    /// The obstacles that were asked about last.
+    /// Obstacles of the last search.
     pub(crate) fn obstacles(&self) -> &Obstacles {
         &self.obstacles
     }
 
-    /// The rest of the previous plan's path from the start on, and from its end on beside the line for `further_m`,
-    /// into whose direction it turns over [`TURN_IN_M`].
+    /// Rest of the previous plan's path from the start on, continued from its end parallel to the line for `further_m`,
+    /// turning into the line's direction over [`TURN_IN_M`].
     pub(crate) fn way_on(&self, request: &Request<'_>, further_m: f64) -> Vec<Pose2> {
         let mut poses = way_ahead(request);
         let last = *poses.last().unwrap_or(&request.start.pose);
         let way_m: f64 = poses.windows(2).map(|two| two[0].point().distance(two[1].point())).sum();
         let end = self.line.locate_from(last, request.place_of(last.point(), way_m).s_m);
         let slope = stretch(&end) * math::tan(end.turn_rad.clamp(-TURN_MAX_RAD, TURN_MAX_RAD));
-        // Half of the way that it would go aside on its own.
+        // Half of the distance that it would deviate unchanged.
         let to_m = end.d_m + 0.5 * TURN_IN_M * slope;
         let offset = Quintic::new([end.d_m, slope, 0.0], [to_m, 0.0, 0.0], TURN_IN_M);
         let steps = (further_m / PATH_STEP_M).ceil() as usize;
@@ -240,7 +240,8 @@ impl Fot {
         poses
     }
 
-    /// Whether the ego stays on the drivable ground at each of `poses`, by what a plan keeps or the first of them has.
+    /// Returns true if the ego stays on the drivable ground at all `poses`, with the margin of a plan or that of the
+    /// first pose.
     pub(crate) fn keeps_road(&self, request: &Request<'_>, poses: &[(Pose2, Time)]) -> bool {
         let solid = |pose: Pose2| Solid::from(&request.shape.footprint(pose));
         let start_m = poses.first().map_or(0.0, |first| self.road.margin_m(&solid(first.0)));
@@ -248,7 +249,7 @@ impl Fot {
         poses.iter().all(|&(pose, _)| self.road.keeps(&solid(pose), needed_m))
     }
 
-    /// A plan among the obstacles that are set; where there is none, what comes last falls back to something.
+    /// Plan among the current obstacles; if there is none, the last mode falls back.
     fn plan_among(&mut self, request: &Request<'_>, last: bool, budget: &mut Counted<'_>) -> Option<Plan> {
         let found = self.anytime(request, budget);
         let Self { params, obstacles, .. } = self;
@@ -262,8 +263,8 @@ impl Fot {
         })
     }
 
-    /// The cheapest valid candidate, or the best within the budget. A plan that meets oncoming traffic in the other lane is
-    /// the last choice, after those in the ego's own lane.
+    /// The cheapest valid candidate, or the best within the budget. A plan that meets oncoming traffic in the other
+    /// lane is the last choice, after candidates in the ego's own lane.
     fn anytime(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let found = self.among_all(request, budget)?;
         if !request.meets_in_other_lane(&found) {
@@ -274,8 +275,8 @@ impl Fot {
             .or(Some(found))
     }
 
-    /// The cheapest valid candidate between the left line of the ego's lane and the right edge of the road, with a share of
-    /// the clearance where nothing keeps all of it.
+    /// The cheapest valid candidate between the left line of the ego's lane and the right edge of the road, with a
+    /// fraction of the clearance if none keeps all of it.
     fn in_own_lane(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let (place, wanted) = (request.place(), self.params);
         let right_m = request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - wanted.road_margin_m;
@@ -290,12 +291,12 @@ impl Fot {
         found
     }
 
-    /// The cheapest valid candidate of the lattice, or the best that the budget allows.
+    /// The cheapest valid candidate of the lattice, or the best within the budget.
     fn among_all(&mut self, request: &Request<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         self.search(request, |search, task, lattice, coarse| anytime(search, task, lattice, coarse, budget))
     }
 
-    /// What `look` finds among the obstacles that are set.
+    /// Runs `look` among the current obstacles and returns its result as a plan.
     fn search(
         &mut self,
         request: &Request<'_>,
@@ -313,8 +314,8 @@ impl Fot {
     }
 }
 
-/// Searches a few candidates first, then all: when the budget ends, the best so far. Where all fail, those that stop or
-/// follow behind what is in the way, then slower ones.
+/// Searches a few candidates first, then all; returns the best so far when the budget ends. If all fail, candidates
+/// that stop or follow behind the obstacle in the way, then slower ones.
 pub fn anytime(
     search: &mut Search,
     task: &Task<'_>,
@@ -329,7 +330,7 @@ pub fn anytime(
         Outcome::Nothing => None,
         Outcome::Stopped => return None,
     };
-    // One of the few is among all.
+    // The coarse candidate is contained in the full lattice.
     let known_cost = first.map_or(f64::INFINITY, |candidate| candidate.cost);
     match search.run_below(task, lattice, known_cost, budget, spent) {
         Outcome::Found(candidate) => return Some(candidate),
@@ -339,7 +340,7 @@ pub fn anytime(
     behind(search, task, lattice, coarse, budget)
 }
 
-/// Those that stop or follow behind what is in the way, then slower ones.
+/// Candidates that stop or follow behind the obstacle in the way, then slower ones.
 fn behind(
     search: &mut Search,
     task: &Task<'_>,
@@ -350,7 +351,7 @@ fn behind(
     let spent = &mut 0;
     if task.params.follow_gap_m > 0.0 {
         other.set_aims(lattice, task.start.d[0], |t_s| follow::aim(task, t_s));
-        // The place says how near to come; nearness in the cost would favour braking late and hard, which
+        // The target place already sets the distance; nearness in the cost would favour late and hard braking, which
         // takes fewer samples.
         let params = Params { weight_obstacle: 0.0, ..*task.params };
         match search.run(&Task { params: &params, ..*task }, other, Some(budget), spent) {
@@ -398,7 +399,7 @@ fn checks<'a>(
     }
 }
 
-/// Curvature of the way of an ego that is slow, 1/m.
+/// Path curvature of a slow ego, 1/m.
 fn standing_curvature_1pm(request: &Request<'_>, speed_mps: f64) -> f64 {
     let start = &request.start;
     let tightest = curvature_max_1pm(request.limits, request.shape);
@@ -415,14 +416,14 @@ pub fn curvature_max_1pm(limits: &Limits, shape: &Shape) -> f64 {
     math::tan(limits.steering_max_rad) / shape.wheelbase_m
 }
 
-/// The candidate's motion with points at most `POINT_STEP_S` apart.
+/// Plan of a candidate with points at most `POINT_STEP_S` apart.
 pub fn to_plan(task: &Task<'_>, candidate: &Candidate, request: &Request<'_>) -> Plan {
     let curvature_max = task.checks.curvature_max_1pm;
     let points = places(task, candidate, POINT_STEP_S)
         .map(|(t_s, place)| PlanPoint {
             at: request.start.stamp + Span::from_secs(t_s),
             pose: Pose2::new(place.x_m, place.y_m, math::atan2(place.sin, place.cos)),
-            // Near standstill a motion in time has no curvature worth the name.
+            // Near standstill the curvature of a motion over time is not meaningful.
             curvature_1pm: place.curvature_1pm.clamp(-curvature_max, curvature_max),
             speed_mps: place.speed_mps,
             accel_mps2: place.accel_mps2,
@@ -431,7 +432,7 @@ pub fn to_plan(task: &Task<'_>, candidate: &Candidate, request: &Request<'_>) ->
     Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
 }
 
-/// Instants and places of a candidate with its tail, at most `step_s` apart.
+/// Instants and places of a candidate with its tail, at most `step_s` apart, seconds.
 pub fn places<'a>(
     task: &'a Task<'a>,
     candidate: &'a Candidate,

@@ -1,10 +1,10 @@
-//! Hybrid A*: search over poses with motions that a car can drive.
+//! Hybrid A*: search over poses with drivable motions.
 //!
-//! Start pose, goal pose, obstacles (map frame, metres, radians) in; arcs and straights out. The method is that
-//! of D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, "Path planning for autonomous vehicles in unknown
-//! semi-structured environments", 2010: a lattice of arcs pruned on a grid of position and heading, an estimate
-//! that is the greater of the shortest path without obstacles and the way around them for a point, a try at the
-//! goal from every pose that is looked at, shortcuts afterwards.
+//! Takes start pose, goal pose and obstacles (map frame, metres, radians); returns arcs and straights. The method is
+//! that of D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, "Path planning for autonomous vehicles in unknown
+//! semi-structured environments", 2010: a lattice of arcs pruned on a grid of position and heading; a heuristic that is
+//! the maximum of the shortest path without obstacles and the distance around them for a point; an attempt to connect
+//! each expanded pose to the goal; and shortcuts afterwards.
 
 mod detour;
 mod motions;

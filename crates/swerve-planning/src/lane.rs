@@ -1,4 +1,4 @@
-//! The ego's own lane: what blocks it, and the way back to its centre.
+//! The ego's own lane: its blockages, and the way back to its centre.
 
 use swerve_core::Span;
 use swerve_geom::{Pose2, math};
@@ -11,42 +11,42 @@ use crate::fot::line::{Line, Node, OnLine};
 use crate::fot::poly::Quintic;
 use crate::traffic::Knot;
 
-/// The way back to the centre takes this long, seconds, and at least this far, metres.
+/// Duration of the return to the centre, seconds, and its smallest length, metres.
 const RETURN_S: f64 = 4.0;
 const RETURN_MIN_M: f64 = 10.0;
 
-/// The rest of the way out to an offset takes this long, seconds.
+/// Duration of the rest of a move out to an offset, seconds.
 const OUT_S: f64 = 2.0;
 
-/// It is so much longer for each square root of a metre that the ego is beside the centre: bounds its curvature.
+/// Additional length per square root of the offset from the centre: bounds the curvature.
 const RETURN_PER_ROOT_M: f64 = 12.0;
 
-/// Slower than this a yaw rate says nothing of the curvature, m/s.
+/// Below this speed the yaw rate does not determine the curvature, m/s.
 const TURNS_MPS: f64 = 0.5;
 
-/// Beyond the line by more than this is in the other lane, metres.
+/// Beyond the line by more than this the ego is in the other lane, metres.
 const OVER_LINE_M: f64 = 0.1;
 
 /// The ego's lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lane<'a> {
-    /// Its borders beside the line.
+    /// Borders of the lane beside the line.
     pub(crate) borders: &'a Borders,
     /// Width of the ego, metres.
     pub(crate) width_m: f64,
-    /// Distance to keep from what is passed, metres.
+    /// Distance to keep when passing, metres.
     pub(crate) clearance_m: f64,
-    /// Whether the ego keeps to the line.
+    /// True if the ego keeps to the line.
     pub(crate) on_line: bool,
 }
 
 impl Lane<'_> {
-    /// True where the ego's outline is over the left line with its origin at this place.
+    /// Returns true if the ego's outline is over the left line with its origin at this place.
     pub(crate) fn is_over(&self, s_m: f64, d_m: f64) -> bool {
         d_m + 0.5 * self.width_m > self.borders.left_m(s_m) + OVER_LINE_M
     }
 
-    /// Whether a road user there leaves no room to pass it within the lane.
+    /// Returns true if a road user there leaves no room to pass it within the lane.
     pub(crate) fn is_blocked(&self, knot: &Knot) -> bool {
         let needed_m = self.width_m + self.clearance_m;
         if self.on_line {
@@ -60,7 +60,7 @@ impl Lane<'_> {
     }
 }
 
-/// Points along the line at the steps of a profile, from beside it back to its centre.
+/// Points along the line at the steps of a profile, from an offset back to its centre.
 pub(crate) fn back_to_centre(
     line: &Line,
     place: &OnLine,
@@ -74,7 +74,7 @@ pub(crate) fn back_to_centre(
     aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
 }
 
-/// Points along the line at the steps of a profile: out to an offset, and from step `k` on back to the centre.
+/// Points along the line at the steps of a profile: out to an offset, then from step `k` on back to the centre.
 pub(crate) fn aside_then_back(
     line: &Line,
     place: &OnLine,
@@ -98,24 +98,24 @@ pub(crate) fn aside_then_back(
     points
 }
 
-/// Length at the ego's offset for each metre of the line.
+/// Length at the ego's offset per metre of the line.
 pub(crate) fn stretch(place: &OnLine) -> f64 {
     (1.0 - place.node.curvature_1pm * place.d_m).max(0.1)
 }
 
-/// A change of the offset.
+/// A lateral move.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Aside {
-    /// Offset at its end, metres to the left.
+    /// End offset, metres to the left.
     pub(crate) to_m: f64,
     /// Length along the line, metres.
     pub(crate) length_m: f64,
 }
 
-/// Points along the line at the steps of a profile, from where the ego is to another offset.
+/// Points along the line at the steps of a profile, from the ego's place to another offset.
 ///
-/// The offset is a quintic over arc length, so that it does not depend on the speed and holds at standstill (Werling 2010,
-/// section V.C); headings and curvatures are those of the motion (ibid., appendix I).
+/// The offset is a quintic over arc length, so that it is independent of the speed and holds at standstill (Werling
+/// 2010, section V.C); headings and curvatures are those of the motion (ibid., appendix I).
 pub(crate) fn aside(
     line: &Line,
     place: &OnLine,

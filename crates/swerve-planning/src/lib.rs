@@ -1,9 +1,9 @@
 //! Motion planning: from predictions and route to a plan.
 //!
-//! Every planner is a struct with [`Planner::plan`]: state, [`Request`] and a [`Budget`] in, a plan out.
-//! Predictions are time-indexed: planners ask where things are at each moment. [`path`] holds the arcs, straights and
-//! speed profiles that planners share; the parts of a planner are public where a baseline is built from them.
-//! Absences: no engine, no simulator, no file, no clock.
+//! Every planner implements [`Planner::plan`], which takes a [`Request`] and a [`Budget`] and returns a plan.
+//! Predictions are time-indexed: planners query the place of each obstacle at each instant. [`path`] holds the arcs,
+//! straights and speed profiles that planners share; parts of a planner are public where a baseline is built from them.
+//! The crate has no engine, simulator, files or clock.
 
 pub mod aeb;
 pub mod brake;

@@ -1,5 +1,5 @@
-//! Leaving the own lane to pass what blocks it: whether that is worth it, how far out, and whether the other lane is free
-//! until the ego is back.
+//! Leaving the own lane to pass a blockage: the benefit, the offset, and the check that the other lane is free until
+//! the ego is back.
 
 use swerve_core::{Span, Time};
 use swerve_msg::{ActorKind, EgoState, Plan, Route};
@@ -9,68 +9,68 @@ use crate::fot::line::{Line, OnLine};
 use crate::lane::Lane;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
 
-/// When the other lane may be used.
+/// Conditions for using the other lane.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Rules {
-    /// Least time to collision with anybody in it, seconds.
+    /// Smallest time to collision with road users in it, seconds.
     pub(crate) ttc_min_s: f64,
-    /// A lead vehicle is passed only where the ego gains at least this, m/s.
+    /// Smallest speed gain for passing a lead vehicle, m/s.
     pub(crate) gain_min_mps: f64,
-    /// Longest time over the line to pass what moves, seconds.
+    /// Longest time over the line to pass a moving road user, seconds.
     pub(crate) over_line_max_s: f64,
-    /// Longest way over the line to pass what moves, metres, for an ego that is in its own lane.
+    /// Longest distance over the line to pass a moving road user, metres, for an ego in its own lane.
     pub(crate) over_line_max_m: f64,
-    /// Whether the ego is in the other lane already.
+    /// True if the ego is already in the other lane.
     pub(crate) under_way: bool,
-    /// A road user that moves in the other lane has all of it, not only the place where it is.
+    /// True if a moving road user in the other lane occupies the lane's full width, not only its own place.
     pub(crate) whole_lane: bool,
 }
 
-/// Gap to what was passed before the ego returns, metres, and by its speed, seconds.
+/// Gap to the passed road user before the ego returns, metres, and per speed of that road user, seconds.
 pub(crate) const RETURN_GAP_M: f64 = 4.0;
 const RETURN_GAP_S: f64 = 0.3;
 
-/// The ego is over the line for this long while it returns, seconds.
+/// Time for which the ego is still over the line while it returns, seconds.
 const RETURN_S: f64 = 2.5;
 
 /// Acceleration towards the target after the end of a plan, m/s².
 const ACCEL_MPS2: f64 = 1.0;
 
-/// The next vehicle is passed together with the one before it where the gap between them is less than this and the ego's
+/// The next vehicle is passed together with the one before it if the gap between them is less than this plus the ego's
 /// length, metres.
 const BETWEEN_M: f64 = 12.0;
 
-/// Only what blocks the lane within this time at the target speed is passed, seconds.
+/// Only blockages within this time at the target speed are passed, seconds.
 const AHEAD_S: f64 = 7.0;
 
-/// Factor of the longest time over the line for passing vehicles and people at rest.
+/// Factor on the longest time over the line for passing vehicles and people at rest.
 const STANDING_SHARE: f64 = 4.0;
 
-/// Time between two looks, seconds.
+/// Time step of the checks, seconds.
 const LOOK_S: f64 = 0.25;
 
-/// What blocks the own lane, and the way past it.
+/// The blockage of the ego's lane, and the way past it.
 #[derive(Clone, Debug)]
 pub(crate) struct Passing<'a> {
     rules: Rules,
     lane: Lane<'a>,
     route: &'a Route,
     shape: &'a Shape,
-    /// What is passed, the nearest first.
+    /// Road users to pass, the nearest first.
     blocking: Vec<&'a Mover>,
-    /// Everybody else.
+    /// All other road users.
     others: Vec<&'a Mover>,
     target_mps: f64,
-    /// Offset to the left at which everything is passed, metres.
+    /// Offset to the left at which all of them are passed, metres.
     pub(crate) offset_m: f64,
-    /// Its place in some seconds is not known yet: a vehicle still brakes or has just stopped, or a pedestrian may walk on
-    /// before a fast ego.
+    /// True if their places in some seconds are not known yet: a vehicle still brakes or has just stopped, or a
+    /// pedestrian may step in front of a fast ego.
     waits: bool,
 }
 
 impl<'a> Passing<'a> {
-    /// Past the first of what blocks the lane ahead; `None` where nothing does, where there is no room, or where it is
-    /// hardly slower than the ego.
+    /// Creates the pass of the first blockage ahead; `None` if there is none, if there is no room, or if it is hardly
+    /// slower than the ego.
     pub(crate) fn new(
         rules: Rules,
         lane: Lane<'a>,
@@ -81,7 +81,7 @@ impl<'a> Passing<'a> {
         let front_m = shape.length_m - shape.rear_overhang_m;
         let reach_m = front_m + AHEAD_S * target_mps.max(5.0);
         let rear_m = s_m - shape.rear_overhang_m;
-        // A pass lasts until there is a gap to return with.
+        // A pass lasts until there is a gap to return.
         let behind_m = if rules.under_way { RETURN_GAP_M } else { 0.0 };
         let blocks = |one: &&Mover| {
             let now = one.knots[0];
@@ -94,7 +94,7 @@ impl<'a> Passing<'a> {
         let near = |pair: &[&Mover]| {
             let is_near =
                 |t_s: f64| pair[1].at(t_s).from_m - pair[0].at(t_s).to_m < BETWEEN_M + shape.length_m;
-            // Who drives away from the first has left room to return to by then.
+            // A road user that drives away from the first has left room to return by then.
             let closing_mps = (target_mps - pair[0].motion(0.0).0).max(1.0);
             let reaches_s = (pair[0].knots[0].to_m - rear_m).max(0.0) / closing_mps;
             is_near(0.0) && is_near(reaches_s.min(HORIZON_S))
@@ -102,8 +102,8 @@ impl<'a> Passing<'a> {
         let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
         blocking.truncate(together);
         let slowest = blocking.first()?;
-        // Where who comes over will be is not known yet, a vehicle that changes lanes as a pedestrian who crosses; and an
-        // oncoming vehicle is met, not passed on its other side.
+        // The future place of a road user that moves over is not known yet, be it a vehicle that changes lanes or a
+        // pedestrian who crosses; and an oncoming vehicle is met, not passed on its other side.
         if !rules.under_way && blocking.iter().any(|one| one.comes_over() || is_oncoming(one)) {
             return None;
         }
@@ -132,20 +132,20 @@ impl<'a> Passing<'a> {
         })
     }
 
-    /// The same for an ego that cannot stay behind any more: with another least time to collision, seconds, to everybody
-    /// where they are.
+    /// The same pass for an ego that can no longer stay behind: with another smallest time to collision, seconds, to
+    /// road users at their own places.
     pub(crate) fn committed(&self, ttc_min_s: f64) -> Self {
         Self { rules: Rules { ttc_min_s, whole_lane: false, ..self.rules }, ..self.clone() }
     }
 
-    /// Whether going out now may do, whatever the plan: a look without a search.
+    /// Returns true if moving out now may be possible, whatever the plan: a check without a search.
     pub(crate) fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
         let next = Place { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: None, next, target_mps: self.target_mps }, start)
     }
 
-    /// Whether the plan may be driven: everybody in the other lane keeps the time to collision from when the ego is over
-    /// the line until it is back, and that is soon.
+    /// Returns true if the plan may be driven: all road users in the other lane keep the time to collision from when
+    /// the ego is over the line until it is back, and that time is short enough.
     pub(crate) fn may(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
         let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: Some((plan, line)), next, target_mps: self.target_mps }, start)
@@ -182,8 +182,8 @@ impl<'a> Passing<'a> {
         over_since.is_none()
     }
 
-    /// Longest time over the line, seconds, and way, metres: longer where everything that is passed stands, and waiting
-    /// gains nothing. A pass that is under way ends by its time alone.
+    /// Longest time over the line, seconds, and distance, metres: longer if all passed road users stand, as waiting
+    /// gains nothing. A pass under way is limited by its time alone.
     fn over_line_max(&self) -> [f64; 2] {
         let Rules { over_line_max_s, over_line_max_m, under_way, .. } = self.rules;
         let stands = self.blocking.iter().all(|one| one.stands());
@@ -191,8 +191,8 @@ impl<'a> Passing<'a> {
         [over_line_max_s * if stands { STANDING_SHARE } else { 1.0 }, way_m]
     }
 
-    /// True of a plan that gives the pass up and may be driven: until it is back in the own lane everybody in the other lane keeps
-    /// the time to collision.
+    /// Returns true if a plan that abandons the pass may be driven: all road users in the other lane keep the time to
+    /// collision until it is back in the own lane.
     pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
         let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
         let mut motion = Motion { plan: Some((plan, line)), next, target_mps: self.target_mps };
@@ -212,19 +212,19 @@ impl<'a> Passing<'a> {
         true
     }
 
-    /// Whether the ego, over the line, is beside what it passes, or before it, a second from now: it does not draw nearer yet.
+    /// Returns true if the ego is over the line and its rear will not be ahead of all passed road users in a second.
     pub(crate) fn is_beside(&self, place: &OnLine, speed_mps: f64) -> bool {
         let over = self.lane.is_over(place.s_m, place.d_m);
         let rear_m = place.s_m + speed_mps - self.shape.rear_overhang_m;
         over && self.blocking.iter().any(|one| one.at(1.0).to_m > rear_m)
     }
 
-    /// Whether it is passed by the way that is looked at.
+    /// Returns true if the road user is passed by this pass.
     pub(crate) fn passes(&self, one: &Mover) -> bool {
         self.blocking.iter().any(|blocking| core::ptr::eq(*blocking, one))
     }
 
-    /// Whether nothing stands beside what blocks the lane: a way past it may come free.
+    /// Returns true if nothing stands beside the blockage: a way past it may become free.
     pub(crate) fn is_possible(&self) -> bool {
         let (Some(first), Some(last)) = (self.blocking.first(), self.blocking.last()) else { return false };
         let (from_m, to_m) = (first.knots[0].from_m - BETWEEN_M, last.knots[0].to_m + BETWEEN_M);
@@ -236,7 +236,7 @@ impl<'a> Passing<'a> {
         })
     }
 
-    /// Whether all that blocks the lane is behind the ego by the gap that it returns with.
+    /// Returns true if the ego is past the whole blockage by its return gap.
     fn is_past(&self, ego: &Place, t_s: f64) -> bool {
         let rear_m = ego.s_m - self.shape.rear_overhang_m;
         self.blocking.iter().all(|one| {
@@ -245,11 +245,11 @@ impl<'a> Passing<'a> {
         })
     }
 
-    /// Whether somebody is beside the ego in the strip that it uses, or nearer than the time to collision.
+    /// Returns true if a road user is beside the ego in the strip that it uses, or nearer than the time to collision.
     fn is_near(&self, other: &Knot, other_mps: f64, ego: &Place, widest_m: f64) -> bool {
         let beyond_m = self.lane.borders.left_m(ego.s_m);
         let (stands, reach_m) = (other_mps.abs() < STANDS_MPS, widest_m + self.lane.clearance_m.min(0.3));
-        // Whoever moves has the whole lane, what stands the place where it stands.
+        // A moving road user occupies the whole lane; a standing one only its place.
         let strip_m = if stands {
             reach_m
         } else if self.rules.whole_lane {
@@ -269,35 +269,35 @@ impl<'a> Passing<'a> {
         } else {
             return true;
         };
-        // What stands beyond the place of the return is not come near to.
+        // Standing obstacles beyond the place of return are not approached.
         !stands && closing_mps > 0.0 && gap_m < self.rules.ttc_min_s * closing_mps
     }
 }
 
-/// True of a vehicle, other than a cyclist's, that comes the other way.
+/// True for an oncoming vehicle other than a cycle.
 pub(crate) fn is_oncoming(one: &Mover) -> bool {
     !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS
 }
 
-/// True of a vehicle that brakes and does not stand yet.
+/// True for a vehicle that brakes and is still moving.
 fn brakes(one: &Mover) -> bool {
     let (speed_mps, brake_mps2) = one.motion(0.0);
     one.is_vehicle() && speed_mps > STANDS_MPS && brake_mps2 > BRAKES_MPS2
 }
 
-/// True of a vehicle that stands and has not for long.
+/// True for a vehicle that has stopped only recently.
 fn has_stopped(one: &Mover) -> bool {
     one.is_vehicle() && one.changed_lately && one.motion(0.0).0.abs() <= STANDS_MPS
 }
 
-/// Faster than this the ego does not go out to pass before the face of a pedestrian, m/s: 23 km/h.
+/// Above this speed the ego does not move out to pass in front of a pedestrian, m/s: 23 km/h.
 const BEFORE_FACE_MPS: f64 = 6.5;
 
-/// A vehicle that slows down by more than this brakes, m/s².
+/// A vehicle that decelerates by more than this is braking, m/s².
 const BRAKES_MPS2: f64 = 0.3;
 
-/// Offset at which a road user is passed on its left, metres. A pedestrian may go anywhere: the ego may, too, within
-/// `room_m`.
+/// Offset at which a road user is passed on its left, metres. A pedestrian may move anywhere: the ego may then use all
+/// of `room_m`.
 fn clear_offset_m(one: &Mover, lane: &Lane<'_>, room_m: f64) -> f64 {
     let blocking = one.knots.iter().filter(|knot| lane.is_blocked(knot));
     let least_m = blocking
@@ -306,10 +306,10 @@ fn clear_offset_m(one: &Mover, lane: &Lane<'_>, room_m: f64) -> f64 {
     if one.kind == ActorKind::Pedestrian { least_m.max(PEDESTRIAN_OFFSET_M.min(room_m)) } else { least_m }
 }
 
-/// Furthest that a pedestrian is gone round, metres.
+/// Largest offset for passing a pedestrian, metres.
 const PEDESTRIAN_OFFSET_M: f64 = 4.0;
 
-/// Added to an offset, for the lattice's own step and the turn of the outline, metres.
+/// Added to an offset, for the lattice step and the rotation of the outline, metres.
 const SPARE_M: f64 = 0.2;
 
 /// The ego along the line at one instant.
@@ -320,7 +320,8 @@ struct Place {
     speed_mps: f64,
 }
 
-/// Where the ego is along the line at instants [`LOOK_S`] apart: as planned, and on after the end towards the target speed.
+/// Places of the ego along the line at instants [`LOOK_S`] apart: as planned, and after the end towards the target
+/// speed.
 struct Motion<'a> {
     plan: Option<(&'a Plan, &'a Line)>,
     next: Place,
@@ -328,7 +329,7 @@ struct Motion<'a> {
 }
 
 impl Motion<'_> {
-    /// The place at the next instant, which is `at`.
+    /// Place at the next instant, `at`.
     fn next(&mut self, at: Time) -> Place {
         let mut now = self.next;
         if let Some((plan, line)) = self.plan

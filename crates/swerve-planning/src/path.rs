@@ -1,7 +1,7 @@
-//! Paths that a car can drive: their geometry, their speeds, where they are free, how they are shortened.
+//! Drivable paths: geometry, speeds, collision checks and shortening.
 //!
 //! Poses are of the ego origin in the map. A path is a list of [`piece::Piece`]s from a start pose, or of
-//! [`points::PathPoint`]s; [`speed::timed_points`] makes the points of a plan of it.
+//! [`points::PathPoint`]s; [`speed::timed_points`] turns it into the points of a plan.
 
 pub mod dubins;
 pub mod ground;
@@ -14,13 +14,13 @@ pub mod speed;
 
 use swerve_geom::Pose2;
 
-/// From where to where a search goes.
+/// Start, goal and bounds of a search.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Ends {
-    /// The first pose.
+    /// Start pose.
     pub start: Pose2,
-    /// The pose to reach.
+    /// Goal pose.
     pub goal: Pose2,
-    /// Poses lie within x_min, y_min, x_max, y_max, metres.
+    /// Bounds of all poses: x_min, y_min, x_max, y_max, metres.
     pub bounds: [f64; 4],
 }

@@ -5,54 +5,55 @@ use swerve_geom::{FrenetPoint, Point2, Pose2};
 use swerve_msg::{ActorId, ActorKind, EgoState, Plan, Prediction, Route};
 use swerve_vehicle::{Limits, Shape};
 
-/// Everything a planner may know.
+/// Input of a planner.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// Stamp of the predictions; becomes the plan's.
+    /// Stamp of the predictions; copied to the plan.
     pub stamp: Time,
-    /// Where the plan starts: measured at the stamp, or moved on by the expected run time; its `stamp`
-    /// is the instant at which the plan begins.
+    /// Start state of the plan: measured at the stamp, or predicted over the expected run time; its `stamp` is the
+    /// instant at which the plan begins.
     pub start: EgoState,
-    /// Where to go and what ground may be used.
+    /// Route to follow, with the drivable ground.
     pub route: &'a Route,
-    /// Arc length of the route near the start, metres: on a road that meets itself the nearest place may be another.
-    /// `None`: the nearest place with the start's direction.
+    /// Arc length of the route near the start, metres: where a road meets itself, the nearest place may be a different
+    /// one. `None` selects the nearest place with the start's direction.
     pub along_m: Option<f64>,
-    /// Speed to hold when nothing is in the way, m/s.
+    /// Target speed on a free road, m/s.
     pub target_speed_mps: f64,
-    /// Longest way over the line of the own lane to overtake what moves, metres: as far as the pose lasts without a fix.
+    /// Longest distance over the line of the own lane to overtake a moving road user, metres: as far as the pose
+    /// estimate lasts without a fix.
     pub overtake_max_m: f64,
-    /// Motions of the others, ordered by identity.
+    /// Predicted motions of other road users, ordered by identity.
     pub predictions: &'a [Prediction],
-    /// Those of them that stopped or set off in the last seconds: they may change their pace again.
+    /// Identities of those that stopped or set off in the last seconds: they may change their pace again.
     pub changed_lately: &'a [ActorId],
     /// Outline of the ego.
     pub shape: &'a Shape,
     /// Limits of the ego.
     pub limits: &'a Limits,
-    /// The newest plan made before this one.
+    /// The latest previous plan.
     pub previous: Option<&'a Plan>,
-    /// Seed of this call's random numbers.
+    /// Seed of the random numbers of this call.
     pub seed: u64,
 }
 
-/// A stop may end this far over the left border of the ego's lane, metres.
+/// Largest overlap of a stop over the left border of the ego's lane, metres.
 const OVER_M: f64 = 0.3;
 
-/// A stop ends at most this far ahead of the start, metres.
+/// Largest distance from the start to a stop, metres.
 const REST_AHEAD_M: f64 = 150.0;
 
-/// A pedestrian who is faster walks, m/s.
+/// Above this speed a pedestrian is walking, m/s.
 const WALKS_MPS: f64 = 0.5;
 
-/// Least speed of oncoming traffic, m/s.
+/// Lowest speed of oncoming traffic, m/s.
 const COMES_MPS: f64 = 1.0;
 
-/// Reach of the search for places near the start, metres.
+/// Search radius along the route for places near the start, metres.
 const START_REACH_M: f64 = 15.0;
 
 impl Request<'_> {
-    /// The place of the start along the route.
+    /// Place of the start along the route.
     pub fn place(&self) -> FrenetPoint {
         let pose = self.start.pose;
         match self.along_m {
@@ -61,39 +62,39 @@ impl Request<'_> {
         }
     }
 
-    /// The place of a point that is near the start or up to `ahead_m` further along the route.
+    /// Place of a point near the start or up to `ahead_m` further along the route.
     pub fn place_of(&self, point: Point2, ahead_m: f64) -> FrenetPoint {
         let half_m = 0.5 * ahead_m.max(0.0);
         self.route.project_near(point, self.place().s_m + half_m, half_m + START_REACH_M)
     }
 
-    /// Offset of the line up to which the ego may come to rest at arc length `s_m`, metres: to its left is another lane.
+    /// Largest offset at which the ego may come to rest at arc length `s_m`, metres: further left is another lane.
     pub(crate) fn rest_left_m(&self, s_m: f64) -> f64 {
         self.route.lane().left_m(s_m) - 0.5 * self.shape.width_m + OVER_M
     }
 
-    /// Whether the ego may come to rest with its origin here: not in another lane to the left.
+    /// Returns true if the ego may come to rest at this pose: not in another lane to the left.
     pub(crate) fn may_rest_at(&self, pose: Pose2) -> bool {
         let place = self.place_of(pose.point(), REST_AHEAD_M);
         place.d_m <= self.rest_left_m(place.s_m)
     }
 
-    /// Whether a plan stays in the ego's lane.
+    /// Returns true if a plan stays in the ego's lane.
     pub(crate) fn keeps_lane(&self, plan: &Plan) -> bool {
         plan.points.iter().all(|p| self.may_rest_at(p.pose))
     }
 
-    /// Whether a plan leaves the ego's lane to the left and passes oncoming traffic before its end.
+    /// Returns true if a plan leaves the ego's lane to the left and passes oncoming traffic before its end.
     pub(crate) fn meets_in_other_lane(&self, plan: &Plan) -> bool {
         self.passes_oncoming(plan) && self.leaves_lane(plan)
     }
 
-    /// Whether a plan that begins in the ego's lane leaves it to the left.
+    /// Returns true if a plan that begins in the ego's lane leaves it to the left.
     pub(crate) fn leaves_lane(&self, plan: &Plan) -> bool {
         self.may_rest_at(self.start.pose) && !self.keeps_lane(plan)
     }
 
-    /// Whether a pedestrian moves.
+    /// Returns true if a pedestrian is walking.
     pub(crate) fn somebody_walks(&self) -> bool {
         self.predictions.iter().filter(|one| one.kind == ActorKind::Pedestrian).any(|one| {
             let [first, .., last] = &one.path[..] else { return false };
@@ -102,7 +103,7 @@ impl Request<'_> {
         })
     }
 
-    /// Whether an oncoming vehicle is ahead now and behind the ego when the plan ends.
+    /// Returns true if an oncoming vehicle is ahead now and behind the ego at the end of the plan.
     fn passes_oncoming(&self, plan: &Plan) -> bool {
         let Some(end) = plan.points.last() else { return false };
         let (start, line, from_m) = (self.start.pose, self.route.line(), self.place().s_m);
@@ -120,7 +121,7 @@ impl Request<'_> {
         })
     }
 
-    /// Whether anything predicted is ever within `range_m` (centre to ego origin) of where the ego starts.
+    /// Returns true if any predicted place is within `range_m` of the start (centre to ego origin).
     pub fn obstacle_in_range(&self, range_m: f64) -> bool {
         let start = self.start.pose.point();
         self.predictions
@@ -129,22 +130,22 @@ impl Request<'_> {
     }
 }
 
-/// Whether a step may go on.
+/// Answer of a budget: continue or stop.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Progress {
-    /// There is budget left.
+    /// Budget is left.
     Continue,
-    /// The budget is used up: return the best so far.
+    /// The budget is used up: return the best result so far.
     Stop,
 }
 
-/// Counts a planner's work and says when to stop.
+/// Counts a planner's work and limits it.
 pub trait Budget {
     /// Accounts for `units` of work about to be done.
     fn spend(&mut self, units: u64) -> Progress;
 }
 
-/// Never stops; counts.
+/// A budget that never stops and only counts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Unlimited {
     /// Units spent so far.
@@ -158,17 +159,17 @@ impl Budget for Unlimited {
     }
 }
 
-/// Counts the units that a planner spends, and never asks again after [`Progress::Stop`].
+/// Counts the units that a planner spends, and never asks the inner budget again after [`Progress::Stop`].
 pub struct Counted<'a> {
     inner: &'a mut dyn Budget,
     /// Units spent so far.
     pub spent: u64,
-    /// Whether the budget is used up.
+    /// True if the budget is used up.
     pub stopped: bool,
 }
 
 impl<'a> Counted<'a> {
-    /// Nothing spent yet.
+    /// Creates a counter with nothing spent.
     pub fn new(inner: &'a mut dyn Budget) -> Self {
         Self { inner, spent: 0, stopped: false }
     }

@@ -1,4 +1,4 @@
-//! The drivable ground beside the route, in a form for many queries.
+//! The drivable ground beside the route, preprocessed for many queries.
 
 use core::cell::Cell;
 
@@ -8,11 +8,11 @@ use swerve_map::Route;
 
 use crate::collision::Solid;
 
-/// Points of the line closer than this to the chord that skips them are dropped, metres: a straight road
-/// becomes one segment.
+/// Points of the line closer than this to the chord that skips them are dropped, metres: a straight road becomes one
+/// segment.
 const CHORD_M: f64 = 1e-6;
 
-/// More than rounding makes of a distance between places on a map, metres.
+/// Upper bound on the rounding error of a distance between places on a map, metres.
 const ROUNDING_M: f64 = 1e-6;
 
 /// One straight piece of the line.
@@ -26,7 +26,7 @@ struct Piece {
     length_m: f64,
 }
 
-/// Consecutive pieces with the circle that holds them.
+/// Consecutive pieces with their bounding circle.
 #[derive(Clone, Copy, Debug)]
 struct Chunk {
     first: usize,
@@ -36,7 +36,7 @@ struct Chunk {
     radius_m: f64,
 }
 
-/// The same answers as [`Route::margin_m`], faster.
+/// Margins on the drivable ground, equal to those of [`Route::margin_m`] but faster.
 #[derive(Clone, Debug, Default)]
 pub struct Road {
     pieces: Vec<Piece>,
@@ -45,14 +45,14 @@ pub struct Road {
 }
 
 impl Road {
-    /// From the route.
+    /// Creates the ground of a route.
     pub fn new(route: &Route) -> Self {
         let mut road = Self::default();
         road.set(route);
         road
     }
 
-    /// Replaces the content, keeping the storage.
+    /// Replaces the content, reusing the storage.
     pub fn set(&mut self, route: &Route) {
         self.borders.clone_from(route.borders());
         self.pieces.clear();
@@ -73,8 +73,8 @@ impl Road {
         }
     }
 
-    /// The nearest place of the line, before and beyond its ends on its straight continuation, with the chunk that holds
-    /// it: searched for from a chunk that may be the one.
+    /// The nearest place of the line or of its straight continuation beyond the ends, with its chunk; the search starts
+    /// at chunk `likely`.
     fn project_from(&self, likely: usize, point: Point2) -> (usize, FrenetPoint) {
         let mut best = (f64::INFINITY, FrenetPoint::default());
         if let [only] = self.pieces.as_slice() {
@@ -88,7 +88,7 @@ impl Road {
             let reach_m = best_m + c.radius_m + ROUNDING_M;
             let (dx, dy) = (point.x_m - c.x_m, point.y_m - c.y_m);
             let near = dx * dx + dy * dy <= reach_m * reach_m;
-            // The end pieces reach on without end.
+            // The end pieces are unbounded.
             let beyond = k == 0 && self.pieces[0].along_m(point) < 0.0
                 || k + 1 == end && self.pieces[self.pieces.len() - 1].is_passed(point);
             if k == likely || !(near || beyond) {
@@ -96,7 +96,7 @@ impl Road {
             }
             let mut here = (f64::INFINITY, FrenetPoint::default());
             self.look(c, point, &mut here);
-            // Of places equally near, as at a corner, those at the ends count first, then the first.
+            // Of equally near places, as at a corner, those at the ends come first, then the first.
             let order = |k: usize| if k > 0 && k + 1 == end { 1 } else { 2 * k };
             if here.0 < best.0 || (here.0 == best.0 && order(k) < order(at)) {
                 (best, best_m, at) = (here, here.0.sqrt(), k);
@@ -105,7 +105,7 @@ impl Road {
         (at, best.1)
     }
 
-    /// The chunk whose middle is nearest.
+    /// The chunk with the nearest centre.
     fn nearest_chunk(&self, point: Point2) -> usize {
         let mut nearest = (f64::INFINITY, 0);
         for (k, c) in self.chunks.iter().enumerate() {
@@ -127,7 +127,7 @@ impl Road {
         }
     }
 
-    /// Projects points that are near to each other, the first near to the middle of `footprint`.
+    /// Projects points near to each other, the first near to the centre of `footprint`.
     fn projector(&self, footprint: &Solid) -> impl Fn(Point2) -> FrenetPoint {
         let middle = Point2::new(footprint.x_m, footprint.y_m);
         let likely = Cell::new(if self.chunks.len() > 1 { self.nearest_chunk(middle) } else { 0 });
@@ -138,29 +138,30 @@ impl Road {
         }
     }
 
-    /// How far the worst place of `footprint` is inside the drivable ground, metres; negative outside.
+    /// Distance of the outermost place of `footprint` inside the drivable ground, metres; negative outside.
     pub fn margin_m(&self, footprint: &Solid) -> f64 {
         self.borders.margin_m(footprint.corners(), self.projector(footprint))
     }
 
-    /// Whether [`margin_m`](Self::margin_m) is at least `needed_m`.
+    /// Returns true if [`margin_m`](Self::margin_m) is at least `needed_m`.
     pub fn keeps(&self, footprint: &Solid, needed_m: f64) -> bool {
         self.borders.keeps(footprint.corners(), needed_m, self.projector(footprint))
     }
 }
 
 impl Piece {
-    /// How far along its direction `point` is from its beginning, metres.
+    /// Distance of `point` from the piece's start along its direction, metres.
     fn along_m(&self, point: Point2) -> f64 {
         self.cos * (point.x_m - self.x_m) + self.sin * (point.y_m - self.y_m)
     }
 
-    /// Whether `point` is further along its direction than its end.
+    /// Returns true if `point` is beyond the piece's end along its direction.
     fn is_passed(&self, point: Point2) -> bool {
         self.along_m(point) > self.length_m
     }
 
-    /// Takes its place nearest to `point` for the best if it is nearer, by squared distance; it reaches from `low` to `high`.
+    /// Updates `best` with the place nearest to `point` if it is nearer, by squared distance; the piece extends from
+    /// `low` to `high`.
     #[inline]
     fn look(&self, point: Point2, [low, high]: [f64; 2], best: &mut (f64, FrenetPoint)) {
         let (dx, dy) = (point.x_m - self.x_m, point.y_m - self.y_m);
@@ -174,7 +175,7 @@ impl Piece {
     }
 }
 
-/// The last point such that all points between lie on the straight line to it.
+/// The last point such that all points between are on the straight line to it.
 fn furthest_straight(points: &[Point2], from: usize) -> usize {
     let mut to = from + 1;
     let first = points[to] - points[from];
@@ -231,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn gives_the_routes_margin() {
+    fn road_margin_matches_the_routes() {
         let straight: Vec<Point2> = (0..80).map(|k| Point2::new(f64::from(k), 0.0)).collect();
         check(&straight);
         let road = Road::new(&Route::uniform(Polyline::new(&straight).unwrap(), 1.0, 1.0));

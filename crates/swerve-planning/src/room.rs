@@ -1,5 +1,4 @@
-//! The room that others are given where the ego passes them: more than the clearance where the road has it, and less speed
-//! where it has not.
+//! Passing distances: more than the clearance if the road is wide enough, otherwise less speed.
 
 use swerve_msg::{ActorKind, PredictedPose, Prediction};
 
@@ -8,40 +7,40 @@ use crate::fot::line::Line;
 use crate::request::Request;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
 
-/// Distances that are wanted, metres.
+/// Desired passing distances, metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Wanted {
-    /// To everybody.
+    /// To all road users.
     pub(crate) clearance_m: f64,
     /// To pedestrians and cyclists.
     pub(crate) person_m: f64,
     /// To moving vehicles.
     pub(crate) vehicle_m: f64,
-    /// Left free before the face of a pedestrian in the lane.
+    /// Additional room in front of a pedestrian who faces the lane.
     pub(crate) step_out_m: f64,
 }
 
 impl Wanted {
-    /// For an ego that finds no way past with all of it: half of what is wanted beyond the clearance.
+    /// Half of the desired distances beyond the clearance, for an ego that finds no way past with all of them.
     pub(crate) fn less(self) -> Self {
         let half = |wanted_m: f64| 0.5 * (self.clearance_m + wanted_m);
         Self { person_m: half(self.person_m), vehicle_m: half(self.vehicle_m), step_out_m: 0.0, ..self }
     }
 }
 
-/// The traffic with the room that is left to each road user.
+/// The traffic with the passing distances added to each road user.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Room {
-    /// Everybody as wide as the place that is left to them, less the clearance.
+    /// Road users enlarged by the room that is left to them, less the clearance.
     pub(crate) traffic: Traffic,
-    /// Speed for those for whom the road has less room than is wanted, m/s.
+    /// Speed past road users for whom the road has less room than desired, m/s.
     pub(crate) slow_mps: f64,
-    /// Speed where nobody is given more than the clearance, m/s.
+    /// Speed if nobody is given more than the clearance, m/s.
     pub(crate) slower_mps: f64,
 }
 
 impl Room {
-    /// True of traffic in which no more room will come: nobody is predicted to move.
+    /// Returns true if no more room is expected: nobody is predicted to move.
     pub(crate) fn is_final(traffic: &Traffic) -> bool {
         let is_still = |mover: &Mover| {
             let (first, last) = (mover.at(0.0), mover.at(HORIZON_S));
@@ -50,8 +49,8 @@ impl Room {
         traffic.movers.iter().all(is_still)
     }
 
-    /// For an ego at `s_m` of `line`, which goes as far to the left and to the right of it as `reach_m`; `None` where nobody
-    /// is to be given more than the clearance.
+    /// Creates the room for an ego at `s_m` of `line`, which can move to the left and right of it by `reach_m`; `None`
+    /// if nobody is to be given more than the clearance.
     pub(crate) fn new(
         wanted: Wanted,
         request: &Request<'_>,
@@ -71,7 +70,7 @@ impl Room {
                 slower_mps: f64::INFINITY,
             });
             let more_m = (wanted_m - wanted.clearance_m).max(0.0);
-            // Who leaves room within the lane is passed there, with what the steps of the offsets leave.
+            // Road users that leave room within the lane are passed there, with the distance left by the offset steps.
             let is_blocked = blocks(mover, request, wanted_m);
             let spare_m = spare_m(request, traffic, (k, mover, is_blocked), reach_m) - wanted.clearance_m;
             let aside_m = spare_m.clamp(0.0, more_m);
@@ -89,8 +88,8 @@ impl Room {
     }
 }
 
-/// The distance at which a road user is to be passed; `None` for who crosses, for vehicles that come the other way, and for
-/// what stands and is nobody outside a vehicle.
+/// Desired passing distance of a road user; `None` for crossing road users, oncoming vehicles, and standing objects
+/// other than people.
 fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64> {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
@@ -107,12 +106,12 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
         .then_some(wanted.vehicle_m)
 }
 
-/// True of a road user in the ego's lane.
+/// Returns true for a road user in the ego's lane.
 fn is_in_lane(mover: &Mover, request: &Request<'_>) -> bool {
     share_at(&mover.knots[0], request) > 0.0
 }
 
-/// Share of the width of a road user in the ego's lane that is within it, now or while the ego passes.
+/// Fraction of the width of a road user in the ego's lane that is inside it, now or while the ego passes.
 fn share_in_lane(mover: &Mover, request: &Request<'_>) -> f64 {
     if !is_in_lane(mover, request) {
         return 0.0;
@@ -121,7 +120,7 @@ fn share_in_lane(mover: &Mover, request: &Request<'_>) -> f64 {
     soon.map(|knot| share_at(knot, request)).fold(0.0, f64::max)
 }
 
-/// Share of a road user's width that is in the ego's lane at one instant.
+/// Fraction of a road user's width inside the ego's lane at one instant.
 fn share_at(knot: &Knot, request: &Request<'_>) -> f64 {
     let s_m = 0.5 * (knot.from_m + knot.to_m);
     let lane = request.route.lane();
@@ -129,7 +128,7 @@ fn share_at(knot: &Knot, request: &Request<'_>) -> f64 {
     (inside_m / (knot.left_m - knot.right_m).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
 }
 
-/// True of a road user whom the ego cannot pass at this distance within its lane.
+/// Returns true for a road user that the ego cannot pass at this distance within its lane.
 fn blocks(mover: &Mover, request: &Request<'_>, distance_m: f64) -> bool {
     let now = mover.knots[0];
     let s_m = 0.5 * (now.from_m + now.to_m);
@@ -138,7 +137,7 @@ fn blocks(mover: &Mover, request: &Request<'_>, distance_m: f64) -> bool {
     room_m < request.shape.width_m + distance_m
 }
 
-/// The distance that the widest way past leaves, metres: by the ground beside the lane for those who block it, else within it.
+/// Distance that the widest way past leaves, metres: beside the lane for road users that block it, otherwise within it.
 fn spare_m(
     request: &Request<'_>,
     traffic: &Traffic,
@@ -158,7 +157,7 @@ fn spare_m(
     };
     let others = traffic.movers.iter().enumerate().filter(stands_beside);
     let free_m = others.map(|(_, other)| other.knots[0].right_m).fold(ground_m.min(left_m), f64::min);
-    // Within the lane as far as the candidates' offsets go, which are steps apart.
+    // Within the lane up to the candidates' offsets, which are discrete.
     let in_lane_m = |edge_m: f64| ((edge_m - half_m - LANE_EDGE_M) / LATERAL_STEP_M).floor() * LATERAL_STEP_M;
     let on_left_m = in_lane_m(free_m.min(lane.left_m(s_m))) - half_m - now.left_m;
     let on_right_m = in_lane_m(lane.right_m(s_m).min(right_m)) - half_m + now.right_m;
@@ -166,7 +165,7 @@ fn spare_m(
     on_left_m.max(on_right_m).max(beyond_m) - SETTLES_M
 }
 
-/// A prediction that is wider to all sides, and ahead.
+/// A prediction enlarged to all sides, and ahead.
 fn wider(one: &Prediction, aside_m: f64, ahead_m: f64) -> Prediction {
     let mut one = one.clone();
     let walks = one.kind == ActorKind::Pedestrian;
@@ -177,7 +176,8 @@ fn wider(one: &Prediction, aside_m: f64, ahead_m: f64) -> Prediction {
     one
 }
 
-/// The speed to pass a road user with, m/s, once it is near: the less of it is in the lane, the closer to the target speed.
+/// Speed for passing a road user once it is near, m/s: the smaller the part of it in the lane, the closer to the target
+/// speed.
 fn slow_mps(mover: &Mover, in_lane: f64, request: &Request<'_>, s_m: f64) -> f64 {
     let (now, shape) = (mover.knots[0], request.shape);
     let rear_m = s_m - shape.rear_overhang_m;
@@ -190,23 +190,25 @@ fn slow_mps(mover: &Mover, in_lane: f64, request: &Request<'_>, s_m: f64) -> f64
     if is_near { slow_mps + (1.0 - in_lane) * free_mps } else { f64::INFINITY }
 }
 
-/// Faster than a person by this the ego passes it with less room than is wanted, or before its face, m/s: 20 km/h.
+/// Speed above that of a person at which the ego passes it with less room than desired, or in front of it, m/s: 20
+/// km/h.
 const PAST_MPS: f64 = 5.5;
 
-/// So long before it draws level the ego begins to slow for that, seconds.
+/// Time before drawing level at which the ego begins to slow for that, seconds.
 const SLOWS_S: f64 = 4.0;
 
-/// Predicted to get no further than this a road user does not move, metres.
+/// A road user predicted to move less than this stands still, metres.
 const STILL_M: f64 = 0.1;
 
-/// Less room than is wanted by this counts, metres.
+/// Shortage of room from which it counts, metres.
 const SHORT_M: f64 = 0.05;
 
-/// Things that stand within this along the road are beside, metres.
+/// Standing objects within this distance along the road are beside, metres.
 const BESIDE_M: f64 = 12.0;
 
-/// Left over beyond the lane for the edge of the road and the step of the lattice, metres.
+/// Reserve outside the lane for the edge of the road and the lattice step, metres.
 const SPARE_M: f64 = 0.3;
 
-/// Left over within the lane, metres: a lateral motion by a metre is within this of its end after four fifths of its time.
+/// Reserve within the lane, metres: a lateral motion of a metre is within this of its end after four fifths of its
+/// time.
 const SETTLES_M: f64 = 0.05;

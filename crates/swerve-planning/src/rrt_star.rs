@@ -1,4 +1,4 @@
-//! RRT*: a tree grown at random and kept short.
+//! RRT*: a rapidly exploring random tree that is rewired to short paths.
 //!
 //! Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning", 2011, algorithm 6.
 

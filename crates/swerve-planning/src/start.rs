@@ -1,14 +1,14 @@
-//! The state in which a plan starts: the ego moved on by the time until the plan is ready.
+//! Start state of a plan: the ego state predicted to when the plan is ready.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Ego, Point2, Pose2, angle_between, math};
 use swerve_msg::{EgoState, Plan, PlanPoint};
 
-/// The state expected `ahead` after `measured`.
+/// State expected `ahead` after `measured`.
 ///
-/// With a previous plan that covers both instants the ego is moved as the plan moves between them (its
-/// present offset from the plan is carried along); with one that begins in between, the ego is taken to be
-/// on it then; else it goes on with constant speed and yaw rate.
+/// If the previous plan covers both instants, the ego moves as the plan does between them, keeping its current offset
+/// from the plan; if the plan begins in between, the ego is assumed to be on it then; otherwise it continues with
+/// constant speed and yaw rate.
 pub fn predicted_start(measured: &EgoState, previous: Option<&Plan>, ahead: Span) -> EgoState {
     let stamp = measured.stamp + ahead;
     let steadily = moved_steadily(measured, ahead);
@@ -18,7 +18,7 @@ pub fn predicted_start(measured: &EgoState, previous: Option<&Plan>, ahead: Span
         return steadily;
     }
     if measured.stamp < first.at {
-        // The plan has not begun yet: its own first point is the best guess of where it will be taken up.
+        // The plan has not begun yet: its first point is the best estimate of where it will be entered.
         return moved_with_plan(&on_plan(measured, first), first, &then, stamp);
     }
     match plan.at(measured.stamp) {
@@ -48,7 +48,7 @@ fn moved_with_plan(measured: &EgoState, now: &PlanPoint, then: &PlanPoint, stamp
     }
 }
 
-/// On the circle that speed and yaw rate describe.
+/// Motion on the circle given by speed and yaw rate.
 pub(crate) fn moved_steadily(measured: &EgoState, ahead: Span) -> EgoState {
     let (t, turn) = (ahead.as_secs(), measured.yaw_rate_radps * ahead.as_secs());
     // Chord of the arc: length v t sinc(turn / 2), direction half way through the turn.
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_plan_the_start_goes_on_round_its_circle() {
+    fn start_without_a_plan_continues_on_its_circle() {
         // A quarter circle of radius 10 m in one second.
         let quarter = core::f64::consts::FRAC_PI_2;
         let there = predicted_start(&start(10.0 * quarter, quarter), None, Span::from_ms(1000));
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_plan_the_start_moves_as_the_plan_does() {
+    fn start_with_a_plan_moves_as_planned() {
         let point = |ms, x, speed_mps| PlanPoint {
             at: Time::from_ms(ms),
             pose: Pose2::new(x, 1.0, 0.0),
@@ -91,14 +91,14 @@ mod tests {
         let there = predicted_start(&measured, Some(&plan), Span::from_ms(100));
         assert!((there.pose.x_m - 4.9).abs() < 1e-9 && (there.pose.y_m - 0.5).abs() < 1e-9, "{there:?}");
         assert!((there.speed_mps - 9.3).abs() < 1e-9);
-        // A plan that begins only later is taken as it is.
+        // A plan that begins later is used unchanged.
         let early = EgoState { stamp: Time::from_ms(-200), ..measured };
         let taken_up = predicted_start(&early, Some(&plan), Span::from_ms(300));
         assert!(
             (taken_up.pose.x_m - 0.9).abs() < 1e-9 && (taken_up.speed_mps - 9.8).abs() < 1e-9,
             "{taken_up:?}"
         );
-        // Beyond its end the plan says nothing.
+        // The plan is undefined beyond its end.
         let beyond = predicted_start(&measured, Some(&plan), Span::from_ms(1000));
         assert!((beyond.pose.x_m - 13.5).abs() < 1e-9);
     }

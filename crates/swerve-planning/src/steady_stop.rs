@@ -1,4 +1,4 @@
-//! Braking steadily along a way until the ego stands.
+//! Steady braking along a path until the ego stands.
 
 use swerve_core::{Span, Time};
 use swerve_geom::Pose2;
@@ -9,27 +9,28 @@ use crate::path::points::{Measured, PathPoint, with_curvature};
 use crate::request::Request;
 use swerve_vehicle::Shape;
 
-/// Distances that a stop keeps, metres.
+/// Distances and jerk of a stop.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Demands {
-    /// Ahead: the first of these that there is room for.
+    /// Gaps ahead, metres: the first one that fits is used.
     pub(crate) gaps_m: [f64; 2],
-    /// To everybody.
+    /// Clearance to all obstacles, metres.
     pub(crate) clearance_m: f64,
-    /// Whether it brakes as hard as it may where neither gap can be kept.
+    /// True if it brakes as hard as possible when neither gap can be kept.
     pub(crate) hardest: bool,
     /// Jerk at which the deceleration grows, m/s³.
     pub(crate) jerk_mps3: f64,
 }
 
-/// Whether the poses of a plan may be driven.
+/// Returns true if the poses of a plan may be driven.
 pub(crate) type Usable<'a> = &'a dyn Fn(&[(Pose2, Time)]) -> bool;
 
-/// The gentlest steady braking along `way` that comes to rest before what is in it, if one is free: by the first of
-/// `gaps_m` that can be kept, else by `clearance_m`. `brakes_mps2` are tried in their order; `usable` holds of the poses of each plan
-/// that is returned.
+/// The gentlest steady braking along `way` that comes to rest before obstacles in it, if one is free: with the first of
+/// `gaps_m` that can be kept, otherwise with `clearance_m`. `brakes_mps2` are tried in their order; `usable` is true
+/// for the poses of each returned plan.
 ///
-/// A quintic that ends at rest brakes half as hard again as its mean; where that is too much, this may not be.
+/// A quintic that ends at rest peaks at one and a half times its mean deceleration; where that is too much, a steady
+/// stop may still be possible.
 pub(crate) fn stop(
     request: &Request<'_>,
     way: &[Pose2],
@@ -41,7 +42,7 @@ pub(crate) fn stop(
     let path = with_curvature(way);
     let path = Measured::new(&path);
     let lateral = |p: &PlanPoint| p.curvature_1pm.abs() * p.speed_mps * p.speed_mps;
-    // The gap is kept ahead alone: who passes beside the ego is nearer.
+    // The gap is kept ahead only: road users that pass beside the ego are nearer.
     let free = |poses: &[(Pose2, Time)], gap_m: f64| {
         let longer = Shape { length_m: request.shape.length_m + gap_m - clearance_m, ..*request.shape };
         obstacles.path_free(|pose| longer.footprint(pose), poses, clearance_m)
@@ -70,8 +71,8 @@ pub(crate) fn stop(
     next.or_else(last).map(|k| too_near.swap_remove(k).0)
 }
 
-/// Along `path` to rest: the deceleration grows to `brake_mps2` at `jerk_mps3` and dies away before the end at
-/// [`JERK_MPS3`]; standing after that.
+/// Plan along `path` to rest: the deceleration grows to `brake_mps2` at `jerk_mps3`, fades before the end at
+/// [`JERK_MPS3`], and the ego stands after that.
 fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64, jerk_mps3: f64) -> Plan {
     let start = &request.start;
     let (mut s_m, mut speed_mps) = (0.0, start.speed_mps.max(0.0));
@@ -82,7 +83,7 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64, jerk_mps
     while standing < STAND_STEPS {
         let PathPoint { pose, curvature_1pm } = path.at(s_m);
         points.push(PlanPoint { at, pose, curvature_1pm, speed_mps, accel_mps2 });
-        // So hard that it can die away until the ego stands, and never so gently that it creeps.
+        // Hard enough to fade until the ego stands, but never so gentle that it creeps.
         let wanted = -brake_mps2.min((2.0 * JERK_MPS3 * speed_mps).sqrt()).max(CREEP_BRAKE_MPS2);
         let next = wanted.max(accel_mps2 - jerk_mps3 * STEP_S);
         let next_mps = (speed_mps + 0.5 * (accel_mps2 + next) * STEP_S).max(0.0);
@@ -95,12 +96,12 @@ fn braking(request: &Request<'_>, path: &Measured<'_>, brake_mps2: f64, jerk_mps
     Plan { stamp: request.stamp, status: PlanStatus::Comfortable, points, work: 0 }
 }
 
-/// Jerk of a steady stop: its deceleration grows and dies away at it, m/s³.
+/// Jerk at which the deceleration of a steady stop grows and fades, m/s³.
 pub(crate) const JERK_MPS3: f64 = 5.0;
 
-/// Least deceleration of a stop, m/s².
+/// Smallest deceleration of a stop, m/s².
 const CREEP_BRAKE_MPS2: f64 = 0.3;
 
-/// Time between the points of a stop, seconds, and how many of them it stands at its end.
+/// Time step of a stop, seconds, and number of standstill steps at its end.
 pub(crate) const STEP_S: f64 = 0.1;
 const STAND_STEPS: u32 = 20;

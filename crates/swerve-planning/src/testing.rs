@@ -1,4 +1,4 @@
-//! Worlds and the conformance suite for tests of planners, of other crates too.
+//! Worlds and the conformance suite for planner tests, also in other crates.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
@@ -11,11 +11,11 @@ use swerve_vehicle::{Limits, Shape};
 use crate::collision::{CollisionMode, Obstacles};
 use crate::request::{Budget, Planner, Progress, Request, Unlimited};
 
-/// The things that a request refers to.
+/// Owner of the data that a request refers to.
 pub struct World {
-    /// The way to go.
+    /// Route to follow.
     pub route: Route,
-    /// Motions of the others.
+    /// Predicted motions of other road users.
     pub predictions: Vec<Prediction>,
     /// Outline of the ego.
     pub shape: Shape,
@@ -23,7 +23,7 @@ pub struct World {
     pub limits: Limits,
     /// State of the ego.
     pub start: EgoState,
-    /// Speed to hold, m/s.
+    /// Target speed, m/s.
     pub target_speed_mps: f64,
 }
 
@@ -34,7 +34,7 @@ impl World {
         Self::on(&line, speed_mps)
     }
 
-    /// On a road through `points`, starting at its nearest place to the origin.
+    /// A road through `points`; the ego starts at its nearest place to the origin.
     pub fn on(points: &[Point2], speed_mps: f64) -> Self {
         let line = Polyline::new(points).expect("a test's points make a line");
         let pose = line.at(line.project(Point2::new(0.0, 0.0)).s_m).pose;
@@ -59,7 +59,8 @@ impl World {
         Self::on(&points, speed_mps)
     }
 
-    /// With the left border coming in to `left_m` from x = 25 to 45 m on the straight road, and going out again.
+    /// Narrows the left border to `left_m` on the straight road: it moves in from x = 15 to 25 m and out again from x =
+    /// 45 to 55 m.
     #[must_use]
     pub(crate) fn narrowing(mut self, left_m: f64) -> Self {
         let stations = [(45.0, 6.0), (55.0, left_m), (75.0, left_m), (85.0, 6.0)];
@@ -69,7 +70,7 @@ impl World {
         self
     }
 
-    /// With something of the given size that moves steadily from `from` at `velocity_mps`.
+    /// Adds a road user of the given size that moves steadily from `from` at `velocity_mps`.
     #[must_use]
     pub fn with(
         mut self,
@@ -95,7 +96,7 @@ impl World {
         self
     }
 
-    /// With a person of half a metre.
+    /// Adds a pedestrian of half a metre.
     #[must_use]
     pub fn with_person(self, from: (f64, f64), velocity_mps: (f64, f64)) -> Self {
         self.with(ActorKind::Pedestrian, (0.5, 0.5), from, velocity_mps)
@@ -127,7 +128,7 @@ impl World {
         }
     }
 
-    /// Smallest distance of the plan's outline to anything, metres.
+    /// Smallest distance of the plan's outline to any obstacle, metres.
     pub fn clearance_m(&self, plan: &Plan, mode: CollisionMode) -> f64 {
         let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
         Obstacles::new(&self.predictions, mode).path_clearance_m(
@@ -146,17 +147,17 @@ impl World {
     }
 }
 
-/// Says stop after a number of units.
+/// A budget that stops after a number of units.
 pub struct Capped {
     left: u64,
     /// Units spent so far.
     pub spent: u64,
-    /// Whether it was asked again after it had answered stop.
+    /// True if it was asked again after it had returned stop.
     pub asked_after_stop: bool,
 }
 
 impl Capped {
-    /// With this many units left.
+    /// Creates a budget of this many units.
     pub fn new(units: u64) -> Self {
         Self { left: units, spent: 0, asked_after_stop: false }
     }
@@ -171,12 +172,12 @@ impl Budget for Capped {
     }
 }
 
-/// Checks a planner as every planner is checked: in nine worlds, from an empty road to one that is blocked, form,
-/// determinism, counted work and early stops. `make` builds a fresh planner; with `drivable` found plans must also
-/// start at the state, stay free of collision and on the road, and keep the limits of the vehicle.
+/// Conformance suite of planners: checks form, determinism, counted work and early stops in nine worlds, from an empty
+/// road to a blocked one. `make` builds a fresh planner; with `drivable`, plans that were found must also start at the
+/// state, stay collision-free and on the road, and keep the limits of the vehicle.
 ///
 /// # Panics
-/// Where something does not hold.
+/// If a check fails.
 pub fn conformance<P: Planner>(make: &dyn Fn() -> P, drivable: bool) {
     for (name, world) in worlds() {
         let request = world.request();
@@ -203,24 +204,24 @@ pub fn conformance<P: Planner>(make: &dyn Fn() -> P, drivable: bool) {
 /// Checks that a planner yields with [`CollisionMode::MayStop`]; `make` builds one with the given mode.
 ///
 /// # Panics
-/// Where it does not.
+/// If it does not yield.
 pub fn yields_to_pedestrians<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
     conformance(&|| make(CollisionMode::MayStop), true);
     let plan = |world: &World, mode| make(mode).plan(&world.request(), &mut Unlimited::default());
-    // She will have crossed when the ego comes, unless she stops in its way.
+    // She will have crossed when the ego arrives, unless she stops in its path.
     let crossing = World::straight(12.0).with_person((29.0, 3.5), (0.0, -3.5));
     let trusting = plan(&crossing, CollisionMode::TimeIndexed);
     assert!(crossing.clearance_m(&trusting, CollisionMode::MayStop) == 0.0);
     let careful = plan(&crossing, CollisionMode::MayStop);
     assert!(crossing.clearance_m(&careful, CollisionMode::MayStop) > 0.25, "{careful:?}");
     assert!(careful.points.iter().all(|p| p.accel_mps2 > -0.75 * crossing.limits.brake_max_mps2 - 0.05));
-    // Who walks away from the lane, or along beside it, is no reason to slow.
+    // People who walk away from the lane, or along it, must not slow the ego.
     for (from, velocity_mps) in [((25.0, -2.5), (0.0, -1.5)), ((20.0, 5.0), (-1.5, 0.0))] {
         let away = World::straight(12.0).with_person(from, velocity_mps);
         let plan = plan(&away, CollisionMode::MayStop);
         assert!(plan.points.iter().all(|p| p.speed_mps > 11.4), "{from:?}");
     }
-    // No stop is left: she is taken as predicted, which leaves a gap.
+    // No stop is possible: she is taken as predicted, which leaves a gap.
     for speed_mps in [16.0, 20.0] {
         let sudden = World::person_stepping_out(speed_mps, 0.05);
         let plans = [CollisionMode::MayStop, CollisionMode::TimeIndexed].map(|mode| plan(&sudden, mode));
@@ -228,14 +229,15 @@ pub fn yields_to_pedestrians<P: Planner>(make: &dyn Fn(CollisionMode) -> P) {
     }
 }
 
-/// Checks that a planner keeps the ego's own lane before an oncoming car that strays into it; `make` builds a planner with a
-/// clearance above 0.07 m.
+/// Checks that a planner keeps the ego's own lane before an oncoming car that strays into it; `make` builds a planner
+/// with a clearance above 0.07 m.
 ///
-/// The ego drives 1 m to the right of the middle of its lane, 4 m wide. An oncoming car of 1.8 m drives 0.9 m to the left of
-/// it: the gap is 0.9 - 0.9 - (-1 + 0.93) = 0.07 m. To the left of the car the ground is free from 1.8 m to 6 m.
+/// The ego drives 1 m to the right of the centre of its lane, 4 m wide. An oncoming car of 1.8 m drives 0.9 m to the
+/// left of it: the gap is 0.9 - 0.9 - (-1 + 0.93) = 0.07 m. To the left of the car the ground is free from 1.8 m to 6
+/// m.
 ///
 /// # Panics
-/// Where the planner does not.
+/// If the planner leaves its lane.
 pub fn keeps_its_lane<P: Planner>(make: &dyn Fn() -> P) {
     let goes = |along_mps: f64, from_m: f64| {
         let mut world =
@@ -327,15 +329,16 @@ fn within_limits(name: &str, plan: &Plan, limits: &Limits) {
     }
 }
 
-/// Way of a vehicle that brakes to a stop from `speed_mps` with `brake_mps2` from `from_s` on, until `t_s`, metres.
+/// Distance travelled until `t_s` by a vehicle that brakes to a stop from `speed_mps` with `brake_mps2` from `from_s`
+/// on, metres.
 pub fn braking_m(speed_mps: f64, brake_mps2: f64, from_s: f64, t_s: f64) -> f64 {
     let braking_s = (t_s - from_s).clamp(0.0, speed_mps / brake_mps2);
     let moving_s = t_s.min(from_s + speed_mps / brake_mps2);
     speed_mps * moving_s - 0.5 * brake_mps2 * braking_s * braking_s
 }
 
-/// The least constant deceleration from `reaction_s` after the lead vehicle's on that leaves `rest_m` of the gap, m/s², in
-/// steps of 0.05; infinite above 20. Both drive `speed_mps` before.
+/// The minimum constant deceleration, starting `reaction_s` after the lead vehicle's, that leaves `rest_m` of the gap,
+/// m/s², in steps of 0.05; infinite above 20. Both drive at `speed_mps` before.
 pub fn least_braking_mps2(speed_mps: f64, brake_mps2: f64, gap_m: f64, reaction_s: f64, rest_m: f64) -> f64 {
     let keeps = |own_mps2: f64| {
         (0..4000).map(|k| 0.01 * f64::from(k)).all(|t_s| {

@@ -1,4 +1,4 @@
-//! Other road users along a line over time, and which of them are behind the ego.
+//! Other road users along a line over time, and the followers among them.
 
 use std::borrow::Cow;
 
@@ -10,50 +10,51 @@ use swerve_vehicle::Shape;
 use crate::fot::line::Line;
 use crate::request::{Budget, Planner, Request};
 
-/// Time between the instants at which a road user is projected onto the line, seconds.
+/// Time step at which a road user is projected onto the line, seconds.
 const KNOT_S: f64 = 0.5;
 
-/// Predictions of vehicles are continued until this long after the request's stamp, seconds.
+/// Predictions of vehicles are extended until this long after the request's stamp, seconds.
 pub(crate) const HORIZON_S: f64 = 9.0;
 
-/// Final motion of a prediction is measured over this time, seconds.
+/// Interval over which the final motion of a prediction is measured, seconds.
 const END_S: f64 = 0.5;
 
-/// Slower than this a vehicle stands, m/s.
+/// Below this speed a vehicle stands, m/s.
 pub(crate) const STANDS_MPS: f64 = 0.3;
 
-/// Only road users within this distance along the line are projected, metres.
+/// Largest distance along the line at which road users are projected, metres.
 const REACH_M: f64 = 200.0;
 
-/// Places of a point along the line that are further apart than this are on different stretches of it, metres.
+/// Places of a point along the line further apart than this are on different parts of it, metres.
 const APART_M: f64 = 15.0;
 
-/// Beyond the way that the ego drives within the horizon, places on other stretches are looked for so much further, metres.
+/// Additional search distance for places on other parts of the line, beyond the distance that the ego drives within the
+/// horizon, metres.
 const FURTHER_M: f64 = 30.0;
 
-/// A place on the line that leads back to the point by less than this is beside it, metres.
+/// Tolerance of the inverse projection for a place beside the line, metres.
 const LEADS_BACK_M: f64 = 0.5;
 
-/// The way of a vehicle that crosses is kept free for so long before and after it, seconds.
+/// Time before and after a crossing vehicle for which its path is kept free, seconds.
 const CROSS_S: f64 = 0.5;
 
-/// The largest angle between a motion along the road and the road, radians.
+/// Largest angle to the road of a motion along it, radians.
 const ALONG_RAD: f64 = 0.5;
 
-/// Sine of the angle to the road from which a pedestrian faces across it.
+/// Sine of the angle to the road above which a pedestrian faces across it.
 const ACROSS: f64 = 0.5;
 
 /// A road user behind the ego in its own lane.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Behind {
-    /// From its front to the ego's rear, metres.
+    /// Gap from its front to the ego's rear, metres.
     pub(crate) gap_m: f64,
-    /// Along the road, m/s.
+    /// Speed along the road, m/s.
     pub(crate) speed_mps: f64,
 }
 
-/// Stretches of the route ahead of an ego at `s_m` and `speed_mps` whose ground a road user touches now, by their arc
-/// lengths: a road that comes near itself has more than one. Not the one at `but_m`.
+/// Arc lengths of the places ahead of an ego at `s_m` and `speed_mps` that a road user touches now: a road that comes
+/// near itself has more than one. Excludes the place at `but_m`.
 fn stretches_ahead<'a>(
     one: &'a Prediction,
     route: &'a Route,
@@ -67,7 +68,7 @@ fn stretches_ahead<'a>(
         let is_beside = move |place: &FrenetPoint| {
             let on_ground = (-route.right_m(place.s_m) - radius_m..route.left_m(place.s_m) + radius_m)
                 .contains(&place.d_m);
-            // The ends of what is looked at are not beside.
+            // The ends of the searched range are not beside the line.
             on_ground && route.unproject(*place).distance(point) < LEADS_BACK_M
         };
         route.line().places_near(point, s_m + half_m, half_m).filter(is_beside)
@@ -82,7 +83,8 @@ fn stretches_ahead<'a>(
     })
 }
 
-/// A road user that follows the ego: behind it and in its strip of the road now, and on no other stretch ahead of it.
+/// The road user as a follower of the ego: behind it and in its strip of the road now, and at no other place ahead of
+/// it.
 fn behind(
     one: &Prediction,
     route: &Route,
@@ -102,8 +104,8 @@ fn behind(
     (gap_m > 0.0 && overlaps && !is_ahead()).then_some(Behind { gap_m, speed_mps })
 }
 
-/// The predictions without those of road users behind the ego in its own lane, which keep their distance themselves, and
-/// the one of those that would be first to reach an ego at `speed_mps`.
+/// Predictions without the road users behind the ego in its own lane, which keep their distance themselves, and the
+/// follower that would reach an ego at `speed_mps` first.
 pub(crate) fn without_followers<'a>(
     predictions: &'a [Prediction],
     (route, place, shape): (&Route, FrenetPoint, &Shape),
@@ -133,7 +135,7 @@ impl Planner for Ahead {
     }
 }
 
-/// Half sizes of a footprint turned by `turn_rad` against the line: along and across it, metres.
+/// Half sizes of a footprint rotated by `turn_rad` relative to the line: along and across it, metres.
 fn half_sizes(one: &Prediction, turn_rad: f64) -> (f64, f64) {
     let (sin, cos) = math::sin_cos(turn_rad);
     let (length_m, width_m) = (one.extent.length_m, one.extent.width_m);
@@ -143,7 +145,7 @@ fn half_sizes(one: &Prediction, turn_rad: f64) -> (f64, f64) {
 /// A road user along the line at one instant.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Knot {
-    /// Since the beginning of the plan, seconds.
+    /// Time since the start of the plan, seconds.
     pub(crate) t_s: f64,
     /// Rear and front along the line, metres.
     pub(crate) from_m: f64,
@@ -157,25 +159,26 @@ pub(crate) struct Knot {
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
-    /// Its prediction among those of the [`Traffic`].
+    /// Index of its prediction in the [`Traffic`].
     pub(crate) index: usize,
     /// True if it stopped or set off in the last seconds.
     pub(crate) changed_lately: bool,
-    /// Where along the route it is looked for, and how far around that, metres.
+    /// Arc length of the route around which it is searched, and search radius, metres.
     near_m: [f64; 2],
-    /// Sine of the angle from the line to its heading: 1 where it faces left across the road.
+    /// Sine of the angle from the line to its heading: 1 if it faces left across the road.
     pub(crate) faces: f64,
-    /// At increasing instants, evenly apart.
+    /// Knots at increasing, equidistant instants.
     pub(crate) knots: Vec<Knot>,
 }
 
 impl Mover {
-    /// Whether it is a vehicle.
+    /// Returns true for a vehicle.
     pub(crate) fn is_vehicle(&self) -> bool {
         is_vehicle(self.kind)
     }
 
-    /// True of a thing that leaves no room of `width_m` on the drivable ground: a barrier, a red light's stop line.
+    /// Returns true for an object that leaves no room of `width_m` on the drivable ground: a barrier, a red light's
+    /// stop line.
     pub(crate) fn closes(&self, route: &Route, width_m: f64) -> bool {
         let at = self.knots[0];
         let s_m = 0.5 * (at.from_m + at.to_m);
@@ -183,12 +186,12 @@ impl Mover {
         self.kind == ActorKind::Static && room_m < width_m
     }
 
-    /// The knot before `t_s`.
+    /// Index of the knot before `t_s`.
     fn index(&self, t_s: f64) -> usize {
         ((t_s / KNOT_S).max(0.0) as usize).min(self.knots.len() - 2)
     }
 
-    /// Where it is at `t_s`; its last motion goes on.
+    /// Place at `t_s`; its last motion is continued.
     pub(crate) fn at(&self, t_s: f64) -> Knot {
         let k = self.index(t_s);
         let (a, b) = (&self.knots[k], &self.knots[k + 1]);
@@ -203,11 +206,11 @@ impl Mover {
         }
     }
 
-    /// Speed of its rear along the line, m/s, and its deceleration where it goes forwards, m/s² (not negative).
+    /// Speed of its rear along the line, m/s, and its deceleration while moving forwards, m/s² (not negative).
     pub(crate) fn motion(&self, t_s: f64) -> (f64, f64) {
         let k = self.index(t_s);
         let speed_mps = |k: usize| (self.knots[k + 1].from_m - self.knots[k].from_m) / KNOT_S;
-        // Speeds of the neighbouring intervals are those of their middles.
+        // Interval speeds are those of the interval's middle.
         let (before, after) = if k + 2 < self.knots.len() { (k, k + 1) } else { (k.max(1) - 1, k) };
         let accel_mps2 = (speed_mps(after) - speed_mps(before)) / KNOT_S;
         let middle_s = self.knots[k].t_s + 0.5 * KNOT_S;
@@ -215,7 +218,7 @@ impl Mover {
         if now_mps <= 0.0 { (now_mps.min(0.0), 0.0) } else { (now_mps, (-accel_mps2).max(0.0)) }
     }
 
-    /// Whether it moves across the line rather than along it.
+    /// Returns true if it moves across the line rather than along it.
     pub(crate) fn crosses(&self, t_s: f64) -> bool {
         let k = self.index(t_s);
         let (a, b) = (&self.knots[k], &self.knots[k + 1]);
@@ -224,23 +227,23 @@ impl Mover {
         across_m > (2.0 * STANDS_MPS * KNOT_S).max(along_m)
     }
 
-    /// Whether it moves to the side now.
+    /// Returns true if it moves sideways now.
     pub(crate) fn comes_over(&self) -> bool {
         let (a, b) = (&self.knots[0], &self.knots[1]);
         0.5 * (b.left_m + b.right_m - a.left_m - a.right_m).abs() > STANDS_MPS * KNOT_S
     }
 
-    /// True of a pedestrian facing across the road.
+    /// Returns true for a pedestrian facing across the road.
     pub(crate) fn faces_across(&self) -> bool {
         self.kind == ActorKind::Pedestrian && self.faces.abs() > ACROSS
     }
 
-    /// True of a road user that stands, or is predicted to come to rest.
+    /// Returns true for a road user that stands, or is predicted to come to rest.
     pub(crate) fn comes_to_rest(&self) -> bool {
         self.motion(HORIZON_S).0.abs() < STANDS_MPS
     }
 
-    /// Whether it stands all the time.
+    /// Returns true if it stands at all times.
     pub(crate) fn stands(&self) -> bool {
         let (first, last) = (&self.knots[0], &self.knots[self.knots.len() - 1]);
         (last.from_m - first.from_m).abs() < STANDS_MPS * (last.t_s - first.t_s)
@@ -252,18 +255,19 @@ fn is_vehicle(kind: ActorKind) -> bool {
     !matches!(kind, ActorKind::Pedestrian | ActorKind::Static)
 }
 
-/// Everybody near the ego: as predicted and continued, and along the line.
+/// All road users near the ego: their predictions, extended, and their motion along the line.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub(crate) struct Traffic {
-    /// Predictions, those of vehicles continued until [`HORIZON_S`]; after them who crosses, [`CROSS_S`] sooner and later.
+    /// Predictions, those of vehicles extended until [`HORIZON_S`], followed by crossing vehicles [`CROSS_S`] earlier
+    /// and later.
     pub(crate) predictions: Vec<Prediction>,
-    /// Of each whether it drives along the line, in its direction.
+    /// For each prediction, true if it drives along the line in its direction.
     drives_along: Vec<bool>,
     pub(crate) movers: Vec<Mover>,
 }
 
 impl Traffic {
-    /// Around an ego at `s_m` of `line`.
+    /// Creates the traffic around an ego at `s_m` of `line`.
     pub(crate) fn new(request: &Request<'_>, line: &Line, s_m: f64) -> Self {
         let mut traffic = Self::default();
         let until = request.start.stamp + Span::from_secs(HORIZON_S);
@@ -286,7 +290,7 @@ impl Traffic {
 }
 
 impl Traffic {
-    /// In the place of a road user's prediction, another one for it.
+    /// Replaces a road user's prediction.
     pub(crate) fn replace(&mut self, k: usize, one: Prediction, request: &Request<'_>, line: &Line) {
         let Mover { index, near_m, .. } = self.movers[k];
         if let Some(mover) = mover(&one, request, line, (near_m, index)) {
@@ -295,7 +299,7 @@ impl Traffic {
         }
     }
 
-    /// Of `predictions`, from which this was made, those that do not drive along the line, in its direction.
+    /// Those of `predictions`, the input of this traffic, that do not drive along the line in its direction.
     pub(crate) fn without_leads(&self, predictions: &[Prediction]) -> Vec<Prediction> {
         predictions
             .iter()
@@ -306,8 +310,8 @@ impl Traffic {
     }
 }
 
-/// A vehicle's prediction continued until `until` with its final speed, or its final deceleration until it stands: along
-/// the road where it moves along the road, else straight on.
+/// A vehicle's prediction extended until `until` with its final speed, or with its final deceleration until it stands:
+/// along the road if it moves along the road, otherwise straight.
 fn continued(one: &Prediction, until: Time, route: &Route, s_m: f64) -> Prediction {
     let mut one = one.clone();
     let Some((end, speed_mps, accel_mps2)) = final_motion(&one).filter(|_| is_vehicle(one.kind)) else {
@@ -339,13 +343,13 @@ fn continued(one: &Prediction, until: Time, route: &Route, s_m: f64) -> Predicti
     one
 }
 
-/// A prediction that is late by `late_s`.
+/// A prediction delayed by `late_s`.
 fn later(one: &Prediction, late_s: f64) -> Prediction {
     let late = |p: &PredictedPose| PredictedPose { at: p.at + Span::from_secs(late_s), ..*p };
     Prediction { path: one.path.iter().map(late).collect(), ..one.clone() }
 }
 
-/// The last pose of a prediction, the speed there and the deceleration (negative, or zero), m/s and m/s².
+/// The last pose of a prediction, with its speed, m/s, and its acceleration (negative or zero), m/s².
 fn final_motion(one: &Prediction) -> Option<(PredictedPose, f64, f64)> {
     let end = *one.path.last()?;
     let before = |t_s: f64| one.path.iter().rev().find(|p| (end.at - p.at).as_secs() >= t_s - 1e-6);
@@ -355,13 +359,14 @@ fn final_motion(one: &Prediction) -> Option<(PredictedPose, f64, f64)> {
     };
     let (earlier_mps, later_mps) = (mean_mps(whole, half), mean_mps(half, &end));
     let accel_mps2 = ((later_mps - earlier_mps) / (0.5 * (end.at - whole.at).as_secs())).min(0.0);
-    // A straight line as computed does not brake.
+    // Rounding on a straight line must not appear as braking.
     let accel_mps2 = if accel_mps2 > -0.05 { 0.0 } else { accel_mps2 };
     let speed_mps = later_mps + 0.5 * accel_mps2 * (end.at - half.at).as_secs();
     Some((end, speed_mps.max(0.0), accel_mps2))
 }
 
-/// The road user along the line: at the nearest place, and on every other stretch ahead of the ego at `s_m` that it touches.
+/// The road user along the line: at its nearest place, and at every other place ahead of the ego at `s_m` that it
+/// touches.
 fn movers(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f64, usize)) -> Vec<Mover> {
     let Some(nearest) = mover(one, request, line, ([s_m, REACH_M], index)) else { return Vec::new() };
     let now = nearest.knots[0];
@@ -371,7 +376,7 @@ fn movers(one: &Prediction, request: &Request<'_>, line: &Line, (s_m, index): (f
     core::iter::once(nearest).chain(others).collect()
 }
 
-/// The road user along the line, looked for along the route as [`Mover::near_m`] has it; `None` where it is far away.
+/// The road user along the line, searched along the route as in [`Mover::near_m`]; `None` if it is far away.
 fn mover(
     one: &Prediction,
     request: &Request<'_>,
@@ -415,8 +420,8 @@ fn mover(
     Some(Mover { kind: one.kind, index, changed_lately, near_m, faces, knots })
 }
 
-/// The pose at `at`; `next` is the first place that is not before it. Before the first the first motion is continued: a pose
-/// held there for 5 ms would hide half of a deceleration of 1 m/s² at 25 m/s. Held after the last.
+/// Pose at `at`; `next` is the first place not before it. The first motion is extrapolated backwards: a pose held there
+/// for 5 ms would hide half of a deceleration of 1 m/s² at 25 m/s. The last pose is held.
 fn pose_at(path: &[PredictedPose], next: usize, at: Time) -> Pose2 {
     let next = if path.len() > 1 { next.max(1) } else { next };
     match (path.get(next.wrapping_sub(1)), path.get(next)) {
@@ -434,7 +439,7 @@ mod tests {
     use crate::testing::World;
 
     #[test]
-    fn thing_closes_the_road_where_neither_side_has_the_room() {
+    fn object_closes_the_road_if_neither_side_has_room() {
         let closes = |kind, width_m: f64, y_m: f64| {
             let mut world = World::straight(20.0).with(kind, (0.5, width_m), (60.0, y_m), (0.0, 0.0));
             let line = world.route.line().clone();
@@ -445,7 +450,8 @@ mod tests {
                 .unwrap()
                 .closes(&world.route, 2.0)
         };
-        // From 2 m on the right to 5 m on the left: 7 m. In their middle a thing leaves half of what its width leaves.
+        // From 2 m on the right to 5 m on the left: 7 m. An object in the middle leaves half of the remaining width on
+        // each side.
         assert!(closes(ActorKind::Static, 7.0, 1.5) && closes(ActorKind::Static, 3.1, 1.5));
         assert!(!closes(ActorKind::Static, 2.9, 1.5) && !closes(ActorKind::Static, 3.1, 1.0));
         assert!(!closes(ActorKind::Pedestrian, 7.0, 1.5));
@@ -472,10 +478,11 @@ mod tests {
         }
     }
 
-    /// A ring of 25 m radius, 157 m round, on which the ego is at 130 m. Who stands at 150 m, 20 m ahead of it, is 7 m behind
-    /// the ring's beginning as well, where the line goes on straight: behind by 137 m and ahead by 20 m, so he is ahead.
+    /// A ring of 25 m radius, 157 m round, with the ego at 130 m. A person at 150 m, 20 m ahead of it, is also 7 m
+    /// behind the ring's beginning, where the line is extended straight: behind by 137 m and ahead by 20 m, so the
+    /// person is ahead.
     #[test]
-    fn on_a_ring_who_stands_ahead_is_ahead_and_who_follows_follows() {
+    fn ring_road_separates_road_users_ahead_from_followers() {
         let on_ring = |s_m: f64, d_m: f64| {
             let (sin, cos) = math::sin_cos(s_m / 25.0);
             Point2::new((25.0 - d_m) * sin, 25.0 - (25.0 - d_m) * cos)

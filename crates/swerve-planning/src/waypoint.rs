@@ -1,12 +1,12 @@
-//! The route at a speed that people and vehicles ahead reduce, without a search.
+//! Waypoint planner: follows the route at a speed reduced for people and vehicles ahead, without a search.
 //!
-//! As Pylot's waypoint planner: everything predicted gives a stop factor by its distance and its angle off
-//! the route's direction; the target speed is multiplied by the least of them. Pylot's angles are in a
-//! left-handed frame; here they are positive to the left. Its lane filter needs a map and is left out.
+//! As in Pylot's waypoint planner, every prediction gives a stop factor by its distance and its angle off the route's
+//! direction; the target speed is multiplied by the smallest one. Pylot's angles are in a left-handed frame; here they
+//! are positive to the left. Its lane filter needs a map and is omitted.
 //!
-//! Pylot's factors for vehicles never reach zero, so it creeps on until it touches what stands in its way. Here it
-//! stops before whatever is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile
-//! that ends at zero there. A `standstill_gap_m` of zero leaves the factors alone.
+//! Pylot's factors for vehicles never reach zero, so it creeps until it touches the obstacle. This planner stops before
+//! every obstacle that is, or will be, in the ego's corridor along the route: Pylot's factors, and a speed profile that
+//! ends at zero there. A `standstill_gap_m` of zero leaves the factors alone.
 
 use std::f64::consts::PI;
 
@@ -23,39 +23,39 @@ use crate::path::route::{PATH_STEP_M, route_path};
 use crate::path::speed::{SpeedProfile, timed_points};
 use crate::request::{Budget, Planner, Progress, Request};
 
-/// Parameters. Source of all defaults that do not say otherwise: Pylot's flags.
+/// Parameters of the waypoint planner. Source of all defaults unless stated otherwise: Pylot's flags.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Persons within this slow the ego down, metres.
+    /// Distance within which persons slow the ego down, metres.
     pub person_distance_m: f64,
-    /// ... if they are within this angle of the route's direction, radians.
+    /// Largest angle to the route's direction at which persons slow the ego down, radians.
     pub person_angle_rad: f64,
-    /// Persons within this stop the ego, metres.
+    /// Distance within which persons stop the ego, metres.
     pub person_emergency_distance_m: f64,
-    /// ... if they are within this angle of the route's direction, radians.
+    /// Largest angle to the route's direction at which persons stop the ego, radians.
     pub person_emergency_angle_rad: f64,
-    /// Vehicles within this slow the ego down, metres.
+    /// Distance within which vehicles slow the ego down, metres.
     pub vehicle_distance_m: f64,
-    /// ... if they are within this angle to the right of the route's direction, radians. To the left the
-    /// angle is `0.5 / coast_factor` of it, as oncoming traffic is there.
+    /// Largest angle to the right of the route's direction at which vehicles slow the ego down, radians. To the left it
+    /// is multiplied by `0.5 / coast_factor`, because of oncoming traffic.
     pub vehicle_angle_rad: f64,
-    /// How much further away than their distances obstacles begin to count, and how much softer.
+    /// Factor by which distances are extended (at a narrower angle) and speed reductions softened.
     pub coast_factor: f64,
-    /// Number of predicted places that count, from the first on.
+    /// Number of predicted places that are used, from the first on.
     pub predicted_places: u32,
-    /// The route's direction is taken towards its point this far ahead, metres. Source: ours.
+    /// Distance ahead of the route point that defines the route's direction, metres. Source: ours.
     pub direction_ahead_m: f64,
-    /// Deceleration while slowing down, m/s²; stops brake fully. Source: ours.
+    /// Deceleration while slowing down, m/s²; stops use full brake. Source: ours.
     pub comfort_brake_mps2: f64,
     /// Length of the plan, seconds. Source: ours.
     pub horizon_s: f64,
-    /// Reductions below this share of the target speed are stops. Source: ours.
+    /// Speed reductions below this fraction of the target speed are stops. Source: ours.
     pub stop_below: f64,
-    /// Distance to stop before what is in the corridor, bumper to outline, metres; zero: the stop factors alone, as
-    /// Pylot. Source: ours.
+    /// Gap at standstill to an obstacle in the corridor, bumper to outline, metres; zero uses the stop factors alone,
+    /// as in Pylot. Source: ours.
     pub standstill_gap_m: f64,
-    /// Passing nearer than this is in the corridor, metres. Source: ours.
+    /// Margin of the corridor on either side of the ego, metres. Source: ours.
     pub corridor_margin_m: f64,
 }
 
@@ -102,7 +102,7 @@ impl Params {
         ])
     }
 
-    /// Share of the target speed that a person allows, at `distance_m` and `angle_rad` off the route.
+    /// Fraction of the target speed allowed by a person at `distance_m` and `angle_rad` off the route.
     pub fn person_factor(&self, distance_m: f64, angle_rad: f64) -> f64 {
         let angle = angle_rad.abs();
         if angle <= self.person_emergency_angle_rad && distance_m <= self.person_emergency_distance_m {
@@ -114,7 +114,7 @@ impl Params {
         1.0
     }
 
-    /// Share of the target speed that a vehicle allows, at `distance_m` and `angle_rad` off the route.
+    /// Fraction of the target speed allowed by a vehicle at `distance_m` and `angle_rad` off the route.
     pub fn vehicle_factor(&self, distance_m: f64, angle_rad: f64) -> f64 {
         let (reach_m, angle, coast) = (self.vehicle_distance_m, self.vehicle_angle_rad, self.coast_factor);
         let within = |far_m: f64, right: f64, left: f64| {
@@ -127,20 +127,20 @@ impl Params {
     }
 }
 
-/// The planner.
+/// The waypoint planner.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Waypoint {
     params: Params,
 }
 
 impl Waypoint {
-    /// With valid parameters.
+    /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params })
     }
 
-    /// The least factor over the places of one obstacle that count.
+    /// The smallest factor over the used places of one obstacle.
     fn factor(&self, request: &Request<'_>, direction_rad: f64, prediction: &Prediction) -> f64 {
         let p = &self.params;
         let ego = request.shape.center(request.start.pose);
@@ -155,9 +155,9 @@ impl Waypoint {
         })
     }
 
-    /// Way that the ego may go before one obstacle, metres: to the standstill gap before the first predicted place in
-    /// the ego's corridor, and on for as long as the obstacle, braking fully from then on, would go itself. `None`
-    /// where it is never in the corridor ahead of the ego.
+    /// Distance that the ego may drive before one obstacle, metres: to the standstill gap before the first predicted
+    /// place in the ego's corridor, plus the obstacle's own full-brake distance from there. `None` if it is never in
+    /// the corridor ahead of the ego.
     fn way_before_m(&self, request: &Request<'_>, prediction: &Prediction) -> Option<f64> {
         let shape = request.shape;
         let half_m = 0.5 * shape.width_m + self.params.corridor_margin_m;
@@ -178,7 +178,7 @@ impl Waypoint {
         Some((at.from_m - front_m - self.params.standstill_gap_m + rolls_m).max(0.0))
     }
 
-    /// Along the route at `speed_mps` and to a stop after `way_m`: braking gently where that suffices.
+    /// Plan along the route at `speed_mps` with a stop after `way_m`: gentle braking if that suffices.
     fn stopping(&self, request: &Request<'_>, path: &[PathPoint], speed_mps: f64, way_m: f64) -> Plan {
         let start_mps = request.start.speed_mps.max(0.0);
         let needed_mps2 = start_mps * start_mps / (2.0 * way_m.max(1e-6));
@@ -198,10 +198,10 @@ impl Waypoint {
     }
 }
 
-/// Obstacles are searched for along the route as far as the ego goes in this time, seconds.
+/// Look-ahead time of the obstacle search along the route, seconds.
 const LOOK_AHEAD_S: f64 = 8.0;
 
-/// Ground that an obstacle covers along and beside the route.
+/// Extent of an obstacle along and beside the route, metres.
 struct Extents {
     from_m: f64,
     to_m: f64,
@@ -210,7 +210,7 @@ struct Extents {
 }
 
 impl Extents {
-    /// Of the place `k` of a prediction; `None` beyond its last.
+    /// Extent at place `k` of a prediction; `None` beyond its last.
     fn new(request: &Request<'_>, prediction: &Prediction, k: usize) -> Option<Self> {
         let pose = prediction.path.get(k)?.pose;
         let line = request.route.line();
@@ -271,7 +271,7 @@ mod tests {
     use crate::request::Unlimited;
     use crate::testing::{World, conformance};
 
-    /// Without the stop before what is in the way.
+    /// Parameters without the stop before obstacles.
     fn factors_alone() -> Params {
         Params { standstill_gap_m: 0.0, ..Params::default() }
     }
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_are_the_originals() {
+    fn factors_match_the_originals() {
         let p = Params::default();
         assert_eq!(p.person_factor(30.0, 0.1), 30.0 / 61.25);
         assert_eq!(p.person_factor(30.0, 0.2), 1.0);
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn slows_for_what_is_ahead_only() {
+    fn waypoint_slows_only_for_obstacles_ahead() {
         assert_eq!(last_speed(&World::straight(10.0)), 10.0);
         let ahead = World::straight(10.0).with_person((30.0, 0.0), (0.0, 0.0));
         assert!((last_speed(&ahead) - 10.0 * (30.0 - 1.425) / 61.25).abs() < 1e-6);
@@ -314,7 +314,7 @@ mod tests {
         planner.plan(&world.request(), &mut Unlimited::default())
     }
 
-    /// Where the front bumper stops, metres ahead of where it is.
+    /// Stopping position of the front bumper, metres ahead of its current position.
     fn stop_m(world: &World) -> f64 {
         let plan = planned(world);
         let last = plan.points[plan.points.len() - 1];
@@ -328,14 +328,14 @@ mod tests {
     }
 
     #[test]
-    fn it_stops_its_gap_before_what_stands() {
-        // Bumper to tail: 40 - 2.25 less the front overhang and wheelbase; 4 m of that are kept.
+    fn waypoint_stops_at_its_gap_before_standing_obstacles() {
+        // Bumper to tail: 40 - 2.25 minus the front overhang and wheelbase; 4 m of that are kept.
         let shape = Shape::default();
         let front_m = shape.length_m - shape.rear_overhang_m;
         let car = (ActorKind::Car, (4.5, 1.9));
         let ahead = World::straight(10.0).with(car.0, car.1, (40.0, 0.0), (0.0, 0.0));
         assert!((stop_m(&ahead) - (40.0 - 2.25 - front_m - 4.0)).abs() < 1e-6);
-        // The corridor is half the ego's width and 0.3 m: just inside, and just beside of it.
+        // The corridor is half the ego's width plus 0.3 m: just inside, and just outside.
         let edge_m = 0.5 * shape.width_m + 0.3 + 0.5 * 1.9;
         let inside = World::straight(10.0).with(car.0, car.1, (40.0, -edge_m + 0.01), (0.0, 0.0));
         assert!((stop_m(&inside) - stop_m(&ahead)).abs() < 1e-6);
@@ -346,22 +346,22 @@ mod tests {
     }
 
     #[test]
-    fn it_brakes_as_hard_as_it_must() {
+    fn waypoint_brakes_as_hard_as_necessary() {
         let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
-        // 10 m/s within 10 m: 5 m/s², more than comfort and less than all.
+        // 10 m/s within 10 m: 5 m/s², between comfort and full brake.
         let ahead = World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 16.0, 0.0), (0.0, 0.0));
         assert!((stop_m(&ahead) - 10.0).abs() < 1e-6);
         let plan = planned(&ahead);
         let hardest = plan.points.iter().map(|p| p.accel_mps2).fold(0.0, f64::min);
         assert!((hardest + 5.0).abs() < 1e-6, "{hardest}");
-        // Within 5 m it cannot: full brake, v² / 2b.
+        // Within 5 m that is impossible: full brake, v² / 2b.
         let near = World::straight(10.0).with(ActorKind::Car, (4.0, 1.9), (front_m + 11.0, 0.0), (0.0, 0.0));
         let b = near.limits.brake_max_mps2;
         assert!((stop_m(&near) - 100.0 / (2.0 * b)).abs() < 1e-6);
     }
 
     #[test]
-    fn it_gives_who_drives_ahead_their_braking_way() {
+    fn waypoint_accounts_for_the_braking_distance_of_a_lead() {
         let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
         let lead = |v: f64| {
             let world =

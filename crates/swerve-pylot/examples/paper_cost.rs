@@ -1,5 +1,5 @@
-//! Fits the run time per unit of work of the paper presets: the 99th percentile over the `avoid*` problems of a
-//! problem file becomes the paper's (Pylot, Table I). `configs/paper.toml` holds what this printed.
+//! Fits the run time per unit of work of the paper presets: the 99th percentile over the `avoid*` problems of a problem
+//! file is matched to the paper's (Pylot, Table I). `configs/paper.toml` contains the printed values.
 //!
 //! `cargo run --release -p swerve-pylot --example paper_cost -- FILE`
 
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let hybrid_work = |config: &str| -> Option<Vec<u64>> {
         let config = file.configs.hybrid_astar.get(config)?;
         let posed = file.problems.hybrid_astar.iter().filter(|p| p.group.starts_with("avoid"));
-        // The paper's town heads to pi.
+        // The heading of the paper's town is pi.
         let mut solver = hybrid_astar::Solver::default();
         solver.heading_of_road_rad = PI;
         let work = |p: &HybridAstarProblem| {

@@ -1,4 +1,4 @@
-//! The obstacles as the originals see them: boxes along the axes, grown, at all predicted places.
+//! Obstacles of the original planners: axis-aligned boxes, grown, at all predicted places.
 
 use swerve_geom::{Obb, Point2};
 use swerve_msg::{ActorKind, Extent, Prediction};
@@ -7,49 +7,49 @@ use swerve_planning::{CollisionMode, Request, Solid};
 
 use crate::posed::AxisBox;
 
-/// FOT looks at a box only where one of its corners is this near to the car, metres. Source: `FrenetPath.cpp:89-140`.
+/// Distance of a box's corner to the car below which FOT checks the box, metres. Source: `FrenetPath.cpp:89-140`.
 const CORNER_NEAR_M: f64 = 6.0;
 
 /// One place of an obstacle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Place {
     bounds: AxisBox,
-    /// When it is there, seconds after the plan begins; always where everything counts at once.
+    /// Time interval of the place, seconds after the plan begins; unbounded if all places count at once.
     during_s: [f64; 2],
 }
 
-/// What is in range, and how it is taken.
+/// Selection and treatment of obstacles in range.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Sight {
-    /// Whether all predicted places count at once.
+    /// Treatment of predicted motion: at once, or indexed by time.
     pub(crate) collision: CollisionMode,
-    /// From the planned point, metres.
+    /// Range from the planned point, metres.
     pub(crate) range_m: f64,
-    /// Whether each place has to be in range itself.
+    /// True if each place has to be in range itself.
     pub(crate) per_place: bool,
-    /// Half the side of a pedestrian's box, where all places count at once and it is not the predicted one, metres.
+    /// Half the side of a pedestrian's box, replacing the predicted size if all places count at once, metres.
     pub(crate) person_half_m: Option<f64>,
 }
 
-/// Boxes along the axes.
+/// Axis-aligned boxes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Boxes {
     places: Vec<Place>,
-    /// Whether all to the left of a box is solid.
+    /// True if everything to the left of a box is solid.
     pub(crate) solid_left: bool,
 }
 
 const ALWAYS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Boxes {
-    /// Replaces the content by boxes that stand, grown by `by_m`.
+    /// Replaces the content by static boxes, grown by `by_m`.
     pub(crate) fn set_standing<'a>(&mut self, boxes: impl IntoIterator<Item = &'a AxisBox>, by_m: f64) {
         self.places.clear();
         let place = |b: &AxisBox| Place { bounds: grown(*b, by_m), during_s: ALWAYS };
         self.places.extend(boxes.into_iter().map(place));
     }
 
-    /// Replaces the content by what is predicted and in range of `from`, grown by `by_m`.
+    /// Replaces the content by the predictions in range of `from`, grown by `by_m`.
     pub(crate) fn set_predicted(&mut self, request: &Request<'_>, from: Point2, sight: Sight, by_m: f64) {
         self.places.clear();
         let near = |point: Point2| point.distance(from) <= sight.range_m;
@@ -63,7 +63,7 @@ impl Boxes {
                 }
                 _ => prediction.extent,
             };
-            // The original's predictions begin a step ahead: where somebody is now is none of them.
+            // The original's predictions begin one step ahead, without the current place.
             let present = usize::from(swept && prediction.path.len() > 1);
             for (k, place) in prediction.path.iter().enumerate().skip(present) {
                 let point = place.pose.point();
@@ -80,12 +80,12 @@ impl Boxes {
         }
     }
 
-    /// Whether nothing is in range.
+    /// Returns true if nothing is in range.
     pub(crate) fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// The boxes as rectangles, with what they were grown by taken off.
+    /// The boxes as rectangles, without their growth.
     pub(crate) fn rectangles(&self, grown_m: f64) -> impl Iterator<Item = Obb> {
         let bare = move |place: &Place| {
             let [x_min, y_min, x_max, y_max] = grown(place.bounds, -grown_m);
@@ -94,7 +94,7 @@ impl Boxes {
         self.places.iter().map(bare)
     }
 
-    /// The area that the boxes cover, each by itself, m².
+    /// Sum of the areas of the boxes, m².
     pub(crate) fn area_m2(&self) -> f64 {
         self.places.iter().map(|p| (p.bounds[2] - p.bounds[0]) * (p.bounds[3] - p.bounds[1])).sum()
     }
@@ -104,16 +104,16 @@ impl Boxes {
         self.places.iter().filter(there).map(|p| &p.bounds)
     }
 
-    /// Whether the straight way between two points is free; of its ends only the first is looked at for lying to the
+    /// Returns true if the straight line between two points is free; only its first end is checked for lying to the
     /// left of a box.
     pub(crate) fn way_free(&self, from: Point2, to: Point2, at_s: f64) -> bool {
         !self.at(at_s).any(|b| (self.solid_left && is_left(b, from)) || touches(b, from, to))
     }
 
-    /// Whether the outline, which has these bounds, is free, inside and out.
+    /// Returns true if the outline, with these bounds, is free, inside and out.
     pub(crate) fn outline_free(&self, corners: &[Point2; 4], own: AxisBox, at_s: f64) -> bool {
         !self.at(at_s).any(|b| {
-            // Behind, before or right of a box no corner is to its left and no edge touches it.
+            // For a car behind, ahead or right of a box, no corner is to its left and no edge touches it.
             if own[2] < b[0] || own[0] > b[2] || own[3] < b[1] {
                 return false;
             }
@@ -123,7 +123,7 @@ impl Boxes {
         })
     }
 
-    /// Whether the border of the outline crosses no border: what lies wholly inside of the other passes.
+    /// Returns true if the border of the outline crosses no border: a shape wholly inside another one passes.
     pub(crate) fn border_free(&self, car: &Solid, at_s: f64) -> bool {
         let corners = car.corners();
         let own = bounds(&corners);
@@ -137,7 +137,7 @@ impl Boxes {
     }
 }
 
-/// When the obstacle is at its place number `k`: until half way to the next.
+/// Time interval of place `k` of an obstacle: until half way to the next.
 fn during(prediction: &Prediction, k: usize, request: &Request<'_>) -> [f64; 2] {
     let after_s = |k: usize| (prediction.path[k].at - request.start.stamp).as_secs();
     let middle = |a: usize, b: usize| 0.5 * (after_s(a) + after_s(b));
@@ -154,7 +154,7 @@ fn around(obb: &Obb) -> AxisBox {
     bounds(&obb.corners())
 }
 
-/// The least box that holds the corners.
+/// The smallest box around the corners.
 pub(crate) fn bounds(corners: &[Point2; 4]) -> AxisBox {
     let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     corners.iter().fold(none, |b, c| [b[0].min(c.x_m), b[1].min(c.y_m), b[2].max(c.x_m), b[3].max(c.y_m)])
@@ -164,7 +164,7 @@ fn box_corners(b: &AxisBox) -> [Point2; 4] {
     [(b[0], b[1]), (b[2], b[1]), (b[2], b[3]), (b[0], b[3])].map(|(x, y)| Point2::new(x, y))
 }
 
-/// The original's test for a point in a box, as it comes out in Town01.
+/// The original's test for a point in a box, with its effect in Town01.
 fn is_left(b: &AxisBox, p: Point2) -> bool {
     b[0] < p.x_m && p.x_m < b[2] && p.y_m > b[1]
 }
@@ -183,14 +183,14 @@ fn is_near(b: &AxisBox, car: &Solid) -> bool {
     box_corners(b).into_iter().any(|c| c.distance(Point2::new(car.x_m, car.y_m)) <= CORNER_NEAR_M)
 }
 
-/// Whether the straight way meets the box or its border.
+/// Returns true if the straight line touches the box or its border.
 fn touches(b: &AxisBox, from: Point2, to: Point2) -> bool {
     let x = within(from.x_m, to.x_m - from.x_m, b[0], b[2]);
     let y = within(from.y_m, to.y_m - from.y_m, b[1], b[3]);
     x.0.max(y.0).max(0.0) <= x.1.min(y.1).min(1.0)
 }
 
-/// The range of `u` for which `from + u * by` lies between `low` and `high`; empty ranges run backwards.
+/// The range of `u` for which `from + u * by` is between `low` and `high`; an empty range is reversed.
 fn within(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
     if by == 0.0 {
         return if low <= from && from <= high { ALWAYS.into() } else { (1.0, 0.0) };
@@ -212,18 +212,18 @@ mod tests {
     }
 
     #[test]
-    fn the_left_of_a_box_is_solid_where_the_typo_counts() {
+    fn left_of_a_box_is_solid_with_the_typo() {
         let way = |solid_left, y_m: f64| {
             let boxes = boxes(&[[10.0, -1.0, 11.0, 1.0]], 0.5, solid_left);
             boxes.way_free(Point2::new(10.2, y_m), Point2::new(12.5, y_m), 0.0)
         };
-        // Left of the box, in it, right of it.
+        // Left of the box, inside it, right of it.
         assert_eq!([5.0, 0.0, -3.0].map(|y_m| way(true, y_m)), [false, false, true]);
         assert_eq!([5.0, 0.0, -3.0].map(|y_m| way(false, y_m)), [true, false, true]);
     }
 
     #[test]
-    fn a_box_inside_of_the_car_passes_where_borders_alone_count() {
+    fn box_inside_the_car_passes_if_only_borders_count() {
         let small = boxes(&[[-0.2, -0.2, 0.2, 0.2]], 0.0, false);
         let car = |x_m| Solid { x_m, y_m: 0.0, cos: 1.0, sin: 0.0, half_length_m: 2.4, half_width_m: 0.9 };
         assert!(small.border_free(&car(0.0), 0.0));
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_person_is_as_wide_as_the_rule_says() {
+    fn person_has_the_width_of_the_rule() {
         let world = World::straight(10.0).with_person((20.0, 4.0), (0.0, 0.0));
         let width_m = |person_half_m| {
             let mut boxes = Boxes::default();
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn places_count_all_at_once_or_each_in_its_time() {
+    fn predicted_places_count_at_once_or_by_time() {
         let world = World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0));
         let predicted = |collision, per_place, range_m| {
             let mut boxes = Boxes::default();
@@ -267,7 +267,7 @@ mod tests {
         assert!([4.0, 2.0, -2.0].iter().all(|&y_m| !across(&swept, y_m, 0.0)));
         let timed = predicted(CollisionMode::TimeIndexed, true, 30.0);
         assert!(!across(&timed, 4.0, 0.0) && across(&timed, 2.0, 0.0) && !across(&timed, 2.0, 1.0));
-        // In range only as long as she is straight ahead.
+        // In range only while she is straight ahead.
         let near = predicted(CollisionMode::SweptStatic, true, 20.05);
         assert!(across(&near, 4.0, 0.0) && !across(&near, 0.0, 0.0));
         assert!(!across(&predicted(CollisionMode::SweptStatic, false, 20.05), 4.0, 0.0));

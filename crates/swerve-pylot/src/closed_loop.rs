@@ -1,5 +1,5 @@
-//! The closed loop around the originals' searches: what is planned for, the route where nothing is in range, and what is
-//! driven where nothing is found.
+//! The closed loop around the originals' searches: the planned point, the route if nothing is in range, and the
+//! fallback if no path is found.
 
 use swerve_core::Span;
 use swerve_geom::{Point2, Pose2};
@@ -13,23 +13,23 @@ use crate::boxes::{Boxes, Sight};
 use crate::posed::AxisBox;
 use crate::{Fallback, Rules};
 
-/// Waypoints of the route that planners are given, a metre apart. Source: `pylot` be7bf9c, `planning/flags.py`.
+/// Number of route waypoints given to planners, a metre apart. Source: `pylot` be7bf9c, `planning/flags.py`.
 pub(crate) const ROUTE_POINTS: usize = 30;
 
-/// Plans are timed no slower than this, so that their instants increase, m/s.
+/// Lower bound on the speed used to time plans, so that their instants increase, m/s.
 const TIMED_MPS: f64 = 1.0;
 
-/// One search for a way from pose to pose.
+/// One search for a path between two poses.
 pub(crate) struct Task<'a> {
-    /// What is in the way.
+    /// Obstacles.
     pub(crate) boxes: &'a Boxes,
-    /// From here.
+    /// Start pose.
     pub(crate) start: Pose2,
-    /// To there.
+    /// Goal pose.
     pub(crate) goal: Pose2,
-    /// Start and goal with the lane's width around them.
+    /// Bounds of start and goal, enlarged by the lane's width.
     pub(crate) bounds: AxisBox,
-    /// Speed at which it is driven, m/s.
+    /// Driving speed, m/s.
     pub(crate) speed_mps: f64,
     /// Seed of the random numbers.
     pub(crate) seed: u64,
@@ -37,11 +37,11 @@ pub(crate) struct Task<'a> {
 
 /// The search of one planner.
 pub(crate) trait PathSearch {
-    /// Leaves the poses of a path in `path`; whether there is one.
+    /// Writes the poses of a path to `path`; returns true if there is one.
     fn search(&mut self, task: &Task<'_>, budget: &mut dyn Budget, path: &mut Vec<Pose2>) -> bool;
 }
 
-/// Settings that RRT* and Hybrid A* share.
+/// Parameters shared by RRT* and Hybrid A*.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Settings {
     pub(crate) rules: Rules,
@@ -51,7 +51,8 @@ pub(crate) struct Settings {
     pub(crate) lane_width_m: f64,
 }
 
-/// Plans anew with every frame, with memory kept between calls; no call depends on an earlier one but by its plan.
+/// Replans on every frame, with storage that is reused between calls; a call depends on earlier ones only through the
+/// previous plan.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Replanner {
     boxes: Boxes,
@@ -93,22 +94,22 @@ impl Replanner {
     }
 }
 
-/// From the ego origin forward to the point that is planned for, metres.
+/// Distance from the ego origin forward to the planned point, metres.
 pub(crate) fn planned_ahead_m(request: &Request<'_>, rules: &Rules) -> f64 {
     if rules.middle_of_car { request.shape.center_ahead_m() } else { 0.0 }
 }
 
-/// The route's waypoint that counts as the first for somebody beside this arc length, metres.
+/// Arc length of the route's first waypoint for a point at this arc length, metres.
 pub(crate) fn first_m(s_m: f64, rules: &Rules) -> f64 {
     if rules.whole_metres { s_m.round() } else { s_m }
 }
 
-/// The pose that is planned from.
+/// Pose from which planning starts.
 pub(crate) fn planned(request: &Request<'_>, rules: &Rules) -> Pose2 {
     request.start.pose.ahead(planned_ahead_m(request, rules))
 }
 
-/// What is driven when nothing is found.
+/// Fallback plan if no path is found.
 pub(crate) fn nothing_found(request: &Request<'_>, rules: &Rules) -> Plan {
     match rules.fallback {
         Fallback::FollowRoute => along_route(request, rules, request.target_speed_mps, PlanStatus::GaveUp),
@@ -142,7 +143,7 @@ fn through(request: &Request<'_>, rules: &Rules, path: &[Pose2], as_what: (f64, 
     timed(request, &poses, as_what)
 }
 
-/// A plan over poses of the ego origin. Its instants say when a car that keeps its speed is there.
+/// A plan over poses of the ego origin. Its instants are those of a car that keeps its current speed.
 fn timed(request: &Request<'_>, poses: &[Pose2], (speed_mps, status): (f64, PlanStatus)) -> Plan {
     let driven_mps = request.start.speed_mps.max(TIMED_MPS);
     let mut at = request.start.stamp;
@@ -158,7 +159,7 @@ fn timed(request: &Request<'_>, poses: &[Pose2], (speed_mps, status): (f64, Plan
     Plan { stamp: request.stamp, status, points, work: 0 }
 }
 
-/// Poses along the straight lines between points; the last heads as the line before it.
+/// Poses along the straight lines between points; the last has the heading of the line before it.
 pub(crate) fn headed(points: &[Point2], start: Pose2, path: &mut Vec<Pose2>) {
     path.clear();
     let mut heading_rad = start.heading_rad;
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_found_the_rule_says_what_is_driven() {
+    fn fallback_rule_selects_the_plan_if_no_path_is_found() {
         let mut world = World::straight(10.0);
         let request = world.request();
         let speeds = |plan: &Plan| plan.points.iter().map(|p| p.speed_mps).fold(0.0, f64::max);
@@ -193,7 +194,7 @@ mod tests {
         let regardless = nothing_found(&request, &rules(Fallback::FollowRoute));
         assert_eq!((regardless.status, speeds(&regardless)), (PlanStatus::GaveUp, 10.0));
         assert_eq!(nothing_found(&request, &rules(Fallback::StopOnLastPlan)).status, PlanStatus::Stop);
-        // The last plan led to the left: its rest, at speed zero.
+        // The last plan led to the left: the rest of it, at speed zero.
         let aside: Vec<Pose2> = (0..20).map(|k| Pose2::new(f64::from(k), 1.5, 0.0)).collect();
         let last = timed(&request, &aside, (10.0, PlanStatus::Found));
         world.start.pose = Pose2::new(5.2, 1.4, 0.0);
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn the_plan_is_of_the_ego_origin_whatever_point_is_planned_for() {
+    fn plan_is_of_the_ego_origin_for_any_planned_point() {
         let world = World::straight(10.0);
         for middle_of_car in [true, false] {
             let first = |whole_metres| {

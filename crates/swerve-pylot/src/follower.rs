@@ -1,4 +1,4 @@
-//! The originals' follower: a law for the speed, and steering by the angle to one point of the plan.
+//! The originals' follower: a speed law, and steering by the angle to one point of the plan.
 
 use swerve_control::lateral::{WaypointParams, waypoint_angle};
 use swerve_control::pid::{Params, Pid};
@@ -10,29 +10,29 @@ use swerve_vehicle::{Limits, Shape};
 
 use crate::{Rules, SpeedLaw, Waypoint};
 
-/// The point steered at is at least this far away where distance counts, metres. Source: `pylot` be7bf9c,
+/// Smallest distance of the target point under [`Waypoint::Distance`], metres. Source: `pylot` be7bf9c,
 /// `control/flags.py`.
 const AWAY_M: f64 = 5.0;
 
-/// A first point nearer than this is passed where the number counts, metres. Source: `pylot` c0454eb,
+/// Distance within which the first point counts as passed under [`Waypoint::Number`], metres. Source: `pylot` c0454eb,
 /// `planning/utils.py:26-70`.
 const PASSED_M: f64 = 0.9;
 
-/// Speed per pair of points that the number looks ahead, m/s.
+/// Speed per pair of points of look-ahead under [`Waypoint::Number`], m/s.
 const SPEED_PER_PAIR_MPS: f64 = 3.0;
 
-/// Too fast in m/s times this is `u`. Source: `pylot` c0454eb, `control/flags.py`.
+/// Gain from excess speed in m/s to `u`. Source: `pylot` c0454eb, `control/flags.py`.
 const PER_MPS: f64 = 0.25;
 
-/// The integral's share of `u` per second and m/s: of the present step alone. Source: as above, and `pid_controller` 0.2.
+/// Integral gain of `u` per second and m/s, over the current step only. Source: as above, and `pid_controller` 0.2.
 const PER_METRE: f64 = 0.20;
 
-/// Follows plans point by point; their instants do not count.
+/// Follows plans point by point; their instants are ignored.
 #[derive(Clone, Debug)]
 pub struct Follower {
     waypoint: Waypoint,
     params: WaypointParams,
-    /// From the ego origin forward to the point that is steered, metres.
+    /// Distance from the ego origin forward to the steered point, metres.
     ahead_m: f64,
     steering_max_rad: f64,
     speed: SpeedLaw,
@@ -42,7 +42,7 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// For a vehicle of this shape and these limits.
+    /// Creates a follower for a vehicle of this shape and these limits.
     pub fn new(rules: &Rules, shape: &Shape, limits: &Limits) -> Self {
         Self {
             waypoint: rules.waypoint,
@@ -56,7 +56,7 @@ impl Follower {
         }
     }
 
-    /// One step: no pedal and no steering before the first plan.
+    /// Runs one step: no pedal and no steering before the first plan.
     pub fn step(&mut self, now: Time, ego: &EgoState, plan: Option<&Plan>) -> Output {
         let dt_s = self.before.map_or(0.0, |before| (now - before).as_secs().max(0.0));
         self.before = Some(now);
@@ -80,7 +80,7 @@ impl Follower {
         Output { command, speed_mps, status: Status::Plan, ..none }
     }
 
-    /// The pedals of a car that is too fast by this.
+    /// Pedals for a car that is too fast by `too_fast_mps`.
     fn proportional(&self, too_fast_mps: f64, dt_s: f64) -> Pedals {
         let u = (PER_MPS + PER_METRE * dt_s) * too_fast_mps;
         Pedals {
@@ -89,7 +89,7 @@ impl Follower {
         }
     }
 
-    /// The point to steer at, and the speed to go for.
+    /// Target point of the steering, and target speed.
     fn choose(&self, plan: &Plan, from: Point2, speed_mps: f64) -> (Point2, f64) {
         let points = &plan.points;
         let place = |p: &PlanPoint| p.pose.ahead(self.ahead_m).point();
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
     use crate::{Era, Original};
 
-    /// Points half a metre apart that bend to the left more and more.
+    /// Points half a metre apart on a curve that bends increasingly to the left.
     fn plan() -> Plan {
         let point = |k: i32| {
             let x_m = 0.5 * f64::from(k);
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_looks_further_ahead_the_faster_the_car_is() {
+    fn waypoint_number_grows_with_speed() {
         let chosen = |speed_mps| follower(|_| ()).choose(&plan(), Point2::new(0.0, 0.0), speed_mps).0.x_m;
         // One point is passed; then 10, 12, 12 and 14 more.
         assert_eq!([16.0, 18.0, 20.0, 22.0].map(chosen), [5.5, 6.5, 6.5, 7.5]);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn the_gain_and_the_steered_point_count() {
+    fn steering_depends_on_the_gain_and_the_steered_point() {
         let ego = EgoState { speed_mps: 16.0, ..EgoState::default() };
         let steer =
             |follower: &mut Follower| follower.step(Time::ZERO, &ego, Some(&plan())).command.steering_rad;
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_plan_nothing_is_worked_and_speed_zero_is_a_full_brake() {
+    fn follower_releases_all_without_a_plan_and_brakes_fully_for_speed_zero() {
         let ego = EgoState { speed_mps: 16.0, ..EgoState::default() };
         let command = follower(|_| ()).step(Time::ZERO, &ego, None).command;
         assert_eq!((command.steering_rad, command.throttle, command.brake), (0.0, 0.0, 0.0));
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_proportional_law_fades_and_the_pid_does_not() {
+    fn proportional_law_fades_and_pid_does_not() {
         let pedals = |speed, speed_mps: f64, target_mps: f64| {
             let mut plan = plan();
             plan.points.iter_mut().for_each(|p| p.speed_mps = target_mps);
@@ -184,7 +184,7 @@ mod tests {
         };
         assert_eq!(pedals(SpeedLaw::Proportional, 16.0, 16.0), (0.5, 0.0));
         assert_eq!(pedals(SpeedLaw::Proportional, 12.0, 16.0), (0.75, 0.0));
-        // `u` is 0.25 times 8; at 2 m/s it is 0.5, and nothing brakes.
+        // `u` is 0.25 times 8; at 2 m/s it is 0.5, which does not brake.
         let (throttle, brake) = pedals(SpeedLaw::Proportional, 8.0, 0.0);
         assert!(throttle == 0.0 && (brake - 0.7).abs() < 1e-12);
         assert_eq!(pedals(SpeedLaw::Proportional, 2.0, 0.0), (0.0, 0.0));

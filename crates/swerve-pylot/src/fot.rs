@@ -1,5 +1,5 @@
 //! Frenet optimal trajectories as in the original: every candidate is built, the start has speed and heading only, and
-//! neither the road nor the car's limits are looked at.
+//! neither the road nor the car's limits are checked.
 
 use swerve_core::Span;
 use swerve_core::param::ParamError;
@@ -19,12 +19,12 @@ use crate::boxes::{Boxes, Sight};
 use crate::closed_loop::{ROUTE_POINTS, first_m, nothing_found, planned, planned_ahead_m};
 use crate::{Original, Rules};
 
-/// Largest time between two points of a plan that has not the samples for points, seconds.
+/// Largest time step of a plan whose points are not the samples, seconds.
 const POINT_STEP_S: f64 = 0.1;
 
-/// The planner, with the storage it keeps from call to call.
+/// The planner, with storage that is reused between calls.
 ///
-/// Of its parameters those count that the original has: not `slower_speeds`, `follow_gap_m`, `follow_time_s`,
+/// Uses only the parameters that the original has: not `slower_speeds`, `follow_gap_m`, `follow_time_s`,
 /// `road_margin_m` and `tail_s`.
 #[derive(Clone, Debug)]
 pub struct Fot {
@@ -38,7 +38,8 @@ pub struct Fot {
 }
 
 impl Fot {
-    /// With valid parameters and rules: [`Params::fast`] and [`Params::slow`] have the paper's numbers.
+    /// Creates the planner from valid parameters and rules: [`Params::fast`] and [`Params::slow`] have the paper's
+    /// values.
     ///
     /// # Errors
     /// The first parameter out of its range.
@@ -56,7 +57,7 @@ impl Fot {
         })
     }
 
-    /// Takes in what is predicted and in range.
+    /// Sets the predictions in range.
     fn set_obstacles(&mut self, request: &Request<'_>, from: Point2) {
         let Params { collision, obstacle_range_m: range_m, clearance_m, .. } = self.params;
         let Rules { range_per_place: per_place, person_half_m, .. } = self.rules;
@@ -69,7 +70,8 @@ impl Fot {
         }
     }
 
-    /// The start as the original has it: all speed along the line, what the planned point has across it, no acceleration.
+    /// Start state as in the original: all speed along the line, lateral velocity of the planned point, no
+    /// acceleration.
     fn frenet(&self, request: &Request<'_>) -> FrenetState {
         let OnLine { s_m, d_m, turn_rad, .. } = self.line.locate(planned(request, &self.rules));
         let speed_mps = request.start.speed_mps.max(0.0);
@@ -108,7 +110,7 @@ impl Planner for Fot {
         let start = self.frenet(request);
         let target_mps = request.target_speed_mps;
         self.lattice.set(&self.params, target_mps);
-        // The outline lies around the planned point.
+        // The outline is centred on the planned point.
         let middle = Shape { rear_overhang_m: 0.5 * request.shape.length_m, ..*request.shape };
         let shape = if self.rules.middle_of_car { &middle } else { request.shape };
         let checks = checks(&self.params, &Request { shape, ..*request }, &self.obstacles);
@@ -147,8 +149,8 @@ fn checks<'a>(params: &Params, request: &Request<'a>, obstacles: &'a Obstacles) 
     }
 }
 
-/// What the original asks of a candidate, with the sample at which one touched something last: similar ones tend to do so
-/// too.
+/// The original's conditions on a candidate, with the sample at which one last collided: similar candidates tend to do
+/// so too.
 struct Borders<'a> {
     task: &'a Task<'a>,
     boxes: &'a Boxes,
@@ -186,7 +188,8 @@ impl<'a> Samples<'a> {
         self.candidate.motion.pose_at(self.task.line, self.at_s(k), self.task.checks.heading)
     }
 
-    /// The car at sample `k`, heading along the straight line to the next; the last heads as the line that leads to it.
+    /// The car at sample `k`, heading along the straight line to the next sample; the last one along the line that
+    /// leads to it.
     fn car(&self, k: usize) -> (Solid, f64) {
         let here = self.place(k);
         let (from, to) =
@@ -211,13 +214,13 @@ impl<'a> Samples<'a> {
         (car, way_m)
     }
 
-    /// Whether the borders touch at a sample, if there is one of this number.
+    /// Returns true if the borders touch at sample `k`, if it exists.
     fn touches_at(&self, boxes: &Boxes, k: usize) -> bool {
         k <= self.last && !boxes.border_free(&self.car(k).0, self.at_s(k))
     }
 
-    /// Whether the borders are free at all samples, and the lines between them turn no tighter than allowed; `hint` is
-    /// left where they were not.
+    /// Returns true if the borders are free at all samples, and the lines between them turn no tighter than allowed;
+    /// sets `hint` to a failing sample.
     fn free(&self, boxes: &Boxes, hint: &mut usize) -> bool {
         let mut before: Option<Solid> = None;
         let (mut last, mut here) = (self.place(0), self.place(0));
@@ -243,8 +246,8 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Accounts for every candidate, as the original builds them all; when the budget ends, the offsets looked at by then are
-/// left (coarse first). Whether there are any.
+/// Accounts for every candidate, as the original builds them all; when the budget ends, keeps the offsets processed
+/// until then (coarse first). Returns true if there are any.
 pub(crate) fn build_all(lattice: &mut Lattice, budget: &mut dyn Budget) -> bool {
     let (offsets, block) = (lattice.d_m.len(), (lattice.t_s.len() * lattice.v_mps.len()) as u64);
     for done in 0..offsets {
@@ -277,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn holds_what_every_planner_must() {
+    fn original_fot_conforms() {
         conformance(&|| planner(swept()), false);
         conformance(&|| planner(Params::fast()), false);
         let exact = Rules { borders_only: false, ..Rules::of(Era::May2020, Original::Fot) };
@@ -285,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn every_candidate_counts() {
+    fn every_candidate_is_counted_as_work() {
         let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
         assert_eq!(plan(&world, Params::fast()).work, 825);
         assert_eq!(plan(&world, Params::slow()).work, 11_005);
@@ -301,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn the_plan_has_the_samples_for_points_and_ends_where_the_route_does() {
+    fn plan_points_are_the_samples_and_end_with_the_route() {
         let world = World::straight(16.0);
         let points = |change: fn(&mut Rules)| {
             let mut rules = Rules { whole_metres: false, ..Rules::of(Era::May2020, Original::Fot) };
@@ -311,7 +314,7 @@ mod tests {
             let last = plan.points[plan.points.len() - 1].pose.x_m;
             (plan.points.len(), last)
         };
-        // 16 m/s times 0.3 s is 4.8 m: 29 m hold six of them, and the start; of whole metres fewer are left.
+        // 16 m/s times 0.3 s is 4.8 m: 29 m contain six of them, plus the start; with whole metres fewer remain.
         assert_eq!([points(|_| ()).0, points(|rules| rules.whole_metres = true).0], [7, 6]);
         assert!(points(|_| ()).1 < 29.0 && points(|rules| rules.cut_at_route_end = false).1 > 31.9);
         assert_eq!(points(|rules| rules.sparse_points = false).0, 19);

@@ -1,4 +1,4 @@
-//! Hybrid A* as in the original: arcs of one radius, and a path that comes near the goal without regard to its heading.
+//! Hybrid A* as in the original: arcs of one radius, and a path that ends near the goal regardless of its heading.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,22 +13,22 @@ use crate::closed_loop::{PathSearch, Replanner, Settings, Task};
 use crate::lattice::{Aim, Lattice, Search};
 use crate::{Original, Rules};
 
-/// Distance of the points of a path, metres, and how many there are at most. Source: `hybrid_astar_planner`
+/// Spacing of the points of a path, metres, and their largest number. Source: `hybrid_astar_planner`
 /// `HybridAStarWrapper.cpp`.
 const POINT_M: f64 = 1.0;
 const POINTS_MAX: usize = 99;
 
-/// Settings of the original's Hybrid A* in the closed loop.
+/// Parameters of the original's Hybrid A* in the closed loop.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HybridAstarParams {
-    /// How predicted motion enters the collision check.
+    /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Length of a motion, metres. Source: the paper (6 fast, 3 slow).
     pub step_m: f64,
-    /// Step of the scan of arcs, radians as the original calls them. Source: the paper (0.75 fast, 0.25 slow).
+    /// Step of the scan of arcs, in the original's radians. Source: the paper (0.75 fast, 0.25 slow).
     pub rad_step: f64,
-    /// The scan reaches this far to either side. Source: Pylot.
+    /// Range of the scan to either side. Source: Pylot.
     pub rad_range: f64,
     /// Turning radius, metres. Source: Pylot.
     pub radius_m: f64,
@@ -40,13 +40,13 @@ pub struct HybridAstarParams {
     pub car_length_m: f64,
     /// Width of the car, metres. Source: Pylot.
     pub car_width_m: f64,
-    /// Expansions at most. Source: Pylot.
+    /// Largest number of expansions. Source: Pylot.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres. Source: Pylot.
     pub clearance_m: f64,
-    /// Obstacles further away than this are not planned for, metres. Source: Pylot.
+    /// Obstacles further away than this are ignored, metres. Source: Pylot.
     pub obstacle_range_m: f64,
-    /// The goal lies this far ahead on the route, metres. Source: Pylot.
+    /// Distance of the goal ahead on the route, metres. Source: Pylot.
     pub goal_ahead_m: f64,
 }
 
@@ -86,7 +86,7 @@ impl HybridAstarParams {
     /// # Errors
     /// The first parameter out of its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        // A thousand arcs of a scan at most.
+        // At most a thousand arcs per scan.
         require_all_within(&[
             ("step_m", self.step_m, [0.1, 100.0]),
             ("rad_step", self.rad_step, [0.01, 10.0]),
@@ -104,10 +104,10 @@ impl HybridAstarParams {
     }
 }
 
-/// Most expansions that may be asked for: they bound the memory.
+/// Largest allowed number of expansions: bounds the memory.
 const ITERATIONS_MAX: f64 = 100_000.0;
 
-/// The planner, with the storage it keeps from call to call.
+/// The planner, with storage that is reused between calls.
 #[derive(Clone, Debug)]
 pub struct HybridAstar {
     params: HybridAstarParams,
@@ -116,7 +116,7 @@ pub struct HybridAstar {
     search: LatticeSearch,
 }
 
-/// The search with its memory.
+/// The search with its reusable storage.
 #[derive(Clone, Debug)]
 struct LatticeSearch {
     lattice: Lattice,
@@ -125,7 +125,7 @@ struct LatticeSearch {
 }
 
 impl HybridAstar {
-    /// With valid settings and rules.
+    /// Creates the planner from valid parameters and rules.
     ///
     /// # Errors
     /// The first parameter out of its range.
@@ -173,7 +173,8 @@ impl Planner for HybridAstar {
 
 impl PathSearch for LatticeSearch {
     fn search(&mut self, task: &Task<'_>, budget: &mut dyn Budget, path: &mut Vec<Pose2>) -> bool {
-        // The goal has the ego's own heading. Source: `pylot` be7bf9c, `planning/hybrid_astar/hybrid_astar_planner.py:87-91`.
+        // The goal gets the ego's heading. Source: `pylot` be7bf9c,
+        // `planning/hybrid_astar/hybrid_astar_planner.py:87-91`.
         let goal = Pose2::new(task.goal.x_m, task.goal.y_m, task.start.heading_rad);
         let aim = Aim { start: task.start, goal, bounds: task.bounds };
         let lattice = Lattice { speed_mps: task.speed_mps, ..self.lattice };
@@ -183,8 +184,9 @@ impl PathSearch for LatticeSearch {
     }
 }
 
-/// Poses a metre apart along each piece from its beginning, and the end of each: where two meet the pose stands twice, and
-/// counts twice where points are counted. Source: `hybrid_astar_planner` `Dubins.cpp:37-101`, `HybridAStar.cpp:45-62`.
+/// Poses a metre apart along each piece from its beginning, and the end of each: a pose between two pieces is
+/// duplicated and counts twice towards the number of points. Source: `hybrid_astar_planner` `Dubins.cpp:37-101`,
+/// `HybridAStar.cpp:45-62`.
 fn place(start: Pose2, pieces: &[Piece], path: &mut Vec<Pose2>) {
     path.clear();
     let mut from = start;
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn holds_what_every_planner_must() {
+    fn original_hybrid_astar_conforms() {
         conformance(
             &|| planner(HybridAstarParams { obstacle_range_m: 70.0, ..HybridAstarParams::fast() }),
             false,
@@ -220,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn plans_only_with_something_in_range() {
+    fn hybrid_astar_searches_only_with_obstacles_in_range() {
         let params = HybridAstarParams { obstacle_range_m: 30.0, ..HybridAstarParams::slow() };
         let far = World::straight(16.0).with_person((75.0, 0.0), (0.0, 0.0));
         let plan = planner(params).plan(&far.request(), &mut Unlimited::default());
@@ -233,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let rules = Rules::of(Era::May2020, Original::HybridAstar);
         let bad = HybridAstarParams { rad_step: 0.0, ..HybridAstarParams::default() };
         assert_eq!(HybridAstar::new(bad, rules).unwrap_err().key, "rad_step");

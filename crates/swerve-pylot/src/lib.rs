@@ -1,11 +1,11 @@
-//! The baselines of the paper (Gog et al., "Pylot: A Modular Platform for Exploring Latency-Accuracy Tradeoffs in
-//! Autonomous Vehicles", ICRA 2021, arXiv 2104.07830): planners, predictor and following with the original's behaviour
-//! and limits, and the posed problems that planners of different origin are compared on.
+//! Baselines of the paper (Gog et al., "Pylot: A Modular Platform for Exploring Latency-Accuracy Tradeoffs in
+//! Autonomous Vehicles", ICRA 2021, arXiv 2104.07830): planners, predictor and follower with the original's behaviour
+//! and limits, and the posed problems on which planners of different origin are compared.
 //!
-//! What the originals did is [`Rules`]: each is a key with its source, and each can be switched off. An [`Era`] names
-//! those of a moment. FOT searches with the parts of `swerve-planning`; RRT* takes the car for a point, Hybrid A* ends
-//! near its goal. All drive at a constant speed or a sampled one, and none looks at the road or at the car's limits.
-//! [`Preset`] is the word for either side in a configuration.
+//! The behaviour of the originals is described by [`Rules`]: each is a key with its source, and each can be switched
+//! off. An [`Era`] names the rules of one moment. FOT searches with the parts of `swerve-planning`; RRT* treats the car
+//! as a point, Hybrid A* ends near its goal. All drive at a constant or sampled speed, and none checks the road or the
+//! car's limits. [`Preset`] selects the original's or our side in a configuration.
 
 mod boxes;
 mod closed_loop;

@@ -1,8 +1,8 @@
-//! Posed planning problems: the plain data that planners of different origin are compared on.
+//! Posed planning problems: plain data on which planners of different origin are compared.
 //!
-//! The types mirror the JSON problem file; reading files and timing calls is the caller's business.
-//! Everything is right-handed: FOT's lateral samples run over `d` in `[-max_road_width_l, +max_road_width_r]`
-//! with `d` positive along heading + 90 degrees.
+//! The types mirror the JSON problem file; the caller reads files and times the calls. Everything is right-handed:
+//! FOT's lateral samples range over `d` in `[-max_road_width_l, +max_road_width_r]` with `d` positive along heading +
+//! 90 degrees.
 
 pub mod fot;
 pub mod hybrid_astar;
@@ -20,7 +20,7 @@ use swerve_core::ParamError;
 use swerve_core::param::require;
 use swerve_geom::Obb;
 
-/// A problem file; other top-level entries (recorded results, notes) are passed over.
+/// A problem file; other top-level entries (recorded results, notes) are ignored.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ProblemFile {
     /// Named settings.
@@ -32,13 +32,13 @@ pub struct ProblemFile {
 /// Named settings of each planner.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Configs {
-    /// Frenet optimal trajectory.
+    /// Settings of the Frenet planner.
     #[serde(default)]
     pub fot: BTreeMap<String, FotConfig>,
-    /// RRT*.
+    /// Settings of RRT*.
     #[serde(default)]
     pub rrt_star: BTreeMap<String, RrtStarConfig>,
-    /// Hybrid A*.
+    /// Settings of Hybrid A*.
     #[serde(default)]
     pub hybrid_astar: BTreeMap<String, HybridAstarConfig>,
 }
@@ -46,13 +46,13 @@ pub struct Configs {
 /// The problems of each planner.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Problems {
-    /// Frenet optimal trajectory.
+    /// Problems of the Frenet planner.
     #[serde(default)]
     pub fot: Vec<FotProblem>,
-    /// RRT*.
+    /// Problems of RRT*.
     #[serde(default)]
     pub rrt_star: Vec<RrtStarProblem>,
-    /// Hybrid A*.
+    /// Problems of Hybrid A*.
     #[serde(default)]
     pub hybrid_astar: Vec<HybridAstarProblem>,
 }
@@ -60,7 +60,7 @@ pub struct Problems {
 /// An axis-aligned box: x_min, y_min, x_max, y_max, metres.
 pub type AxisBox = [f64; 4];
 
-/// Reads boxes; one whose corners are swapped is none.
+/// Reads boxes; rejects boxes with swapped corners.
 fn boxes<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<AxisBox>, D::Error> {
     let boxes = Vec::<AxisBox>::deserialize(deserializer)?;
     match boxes.iter().find(|b| b[0] > b[2] || b[1] > b[3]) {
@@ -90,19 +90,19 @@ pub struct FotProblem {
     /// Obstacles.
     #[serde(deserialize_with = "boxes")]
     pub obstacles: Vec<AxisBox>,
-    /// Position of the vehicle's centre, metres; not needed with `frenet_ic`.
+    /// Position of the vehicle's centre, metres; optional with `frenet_ic`.
     #[serde(default)]
     pub pos: Option<[f64; 2]>,
     /// Velocity, m/s.
     #[serde(default)]
     pub vel: Option<[f64; 2]>,
-    /// Arc length near which to look for the start, metres.
+    /// Arc length near which the start is searched, metres.
     #[serde(default)]
     pub ps: Option<f64>,
-    /// The start in the Frenet frame: s, ds/dt, d, dd/dt, d²d/dt².
+    /// Start state in the Frenet frame: s, ds/dt, d, dd/dt, d²d/dt².
     #[serde(default)]
     pub frenet_ic: Option<[f64; 5]>,
-    /// Wanted speed, m/s.
+    /// Target speed, m/s.
     pub target_speed: f64,
     /// Remark.
     #[serde(default)]
@@ -119,21 +119,21 @@ pub struct FotConfig {
     pub max_accel: f64,
     /// Largest curvature, 1/m.
     pub max_curvature: f64,
-    /// Lateral samples reach to `d = -max_road_width_l`, metres.
+    /// Largest lateral sample to the right is `d = -max_road_width_l`, metres.
     pub max_road_width_l: f64,
-    /// Lateral samples reach to `d = +max_road_width_r`, metres.
+    /// Largest lateral sample to the left is `d = +max_road_width_r`, metres.
     pub max_road_width_r: f64,
-    /// Distance of lateral samples, metres.
+    /// Spacing of lateral samples, metres.
     pub d_road_w: f64,
-    /// Step of samples in time and of end times, seconds.
+    /// Spacing of time samples and end times, seconds.
     pub dt: f64,
     /// Latest end time, seconds.
     pub maxt: f64,
     /// Earliest end time, seconds.
     pub mint: f64,
-    /// Distance of end speeds, m/s.
+    /// Spacing of end speeds, m/s.
     pub d_t_s: f64,
-    /// End speeds on either side of the target.
+    /// Number of end speeds on either side of the target speed.
     pub n_s_sample: f64,
     /// Distance to keep from obstacles, metres.
     pub obstacle_clearance: f64,
@@ -153,7 +153,7 @@ pub struct FotConfig {
     pub klat: f64,
     /// Weight of the longitudinal part.
     pub klon: f64,
-    /// Threads of the original; not used.
+    /// Number of threads in the original; not used.
     #[serde(default)]
     pub num_threads: u32,
 }
@@ -185,7 +185,7 @@ pub struct RrtStarProblem {
 pub struct RrtStarConfig {
     /// Length of an extension, metres.
     pub step_size: f64,
-    /// Iterations at most.
+    /// Largest number of iterations.
     pub max_iterations: u64,
     /// Distance to the goal that counts as arrived, metres.
     pub end_dist_threshold: f64,
@@ -214,7 +214,7 @@ pub struct HybridAstarProblem {
     /// Remark.
     #[serde(default)]
     pub note: String,
-    /// Length over straight distance of the shortest known path that ends in the exact goal pose.
+    /// Ratio of length to straight distance of the shortest known path that ends in the exact goal pose.
     #[serde(default)]
     pub best_known_length_ratio_exact_heading: Option<f64>,
 }
@@ -225,7 +225,7 @@ pub struct HybridAstarProblem {
 pub struct HybridAstarConfig {
     /// Length of a primitive, metres.
     pub step_size: f64,
-    /// Expansions at most.
+    /// Largest number of expansions.
     pub max_iterations: u64,
     /// Distance to the goal that counts as arrived, metres.
     pub completion_threshold: f64,
@@ -249,31 +249,31 @@ pub struct HybridAstarConfig {
     pub car_width: f64,
 }
 
-/// The answer to one problem.
+/// Result of one problem.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Solution {
-    /// The problem's name.
+    /// Name of the problem.
     pub id: String,
-    /// Whether a path was found.
+    /// True if a path was found.
     pub found: bool,
-    /// Why not, in words; empty when found.
+    /// Reason for a failure, in words; empty if a path was found.
     pub reason: String,
-    /// Whether it was not solved because a number of it, or of the settings, is out of range.
+    /// True if the problem was rejected because one of its numbers or settings is out of range.
     pub invalid: bool,
-    /// Run time of the call, milliseconds: filled in by whoever measures, zero else.
+    /// Run time of the call, milliseconds: set by the caller that measures it, otherwise zero.
     pub time_ms: f64,
-    /// Things looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
+    /// Units of work: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
     pub work: u64,
-    /// Length of the path, metres; zero without.
+    /// Length of the path, metres; zero without a path.
     pub length_m: f64,
-    /// Cost by the original's formula; the length where it has none; zero without a path.
+    /// Cost by the original's formula, or the length if it has none; zero without a path.
     pub cost: f64,
-    /// Distance of the outline to the nearest obstacle along the path, looked at every 0.1 m, metres; capped at
-    /// [`CLEARANCE_CAP_M`] so that it is a number without obstacles; zero without a path.
+    /// Smallest distance of the outline to an obstacle along the path, sampled every 0.1 m, metres; capped at
+    /// [`CLEARANCE_CAP_M`] so that it is finite without obstacles; zero without a path.
     pub clearance_m: f64,
     /// Largest curvature, 1/m.
     pub curvature_max: f64,
-    /// x and y in metres, heading in radians, seconds from the start.
+    /// Path points: x and y in metres, heading in radians, seconds from the start.
     pub path: Vec<[f64; 4]>,
 }
 
@@ -281,12 +281,12 @@ pub struct Solution {
 pub const CLEARANCE_CAP_M: f64 = 1000.0;
 
 impl Solution {
-    /// No path.
+    /// Result without a path.
     pub fn not_found(id: &str, reason: &str, work: u64) -> Self {
         Self { id: id.to_owned(), reason: reason.to_owned(), work, ..Self::default() }
     }
 
-    /// No path: for what is wrong with the problem, if anything is, else for how the search ended.
+    /// Result without a path: the error in the problem, if any, otherwise the outcome of the search.
     fn without(id: &str, (outcome, checked): (Outcome, Result<(), ParamError>), work: u64) -> Self {
         match checked {
             Err(wrong) => Self::invalid(id, &wrong.to_string()),
@@ -294,7 +294,7 @@ impl Solution {
         }
     }
 
-    /// No path, for what is wrong with the problem or its settings.
+    /// Result without a path, for an error in the problem or its settings.
     fn invalid(id: &str, reason: &str) -> Self {
         Self { invalid: true, ..Self::not_found(id, reason, 0) }
     }
@@ -305,7 +305,7 @@ pub fn path_length_m(path: &[[f64; 4]]) -> f64 {
     path.windows(2).map(|p| swerve_geom::math::hypot(p[1][0] - p[0][0], p[1][1] - p[0][1])).sum()
 }
 
-/// Refuses a place of the problem that is out of all sensible reach.
+/// Rejects coordinates of the problem that are implausibly large.
 fn require_near(key: &'static str, values: &[f64]) -> Result<(), ParamError> {
     let far = values.iter().find(|v| !(v.is_finite() && v.abs() < REACH_M));
     far.map_or(Ok(()), |&far| require(key, far, false, "numbers below 10000000 in size"))
@@ -314,23 +314,23 @@ fn require_near(key: &'static str, values: &[f64]) -> Result<(), ParamError> {
 /// Largest coordinate, metres: UTM's northings end at 10,000 km.
 const REACH_M: f64 = 1e7;
 
-/// How a search ended.
+/// Outcome of a search.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Outcome {
-    /// There is a path.
+    /// A path was found.
     Found,
     /// A number of the problem or of its settings is not finite or out of range.
     Invalid,
-    /// The start touches an obstacle or lies outside the bounds.
+    /// The start collides or is outside the bounds.
     StartBlocked,
-    /// The goal does.
+    /// The goal collides or is outside the bounds.
     GoalBlocked,
     /// The search ended without a path.
     NoPath,
 }
 
 impl Outcome {
-    /// In words; empty for [`Outcome::Found`].
+    /// The reason in words; empty for [`Outcome::Found`].
     pub fn reason(self) -> &'static str {
         match self {
             Self::Found => "",

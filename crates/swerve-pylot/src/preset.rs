@@ -1,4 +1,4 @@
-//! The paper's side or ours, and the settings that differ in numbers alone.
+//! Presets of the paper's and our side, and parameters that differ only in values.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use swerve_control::Following;
 use swerve_planning::waypoint;
 use swerve_prediction::linear::{self, SingleSighting};
 
-/// The side of a comparison.
+/// Side of a comparison: the paper's or ours.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
@@ -18,7 +18,7 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// How plans are followed: the original trims passed points and ignores times.
+    /// Time reference when following plans: the original trims passed points and ignores times.
     pub fn following(self) -> Following {
         match self {
             Self::Paper => Following::Projection,
@@ -26,8 +26,8 @@ impl Preset {
         }
     }
 
-    /// Parameters of the linear predictor: the original takes newcomers for standing still, and everything else for
-    /// keeping its speed.
+    /// Parameters of the linear predictor: the original assumes that objects seen once stand still, and that all others
+    /// keep their speed.
     pub fn linear(self) -> linear::Params {
         let best = linear::Params::default();
         match self {
@@ -41,7 +41,7 @@ impl Preset {
         }
     }
 
-    /// Parameters of the waypoint planner: the original has its stop factors alone.
+    /// Parameters of the waypoint planner: the original uses only its stop factors.
     pub fn waypoint(self) -> waypoint::Params {
         let best = waypoint::Params::default();
         match self {
@@ -59,14 +59,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_waypoint_planner_holds_what_every_planner_must() {
+    fn original_waypoint_planner_conforms() {
         for preset in [Preset::Paper, Preset::Best] {
             conformance(&|| Waypoint::new(preset.waypoint()).unwrap(), false);
         }
     }
 
     #[test]
-    fn the_papers_predictor_lets_newcomers_stand() {
+    fn predictor_of_the_paper_treats_new_objects_as_static() {
         assert_eq!(Preset::Paper.linear().single_sighting, SingleSighting::Static);
         assert_eq!(Preset::Best.linear().single_sighting, SingleSighting::Velocity);
     }

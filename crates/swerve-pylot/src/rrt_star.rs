@@ -13,11 +13,11 @@ use crate::closed_loop::{PathSearch, Replanner, Settings, Task, headed};
 use crate::tree::{Aim, Growth, Tree};
 use crate::{Original, Rules};
 
-/// Settings of the original's RRT* in the closed loop.
+/// Parameters of the original's RRT* in the closed loop.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RrtStarParams {
-    /// How predicted motion enters the collision check.
+    /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Length of an extension, metres. Source: the paper (0.5 fast, 0.1 slow).
     pub step_m: f64,
@@ -25,15 +25,15 @@ pub struct RrtStarParams {
     pub arrival_m: f64,
     /// Growth of the search box around start and goal, metres. Source: Pylot.
     pub lane_width_m: f64,
-    /// Share of the iterations that aim at the goal. Source: Pylot.
+    /// Fraction of the iterations that sample the goal. Source: Pylot.
     pub goal_share: f64,
-    /// Iterations at most. Source: Pylot.
+    /// Largest number of iterations. Source: Pylot.
     pub iterations_max: u64,
-    /// Distance to keep from obstacles, metres: it holds the car's width too. Source: Pylot.
+    /// Distance to keep from obstacles, metres; accounts for the car's width, as the car is a point. Source: Pylot.
     pub clearance_m: f64,
-    /// Obstacles further away than this are not planned for, metres. Source: Pylot.
+    /// Obstacles further away than this are ignored, metres. Source: Pylot.
     pub obstacle_range_m: f64,
-    /// The goal lies this far ahead on the route, metres. Source: Pylot.
+    /// Distance of the goal ahead on the route, metres. Source: Pylot.
     pub goal_ahead_m: f64,
 }
 
@@ -82,10 +82,10 @@ impl RrtStarParams {
     }
 }
 
-/// Most iterations that may be asked for: they bound the memory.
+/// Largest allowed number of iterations: bounds the memory.
 const ITERATIONS_MAX: f64 = 100_000.0;
 
-/// The planner, with the storage it keeps from call to call.
+/// The planner, with storage that is reused between calls.
 #[derive(Clone, Debug)]
 pub struct RrtStar {
     params: RrtStarParams,
@@ -94,7 +94,7 @@ pub struct RrtStar {
     search: TreeSearch,
 }
 
-/// The search with its memory.
+/// The search with its reusable storage.
 #[derive(Clone, Debug)]
 struct TreeSearch {
     params: RrtStarParams,
@@ -104,7 +104,7 @@ struct TreeSearch {
 }
 
 impl RrtStar {
-    /// With valid settings and rules.
+    /// Creates the planner from valid parameters and rules.
     ///
     /// # Errors
     /// The first parameter out of its range.
@@ -156,12 +156,12 @@ impl PathSearch for TreeSearch {
     }
 }
 
-/// A point drawn evenly from x_min, y_min, x_max, y_max, metres.
+/// A point sampled uniformly from x_min, y_min, x_max, y_max, metres.
 pub(crate) fn draw_within(bounds: &[f64; 4], rng: &mut Rng) -> Pose2 {
     Pose2::new(rng.uniform(bounds[0], bounds[2]), rng.uniform(bounds[1], bounds[3]), 0.0)
 }
 
-/// `to`, or the point `step_m` towards it where it is farther off.
+/// `to`, or the point `step_m` towards it if it is further away.
 pub(crate) fn step_toward(from: Pose2, to: Pose2, step_m: f64) -> Pose2 {
     let way = to.point() - from.point();
     let length_m = way.norm();
@@ -195,20 +195,20 @@ mod tests {
         RrtStar::new(params, Rules::of(Era::May2020, Original::RrtStar)).unwrap()
     }
 
-    /// With nothing of a person's left solid.
+    /// A planner for which nothing to the left of a person is solid.
     fn open_to_the_left() -> RrtStar {
         let rules = Rules { solid_left: false, ..Rules::of(Era::May2020, Original::RrtStar) };
         RrtStar::new(RrtStarParams { obstacle_range_m: 30.0, ..RrtStarParams::fast() }, rules).unwrap()
     }
 
     #[test]
-    fn holds_what_every_planner_must() {
+    fn original_rrt_star_conforms() {
         conformance(&|| planner(RrtStarParams { obstacle_range_m: 40.0, ..RrtStarParams::fast() }), false);
         conformance(&|| planner(RrtStarParams::slow()), false);
     }
 
     #[test]
-    fn the_seed_decides() {
+    fn plan_depends_on_the_seed() {
         let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
         let plan = |seed| {
             let request = Request { seed, ..world.request() };
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_car_is_taken_for_a_point_that_keeps_to_the_right() {
+    fn car_is_a_point_that_keeps_to_the_right() {
         let world = World::straight(16.0).with_person((25.0, 0.0), (0.0, 0.0));
         let params = RrtStarParams { obstacle_range_m: 30.0, ..RrtStarParams::fast() };
         let plan = planner(params).plan(&world.request(), &mut Unlimited::default());
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = RrtStarParams { goal_share: 1.5, ..RrtStarParams::default() };
         let rules = Rules::of(Era::May2020, Original::RrtStar);
         assert_eq!(RrtStar::new(bad, rules).unwrap_err().key, "goal_share");

@@ -1,4 +1,4 @@
-//! The originals' rules, each a key that can be switched: what Pylot did at two moments of its history.
+//! Rules of the originals, each a key that can be switched: the behaviour of Pylot at two moments of its history.
 //!
 //! Sources are files of github.com/erdos-project: `pylot` at c0454eb (2020-05-03) and at be7bf9c (2020-11-11, v0.3.1),
 //! `rrt_star_planner` at b171364, `hybrid_astar_planner` at c4ba029, `frenet_optimal_trajectory_planner` at 52b0705.
@@ -13,17 +13,17 @@ use swerve_core::param::{ParamError, require, require_all_within};
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Era {
-    /// May 2020, the last month in which the mode that Table I was made with could run. Source: `pylot` c0454eb;
-    /// 019418a (2020-06-08) breaks `planning_pose_synchronizer_operator.py`.
+    /// May 2020, the last month in which the mode used for Table I could run. Source: `pylot` c0454eb; 019418a
+    /// (2020-06-08) breaks `planning_pose_synchronizer_operator.py`.
     #[default]
     #[serde(rename = "pylot_2020_05")]
     May2020,
-    /// November 2020, when the paper was handed in. Source: `pylot` be7bf9c.
+    /// November 2020, when the paper was submitted. Source: `pylot` be7bf9c.
     #[serde(rename = "pylot_2020_11")]
     November2020,
 }
 
-/// Who plans: some rules, ranges and gains are one planner's alone.
+/// Original planner: some rules, ranges and gains apply to one planner only.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Original {
     /// Frenet optimal trajectories.
@@ -32,101 +32,103 @@ pub enum Original {
     RrtStar,
     /// Hybrid A*.
     HybridAstar,
-    /// Any other: the rules of following alone count.
+    /// Any other planner: only the rules of following apply.
     Other,
 }
 
-/// What is driven when a search finds nothing.
+/// Plan to drive if a search finds no path.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fallback {
-    /// Speed zero along what is left of the last plan. Source: `pylot` c0454eb,
-    /// `planning/rrt_star/rrt_star_planning_operator.py:175-192`, `planning/frenet_optimal_trajectory/fot_planning_operator.py:256-290`.
+    /// Speed zero along the rest of the last plan. Source: `pylot` c0454eb,
+    /// `planning/rrt_star/rrt_star_planning_operator.py:175-192`,
+    /// `planning/frenet_optimal_trajectory/fot_planning_operator.py:256-290`.
     StopOnLastPlan,
     /// Speed zero along the route. Source: `pylot` be7bf9c, `planning/rrt_star/rrt_star_planner.py:69-71`,
     /// `planning/frenet_optimal_trajectory/fot_planner.py:103-107`.
     StopOnRoute,
-    /// The route at the target speed, whatever is in the way: no version of Pylot.
+    /// The route at the target speed, regardless of obstacles: in no version of Pylot.
     FollowRoute,
 }
 
-/// Which point of a plan is steered at.
+/// Point of a plan used as steering target.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Waypoint {
     /// Number `2 * int(v / 3)`, counted from the plan's first point, of which at most one is dropped as passed.
     /// Source: `pylot` c0454eb, `control/pid_agent_operator.py:79-83`, `planning/utils.py:26-70`.
     Number,
-    /// The first that is at least 5 m away, after the nearest. Source: `pylot` be7bf9c, `planning/waypoints.py:112-131`.
+    /// The first point after the nearest one that is at least 5 m away. Source: `pylot` be7bf9c,
+    /// `planning/waypoints.py:112-131`.
     Distance,
 }
 
-/// How throttle and brake follow from the speed to go for.
+/// Law from target speed to throttle and brake.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SpeedLaw {
-    /// In proportion to the error, as until May 2020: of `u`, 0.25 per m/s too fast, the throttle is
-    /// `default_throttle - 1.3 u`, at most 0.75, and the brake `0.35 u` where `u` is above 0.5. Source: `pylot`
-    /// c0454eb, `control/utils.py`; `pid_controller` 0.2, whose integral forgets all but the present step. No era has it
-    /// by default, because its throttle at the wanted speed is not known for certain.
+    /// Proportional to the error, as until May 2020: with `u` as 0.25 per m/s of excess speed, the throttle is
+    /// `default_throttle - 1.3 u`, at most 0.75, and the brake is `0.35 u` if `u` is above 0.5. Source: `pylot`
+    /// c0454eb, `control/utils.py`; `pid_controller` 0.2, whose integral keeps only the current step. No era uses it by
+    /// default, because its throttle at the target speed is not known for certain.
     Proportional,
-    /// A PID on km/h that works one pedal or the other fully. Source: `pylot` be7bf9c, `control/pid.py`,
+    /// A PID on km/h that saturates one pedal or the other. Source: `pylot` be7bf9c, `control/pid.py`,
     /// `control/utils.py`.
     Pid,
 }
 
-/// Rules of planning and following. [`Rules::of`] has each era's; every one can be switched by itself.
+/// Rules of planning and following. [`Rules::of`] returns those of an era; each can be switched separately.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
-    /// Whether an obstacle's predicted places count only where they are in range themselves; off, all of them do once one
-    /// is. Source: `pylot` be7bf9c, `planning/world.py:102-125`; c0454eb, `planning/planning_operator.py:121-180`.
+    /// Count an obstacle's predicted places only if they are in range themselves; off, all of them count once one is in
+    /// range. Source: `pylot` be7bf9c, `planning/world.py:102-125`; c0454eb, `planning/planning_operator.py:121-180`.
     pub range_per_place: bool,
-    /// Whether all that lies to the left (+y) of a box is solid: the test for a point inside of a box compares its x with
-    /// the box's y, which in Town01 always holds. Source: `rrt_star_planner` `obstacle.cpp:61-65`, `hybrid_astar_planner`
+    /// Treat everything to the left (+y) of a box as solid: the test for a point inside a box compares its x with the
+    /// box's y, which always holds in Town01. Source: `rrt_star_planner` `obstacle.cpp:61-65`, `hybrid_astar_planner`
     /// `Obstacle.cpp:64-68`. For roads along +x.
     pub solid_left: bool,
-    /// What is driven when a search finds nothing.
+    /// Plan to drive if a search finds no path.
     pub fallback: Fallback,
-    /// Heading of a road along +x in the simulator's left-handed frame, radians: motions are scanned around the absolute
-    /// heading, so that what a car can do depends on where north is. Source: `hybrid_astar_planner`
-    /// `HybridAStar.cpp:25-48`; the road of Town01 goes along -x.
+    /// Heading of a road along +x in the simulator's left-handed frame, radians: motions are scanned around the
+    /// absolute heading, so that the possible turns depend on the direction of north. Source: `hybrid_astar_planner`
+    /// `HybridAStar.cpp:25-48`; the road of Town01 runs along -x.
     pub heading_of_road_rad: f64,
-    /// Whether Hybrid A* returns the way to the nearest pose from which a Dubins path to the goal is free; off, it has to
+    /// Let Hybrid A* return the path to the nearest pose from which a Dubins path to the goal is free; off, it has to
     /// arrive. Source: `hybrid_astar_planner` `HybridAStar.cpp:105-118,170`.
     pub nearest_free: bool,
-    /// Whether RRT* leads nodes over newer ones where that is shorter: the original compares each cost with itself and
-    /// something, so it never does. Source: `rrt_star_planner` `RRTStarWrapper.cpp:55-77`.
+    /// Let RRT* reroute nodes through newer ones if that is shorter: the original compares each cost with itself plus a
+    /// further term, so it never does. Source: `rrt_star_planner` `RRTStarWrapper.cpp:55-77`.
     pub rewiring: bool,
-    /// Whether the middle of the car is what is planned and steered for; off, the middle of the rear axle. Source: `pylot`
-    /// be7bf9c, `planning/rrt_star/rrt_star_planner.py:85-89`, `control/pid_control_operator.py:77-88`.
+    /// Plan and steer for the centre of the car; off, the centre of the rear axle. Source: `pylot` be7bf9c,
+    /// `planning/rrt_star/rrt_star_planner.py:85-89`, `control/pid_control_operator.py:77-88`.
     pub middle_of_car: bool,
-    /// Whether the route is a row of waypoints a metre apart, counted from its start, of which the one nearest to the
-    /// planned point is the first: goals, the way along the route and FOT's end are such points; off, they are so many
-    /// metres from the planned point itself. Source: `pylot` be7bf9c, `planning/flags.py`, `planning/waypoints.py`.
+    /// Represent the route by waypoints a metre apart, counted from its start, the first being the one nearest to the
+    /// planned point: goals, the path along the route and FOT's end are such points; off, they are measured in metres
+    /// from the planned point itself. Source: `pylot` be7bf9c, `planning/flags.py`, `planning/waypoints.py`.
     pub whole_metres: bool,
-    /// Whether FOT's candidates end where the route's 30 waypoints do. Source: `frenet_optimal_trajectory_planner`
+    /// End FOT's candidates where the route's 30 waypoints end. Source: `frenet_optimal_trajectory_planner`
     /// `CubicSpline1D.cpp:44`, `FrenetPath.cpp:17-19`.
     pub cut_at_route_end: bool,
-    /// Whether FOT's plan has its samples for points; off, points at most 0.1 s apart. Source:
+    /// Use FOT's samples as the points of its plan; off, points are at most 0.1 s apart. Source:
     /// `frenet_optimal_trajectory_planner` `fot_wrapper.cpp`.
     pub sparse_points: bool,
-    /// Whether FOT looks at the borders of car and boxes only, at its samples, where a corner is within 6 m; off, nothing
-    /// is passed over. Source: `frenet_optimal_trajectory_planner` `FrenetPath.cpp:89-140`.
+    /// Let FOT check only the borders of car and boxes, at its samples, if a corner is within 6 m; off, the check is
+    /// complete. Source: `frenet_optimal_trajectory_planner` `FrenetPath.cpp:89-140`.
     pub borders_only: bool,
-    /// Which point of a plan is steered at.
+    /// Point of a plan used as steering target.
     pub waypoint: Waypoint,
-    /// Steer per radian of the angle to it. Source: `pylot` be7bf9c, `control/flags.py` (0.7) and the configurations of
-    /// the experiment, which set 1.0 for all but RRT*.
+    /// Normalised steer per radian of the angle to the steering target. Source: `pylot` be7bf9c, `control/flags.py`
+    /// (0.7) and the configurations of the experiment, which set 1.0 for all but RRT*.
     pub steer_gain: f64,
-    /// How throttle and brake follow from the speed to go for.
+    /// Law from target speed to throttle and brake.
     pub speed: SpeedLaw,
-    /// Throttle at the wanted speed, where the law is proportional, 0 to 1. Source: `pylot`, `default_throttle` in
+    /// Throttle at the target speed under the proportional law, 0 to 1. Source: `pylot`, `default_throttle` in
     /// `control/flags.py` before May 2020 (0.0); readings of c0454eb have 0.5.
     pub default_throttle: f64,
-    /// Half the side of the box that a pedestrian is planned for as, where all predicted places count at once, metres;
-    /// what is predicted when absent. No era has one: `pylot` takes the simulator's own boxes, and those of its walkers
-    /// are in no public file. About 0.19 is assumed.
+    /// Half the side of the box used for a pedestrian if all predicted places count at once, metres; when absent, the
+    /// predicted size. No era sets it: `pylot` takes the simulator's own boxes, and those of its walkers are in no
+    /// public file. About 0.19 is assumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person_half_m: Option<f64>,
 }
@@ -162,7 +164,7 @@ impl Rules {
     /// Checks ranges, and that no rule excludes another.
     ///
     /// # Errors
-    /// The first rule that cannot be.
+    /// The first invalid rule.
     pub fn validate(&self, original: Original) -> Result<(), ParamError> {
         require_all_within(&[
             ("heading_of_road_rad", self.heading_of_road_rad, [-TAU, TAU]),
@@ -177,8 +179,8 @@ impl Rules {
 }
 
 impl Era {
-    /// Obstacles further away than this are not planned for, metres. Source: `pylot` c0454eb, `planning/flags.py:10` (FOT)
-    /// and the configurations of the experiment; be7bf9c, `perception/flags.py:19`, `configs/scenarios/`.
+    /// Range beyond which obstacles are ignored, metres. Source: `pylot` c0454eb, `planning/flags.py:10` (FOT) and the
+    /// configurations of the experiment; be7bf9c, `perception/flags.py:19`, `configs/scenarios/`.
     pub fn range_m(self, original: Original) -> f64 {
         match (original, self) {
             (Original::RrtStar, _) | (Original::HybridAstar, Self::May2020) => 10.0,
@@ -193,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eras_differ_in_what_is_driven_when_nothing_is_found_and_in_the_point_steered_at() {
+    fn eras_differ_in_fallback_and_steering_target() {
         let [may, november] = [Era::May2020, Era::November2020].map(|era| Rules::of(era, Original::RrtStar));
         let as_may = Rules { fallback: may.fallback, waypoint: may.waypoint, ..november };
         assert_eq!(as_may, may);
@@ -204,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn rules_that_cannot_be_are_named() {
+    fn invalid_rules_are_named() {
         let fot = Rules::of(Era::May2020, Original::Fot);
         let wrong = |rules: Rules| rules.validate(Original::Fot).unwrap_err().to_string();
         assert_eq!(

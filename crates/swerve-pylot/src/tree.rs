@@ -10,27 +10,27 @@ use swerve_planning::{Budget, Progress};
 use crate::boxes::Boxes;
 use crate::posed::AxisBox;
 
-/// Side of the cells that nodes are looked for in, metres.
+/// Side of the cells of the node search, metres.
 const CELL_M: f64 = 2.0;
 
-/// How the tree grows.
+/// Parameters of the growth.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Growth {
     /// Length of an extension, metres.
     pub(crate) step_m: f64,
-    /// Iterations at most.
+    /// Largest number of iterations.
     pub(crate) iterations_max: u64,
-    /// Share of the iterations that aim at the goal.
+    /// Fraction of the iterations that sample the goal.
     pub(crate) goal_share: f64,
     /// Distance to the goal that counts as arrived, metres.
     pub(crate) arrival_m: f64,
-    /// Whether nodes are led over newer ones where that is shorter.
+    /// True if nodes are rerouted through newer ones where that is shorter.
     pub(crate) rewiring: bool,
-    /// Speed at which it is driven, m/s.
+    /// Driving speed, m/s.
     pub(crate) speed_mps: f64,
 }
 
-/// From where to where, within which bounds.
+/// Start, goal and bounds of the tree.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Aim {
     pub(crate) start: Point2,
@@ -45,18 +45,18 @@ struct Node {
     parent: usize,
 }
 
-/// The tree, with memory kept between calls.
+/// The tree, with storage that is reused between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// Where they are.
+    /// Spatial index of the nodes.
     grid: Grid,
-    /// Nodes near a new one: squared distance, number.
+    /// Nodes near a new one: squared distance, index.
     near: Vec<(f64, usize)>,
 }
 
 impl Tree {
-    /// Grows a tree anew; leaves the way to its last node in `path` where that is near the goal, and says whether it is.
+    /// Grows a new tree; writes the path to its last node to `path` and returns true if that node is near the goal.
     pub(crate) fn grow(
         &mut self,
         boxes: &Boxes,
@@ -71,7 +71,7 @@ impl Tree {
         self.push(Node { point: aim.start, cost_m: 0.0, parent: 0 });
         let [x_min, y_min, x_max, y_max] = aim.bounds;
         let free_m2 = (x_max - x_min) * (y_max - y_min) - boxes.area_m2();
-        // Karaman and Frazzoli's gamma in two dimensions, as the original has it.
+        // Karaman and Frazzoli's gamma in two dimensions, as in the original.
         let gamma_m2 = 1.0 + 6.0 * free_m2;
         for i in 1..=growth.iterations_max {
             let progress = budget.spend(1);
@@ -98,7 +98,7 @@ impl Tree {
         self.grid.push(node.point);
     }
 
-    /// Whether a node is added.
+    /// Extends the tree; returns true if a node was added.
     fn extend(&mut self, boxes: &Boxes, growth: &Growth, wanted: Point2, radius_m: f64) -> bool {
         let at_s = |node: &Node| node.cost_m / growth.speed_mps.max(0.1);
         let mut point = wanted;
@@ -148,7 +148,7 @@ impl Tree {
         self.near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// Leads what is near over the newest node where that is shorter.
+    /// Reroutes nearby nodes through the newest node where that is shorter.
     fn rewire(&mut self, boxes: &Boxes, at_s: f64) {
         let newest = self.nodes.len() - 1;
         let Node { point, cost_m, .. } = self.nodes[newest];

@@ -1,4 +1,4 @@
-//! Paths of posed problems, driven by the vehicle model.
+//! Closed-loop drives of the vehicle model along paths of posed problems.
 
 #![expect(clippy::print_stdout, reason = "a table for who looks")]
 
@@ -33,7 +33,7 @@ impl Line {
         self.s_m[self.s_m.len() - 1]
     }
 
-    /// Heading as a number that does not wrap, relative to the start.
+    /// Unwrapped heading, relative to the start, radians.
     fn heading(&self, s_m: f64) -> f64 {
         let i = self.s_m.partition_point(|&s| s <= s_m).clamp(1, self.s_m.len() - 1);
         let u = ((s_m - self.s_m[i - 1]) / (self.s_m[i] - self.s_m[i - 1])).clamp(0.0, 1.0);
@@ -61,11 +61,11 @@ impl Line {
     }
 }
 
-/// Largest distance from the path of the kinematic car at a steady speed: mean curvature of the stretch around where it
-/// is, and feedback on offset and heading.
+/// Largest distance of the kinematic car from the path at a steady speed, metres: it steers by the mean curvature
+/// around its place, with feedback on offset and heading.
 fn worst_offset_m(path: &[[f64; 4]], speed_mps: f64, window_m: f64) -> f64 {
     let (line, car) = (Line::new(path), Kinematic::new(&VehicleParams::default()));
-    // The wheels stand as the path begins.
+    // The wheels initially match the path.
     let first = (line.heading(0.2) - line.heading(0.0)) / 0.2;
     let steering_rad = math::atan(car.wheelbase_m * first);
     let mut state = KinematicState { pose: line.pose[0], speed_mps, steering_rad };
@@ -86,7 +86,7 @@ fn worst_offset_m(path: &[[f64; 4]], speed_mps: f64, window_m: f64) -> f64 {
     worst_m
 }
 
-/// The problem file, where the checkout has it beside it.
+/// The problem file, if it is next to the checkout.
 fn shared() -> Option<ProblemFile> {
     let above = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let mut paths = above.map(|dir| dir.join("shared/data/planner_problems.json"));
@@ -97,7 +97,8 @@ fn shared() -> Option<ProblemFile> {
     Some(serde_json::from_str(&text).expect("a problem file"))
 }
 
-/// At its own speed (at most 0.8 g), and at the speed of 0.8 g; none may leave its path by more than 0.3 m at its own.
+/// Prints a table at the path's own speed (at most 0.8 g), and at the speed of 0.8 g; at its own speed no path may be
+/// left by more than 0.3 m.
 fn table(name: &str, solutions: &[Solution]) {
     let (mut off, mut speeds) = (0, vec![]);
     let (mut own, mut fast): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
@@ -132,7 +133,7 @@ fn table(name: &str, solutions: &[Solution]) {
 }
 
 #[test]
-fn the_car_follows_paths_of_posed_problems() {
+fn car_follows_paths_of_posed_problems() {
     let Some(file) = shared() else { return };
     let config = &file.configs.rrt_star["pylot_fast"];
     let solve = |p| rrt_star::solve(p, config, Preset::Best, &mut Unlimited::default());

@@ -1,4 +1,4 @@
-//! From a command to what steering, motor and brakes really do: dead time, lag, rate and torque limits.
+//! Actuators of steering, motor and brakes: dead time, lag, rate and torque limits.
 
 use std::collections::VecDeque;
 
@@ -6,10 +6,10 @@ use swerve_geom::math;
 
 use crate::VehicleParams;
 
-/// A demand on the car.
+/// Demands on the car.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Controls {
-    /// Wanted angle of the front road wheels, radians; positive to the left.
+    /// Target angle of the front road wheels, radians; positive to the left.
     pub steering_rad: f64,
     /// Accelerator pedal, 0 to 1.
     pub throttle: f64,
@@ -18,7 +18,7 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// The command within the car's range, or nothing when any of its numbers is not finite.
+    /// The command clamped to the car's range; `None` if any of its numbers is not finite.
     pub fn within(self, params: &VehicleParams) -> Option<Self> {
         let finite = self.steering_rad.is_finite() && self.throttle.is_finite() && self.brake.is_finite();
         let max = params.limits.steering_max_rad;
@@ -30,8 +30,8 @@ impl Controls {
     }
 }
 
-/// Commands on their way to the actuators: each takes effect in the first step that begins `dead_time`
-/// after its own, to the tick. Whole nanoseconds, so that no rounding moves it by a step.
+/// Commands in transit to the actuators: each takes effect in the first step that begins at least `dead_time` after its
+/// own. Whole nanoseconds, so that rounding never shifts it by a step.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct DeadTime {
     delay_ns: i64,
@@ -51,8 +51,7 @@ impl DeadTime {
         Self { delay_ns: whole_ns(dead_time_s), now_ns: 0, waiting: VecDeque::new(), acting }
     }
 
-    /// Takes the command given at the start of this step, if there is one, and returns the one that acts
-    /// during the step.
+    /// Takes the command given at the start of this step, if any, and returns the one in effect during the step.
     pub(crate) fn step(&mut self, given: Option<Controls>, dt_s: f64) -> Controls {
         if let Some(command) = given
             && self.waiting.back().map_or(&self.acting, |(_, last)| last) != &command
@@ -67,19 +66,19 @@ impl DeadTime {
     }
 }
 
-/// Where the actuators are.
+/// State of the actuators.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Actuators {
     /// Angle of the front road wheels, radians.
     pub(crate) steering_rad: f64,
-    /// Torque at the driven wheels together, N m.
+    /// Total torque at the driven wheels, N m.
     pub(crate) drive_nm: f64,
-    /// Torque that the pedal asks of all brakes together, N m.
+    /// Total brake torque requested by the pedal, N m.
     pub(crate) brake_nm: f64,
 }
 
-/// Share of the way to its goal that a first-order lag covers in `dt_s`: the exact solution for a goal
-/// that holds over the step, hence the same curve at any step length.
+/// Fraction of the way to its target that a first-order lag covers in `dt_s`: the exact solution for a constant target,
+/// so that the curve is independent of the step length.
 fn lag_share(lag_s: f64, dt_s: f64) -> f64 {
     if lag_s > 0.0 { 1.0 - math::exp(-dt_s / lag_s) } else { 1.0 }
 }
@@ -97,7 +96,7 @@ impl Actuators {
             controls.steering_rad * params.steering.share_at(wheel_speed_radps * params.wheel.radius_m);
         let steer = (wanted_rad - self.steering_rad) * lag_share(params.steering.lag_s, dt_s);
         self.steering_rad += steer.clamp(-steer_most, steer_most);
-        // A pressed brake wins over the accelerator, as drive-by-wire cars have it.
+        // A pressed brake overrides the accelerator, as in drive-by-wire cars.
         let throttle = if controls.brake > 0.0 { 0.0 } else { controls.throttle };
         let available = params.drive_torque_max_nm(wheel_speed_radps);
         let lag = lag_share(params.drivetrain.lag_s, dt_s);
@@ -137,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_command_leaves_the_last_one_in_force() {
+    fn missing_command_leaves_the_last_one_in_effect() {
         let mut line = DeadTime::new(0.0, steer(0.0));
         assert_eq!(line.step(Some(steer(0.1)), 0.005), steer(0.1));
         assert_eq!(line.step(None, 0.005), steer(0.1));
@@ -154,7 +153,7 @@ mod tests {
             last = actuators.steering_rad;
         }
         assert!((last - 0.5).abs() < 1e-3, "{last}");
-        // Small steps are the first-order lag alone: 63 % after its time constant.
+        // Small steps follow the first-order lag alone: 63 % after its time constant.
         let mut actuators = Actuators::default();
         for _ in 0..10 {
             actuators.step(&params, steer(0.01), 0.0, 0.005);
@@ -163,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn the_brake_builds_up_in_its_time_and_wins_over_the_accelerator() {
+    fn brake_builds_up_in_its_time_and_overrides_the_accelerator() {
         let params = VehicleParams::default();
         let mut actuators = Actuators::default();
         let both = Controls { steering_rad: 0.0, throttle: 1.0, brake: 1.0 };
@@ -179,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_refused_and_the_rest_clamped() {
+    fn non_finite_commands_are_refused_and_others_clamped() {
         let params = VehicleParams::default();
         assert_eq!(steer(f64::NAN).within(&params), None);
         assert_eq!(Controls { throttle: f64::INFINITY, ..steer(0.0) }.within(&params), None);

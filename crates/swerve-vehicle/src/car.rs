@@ -1,4 +1,4 @@
-//! The four-corner car: motion of its body and a command in, forces out.
+//! The four-corner car: body motion and commands in, forces out.
 
 use swerve_geom::{Ego, Map, Point, Transform, Vector};
 
@@ -7,7 +7,7 @@ use crate::suspension::{Corner, wheel_loads_n};
 use crate::tyre::{ContactPatch, PatchInput};
 use crate::{Controls, VehicleParams};
 
-/// Motion of the car's body, as the owner of the body has it.
+/// Motion of the car's body, as integrated by its owner.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct BodyMotion {
     /// Pose of the ego frame.
@@ -23,23 +23,23 @@ pub struct BodyMotion {
 pub struct Ground {
     /// Height in the map, metres.
     pub height_m: f64,
-    /// Peak friction coefficient of a tyre on it; what is not a number above 0 gives no grip.
+    /// Peak friction coefficient of a tyre on it; NaN and values at or below 0 give no grip.
     pub friction: f64,
 }
 
 /// Force of the ground on one wheel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct WheelForce {
-    /// Where it acts.
+    /// Point of application.
     pub point: Point<Map>,
     /// The force, newtons.
     pub force_n: Vector<Map>,
 }
 
-/// Everything that acts on the body besides gravity and collisions.
+/// All forces on the body except gravity and collisions.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct CarForces {
-    /// Front left, front right, rear left, rear right.
+    /// Wheel forces: front left, front right, rear left, rear right.
     pub wheels: [WheelForce; 4],
     /// Air drag at the centre of gravity, newtons.
     pub drag_n: Vector<Map>,
@@ -64,12 +64,12 @@ pub struct WheelState {
 struct Wheel {
     spin_radps: f64,
     patch: ContactPatch,
-    /// Share of the brake torque that the anti-lock control lets through.
+    /// Fraction of the brake torque passed by the anti-lock control.
     brake_share: f64,
     seen: WheelState,
 }
 
-/// Longest step of wheels and tyres, seconds; a longer step of the body is divided.
+/// Longest step of wheels and tyres, seconds; longer steps of the body are subdivided.
 const SUBSTEP_MAX_S: f64 = 0.002;
 /// Change of the brake share per second and unit of relative slip error: the slip settles within about
 /// 0.1 s without chattering.
@@ -81,24 +81,24 @@ struct WheelInput {
     drive_nm: f64,
     brake_nm: f64,
     rolling_nm: f64,
-    /// Slip that the anti-lock control aims at.
+    /// Target slip of the anti-lock control.
     slip_target: f64,
 }
 
-/// A car with state: wheels, tyres, actuators and commands on their way.
+/// A car with state: wheels, tyres, actuators and commands in transit.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Car {
     params: VehicleParams,
     dead_time: DeadTime,
     actuators: Actuators,
     wheels: [Wheel; 4],
-    /// Slip of largest force on ground of friction 1.
+    /// Slip of largest force on ground with friction 1.
     peak_slip: f64,
     refused: u64,
 }
 
 impl Car {
-    /// A car that rolls at `speed_mps` with straight wheels and released pedals.
+    /// Creates a car that rolls at `speed_mps` with straight wheels and released pedals.
     pub fn new(params: &VehicleParams, speed_mps: f64) -> Self {
         let spin_radps = speed_mps / params.wheel.radius_m;
         let loads_n = params.static_loads_n();
@@ -118,27 +118,27 @@ impl Car {
         }
     }
 
-    /// The parameters that it was made with.
+    /// The car's parameters.
     pub fn params(&self) -> &VehicleParams {
         &self.params
     }
 
-    /// Present angle of the front road wheels, radians.
+    /// Current angle of the front road wheels, radians.
     pub fn steering_rad(&self) -> f64 {
         self.actuators.steering_rad
     }
 
-    /// Present torques of the drivetrain at the driven wheels and asked of the brakes, N m.
+    /// Current torques of the drivetrain at the driven wheels and requested from the brakes, N m.
     pub fn torques_nm(&self) -> (f64, f64) {
         (self.actuators.drive_nm, self.actuators.brake_nm)
     }
 
-    /// The wheels after the last step: front left, front right, rear left, rear right.
+    /// State of the wheels after the last step: front left, front right, rear left, rear right.
     pub fn wheels(&self) -> [WheelState; 4] {
         self.wheels.map(|wheel| wheel.seen)
     }
 
-    /// How many commands were refused because they were not finite; the last good one went on.
+    /// Number of non-finite commands that were refused; the last valid one stays in effect.
     pub fn commands_refused(&self) -> u64 {
         self.refused
     }
@@ -154,10 +154,10 @@ impl Car {
         Point::new(self.params.cg_to_rear_m(), 0.0, self.params.body.cg_height_m)
     }
 
-    /// Moves actuators, wheels and tyres on by `dt_s` under `controls` while the body moves as `motion`
-    /// says, and returns the mean forces on the body over the step.
+    /// Advances actuators, wheels and tyres by `dt_s` under `controls` while the body moves as in `motion`, and returns
+    /// the mean forces on the body over the step.
     ///
-    /// A command that is not finite is refused, one out of range is clamped.
+    /// Non-finite commands are refused, out-of-range ones clamped.
     pub fn step(
         &mut self,
         motion: &BodyMotion,
@@ -207,14 +207,15 @@ impl Car {
         forces
     }
 
-    /// Mean spin of the driven axle, which the motor turns with.
+    /// Mean spin of the driven axle, at which the motor turns.
     fn driven_spin_radps(&self) -> f64 {
         let spin = |i: usize| self.wheels[i].spin_radps;
         let front = self.params.drivetrain.front_share;
         0.5 * (front * (spin(0) + spin(1)) + (1.0 - front) * (spin(2) + spin(3)))
     }
 
-    /// Cosine and sine of each wheel's turn: the front ones by Ackermann, about one point on the rear axle.
+    /// Cosine and sine of each wheel's steering angle: Ackermann geometry at the front, about one point on the rear
+    /// axle.
     fn wheel_turns(&self) -> [[f64; 2]; 4] {
         let tan = swerve_geom::math::tan(self.actuators.steering_rad);
         let half = 0.5 * self.params.body.track_m / self.params.shape.wheelbase_m * tan;
@@ -252,7 +253,7 @@ fn velocity_at(motion: &BodyMotion, cg: Point<Map>, point: Point<Map>) -> Vector
 }
 
 impl Wheel {
-    /// Moves the wheel on and returns the mean force over the step, along its heading and to its left.
+    /// Advances the wheel and returns the mean force over the step, along its heading and to its left.
     fn step(&mut self, params: &VehicleParams, input: &WheelInput, dt_s: f64) -> [f64; 2] {
         #[expect(
             clippy::cast_possible_truncation,
@@ -278,8 +279,8 @@ impl Wheel {
         if speed < 0.1 { 0.0 } else { (self.spin_radps * radius_m - vx_mps) / speed }
     }
 
-    /// The wheel's spin is linearly implicit in the tyre force: with the tyre's stiffness behind it, the
-    /// wheel is far too light for an explicit step near standstill.
+    /// The wheel's spin is linearly implicit in the tyre force: with the tyre's stiffness, the wheel is far too light
+    /// for an explicit step near standstill.
     fn substep(&mut self, params: &VehicleParams, input: &WheelInput, h_s: f64) -> [f64; 2] {
         let radius = params.wheel.radius_m;
         let brake_nm = input.brake_nm * self.anti_lock(params, input, h_s) + input.rolling_nm;
@@ -287,13 +288,13 @@ impl Wheel {
         let (force, slope) = self.patch.step(&params.tyre, &input.patch, tread, h_s);
         let inertia = params.wheel.spin_inertia_kgm2 + h_s * radius * radius * slope;
         let free = self.spin_radps + h_s * (input.drive_nm - radius * force.fx_n) / inertia;
-        // Dry friction of the brake: it slows the wheel, stops it, holds it, but never turns it back.
+        // Dry friction of the brake: it slows the wheel, stops it, holds it, but never reverses it.
         let most = h_s * brake_nm / inertia;
         self.spin_radps = if free.abs() <= most { 0.0 } else { free - most * free.signum() };
         [force.fx_n, force.fy_n]
     }
 
-    /// Share of the asked brake torque that is let through, moved on by `h_s`.
+    /// Fraction of the requested brake torque that is passed, advanced by `h_s`.
     fn anti_lock(&mut self, params: &VehicleParams, input: &WheelInput, h_s: f64) -> f64 {
         let abs = &params.brakes.abs;
         let vx = input.patch.vx_mps;
@@ -315,7 +316,7 @@ mod tests {
 
     const LEVEL: Ground = Ground { height_m: 0.0, friction: 0.9 };
 
-    /// The body moves ahead at constant speed, whatever the forces.
+    /// A body that moves ahead at constant speed, regardless of the forces.
     fn ahead(car: &Car, speed_mps: f64, roll_rad: f64, height_m: f64) -> BodyMotion {
         assert!(car.params().validate().is_ok());
         BodyMotion {
@@ -326,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_the_ground_carries_the_weight_and_does_nothing_else() {
+    fn ground_at_rest_carries_only_the_weight() {
         let mut car = Car::new(&VehicleParams::default(), 0.0);
         let motion = ahead(&car, 0.0, 0.0, 0.0);
         let forces = car.step(&motion, &[LEVEL; 4], Controls::default(), 0.005);
@@ -335,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn an_open_differential_gives_both_wheels_the_torque_that_the_slippery_side_can_take() {
+    fn open_differential_limits_both_wheels_to_the_torque_of_the_slippery_side() {
         let mut car = Car::new(&VehicleParams::default(), 5.0);
         let motion = ahead(&car, 5.0, 0.0, 0.0);
         let ice = Ground { friction: 0.1, ..LEVEL };
@@ -347,14 +348,14 @@ mod tests {
         assert!(left.slip > 1.0, "the wheel on ice spins: {left:?}");
         assert!(right.slip > 0.0 && right.slip < 0.1, "the other one grips: {right:?}");
         assert!(left.fx_n < 0.11 * left.load_n && right.fx_n > 3.0 * left.fx_n);
-        // Each side has half the torque: on the gripping side nearly all of it is force on the road.
+        // Each side has half the torque: on the gripping side nearly all of it becomes force on the road.
         let (drive_nm, _) = car.torques_nm();
         assert!((right.fx_n * 0.335 / (0.5 * drive_nm) - 1.0).abs() < 0.1, "{right:?} {drive_nm}");
         assert!(rear.fx_n < 0.0, "the rear axle is not driven: {rear:?}");
     }
 
     #[test]
-    fn in_the_air_on_its_roof_or_on_ground_without_grip_no_wheel_pushes_the_car_along() {
+    fn wheels_without_contact_or_grip_give_no_longitudinal_force() {
         let no_grip = Ground { friction: f64::NAN, ..LEVEL };
         for (roll_rad, height_m, ground) in
             [(0.0, 1.0, LEVEL), (3.0, 1.4, LEVEL), (1.5, 0.9, LEVEL), (0.0, 0.0, no_grip)]
@@ -384,7 +385,7 @@ mod tests {
         }
         for wheel in car.wheels() {
             assert_eq!(wheel.spin_radps, 0.0);
-            // Not exactly: in full slide the two curves have fallen off by different shares.
+            // Not exactly: in full slide the two curves have decreased by different fractions.
             let across = (wheel.fx_n * 9.0 - wheel.fy_n * 12.0).abs() / (15.0 * wheel.load_n);
             assert!(wheel.fx_n < 0.0 && wheel.fy_n < 0.0 && across < 0.2, "{wheel:?}");
         }

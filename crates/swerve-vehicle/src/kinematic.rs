@@ -25,7 +25,7 @@ pub struct Kinematic {
 }
 
 impl Kinematic {
-    /// The kinematic model of a car.
+    /// Creates the kinematic model of a car.
     pub fn new(params: &VehicleParams) -> Self {
         Self { wheelbase_m: params.shape.wheelbase_m, limits: params.limits }
     }
@@ -35,15 +35,15 @@ impl Kinematic {
         speed_mps * math::tan(steering_rad) / self.wheelbase_m
     }
 
-    /// The largest steering angle at which the lateral acceleration stays within the limits at this speed.
+    /// The largest steering angle at which the lateral acceleration stays within the limits at this speed, radians.
     pub fn steering_max_rad(&self, speed_mps: f64) -> f64 {
         let v2 = (speed_mps * speed_mps).max(1e-9);
         math::atan(self.wheelbase_m * self.limits.lateral_accel_max_mps2 / v2)
             .min(self.limits.steering_max_rad)
     }
 
-    /// One step towards the wanted steering angle at the wanted acceleration: steering is bound by angle,
-    /// rate and lateral acceleration, acceleration by the limits; speed stops at zero.
+    /// Advances one step towards the target steering angle at the target acceleration: steering is bounded by angle,
+    /// rate and lateral acceleration, acceleration by the limits; the speed never becomes negative.
     ///
     /// The pose moves along the arc of the step's mean speed and curvature, which is exact while both hold.
     pub fn step(
@@ -64,7 +64,7 @@ impl Kinematic {
         let way = 0.5 * (state.speed_mps + speed) * travelled_s;
         let mean_steering = 0.5 * (state.steering_rad + steering);
         let turned = way * math::tan(mean_steering) / self.wheelbase_m;
-        // Chord of the arc: its direction is half the turn, its length the way times sin(x)/x.
+        // Chord of the arc: its direction is half the turn, its length the distance times sin(x)/x.
         let half = 0.5 * turned;
         let chord = if half.abs() < 1e-6 { way } else { way * math::sin(half) / half };
         let (sin, cos) = math::sin_cos(state.pose.heading_rad + half);
@@ -90,7 +90,7 @@ mod tests {
 
     /// A quarter of a circle of radius `L / tan(delta)` around the point to the left.
     #[test]
-    fn it_drives_circles() {
+    fn kinematic_car_drives_circles() {
         let steering_rad = 0.3;
         let radius_m = 2.85 / math::tan(steering_rad);
         let dt_s = 0.01;
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stops_where_the_closed_form_says_and_stays() {
+    fn kinematic_car_stops_at_the_closed_form_distance_and_stays() {
         let mut state = KinematicState { speed_mps: 10.0, ..KinematicState::default() };
         for _ in 0..200 {
             state = car().step(state, 0.0, -99.0, 0.01);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn it_keeps_within_rate_angle_and_lateral_acceleration() {
+    fn kinematic_car_keeps_rate_angle_and_lateral_acceleration() {
         let mut state = KinematicState { speed_mps: 20.0, ..KinematicState::default() };
         for _ in 0..100 {
             let next = car().step(state, 1.0, 0.0, 0.01);

@@ -1,15 +1,15 @@
-//! The vehicle: its shape, its limits and how it moves.
+//! The vehicle: shape, limits and motion models.
 //!
-//! Shared by simulator, planners and controllers. Three models of one car, all from [`VehicleParams`]:
+//! Shared by simulator, planners and controllers. Three models of the same car, all created from [`VehicleParams`]:
 //!
-//! - [`Car`]: four corners with suspension, combined-slip tyres, spinning wheels, drivetrain, brakes with
-//!   ABS and a steering actuator. It turns the motion of a rigid body and a command into forces; whoever
-//!   owns the body (the simulator's physics engine) integrates it.
-//! - [`SingleTrack`]: the same tyres and masses in the plane, without heave, roll and pitch; integrates itself.
+//! - [`Car`]: four corners with suspension, combined-slip tyres, spinning wheels, drivetrain, brakes with ABS and a
+//!   steering actuator. It maps the motion of a rigid body and a command to forces; the owner of the body (the
+//!   simulator's physics engine) integrates it.
+//! - [`SingleTrack`]: the same tyres and masses in the plane, without heave, roll and pitch; integrates its own motion.
 //! - [`Kinematic`]: wheels roll without slip, within [`Limits`].
 //!
-//! SI units, radians; ego frame: x forward, y left, z up, origin at the centre of the rear axle on the
-//! ground. Absences: no rapier, no engine, no messages.
+//! SI units, radians; ego frame: x forward, y left, z up, origin at the centre of the rear axle on the ground. The
+//! crate has no rapier, engine or messages.
 
 mod actuator;
 mod car;

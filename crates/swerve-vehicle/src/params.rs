@@ -1,9 +1,9 @@
-//! Every number of the car, with its source.
+//! Parameters of the car, with their sources.
 //!
-//! Sources: \[A\] Baidu Apollo's `mkz_config` (open source calibration of a Lincoln MKZ with drive-by-wire);
-//! \[C\] Althoff and Würsching, "CommonRoad: Vehicle Models", 2020, tables 6 and 7 (tyre: the PAC2002 set of
-//! the Adams/Tire handbook); \[P\] Pacejka, "Tire and Vehicle Dynamics", 3rd edition; \[E\] an estimate from
-//! the class of car, with the reasoning beside it.
+//! Sources: \[A\] Baidu Apollo's `mkz_config` (open source calibration of a Lincoln MKZ with drive-by-wire); \[C\]
+//! Althoff and Würsching, "CommonRoad: Vehicle Models", 2020, tables 6 and 7 (tyre: the PAC2002 set of the Adams/Tire
+//! handbook); \[P\] Pacejka, "Tire and Vehicle Dynamics", 3rd edition; \[E\] an estimate for the class of car, with its
+//! reasoning.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,32 +11,32 @@ use swerve_core::param::{ParamError, Ranged, require, require_all_within};
 
 use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape, SteeringParams};
 
-/// The whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
+/// Parameters of the whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct VehicleParams {
-    /// Outline and wheelbase.
+    /// Outline and wheelbase of the car.
     pub shape: Shape,
-    /// Limits of what planners and controllers may ask for; the steering angle and rate also bind the actuator.
+    /// Limits on the demands of planners and controllers; the steering angle and rate also apply to the actuator.
     pub limits: Limits,
-    /// Mass and inertia.
+    /// Mass and inertia of the car.
     pub body: BodyParams,
-    /// Springs, dampers, anti-roll bars.
+    /// Springs, dampers and anti-roll bars.
     pub suspension: SuspensionParams,
-    /// Wheels.
+    /// Parameters of the wheels.
     pub wheel: WheelParams,
-    /// Tyres, the same on all corners.
+    /// Parameters of the tyres, the same on all corners.
     pub tyre: TyreParams,
-    /// Motor to wheels.
+    /// Drivetrain from motor to wheels.
     pub drivetrain: DrivetrainParams,
-    /// Brakes.
+    /// Parameters of the brakes.
     pub brakes: BrakeParams,
-    /// Steering actuator.
+    /// Parameters of the steering actuator.
     pub steering: SteeringParams,
-    /// Air drag.
+    /// Air drag of the car.
     pub aero: AeroParams,
-    /// Time from a command's arrival to the actuators' first reaction (drive-by-wire), seconds.
-    /// Raising it delays steering, throttle and brake alike; at most 10.
+    /// Time from the arrival of a command to the first reaction of the actuators (drive-by-wire), seconds. Delays
+    /// steering, throttle and brake alike; at most 10.
     pub dead_time_s: f64,
 }
 
@@ -46,7 +46,7 @@ pub struct VehicleParams {
 pub struct BodyParams {
     /// Mass of the whole car with its load, kg.
     pub mass_kg: f64,
-    /// Centre of gravity above ground, metres.
+    /// Height of the centre of gravity above ground, metres.
     pub cg_height_m: f64,
     /// Share of the weight on the front axle, 0 to 1.
     pub front_weight_share: f64,
@@ -77,7 +77,7 @@ impl Default for BodyParams {
     }
 }
 
-/// Springs, dampers and anti-roll bars, as rates at the wheel. There is no unsprung mass of its own.
+/// Springs, dampers and anti-roll bars, as rates at the wheel. Unsprung masses are not modelled.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SuspensionParams {
@@ -87,19 +87,19 @@ pub struct SuspensionParams {
     pub rear_spring_npm: f64,
     /// Damper rate of one corner, N s/m.
     pub damper_nspm: f64,
-    /// Front anti-roll bar: force on each wheel per metre of difference of compression, N/m.
+    /// Rate of the front anti-roll bar: force on each wheel per metre of difference in compression, N/m.
     pub front_anti_roll_npm: f64,
-    /// Rear anti-roll bar, N/m.
+    /// Rate of the rear anti-roll bar, N/m.
     pub rear_anti_roll_npm: f64,
-    /// Compression beyond rest at which the bump stop is met, metres.
+    /// Compression beyond rest at which the bump stop engages, metres.
     pub bump_stop_m: f64,
-    /// Extra rate behind the bump stop, N/m.
+    /// Additional rate of the bump stop, N/m.
     pub bump_stop_npm: f64,
 }
 
 impl Default for SuspensionParams {
-    /// \[E\]: body bounce near 1.3 Hz with damping ratio 0.34, and about 3 degrees of roll at 0.8 g, most of
-    /// the anti-roll stiffness in front as cars have it that shall understeer at the limit.
+    /// \[E\]: body bounce near 1.3 Hz with damping ratio 0.34, and about 3 degrees of roll at 0.8 g; most of the
+    /// anti-roll stiffness is in front, as in cars designed to understeer at the limit.
     fn default() -> Self {
         Self {
             front_spring_npm: 30_000.0,
@@ -132,26 +132,28 @@ impl Default for WheelParams {
     }
 }
 
-/// Tyres. The peak friction is the ground's; the curve's shape and its initial slope are the tyre's.
+/// Tyre parameters. The peak friction belongs to the ground; the curve's shape and its initial slope belong to the
+/// tyre.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TyreParams {
-    /// Force over longitudinal slip.
+    /// Longitudinal force over longitudinal slip.
     pub longitudinal: MagicFormula,
-    /// Force over the tangent of the slip angle.
+    /// Lateral force over the tangent of the slip angle.
     pub lateral: MagicFormula,
-    /// Peak friction on any ground, in the place of the ground's own, up to 4; absent: the ground's.
+    /// Peak friction on any ground, replacing the ground's friction, up to 4; when absent, the ground's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
-    /// Load at which the peak friction is exactly the ground's, newtons.
+    /// Load at which the peak friction equals the ground's, newtons.
     pub nominal_load_n: f64,
     /// Relative loss of peak friction for a load twice the nominal one.
     pub load_sensitivity: f64,
     /// Relative loss of slip stiffness per load, for a load twice the nominal one.
     pub stiffness_load_sensitivity: f64,
-    /// Way rolled until 63 % of a step of longitudinal slip has become force, metres.
+    /// Longitudinal relaxation length: distance rolled until 63 % of a step of longitudinal slip has become force,
+    /// metres.
     pub relaxation_longitudinal_m: f64,
-    /// The same for lateral slip, metres.
+    /// Lateral relaxation length: distance rolled until 63 % of a step of lateral slip has become force, metres.
     pub relaxation_lateral_m: f64,
 }
 
@@ -172,18 +174,18 @@ impl Default for TyreParams {
     }
 }
 
-/// From pedal to drive torque; open differentials (equal torque left and right), no traction control, no
-/// engine braking, no reverse gear, no creep.
+/// Drivetrain from pedal to torque; open differentials (equal torque left and right), no traction control, engine
+/// braking, reverse gear or creep.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DrivetrainParams {
-    /// Largest torque at the driven wheels together, N m.
+    /// Largest total torque at the driven wheels, N m.
     pub torque_max_nm: f64,
     /// Largest power at the wheels, watts.
     pub power_max_w: f64,
     /// Time constant of the torque's first-order lag, seconds.
     pub lag_s: f64,
-    /// Share of the torque that goes to the front axle: 1 is front-wheel drive.
+    /// Fraction of the torque at the front axle: 1 is front-wheel drive.
     pub front_share: f64,
 }
 
@@ -195,46 +197,46 @@ impl Default for DrivetrainParams {
     }
 }
 
-/// Brakes.
+/// Brake parameters.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BrakeParams {
-    /// Torque of all four brakes together at full pedal, N m.
+    /// Total torque of all four brakes at full pedal, N m.
     pub torque_max_nm: f64,
-    /// Share of the front axle.
+    /// Fraction of the brake torque at the front axle.
     pub front_share: f64,
-    /// Time in which the torque rises from nothing to full pedal, seconds.
+    /// Time in which the torque builds up from zero to full pedal, seconds.
     pub build_up_s: f64,
-    /// Anti-lock control.
+    /// Parameters of the anti-lock control.
     pub abs: AbsParams,
 }
 
 impl Default for BrakeParams {
-    /// \[E\]: enough to lock all wheels on dry asphalt (1.2 g), 0.15 s build-up as hydraulic units have it.
+    /// \[E\]: enough to lock all wheels on dry asphalt (1.2 g), and the build-up time of hydraulic units, 0.15 s.
     fn default() -> Self {
         Self { torque_max_nm: 7_100.0, front_share: 0.7, build_up_s: 0.15, abs: AbsParams::default() }
     }
 }
 
-/// Anti-lock control of each wheel: the brake torque is scaled so that slip stays near the target. That the
-/// target follows the ground's friction stands for the search of real units for the peak.
+/// Anti-lock control of each wheel: the brake torque is scaled so that slip stays near the target. A target that
+/// follows the ground's friction replaces the peak search of real units.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AbsParams {
-    /// Whether it is there at all.
+    /// Enables anti-lock control.
     pub enabled: bool,
-    /// Slip that it aims at, as share of the slip of largest force on the present ground.
+    /// Target slip, as a fraction of the slip of largest force on the current ground.
     pub slip_target: f64,
-    /// Largest rate at which the torque is given back, as share of full brake per second.
+    /// Largest rate at which the torque is increased, as a fraction of full brake per second.
     pub apply_rate_ps: f64,
-    /// Largest rate at which the torque is taken away, as share of full brake per second.
+    /// Largest rate at which the torque is reduced, as a fraction of full brake per second.
     pub release_rate_ps: f64,
-    /// Speed below which it stays out and wheels may lock, m/s.
+    /// Speed below which anti-lock control is inactive and wheels may lock, m/s.
     pub speed_min_mps: f64,
 }
 
 impl Default for AbsParams {
-    /// \[E\]: the peak is flat on its near side and falls off behind: aim before it.
+    /// \[E\]: the curve is flat before the peak and falls beyond it: the target is before it.
     fn default() -> Self {
         Self {
             enabled: true,
@@ -264,7 +266,7 @@ impl Default for AeroParams {
 }
 
 impl VehicleParams {
-    /// The first parameter that is out of range, if any.
+    /// Checks that all parameters are in range; returns the first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&self.ranged_of_chassis())?;
         require_all_within(&self.ranged_of_actuators())?;
@@ -340,12 +342,12 @@ impl VehicleParams {
         ]
     }
 
-    /// From the rear axle forward to the centre of gravity, metres.
+    /// Distance from the rear axle forward to the centre of gravity, metres.
     pub fn cg_to_rear_m(&self) -> f64 {
         self.body.front_weight_share * self.shape.wheelbase_m
     }
 
-    /// From the centre of gravity forward to the front axle, metres.
+    /// Distance from the centre of gravity forward to the front axle, metres.
     pub fn cg_to_front_m(&self) -> f64 {
         self.shape.wheelbase_m - self.cg_to_rear_m()
     }
@@ -358,8 +360,8 @@ impl VehicleParams {
         [front, front, rear, rear]
     }
 
-    /// Cornering stiffness of the front and the rear axle at their static loads, N/rad: the slope at the
-    /// origin for linear models (controllers, estimators).
+    /// Cornering stiffness of the front and the rear axle at their static loads, N/rad: the slope at the origin, for
+    /// linear models (controllers, estimators).
     pub fn axle_cornering_stiffness_nprad(&self) -> [f64; 2] {
         let loads_n = self.static_loads_n();
         [loads_n[0], loads_n[2]].map(|load_n| 2.0 * load_n * self.tyre.cornering_stiffness_per_load(load_n))
@@ -387,7 +389,7 @@ impl VehicleParams {
         air + rolling
     }
 
-    /// Largest torque at the driven wheels together when they turn at `wheel_speed_radps`, N m.
+    /// Largest total torque at the driven wheels at a spin of `wheel_speed_radps`, N m.
     pub fn drive_torque_max_nm(&self, wheel_speed_radps: f64) -> f64 {
         let drive = &self.drivetrain;
         drive.torque_max_nm.min(drive.power_max_w / wheel_speed_radps.abs().max(1e-3))
@@ -409,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn parameters_out_of_range_are_named() {
         let wrong = |change: fn(&mut VehicleParams)| {
             let mut params = VehicleParams::default();
             change(&mut params);

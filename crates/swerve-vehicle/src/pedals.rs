@@ -1,4 +1,4 @@
-//! From a wanted acceleration to pedals.
+//! Conversion of a target acceleration to pedals.
 
 use crate::VehicleParams;
 
@@ -11,10 +11,10 @@ pub struct Pedals {
     pub brake: f64,
 }
 
-/// The pedals that give `accel_mps2` at `speed_mps` on level ground once the actuators have settled.
+/// Pedals that give `accel_mps2` at `speed_mps` on level ground once the actuators have settled.
 ///
-/// Inverts drag, rolling resistance, torque and power limits; asks for the most the car has where the wish
-/// is beyond that, and releases both pedals where either number is not finite.
+/// Inverts drag, rolling resistance, torque and power limits; saturates at the car's limits, and releases both pedals
+/// if either number is not finite.
 pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64) -> Pedals {
     if !(speed_mps.is_finite() && accel_mps2.is_finite()) {
         return Pedals::default();
@@ -32,10 +32,10 @@ pub fn pedals_for_accel(params: &VehicleParams, speed_mps: f64, accel_mps2: f64)
     }
 }
 
-/// The pedals that brake with `decel_mps2` (0 or more) on level ground, whichever way the car moves and at any speed.
+/// Pedals that brake with `decel_mps2` (0 or more) on level ground, in either direction of motion and at any speed.
 ///
-/// The brake alone, and independent of any measured speed: air and rolling resistance come on top of it. The
-/// accelerator is never pressed; a deceleration that is not finite is full brake.
+/// The brake alone, independent of any measured speed: air and rolling resistance add to it. The accelerator is never
+/// pressed; a non-finite deceleration gives full brake.
 pub fn brake_for_decel(params: &VehicleParams, decel_mps2: f64) -> Pedals {
     let torque_nm = params.effective_mass_kg() * decel_mps2 * params.wheel.radius_m;
     let share = torque_nm / params.brakes.torque_max_nm;
@@ -43,11 +43,10 @@ pub fn brake_for_decel(params: &VehicleParams, decel_mps2: f64) -> Pedals {
     Pedals { throttle: 0.0, brake }
 }
 
-/// The acceleration that the pedals give at `speed_mps` on level ground: the other way round than
-/// [`pedals_for_accel`].
+/// Acceleration that the pedals give at `speed_mps` on level ground, m/s²: the inverse of [`pedals_for_accel`].
 pub fn accel_for_pedals(params: &VehicleParams, speed_mps: f64, pedals: Pedals) -> f64 {
     let radius = params.wheel.radius_m;
-    // A pressed brake wins over the accelerator.
+    // A pressed brake overrides the accelerator.
     let torque = if pedals.brake > 0.0 {
         -pedals.brake.min(1.0) * params.brakes.torque_max_nm
     } else {
@@ -66,7 +65,7 @@ mod tests {
         for decel in [0.0, 0.5, 1.5, 3.0, 8.0] {
             let pedals = brake_for_decel(&params, decel);
             assert_eq!(pedals.throttle, 0.0);
-            // Resistance at 20 m/s comes on top.
+            // Resistance at 20 m/s is added.
             let resistance = params.resistance_n(20.0) / params.effective_mass_kg();
             if decel > 0.0 {
                 let reached = -accel_for_pedals(&params, 20.0, pedals);
@@ -94,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn wishes_beyond_the_car_are_its_most_and_impossible_ones_nothing() {
+    fn demands_beyond_the_car_saturate_and_non_finite_ones_release_the_pedals() {
         let params = VehicleParams::default();
         assert_eq!(pedals_for_accel(&params, 10.0, 50.0), Pedals { throttle: 1.0, brake: 0.0 });
         assert_eq!(pedals_for_accel(&params, 10.0, -50.0), Pedals { throttle: 0.0, brake: 1.0 });

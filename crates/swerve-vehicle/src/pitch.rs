@@ -1,22 +1,22 @@
-//! Pitch of the body on its springs, as a stack can follow it from measured acceleration.
+//! Pitch of the body on its springs, computed from measured acceleration.
 
 use crate::VehicleParams;
 
 /// Pitch of the body over level ground: a mass on two springs and dampers, without heave.
 ///
-/// Braking turns it by the force at the ground times the height of the centre of gravity; the springs at a distance
-/// `a` before and `b` behind hold against that with `2 (k_f a² + k_r b²)` (Gillespie, "Fundamentals of vehicle
-/// dynamics", chapter 5: pitch without bounce).
+/// The pitch moment of braking is the force at the ground times the height of the centre of gravity; the springs at
+/// distances `a` in front and `b` behind resist it with the stiffness `2 (k_f a² + k_r b²)` (Gillespie, "Fundamentals
+/// of vehicle dynamics", chapter 5: pitch without bounce).
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Pitch {
-    /// Nose down is positive, radians.
+    /// Pitch angle, radians; positive nose down.
     pub angle_rad: f64,
-    /// Its rate, rad/s.
+    /// Pitch rate, rad/s.
     pub rate_radps: f64,
 }
 
 impl Pitch {
-    /// Goes on for a while, at most some ten milliseconds, under this acceleration along the car.
+    /// Advances by `dt_s`, at most some ten milliseconds, under this longitudinal acceleration.
     pub fn step(&mut self, params: &VehicleParams, accel_mps2: f64, dt_s: f64) {
         let (body, springs) = (&params.body, &params.suspension);
         let [front, rear] = [params.cg_to_front_m(), params.cg_to_rear_m()].map(|m| m * m);
@@ -25,7 +25,7 @@ impl Pitch {
         let moment = -body.mass_kg * accel_mps2 * body.cg_height_m
             - stiffness * self.angle_rad
             - damping * self.rate_radps;
-        // The new rate moves the angle: stable where the step is short.
+        // The new rate advances the angle: stable for short steps.
         self.rate_radps += moment / body.pitch_inertia_kgm2 * dt_s;
         self.angle_rad += self.rate_radps * dt_s;
     }

@@ -1,4 +1,4 @@
-//! Outline and limits.
+//! Outline and limits of the car.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,19 +16,19 @@ pub struct Shape {
     pub height_m: f64,
     /// Distance between the axles, metres.
     pub wheelbase_m: f64,
-    /// From the rear axle to the rear end, metres.
+    /// Distance from the rear axle to the rear end, metres.
     pub rear_overhang_m: f64,
 }
 
 impl Default for Shape {
-    /// A Lincoln MKZ.
+    /// Dimensions of a Lincoln MKZ.
     fn default() -> Self {
         Self { length_m: 4.93, width_m: 1.86, height_m: 1.48, wheelbase_m: 2.85, rear_overhang_m: 1.04 }
     }
 }
 
 impl Shape {
-    /// From the rear axle forward to the middle of the outline, metres.
+    /// Distance from the rear axle forward to the centre of the outline, metres.
     pub fn center_ahead_m(&self) -> f64 {
         0.5 * self.length_m - self.rear_overhang_m
     }
@@ -38,25 +38,25 @@ impl Shape {
         Obb::new(pose.ahead(self.center_ahead_m()), self.length_m, self.width_m)
     }
 
-    /// The middle of the outline with the ego origin at `pose`.
+    /// The centre of the outline with the ego origin at `pose`.
     pub fn center(&self, pose: Pose2) -> Point2 {
         pose.ahead(self.center_ahead_m()).point()
     }
 }
 
-/// Limits of the vehicle; planners and controllers stay within them.
+/// Limits of the vehicle, respected by planners and controllers.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// Largest angle of the front road wheels, radians.
     pub steering_max_rad: f64,
-    /// Largest rate of that angle, rad/s.
+    /// Largest steering rate of the front road wheels, rad/s.
     pub steering_rate_max_radps: f64,
     /// Largest acceleration, m/s².
     pub accel_max_mps2: f64,
     /// Largest deceleration on dry ground, m/s² (positive).
     pub brake_max_mps2: f64,
-    /// Largest lateral acceleration that a plan may ask for, m/s².
+    /// Largest lateral acceleration of plans, m/s².
     pub lateral_accel_max_mps2: f64,
 }
 
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_outline_sits_around_the_rear_axle() {
+    fn outline_is_placed_around_the_rear_axle() {
         let obb = Shape::default().footprint(Pose2::new(0.0, 0.0, 0.0));
         let front = obb.corners()[0].x_m;
         let rear = obb.corners()[1].x_m;

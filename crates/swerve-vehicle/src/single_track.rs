@@ -18,17 +18,17 @@ pub struct SingleTrackState {
     pub yaw_rate_radps: f64,
     /// Angle of the front road wheels, radians.
     pub steering_rad: f64,
-    /// Longitudinal acceleration after the last step, m/s²: what the load transfer follows.
+    /// Longitudinal acceleration after the last step, m/s²: determines the load transfer.
     pub accel_mps2: f64,
     /// Lateral acceleration at the centre of gravity after the last step, m/s².
     pub lateral_accel_mps2: f64,
 }
 
-/// The car as a single-track model.
+/// The car as a dynamic single-track model.
 ///
-/// Each axle is one tyre of the car's own curves at half the axle's load, twice. Steady-state slip (no
-/// relaxation, no wheel spin): the asked acceleration is an asked longitudinal tyre force, split like brakes
-/// and drive, and what it takes of the tyre is missing sideways. Below 1 m/s it rolls without slip.
+/// Each axle has twice the force of one tyre of the car at half the axle's load. Slip is steady-state (no relaxation,
+/// no wheel spin): the requested acceleration is a requested longitudinal tyre force, distributed like brakes and
+/// drive, which reduces the available lateral force. Below 1 m/s the wheels roll without slip.
 #[derive(Clone, PartialEq, Debug)]
 pub struct SingleTrack {
     params: VehicleParams,
@@ -39,24 +39,24 @@ pub struct SingleTrack {
 
 /// Longest inner step, seconds: keeps the tyres stable down to the kinematic speed.
 const SUBSTEP_MAX_S: f64 = 0.005;
-/// Below this speed the slip angle has no meaning, m/s.
+/// Below this speed the slip angle is undefined, m/s.
 const KINEMATIC_BELOW_MPS: f64 = 1.0;
 
 impl SingleTrack {
-    /// The single-track model of a car on ground of the given friction.
+    /// Creates the single-track model of a car on ground of the given friction.
     pub fn new(params: &VehicleParams, friction: f64) -> Self {
         let friction = params.tyre.friction.unwrap_or(friction);
         let slip_peak = params.tyre.longitudinal.peak_slip(friction);
         Self { params: params.clone(), friction, slip_peak }
     }
 
-    /// A state that drives straight.
+    /// A state of straight driving.
     pub fn straight(pose: Pose2, speed_mps: f64) -> SingleTrackState {
         SingleTrackState { pose, vx_mps: speed_mps, ..SingleTrackState::default() }
     }
 
-    /// One step towards the wanted steering angle (bound by the actuator's angle and rate) at the wanted
-    /// acceleration (bound by the friction and the drivetrain).
+    /// Advances one step towards the target steering angle (bounded by the actuator's angle and rate) at the target
+    /// acceleration (bounded by the friction and the drivetrain).
     pub fn step(
         &self,
         state: SingleTrackState,
@@ -103,7 +103,7 @@ impl SingleTrack {
         }
         s.accel_mps2 = if s.vx_mps > 0.0 { ax } else { 0.0 };
         let heading = s.pose.heading_rad;
-        // The origin is on the rear axle: it does not take part in the yaw motion of the centre of gravity.
+        // The origin is on the rear axle: it does not share the yaw motion of the centre of gravity.
         let (sin, cos) = math::sin_cos(heading + 0.5 * h_s * s.yaw_rate_radps);
         let vy_rear = s.vy_mps - b * s.yaw_rate_radps;
         s.pose = Pose2::new(
@@ -114,7 +114,7 @@ impl SingleTrack {
         s
     }
 
-    /// Force along the heading, to the left (newtons) and yaw moment (N m).
+    /// Forces along the heading and to the left, newtons, and yaw moment, N m.
     fn forces(&self, s: &SingleTrackState, accel_mps2: f64) -> [f64; 3] {
         let p = &self.params;
         let (a, b) = (p.cg_to_front_m(), p.cg_to_rear_m());
@@ -142,12 +142,12 @@ impl SingleTrack {
         ]
     }
 
-    /// Longitudinal forces asked of the front and the rear axle, newtons.
+    /// Longitudinal forces requested from the front and the rear axle, newtons.
     fn asked_forces(&self, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
         let p = &self.params;
         let force = p.body.mass_kg * accel_mps2 + p.resistance_n(speed_mps);
         let radius = p.wheel.radius_m;
-        // Part of the torque goes into the wheels' own spin.
+        // Part of the torque accelerates the wheels' own spin.
         let per_torque = p.body.mass_kg / p.effective_mass_kg() / radius;
         let (force, front) = if force >= 0.0 {
             (force.min(p.drive_torque_max_nm(speed_mps / radius) * per_torque), p.drivetrain.front_share)
@@ -157,8 +157,8 @@ impl SingleTrack {
         (force * front, force * (1.0 - front))
     }
 
-    /// Longitudinal and lateral force of an axle, its two tyres equally loaded: the longitudinal slip is the
-    /// one that gives the asked force beside this lateral slip, as far as the anti-lock control would let it.
+    /// Longitudinal and lateral force of an axle with equally loaded tyres, newtons: the longitudinal slip gives the
+    /// requested force at this lateral slip, as far as the anti-lock control allows.
     fn axle(&self, load_n: f64, asked_n: f64, slip_y: f64) -> (f64, f64) {
         let tyre = &self.params.tyre;
         let half = 0.5 * load_n;
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_steady_turn_it_needs_the_angle_of_the_understeer_gradient() {
+    fn steady_turn_needs_the_angle_of_the_understeer_gradient() {
         let params = VehicleParams::default();
         let (mut state, steering_rad) = (SingleTrack::straight(Pose2::default(), 20.0), 0.02);
         for _ in 0..400 {
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn full_braking_stops_it_at_mu_g_and_it_stays() {
+    fn full_braking_decelerates_at_mu_g_to_a_lasting_stop() {
         let mut state = SingleTrack::straight(Pose2::default(), 20.0);
         for _ in 0..500 {
             state = car().step(state, 0.0, -20.0, 0.01);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn it_never_corners_beyond_the_friction_and_brakes_at_its_expense() {
+    fn cornering_stays_within_the_friction_and_shares_it_with_braking() {
         let corner = |accel_mps2: f64| {
             let mut state = SingleTrack::straight(Pose2::default(), 25.0);
             let mut most = 0.0f64;

@@ -1,4 +1,4 @@
-//! From the angle asked for to that of the wheels.
+//! Steering actuator: from the requested angle to that of the wheels.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SteeringParams {
-    /// Time constant of the first-order lag before the rate limit, seconds; 0 leaves the rate limit alone.
+    /// Time constant of the first-order lag before the rate limit, seconds; 0 disables the lag.
     pub lag_s: f64,
-    /// Speeds in m/s, increasing, each with the share of the angle asked for that the wheels turn by there; linear
-    /// between them. 1 at any speed where it is a car.
+    /// Speeds in m/s, increasing, each with the fraction of the requested angle by which the wheels turn; interpolated
+    /// linearly. A real car has 1 at all speeds.
     pub curve: [[f64; 2]; 4],
 }
 
 impl SteeringParams {
-    /// Share of the angle asked for that the wheels turn by, 0 to 1.
+    /// Fraction of the requested angle by which the wheels turn, 0 to 1.
     pub fn share_at(&self, speed_mps: f64) -> f64 {
         let [mut from, rest @ ..] = self.curve;
         for to in rest {
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wheels_may_turn_less_the_faster_the_car_is() {
+    fn steering_curve_reduces_the_angle_with_speed() {
         let steering =
             SteeringParams { curve: [[0.0, 1.0], [5.0, 0.9], [15.0, 0.8], [30.0, 0.7]], lag_s: 0.0 };
         for (speed_mps, share) in [(-1.0, 1.0), (0.0, 1.0), (2.5, 0.95), (15.0, 0.8), (99.0, 0.7)] {

@@ -1,20 +1,20 @@
-//! Loads of the four wheels from where the body's corners are above the ground.
+//! Wheel loads from the heights of the body's corners above the ground.
 
 use crate::VehicleParams;
 
-/// One corner: how the body's nominal contact point sits over the ground.
+/// One corner: position of the body's nominal contact point relative to the ground.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Corner {
-    /// Compression beyond the static one, metres.
+    /// Compression beyond the static compression, metres.
     pub(crate) compression_m: f64,
-    /// Its rate, m/s.
+    /// Compression rate, m/s.
     pub(crate) compression_mps: f64,
 }
 
 /// Wheel loads in newtons (front left, front right, rear left, rear right), never negative.
 ///
-/// Each corner: static load, spring, damper, bump stop, and the anti-roll bar of its axle, which moves load
-/// from the less to the more compressed side.
+/// Contributions of each corner: static load, spring, damper, bump stop, and the anti-roll bar of its axle, which moves
+/// load from the less to the more compressed side.
 pub(crate) fn wheel_loads_n(params: &VehicleParams, corners: &[Corner; 4]) -> [f64; 4] {
     let s = &params.suspension;
     let spring = [s.front_spring_npm, s.front_spring_npm, s.rear_spring_npm, s.rear_spring_npm];
@@ -43,7 +43,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_every_wheel_has_its_static_load() {
+    fn wheels_at_rest_have_their_static_load() {
         assert_eq!(at([0.0; 4]), VehicleParams::default().static_loads_n());
     }
 
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lifted_wheel_carries_nothing_and_a_bump_stop_much() {
+    fn lifted_wheel_carries_no_load_and_bump_stop_a_high_one() {
         assert_eq!(at([-0.5; 4]), [0.0; 4]);
         let stopped = at([0.1; 4])[0] - VehicleParams::default().static_loads_n()[0];
         assert!((stopped - (3_000.0 + 150_000.0 * 0.02)).abs() < 1e-9);

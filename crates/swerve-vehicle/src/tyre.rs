@@ -1,4 +1,4 @@
-//! Tyre forces: the magic formula, combined slip, load sensitivity, and relaxation down to standstill.
+//! Tyre forces: magic formula, combined slip, load sensitivity, and relaxation down to standstill.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,17 +6,16 @@ use swerve_geom::math;
 
 use crate::TyreParams;
 
-/// One curve of the magic formula (Pacejka, "Tire and Vehicle Dynamics", 3rd ed., eq. 4.6), in a form
-/// that separates the tyre from the ground: the slope at the origin belongs to the tyre, the peak to the
-/// ground's friction.
+/// One curve of the magic formula (Pacejka, "Tire and Vehicle Dynamics", 3rd ed., eq. 4.6), in a form that separates
+/// the tyre from the ground: the slope at the origin is a property of the tyre, the peak is the ground's friction.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MagicFormula {
-    /// Slope at the origin: force per load and unit of slip. Raising it makes the response more direct.
+    /// Slope at the origin: force per load and unit of slip. A higher value makes the response more direct.
     pub stiffness: f64,
     /// Shape factor `C`: above 1 the force falls again beyond its peak.
     pub shape: f64,
-    /// Curvature factor `E`: moves the peak; the nearer to 1, the later and the broader it is.
+    /// Curvature factor `E`: moves the peak; the nearer to 1, the later and broader it is.
     pub curvature: f64,
 }
 
@@ -27,8 +26,8 @@ impl MagicFormula {
         math::sin(self.shape * math::atan(inner))
     }
 
-    /// The stretched slip at which the force is largest: where the sine's argument is a quarter turn.
-    /// Solved by bisection; the largest slip looked at, 1000, stands for curves without a peak.
+    /// The stretched slip of the largest force: where the sine's argument is a quarter turn. Solved by bisection; 1000,
+    /// the largest slip tried, represents curves without a peak.
     pub fn peak_b_slip(&self) -> f64 {
         let goal = math::tan(core::f64::consts::FRAC_PI_2 / self.shape.max(1.0 + 1e-9));
         let inner = |s: f64| s - self.curvature * (s - math::atan(s));
@@ -40,7 +39,7 @@ impl MagicFormula {
         0.5 * (low + high)
     }
 
-    /// The stretched slip, before the peak, that gives the share `force` (0 to 1) of the peak force.
+    /// The stretched slip before the peak that gives the fraction `force` (0 to 1) of the peak force.
     fn b_slip_for(&self, force: f64) -> f64 {
         let goal = math::tan(math::asin(force.clamp(0.0, 1.0)) / self.shape);
         let mut s = goal;
@@ -56,7 +55,7 @@ impl MagicFormula {
         self.peak_b_slip() / self.stretch(1.0, friction)
     }
 
-    /// The stretch `B` for which the slope at the origin is the stiffness, given the friction coefficient.
+    /// The stretch `B` for which the slope at the origin equals the stiffness, given the friction coefficient.
     fn stretch(&self, stiffness_scale: f64, friction: f64) -> f64 {
         self.stiffness * stiffness_scale / (self.shape * friction)
     }
@@ -67,12 +66,12 @@ impl TyreParams {
         (load_n / self.nominal_load_n - 1.0).clamp(-1.0, 3.0)
     }
 
-    /// Peak friction at a load over that at the nominal load.
+    /// Peak friction at a load relative to that at the nominal load.
     fn friction_scale(&self, load_n: f64) -> f64 {
         (1.0 - self.load_sensitivity * self.overload(load_n)).max(0.3)
     }
 
-    /// Slip stiffness per load at a load over that at the nominal load.
+    /// Slip stiffness per load at a load relative to that at the nominal load.
     fn stiffness_scale(&self, load_n: f64) -> f64 {
         (1.0 - self.stiffness_load_sensitivity * self.overload(load_n)).max(0.3)
     }
@@ -90,16 +89,16 @@ pub struct SlipForce {
     pub fx_n: f64,
     /// To the wheel's left, newtons.
     pub fy_n: f64,
-    /// Secant of `fx_n` over longitudinal slip, newtons per unit of slip: never below its slope.
+    /// Secant of `fx_n` over longitudinal slip, newtons per unit of slip: an upper bound of the slope.
     pub fx_secant_n: f64,
 }
 
 /// Steady-state force of a tyre under combined slip.
 ///
-/// Slips: `slip_x = (omega R - v_x) / |v_x|`, `slip_y = -v_y / |v_x|` (positive pushes to the left);
-/// `load_n` in newtons. Both slips are stretched by their own `B`; the curves are read at the length of the
-/// stretched vector and the force shares its direction (similarity method, Pacejka section 4.3.2), so that
-/// no combination exceeds the friction coefficient.
+/// Slips: `slip_x = (omega R - v_x) / |v_x|`, `slip_y = -v_y / |v_x|` (positive pushes to the left); `load_n` in
+/// newtons. Both slips are stretched by their own `B`; the curves are evaluated at the length of the stretched vector
+/// and the force has its direction (similarity method, Pacejka section 4.3.2), so that no combination exceeds the
+/// friction coefficient.
 pub fn combined_slip_force(params: &TyreParams, load_n: f64, friction: f64, slip: [f64; 2]) -> SlipForce {
     if load_n <= 0.0 || friction <= 0.0 {
         return SlipForce::default();
@@ -123,7 +122,7 @@ pub fn combined_slip_force(params: &TyreParams, load_n: f64, friction: f64, slip
     SlipForce { fx_n: per_x * sx, fy_n: per_y * sy, fx_secant_n: per_x.max(0.0) * bx }
 }
 
-/// Longitudinal slip, at most `most`, that gives the force `asked_n` beside the lateral slip `slip_y`.
+/// Longitudinal slip, at most `most`, that gives the force `asked_n` at the lateral slip `slip_y`.
 pub(crate) fn slip_for_force(
     params: &TyreParams,
     load_n: f64,
@@ -135,8 +134,8 @@ pub(crate) fn slip_for_force(
     let mu = friction * params.friction_scale(load_n);
     let bx = params.longitudinal.stretch(params.stiffness_scale(load_n), mu);
     let share = asked_n.abs() / (mu * load_n);
-    // Exact without lateral slip, or, for a small force, from the slope at the origin; from there the secant
-    // of the curve closes in.
+    // Exact without lateral slip, or, for a small force, from the slope at the origin; then refined with the secant of
+    // the curve.
     let curve = &params.longitudinal;
     let alone = if share < 0.2 { share / curve.shape } else { curve.b_slip_for(share) } / bx;
     let mut slip_x = alone.min(most) * asked_n.signum();
@@ -147,23 +146,23 @@ pub(crate) fn slip_for_force(
     slip_x
 }
 
-/// Speed below which the contact patch also damps: with no rolling the relaxation equation is a bare
-/// spring, and the car would rock on it for seconds after a stop, m/s.
+/// Speed below which the contact patch is damped, m/s: without rolling the relaxation equation is an undamped spring,
+/// and the car would rock on it for seconds after a stop.
 const DAMPED_BELOW_MPS: f64 = 2.5;
 /// Damping at standstill: slip per m/s of slip velocity. Gives the car on its braked tyres a damping ratio
 /// near 1 (33 rad/s at the default longitudinal stiffness).
 const DAMPING_SPM: f64 = 0.3;
-/// Largest slip, in units of the slip where the curve bends (`1 / B`), that a deflection may store below
-/// [`DAMPED_BELOW_MPS`]: a locked tyre must not remember how far it slid.
+/// Largest slip, relative to the slip where the curve bends (`1 / B`), that a deflection may store below
+/// [`DAMPED_BELOW_MPS`]: a locked tyre must not remember its sliding distance.
 const STORED_SLIP_AT_REST: f64 = 1.0;
-/// The same at speed: far beyond full slide.
+/// Largest stored slip at speed: far beyond full slide.
 const STORED_SLIP: f64 = 60.0;
 
-/// The deflection of one contact patch: the memory behind relaxation, stiction and hold at rest.
+/// Deflection of one contact patch: the state behind relaxation, stiction and hold at rest.
 ///
-/// `du/dt = v_slip - |v_x| u / sigma`, and `u / sigma` is the slip that the curve is read at (Pacejka,
-/// section 8.6, with his low-speed damping and the limit on stored deflection). While the wheel rolls, this
-/// is the relaxation length; at standstill it is a spring that holds the car.
+/// `du/dt = v_slip - |v_x| u / sigma`, and `u / sigma` is the slip at which the curve is evaluated (Pacejka, section
+/// 8.6, with his low-speed damping and limit on stored deflection). While the wheel rolls, `sigma` is the relaxation
+/// length; at standstill the deflection is a spring that holds the car.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct ContactPatch {
     /// Longitudinal deflection, metres.
@@ -177,7 +176,7 @@ pub(crate) struct ContactPatch {
 pub(crate) struct PatchInput {
     /// Load, newtons.
     pub(crate) load_n: f64,
-    /// Friction of the ground.
+    /// Friction coefficient of the ground.
     pub(crate) friction: f64,
     /// Velocity of the contact point along the wheel's heading, m/s.
     pub(crate) vx_mps: f64,
@@ -186,8 +185,8 @@ pub(crate) struct PatchInput {
 }
 
 impl ContactPatch {
-    /// Moves the patch on by `dt_s` with the tread running at `tread_mps` (`omega R`) and returns the force
-    /// and, for the implicit update of the wheel, the slope of `fx_n` over the tread's speed, N s/m.
+    /// Advances the patch by `dt_s` with the tread running at `tread_mps` (`omega R`) and returns the force and, for
+    /// the implicit update of the wheel, the slope of `fx_n` over the tread's speed, N s/m.
     pub(crate) fn step(
         &mut self,
         params: &TyreParams,
@@ -237,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_at_the_origin_is_the_tyres_and_the_peak_the_grounds() {
+    fn slope_at_the_origin_is_the_tyres_and_peak_is_the_grounds() {
         let params = tyre();
         let load_n = params.nominal_load_n;
         for friction in [0.3, 0.9, 1.2] {
@@ -260,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn no_slip_gives_more_than_the_friction_and_opposite_slips_opposite_forces() {
+    fn force_never_exceeds_the_friction_and_is_odd_in_slip() {
         let params = tyre();
         for i in 0..40 {
             for j in 0..40 {
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slip_for_a_force_gives_that_force() {
+    fn slip_for_a_force_gives_that_force() {
         let params = tyre();
         for asked_n in [-3_400.0, -1_000.0, 0.0, 500.0, 3_000.0] {
             let slip = slip_for_force(&params, 4_000.0, 0.9, asked_n, 0.0, 0.2);
@@ -293,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn braking_takes_from_cornering() {
+    fn braking_reduces_the_cornering_force() {
         let params = tyre();
         let free = combined_slip_force(&params, 4_000.0, 0.9, [0.0, 0.08]).fy_n;
         let braked = combined_slip_force(&params, 4_000.0, 0.9, [-0.1, 0.08]).fy_n;
@@ -323,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wheel_off_the_ground_feels_nothing_and_remembers_nothing() {
+    fn wheel_off_the_ground_has_no_force_and_no_memory() {
         let mut patch = ContactPatch { ux_m: 0.1, uy_m: -0.1 };
         let input = PatchInput { load_n: 0.0, friction: 0.9, vx_mps: 3.0, vy_mps: 1.0 };
         assert_eq!(patch.step(&tyre(), &input, 9.0, 0.001), (SlipForce::default(), 0.0));

@@ -6,27 +6,27 @@ use serde::{Deserialize, Serialize};
 use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
 use crate::{SlipParams, mpc, pid, speed};
 
-/// How a plan is followed.
+/// Time reference when following a plan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Following {
-    /// From the place of the plan that is nearest to the ego; passed points are trimmed, times are ignored, as in
+    /// By projection: from the place of the plan nearest to the ego; passed points are trimmed and times ignored, as in
     /// Pylot.
     Projection,
-    /// The ego should be where the plan is at the present instant.
+    /// By time: the ego should be where the plan is now.
     #[default]
     Time,
 }
 
-/// Which laws steer and drive.
+/// Laws for steering and speed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
-    /// Pylot's PID on speed and its steering by the angle to a waypoint.
+    /// Pylot's PID on speed, and its steering by the angle to a waypoint.
     Pid,
-    /// Pure pursuit and the speed law with feed-forward.
+    /// Pure pursuit, and the speed law with feed-forward.
     PurePursuit,
-    /// Stanley and the speed law with feed-forward.
+    /// Stanley, and the speed law with feed-forward.
     #[default]
     Stanley,
     /// Model predictive control of steering and acceleration.
@@ -37,29 +37,29 @@ pub enum Law {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Which laws steer and drive.
+    /// Control laws for steering and speed.
     pub law: Law,
-    /// How plans are followed.
+    /// Time reference when following a plan.
     pub following: Following,
-    /// The stop when there is nothing to follow any more.
+    /// Stop of the controller when there is no usable plan or state.
     pub stop: StopParams,
-    /// Pylot's speed controller.
+    /// Parameters of Pylot's speed controller.
     pub pid: pid::Params,
-    /// Pylot's steering.
+    /// Parameters of Pylot's steering.
     pub waypoint: WaypointParams,
-    /// Pure pursuit.
+    /// Parameters of pure pursuit.
     pub pure_pursuit: PurePursuitParams,
-    /// Stanley.
+    /// Parameters of the Stanley law.
     pub stanley: StanleyParams,
     /// Speed law of the path trackers.
     pub speed: speed::Params,
-    /// Correction of the place when following by time.
+    /// Correction of longitudinal errors when following by time.
     pub along: AlongParams,
-    /// Slip of the tyres, which adds to the geometry; not used by [`Law::Pid`].
+    /// Tyre slip, added to the geometric steering; not used by [`Law::Pid`].
     pub slip: SlipParams,
-    /// Model predictive control.
+    /// Parameters of model predictive control.
     pub mpc: mpc::Params,
-    /// Most lateral jerk that is steered with while the plan is a comfortable one, m/s³; not with [`Law::Pid`].
+    /// Largest lateral jerk from steering while the plan is comfortable, m/s³; not used by [`Law::Pid`].
     pub comfort_jerk_mps3: f64,
 }
 
@@ -82,16 +82,16 @@ impl Default for Params {
     }
 }
 
-/// How the ego stops when there is nothing to follow.
+/// Stop of the controller without a usable plan or state.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StopParams {
     /// Deceleration of a comfortable stop, m/s² (positive).
     pub decel_mps2: f64,
-    /// Deceleration of a stop without a usable state of the ego, m/s² (positive): firm, as that of the safety gate.
+    /// Deceleration of a stop without a usable ego state, m/s² (positive): firm, as that of the safety gate.
     pub blind_decel_mps2: f64,
-    /// A state of the ego that is older than this is unusable, seconds: a speed that does not answer to the pedals makes
-    /// the speed control press the throttle ever more.
+    /// Age above which an ego state is unusable, seconds: while the measured speed does not respond to the pedals, the
+    /// speed control presses the throttle further and further.
     pub blind_after_s: f64,
 }
 
@@ -101,15 +101,15 @@ impl Default for StopParams {
     }
 }
 
-/// Correction of being early or late when following by time.
+/// Correction of longitudinal errors when following by time.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AlongParams {
-    /// Speed per metre of lag, 1/s.
+    /// Speed correction per metre of lag, 1/s.
     pub gain_ps: f64,
-    /// Largest change of speed for that, m/s.
+    /// Largest speed correction, m/s.
     pub speed_max_mps: f64,
-    /// The ego is looked for on the plan within this distance of where it should be, metres.
+    /// Search radius for the ego on the plan around its target place, metres.
     pub reach_m: f64,
 }
 

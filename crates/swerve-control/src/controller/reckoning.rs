@@ -1,9 +1,9 @@
-//! Dead reckoning by the commands: where the ego is between its states, after the last one, and where they come late.
+//! Dead reckoning from the commands: ego state between measured states, after the last one, and when they are late.
 //!
 //! ```text
-//! states     S1 ......... S2                    known until here, and late
-//! commands   c c c c c c c c c c c c c c c c    known until now
-//! ego        S2 moved on as the commands since its stamp move a single track
+//! states      S1 ......... S2                     known until here, and late
+//! commands      c c c c c c c c c c c c c c c c   known until now
+//! ego         S2, advanced by the commands since its stamp with a single-track model
 //! ```
 
 use std::collections::VecDeque;
@@ -14,16 +14,16 @@ use swerve_msg::EgoState;
 
 use crate::SlipParams;
 
-/// A state is overdue this long after the one before it: five periods of a pose at 100 Hz.
+/// A state is overdue this long after the previous one: five periods of a pose at 100 Hz.
 const OVERDUE: Span = Span::from_ms(50);
 
-/// States are looked for this far back: older ones are moved on by their own speed and yaw rate first.
+/// Length of the kept history: older states are first extrapolated with their own speed and yaw rate.
 const KEPT: Span = Span::from_ms(1000);
 
-/// Slower than this the yaw rate says nothing about how the car turns, m/s.
+/// Below this speed the yaw rate does not determine the curvature, m/s.
 const SLOW_MPS: f64 = 1.0;
 
-/// The motion of an ego by its commands, and the newest state of it.
+/// Motion of the ego according to its commands, with the newest state.
 #[derive(Clone, Debug)]
 pub(super) struct Reckoning {
     slip: SlipParams,
@@ -33,19 +33,19 @@ pub(super) struct Reckoning {
     at: Time,
     odom: Pose2<Odom>,
     speed_mps: f64,
-    /// Acceleration as the car answers to the commands, m/s², and its integral.
+    /// Acceleration in response to the commands, m/s², and its integral.
     accel_mps2: f64,
     gained_mps: f64,
-    /// How the nose turns, 1/m.
+    /// Curvature of the heading, 1/m.
     curvature_1pm: f64,
     steering_rad: f64,
-    /// Deceleration of a stop without a state.
+    /// Deceleration of a stop without a state, m/s².
     pub(super) decel_mps2: Option<f64>,
     trail: VecDeque<Past>,
     newest: Option<Newest>,
 }
 
-/// The motion by the commands at an instant.
+/// Commanded motion at one instant.
 #[derive(Clone, Copy, Debug)]
 struct Past {
     at: Time,
@@ -53,7 +53,7 @@ struct Past {
     gained_mps: f64,
 }
 
-/// A state, and its place in the odometry frame.
+/// A state with its place in the odometry frame.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     state: EgoState,
@@ -63,7 +63,7 @@ struct Newest {
 }
 
 impl Reckoning {
-    /// For a single track with this slip, whose nose answers to the wheels with a lag.
+    /// Creates the dead reckoning of a single-track model with this slip, whose yaw response lags the wheels.
     pub(super) fn new(slip: SlipParams, wheelbase_m: f64, lag_s: f64) -> Self {
         Self {
             slip,
@@ -82,7 +82,7 @@ impl Reckoning {
         }
     }
 
-    /// Moves on to `now` with the wheels at the angle of the last command, and its acceleration.
+    /// Advances to `now` with the steering angle and acceleration of the last command.
     pub(super) fn advance(&mut self, now: Time, steering_rad: f64, accel_mps2: f64) {
         let dt_s = if self.at == Time::MIN { 0.0 } else { (now - self.at).as_secs().max(0.0) };
         let decel_mps2 = self.decel_mps2.unwrap_or(0.0);
@@ -105,7 +105,7 @@ impl Reckoning {
         }
     }
 
-    /// Takes in a state; one that is not newer than the last is none.
+    /// Takes a state; ignores one that is not newer than the last.
     pub(super) fn take(&mut self, state: &EgoState) {
         if self.newest.is_some_and(|newest| state.stamp <= newest.state.stamp) {
             return;
@@ -122,17 +122,17 @@ impl Reckoning {
         self.newest = Some(Newest { state: *state, came: self.at, pose, odom });
     }
 
-    /// True if a new state should have come.
+    /// Returns true if a new state is overdue.
     pub(super) fn is_overdue(&self) -> bool {
         self.newest.is_some_and(|newest| self.at - newest.came > OVERDUE)
     }
 
-    /// True if the newest state is older than that: the loop of control would swing by its age.
+    /// Returns true if the newest state is older than [`OVERDUE`]: its age would make the control loop oscillate.
     pub(super) fn is_late(&self) -> bool {
         self.newest.is_some_and(|newest| self.at - newest.state.stamp > OVERDUE)
     }
 
-    /// The ego now. `None` before its first state.
+    /// The ego state now; `None` before the first state.
     pub(super) fn state(&self) -> Option<EgoState> {
         let Newest { state, pose, odom, .. } = self.newest?;
         let steering_rad = if self.is_late() { self.steering_rad } else { state.steering_rad };

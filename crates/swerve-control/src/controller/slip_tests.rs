@@ -1,4 +1,4 @@
-//! The laws on the dynamic single-track model with actuator lags, where tyres slip.
+//! Control laws on the dynamic single-track model with actuator lags and tyre slip.
 
 use super::*;
 use crate::Pedals;
@@ -17,11 +17,11 @@ fn swerve(lead_m: f64, length_m: f64) -> impl Fn(f64) -> (f64, f64, f64) {
     }
 }
 
-/// Largest distances from the path of a swerve with a peak of `accel_mps2` across: during it, and from two
-/// seconds after it on.
+/// Largest distances from the path of a swerve with a peak lateral acceleration of `accel_mps2`: during it, and from
+/// two seconds after it on.
 fn off_path(params: Params, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
     let vehicle = VehicleParams::default();
-    // A quintic bends by at most 5.77 d / l².
+    // The second derivative of a quintic is at most 5.77 d / l².
     let length_m = speed_mps * (5.77 * 3.0 / accel_mps2).sqrt();
     let plan = curve(swerve(10.0, length_m), speed_mps, 8.0);
     let points: Vec<_> = plan.points.iter().map(|p| p.pose.point()).collect();
@@ -37,7 +37,7 @@ fn off_path(params: Params, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
     let mut state = SingleTrack::straight(Pose2::new(0.0, 0.0, 0.0), speed_mps);
     let (mut steering, mut accel) = (0.0, 0.0);
     let mut command = swerve_msg::Command::default();
-    // The predictive law is called half as often, for the sake of the test's time.
+    // The predictive law is called half as often to shorten the test.
     let every = if params.law == Law::Mpc { 2 } else { 1 };
     let (mut during, mut after) = (0.0f64, 0.0f64);
     for k in 0..500 {
@@ -74,7 +74,7 @@ fn off_path(params: Params, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
     (during, after)
 }
 
-/// Largest distances from the path that are allowed, metres: the figures seen, and a third more.
+/// Bounds on the largest distances from the path, metres: the observed values plus a third.
 #[test]
 fn hard_swerves_are_driven_within_decimetres() {
     for (law, speed_mps, accel_mps2, bound_m) in [
@@ -97,7 +97,7 @@ fn hard_swerves_are_driven_within_decimetres() {
 
 /// Pylot's law looks 5 m ahead at any speed: at 22 m/s a quarter of a second, about the lag of the car.
 #[test]
-fn the_law_of_the_paper_drives_at_16_and_swings_at_22() {
+fn law_of_the_paper_tracks_at_16_and_oscillates_at_22() {
     let params = Params { law: Law::Pid, following: Following::Projection, ..Params::default() };
     let (during, after) = off_path(params, 16.0, 6.0);
     assert!(during < 0.3 && after < 0.05, "{during} {after}");

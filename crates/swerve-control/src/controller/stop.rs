@@ -1,4 +1,4 @@
-//! Stops of the controller itself: along the last path where no plan comes, by dead reckoning where no state comes.
+//! Stops of the controller: along the last path without a plan, by dead reckoning without a state.
 //!
 //! ```text
 //! last state         blind_after_s          standstill
@@ -7,8 +7,8 @@
 //!       overdue: by dead reckoning, along the path of the last plan
 //! ```
 //!
-//! Once a state is overdue the ego is where the last one and the commands since then have it. It follows the path that it was
-//! on: plans that still come may be made without a state, too.
+//! Once a state is overdue, the ego is placed by the last state and the commands since then. It keeps to its path, as
+//! plans that still arrive may have been made without a state too.
 
 use swerve_core::{Span, Time};
 use swerve_msg::EgoState;
@@ -17,7 +17,7 @@ use super::{Controller, Drive, Here, Input, Law};
 use crate::Pedals;
 use crate::speed::{SpeedLaw, Target};
 
-/// A stop: since when, from which speed, how hard.
+/// A stop: start time, initial speed and deceleration.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Stop {
     since: Time,
@@ -26,7 +26,7 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Speed and acceleration that the ego should have.
+    /// Target speed and acceleration.
     pub(super) fn target(&self, instant: Time) -> Target {
         let left_mps = (self.from_mps - self.decel_mps2 * (instant - self.since).as_secs()).max(0.0);
         Target { speed_mps: left_mps, accel_mps2: if left_mps > 0.0 { -self.decel_mps2 } else { 0.0 } }
@@ -34,18 +34,19 @@ impl Stop {
 }
 
 impl Controller {
-    /// True if a state is finite and recent enough for control.
+    /// Returns true if a state is finite and recent enough for control.
     pub(super) fn is_usable(&self, ego: &EgoState, now: Time) -> bool {
         super::is_finite(ego) && now - ego.stamp <= Span::from_secs(self.params.stop.blind_after_s)
     }
 
-    /// Stops from now on, unless it does already.
+    /// Begins a stop, unless one is under way.
     pub(super) fn begin_stop(&mut self, now: Time, ego: &EgoState) {
         let from_mps = ego.speed_mps.max(0.0);
         self.stopping.get_or_insert(Stop { since: now, from_mps, decel_mps2: self.params.stop.decel_mps2 });
     }
 
-    /// Goes on from a state. Who was without one brakes on as hard until there is a plan from where it is.
+    /// Resumes from a state. After an interval without states, braking continues at the same rate until there is a plan
+    /// made from the new state.
     pub(super) fn see(&mut self, ego: &EgoState, now: Time) {
         if let Some(decel_mps2) = self.reckoning.decel_mps2.take() {
             self.seen_again = Some(ego.stamp);
@@ -54,8 +55,7 @@ impl Controller {
         self.seen = Some(*ego);
     }
 
-    /// Brakes without a state: by `blind_decel_mps2`, and as hard as planned where that is harder. Integrals begin anew
-    /// afterwards.
+    /// Brakes without a state: by `blind_decel_mps2`, or as planned if that is harder. Integrals are reset.
     pub(super) fn brake_blind(&mut self, input: &Input<'_>) {
         self.pid.reset();
         self.speed = SpeedLaw::new(self.params.speed);
@@ -71,8 +71,8 @@ impl Controller {
         (steering_rad, self.drive_at(ego.speed_mps, ego.accel_mps2, ego))
     }
 
-    /// While the ego is being stopped: the same by the brake alone, whatever the measured speed is. Once it has to stand,
-    /// at least what holds it.
+    /// The same output without throttle during a stop, whatever the measured speed. From the end of the stop on, the
+    /// brake is at least the holding brake.
     pub(super) fn braked(&self, drive: Drive, now: Time) -> Drive {
         if self.reckoning.decel_mps2.is_some() {
             return Drive { pedals: Pedals { throttle: 0.0, ..drive.pedals }, ..drive };

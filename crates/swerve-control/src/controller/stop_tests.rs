@@ -1,4 +1,4 @@
-//! Stops that the controller makes by itself, under reports with noise and without any.
+//! Stops of the controller, with noisy and with missing states.
 
 use super::*;
 use crate::bicycle::{self, curve, ego, lane_change, road, slalom};
@@ -9,8 +9,8 @@ use swerve_geom::Polyline;
 const DRIVE: LinearPedals = LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 };
 const LAWS: [Law; 4] = [Law::Pid, Law::PurePursuit, Law::Stanley, Law::Mpc];
 
-/// Pedals and accelerations of a stop after an expired plan, from 8 m/s: the measured speed has noise about the speed of
-/// a car that follows its pedals.
+/// Pedals and accelerations of a stop after an expired plan, from 8 m/s: the measured speed is that of a car that
+/// follows its pedals, plus noise.
 fn stop(law: Law, noise_mps: f64) -> Vec<(Status, Command, Option<f64>)> {
     let params = Params { law, ..Params::default() };
     let limits = Limits::default();
@@ -45,7 +45,7 @@ fn a_stop_of_the_controller_never_presses_the_accelerator() {
                 assert_eq!(command.throttle, 0.0, "{law:?} {noise_mps} {k}");
                 assert!(accel_mps2.is_none_or(|accel| accel <= 0.0), "{law:?} {noise_mps} {k}");
             }
-            // 8 m/s at 2 to 3 m/s² are 4 s at most; from then on it is held: 3 m/s² of 8.
+            // 8 m/s at 2 to 3 m/s² take at most 4 s; from then on the car is held: 3 m/s² of 8.
             let held = steps[500..].iter().all(|(_, command, _)| command.brake >= 3.0 / 8.0);
             assert!(held, "{law:?} {noise_mps}");
         }
@@ -84,7 +84,7 @@ fn a_stop_without_a_state_ends_on_the_path() {
                 bicycle::drive(&mut state, output.command, Span::from_ms(10));
             }
             assert!(commands.iter().all(|c| c.throttle == 0.0 && c.brake >= 3.0 / 8.0 - 1e-9), "{law:?}");
-            // 0.3 s in which a state that stays lets the law hurry, then 3 m/s².
+            // 0.3 s in which the constant state lets the law accelerate, then 3 m/s².
             let way_m = state.pose.point().distance(seen.pose.point());
             let most_m = speed_mps * 0.35 + 0.5 * speed_mps * speed_mps / 3.0;
             assert!(state.speed_mps < 0.01 && way_m < most_m + 4.0, "{law:?}: {way_m} m");
@@ -95,9 +95,9 @@ fn a_stop_without_a_state_ends_on_the_path() {
     }
 }
 
-/// A state that is not finite, or older than 0.3 s, is unusable. The integrals are reset by the stop.
+/// A state that is not finite, or older than 0.3 s, is unusable. The stop resets the integrals.
 #[test]
-fn an_unusable_state_is_driven_by_no_more() {
+fn unusable_state_is_no_longer_used() {
     let plan = curve(slalom, 10.0, 20.0);
     let spoil: [fn(&mut EgoState); 5] = [
         |e| e.pose.x_m = f64::NAN,
@@ -130,7 +130,7 @@ fn an_unusable_state_is_driven_by_no_more() {
             let Command { steering_rad, throttle, brake } = output.command;
             assert!(throttle == 0.0 && brake > 0.3 && steering_rad.abs() < 0.2, "{law:?}: {steering_rad}");
         }
-        // A state again: it brakes until there is a plan for it.
+        // States resume: the car brakes until there is a plan made from them.
         let last = step(3000, &bad).command;
         for now_ms in (3010..=3100).step_by(10) {
             let Output { status, command, .. } = step(now_ms, &good(now_ms));
@@ -147,7 +147,7 @@ fn an_unusable_state_is_driven_by_no_more() {
 }
 
 #[test]
-fn a_state_is_too_old_after_its_time() {
+fn state_expires_after_its_maximum_age() {
     let plan = curve(slalom, 10.0, 20.0);
     for law in LAWS {
         let mut controller = controller(law);
@@ -160,7 +160,7 @@ fn a_state_is_too_old_after_its_time() {
     }
 }
 
-/// A plan that brakes at 6 m/s² is braked along as hard without a state.
+/// A plan that brakes at 6 m/s² is followed as hard without a state.
 #[test]
 fn a_stop_without_a_state_is_no_softer_than_planned() {
     let mut plan = curve(|_| (0.0, 0.0, 0.0), 12.0, 8.0);
@@ -176,7 +176,7 @@ fn a_stop_without_a_state_is_no_softer_than_planned() {
         let mut seen = state;
         for k in 0..600 {
             let now = Time::from_ms(10 * k);
-            // The last state is of 1.1 s: just before the plan brakes hard.
+            // The last state is from 1.1 s: just before the plan brakes hard.
             if k <= 110 {
                 seen = state;
             }
@@ -188,7 +188,7 @@ fn a_stop_without_a_state_is_no_softer_than_planned() {
     }
 }
 
-/// A drive along a plan from its start at 10 m/s, with states that come late: the states, 10 ms apart.
+/// States, 10 ms apart, of a drive along a plan from its start at 10 m/s, with delayed states as input.
 fn driven_late(law: Law, late_ms: usize, plan: &Plan, route: &Route, steps: i64) -> Vec<EgoState> {
     let mut controller = controller(law);
     let mut states = vec![EgoState { steering_rad: 0.0, ..ego(plan.points[0].pose, 10.0) }];
@@ -203,9 +203,9 @@ fn driven_late(law: Law, late_ms: usize, plan: &Plan, route: &Route, steps: i64)
     states
 }
 
-/// A late state is moved on by the commands since: the ego is neither behind nor in a hurry.
+/// A late state is extrapolated with the commands since then: the ego neither lags nor speeds up.
 #[test]
-fn late_states_do_not_make_it_faster() {
+fn late_states_do_not_increase_the_speed() {
     let plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 20.0);
     for law in LAWS {
         for late_ms in [0, 50, 100, 200, 250] {
@@ -217,7 +217,7 @@ fn late_states_do_not_make_it_faster() {
     }
 }
 
-/// Without dead reckoning a state that is 0.2 s late makes the wheels swing by more and more.
+/// Without dead reckoning, a state that is 0.2 s late makes the steering oscillate more and more.
 #[test]
 fn slalom_is_tracked_with_late_states() {
     let plan = curve(slalom, 10.0, 12.0);
@@ -237,9 +237,9 @@ fn slalom_is_tracked_with_late_states() {
     }
 }
 
-/// The wheels of a car that slips are turned as a steady bend needs under the brake, by every law alike.
+/// Without a state, every law turns the wheels of a slipping car as a steady bend under braking requires.
 #[test]
-fn a_stop_without_a_state_turns_the_wheels_as_the_bend_needs() {
+fn stop_without_a_state_steers_as_the_bend_requires() {
     let (radius_m, from_mps) = (120.0, 15.0);
     let arc = |x: f64| {
         let root = (radius_m * radius_m - x * x).sqrt();
@@ -255,7 +255,7 @@ fn a_stop_without_a_state_turns_the_wheels_as_the_bend_needs() {
     for law in LAWS {
         let params = Params { law, ..params };
         let mut controller = Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE));
-        // The nose points into the bend, the rear axle goes along it.
+        // The nose points into the bend; the rear axle follows it.
         let on_plan = |now: Time| {
             let mut pose = plan.at(now).unwrap().pose;
             pose.heading_rad += rear_s2pm * from_mps * from_mps / radius_m;
@@ -265,7 +265,7 @@ fn a_stop_without_a_state_turns_the_wheels_as_the_bend_needs() {
             let now = Time::from_ms(now_ms);
             let seen = on_plan(now.min(Time::from_ms(1000)));
             let output = controller.step(&Input { now, ego: &seen, plan: Some(&plan), route: &road() });
-            // Half a second for what a law did before.
+            // Half a second for the decay of earlier steering.
             if output.status == Status::Blind && now_ms > 1800 {
                 let needed = wheels(from_mps - 3.0 * (now_ms - 1310) as f64 * 1e-3, 3.0);
                 let steering_rad = output.command.steering_rad;

@@ -4,7 +4,7 @@ use crate::bicycle::{self, DRIVE, curve, ego, lane_change, road, slalom};
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_map::{Border, Borders, Station};
 
-/// Time between calls: as in a vehicle, and longer for the law that takes longer to test.
+/// Control period: as in a vehicle, and longer for the law that takes longer to test.
 fn tick(law: Law) -> Span {
     Span::from_ms(if law == Law::Mpc { 50 } else { 10 })
 }
@@ -50,7 +50,7 @@ fn errors(states: &[EgoState], plan: &Plan) -> (f64, f64) {
     })
 }
 
-/// Parameters for the bicycle of these tests, which neither lags nor slips.
+/// Parameters for the bicycle of these tests, which has neither lag nor slip.
 fn law(law: Law, following: Following) -> Params {
     let mut params = Params { law, following, ..Params::default() };
     params.slip = SlipParams::NONE;
@@ -60,7 +60,7 @@ fn law(law: Law, following: Following) -> Params {
 }
 
 #[test]
-fn comes_back_to_a_straight_path_from_a_metre_beside_it() {
+fn every_law_returns_to_a_straight_path_from_a_metre_beside_it() {
     let plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 12.0);
     for (law_, settle_s, overshoot_m) in [
         (Law::Pid, 3.0, 0.10),
@@ -84,7 +84,7 @@ fn comes_back_to_a_straight_path_from_a_metre_beside_it() {
 }
 
 #[test]
-fn tracks_the_slalom_at_10() {
+fn laws_track_the_slalom_at_10() {
     let plan = curve(slalom, 10.0, 20.0);
     let start = ego(plan.points[0].pose, 10.0);
     let wide = Route::uniform(road().line().clone(), 6.0, 6.0);
@@ -110,7 +110,7 @@ fn tracks_the_slalom_at_10() {
 }
 
 #[test]
-fn changes_lane_at_20() {
+fn laws_change_lane_at_20() {
     let plan = curve(lane_change, 20.0, 8.0);
     let start = ego(Pose2::new(0.0, 0.0, 0.0), 20.0);
     for (law_, bound_m) in
@@ -124,7 +124,7 @@ fn changes_lane_at_20() {
 }
 
 #[test]
-fn follows_the_route_at_the_first_speed_before_any_plan() {
+fn controller_follows_the_route_at_the_first_speed_before_any_plan() {
     for law_ in LAWS {
         let start = ego(Pose2::new(0.0, 0.5, 0.0), 12.0);
         let (states, output) = run(law(law_, Following::Time), start, None, &road(), 6.0);
@@ -157,7 +157,7 @@ fn an_expired_plan_brings_a_comfortable_stop_beside_the_route() {
     }
 }
 
-/// A stop that ends 56 m beyond its plan, in a bend of 60 m that begins behind the plan: 14 m/s at 2 m/s² take 49 m.
+/// A stop that ends 56 m beyond its plan, in a bend of 60 m that begins beyond the plan: 14 m/s at 2 m/s² take 49 m.
 #[test]
 fn a_stop_after_an_expired_plan_follows_the_road_wherever_it_ends() {
     let mut points: Vec<Point2> = (-5..=6).map(|k| Point2::new(10.0 * f64::from(k), 0.0)).collect();
@@ -181,7 +181,7 @@ fn a_stop_after_an_expired_plan_follows_the_road_wherever_it_ends() {
 }
 
 #[test]
-fn an_empty_plan_and_a_plan_with_bad_numbers_bring_a_stop() {
+fn empty_and_non_finite_plans_lead_to_a_stop() {
     let mut bad = curve(|_| (0.0, 0.0, 0.0), 10.0, 9.0);
     bad.points[3].curvature_1pm = f64::NAN;
     for law_ in LAWS {
@@ -226,7 +226,7 @@ fn the_corridor_ends_where_the_road_narrows() {
 }
 
 #[test]
-fn headings_around_the_half_circle_are_nothing_special() {
+fn headings_around_the_half_circle_are_tracked_like_others() {
     // A road to the west that bends slightly, so that its heading passes from pi to -pi.
     let points: Vec<Point2> = (0..200)
         .map(|k| {
@@ -250,7 +250,7 @@ fn headings_around_the_half_circle_are_nothing_special() {
 
 #[test]
 fn a_car_before_the_start_of_the_plan_is_on_time() {
-    // The plan begins 0.5 s ahead of the present, as with a predicted start state.
+    // The plan begins 0.5 s from now, as with a predicted start state.
     let mut plan = curve(|_| (0.0, 0.0, 0.0), 10.0, 6.0);
     for point in &mut plan.points {
         point.at += Span::from_ms(500);

@@ -1,20 +1,20 @@
-//! How fast the wheels are turned.
+//! Limits on the steering change per step.
 
 use swerve_geom::angle_between;
 use swerve_msg::{Plan, PlanStatus};
 
 use super::{Controller, Here, Input, Law, Status, StopReason};
 
-/// Slower than this the wheels are turned no faster than at it while that is comfortable, m/s.
+/// Below this speed the steering rate on a comfortable plan is limited as at this speed, m/s.
 const SLOW_MPS: f64 = 6.0;
 
-/// An ego that is no further from its plan, and heads no further off it, is on it.
+/// Tolerances of position and heading within which an ego is on its plan.
 const ON_PLAN_M: f64 = 0.2;
 const ON_PLAN_RAD: f64 = 0.03;
 
 impl Controller {
-    /// How far the wheels may be turned in one step, radians: on a comfortable plan no faster than the lateral jerk of
-    /// comfort has it (`v² κ`, and the wheels' angle is close to wheelbase times curvature); beside it as fast as they can.
+    /// Largest change of the steering angle in one step, radians: on a comfortable plan limited by the lateral jerk of
+    /// comfort (`v² κ`, with the wheels' angle close to wheelbase times curvature); off it not limited.
     pub(super) fn steering_change_rad(
         &self,
         input: &Input<'_>,
@@ -30,7 +30,7 @@ impl Controller {
         }
         let v = input.ego.speed_mps.abs().max(SLOW_MPS);
         let gentle = self.shape.wheelbase_m * self.params.comfort_jerk_mps3 / (v * v) * dt_s;
-        // Before the first plan nothing is known that would be worth a swerve.
+        // Before the first plan nothing is known that would justify a swerve.
         if status == Status::Route {
             return gentle;
         }
@@ -38,7 +38,7 @@ impl Controller {
         if !comfortable || !(is_outdated || status == Status::Plan) {
             return f64::INFINITY;
         }
-        // An ego that is beside a plan for another place is led back by the next one.
+        // An ego beside an outdated plan is led back by the next one.
         if is_outdated {
             return gentle;
         }

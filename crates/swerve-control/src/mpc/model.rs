@@ -1,4 +1,4 @@
-//! The kinematic bicycle, one step of it, and its derivatives.
+//! The kinematic bicycle, its discrete step and its derivatives.
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{Pose2, math};
@@ -25,7 +25,7 @@ impl State {
     }
 }
 
-/// Rates that drive the bicycle, constant over a step.
+/// Inputs of the bicycle, constant over a step.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Rates {
     /// Steering rate, rad/s.
@@ -41,10 +41,10 @@ pub(crate) const N_INPUTS: usize = 2;
 
 /// A step linearised between two knots of a path.
 ///
-/// With `z` the deviation of the state from a knot, its first two entries along and to the left of the knot's
-/// heading: `z_next = a z + b u + c`, where `u` are the rates themselves. The methods use which entries are always 0
-/// or 1: heading, speed, steering and acceleration do not depend on the place, the last two only on themselves and
-/// the rates.
+/// With `z` the deviation of the state from a knot, whose first two entries are along and to the left of the knot's
+/// heading: `z_next = a z + b u + c`, where `u` are the rates themselves. The methods skip entries that are always 0 or
+/// 1: heading, speed, steering and acceleration do not depend on the position, the last two only on themselves and the
+/// rates.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Linear {
     pub(crate) a: [[f64; N_STATES]; N_STATES],
@@ -156,8 +156,8 @@ pub(crate) fn deviated(knot: &State, z: &[f64]) -> State {
     }
 }
 
-/// The step from `from` to `to`, linearised around `from` with the rates that take its steering and
-/// acceleration to those of `to`. The knots need not be a solution of the model: what is missing is `c`.
+/// The step from `from` to `to`, linearised around `from` with the rates that take its steering and acceleration to
+/// those of `to`. The knots need not satisfy the model: the residual is `c`.
 pub(crate) fn linearise(from: &State, to: &State, wheelbase_m: f64, dt_s: f64) -> Linear {
     let rates = Rates {
         steering_radps: (to.steering_rad - from.steering_rad) / dt_s,
@@ -168,10 +168,10 @@ pub(crate) fn linearise(from: &State, to: &State, wheelbase_m: f64, dt_s: f64) -
     let by_speed = dt_s * middle.curvature;
     let by_steering = dt_s * middle.speed * middle.curvature_by_steering;
     let turn_by = [by_speed, by_steering, 0.5 * dt_s * by_speed, 0.5 * dt_s * by_steering];
-    // Derivatives of the way by the same.
+    // Derivatives of the distance by the same.
     let way_by = [dt_s, 0.0, 0.5 * dt_s * dt_s, 0.0];
     let way = dt_s * middle.speed;
-    // Direction of the way and axes of `from`, both seen from the axes of `to`.
+    // Direction of travel and axes of `from`, both in the axes of `to`.
     let turned = swerve_geom::angle_between(to.pose.heading_rad, from.pose.heading_rad);
     let (way_sin, way_cos) = math::sin_cos(turned + middle.half_turn);
     let (sin, cos) = math::sin_cos(turned);
@@ -210,14 +210,14 @@ mod tests {
     fn knots() -> (State, State) {
         let from =
             State { pose: Pose2::new(3.0, -2.0, 3.1), speed_mps: 12.0, steering_rad: 0.08, accel_mps2: -1.0 };
-        // Not where the model would go from there.
+        // Not the state that the model reaches from there.
         let to =
             State { pose: Pose2::new(1.9, -1.8, -3.1), speed_mps: 11.7, steering_rad: 0.1, accel_mps2: -0.5 };
         (from, to)
     }
 
     #[test]
-    fn derivatives_are_those_of_the_step() {
+    fn derivatives_match_those_of_the_step() {
         let (from, to) = knots();
         let linear = linearise(&from, &to, L, DT);
         let rates = Rates { steering_radps: 0.2, jerk_mps3: 5.0 };

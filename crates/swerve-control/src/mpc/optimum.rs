@@ -1,40 +1,39 @@
-//! The optimum of a program: a Riccati sweep where no bound is active, an interior-point method over such sweeps
-//! where one is.
+//! Optimum of a program: a Riccati sweep if no bound is active, an interior-point method over such sweeps otherwise.
 //!
-//! The unconstrained optimum is the solution exactly when it meets all bounds. Otherwise it is the start of a
+//! The unconstrained optimum is the solution exactly if it satisfies all bounds. Otherwise it is the start of a
 //! primal-dual method with Mehrotra's predictor and corrector (Nocedal and Wright, *Numerical Optimization*, 2nd ed.,
 //! section 16.6), in which each Newton step is an unconstrained problem over the same steps (Rao, Wright, Rawlings,
-//! *Application of interior-point methods to model predictive control*, 1998). The slack of the corridor occurs in
-//! one step of the horizon only and is eliminated there. Every iterate obeys the steps.
+//! *Application of interior-point methods to model predictive control*, 1998). The corridor's slack occurs in one step
+//! of the horizon only and is eliminated there. Every iterate satisfies the dynamics.
 //!
-//! The operations and their order depend on the program alone: there is no start from an earlier solution.
+//! The operations and their order depend only on the program: there is no warm start.
 
 use super::riccati::{Sweep, slope_max};
 use super::stages::{ACCEL, ACROSS, INEQUALITIES, SPEED, STEERING, Stage, Stages, Values, left_sides};
 
-/// Most iterations; bounded programs need 6 to 17.
+/// Largest number of iterations; bounded programs need 6 to 17.
 const ITERATIONS_MAX: u32 = 30;
-/// Largest mean product of distance and price at a solution, in the unit of the cost.
+/// Largest mean product of distance and multiplier at a solution, in the unit of the cost.
 const GAP_MAX: f64 = 1e-9;
-/// Largest breach of a bound at a solution, in the unit of the bound.
+/// Largest bound violation at a solution, in the unit of the bound.
 const BREACH_MAX: f64 = 1e-8;
-/// Largest slope of the Lagrangian by a rate at a solution, in the unit of the cost over that of the rate.
+/// Largest derivative of the Lagrangian by a rate at a solution, in the unit of the cost over that of the rate.
 const SLOPE_MAX: f64 = 1e-6;
-/// Share of the way to the nearest bound that a step takes at most.
+/// Largest fraction of the distance to the nearest bound that a step takes.
 const TO_BOUND: f64 = 0.995;
 
-/// Numbers of the inequalities of one step.
+/// Values of the inequalities of one step.
 #[derive(Clone, Copy)]
 struct Rows {
-    /// Distance to the bound, positive.
+    /// Distance to the bound (its slack variable), positive.
     distance: [f64; INEQUALITIES],
-    /// Price of the bound (its multiplier), positive.
+    /// Multiplier of the bound, positive.
     price: [f64; INEQUALITIES],
-    /// Left side plus distance minus bound.
+    /// Residual: left side plus distance minus bound.
     breach: [f64; INEQUALITIES],
-    /// Price over distance.
+    /// Multiplier over distance.
     weight: [f64; INEQUALITIES],
-    /// Changes of distance and price in the present direction.
+    /// Changes of distance and multiplier along the current direction.
     by_distance: [f64; INEQUALITIES],
     by_price: [f64; INEQUALITIES],
 }
@@ -48,7 +47,7 @@ const NO_ROWS: Rows = Rows {
     by_price: [0.0; INEQUALITIES],
 };
 
-/// Solver of programs of one size, with the last solution.
+/// Solver for programs of one size, with the last solution.
 pub(crate) struct Optimum {
     sweep: Sweep,
     point: Vec<Values>,
@@ -85,7 +84,7 @@ impl Optimum {
         self.slack_m.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Takes over the solution of another solver.
+    /// Adopts the solution of another solver.
     pub(crate) fn adopt(&mut self, solution: impl Iterator<Item = (Values, f64)>) {
         for (k, (values, slack_m)) in solution.enumerate() {
             (self.point[k], self.slack_m[k]) = (values, slack_m);
@@ -97,7 +96,7 @@ impl Optimum {
         self.iterations_max = n;
     }
 
-    /// Finds the optimum without bounds. Returns true if it meets all bounds and thus is the solution.
+    /// Finds the unconstrained optimum. Returns true if it satisfies all bounds and is thus the solution.
     pub(crate) fn unbounded(&mut self, stages: &Stages) -> bool {
         let steps = &stages.steps;
         self.sweep.factorise(steps, |k| steps[k].cost);
@@ -114,8 +113,8 @@ impl Optimum {
         steps.iter().zip(&self.point).all(met)
     }
 
-    /// Finds the optimum within the bounds, from that without. Returns the number of iterations, `None` without
-    /// convergence.
+    /// Finds the constrained optimum, starting from the unconstrained one. Returns the number of iterations, or `None`
+    /// without convergence.
     pub(crate) fn bounded(&mut self, stages: &Stages) -> Option<u32> {
         self.begin(stages);
         for iteration in 0..self.iterations_max {
@@ -125,7 +124,7 @@ impl Optimum {
             }
             let Self { sweep, rows, .. } = self;
             sweep.factorise(&stages.steps, |k| hessian(stages, &stages.steps[k], &rows[k].weight));
-            // The predictor aims at a gap of 0; the gap that it reaches sets the aim of the corrector.
+            // The predictor aims at a gap of 0; the gap that it reaches sets the target of the corrector.
             self.direct(stages, |_, _| 0.0);
             let reached = self.gap_after(self.length(1.0)) / gap;
             let target = gap * reached * reached * reached;
@@ -135,7 +134,7 @@ impl Optimum {
         None
     }
 
-    /// Initialises distances and prices at the optimum without bounds.
+    /// Initialises distances and multipliers at the unconstrained optimum.
     fn begin(&mut self, stages: &Stages) {
         for ((rows, stage), (point, slack_m)) in
             self.rows.iter_mut().zip(&stages.steps).zip(self.point.iter().zip(&mut self.slack_m))
@@ -151,7 +150,7 @@ impl Optimum {
         }
     }
 
-    /// Computes breaches and weights of the present point. Returns the mean product of distance and price.
+    /// Computes residuals and weights of the current point. Returns the mean product of distance and multiplier.
     fn assess(&mut self, stages: &Stages) -> f64 {
         let mut sum = 0.0;
         for ((rows, stage), (point, slack_m)) in
@@ -182,13 +181,13 @@ impl Optimum {
         slope_max(&stages.steps, &self.gradient).max(slack_slope) <= SLOPE_MAX
     }
 
-    /// Computes the Newton direction towards the products of distance and price in `target`, per inequality.
+    /// Computes the Newton direction towards the products of distance and multiplier in `target`, per inequality.
     fn direct(&mut self, stages: &Stages, target: impl Fn(&Rows, usize) -> f64) {
         let mut aim = [0.0; INEQUALITIES];
         for (k, stage) in stages.steps.iter().enumerate() {
             let rows = &mut self.rows[k];
             for (i, aim) in aim.iter_mut().enumerate() {
-                // Kept for the changes of the prices below.
+                // Kept for the changes of the multipliers below.
                 rows.by_price[i] = target(rows, i) / rows.distance[i];
                 *aim = rows.weight[i] * rows.breach[i] + rows.by_price[i];
             }
@@ -215,7 +214,8 @@ impl Optimum {
         }
     }
 
-    /// Length of the present direction, at most 1: `share` of the way to where a distance or a price is 0.
+    /// Step length along the current direction, at most 1: `share` of the length at which a distance or multiplier
+    /// becomes 0.
     fn length(&self, share: f64) -> f64 {
         let mut length = 1.0f64;
         for rows in &self.rows {
@@ -231,7 +231,7 @@ impl Optimum {
         length
     }
 
-    /// Mean product of distance and price after `length` of the present direction.
+    /// Mean product of distance and multiplier after `length` of the current direction.
     fn gap_after(&self, length: f64) -> f64 {
         let mut sum = 0.0;
         for rows in &self.rows {
@@ -257,7 +257,7 @@ impl Optimum {
     }
 }
 
-/// Gradient of the cost without bounds.
+/// Gradient of the unconstrained cost.
 fn cost_gradient(stage: &Stage, point: &Values) -> Values {
     let mut gradient = *point;
     for (slope, cost) in gradient.inputs.iter_mut().zip(&stage.cost.inputs) {
@@ -269,7 +269,7 @@ fn cost_gradient(stage: &Stage, point: &Values) -> Values {
     gradient
 }
 
-/// Adds the transpose of the left sides times `price`, but for the slack.
+/// Adds the transposed left sides times `price`, except for the slack.
 fn add_prices(gradient: &mut Values, price: &[f64; INEQUALITIES]) {
     gradient.inputs[0] += price[0] - price[1];
     gradient.inputs[1] += price[2] - price[3];
@@ -283,12 +283,12 @@ fn slack_gradient(stages: &Stages, slack_m: f64, price: &[f64; INEQUALITIES]) ->
     stages.slack + stages.slack_squared * slack_m - price[9] - price[10] - price[11]
 }
 
-/// Second derivatives by the slack: with the place across the path, and by the slack alone.
+/// Second derivatives by the slack: mixed with the lateral deviation, and by the slack alone.
 fn slack_hessian(stages: &Stages, weight: &[f64; INEQUALITIES]) -> (f64, f64) {
     (weight[10] - weight[9], stages.slack_squared + weight[9] + weight[10] + weight[11])
 }
 
-/// Diagonal of the Hessian with the bounds weighed in, the slack eliminated.
+/// Diagonal of the Hessian with weighted bounds, the slack eliminated.
 fn hessian(stages: &Stages, stage: &Stage, weight: &[f64; INEQUALITIES]) -> Values {
     let mut cost = stage.cost;
     cost.inputs[0] += weight[0] + weight[1];
@@ -315,9 +315,9 @@ fn add(to: &mut [Values], length: f64, change: &[Values]) {
     }
 }
 
-/// Slack at the start beyond what the corridor needs, metres.
+/// Initial slack beyond the need of the corridor, metres.
 const START_SLACK_M: f64 = 0.1;
-/// Least distance at the start, as a share of the bound.
+/// Smallest initial distance, as a fraction of the bound.
 const START_SHARE: f64 = 0.1;
-/// Products of distance and price at the start, in the unit of the cost.
+/// Initial products of distance and multiplier, in the unit of the cost.
 const START_GAP: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! The optimum beside Clarabel's.
+//! Comparison of the optimum with Clarabel's.
 
 use super::stages::{STEERING, Stage, Values, left_sides};
 use super::*;
@@ -17,7 +17,7 @@ fn bounds(scale: f64) -> Bounds {
     }
 }
 
-/// Clarabel to the limit of its accuracy.
+/// Clarabel's settings at its highest accuracy.
 fn tight() -> DefaultSettings<f64> {
     DefaultSettings {
         max_iter: 200,
@@ -30,7 +30,7 @@ fn tight() -> DefaultSettings<f64> {
     }
 }
 
-/// A path that bends at random, and a start beside it; all distances across times `aside`.
+/// A path that bends at random, and a start beside it; all lateral distances are multiplied by `aside`.
 fn draw(rng: &mut Rng, horizon: usize, aside: f64) -> (State, Vec<Knot>) {
     let mut state = State { speed_mps: rng.uniform(2.0, 14.0), ..State::default() };
     let mut knots = Vec::new();
@@ -40,7 +40,7 @@ fn draw(rng: &mut Rng, horizon: usize, aside: f64) -> (State, Vec<Knot>) {
             jerk_mps3: rng.uniform(-3.0, 3.0) - state.accel_mps2,
         };
         state = model::step(&state, rates, WHEELBASE_M, 0.1);
-        // Knots are a path, which the model need not follow exactly.
+        // Knots are a path, which need not satisfy the model exactly.
         let pose = Pose2::new(
             state.pose.x_m + rng.uniform(-0.02, 0.02),
             state.pose.y_m + rng.uniform(-0.02, 0.02),
@@ -78,7 +78,7 @@ fn cost(stages: &Stages, point: impl Iterator<Item = (Values, f64)>) -> f64 {
     point.zip(&stages.steps).map(step).sum()
 }
 
-/// Largest difference between the points of both, and between their slacks.
+/// Largest difference between the two solutions, including their slacks.
 fn difference(optimum: &Optimum, peer: &Program) -> f64 {
     let mut worst = 0.0f64;
     for ((ours, slack_m), (theirs, peer_slack_m)) in optimum.solution().zip(peer.solution()) {
@@ -151,7 +151,7 @@ fn optimum_with_active_bounds_equals_clarabel() {
                 let met = left_sides(&ours, slack_m).iter().zip(&stage.limits).all(|(a, b)| *a <= b + 1e-7);
                 assert!(met, "N = {horizon}, case {case}");
             }
-            // Within the bounds and no dearer: the optimum, of which there is one.
+            // Within the bounds and no more expensive: the unique optimum.
             let (ours, theirs) = (cost(&stages, optimum.solution()), cost(&stages, peer.solution()));
             assert!(
                 ours < theirs + 1e-6 * (1.0 + theirs.abs()),
@@ -182,7 +182,7 @@ fn clarabel_takes_over_without_convergence() {
     assert!((first.report.slack_max_m - second.report.slack_max_m).abs() < 1e-4);
 }
 
-/// Calls of a recorded drive, as `cargo bench -p swerve-benches --bench control -- record` writes them.
+/// Calls of a recorded drive, as written by `cargo bench -p swerve-benches --bench control -- record`.
 #[derive(Deserialize)]
 struct Drive {
     name: String,

@@ -1,7 +1,7 @@
 //! The quadratic program in sparse form, and Clarabel as its solver.
 //!
-//! Equalities are the linearised steps; inequalities follow in the order of [`Stage::limits`]. Only `q`, the values
-//! of `A` and `b` change from call to call, so that Clarabel keeps its symbolic factorisation.
+//! Equalities are the linearised steps; inequalities follow in the order of [`Stage::limits`]. Only `q`, the values of
+//! `A` and `b` change between calls, so that Clarabel keeps its symbolic factorisation.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
@@ -14,7 +14,7 @@ use super::stages::{INEQUALITIES, Stage, Stages, Values};
 /// Rates, deviations and slack of one step.
 const VARIABLES: usize = N_INPUTS + N_STATES + 1;
 
-/// Numbers that change from call to call: `q`, values of `A` by columns, and `b`.
+/// Values that change between calls: `q`, the values of `A` by columns, and `b`.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Data {
     q: Vec<f64>,
@@ -22,10 +22,10 @@ struct Data {
     b: Vec<f64>,
 }
 
-/// A program of fixed size, its solver, and the buffers to fill it.
+/// A program of fixed size with its solver and buffers.
 pub(crate) struct Program {
     solver: DefaultSolver<f64>,
-    /// For each entry that [`visit`] emits, its place among the values of `A`.
+    /// Index among the values of `A` for each entry emitted by [`visit`].
     places: Vec<usize>,
     columns: Vec<usize>,
     rows: Vec<usize>,
@@ -33,8 +33,8 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// A solver of programs of this size, scaled on this one: a fixed one, so that what it returns later does not
-    /// depend on the first program it meets.
+    /// Creates a solver for programs of this size, scaled on this fixed program, so that later results do not depend on
+    /// the first program solved.
     pub(crate) fn new(stages: &Stages, settings: DefaultSettings<f64>) -> Self {
         let horizon = stages.steps.len();
         let (n, m) = (VARIABLES * horizon, (N_STATES + INEQUALITIES) * horizon);
@@ -52,7 +52,7 @@ impl Program {
         Self { solver, places, columns: matrix.colptr, rows: matrix.rowval, data }
     }
 
-    /// Solves a program. The solution counts only when the status says solved.
+    /// Solves a program. The solution is valid only if the status is solved.
     pub(crate) fn solve(&mut self, stages: &Stages) -> (SolverStatus, u32) {
         fill(stages, &self.places, &mut self.data);
         let Data { q, a, b } = &self.data;
@@ -80,7 +80,7 @@ impl Program {
         self.solver.update_settings(settings).unwrap();
     }
 
-    /// A program in sparse form.
+    /// Returns a program in sparse form.
     pub(crate) fn problem(&self, stages: &Stages) -> Problem {
         let mut data = self.data.clone();
         fill(stages, &self.places, &mut data);
@@ -97,19 +97,19 @@ impl Program {
     }
 }
 
-/// A problem as its solver sees it: minimise `1/2 x' P x + q' x` with `A x = b` in the first rows and
-/// `A x <= b` in the others. For inspection, and to pose it to other solvers.
+/// A problem in solver form: minimise `1/2 x' P x + q' x` with `A x = b` in the first rows and `A x <= b` in the
+/// others. For inspection, and to pass it to other solvers.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Problem {
     /// Diagonal of `P`, which has no other entries.
     pub cost: Vec<f64>,
     /// Linear cost.
     pub q: Vec<f64>,
-    /// Compressed columns of `A`: where each column starts.
+    /// Compressed columns of `A`: start index of each column.
     pub columns: Vec<usize>,
     /// Row of each value.
     pub rows: Vec<usize>,
-    /// Values of `A`, structural zeros included.
+    /// Values of `A`, including structural zeros.
     pub values: Vec<f64>,
     /// Right sides.
     pub b: Vec<f64>,
@@ -191,7 +191,7 @@ fn diagonal(stages: &Stages) -> CscMatrix<f64> {
     CscMatrix::new(n, n, (0..=n).collect(), (0..n).collect(), values)
 }
 
-/// Numbers of a program in the order of its sparse form.
+/// Writes the values of a program in the order of its sparse form.
 fn fill(stages: &Stages, places: &[usize], data: &mut Data) {
     let Data { q, a, b } = data;
     let mut place = places.iter();
@@ -217,7 +217,7 @@ fn fill(stages: &Stages, places: &[usize], data: &mut Data) {
     }
 }
 
-/// Compressed columns of a list of entries without repeats, and the place of each entry among the values.
+/// Compressed columns of a list of entries without duplicates, and the index of each entry among the values.
 fn compress(entries: &[(usize, usize, f64)], m: usize, n: usize) -> (CscMatrix<f64>, Vec<usize>) {
     let mut order: Vec<usize> = (0..entries.len()).collect();
     order.sort_by_key(|&e| (entries[e].1, entries[e].0));

@@ -1,8 +1,8 @@
 //! The Riccati sweep: minimises a quadratic cost over the linearised steps, in time linear in the horizon
 //! (Rawlings, Mayne, Diehl, *Model Predictive Control*, 2nd ed., section 1.3.3 and 8.8.3).
 //!
-//! A trajectory that obeys the steps is changed to another one that obeys them, so that constant terms of the steps
-//! occur in [`Sweep::roll_out`] only.
+//! A trajectory that satisfies the dynamics is changed to another one that does, so that the constant terms of the
+//! steps occur in [`Sweep::roll_out`] only.
 
 use std::array::from_fn;
 
@@ -14,9 +14,9 @@ use super::stages::{Stage, Values};
 struct Gain {
     /// Feedback of the rates on the state before the step.
     feedback: [[f64; N_STATES]; N_INPUTS],
-    /// Inverse of the cost of the rates, its future included: entries (0, 0), (0, 1), (1, 1).
+    /// Inverse of the Hessian by the rates, including the cost-to-go: entries (0, 0), (0, 1), (1, 1).
     inverse: [f64; 3],
-    /// Rates beside the feedback.
+    /// Feed-forward part of the rates.
     forward: [f64; N_INPUTS],
 }
 
@@ -61,7 +61,7 @@ impl Sweep {
         }
     }
 
-    /// Writes a trajectory that obeys the steps from `start`, steered by the feedback of the factorisation.
+    /// Writes the trajectory from `start` that satisfies the dynamics under the feedback of the factorisation.
     pub(crate) fn roll_out(&self, stages: &[Stage], start: &[f64; N_STATES], out: &mut [Values]) {
         let mut state = *start;
         for ((gain, stage), step) in self.gains.iter().zip(stages).zip(out) {
@@ -74,7 +74,7 @@ impl Sweep {
         }
     }
 
-    /// Writes the change of a trajectory that is the minimum for this gradient there; the start stays.
+    /// Writes the change of a trajectory that minimises the cost for this gradient; the start is unchanged.
     pub(crate) fn solve(&mut self, stages: &[Stage], gradient: &[Values], change: &mut [Values]) {
         let mut costate = [0.0; N_STATES];
         for ((gain, stage), gradient) in self.gains.iter_mut().zip(stages).zip(gradient).rev() {
@@ -102,7 +102,7 @@ impl Sweep {
     }
 }
 
-/// Largest slope of a cost with this gradient by any rate, the states moving with the rates.
+/// Largest derivative of a cost with this gradient by any rate, with states that follow the rates.
 pub(crate) fn slope_max(stages: &[Stage], gradient: &[Values]) -> f64 {
     let mut costate = [0.0; N_STATES];
     let mut most = 0.0f64;

@@ -1,9 +1,9 @@
 //! The quadratic program, step by step along the horizon.
 //!
-//! Variables per step: the two rates, the six deviations of the state after the step, and the slack of the
-//! corridor. Each step has its linearised dynamics, a linear cost, and the right sides of its inequalities, which
-//! bound rates, steering, acceleration and speed, and the place across the path up to the slack. Quadratic costs
-//! are diagonal and constant, since deviations are measured in the axes of each knot.
+//! Variables per step: the two rates, the six deviations of the state after the step, and the slack of the corridor.
+//! Each step has its linearised dynamics, a linear cost, and the right sides of its inequalities, which bound rates,
+//! steering, acceleration and speed, and the lateral deviation up to the slack. Quadratic costs are diagonal and
+//! constant, since deviations are measured in the axes of each knot.
 
 use super::model::{self, Linear, N_INPUTS, N_STATES, State};
 use super::{Bounds, Knot, Weights};
@@ -12,7 +12,7 @@ use super::{Bounds, Knot, Weights};
 /// acceleration, then speed, the corridor to the left and to the right, and the sign of the slack.
 pub(crate) const INEQUALITIES: usize = 12;
 
-/// Index of the place across the path in a deviation.
+/// Index of the lateral deviation.
 pub(crate) const ACROSS: usize = 1;
 /// Index of the speed in a deviation.
 pub(crate) const SPEED: usize = 3;
@@ -21,7 +21,7 @@ pub(crate) const STEERING: usize = 4;
 /// Index of the acceleration in a deviation.
 pub(crate) const ACCEL: usize = 5;
 
-/// One number per rate of a step and per deviation of the state after it: a point, a change, a gradient or the
+/// Values for each rate of a step and each deviation of the state after it: a point, a change, a gradient or the
 /// diagonal of a Hessian.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Values {
@@ -34,7 +34,7 @@ pub(crate) struct Values {
 pub(crate) struct Stage {
     /// Dynamics into the state after the step.
     pub(crate) linear: Linear,
-    /// Diagonal of the quadratic cost, halved in the objective.
+    /// Diagonal of the quadratic cost, multiplied by 1/2 in the objective.
     pub(crate) cost: Values,
     /// Linear cost of the state after the step; rates have none.
     pub(crate) pull: [f64; N_STATES],
@@ -42,7 +42,7 @@ pub(crate) struct Stage {
     pub(crate) limits: [f64; INEQUALITIES],
 }
 
-/// The program of one call of the controller.
+/// The program of one controller call.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Stages {
     wheelbase_m: f64,
@@ -53,12 +53,12 @@ pub(crate) struct Stages {
     pub(crate) start: [f64; N_STATES],
     /// The steps.
     pub(crate) steps: Vec<Stage>,
-    /// Price of the slack, linear and (halved) quadratic.
+    /// Cost of the slack, linear and (times 1/2) quadratic.
     pub(crate) slack: f64,
     pub(crate) slack_squared: f64,
 }
 
-/// Bounds of one step, widened where the start state is outside them.
+/// Bounds of one step, widened if the start state is outside them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Envelope {
     steering_rad: f64,
@@ -68,7 +68,7 @@ struct Envelope {
 }
 
 impl Stages {
-    /// The program of a straight drive at 10 m/s.
+    /// Creates the program of a straight drive at 10 m/s.
     pub(crate) fn new(
         horizon: usize,
         dt_s: f64,
@@ -98,7 +98,7 @@ impl Stages {
         stages
     }
 
-    /// Fills in the program of driving from `start` along `knots` (one more than steps).
+    /// Fills in the program for driving from `start` along `knots` (one more than steps).
     pub(crate) fn fill(&mut self, start: &State, knots: &[Knot]) {
         self.start = model::deviation(start, &knots[0].state);
         let mut way_back = WayBack { start: *start, accel: start.accel_mps2, speed: start.speed_mps };
@@ -112,7 +112,7 @@ impl Stages {
     }
 }
 
-/// Linear cost: pulls towards what the knot wants.
+/// Linear cost: pulls towards the knot's targets.
 fn pull(cost: &[f64; N_STATES], knot: &Knot) -> [f64; N_STATES] {
     let mut pull = [0.0; N_STATES];
     pull[0] = -cost[0] * knot.wanted_along_m;
@@ -148,7 +148,7 @@ pub(crate) fn left_sides(step: &Values, slack_m: f64) -> [f64; INEQUALITIES] {
     [rate, -rate, jerk, -jerk, steering, -steering, accel, -accel, z[SPEED], left, right, -slack_m]
 }
 
-/// The hardest allowed way of a start state back into its bounds.
+/// The hardest allowed return of a start state into its bounds.
 struct WayBack {
     start: State,
     accel: f64,
@@ -156,10 +156,10 @@ struct WayBack {
 }
 
 impl WayBack {
-    /// Bounds of step `k` that the start state can meet; called for each step in order. A bound that it breaks
-    /// already is widened to what the hardest allowed way back leaves of the breach.
+    /// Bounds of step `k` that are feasible for the start state; called for each step in order. A bound that it
+    /// violates is widened to the violation that remains after the hardest allowed return.
     fn envelope(&mut self, bounds: &Bounds, dt_s: f64, k: usize) -> Envelope {
-        // A hair of room, so that the way back itself is strictly inside.
+        // A small margin, so that the return itself is strictly inside.
         const ROOM: f64 = 1e-3;
         let jerk = bounds.jerk_max_mps3 * dt_s;
         let elapsed = dt_s * (k + 1) as f64;

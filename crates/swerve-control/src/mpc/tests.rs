@@ -84,10 +84,10 @@ impl From<FlatState> for State {
     }
 }
 
-/// The stored solutions come from another formulation (absolute states in the map, numerical derivatives) and
-/// another solver: see `tests/reference/mpc/make.py`.
+/// The stored solutions come from another formulation (absolute states in the map, numerical derivatives) and another
+/// solver: see `tests/reference/mpc/make.py`.
 #[test]
-fn solves_the_stored_problems_like_osqp() {
+fn mpc_solves_the_stored_problems_like_osqp() {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/mpc/problems.json"));
     let reference: Reference = serde_json::from_str(text).unwrap();
     let bounds = &reference.bounds;
@@ -136,7 +136,7 @@ fn solves_the_stored_problems_like_osqp() {
 }
 
 #[test]
-fn a_start_outside_the_bounds_is_no_dead_end() {
+fn start_outside_the_bounds_stays_feasible() {
     let params = Params { speed_max_mps: 8.0, ..Params::default() };
     let mut mpc = mpc(params);
     let knots = straight(20);
@@ -227,7 +227,7 @@ fn numbers_that_are_not_finite_never_reach_the_solver() {
 }
 
 #[test]
-fn a_failed_solve_goes_on_with_the_last_solution_and_then_brakes() {
+fn failed_solve_continues_with_the_last_solution_and_then_brakes() {
     let mut mpc = mpc(Params { lead_s: 0.1, ..Params::default() });
     // Outside the corridor: a bound is active, and the solver iterates.
     let knots = straight(20);
@@ -269,7 +269,7 @@ fn a_solution_depends_on_its_problem_alone() {
 }
 
 #[test]
-fn what_it_predicts_is_what_the_model_does() {
+fn predictions_match_the_model() {
     let mut mpc = mpc(Params::default());
     mpc.step(Time::ZERO, &at(0.5, 10.0), &straight(20));
     let solution = mpc.solution();
@@ -286,13 +286,14 @@ fn what_it_predicts_is_what_the_model_does() {
 }
 
 #[test]
-fn can_be_handed_to_another_thread() {
+fn mpc_is_send() {
     fn sendable<T: Send>() {}
     sendable::<Mpc>();
     sendable::<Controller>();
 }
 
-/// Drives `plan` in a closed loop of one call per 100 ms, as the peers were measured; largest distance from its path.
+/// Drives `plan` in a closed loop of one call per 100 ms, as in the reference measurements; returns the largest
+/// distance from its path, metres.
 fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
     let params = crate::Params {
         law: Law::Mpc,
@@ -324,9 +325,9 @@ fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
     worst
 }
 
-/// Peers on the same curve, speed, limits and weights: 0.037 to 0.056 m.
+/// Reference controllers on the same curve, speed, limits and weights: 0.037 to 0.056 m.
 #[test]
-fn tracks_the_slalom_with_the_limits_and_weights_of_pylot() {
+fn mpc_tracks_the_slalom_with_the_limits_and_weights_of_pylot() {
     let limits = Limits {
         steering_max_rad: 37.5f64.to_radians(),
         steering_rate_max_radps: 22.5f64.to_radians(),
@@ -344,7 +345,7 @@ fn tracks_the_slalom_with_the_limits_and_weights_of_pylot() {
 }
 
 #[test]
-fn tracks_slalom_and_lane_change_with_our_weights() {
+fn mpc_tracks_slalom_and_lane_change_with_our_weights() {
     for horizon in [20, 40] {
         let params = Params { horizon, ..Params::default() };
         let worst = drive(params, Limits::default(), &curve(slalom, 10.0, 10.0), 6.5);

@@ -1,53 +1,53 @@
-//! Limits and times of the gate.
+//! Parameters of the safety gate.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_all_within};
 use swerve_vehicle::VehicleParams;
 
-/// Limits and times of a [`SafetyGate`](super::SafetyGate).
+/// Limits and timeouts of a [`SafetyGate`](super::SafetyGate).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateParams {
-    /// A command older than this is none, seconds (Autoware: 0.5).
+    /// Age at which a command of the stack expires, seconds (Autoware: 0.5).
     pub command_timeout_s: f64,
-    /// A report of the vehicle older than this is none, seconds.
+    /// Age at which a report of the vehicle expires, seconds.
     pub report_timeout_s: f64,
-    /// The same numbers under new stamps for longer than this, while the car moves, are no command, seconds; 0 for no
-    /// bound. A controller that measures never says the same for long, as ours does not; what is known to say only what it
-    /// wants, such as a constant speed along a straight lane, may.
+    /// Time after which commands with equal values under new stamps count as frozen while the car moves, seconds; 0
+    /// disables the check. A controller that uses measurements never repeats its values for long; a source that only
+    /// sends target values, such as a constant speed along a straight lane, may do so.
     pub repeat_max_s: f64,
-    /// A command is refused whose newest sensor frame is older than this, seconds; 0 for no bound. What follows a plan
-    /// of long ago is new itself, and blind.
+    /// Largest age of the latest sensor frame behind a command, seconds; older commands are refused; 0 disables the
+    /// check. A command that follows an old plan is new itself, but blind.
     pub origin_timeout_s: f64,
-    /// How far the stamp of a command may be ahead of now, seconds: clocks differ a little.
+    /// Largest lead of a command's stamp over the current time, seconds: clocks differ slightly.
     pub ahead_max_s: f64,
     /// Largest angle of the front road wheels, radians.
     pub steering_max_rad: f64,
     /// Largest rate of that angle, rad/s.
     pub steering_rate_max_radps: f64,
-    /// Largest lateral acceleration of a car without slip, m/s²: limits the angle at speed (Autoware: 4 to 5).
+    /// Largest lateral acceleration of a car without slip, m/s²: limits the steering angle at speed (Autoware: 4 to 5).
     pub lateral_accel_max_mps2: f64,
     /// Distance between the axles, metres.
     pub wheelbase_m: f64,
     /// Highest speed, m/s (Autoware: 25).
     pub speed_max_mps: f64,
-    /// Highest speed backwards, m/s (positive); 0 for none.
+    /// Highest reverse speed, m/s (positive); 0 disables reversing.
     pub reverse_max_mps: f64,
     /// Largest acceleration, m/s².
     pub accel_max_mps2: f64,
-    /// Largest deceleration that the stack may ask for, m/s² (positive).
+    /// Largest deceleration that the stack may command, m/s² (positive).
     pub decel_max_mps2: f64,
-    /// Largest rate at which the acceleration changes while driving, m/s³.
+    /// Largest jerk while driving, m/s³.
     pub jerk_max_mps3: f64,
     /// Deceleration of a controlled stop, m/s² (positive; Autoware: 1.5).
     pub stop_decel_mps2: f64,
     /// Deceleration of an emergency stop, m/s² (positive).
     pub emergency_decel_mps2: f64,
-    /// Deceleration that is asked for at standstill, so that the car stays where it is, m/s² (positive).
+    /// Deceleration commanded at standstill to hold the car, m/s² (positive).
     pub hold_decel_mps2: f64,
-    /// Room to either side of the car in its lane, metres: how far an error of the pose may take a car aside before it
-    /// stands. Bounds how far the pose may move otherwise than the wheels; 0 for no comparison of the two.
+    /// Room on either side of the car in its lane, metres: the lateral error that a wrong pose may cause before the car
+    /// stands. Bounds the difference between the motions of pose and wheels; 0 disables the comparison.
     pub lane_margin_m: f64,
 }
 
@@ -80,13 +80,13 @@ impl Default for GateParams {
 }
 
 impl GateParams {
-    /// Those of a car whose own numbers are known.
+    /// Parameters for a car with known limits.
     ///
-    /// A gate is no second planner: its limits stand where the car itself ends, so that what a sound stack asks for
-    /// in an emergency passes, and only what no sound stack asks for is cut. Angle, its rate and the brakes are the
-    /// actuators' own (full brakes as fast as they build up); a tyre holds about 1 g to the side; comfort is not
-    /// the gate's. A stop without a stack is blind, so it is a firm one: 3 m/s² (UN R157 allows a minimal risk
-    /// manoeuvre 4); an emergency stop is the most that a plan may ask for.
+    /// The gate does not plan: its limits are those of the car itself, so that sound commands pass even in an
+    /// emergency, and only unsound ones are cut. Steering angle, its rate and the brakes are limited as the actuators
+    /// are (full brakes as fast as they build up); a tyre holds about 1 g laterally; comfort is not a concern of the
+    /// gate. A stop without a stack is blind and therefore firm: 3 m/s² (UN R157 allows 4 for a minimal risk
+    /// manoeuvre); an emergency stop uses the largest deceleration that a plan may command.
     pub fn new(vehicle: &VehicleParams) -> Self {
         let brakes_mps2 =
             vehicle.brakes.torque_max_nm / (vehicle.wheel.radius_m * vehicle.effective_mass_kg());
@@ -111,10 +111,10 @@ impl GateParams {
 }
 
 impl GateParams {
-    /// Whether all of them are finite and of a plausible size.
+    /// Checks that all parameters are finite and plausible.
     ///
     /// # Errors
-    /// The first that is not.
+    /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("command_timeout_s", self.command_timeout_s, [0.01, 10.0]),

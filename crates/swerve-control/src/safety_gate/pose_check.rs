@@ -1,13 +1,13 @@
-//! The pose against the wheels: over a window, the pose has to move as speed and steering angle of the vehicle move it.
+//! Plausibility check of the pose: over a window, it has to move as the vehicle's speed and steering angle imply.
 //!
 //! ```text
-//! pose now, seen from the pose of a second ago   -  the same by dead reckoning over the reports
+//! pose now, relative to the pose a second ago   -  the same by dead reckoning over the reports
 //! ```
 //!
-//! The difference is bounded by what a blind stop forgives. A heading that is wrong by `e` takes a car that stops within
-//! `d` metres `e d` metres aside, so `e` is at most the margin in the lane over `d`. Where that is less than the sensors
-//! resolve, their resolution is the bound. Localization may correct itself by what it declares: three standard deviations
-//! of its own come on top.
+//! The difference is bounded by the tolerance of a blind stop. A car whose heading is wrong by `e` and that stops
+//! within `d` metres deviates laterally by `e d` metres, so `e` is at most the margin in the lane over `d`. If that is
+//! below the resolution of the sensors, their resolution is the bound. Localization may correct itself within its
+//! declared uncertainty: three of its standard deviations are added.
 
 use std::collections::VecDeque;
 
@@ -18,45 +18,45 @@ use swerve_msg::{EgoState, PoseQuality, VehicleReport};
 use super::GateParams;
 use crate::SlipParams;
 
-/// Time over which the two motions are compared.
+/// Time window of the comparison.
 const WINDOW: Span = Span::from_ms(1000);
-/// Time between two poses that later ones are compared with.
+/// Interval between the poses that later ones are compared with.
 const EVERY: Span = Span::from_ms(100);
-/// Longest time between two poses, or two reports, that a comparison bridges.
+/// Longest gap between two poses, or two reports, that a comparison bridges.
 const GAP_MAX: Span = Span::from_ms(300);
-/// Reports that are kept: a pose may be older than the newest report by their time.
+/// Number of reports kept: a pose may be older than the latest report by their time span.
 const KEPT: usize = 256;
-/// Time from a finding to a full brake, seconds.
+/// Time from detection to full brake, seconds.
 const REACTION_S: f64 = 0.3;
-/// Heading that a healthy localizer corrects within the window, radians.
+/// Heading correction of a healthy localizer within the window, radians.
 const HEADING_RAD: f64 = 0.03;
 /// Calibration error of a steering angle, radians.
 const STEERING_RAD: f64 = 0.005;
-/// Share of a turn that slip of the tyres makes, and of a way that their sideslip and their radius make.
+/// Fraction of a turn caused by tyre slip, and fraction of a distance caused by sideslip and tyre radius.
 const TURN_SHARE: f64 = 0.15;
 const WAY_SHARE: f64 = 0.05;
-/// Lateral acceleration that tyres hold, m/s²: wheels that are turned further turn the car no more. [`TURN_SHARE`] is what
-/// more or less grip makes of it.
+/// Lateral acceleration that tyres hold, m/s²: turning the wheels further does not turn the car more. [`TURN_SHARE`]
+/// covers more or less grip.
 const GRIP_MPS2: f64 = 8.0;
-/// Standard deviations of its own that localization may correct itself by.
+/// Number of its standard deviations by which localization may correct itself.
 const SIGMAS: f64 = 3.0;
 
-/// Dead reckoning by the reports up to a stamp: by their geometry, which the bounds of the comparison are for, and with slip.
+/// Dead reckoning from the reports up to a stamp: geometric, for the bounds of the comparison, and with slip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reckoned {
     stamp: Time,
     pose: Pose2<Map>,
     slipped: Pose2<Map>,
-    /// Way so far, metres; forwards and backwards both count.
+    /// Distance so far, metres; forwards and backwards both count.
     way_m: f64,
     pub(super) speed_mps: f64,
     yaw_rate_radps: f64,
-    /// How the nose turns with slip, 1/m.
+    /// Curvature of the heading with slip, 1/m.
     pub(super) curvature_1pm: f64,
 }
 
 impl Reckoned {
-    /// Moves on with a constant speed, yaw rate and curvature.
+    /// Advances to `stamp` with constant speed, yaw rate and curvature.
     fn at(&self, stamp: Time) -> Self {
         let dt_s = (stamp - self.stamp).as_secs();
         let Self { pose, speed_mps, yaw_rate_radps, .. } = *self;
@@ -68,27 +68,27 @@ impl Reckoned {
     }
 }
 
-/// A pose, where the reports put the car at its stamp, and its declared deviations.
+/// A pose, the dead-reckoned state at its stamp, and its declared standard deviations.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
     pose: Pose2<Map>,
     reckoned: Reckoned,
-    /// Metres and radians.
+    /// Standard deviations of position, metres, and heading, radians.
     sigma: [f64; 2],
 }
 
-/// Compares the newest pose with dead reckoning from earlier ones.
+/// Compares the latest pose with dead reckoning from earlier ones.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PoseCheck {
     reckoned: VecDeque<Reckoned>,
     pairs: VecDeque<Pair>,
     newest: Option<Time>,
     implausible: bool,
-    /// How often dead reckoning began anew.
+    /// Number of restarts of the dead reckoning.
     epoch: u32,
 }
 
-/// A pose that was plausible, as the origin of dead reckoning.
+/// A plausible pose as the origin of dead reckoning.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor {
     pair: Pair,
@@ -96,7 +96,7 @@ pub(super) struct Anchor {
 }
 
 impl PoseCheck {
-    /// Takes a report with finite numbers, in order of stamps, of a car that is asked for a deceleration.
+    /// Takes a report with finite numbers, in order of stamps, of a car that is commanded a deceleration.
     pub(super) fn take_report(&mut self, report: &VehicleReport, decel_mps2: f64, params: &GateParams) {
         let VehicleReport { stamp, speed_mps, steering_rad, .. } = *report;
         let steering_rad = steering_rad.clamp(-params.steering_max_rad, params.steering_max_rad);
@@ -122,7 +122,7 @@ impl PoseCheck {
         }
     }
 
-    /// Takes the newest pose, and what localization declares of it.
+    /// Takes the latest pose with its declared quality.
     pub(super) fn take_pose(&mut self, ego: &EgoState, quality: Option<&PoseQuality>, params: &GateParams) {
         let is_new = self.newest.is_none_or(|newest| ego.stamp > newest);
         if !is_new || params.lane_margin_m <= 0.0 || !ego.is_plausible() {
@@ -148,17 +148,17 @@ impl PoseCheck {
         }
     }
 
-    /// Whether the newest pose moved otherwise than the wheels.
+    /// Returns true if the latest pose moved differently from the wheels.
     pub(super) fn is_implausible(&self) -> bool {
         self.implausible
     }
 
-    /// The oldest pose of the window: from before a fault that has just been found.
+    /// The oldest pose of the window: from before a fault detected now.
     pub(super) fn anchor(&self) -> Option<Anchor> {
         self.pairs.front().map(|pair| Anchor { pair: *pair, epoch: self.epoch })
     }
 
-    /// Where the car is by dead reckoning from `anchor`, in the map, and how it moves. `None` where reports are missing.
+    /// Place of the car by dead reckoning from `anchor`, in the map, and its motion; `None` if reports are missing.
     pub(super) fn place_since(&self, anchor: &Anchor, now: Time) -> Option<(Pose2<Map>, Reckoned)> {
         let reckoned = self.reckoned_at(now).filter(|_| anchor.epoch == self.epoch)?;
         let Pair { pose, reckoned: then, .. } = anchor.pair;
@@ -174,7 +174,7 @@ impl PoseCheck {
         self.implausible = false;
     }
 
-    /// Where the reports put the car at a stamp, no further than a gap beyond the newest one.
+    /// Dead-reckoned state at a stamp, at most a gap beyond the latest report.
     fn reckoned_at(&self, stamp: Time) -> Option<Reckoned> {
         let before = self.reckoned.iter().rev().find(|reckoned| reckoned.stamp <= stamp)?;
         (stamp - before.stamp <= GAP_MAX).then(|| before.at(stamp))

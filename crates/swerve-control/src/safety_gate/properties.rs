@@ -2,12 +2,12 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Numbers as they come: mostly plausible, some at the edges of what there is.
+/// Arbitrary numbers: mostly plausible, some at the extremes.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![6 => -40.0..40.0, 1 => any::<f64>(), 1 => Just(f64::NAN), 1 => Just(f64::INFINITY)]
 }
 
-/// Stamps around now, and far from it, ms.
+/// Stamps near and far from now, ms.
 fn stamp() -> impl Strategy<Value = i64> {
     prop_oneof![6 => -100_i64..50, 2 => -2000_i64..2000, 1 => Just(i64::MIN / 4_000_000), 1 => Just(i64::MAX / 4_000_000)]
 }
@@ -30,7 +30,7 @@ prop_compose! {
     }
 }
 
-/// Why the wire, localization or the pose has the car stopped: mostly nothing.
+/// Faults of transport, localization or pose: mostly none.
 fn any_fault() -> impl Strategy<Value = (Option<StopCause>, Option<PoseMode>, Option<[f64; 3]>)> {
     let alarm = prop_oneof![
         Just(StopCause::SecondWriter),
@@ -46,15 +46,15 @@ fn any_fault() -> impl Strategy<Value = (Option<StopCause>, Option<PoseMode>, Op
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(11), ..ProptestConfig::default() })]
 
-    /// No sequence of inputs lets a number that is none, a command that is old, or one beyond a limit through.
+    /// No sequence of inputs passes a non-finite number, an old command, or a value beyond a limit.
     #[test]
-    fn nothing_unsafe_ever_passes(ticks in prop::collection::vec(any_tick(), 1..120)) {
+    fn gate_never_passes_unsafe_commands(ticks in prop::collection::vec(any_tick(), 1..120)) {
         let p = GateParams::default();
         let mut gate = SafetyGate::new(p).unwrap();
         let (mut now_ms, mut latest_ms) = (10_000_i64, i64::MIN);
         let mut before: Option<(Time, GateOutput)> = None;
         let mut enable_before = true;
-        // Stamps of commands with finite numbers, as given.
+        // Stamps of the finite input commands.
         let mut sound: Vec<Time> = Vec::new();
         for (dt_ms, command, report, enable, emergency) in ticks {
             now_ms += dt_ms;
@@ -99,8 +99,8 @@ proptest! {
         }
     }
 
-    /// In `stopping` and `held` nothing but the brake leaves the gate, whatever report, command, pose or fault comes,
-    /// and only the documented acts end them.
+    /// In `stopping` and `holding` the gate outputs the brake alone, for any report, command, pose or fault, and only
+    /// the documented events end these modes.
     #[test]
     fn a_stop_is_never_an_acceleration(
         ticks in prop::collection::vec((any_tick(), any_fault()), 1..200),
@@ -132,7 +132,7 @@ proptest! {
             let acts = enable && !enable_before && !emergency && alarm.is_none();
             if output.mode.brakes() {
                 let Longitudinal::Brake(decel) = output.longitudinal() else { panic!("{output:?}") };
-                // Built up from zero, or held from before.
+                // Built up from zero, or kept from before.
                 let least = match (output.mode, before) {
                     (GateMode::Holding(_), _) => p.hold_decel_mps2,
                     (GateMode::Stopping(StopCause::Emergency), _) => p.emergency_decel_mps2,

@@ -1,20 +1,20 @@
-//! Standstill by the vehicle's reports.
+//! Standstill detection from the vehicle's reports.
 
 use swerve_core::Time;
 use swerve_geom::math;
 use swerve_msg::VehicleReport;
 
-/// Time constant of the mean of the reported speed, seconds. Encoders of 96 counts per turn read at 50 Hz report speeds
-/// in steps of half a metre per second: one report does not distinguish a car that creeps from one that stands.
+/// Time constant of the mean reported speed, seconds. Encoders of 96 counts per turn read at 50 Hz report speeds in
+/// steps of half a metre per second: a single report does not distinguish creeping from standing.
 const MEAN_S: f64 = 0.2;
-/// A slower mean is a standstill, m/s.
+/// Mean speed below which the car stands, m/s.
 const BELOW_MPS: f64 = 0.1;
-/// A faster mean ends a standstill, m/s.
+/// Mean speed above which a standstill ends, m/s.
 const ABOVE_MPS: f64 = 0.3;
 
-/// Whether the car stands: by a mean of the reports with hysteresis.
+/// Standstill detection by a mean of the reports with hysteresis.
 ///
-/// The brake does not depend on it, only the mode of the gate does.
+/// Only the gate's mode depends on it, not the brake.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Standstill {
     /// Stamp of the newest report, and the mean speed then, m/s.
@@ -34,7 +34,7 @@ impl Standstill {
         self.stands = mean_mps.abs() < if self.stands { ABOVE_MPS } else { BELOW_MPS };
     }
 
-    /// Whether the car stands. Without a report it does not.
+    /// Returns true if the car stands; false without a report.
     pub(super) fn stands(&self) -> bool {
         self.stands
     }
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn one_report_changes_nothing() {
+    fn one_report_does_not_change_the_state() {
         let mut state = Standstill::default();
         assert!(!stands_after(&mut state, 0, [1.0, 0.0, 1.0, 0.0].into_iter()), "it creeps at 0.5 m/s");
         assert!(stands_after(&mut state, 100, core::iter::repeat_n(0.0, 40)));

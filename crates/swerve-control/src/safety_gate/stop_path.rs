@@ -1,4 +1,4 @@
-//! Steering of a stop: along the last plan, by dead reckoning from a pose that was plausible. And how hard that plan braked.
+//! Path and deceleration of a stop: steers along the last plan by dead reckoning from a plausible pose.
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
@@ -9,17 +9,17 @@ use crate::SlipParams;
 use crate::lateral::{OnPath, StanleyParams, stanley};
 use crate::reference::Reference;
 
-/// The path of a stop, and the pose that dead reckoning starts from, where one is known.
+/// Path of a stop, with the starting pose of dead reckoning if one is known.
 #[derive(Clone, Debug)]
 pub(super) struct StopPath {
     reference: Reference,
     anchor: Option<Anchor>,
-    /// Decelerations of the plan, m/s², each the largest until then.
+    /// Running maximum of the plan's decelerations, m/s².
     decels: Vec<(Time, f64)>,
 }
 
 impl StopPath {
-    /// Along `plan`, if a car can follow it.
+    /// Creates the path along `plan`, if a car can follow it.
     pub(super) fn new(plan: Option<&Plan>, check: &PoseCheck) -> Option<Self> {
         let plan = plan.filter(|plan| plan.is_plausible() && !plan.points.is_empty())?;
         let mut reference = Reference::default();
@@ -31,14 +31,14 @@ impl StopPath {
         Some(Self { reference, anchor: check.anchor(), decels: hardest.collect() })
     }
 
-    /// The largest deceleration that the plan had until an instant, m/s².
+    /// The largest deceleration of the plan up to an instant, m/s².
     pub(super) fn planned_mps2(&self, now: Time) -> f64 {
         let until = self.decels.partition_point(|(at, _)| *at <= now);
         until.checked_sub(1).map_or(0.0, |newest| self.decels[newest].1)
     }
 
-    /// Angle of the front road wheels at a deceleration, radians: that of Stanley's law. `None` where reports or a pose from
-    /// before are missing.
+    /// Angle of the front road wheels at a deceleration, radians, by Stanley's law; `None` if reports or an earlier
+    /// pose are missing.
     pub(super) fn steering_rad(
         &self,
         check: &PoseCheck,
@@ -48,7 +48,7 @@ impl StopPath {
     ) -> Option<f64> {
         let (pose, motion) = check.place_since(self.anchor.as_ref()?, now)?;
         let slip = SlipParams::default();
-        // Damping by the yaw rate would carry the noise of a reported angle to the wheels.
+        // Yaw rate damping would pass the noise of a reported angle to the wheels.
         let params = StanleyParams { yaw_damping_s: 0.0, ..StanleyParams::default() };
         let speed_mps = motion.speed_mps.max(0.0);
         let s_m = self.reference.project(pose.point());

@@ -2,12 +2,12 @@ use super::*;
 
 const TICK_MS: i64 = 20;
 
-/// A gate, a car that does as it is told, and a stack that wants 10 m/s and 0.1 rad.
+/// A gate, a car that follows its commands, and a stack that requests 10 m/s and 0.1 rad.
 struct Bench {
     gate: SafetyGate,
     now_ms: i64,
     input: GateInput<'static>,
-    /// Whether the stack and the vehicle go on talking.
+    /// True while the stack and the vehicle send messages.
     stack: bool,
     vehicle: bool,
 }
@@ -18,7 +18,7 @@ impl Bench {
         Self { gate, now_ms: 0, input: GateInput::default(), stack: true, vehicle: true }
     }
 
-    /// Driving at 10 m/s.
+    /// A bench driving at 10 m/s.
     fn driving() -> Self {
         let mut bench = Self::new();
         bench.report().speed_mps = 10.0;
@@ -37,7 +37,7 @@ impl Bench {
         self.input.command.get_or_insert(wish)
     }
 
-    /// One tick; the car follows acceleration and angle where it is engaged.
+    /// Runs one tick; the car follows acceleration and angle while engaged.
     fn tick(&mut self) -> GateOutput {
         self.now_ms += TICK_MS;
         let now = Time::from_ms(self.now_ms);
@@ -53,7 +53,7 @@ impl Bench {
             let report = self.report();
             report.steering_rad = output.command.steering_rad;
             let speed = report.speed_mps + 0.001 * TICK_MS as f64 * output.command.accel_mps2;
-            // Brakes hold a car that stands.
+            // Brakes hold a standing car.
             report.speed_mps = if output.command.speed_mps == 0.0 { speed.max(0.0) } else { speed };
         }
         output
@@ -65,7 +65,7 @@ impl Bench {
 }
 
 #[test]
-fn an_alarm_of_the_wire_stops_the_car_and_the_switch_lets_it_drive_again() {
+fn transport_alarm_stops_the_car_until_enabled_again() {
     for cause in [StopCause::SecondWriter, StopCause::ClockJump, StopCause::TransportLost] {
         let mut bench = Bench::driving();
         bench.input.alarm = Some(cause);
@@ -87,8 +87,8 @@ fn an_alarm_of_the_wire_stops_the_car_and_the_switch_lets_it_drive_again() {
 }
 
 #[test]
-fn enabling_is_an_act_and_needs_all_to_be_well() {
-    // Held from the start: that is no act.
+fn enabling_needs_a_rising_edge_and_valid_inputs() {
+    // Held from the start: not a rising edge.
     let mut held = Bench::new();
     held.input.enable = true;
     assert!(!held.run(50).engaged);
@@ -97,7 +97,7 @@ fn enabling_is_an_act_and_needs_all_to_be_well() {
     held.input.enable = true;
     assert_eq!(held.run(1).mode, GateMode::Driving);
 
-    // Each lack keeps it in manual mode; what was lacking is mended too late for the act.
+    // Each missing input keeps it in manual mode; restoring it after the rising edge is too late.
     type Lack = fn(&mut Bench, bool);
     let lacks: [(&str, Lack); 5] = [
         ("a command", |b, lack| b.stack = !lack),
@@ -132,12 +132,12 @@ fn silence_of_the_stack_is_a_controlled_stop_after_half_a_second() {
     let stopping = bench.run(50);
     assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
     assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (-1.5, 0.0));
-    // 10.2 m/s at 1.5 m/s² is 7 s; it comes back in between, and that changes nothing.
+    // 10.2 m/s at 1.5 m/s² take 7 s; the stack returns in between, without effect.
     bench.stack = true;
     let at_rest = bench.run(400);
     assert_eq!(at_rest.mode, GateMode::Holding(StopCause::CommandTimeout));
     assert_eq!((at_rest.command.accel_mps2, at_rest.engaged), (-1.5, true));
-    // A new act, and it drives on.
+    // After a new rising edge it drives on.
     bench.input.enable = false;
     bench.run(1);
     bench.input.enable = true;
@@ -145,13 +145,13 @@ fn silence_of_the_stack_is_a_controlled_stop_after_half_a_second() {
 }
 
 #[test]
-fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
+fn repeated_command_is_frozen_if_the_check_is_enabled() {
     let mut bench = Bench::driving();
     assert_eq!(bench.run(500).mode, GateMode::Driving, "no bound by default");
 
     let mut bench = Bench::driving();
     bench.gate.params.repeat_max_s = 1.0;
-    // Numbers that change by the last bit are a live controller's.
+    // Values that change by the last bit come from a live controller.
     for _ in 0..200 {
         let accel = bench.command().accel_mps2;
         bench.command().accel_mps2 = accel.next_up();
@@ -162,7 +162,7 @@ fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
     let after_ms = bench.now_ms - hangs_since;
     assert!((1000..=1040).contains(&after_ms), "{after_ms} ms");
     assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::CommandFrozen));
-    // It stands, says what it says, and is let in again by a new act.
+    // It stands, still repeats its values, and a new rising edge enables it again.
     for _ in 0..50 {
         bench.report().speed_mps = 0.0;
         bench.tick();
@@ -174,7 +174,7 @@ fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
     bench.report().speed_mps = 0.0;
     assert_eq!(bench.tick().mode, GateMode::Driving);
     assert_eq!(bench.gate.refusals(), Refusals::default(), "none of its commands was refused");
-    // A car that stands is asked for the same as long as it stands.
+    // A standing car may be commanded the same values indefinitely.
     let mut bench = Bench::driving();
     bench.gate.params.repeat_max_s = 2.0;
     for _ in 0..200 {
@@ -184,10 +184,10 @@ fn a_command_that_is_said_again_and_again_is_frozen_where_that_is_asked_for() {
 }
 
 #[test]
-fn commands_of_a_stack_that_sees_nothing_new_are_refused_where_that_is_asked_for() {
+fn commands_from_old_sensor_frames_are_refused_if_the_check_is_enabled() {
     let mut bench = Bench::driving();
     bench.gate.params.origin_timeout_s = 1.0;
-    // A stack may not say what it derives from; a frame of a second ago is young enough.
+    // A stack need not state the origin of its commands; a frame of a second ago is recent enough.
     assert_eq!(bench.run(100).mode, GateMode::Driving);
     bench.input.origin = Some(Time::from_ms(bench.now_ms));
     assert_eq!(bench.run(50).mode, GateMode::Driving);
@@ -198,7 +198,7 @@ fn commands_of_a_stack_that_sees_nothing_new_are_refused_where_that_is_asked_for
 }
 
 #[test]
-fn a_car_faster_than_its_command_wants_is_not_made_faster() {
+fn car_faster_than_its_command_is_not_accelerated() {
     let mut bench = Bench::driving();
     bench.command().speed_mps = 10.0;
     bench.command().accel_mps2 = 2.0;
@@ -224,12 +224,12 @@ fn silence_of_the_vehicle_is_a_stop() {
     let mut bench = Bench::driving();
     bench.vehicle = false;
     assert_eq!(bench.run(30).mode, GateMode::Stopping(StopCause::ReportTimeout));
-    // Without reports nobody knows that it stands.
+    // Without reports, standstill cannot be detected.
     assert_eq!(bench.run(500).mode, GateMode::Stopping(StopCause::ReportTimeout));
 }
 
 #[test]
-fn the_driver_wins_at_once_and_for_good() {
+fn driver_takes_over_at_once_and_permanently() {
     let modes: [fn(&mut Bench); 3] = [|_| {}, |b| b.stack = false, |b| b.input.emergency = true];
     for prepare in modes {
         let mut bench = Bench::driving();
@@ -249,7 +249,7 @@ fn the_driver_wins_at_once_and_for_good() {
 }
 
 #[test]
-fn an_emergency_brakes_at_once_and_is_not_taken_back() {
+fn emergency_brakes_at_once_and_is_not_cancelled() {
     let mut bench = Bench::driving();
     bench.input.emergency = true;
     assert_eq!(bench.run(400).mode, GateMode::Holding(StopCause::Emergency), "held as long as it is pressed");
@@ -267,14 +267,14 @@ fn an_emergency_brakes_at_once_and_is_not_taken_back() {
 }
 
 #[test]
-fn letting_go_of_the_switch_is_a_stop() {
+fn releasing_the_switch_is_a_stop() {
     let mut bench = Bench::driving();
     bench.input.enable = false;
     assert_eq!(bench.run(1).mode, GateMode::Stopping(StopCause::Released));
 }
 
 #[test]
-fn a_stop_never_brakes_less_than_was_asked_for() {
+fn stop_never_brakes_less_than_commanded() {
     let mut bench = Bench::driving();
     bench.report().speed_mps = 20.0;
     bench.command().accel_mps2 = -6.0;
@@ -291,7 +291,7 @@ fn a_stop_brakes_as_hard_as_the_plan_before_it() {
     (bench.report().speed_mps, bench.report().steering_rad) = (20.0, 0.0);
     (bench.command().accel_mps2, bench.command().steering_rad) = (0.0, 0.0);
     let silent_ms = bench.now_ms;
-    // At constant speed for 2 s, then at 6 m/s² and, as it comes to rest, at 2 m/s².
+    // Constant speed for 2 s, then 6 m/s² and, near standstill, 2 m/s².
     let point = |k: i64| swerve_msg::PlanPoint {
         at: Time::from_ms(silent_ms + 100 * k),
         pose: swerve_geom::Pose2::new(2.0 * k as f64, 0.0, 0.0),
@@ -321,7 +321,7 @@ fn a_stop_brakes_as_hard_as_the_plan_before_it() {
 }
 
 #[test]
-fn commands_that_are_not_sound_are_refused_and_counted() {
+fn unsound_commands_are_refused_and_counted() {
     type Spoil = fn(&mut MotionCommand, Time);
     let spoils: [(Refusal, Spoil); 6] = [
         (Refusal::NotFinite, |c, _| c.steering_rad = f64::NAN),
@@ -343,7 +343,7 @@ fn commands_that_are_not_sound_are_refused_and_counted() {
         let output = bench.gate.step(&bench.input);
         assert_eq!((output.refused, output.mode), (Some(wanted), GateMode::Driving));
         assert_eq!(output.command.steering_rad, before.steering_rad, "the command before it counts");
-        // The same again is not counted again, and runs out like silence.
+        // The repeated command is not counted again, and times out like silence.
         let later = bench.run(30);
         assert_eq!(later.mode, GateMode::Stopping(StopCause::CommandTimeout));
         let counts = bench.gate.refusals();
@@ -358,7 +358,7 @@ fn commands_that_are_not_sound_are_refused_and_counted() {
 }
 
 #[test]
-fn wishes_beyond_the_limits_are_brought_within() {
+fn commands_beyond_the_limits_are_clamped() {
     let mut bench = Bench::driving();
     *bench.command() =
         MotionCommand { stamp: Time::ZERO, steering_rad: 3.0, speed_mps: 90.0, accel_mps2: 30.0 };
@@ -373,7 +373,7 @@ fn wishes_beyond_the_limits_are_brought_within() {
     bench.report().speed_mps = 10.0;
     let later = bench.run(60);
     assert_eq!(later.command.accel_mps2, 3.0);
-    // At v a car without slip may turn by atan(a L / v²).
+    // At speed v, a car without slip may turn by atan(a L / v²).
     let v = bench.report().speed_mps;
     let most = math::atan(5.0 * 2.85 / (v * v));
     assert!((later.command.steering_rad / most - 1.0).abs() < 0.02, "{} {most}", later.command.steering_rad);
@@ -393,7 +393,7 @@ fn a_car_that_rolls_backwards_is_stopped_by_the_brake() {
     let stopping = bench.tick();
     assert_eq!(stopping.mode, GateMode::Stopping(StopCause::CommandTimeout));
     assert_eq!((stopping.command.accel_mps2, stopping.command.speed_mps), (-1.5, 0.0));
-    // The same pedals as forwards: a brake acts against the motion of the wheels.
+    // The same pedals as forwards: a brake acts against the rotation of the wheels.
     let vehicle = VehicleParams::default();
     assert_eq!(pedals(&vehicle, &stopping, -3.0), pedals(&vehicle, &stopping, 3.0));
 }
@@ -406,7 +406,7 @@ fn the_heartbeat_counts_every_call_and_wraps() {
 }
 
 #[test]
-fn parameters_that_make_no_gate_are_named() {
+fn parameters_out_of_range_are_named() {
     let wrong = GateParams { stop_decel_mps2: f64::NAN, ..GateParams::default() };
     let error = SafetyGate::new(wrong).unwrap_err();
     assert_eq!(error.to_string(), "`stop_decel_mps2` is NaN, expected 0.1 to 20");
@@ -425,7 +425,7 @@ fn a_lost_pose_stops_the_car_at_once() {
     let stopping = bench.run(1);
     assert_eq!(stopping.mode, GateMode::Stopping(StopCause::PoseLost));
     assert!(stopping.command.accel_mps2 < 0.0);
-    // Found again, it still comes to a standstill; the switch lets it drive on.
+    // After recovery it still comes to a standstill; the switch lets it drive on.
     bench.input.quality = quality(PoseMode::Good);
     assert_eq!(bench.run(500).mode, GateMode::Holding(StopCause::PoseLost));
     bench.input.enable = false;
@@ -435,7 +435,7 @@ fn a_lost_pose_stops_the_car_at_once() {
 }
 
 #[test]
-fn a_pose_that_leaves_the_wheels_behind_stops_the_car() {
+fn pose_that_moves_unlike_the_wheels_stops_the_car() {
     let mut bench = Bench::driving();
     bench.gate.params.lane_margin_m = 0.8;
     bench.report().steering_rad = 0.0;

@@ -1,27 +1,27 @@
-//! Motions and paths among obstacles: free throughout, however far apart the poses are.
+//! Collision checks of motions and paths: free throughout, however far apart the poses are.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Pose2, angle_between};
 
 use super::{Obstacles, Solid};
 
-/// Stretches in which nothing moves further than this are settled by their ends and middle, metres.
+/// Intervals in which nothing moves further than this are decided by their ends and middle, metres.
 const RESOLUTION_M: f64 = 0.02;
 
-/// Of the places along a path every so many-th is looked at first.
+/// Every n-th place along a path is checked first.
 const FEW: usize = 8;
 
-/// Looks along a path tell of what is this much further away than the nearest, metres.
+/// Checks along a path measure distances up to this much beyond the smallest one so far, metres.
 const SPARE_M: f64 = 4.0;
 
-/// More than rounding makes of a sum of distances, metres.
+/// Upper bound on the rounding error of a sum of distances, metres.
 const ROUNDING_M: f64 = 1e-6;
 
 impl Obstacles {
-    /// Whether a motion keeps `clearance_m` to everything throughout.
+    /// Returns true if a motion keeps `clearance_m` to all obstacles throughout.
     ///
-    /// `place` gives footprint and instant for `u` in `[0, 1]`, moving on steadily between; no point of
-    /// the footprint travels further than `travel_m` over the whole motion, at most in proportion to `u`.
+    /// `place` gives footprint and instant for `u` in `[0, 1]`, with steady motion between; no point of the footprint
+    /// travels further than `travel_m` over the whole motion, and at most in proportion to `u`.
     pub fn motion_free(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
@@ -31,7 +31,7 @@ impl Obstacles {
         self.first_near(place, travel_m, clearance_m).is_none()
     }
 
-    /// As [`motion_free`](Self::motion_free): the first place found that does not keep it.
+    /// As [`motion_free`](Self::motion_free): the first place found that violates the clearance.
     pub(crate) fn first_near(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
@@ -53,7 +53,7 @@ impl Obstacles {
         self.near_in_stretch(place, 0.0, 1.0, moves_m, clearance_m)
     }
 
-    /// `moves_m`: how far anything moves relative to the footprint over the stretch.
+    /// `moves_m`: largest motion relative to the footprint over the interval, metres.
     fn near_in_stretch(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
@@ -77,8 +77,8 @@ impl Obstacles {
             .or_else(|| self.near_in_stretch(place, middle, high, 0.5 * moves_m, clearance_m))
     }
 
-    /// Whether the footprint, carried straight from one pose to the next (headings turn steadily the short
-    /// way), keeps `clearance_m`; `footprint` gives the outline at a pose.
+    /// Returns true if the footprint keeps `clearance_m` when moved straight from pose to pose (headings turn steadily
+    /// the short way); `footprint` gives the outline at a pose.
     pub fn path_free(
         &self,
         footprint: impl Fn(Pose2) -> Obb,
@@ -96,7 +96,7 @@ impl Obstacles {
                 let ns = (to - from).as_secs() * u;
                 (Solid::from(&footprint(pose)), from + Span::from_secs(ns))
             };
-            // Any corner travels at most as far as the reference point plus the turn times its lever.
+            // Any corner travels at most as far as the reference point plus the turn times its lever arm.
             let obb = footprint(a);
             let lever_m = obb.center.point().distance(a.point()) + obb.radius();
             let travel_m = a.point().distance(b.point()) + turn.abs() * lever_m;
@@ -104,7 +104,7 @@ impl Obstacles {
         })
     }
 
-    /// Smallest clearance along a path, sampled so that nothing moves more than `step_m` between two looks;
+    /// Smallest clearance along a path, metres, sampled so that nothing moves more than `step_m` between samples;
     /// infinite without obstacles.
     pub fn path_clearance_m(
         &self,
@@ -115,11 +115,11 @@ impl Obstacles {
         let look = |pose: Pose2, at: Time, cap_m: f64| {
             self.distance_below(&Solid::from(&footprint(pose)), at, cap_m)
         };
-        // A few looks all over the path first: the nearer they come, the fewer of the others can come nearer still.
+        // Sparse samples along the path first: the nearer they are, the fewer of the others can be nearer still.
         let few = path.iter().step_by(FEW);
         let mut least_m = few.fold(f64::INFINITY, |least_m, &(pose, at)| look(pose, at, least_m));
         let fastest_mps = self.fastest_mps();
-        // How much nearer things have to come since the last look before they are nearer than all looks so far.
+        // Distance by which obstacles must approach since the last sample to be nearer than all samples so far.
         let mut spare_m = 0.0;
         for (i, &(a, from)) in path.iter().enumerate() {
             let (b, to) = path.get(i + 1).copied().unwrap_or((a, from));
@@ -145,7 +145,7 @@ impl Obstacles {
     }
 }
 
-/// The pose at share `u` of the way from `a` to `b`: straight, turning steadily the short way.
+/// Pose at fraction `u` of the way from `a` to `b`: straight, turning steadily the short way.
 pub fn between(a: Pose2, b: Pose2, u: f64) -> Pose2 {
     let turn = angle_between(a.heading_rad, b.heading_rad);
     Pose2::new(a.x_m + (b.x_m - a.x_m) * u, a.y_m + (b.y_m - a.y_m) * u, a.heading_rad + turn * u)

@@ -1,4 +1,4 @@
-//! Which of the ways that others may go has to be kept clear of.
+//! Selection of the predicted modes that a plan must keep clear of.
 
 use std::borrow::Cow;
 
@@ -9,11 +9,11 @@ use swerve_msg::{Plan, PlanStatus, Prediction};
 use super::{CollisionMode, Obstacles};
 use crate::request::{Budget, Planner, Request};
 
-/// Plans among the modes that are [`within_risk`], whatever the planner.
+/// Plans among the modes that are [`within_risk`], with any planner.
 ///
-/// Where that leaves full brake alone, as among many samples of which each is likelier than the bound, a plan that keeps clear
-/// of each actor's likeliest mode is made too, and the one of less expected harm is taken: the sum over all modes of
-/// probability and the ego's speed where it first touches.
+/// If that leaves only full brake (as with many samples that are each likelier than the bound), a second plan keeps
+/// clear of each actor's likeliest mode, and the plan with less expected harm is used: the sum over all modes of
+/// probability times the ego's speed at first contact.
 pub fn plan_within_risk(
     planner: &mut dyn Planner,
     request: &Request<'_>,
@@ -41,7 +41,7 @@ pub fn plan_within_risk(
     Plan { work, ..less }
 }
 
-/// The likeliest mode of each actor, the first of equals. The modes of one actor follow each other.
+/// Likeliest mode of each actor, the first of equals. Modes of one actor are adjacent.
 fn likeliest(predictions: &[Prediction]) -> Vec<Prediction> {
     let of_one = |modes: &[Prediction]| {
         let likelier = |best: &Prediction, mode: &Prediction| mode.probability > best.probability;
@@ -50,7 +50,7 @@ fn likeliest(predictions: &[Prediction]) -> Vec<Prediction> {
     predictions.chunk_by(|a, b| a.id == b.id).filter_map(of_one).collect()
 }
 
-/// Sum over all modes of their probability and the speed of the ego where it first touches them on a plan, m/s.
+/// Sum over all modes of their probability times the ego's speed at first contact on a plan, m/s.
 fn expected_harm_mps(request: &Request<'_>, plan: &Plan) -> f64 {
     let harm = |mode: &Prediction| {
         let obstacles = Obstacles::new(core::slice::from_ref(mode), CollisionMode::TimeIndexed);
@@ -59,7 +59,7 @@ fn expected_harm_mps(request: &Request<'_>, plan: &Plan) -> f64 {
     request.predictions.iter().map(harm).sum()
 }
 
-/// Speed of the ego where a plan first comes too near to something, m/s; `None` where it never does.
+/// Speed of the ego where a plan first violates the clearance, m/s; `None` if it never does.
 pub(crate) fn contact_mps(
     request: &Request<'_>,
     obstacles: &Obstacles,
@@ -73,20 +73,19 @@ pub(crate) fn contact_mps(
     near.map(|pair| pair[0].speed_mps)
 }
 
-/// Where modes of motion are told with their probabilities: those that a plan must keep clear of, so that what it may
-/// touch has a probability of at most `risk_max` in all.
+/// Modes that a plan must keep clear of, so that the modes it may touch have a total probability of at most `risk_max`.
 ///
-/// Left out are the least likely modes of all actors together, as many as sum up to no more than that. By the union bound
-/// a plan that is free of the rest then touches nobody with a probability of at least `1 - risk_max`, however the actors
-/// depend on each other, as far as the probabilities and paths that were told are right. Of equals the later one is left
-/// out first. What is surely so is never left out.
+/// Removes the least likely modes of all actors together, as many as sum up to at most `risk_max`; of equals the later
+/// one first. By the union bound, a plan that is free of the rest touches nobody with a probability of at least `1 -
+/// risk_max`, however the actors depend on each other, provided that the predicted probabilities and paths are right.
+/// Certain modes are never removed.
 pub fn within_risk(predictions: &[Prediction], risk_max: f64) -> Vec<Prediction> {
     let mut order: Vec<usize> = (0..predictions.len()).collect();
     order.sort_by(|a, b| predictions[*a].probability.total_cmp(&predictions[*b].probability).then(b.cmp(a)));
     let (mut risk, mut kept) = (0.0, vec![true; predictions.len()]);
     for k in order {
         let probability = predictions[k].probability.max(0.0);
-        // A sum of decimal shares is a little off.
+        // A sum of decimal fractions is slightly off.
         if probability.is_nan() || risk + probability > risk_max + 1e-12 {
             break;
         }
@@ -109,7 +108,7 @@ mod tests {
         within_risk(predictions, risk_max).iter().map(|one| one.probability).collect()
     }
 
-    /// Beside the lane a car, ahead and slower, that keeps to its lane or cuts in.
+    /// A slower car ahead in the adjacent lane that keeps its lane or cuts in.
     fn cut_in(probability: f64) -> World {
         let car = |world: World, to: (f64, f64)| world.with(ActorKind::Car, (4.5, 1.8), (16.0, 3.5), to);
         let mut world = car(car(World::straight(12.0), (7.0, 0.0)), (7.0, 0.0));
@@ -124,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_likely_are_left_out_up_to_the_bound() {
+    fn least_likely_modes_are_removed_up_to_the_bound() {
         let mut world = World::straight(10.0);
         for _ in 0..5 {
             world = world.with_person((20.0, 0.0), (0.0, 0.0));
@@ -141,11 +140,11 @@ mod tests {
         assert_eq!(shares(&predictions, 0.99), [1.0]);
     }
 
-    /// A person who crosses 22 m ahead, or stands in one of twelve samples anywhere across the road. Full brake from 18 m/s
-    /// takes 20 m, the front has 18: it hits her in the middle of the lane at √(18² - 2 * 8 * 18.1) = 5.9 m/s with 0.7, and
-    /// three samples. Passing before her touches four samples at most: 4 * 0.025 * 18 m/s.
+    /// A pedestrian who crosses 22 m ahead, or stands at one of twelve samples across the road. Full brake from 18 m/s
+    /// takes 20 m, and the front has 18 m: it hits her in the middle of the lane at √(18² - 2 * 8 * 18.1) = 5.9 m/s
+    /// with probability 0.7, and three samples. Passing before her touches at most four samples: 4 * 0.025 * 18 m/s.
     #[test]
-    fn samples_that_block_every_way_do_not_leave_full_brake_alone() {
+    fn samples_that_block_every_way_do_not_force_full_brake() {
         let mut world = World::straight(18.0).with_person((22.0, 3.0), (0.0, -2.0));
         world.predictions[0].probability = 0.7;
         for k in 0..12 {

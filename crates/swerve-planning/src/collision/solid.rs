@@ -1,13 +1,13 @@
-//! Rectangles, their distances and overlaps.
+//! Oriented rectangles, their distances and overlaps.
 
 use swerve_geom::{Obb, Point2, math};
 
-/// An oriented rectangle with its direction at hand, so that repeated checks need no trigonometry.
+/// An oriented rectangle with precomputed direction, so that repeated checks need no trigonometry.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Solid {
-    /// Centre, metres.
+    /// X coordinate of the centre, metres.
     pub x_m: f64,
-    /// Centre, metres.
+    /// Y coordinate of the centre, metres.
     pub y_m: f64,
     /// Cosine of the heading.
     pub cos: f64,
@@ -19,7 +19,7 @@ pub struct Solid {
     pub half_width_m: f64,
 }
 
-/// More than rounding makes of a distance between places on a map, metres.
+/// Upper bound on the rounding error of a distance between places on a map, metres.
 const ROUNDING_M: f64 = 1e-6;
 
 impl From<&Obb> for Solid {
@@ -37,7 +37,7 @@ impl From<&Obb> for Solid {
 }
 
 impl Solid {
-    /// Radius of the circle around its centre that holds it, metres.
+    /// Radius of the circumscribed circle, metres.
     pub fn radius_m(&self) -> f64 {
         math::hypot(self.half_length_m, self.half_width_m)
     }
@@ -54,7 +54,7 @@ impl Solid {
         ]
     }
 
-    /// Squared distance from the nearest corner of `other`, m²; zero where one is inside.
+    /// Squared distance from the nearest corner of `other`, m²; zero if a corner is inside.
     #[inline]
     fn nearest_corner_squared(&self, other: &Self) -> f64 {
         let squared = other.corners().map(|corner| {
@@ -66,8 +66,8 @@ impl Solid {
         squared.into_iter().fold(f64::INFINITY, |least, one| if one < least { one } else { least })
     }
 
-    /// The widest gap between the two along any of their sides, metres: where it is above zero they are apart, and no
-    /// nearer than that (separating axis theorem).
+    /// Widest gap between the two along any of their sides, metres; if positive, they are disjoint and at least that
+    /// far apart (separating axis theorem).
     #[inline]
     fn gap_m(&self, other: &Self) -> f64 {
         let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
@@ -82,18 +82,18 @@ impl Solid {
         along_a.max(across_a).max(along_b.max(across_b))
     }
 
-    /// Whether the two share a point.
+    /// Returns true if the two rectangles share a point.
     pub fn overlaps(&self, other: &Self) -> bool {
         let apart = self.gap_m(other) > 0.0;
         !apart
     }
 
-    /// Distance between the two, metres; zero when they share a point.
+    /// Distance between the two rectangles, metres; zero if they share a point.
     pub fn distance_m(&self, other: &Self) -> f64 {
         self.distance_below(other, f64::INFINITY)
     }
 
-    /// The same where it is below `cap_m`, else `cap_m`.
+    /// As [`distance_m`](Self::distance_m), capped at `cap_m`.
     #[inline]
     pub(super) fn distance_below(&self, other: &Self, cap_m: f64) -> f64 {
         let gap_m = self.gap_m(other);
@@ -104,12 +104,12 @@ impl Solid {
         if gap_m > cap_m + ROUNDING_M {
             return cap_m;
         }
-        // Of two convex polygons apart, one of the two nearest points is a corner.
+        // For two disjoint convex polygons, one of the two nearest points is a corner.
         let squared = other.nearest_corner_squared(self).min(self.nearest_corner_squared(other));
         cap_m.min(squared.sqrt())
     }
 
-    /// Distance of the two centres, metres.
+    /// Distance between the two centres, metres.
     pub(super) fn center_distance_m(&self, other: &Self) -> f64 {
         math::hypot(other.x_m - self.x_m, other.y_m - self.y_m)
     }

@@ -25,7 +25,7 @@ fn walker() -> Prediction {
     }
 }
 
-/// The same who turns back half way.
+/// The same pedestrian, who turns back half way.
 fn wanderer() -> Prediction {
     let mut prediction = walker();
     for (k, p) in prediction.path.iter_mut().enumerate() {
@@ -40,7 +40,7 @@ fn wanderer() -> Prediction {
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
     #[test]
-    fn distance_is_the_plain_one(
+    fn distance_matches_the_direct_computation(
         x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, g in -3.0..3.0, l in 0.0..5.0, w in 0.0..3.0,
     ) {
         let (a, b) = (car(0.0, 0.0, g), Obb::new(Pose2::new(x, y, h), l, w));
@@ -51,9 +51,9 @@ proptest! {
         prop_assert_eq!(all.free(&a, Time::ZERO, 0.5), p.distance_m(&q) >= 0.5);
     }
 
-    /// Somebody who may stop is wherever she has come by then, and no nearer.
+    /// A pedestrian who may stop occupies every place reached up to the instant, and nothing beyond.
     #[test]
-    fn who_may_stop_is_everywhere_up_to_then(x in 10.0..30.0, y in -9.0..9.0, h in -3.0..3.0, ms in 0_i64..6000) {
+    fn pedestrian_that_may_stop_occupies_all_places_up_to_the_instant(x in 10.0..30.0, y in -9.0..9.0, h in -3.0..3.0, ms in 0_i64..6000) {
         let (footprint, at) = (car(x, y, h), Time::from_ms(ms));
         for (who, straight) in [(walker(), true), (wanderer(), false)] {
             let timed = Obstacles::new(core::slice::from_ref(&who), CollisionMode::TimeIndexed);
@@ -67,7 +67,7 @@ proptest! {
         }
     }
 
-    /// The bisected check against a fine sampling.
+    /// Compares the bisection with a fine sampling.
     #[test]
     fn motions_agree_with_fine_sampling(
         x in -9.0..9.0, y in -9.0..9.0, h in -1.0..1.0, to_x in -9.0..30.0, to_y in -9.0..9.0, to_h in -1.0..1.0,
@@ -83,7 +83,7 @@ proptest! {
 }
 
 #[test]
-fn a_person_is_where_it_is_at_the_moment() {
+fn time_indexed_person_occupies_its_place_at_the_instant() {
     let all = Obstacles::new(&[walker()], CollisionMode::TimeIndexed);
     let ahead = car(20.0, 0.0, 0.0);
     assert!(all.free(&ahead, Time::ZERO, 0.5));
@@ -98,7 +98,7 @@ fn a_person_is_where_it_is_at_the_moment() {
 }
 
 #[test]
-fn who_stands_and_what_rolls_is_where_it_is_at_the_moment() {
+fn standing_pedestrians_and_vehicles_stay_time_indexed_under_may_stop() {
     let mut stands = walker();
     let first = stands.path[0].pose;
     stands.path.iter_mut().for_each(|p| p.pose = first);
@@ -119,7 +119,7 @@ fn who_stands_and_what_rolls_is_where_it_is_at_the_moment() {
 }
 
 #[test]
-fn nothing_tunnels() {
+fn obstacles_never_tunnel_between_poses() {
     // A thin post between two poses 20 m apart, and a person that crosses the gap in between.
     let post = Obstacles::from_boxes(&[Obb::new(Pose2::new(10.0, 0.0, 0.0), 0.01, 0.01)]);
     let (a, b) = ((Pose2::new(0.0, 0.0, 0.0), Time::ZERO), (Pose2::new(20.0, 0.0, 0.0), Time::from_ms(1000)));
@@ -132,7 +132,7 @@ fn nothing_tunnels() {
 }
 
 #[test]
-fn containment_is_a_hit_and_nothing_is_free() {
+fn containment_is_a_collision_and_no_obstacles_are_free() {
     let all = Obstacles::from_boxes(&[Obb::new(Pose2::new(0.0, 0.0, 0.0), 50.0, 50.0)]);
     assert_eq!(all.clearance_m(&car(1.0, 1.0, 0.5), Time::ZERO), 0.0);
     assert!(!all.free(&car(1.0, 1.0, 0.5), Time::ZERO, 0.0));

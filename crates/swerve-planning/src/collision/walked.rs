@@ -1,33 +1,34 @@
-//! The ground of a pedestrian who may stop on the way.
+//! Ground covered by a pedestrian who may stop on the way.
 
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, math};
 use swerve_msg::Prediction;
 
-/// Who is predicted to get no further than this stands, metres.
+/// A pedestrian predicted to move at most this far counts as standing, metres.
 const STANDS_M: f64 = 0.02;
 
-/// A box smaller than another by less than this factor is as large: rounding does not decide.
+/// Boxes whose sizes differ by less than this factor count as equal, so that rounding does not decide.
 const SMALLER: f64 = 0.999;
 
-/// The frame along somebody's way.
+/// Frame along a pedestrian's path.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Walk;
 
-/// The ground that somebody covers who walks as predicted and may stop on the way: per instant of the prediction the box that
-/// holds all places up to then. It is directed along the way, or as the outline where that makes it smaller: a box along a
-/// drift of centimetres at 45 degrees to a square outline is wider by two fifths than the outline.
+/// Ground covered by a pedestrian who walks as predicted and may stop on the way: per instant of the prediction, the
+/// box around all places up to then. It is aligned with the path, or with the outline if that makes it smaller: for a
+/// drift of centimetres at 45 degrees to a square outline, a box along the drift is wider than the outline by two
+/// fifths.
 pub(super) struct Walked<'a> {
     prediction: &'a Prediction,
     /// Direction of the boxes, at the first place.
     frame: Pose2,
     next: usize,
-    /// Ahead from, ahead to, left from, left to, metres.
+    /// Reach ahead from, ahead to, left from, left to, metres.
     reach_m: [f64; 4],
 }
 
 impl<'a> Walked<'a> {
-    /// `None` for who stands.
+    /// Returns `None` for a standing pedestrian.
     pub(super) fn new(prediction: &'a Prediction) -> Option<Self> {
         let (first, last) = (prediction.path.first()?.pose, prediction.path.last()?.pose);
         let way = last.point() - first.point();
@@ -45,7 +46,7 @@ impl<'a> Walked<'a> {
         Some(if of_outline.area_m2() < SMALLER * of_way.area_m2() { of_outline } else { of_way })
     }
 
-    /// Area of the box that holds all places.
+    /// Area of the box around all places, m².
     fn area_m2(&self) -> f64 {
         let whole = Self { reach_m: self.reach_m, ..*self };
         whole.last().map_or(0.0, |(_, all)| 4.0 * all.half_length_m * all.half_width_m)

@@ -1,4 +1,5 @@
-//! An ego beside what it passes, where the way past is not free any more: finish the pass, or fall back behind it.
+//! Ego beside a vehicle that it is passing when the way past is no longer free: finishes the pass, or falls back
+//! behind.
 
 use swerve_geom::math;
 use swerve_msg::{Plan, PlanStatus};
@@ -14,9 +15,9 @@ use crate::request::{Counted, Request};
 use crate::traffic::{Mover, STANDS_MPS};
 
 impl Comfort {
-    /// A plan for an ego beside a vehicle that it passes, with the first of several times to collision in the other lane that
-    /// can be kept: past it, or falling back behind it. A vehicle from which the ego is clear to the side is not braked for
-    /// as one in the ego's way.
+    /// Plan for an ego beside a vehicle that it is passing, with the first of several times to collision in the other
+    /// lane that can be kept: past it, or falling back behind it. A vehicle that is laterally clear of the ego is not
+    /// braked for.
     pub(super) fn beside(
         &mut self,
         scene: &Scene<'_>,
@@ -45,8 +46,8 @@ impl Comfort {
         self.fall_back(scene, &passing.committed(0.0), &beside, FALLS_BACK_HARD)
     }
 
-    /// True of a vehicle in the own lane beside the ego, clear to the side: neither behind it by the gap that the
-    /// ego returns with, nor so far ahead that the ego can stay behind it within comfort.
+    /// True for a vehicle in the ego's lane beside the ego and laterally clear of it: neither behind by the gap needed
+    /// to return, nor so far ahead that the ego can stay behind it within comfort.
     fn is_beside(&self, scene: &Scene<'_>, one: &Mover) -> bool {
         let Scene { request, place, .. } = *scene;
         let shape = request.shape;
@@ -56,7 +57,7 @@ impl Comfort {
         let gap_m = at.from_m - rear_m - shape.length_m;
         let room_m = gap_m - self.params.standstill_gap_m;
         let v = request.start.speed_mps.max(0.0);
-        // It goes on as it does until they draw level.
+        // It keeps its motion until they draw level.
         let meets_s = (gap_m / (v - lead_mps).max(0.1)).clamp(0.0, DRAWS_LEVEL_S);
         let d_m = place.d_m + meets_s * v * math::sin(place.turn_rad);
         let clear = d_m - 0.5 * shape.width_m > at.left_m;
@@ -70,8 +71,8 @@ impl Comfort {
             && !stays_behind()
     }
 
-    /// Back into the lane behind what is not passed any more, in the longest of several times that leaves the other lane before
-    /// somebody comes: for an ego over the line.
+    /// Returns to the lane behind the vehicles no longer passed, in the longest of several times that leaves the other
+    /// lane before oncoming traffic arrives: for an ego over the line.
     pub(super) fn come_back(
         &mut self,
         scene: &Scene<'_>,
@@ -102,7 +103,7 @@ impl Comfort {
         })
     }
 
-    /// Beside the vehicles until they are ahead, and back into the lane behind them.
+    /// Stays beside the vehicles until they are ahead, then returns to the lane behind them.
     fn fall_back(
         &mut self,
         scene: &Scene<'_>,
@@ -135,16 +136,16 @@ impl Comfort {
     }
 }
 
-/// Shares of the time to collision in the other lane that are tried for an ego beside what it passes.
+/// Fractions of the time to collision in the other lane that are tried for an ego beside a vehicle it is passing.
 const TTC_SHARES: [f64; 3] = [UNDER_WAY, 0.3, 0.1];
 
-/// Times in which an ego comes back into its lane, seconds: across it takes 2 to 5 m/s² for a lane's width.
+/// Times to return to the lane, seconds: a lane's width takes 2 to 5 m/s² laterally.
 const COMES_BACK_S: [f64; 4] = [3.2, 2.7, 2.3, 2.0];
 
-/// Ways to fall back behind a vehicle, the gentlest first, and the last one.
+/// Ways to fall back behind a vehicle, gentlest first, and the last resort.
 const FALLS_BACK: [FallBack; 2] =
     [FallBack { slower_mps: 3.0, brake_mps2: 2.0 }, FallBack { slower_mps: 6.0, brake_mps2: 3.5 }];
 const FALLS_BACK_HARD: FallBack = FallBack { slower_mps: 10.0, brake_mps2: 8.0 };
 
-/// Longest time until an ego on its way out draws level, seconds.
+/// Longest time until an ego that is moving out draws level, seconds.
 const DRAWS_LEVEL_S: f64 = 1.0;

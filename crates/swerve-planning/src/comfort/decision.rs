@@ -1,4 +1,4 @@
-//! The decision flow of the comfortable layer: on in the own lane, past what blocks it, or behind that.
+//! Decision flow of the comfort layer: keep the lane, pass the blockage, or stay behind it.
 
 use swerve_core::Time;
 use swerve_geom::{Pose2, math};
@@ -23,8 +23,8 @@ use crate::room::{Room, Wanted};
 use crate::traffic::{Behind, Knot, Mover, Traffic};
 
 impl Comfort {
-    /// A plan of this layer, if one is free: within the limits of comfort, or in the own lane braking harder where the least
-    /// that suffices for a vehicle is more.
+    /// Plan of this layer if one is free: within the limits of comfort, or braking harder in the ego's lane if a
+    /// vehicle requires more.
     pub(super) fn comfortable(
         &mut self,
         request: &Request<'_>,
@@ -33,7 +33,7 @@ impl Comfort {
     ) -> Option<Plan> {
         let limits = self.params.within(request);
         let start = taken_up(request);
-        // Out of a swerve that is not comfortable only the planner below leads.
+        // During an uncomfortable swerve only the inner planner continues.
         if (start.speed_mps * start.yaw_rate_radps).abs() > SWERVE_SHARE * limits.lateral_accel_max_mps2 {
             return None;
         }
@@ -67,7 +67,7 @@ impl Comfort {
         if plan.as_ref().is_some_and(|plan| !is_waiting(plan)) {
             return plan;
         }
-        // An ego neither stands nor brakes hard for more room than the clearance.
+        // The ego neither stands nor brakes hard to gain more passing distance than the clearance.
         let less = self.room(wanted.less(), &easy, &traffic, place.s_m);
         let plan_with_less = less.and_then(|less| free(self, &less.traffic, room.slower_mps));
         if plan_with_less.as_ref().is_some_and(|plan| !ends_slower(plan, CREEPS_MPS)) {
@@ -77,14 +77,13 @@ impl Comfort {
         if close.as_ref().is_none_or(rests) { plan.or(close) } else { close }
     }
 
-    /// Distances at which others are passed where the road has the room.
+    /// Passing distances used if the road is wide enough.
     fn wanted(&self) -> Wanted {
         let Params { clearance_m, pass_person_m, pass_vehicle_m, .. } = self.params;
         Wanted { clearance_m, person_m: pass_person_m, vehicle_m: pass_vehicle_m, step_out_m: STEP_OUT_M }
     }
 
-    /// The traffic with the room that is left to others where they are passed; `None` where nobody is given more than the
-    /// clearance.
+    /// Traffic with the passing distances added; `None` if nobody is given more than the clearance.
     fn room(&self, wanted: Wanted, request: &Request<'_>, traffic: &Traffic, s_m: f64) -> Option<Room> {
         if self.manner == Manner::Waits {
             return None;
@@ -92,7 +91,7 @@ impl Comfort {
         Room::new(wanted, request, (self.gentle.line(), s_m), traffic, [LEFT_MAX_M, RIGHT_MAX_M])
     }
 
-    /// The first free plan of: on in the own lane, past what blocks it, behind that.
+    /// First free plan of: keep the lane, pass the blockage, stay behind it.
     fn free_in(&mut self, scene: &Scene<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
         let passing = self.passing(scene);
@@ -115,7 +114,7 @@ impl Comfort {
                 return Some(plan);
             }
             self.gentle.set_offsets(own.0, own.1);
-            // All places of a lead at once would be a wall.
+            // All places of a lead at once would form a wall.
             let swept = waits.then(|| scene.traffic.without_leads(request.predictions));
             let predictions = swept.as_deref().unwrap_or(request.predictions);
             let plan = self.gentle.at_speed(&Request { predictions, ..*request }, budget);
@@ -129,7 +128,7 @@ impl Comfort {
             self.gentle.set_offsets(stepped_up_m(open.offset_m), own.1);
             let led_mps = profile.steps.last().map_or(0.0, |step| step.speed_mps);
             let most_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
-            // In a bend the way out turns more than the line, which takes another speed.
+            // In a bend the path out turns more than the line, which requires another speed.
             let plan = PASSING_SHARES.into_iter().find_map(|share| {
                 let target_speed_mps = share * most_mps;
                 let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget)?;
@@ -144,13 +143,13 @@ impl Comfort {
         if let Some(plan) = passing.as_ref().and_then(|passing| self.beside(scene, passing, own, budget)) {
             return Some(plan);
         }
-        // Something beside the lane's own room is steered past like what blocks the lane.
+        // An obstacle that narrows the lane from beside it is passed like one that blocks the lane.
         let on_line = [place.s_m, 0.0];
         let narrows = || !is_clear_at(scene, on_line, (LANE_AHEAD_M, self.params.clearance_m));
         let steers_past = possible || (self.in_way(scene).next().is_none() && narrows());
         let standing_m = if steers_past { self.params.steer_out_gap_m } else { self.params.standstill_gap_m };
         let plan = self.behind(scene, (own, standing_m, passing.is_some()), &profile, budget);
-        // None that stays in the other lane while somebody comes.
+        // No plan that stays in the other lane while oncoming traffic arrives.
         let back = passing.map(|passing| passing.committed(BACK_TTC_SHARE * self.params.other_lane_ttc_s));
         let may = |plan: &Plan| {
             back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
@@ -160,7 +159,7 @@ impl Comfort {
         plan.or_else(|| self.stop_short(scene))
     }
 
-    /// Behind what is in the way in the own lane: led by it, slower, stopping steadily.
+    /// Stays behind the blockage in the ego's lane: follows it, slows, or stops steadily.
     fn behind(
         &mut self,
         scene: &Scene<'_>,
@@ -174,14 +173,14 @@ impl Comfort {
         if let Some(plan) = self.follow(scene, alone.as_ref().unwrap_or(profile)) {
             return Some(plan);
         }
-        // Where something else is in the way, too, it is gone round no faster than the lead allows.
+        // If something else is in the way too, it is passed no faster than the lead allows.
         let led_mps = profile.steps.last().filter(|_| profile.is_led).map(|step| step.speed_mps);
         let target_speed_mps = request.target_speed_mps.min(led_mps.unwrap_or(f64::INFINITY));
         let slower = Request { target_speed_mps, ..*request };
         self.gentle.set_offsets(own.0, own.1);
         let found = if profile.is_led { self.gentle.at_speed(&slower, budget) } else { None };
         let found = found.or_else(|| self.gentle.slower(&slower, budget));
-        // Where the way past may come free the ego does not creep so near that it cannot steer out.
+        // If the way past may become free, the ego keeps enough distance to steer out.
         let v = request.start.speed_mps.max(0.0);
         let waits = standing_m > self.params.standstill_gap_m && v < CREEPS_MPS;
         let found = found.filter(|plan| !(waits && ends_slower(plan, CREEPS_MPS)));
@@ -194,14 +193,14 @@ impl Comfort {
         }
         if let Some(plan) = found.filter(|plan| !ends_beside(plan, request)) {
             let plan = comfortable(plan);
-            // A quintic that ends at rest brakes half as hard again as its mean.
+            // A quintic that ends at rest peaks at one and a half times its mean deceleration.
             let stops_for = rests(&plan) && !request.predictions.is_empty();
             let gentler = stops_for.then(|| self.stop(scene, standing_m)).flatten();
             let is_gentler =
                 |stop: &Plan| brakes_mps2(stop) < brakes_mps2(&plan) && !ends_beyond(stop, &plan);
             return Some(gentler.filter(is_gentler).unwrap_or(plan));
         }
-        // An ego at rest that could not set off with nobody there does not wait for anybody.
+        // An ego at rest that could not set off on an empty road is not waiting for anybody.
         let alone = Request { predictions: &[], ..slower };
         if v < REST_MPS
             && self.gentle.at_speed(&alone, budget).or_else(|| self.gentle.slower(&alone, budget)).is_none()
@@ -211,7 +210,7 @@ impl Comfort {
         self.stop(scene, standing_m)
     }
 
-    /// Road users that are in the own lane ahead of the ego, or come into it.
+    /// Road users in the ego's lane ahead of the ego, or moving into it.
     pub(super) fn in_way<'a>(&self, scene: &Scene<'a>) -> impl Iterator<Item = &'a Mover> {
         let (lane, s_m) = (self.lane(scene.request), scene.place.s_m);
         let is_in_way =
@@ -219,14 +218,14 @@ impl Comfort {
         scene.traffic.movers.iter().filter(is_in_way)
     }
 
-    /// True of a plan that goes on at the offset of its end past all things that stand near there.
+    /// True if a plan, continued at its end offset, passes all things that stand near its end.
     fn leads_past(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let end = self.places(plan, scene.place.s_m).last();
         let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
         end.is_none_or(|(_, end)| is_clear_at(scene, end, (NEAR_M, clearance_m)))
     }
 
-    /// The way past that is under way, while it keeps clear and comes back: braking beside the centre would be worse.
+    /// The pass that is under way, while it keeps clear and returns: braking beside the centre would be worse.
     pub(super) fn kept_out(&self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
         self.under_way(scene).filter(|plan| open.may(plan, self.gentle.line(), &request.start, &place))
@@ -238,13 +237,13 @@ impl Comfort {
         plan.filter(|plan| !rests(plan))
     }
 
-    /// What blocks the lane and can be passed by the ground beside it.
+    /// Blockage of the lane that can be passed on the ground beside it.
     fn passing<'a>(&self, scene: &Scene<'a>) -> Option<Passing<'a>> {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
         let beyond = lane.is_over(place.s_m, place.d_m);
         let rules = passing::Rules {
-            // A way that is under way is not given up for less than a part of the margin.
+            // A pass under way is abandoned only below a fraction of the margin.
             ttc_min_s: if beyond { UNDER_WAY } else { 1.0 } * self.params.other_lane_ttc_s,
             gain_min_mps: if beyond { f64::NEG_INFINITY } else { self.params.overtake_gain_mps },
             over_line_max_s: self.params.over_line_max_s,
@@ -260,7 +259,7 @@ impl Comfort {
         Passing::new(rules, lane, ground, traffic, ego)
     }
 
-    /// Whether a plan that comes back into the lane leaves a gap to whoever moves there behind the ego.
+    /// Returns true if a plan that returns to the lane leaves a gap to moving road users behind the ego.
     pub(super) fn returns_clear(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
@@ -277,7 +276,7 @@ impl Comfort {
         })
     }
 
-    /// Instants of a plan from arc length `s_m` on, and the places along the line then: arc length and offset, metres.
+    /// Instants of a plan from arc length `s_m` on, with arc length and offset along the line, metres.
     pub(super) fn places(&self, plan: &Plan, mut s_m: f64) -> impl Iterator<Item = (Time, [f64; 2])> {
         plan.points.iter().step_by(2).map(move |p| {
             let (at_m, d_m) = self.gentle.line().project(p.pose.point(), s_m);
@@ -286,7 +285,7 @@ impl Comfort {
         })
     }
 
-    /// The speed along the line behind lead vehicles, those of them that `counts` says; without any it is not worked out.
+    /// Speed along the line behind the lead vehicles selected by `counts`; not computed if there are none.
     pub(super) fn led(
         &self,
         scene: &Scene<'_>,
@@ -302,7 +301,7 @@ impl Comfort {
         self.profile(scene, leads)
     }
 
-    /// The speed along the line behind `leads`.
+    /// Speed along the line behind `leads`.
     pub(super) fn profile(&self, scene: &Scene<'_>, leads: Vec<Lead<'_>>) -> Profile {
         let Scene { request, place, vehicle, .. } = *scene;
         let (limits, start) = (request.limits, &request.start);
@@ -333,7 +332,7 @@ impl Comfort {
         })
     }
 
-    /// The speed that the curves from `s_m` on allow, as far as the ego gets and from there takes to stop.
+    /// Speed that the curves from `s_m` on allow, as far as the ego can get plus its stopping distance.
     fn curves(&self, request: &Request<'_>, s_m: f64) -> SpeedTable {
         let v = request.start.speed_mps.max(request.target_speed_mps).max(0.0);
         let brake_mps2 = BRAKE_SHARE * request.limits.brake_max_mps2;
@@ -368,7 +367,8 @@ impl Comfort {
         Some(Plan { status, ..plan })
     }
 
-    /// The plan of these points, if it is free and no harder across than comfort, or than its beginning.
+    /// The plan through `points`, if it is free and its lateral acceleration is within comfort or about that of its
+    /// first point.
     pub(super) fn checked(
         &mut self,
         scene: &Scene<'_>,
@@ -391,23 +391,23 @@ impl Comfort {
     }
 }
 
-/// What the layer plans in.
+/// Input of one planning step of the layer.
 #[derive(Clone, Copy)]
 pub(super) struct Scene<'a> {
-    /// From where the plan takes the ego up, within the limits of comfort.
+    /// Request from the state where the plan continues, within the limits of comfort.
     pub(super) request: &'a Request<'a>,
-    /// There along the line.
+    /// Place of that state along the line.
     pub(super) place: OnLine,
     pub(super) traffic: &'a Traffic,
     /// Limits of the vehicle.
     pub(super) vehicle: &'a Limits,
-    /// What the curves ahead allow.
+    /// Speeds that the curves ahead allow.
     pub(super) curves: &'a SpeedTable,
-    /// Whether the speed is to change at once: for a curve ahead, or away from who is behind.
+    /// True if the speed is to change at once: for a curve ahead, or away from a road user behind.
     pub(super) at_once: bool,
 }
 
-/// True of vehicles, which are stayed behind, and of things that close the road, which are stopped for.
+/// True for vehicles, which are followed, and for obstacles that close the road, which are stopped for.
 pub(super) fn can_lead(one: &Mover, request: &Request<'_>) -> bool {
     one.is_vehicle() || one.closes(request.route, request.shape.width_m)
 }
@@ -416,7 +416,7 @@ pub(super) fn comfortable(plan: Plan) -> Plan {
     Plan { status: PlanStatus::Comfortable, ..plan }
 }
 
-/// The target speed, or where somebody behind is about to run into the ego their speed, up to a share more.
+/// Target speed; if a road user behind is about to hit the ego, its speed, up to a factor above the target.
 fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64 {
     let Some(Behind { gap_m, speed_mps: behind_mps }) = follower else { return target_mps };
     let closing_mps = behind_mps - speed_mps.min(target_mps);
@@ -426,14 +426,14 @@ fn hurried_mps(target_mps: f64, speed_mps: f64, follower: Option<Behind>) -> f64
     behind_mps.clamp(target_mps, HURRIED_SHARE * target_mps.max(0.0))
 }
 
-/// An ego that is run into within this time, seconds, hurries to at most this share of its target speed.
+/// An ego that would be hit within this time, seconds, speeds up to at most this multiple of its target speed.
 const HURRIED_BEFORE_S: f64 = 2.0;
 const HURRIED_SHARE: f64 = 1.2;
 
-/// Share of the time to collision in the other lane that is enough once the ego is in it.
+/// Fraction of the time to collision in the other lane that suffices once the ego is in it.
 pub(super) const UNDER_WAY: f64 = 0.6;
 
-/// Share of it that is enough until an ego that gives a pass up is back in its lane.
+/// Fraction of it that suffices while an ego that abandons a pass returns to its lane.
 const BACK_TTC_SHARE: f64 = 0.25;
 
 /// Offsets that keep the ego in its lane, metres: to the left of the line, and to its right.
@@ -448,34 +448,35 @@ fn own_offsets_m(request: &Request<'_>, place: &OnLine) -> (f64, f64) {
     (left_m.min(LEFT_MAX_M), right_m.min(RIGHT_MAX_M))
 }
 
-/// The next offset of the lattice that is no less, metres.
+/// Next lattice offset that is not smaller, metres.
 pub(super) fn stepped_up_m(offset_m: f64) -> f64 {
     ((offset_m / LATERAL_STEP_M).ceil() * LATERAL_STEP_M).min(LEFT_MAX_M)
 }
 
-/// A step of a pedestrian to the side that she faces, metres.
+/// Step of a pedestrian to the side that she faces, metres.
 const STEP_OUT_M: f64 = 1.0;
 
-/// A stop that takes more than this share of the deceleration of comfort is not made for more room than the clearance.
+/// A stop that needs more than this fraction of the comfort deceleration is not made to gain passing distance beyond
+/// the clearance.
 const FIRM_SHARE: f64 = 0.75;
 
-/// Shares of its speed at which the ego passes, the first that leaves a way.
+/// Fractions of its speed at which the ego passes; the first that leaves a way is used.
 const PASSING_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
 
-/// Slower than this the ego creeps, m/s.
+/// Below this speed the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;
 
-/// Slower than this the ego has not set off, m/s.
+/// Below this speed the ego has not set off, m/s.
 pub(super) const REST_MPS: f64 = 0.1;
 
-/// The lane's borders are looked at this far ahead, metres.
+/// Look-ahead distance for the lane's borders, metres.
 const LANE_AHEAD_M: f64 = 60.0;
 
-/// A plan that brakes harder than comfort allows by more than this is not comfortable, m/s².
+/// A plan that exceeds the comfort deceleration by more than this is not comfortable, m/s².
 pub(super) const HARDER_MPS2: f64 = 0.1;
 
-/// Distance from obstacles that is enough where comfort is not, metres.
+/// Distance from obstacles that suffices where the comfort clearance is not available, metres.
 pub(super) const HARD_CLEARANCE_M: f64 = 0.3;
 
-/// Share of the clearance that is enough for a way past that is under way.
+/// Fraction of the clearance that suffices for a pass under way.
 const KEPT_SHARE: f64 = 0.8;

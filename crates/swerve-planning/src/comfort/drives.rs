@@ -1,4 +1,4 @@
-//! Closed-loop drives of the layer alone among scripted vehicles: the ego is where its plans have it, each 50 ms late.
+//! Closed-loop drives of the comfort layer alone among scripted vehicles: the ego follows its plans, each 50 ms late.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2, Vector2};
@@ -14,13 +14,13 @@ use crate::testing::{braking_m, least_braking_mps2};
 mod overtaking;
 mod tight;
 
-/// Between two plans, seconds.
+/// Planning period, seconds.
 const PERIOD_S: f64 = 0.05;
 
-/// A scripted vehicle: its place and velocity over time.
+/// A scripted road user: position and velocity over time.
 type Script<'a> = &'a dyn Fn(f64) -> [f64; 2];
 
-/// Never found, so that it is seen where the layer has no plan.
+/// Inner planner that never finds a plan, which shows where the layer has none.
 struct None_;
 
 impl Planner for None_ {
@@ -35,18 +35,18 @@ struct Instant {
     t_s: f64,
     ego: EgoState,
     status: PlanStatus,
-    /// Least distance to anybody, metres.
+    /// Smallest distance to any road user, metres.
     distance_m: f64,
-    /// Ahead to the first vehicle, metres.
+    /// Gap to the first road user ahead, metres.
     gap_m: f64,
 }
 
-/// A two-lane road along x, 3.5 m wide lanes; the ego from `x = 0` at `speed_mps`, among cars.
+/// Drives on a two-lane road along x with lanes 3.5 m wide; the ego starts from `x = 0` at `speed_mps`, among cars.
 fn drive(speed_mps: f64, lanes: bool, manner: Manner, others: &[Script<'_>], until_s: f64) -> Vec<Instant> {
     drive_among(ActorKind::Car, speed_mps, lanes, manner, others, until_s)
 }
 
-/// The same among road users of one kind.
+/// As [`drive`], among road users of one kind.
 fn drive_among(
     kind: ActorKind,
     speed_mps: f64,
@@ -60,7 +60,7 @@ fn drive_among(
     drive_from(ego, speed_mps, (ground_m, manner), (kind, others), until_s)
 }
 
-/// The same from any state, towards a target speed, on ground that reaches so far to the left and to the right.
+/// As [`drive_among`], from any state, towards a target speed, on ground with the given extent to the left and right.
 fn drive_from(
     ego: EgoState,
     target_speed_mps: f64,
@@ -71,7 +71,7 @@ fn drive_from(
     drive_within(f64::INFINITY, ego, target_speed_mps, ground, others, until_s)
 }
 
-/// The same, overtaking no further than a way over the line.
+/// As [`drive_from`], with a limit on the overtaking distance over the line.
 fn drive_within(
     overtake_max_m: f64,
     mut ego: EgoState,
@@ -170,7 +170,7 @@ fn pose(script: Script<'_>, t_s: f64) -> Pose2 {
     Pose2::new(x, y, if way.norm() > 1e-4 { way.heading() } else { 0.0 })
 }
 
-/// On with the velocity, and with the deceleration, of the last 0.3 s.
+/// Prediction that continues with the mean velocity and deceleration of the last 0.3 s.
 fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Time) -> Prediction {
     let at = |t_s: f64| {
         let [x, y] = script(t_s);
@@ -198,10 +198,11 @@ fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Ti
 const MANNERS: [Manner; 3] =
     [Manner::Waits, Manner::GoesRound, Manner::KeepsAway { weight_obstacle: 100.0, time_step_s: 0.3 }];
 
-/// Time to see that a lead brakes, to plan, and to build the deceleration up, seconds.
+/// Time to detect that a lead brakes, to plan, and to build up the deceleration, seconds.
 const REACTION_S: f64 = 0.7;
 
-/// A lead vehicle brakes to a stop: nobody is touched, and the ego brakes little harder than the least that suffices.
+/// Drives behind a lead vehicle that brakes to a stop: no collision, and the ego brakes little harder than the
+/// necessary minimum.
 fn lead_brakes(speeds_mps: &[f64], brakes_mps2: &[f64], gaps_s: &[f64]) {
     let mut wrong = Vec::new();
     for manner in MANNERS {
@@ -216,7 +217,7 @@ fn lead_brakes(speeds_mps: &[f64], brakes_mps2: &[f64], gaps_s: &[f64]) {
                 let last = drive.last().unwrap();
                 let hardest = drive.iter().map(|i| -i.ego.accel_mps2).fold(0.0, f64::max);
                 let nearest = drive.iter().map(|i| i.gap_m).fold(f64::INFINITY, f64::min);
-                // Where the standstill gap takes more than comfort it may be given up, to a metre.
+                // If the standstill gap requires more than comfort, it may be reduced to a metre.
                 let [least, touching] = [2.0, 1.0]
                     .map(|rest_m| least_braking_mps2(speed_mps, brake_mps2, gap_m, REACTION_S, rest_m));
                 let allowed = least.clamp(1.3, 8.0) + 1.0;
@@ -241,23 +242,23 @@ fn lead_brakes(speeds_mps: &[f64], brakes_mps2: &[f64], gaps_s: &[f64]) {
 }
 
 #[test]
-fn braking_leads_are_met_with_the_least_that_suffices() {
+fn braking_leads_need_no_more_than_the_minimum_deceleration() {
     lead_brakes(&[5.0, 14.0, 30.0], &[1.0, 2.0, 5.0, 8.0], &[0.8, 1.5, 3.0]);
 }
 
 #[test]
 #[ignore = "a minute: the whole table"]
-fn braking_leads_are_met_with_the_least_that_suffices_whole() {
+fn braking_leads_need_no_more_than_the_minimum_deceleration_whole() {
     let brakes: Vec<f64> = (1..=8).map(f64::from).collect();
     lead_brakes(&[5.0, 8.0, 11.0, 14.0, 18.0, 22.0, 26.0, 30.0], &brakes, &[0.8, 1.2, 1.5, 2.0, 2.5, 3.0]);
 }
 
-/// Hardest braking, m/s².
+/// Largest deceleration, m/s².
 fn hardest_mps2(drive: &[Instant]) -> f64 {
     drive.iter().map(|i| -i.ego.accel_mps2).fold(0.0, f64::max)
 }
 
-/// Time during which the ego's left side is over the line, seconds, and how far, metres.
+/// Time during which the ego's left side is over the line, seconds, and largest overlap, metres.
 fn over_line(drive: &[Instant]) -> (f64, f64) {
     let left_m = |i: &Instant| i.ego.pose.y_m + 0.5 * Shape::default().width_m - 1.75;
     let over = drive.iter().filter(|i| left_m(i) > 0.1).count();
@@ -267,7 +268,7 @@ fn over_line(drive: &[Instant]) -> (f64, f64) {
 #[test]
 fn a_lead_is_followed_with_the_time_gap() {
     for manner in MANNERS {
-        // 2 m/s slower than the ego wants to be: not worth the other lane.
+        // 2 m/s slower than the target speed: not enough to use the other lane.
         let lead = |t_s: f64| [20.0 + 12.0 * t_s, 0.0];
         let drive = drive(14.0, true, manner, &[&lead], 30.0);
         let last = drive.last().unwrap();
@@ -277,9 +278,10 @@ fn a_lead_is_followed_with_the_time_gap() {
 }
 
 #[test]
-fn what_closes_the_road_is_braked_for_steadily_from_first_sight() {
-    // At first sight 23^2 / (2 * (D - 2)) suffices, and the deceleration takes 0.3 to 0.9 s to build up, a way of 3 to 10 m:
-    // a stop line in comfort, and two that need more. Never more than 0.8 m/s2 beyond that, and never let go of on the way.
+fn obstacle_that_closes_the_road_is_braked_for_steadily_from_first_sight() {
+    // At first sight 23^2 / (2 * (D - 2)) suffices, and the deceleration takes 0.3 to 0.9 s to build up, a distance of
+    // 3 to 10 m: one stop line within comfort, and two that need more. Never more than 0.8 m/s2 beyond that, and never
+    // released on the way.
     for manner in MANNERS {
         for needed_mps2 in [3.0_f64, 4.0, 5.0] {
             let front_m = Shape::default().length_m - Shape::default().rear_overhang_m;
@@ -299,7 +301,7 @@ fn what_closes_the_road_is_braked_for_steadily_from_first_sight() {
 
 #[test]
 fn a_gap_behind_a_cut_in_opens_over_seconds() {
-    // From the lane beside, 9 m ahead, at the ego's speed: nothing has to be done at once.
+    // From the adjacent lane, 9 m ahead, at the ego's speed: no immediate reaction is needed.
     for manner in MANNERS {
         let cutter = |t_s: f64| [17.0 + 12.0 * t_s, (3.5 - 1.75 * (t_s - 1.0).max(0.0)).max(0.0)];
         let drive = drive(12.0, true, manner, &[&cutter], 20.0);
@@ -309,7 +311,7 @@ fn a_gap_behind_a_cut_in_opens_over_seconds() {
 }
 
 #[test]
-fn who_comes_from_behind_is_not_braked_for() {
+fn road_user_approaching_from_behind_is_not_braked_for() {
     for manner in MANNERS {
         let behind = |t_s: f64| [-30.0 + 16.0 * t_s, 0.0];
         let drive = drive(14.0, false, manner, &[&behind], 25.0);
@@ -324,12 +326,12 @@ fn a_blocked_lane_is_passed_when_the_other_is_free() {
     for manner in &MANNERS[1..] {
         let free = drive(14.0, true, *manner, &[&truck], 20.0);
         let (over_s, over_m) = over_line(&free);
-        // Half the truck, the clearance and the ego's width are 0.9 + 0.5 + 1.86 m from the centre: 1.51 m over the line.
+        // Half the truck, the clearance and the ego's width: 0.9 + 0.5 + 1.86 m from the centre, 1.51 m over the line.
         assert!(over_s < 6.0 && over_m < 1.51 + 0.5, "{manner:?} {over_s} {over_m}");
         assert!(free.iter().all(|i| i.distance_m > 0.4 && i.ego.speed_mps > 13.0), "{manner:?}");
         assert!(free.last().unwrap().ego.pose.x_m > 200.0);
 
-        // They would meet beside the truck: the ego waits until the other is past, where it can steer out.
+        // They would meet beside the truck: the ego waits where it can steer out until the other vehicle has passed.
         let busy = drive(14.0, true, *manner, &[&truck, &oncoming], 35.0);
         assert!(busy.iter().all(|i| i.distance_m > 0.4), "{manner:?}");
         let met = busy.iter().find(|i| oncoming(i.t_s)[0] < i.ego.pose.x_m + 4.0).unwrap();
@@ -359,7 +361,7 @@ fn a_slow_lead_is_overtaken_only_while_the_other_lane_is_free() {
 #[test]
 fn a_crossing_car_is_braked_for_in_the_lane() {
     for manner in MANNERS {
-        // In the ego's way from 6 s to 7.5 s, where an ego at 14 m/s would be after 7 s.
+        // In the ego's path from 6 s to 7.5 s; an ego at 14 m/s would arrive after 7 s.
         let crosser = |t_s: f64| [100.0, 40.0 - 6.0 * t_s];
         let drive = drive(14.0, true, manner, &[&crosser], 15.0);
         assert!(drive.iter().all(|i| i.distance_m > 0.4), "{manner:?}");
@@ -367,7 +369,8 @@ fn a_crossing_car_is_braked_for_in_the_lane() {
     }
 }
 
-/// Along the road with speeds that change at `mps2` from one to the next, each held from its instant on.
+/// Position along the road for speeds that change at `mps2` from one to the next, each held from its instant on,
+/// metres.
 fn at_speeds_m(speeds: &[(f64, f64)], mps2: f64, t_s: f64) -> f64 {
     let mut way_m = 0.0;
     for (k, &(from_s, speed_mps)) in speeds.iter().enumerate() {
@@ -384,9 +387,10 @@ fn at_speeds_m(speeds: &[(f64, f64)], mps2: f64, t_s: f64) -> f64 {
 }
 
 #[test]
-fn pass_of_a_vehicle_that_speeds_up_is_given_up_gently() {
-    // From 5 m/s to 16 m/s, which is more than the ego's target, before the two are level: the pass cannot end. To fall back
-    // by the lengths of both and a gap, 12 m, at 2 to 3 m/s less takes 5 s: no more than comfort at any time.
+fn pass_of_a_vehicle_that_speeds_up_is_aborted_gently() {
+    // From 5 m/s to 16 m/s, which is more than the ego's target, before the two are level: the pass cannot be
+    // completed. Falling back by both lengths and a gap, 12 m, at 2 to 3 m/s less takes 5 s: within comfort at all
+    // times.
     let mut wrong = Vec::new();
     for manner in &MANNERS[1..] {
         for from_s in [2.0, 2.5, 3.0] {
@@ -406,8 +410,8 @@ fn pass_of_a_vehicle_that_speeds_up_is_given_up_gently() {
 
 #[test]
 fn vehicle_that_brakes_is_not_passed_before_it_stands() {
-    // It brakes at 2 m/s2 from 1 s to 7 s and stands 52 m on; the ego, 30 m behind it, needs 12^2 / (2 * (30 + 12 + 36 - 7)),
-    // 1 m/s2, and waits where it can steer out.
+    // It brakes at 2 m/s2 from 1 s to 7 s and stops 52 m further on; the ego, 30 m behind it, needs 12^2 / (2 * (30 +
+    // 12 + 36 - 7)), 1 m/s2, and waits where it can steer out.
     let lead = |t_s: f64| [34.0 + braking_m(12.0, 2.0, 1.0, t_s), 0.0];
     for manner in &MANNERS[1..] {
         let drive = drive(12.0, true, *manner, &[&lead], 25.0);
@@ -418,7 +422,7 @@ fn vehicle_that_brakes_is_not_passed_before_it_stands() {
     }
 }
 
-/// The speed at which the ego is beside the first road user, m/s, and the least distance to anybody, metres.
+/// Speed of the ego beside the first road user, m/s, and smallest distance to any road user, metres.
 fn passes(drive: &[Instant]) -> (f64, f64) {
     let beside = drive.iter().find(|i| i.gap_m < -2.0).map_or(f64::INFINITY, |i| i.ego.speed_mps);
     (beside, drive.iter().map(|i| i.distance_m).fold(f64::INFINITY, f64::min))
@@ -431,7 +435,8 @@ fn cyclist_is_passed_at_a_metre_and_a_half_where_the_road_has_the_room() {
         let wide = drive_among(ActorKind::Cyclist, 13.0, true, *manner, &[&cyclist], 20.0);
         let (_, nearest_m) = passes(&wide);
         assert!(nearest_m > 1.4 && wide.last().unwrap().gap_m < -20.0, "{manner:?} {nearest_m}");
-        // A lane alone: 1.75 + 0.9 - 1.86 m are 0.79 m of room, of which the ego takes what it can, slowly: 20 km/h faster.
+        // A single lane: 1.75 + 0.9 - 1.86 m leave 0.79 m of room, of which the ego uses as much as it can, slowly: 20
+        // km/h faster.
         let narrow = drive_among(ActorKind::Cyclist, 13.0, false, *manner, &[&cyclist], 30.0);
         let (speed_mps, nearest_m) = passes(&narrow);
         assert!(nearest_m > 0.6 && speed_mps < 5.0 + 5.56 + 0.5, "{manner:?} {nearest_m} {speed_mps}");
@@ -442,8 +447,8 @@ fn cyclist_is_passed_at_a_metre_and_a_half_where_the_road_has_the_room() {
 #[test]
 fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
     for manner in &MANNERS[1..] {
-        // She faces the side on which the ego passes, or the other one. The ego goes out to 4 m at most:
-        // 4 - 0.93 - 0.45 m are 2.62 m, of which 0.3 m are left over.
+        // She faces the side on which the ego passes, or the other one. The ego moves out to 4 m at most: 4 - 0.93 -
+        // 0.45 m are 2.62 m, of which 0.3 m are reserved.
         for (faces, needed_m) in [(1.0, 2.2 - 0.1), (-1.0, 1.4)] {
             let person = |t_s: f64| [80.0, 0.2 + 0.011 * faces * t_s];
             let drive = drive_among(ActorKind::Pedestrian, 12.0, true, *manner, &[&person], 30.0);
@@ -454,10 +459,11 @@ fn standing_pedestrian_in_the_lane_is_passed_slowly_and_with_a_step_to_spare() {
     }
 }
 
-/// A pedestrian of half a metre faces the lane, whose border is at -1.75 m, 80 m ahead. With nobody else there the ego goes out
-/// to 0.75 m, its side to -0.18 m. A fifth of her in the lane takes a fifth of the way from 14 to 5.5 m/s.
+/// A pedestrian of half a metre faces the lane, whose border is at -1.75 m, 80 m ahead. On an otherwise empty road the
+/// ego moves out to 0.75 m, its side to -0.18 m. With a fifth of her width in the lane, the speed drops by a fifth of
+/// the way from 14 to 5.5 m/s.
 #[test]
-fn pedestrian_at_the_edge_of_the_lane_is_passed_the_slower_the_further_she_is_in_it() {
+fn pedestrian_at_the_edge_of_the_lane_is_passed_more_slowly_the_more_she_is_inside() {
     for manner in &MANNERS[1..] {
         let cases = [
             (2.3, 1.4, 14.0),
@@ -481,8 +487,8 @@ fn pedestrian_at_the_edge_of_the_lane_is_passed_the_slower_the_further_she_is_in
 
 #[test]
 fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
-    // It keeps to 1.7 m beside the ego's line: its side is at 0.8 m, the ego's at 0.93 m. Within the lane the ego can
-    // go 1.75 - 0.93 = 0.82 m to the right, of which a decimetre is kept: 0.6 m are between the two.
+    // It stays 1.7 m beside the ego's line: its side is at 0.8 m, the ego's at 0.93 m. Within the lane the ego can move
+    // 1.75 - 0.93 = 0.82 m to the right, of which a decimetre is reserved: 0.6 m remain between the two.
     for manner in &MANNERS[1..] {
         let oncoming = |t_s: f64| [170.0 - 12.0 * t_s, 1.7];
         let drive = drive(13.0, true, *manner, &[&oncoming], 15.0);
@@ -490,7 +496,7 @@ fn oncoming_car_over_the_line_is_met_on_the_right_and_slower() {
         assert!(met.ego.pose.y_m < -0.5 && met.ego.speed_mps < 13.0 - 2.0, "{manner:?} {met:?}");
         assert!(passes(&drive).1 > 0.5 && hardest_mps2(&drive) < 3.7, "{manner:?} {:?}", passes(&drive));
         assert!(over_line(&drive).0 == 0.0, "{manner:?}");
-        // Then it goes on.
+        // Then the ego continues.
         let last = drive.last().unwrap().ego;
         assert!(last.pose.y_m.abs() < 0.1 && last.speed_mps > 12.5, "{manner:?} {last:?}");
     }

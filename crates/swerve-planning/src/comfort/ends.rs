@@ -1,29 +1,29 @@
-//! How a plan ends, and how hard it brakes.
+//! Properties of a plan: its end state and its largest deceleration.
 
 use swerve_geom::Ego;
 use swerve_msg::Plan;
 
 use crate::request::Request;
 
-/// Slower than this the ego is at rest, m/s.
+/// Below this speed the ego is at rest, m/s.
 pub(super) const AT_REST_MPS: f64 = 0.5;
 
-/// Whether a plan ends at rest.
+/// Returns true if a plan ends at rest.
 pub(super) fn rests(plan: &Plan) -> bool {
     ends_slower(plan, AT_REST_MPS)
 }
 
-/// True of a plan that ends with less than this speed, m/s.
+/// Returns true if a plan ends below this speed, m/s.
 pub(super) fn ends_slower(plan: &Plan, speed_mps: f64) -> bool {
     plan.points.last().is_some_and(|end| end.speed_mps < speed_mps)
 }
 
-/// Whether a plan ends at rest beyond the own lane.
+/// Returns true if a plan ends at rest outside the ego's lane.
 pub(super) fn ends_beside(plan: &Plan, request: &Request<'_>) -> bool {
     rests(plan) && plan.points.last().is_some_and(|end| !request.may_rest_at(end.pose))
 }
 
-/// Whether a plan ends further along the way than another.
+/// Returns true if a plan ends further along the route than another.
 pub(super) fn ends_beyond(plan: &Plan, other: &Plan) -> bool {
     let (Some(end), Some(its)) = (plan.points.last(), other.points.last()) else { return true };
     its.pose.to_local::<Ego>(end.pose.point()).x_m > 0.0

@@ -1,4 +1,4 @@
-//! Meeting an oncoming road user who comes close to the ego's lane, or into it: to the right and slower.
+//! Meeting an oncoming road user close to or inside the ego's lane: keeps right and slows.
 
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
 use swerve_vehicle::Limits;
@@ -9,25 +9,25 @@ use crate::lane::{Aside, aside};
 use crate::request::Request;
 use crate::traffic::Mover;
 
-/// Where the ego and an oncoming road user draw level.
+/// Predicted meeting of the ego and an oncoming road user.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Meeting {
-    /// From the plan's beginning, seconds.
+    /// Time until they draw level, from the plan's start, seconds.
     at_s: f64,
-    /// Between the two with the ego on the line, metres; negative where they overlap.
+    /// Lateral gap between the two with the ego on the line, metres; negative if they overlap.
     beside_m: f64,
 }
 
 impl Meeting {
-    /// Way on which an ego at this speed moves over, metres.
+    /// Distance over which an ego at this speed moves over, metres.
     fn length_m(&self, speed_mps: f64) -> f64 {
         (speed_mps * MOVES_OVER_S.min(self.at_s)).max(MOVES_OVER_M)
     }
 }
 
 impl Comfort {
-    /// To the right within the road and braking within comfort until they have passed, where somebody oncoming comes closer
-    /// than [`CLOSE_M`] beside an ego on the line.
+    /// Moves to the right within the road and brakes within comfort until an oncoming road user that comes closer than
+    /// [`CLOSE_M`] beside an ego on the line has passed.
     pub(super) fn meet(&mut self, scene: &Scene<'_>) -> Option<Plan> {
         let Scene { request, traffic, .. } = *scene;
         let meetings = traffic.movers.iter().filter_map(|one| meeting(one, scene));
@@ -48,8 +48,8 @@ impl Comfort {
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// To rest at the edge of the road where that leaves room to pass, braking no harder than leads there: an ego at rest
-    /// moves over no further.
+    /// Comes to rest at the edge of the road if that leaves room to pass, braking only as hard as the distance
+    /// requires: an ego at rest moves over no further.
     fn rest_at_edge(&self, scene: &Scene<'_>, meeting: &Meeting) -> Option<Plan> {
         let request = scene.request;
         if meeting.beside_m + self.room_m(scene) <= 0.0 {
@@ -63,13 +63,14 @@ impl Comfort {
         self.gentle.keeps_road(request, &poses).then_some(plan)
     }
 
-    /// Room to the right of the line for the ego's origin, metres.
+    /// Room for the ego's origin to the right of the line, metres.
     fn room_m(&self, scene: &Scene<'_>) -> f64 {
         let Scene { request, place, .. } = *scene;
         (request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - EDGE_SWING_M).max(0.0)
     }
 
-    /// As far to the right as the road allows or the meeting needs, braking up to a limit to a speed, m/s² and m/s.
+    /// Moves to the right as far as the road allows or the meeting needs, braking up to a limit down to a speed, m/s²
+    /// and m/s.
     fn to_the_right(
         &self,
         scene: &Scene<'_>,
@@ -89,7 +90,7 @@ impl Comfort {
     }
 }
 
-/// Where the ego at its speed meets a road user, if that comes the other way.
+/// Meeting with a road user at the ego's current speed, if it is oncoming.
 fn meeting(one: &Mover, scene: &Scene<'_>) -> Option<Meeting> {
     let Scene { request, place, .. } = *scene;
     if !one.is_vehicle() || one.motion(0.0).0 > -COMES_MPS || one.crosses(0.0) {
@@ -110,21 +111,22 @@ fn meeting(one: &Mover, scene: &Scene<'_>) -> Option<Meeting> {
     })
 }
 
-/// Closer than this beside the ego is close, metres.
+/// Smaller lateral gaps than this are close, metres.
 const CLOSE_M: f64 = 0.8;
 
-/// Slower than this a road user does not come the other way, m/s.
+/// Below this speed a road user is not oncoming, m/s.
 const COMES_MPS: f64 = 1.0;
 
-/// Meetings are looked for until this long after the start, seconds, and so far before the ego, metres.
+/// Meetings are searched for up to this time after the start, in these steps, seconds, and from this distance ahead of
+/// the ego, metres.
 const AHEAD_S: f64 = 4.0;
 const LOOK_S: f64 = 0.1;
 const NEAR_M: f64 = 2.0;
 
-/// Least share of the deceleration of comfort, and the speed that it leads to at most, by the target.
+/// Smallest fraction of the comfort deceleration, and the speed braked to as a fraction of the target speed.
 const LEAST_BRAKE_SHARE: f64 = 0.4;
 const SLOWEST_SHARE: f64 = 0.4;
 
-/// Moving over takes this long, seconds, and at least this far, metres.
+/// Duration of moving over, seconds, and its smallest length, metres.
 const MOVES_OVER_S: f64 = 2.0;
 const MOVES_OVER_M: f64 = 10.0;

@@ -1,4 +1,4 @@
-//! Out to a passing offset from rest or nearly so.
+//! Moving out to a passing offset from standstill or at low speed.
 
 use swerve_msg::Plan;
 
@@ -13,7 +13,7 @@ use crate::request::Request;
 use crate::traffic::{Mover, STANDS_MPS};
 
 impl Comfort {
-    /// Out to the passing offset, for an ego that hardly moves.
+    /// Moves out to the passing offset, for an ego at low speed.
     pub(super) fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let start = &scene.request.start;
         if start.speed_mps > STEERS_OUT_MPS {
@@ -24,8 +24,8 @@ impl Comfort {
         self.steer_to(scene, stepped_up_m(open.offset_m), self.params.clearance_m, &leads, may)
     }
 
-    /// To the least offset within the own lane that keeps clear, for an ego that hardly moves and goes round what stands beside
-    /// its lane: where nothing else is left, closer and at a walking pace.
+    /// Moves to the smallest clear offset within the ego's lane, for an ego at low speed that goes round obstacles
+    /// beside its lane: as a last resort with less clearance and at a walking pace.
     pub(super) fn steer_within(&mut self, scene: &Scene<'_>, (left_m, right_m): (f64, f64)) -> Option<Plan> {
         let request = scene.request;
         if request.start.speed_mps > STEERS_OUT_MPS {
@@ -37,7 +37,7 @@ impl Comfort {
         let mut offsets: Vec<i32> = (-steps(right_m)..=steps(left_m)).collect();
         offsets.sort_by_key(|k| k.abs());
         let offsets_m: Vec<f64> = offsets.iter().map(|&k| f64::from(k) * LATERAL_STEP_M).collect();
-        // A slow plan ends before it gets past: what stands near would be crept up to at any offset.
+        // A slow plan ends before it is past: standing obstacles would be approached at any offset.
         let mut among = |scene: &Scene<'_>, clearance_m: f64| {
             let mut past = offsets_m
                 .iter()
@@ -50,7 +50,8 @@ impl Comfort {
         out.or_else(|| among(&walking, HARD_CLEARANCE_M.min(clearance_m)))
     }
 
-    /// To an offset at a speed that the turn takes, behind `leads`: lateral motions in time do not begin at standstill.
+    /// Moves to an offset at a speed that the turn allows, behind `leads`: lateral motions over time cannot begin at
+    /// standstill.
     fn steer_to(
         &mut self,
         scene: &Scene<'_>,
@@ -79,7 +80,8 @@ impl Comfort {
         })
     }
 
-    /// True if the wheels turn no faster than the lateral jerk of comfort lets them; the first step is the plan's before.
+    /// Returns true if the steering rate stays within the lateral jerk of comfort; the first step belongs to the
+    /// previous plan.
     fn can_steer(&self, plan: &Plan, scene: &Scene<'_>) -> bool {
         let (shape, vehicle) = (scene.request.shape, scene.vehicle);
         plan.points.windows(2).skip(1).all(|p| {
@@ -92,7 +94,8 @@ impl Comfort {
     }
 }
 
-/// True if an ego that goes on from `s_m` at an offset passes all that stands within `ahead_m`, but people.
+/// Returns true if an ego that continues from `s_m` at an offset passes all standing obstacles within `ahead_m`, except
+/// people.
 pub(super) fn is_clear_at(
     scene: &Scene<'_>,
     [s_m, d_m]: [f64; 2],
@@ -106,29 +109,29 @@ pub(super) fn is_clear_at(
     })
 }
 
-/// Lead vehicles, but those that are `passed`.
+/// Lead vehicles, except those that are `passed`.
 fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead<'a>> {
     let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !passed(one));
     others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
 }
 
-/// Faster than this a lateral motion in time leads out, m/s.
+/// Above this speed a lateral motion over time is used instead, m/s.
 const STEERS_OUT_MPS: f64 = 5.0;
 
-/// What stands within this distance ahead is to be passed, metres.
+/// Standing obstacles within this distance ahead are to be passed, metres.
 pub(super) const NEAR_M: f64 = 30.0;
 
 /// A walking pace, m/s: 7 km/h.
 const WALKING_MPS: f64 = 2.0;
 
-/// Lengths over which a slow ego steers out, metres.
+/// Lengths over which a slow ego moves out, metres.
 const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
 
-/// Largest curvature of a quintic from offset to offset, by their distance over its length squared.
+/// Largest curvature of a quintic from offset to offset, relative to their distance over its length squared.
 pub(super) const QUINTIC_BEND: f64 = 5.78;
 
-/// Largest third derivative of it, by the distance over the cube of its length.
+/// Largest third derivative of the quintic, relative to the distance over the cube of its length.
 const QUINTIC_KINK: f64 = 60.0;
 
-/// The wheels may turn faster by this factor, for the rounding of a table's curvatures.
+/// Tolerance factor on the steering rate, for rounding in tabulated curvatures.
 const WHEELS_SPARE: f64 = 1.2;

@@ -1,4 +1,4 @@
-//! Stops along the way ahead, in the own lane and short of people, in place of swinging out before them.
+//! Stops along the path ahead, in the ego's lane and short of people, instead of swinging out before them.
 
 use swerve_core::Time;
 use swerve_geom::Pose2;
@@ -12,11 +12,11 @@ use crate::steady_stop::{self, Demands, JERK_MPS3};
 use crate::traffic::Mover;
 
 impl Comfort {
-    /// The gentlest steady braking along the way ahead, on the road and to rest in the own lane.
+    /// The gentlest steady braking along the path ahead, on the road and to rest in the ego's lane.
     pub(super) fn stop(&self, scene: &Scene<'_>, standing_m: f64) -> Option<Plan> {
         let request = scene.request;
         let v = request.start.speed_mps.max(0.0);
-        // As far as the gentlest steady braking takes.
+        // Distance of the gentlest steady braking.
         let further_m = v * v * f64::from(BRAKE_STEPS) / (2.0 * request.limits.brake_max_mps2) + v * SETTLE_S;
         let way = self.gentle.way_on(request, further_m);
         let (clearance_m, jerk_mps3) = (self.params.clearance_m, JERK_MPS3);
@@ -39,7 +39,8 @@ impl Comfort {
         if let Some(plan) = stop([0.0, comfort_mps2], true) {
             return Some(comfortable(plan));
         }
-        // A vehicle in the lane is braked for in the lane; who is gone round for a person, by the planner below.
+        // For vehicles and obstacles that close the road the ego brakes in the lane; people are left to the inner
+        // planner.
         let plan = if self.in_way(scene).all(|one| can_lead(one, request)) {
             stop([comfort_mps2, scene.vehicle.brake_max_mps2], false)
         } else {
@@ -48,9 +49,9 @@ impl Comfort {
         plan.map(|plan| Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// For an ego in a town near people the gentlest steady braking that suffices, wherever it comes to rest. Up to
-    /// 30 km/h that is at most the vehicle's limit; above that it is less, and only for a person who begins to cross. `None`
-    /// where a vehicle comes the other way. An ego at rest waits only for people who move.
+    /// For an ego in a town near people, the gentlest steady braking that suffices, wherever it ends. Up to 30 km/h it
+    /// may use all of the vehicle's braking; above that less, and only for a person who begins to cross. `None` if a
+    /// vehicle is oncoming. An ego at rest waits only for people who move.
     pub(super) fn stop_short(&self, scene: &Scene<'_>) -> Option<Plan> {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
@@ -79,7 +80,7 @@ impl Comfort {
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
 
-    /// True of a plan that swings over the line, out of a swerve that began in the lane, where a person begins to cross.
+    /// True for a plan that swings over the line, starting from a swerve in the lane, while a person begins to cross.
     pub(super) fn swings_before_person(&self, scene: &Scene<'_>, plan: &Plan) -> bool {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
@@ -91,20 +92,20 @@ impl Comfort {
     }
 }
 
-/// True of a person who began to cross a moment ago and may walk faster in the next.
+/// True for a person who has just begun to cross and may walk faster next.
 fn may_hurry(one: &Mover) -> bool {
     one.kind.is_person() && one.changed_lately && one.comes_over()
 }
 
-/// Up to this speed an ego stops for a person who comes into its way, rather than going round, m/s: 50 km/h; above 30 km/h
-/// only for one who has just set off, where this deceleration suffices, m/s², which grows so fast, m/s³.
+/// Up to this speed an ego stops for a person who enters its path instead of going round, m/s: 50 km/h; above 30 km/h
+/// only for a person who has just set off, if this deceleration, m/s², built up at this rate, m/s³, suffices.
 const TOWN_MPS: f64 = 14.0;
 const SLOW_MPS: f64 = 8.5;
 const FIRM_MPS2: f64 = 6.5;
 const FIRM_MPS3: f64 = 20.0;
 
-/// Time that a deceleration takes to grow, seconds.
+/// Time that a deceleration takes to build up, seconds.
 const SETTLE_S: f64 = 2.0;
 
-/// Steady decelerations that are tried, up to a limit.
+/// Number of steady decelerations that are tried, up to the limit.
 const BRAKE_STEPS: u32 = 7;

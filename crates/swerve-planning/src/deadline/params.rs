@@ -1,38 +1,38 @@
-//! Parameters of the policy.
+//! Parameters of the deadline policy.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use swerve_core::param::{ParamError, require, require_all_within};
 
-/// Parameters of the policy.
+/// Parameters of the deadline policy.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// The detector gets at least this, seconds. Source: D3's shortest budget.
+    /// Smallest budget of the detector, seconds. Source: D3's shortest budget.
     pub detector_min_s: f64,
-    /// And at most this, seconds. Source: D3's longest budget.
+    /// Largest budget of the detector, seconds. Source: D3's longest budget.
     pub detector_max_s: f64,
-    /// The planner gets at least this, seconds. Source: D3's shortest budget.
+    /// Smallest budget of the planner, seconds. Source: D3's shortest budget.
     pub planner_min_s: f64,
-    /// And at most this, seconds. Source: D3's longest budget.
+    /// Largest budget of the planner, seconds. Source: D3's longest budget.
     pub planner_max_s: f64,
-    /// Deceleration that is counted on, m/s². Source: 0.774 g, the competent driver of UN R157 (as remembered).
+    /// Assumed braking deceleration, m/s². Source: 0.774 g, the competent driver of UN R157 (from memory).
     pub brake_mps2: f64,
-    /// Distance to be kept ahead, metres. Source: ours.
+    /// Distance to keep from a hazard ahead, metres. Source: ours.
     pub margin_m: f64,
-    /// The strip that the ego sweeps is wider than the ego by this on either side, metres. Source: ours.
+    /// Margin on either side of the strip that the ego sweeps, metres. Source: ours.
     pub clearance_m: f64,
-    /// A thing no further beside the strip may hide a person who steps out, metres; 0 for nothing. Source: ours: about what a
-    /// person goes in the second that a response and the braking take.
+    /// Objects up to this far beside the strip may hide a person who steps out, metres; 0 disables this. Source: ours:
+    /// about the distance a person walks in the second that a response and the braking take.
     pub reach_m: f64,
-    /// Things no further than this are counted, metres. Source: FOT's `obstacle_range_m`.
+    /// Objects within this distance count as nearby, metres. Source: FOT's `obstacle_range_m`.
     pub count_within_m: f64,
-    /// The planner's share with nothing near by. Source: ours.
+    /// Planner's share of the response time without nearby objects. Source: ours.
     pub planner_share_empty: f64,
-    /// The planner's share with `full_at` things near by. Source: ours: that of D3's longest budgets.
+    /// Planner's share of the response time with `full_at` nearby objects. Source: ours: that of D3's longest budgets.
     pub planner_share_full: f64,
-    /// So many things are a full scene. Source: ours.
+    /// Number of nearby objects at which the planner's share is largest. Source: ours.
     pub full_at: u32,
 }
 
@@ -58,7 +58,7 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        // A day.
+        // Up to a day.
         let budget = [0.001, 86_400.0];
         require_all_within(&[
             ("detector_min_s", self.detector_min_s, budget),

@@ -12,7 +12,7 @@ fn route() -> Route {
     Route::uniform(line, 6.0, 2.0)
 }
 
-/// Something 0.5 m across, or a truck, that goes on from (s, d) with a velocity for 5 s.
+/// An object 0.5 m across, or a truck, that moves from (s, d) with a velocity for 5 s.
 fn thing(kind: ActorKind, (s_m, d_m): (f64, f64), (along_mps, left_mps): (f64, f64)) -> Prediction {
     let extent = match kind {
         ActorKind::Truck => Extent { length_m: 5.2, width_m: 2.6, height_m: 2.5 },
@@ -32,7 +32,7 @@ fn hazard_at(speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {
     hazard_by(&Params::default(), speed_mps, things)
 }
 
-/// Of what is in the way, without what that may hide.
+/// Hazard in the way, without hidden ones.
 fn seen_at(speed_mps: f64, things: &[Prediction]) -> Option<Hazard> {
     hazard_by(&Params { reach_m: 0.0, ..Params::default() }, speed_mps, things)
 }
@@ -55,13 +55,13 @@ fn total_s(speed_mps: f64, things: &[Prediction]) -> f64 {
     respond(&Params::default(), hazard_at(speed_mps, things), OVERHEAD, things.len()).total_s
 }
 
-/// Of the bumper before the ego origin, metres.
+/// Distance from the ego origin to its bumper, metres.
 fn front_m() -> f64 {
     Shape::default().center_ahead_m() + 0.5 * Shape::default().length_m
 }
 
 #[test]
-fn the_time_left_is_the_gap_over_the_speed_less_what_braking_needs() {
+fn time_left_is_the_gap_over_the_speed_less_the_braking_time() {
     // A wall across the whole road.
     let row = [thing(ActorKind::Static, (50.0, 2.0), (0.0, 0.0))];
     let gap_m = 50.0 - 0.25 - front_m();
@@ -83,25 +83,25 @@ fn at_high_speed_a_swerve_may_begin_later_than_braking() {
 }
 
 #[test]
-fn what_is_hidden_behind_a_truck_counts_as_standing_at_its_end() {
+fn hazard_hidden_behind_a_truck_counts_as_standing_at_its_end() {
     let truck = [thing(ActorKind::Truck, (40.0, 4.0), (0.0, 0.0))];
     let hazard = hazard_at(12.0, &truck).unwrap();
     let gap_m = 40.0 + 2.6 - front_m() - 1.0;
     assert!(hazard.hidden && (hazard.left_s - (gap_m / 12.0 - 12.0 / 15.2)).abs() < 1e-9, "{hazard:?}");
-    // Far beside, behind, or a person who hides nobody.
+    // Far beside, behind, or a person, who hides nobody.
     assert_eq!(hazard_at(12.0, &[thing(ActorKind::Truck, (40.0, 7.0), (0.0, 0.0))]), None);
     assert_eq!(hazard_at(12.0, &[thing(ActorKind::Truck, (0.0, 4.0), (0.0, 0.0))]), None);
     assert_eq!(hazard_at(12.0, &[thing(ActorKind::Pedestrian, (40.0, 4.0), (0.0, 0.0))]), None);
-    // Also if it is taken for one that drifts into the way, far ahead.
+    // The same for a truck that drifts into the way, far ahead.
     let drifts = hazard_at(12.0, &[thing(ActorKind::Truck, (40.0, 4.0), (0.5, -0.3))]).unwrap();
     assert_eq!(drifts, hazard);
-    // One who walks onto the strip is in the way.
+    // A person who walks onto the strip is in the way.
     let walks = hazard_at(12.0, &[thing(ActorKind::Pedestrian, (40.0, 4.0), (0.0, -1.5))]).unwrap();
     assert!(!walks.hidden);
 }
 
 #[test]
-fn what_goes_ahead_as_fast_leaves_all_the_time() {
+fn lead_at_the_same_speed_leaves_the_longest_response_time() {
     assert_eq!(seen_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (12.0, 0.0))]), None);
     assert_eq!(seen_at(0.0, &[thing(ActorKind::Static, (5.0, 0.0), (0.0, 0.0))]), None);
     let slower = seen_at(12.0, &[thing(ActorKind::Static, (30.0, 0.0), (6.0, 0.0))]).unwrap();
@@ -119,7 +119,7 @@ fn a_full_scene_gives_the_planner_more() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn invalid_parameters_are_rejected() {
     let refused = |params: Params| params.validate().unwrap_err().key;
     let good = Params::default();
     assert_eq!(good.validate(), Ok(()));
@@ -132,7 +132,7 @@ fn nonsense_is_refused() {
 
 proptest! {
     #[test]
-    fn more_speed_never_gives_more_time_and_more_distance_never_less(
+    fn response_time_falls_with_speed_and_grows_with_distance(
         speed_mps in 1.0..30.0_f64,
         faster_mps in 0.0..5.0_f64,
         s_m in 6.0..200.0_f64,
@@ -143,14 +143,14 @@ proptest! {
         let at = |s_m| [thing(kind, (s_m, d_m), (0.0, 0.0))];
         let here_s = total_s(speed_mps, &at(s_m));
         prop_assert!(total_s(speed_mps + faster_mps, &at(s_m)) <= here_s + 1e-9);
-        // A thing that is passed is none: only what is still ahead is compared.
+        // Compare only hazards that are still ahead: a passed object is not a hazard.
         if hazard_at(speed_mps, &at(s_m)).is_some() {
             prop_assert!(total_s(speed_mps, &at(s_m + further_m)) >= here_s - 1e-9);
         }
     }
 
     #[test]
-    fn the_parts_are_within_their_bounds_and_make_the_whole(
+    fn shares_are_within_their_bounds_and_sum_up_to_the_total(
         left_s in -2.0..3.0_f64,
         hidden in any::<bool>(),
         obstacles in 0_usize..30,

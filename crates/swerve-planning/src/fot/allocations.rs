@@ -1,4 +1,4 @@
-//! What FOT allocates once its memory has grown, counted: the plan that it hands out and nothing else.
+//! Counts FOT's allocations in steady state: only the returned plan.
 
 use crate::fot::{Fot, Params};
 use crate::{Planner, Request, Unlimited};
@@ -45,7 +45,7 @@ fn a_plan_allocates_its_points_only() {
             let plan = planner.plan(&request, &mut Unlimited::default());
             assert_eq!(plan.status, PlanStatus::Found);
         });
-        // The vector of the points, sized at once.
+        // The vector of the points, allocated once.
         assert!(planned.count_total <= 1, "{planned:?}");
     }
 }

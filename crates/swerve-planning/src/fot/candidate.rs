@@ -1,22 +1,22 @@
-//! What a search finds, and what it asks of that.
+//! Result of a search, and the conditions it checks.
 
 use super::motion::{Hints, Motion};
 use super::search::Task;
 
-/// The answer.
+/// A candidate motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Its motion.
+    /// Motion.
     pub motion: Motion,
-    /// Its whole cost.
+    /// Total cost.
     pub cost: f64,
-    /// Offset at its end, metres.
+    /// End offset, metres.
     pub d_m: f64,
-    /// Speed at its end, m/s.
+    /// End speed, m/s.
     pub v_mps: f64,
-    /// Time of its end, seconds.
+    /// End time, seconds.
     pub t_s: f64,
-    /// Until when it is driven: its end, or the last sample before the line's end, seconds.
+    /// Time until which it is driven: its end, or the last sample before the line's end, seconds.
     pub last_s: f64,
 }
 
@@ -25,20 +25,20 @@ pub struct Candidate {
 pub struct Priced {
     /// The candidate.
     pub candidate: Candidate,
-    /// Its lateral part.
+    /// Lateral part of the cost.
     pub lateral: f64,
-    /// Its longitudinal part.
+    /// Longitudinal part of the cost.
     pub longitudinal: f64,
 }
 
-/// How a search ended.
+/// Outcome of a search.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Outcome {
     /// The cheapest valid candidate.
     Found(Candidate),
     /// No candidate is valid.
     Nothing,
-    /// The budget was used up before.
+    /// The budget was used up before the search was complete.
     Stopped,
 }
 
@@ -49,16 +49,17 @@ impl Outcome {
     }
 }
 
-/// What a candidate has to hold.
+/// Conditions on a candidate.
 pub trait Judge {
-    /// Whether it is sure to fail, where one before it did: a short look, which may let pass what fails.
+    /// Returns true if the candidate certainly fails where an earlier one did: a quick check that may pass candidates
+    /// that fail.
     fn fails_too(&mut self, candidate: &Candidate) -> bool;
 
-    /// Whether it holds all.
+    /// Returns true if the candidate satisfies all conditions.
     fn holds(&mut self, candidate: &Candidate) -> bool;
 }
 
-/// The checks of a task, with where candidates hit something.
+/// Checks of a task, with the places where candidates collide.
 pub(super) struct TaskChecks<'a> {
     task: &'a Task<'a>,
     hints: Hints,

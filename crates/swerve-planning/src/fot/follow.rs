@@ -1,26 +1,26 @@
-//! Where to be behind what is in the way (Werling 2010, section V: stopping and following).
+//! Target places behind the obstacle in the way (Werling 2010, section V: stopping and following).
 
 use swerve_core::Span;
 
 use super::lattice::Aim;
 use super::search::Task;
 
-/// Time over which the speed of what is followed is measured, seconds.
+/// Interval over which the speed of the obstacle ahead is measured, seconds.
 const SPEED_OVER_S: f64 = 0.5;
 
-/// Where the ego origin should be `t_s` from the start, with which speed; `None`: nothing is in the way then.
+/// Target place of the ego origin `t_s` after the start, with its speed; `None` if nothing is in the way then.
 pub(crate) fn aim(task: &Task<'_>, t_s: f64) -> Option<Aim> {
     let shape = task.checks.shape;
     let rear_m = nearest_ahead_m(task, t_s)?;
     let later_m = nearest_ahead_m(task, t_s + SPEED_OVER_S).unwrap_or(rear_m);
-    // Something that steps in between, or comes towards the ego, is not followed but waited for.
+    // An obstacle that steps in between, or approaches, is not followed but waited for.
     let v_mps = ((later_m - rear_m) / SPEED_OVER_S).clamp(0.0, task.params.max_speed_mps);
     let gap_m = task.params.follow_gap_m + task.params.follow_time_s * v_mps;
     Some(Aim { s_m: rear_m - gap_m - (shape.length_m - shape.rear_overhang_m), v_mps })
 }
 
-/// Arc length of the nearest corner that is ahead of the start and in the strip that the ego sweeps on its
-/// way back to the line, metres.
+/// Arc length of the nearest obstacle corner ahead of the start in the strip that the ego sweeps on its way back to the
+/// line, metres.
 fn nearest_ahead_m(task: &Task<'_>, t_s: f64) -> Option<f64> {
     let [start_m, ..] = task.start.s;
     let half_m = 0.5 * task.checks.shape.width_m + task.checks.clearance_m;

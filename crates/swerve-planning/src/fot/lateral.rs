@@ -2,27 +2,28 @@
 
 use super::poly::{Jet, Quintic};
 
-/// Where the ego starts in the Frenet frame.
+/// Start state of the ego in the Frenet frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct FrenetState {
     /// Arc length and its derivatives: m, m/s, m/s².
     pub s: [f64; 3],
     /// Offset and its derivatives: m, m/s, m/s².
     pub d: [f64; 3],
-    /// Offset and its derivatives by arc length (m, 1, 1/m) where lateral motion is a function of arc length: from
+    /// Offset and its derivatives by arc length (m, 1, 1/m) if lateral motion is a function of arc length: at
     /// standstill a function of time has no heading (Werling 2010, section VI, low velocities).
     pub d_by_s: Option<[f64; 3]>,
 }
 
 impl FrenetState {
-    /// The lateral motion to offset `d_m` at `t_s`, when `longitudinal` ends.
+    /// Lateral motion to offset `d_m` at `t_s`, the end time of `longitudinal`.
     pub(super) fn lateral(&self, longitudinal: &Quintic, d_m: f64, t_s: f64) -> Lateral {
         let end = longitudinal.at(t_s);
         let sets_off = end.v >= self.s[1] || self.s[1] < STILL_MPS;
         let Some(from) = self.d_by_s.filter(|_| sets_off) else {
             return Lateral::OverTime(Quintic::new(self.d, [d_m, 0.0, 0.0], t_s));
         };
-        // A shorter way leads as much less aside: the wheels are not turned for an offset that is never reached.
+        // A shorter distance reduces the offset in proportion: the wheels are not turned for an offset that is never
+        // reached.
         let way_m = end.x - self.s[0];
         let share = (way_m / ARC_MIN_M).clamp(0.0, 1.0);
         let to = [from[0] + (d_m - from[0]) * share, 0.0, 0.0];
@@ -31,12 +32,11 @@ impl FrenetState {
     }
 }
 
-/// Shortest arc length that a lateral motion over arc length is laid out for, metres: a shorter motion drives its
-/// beginning.
+/// Shortest arc length of a lateral motion over arc length, metres: a shorter motion drives its beginning.
 const ARC_MIN_M: f64 = 6.0;
 
-/// Slower than this all lateral motion is over arc length; from faster starts only that of motions that do not slow down:
-/// a stop holds its offset, m/s.
+/// Below this start speed, m/s, all lateral motion is over arc length; above it, only that of motions that do not slow
+/// down: a stop keeps its offset.
 const STILL_MPS: f64 = 0.5;
 
 /// The offset from the line during a motion.
@@ -44,7 +44,7 @@ const STILL_MPS: f64 = 0.5;
 pub(super) enum Lateral {
     /// As a function of time.
     OverTime(Quintic),
-    /// As a function of the arc length from `from_m` on; constant after `end_m` more.
+    /// As a function of the arc length from `from_m` on; constant beyond `end_m` further.
     OverArc { offset: Quintic, from_m: f64, end_m: f64 },
 }
 
@@ -55,7 +55,7 @@ impl Default for Lateral {
 }
 
 impl Lateral {
-    /// Offset and its derivatives by time at `t_s`, when the motion along the line is at `s`.
+    /// Offset and its derivatives by time at `t_s`, with the motion along the line at `s`.
     pub(super) fn at(&self, t_s: f64, s: &Jet) -> Jet {
         match self {
             Self::OverTime(offset) => offset.at(t_s),
@@ -72,7 +72,7 @@ impl Lateral {
         }
     }
 
-    /// Offset and its derivatives by arc length at `s_m`; zero where it is a function of time.
+    /// Offset and its derivatives by arc length at `s_m`; zero for a motion over time.
     pub(super) fn by_arc(&self, s_m: f64) -> Jet {
         let Self::OverArc { offset, from_m, end_m } = self else { return Jet::default() };
         let along_m = (s_m - from_m).clamp(0.0, *end_m);

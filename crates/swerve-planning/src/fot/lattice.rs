@@ -3,10 +3,10 @@
 use super::params::Params;
 use super::poly::Quintic;
 
-/// Slack when counting the end of a range, so that rounding does not lose its last value.
+/// Slack when counting the end of a range, so that rounding does not drop its last value.
 const SLACK: f64 = 1e-9;
 
-/// All combinations of end offset, end time and end speed, and the instants that costs are summed over.
+/// All combinations of end offset, end time and end speed, with the sample instants of the cost sums.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Lattice {
     /// End offsets, metres, increasing.
@@ -17,13 +17,13 @@ pub struct Lattice {
     pub v_mps: Vec<f64>,
     /// Sample instants, seconds from the start, up to the latest end.
     pub samples_s: Vec<f64>,
-    /// How many of the samples belong to each end time.
+    /// Number of samples of each end time.
     pub counts: Vec<usize>,
-    /// Per end time where to be then, instead of end speeds; empty: the end speeds count.
+    /// Target place per end time, replacing the end speeds; empty if the end speeds are used.
     pub aims: Vec<Aim>,
 }
 
-/// A place to be at with a speed.
+/// A target place with a speed.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Aim {
     /// Arc length, metres.
@@ -33,7 +33,7 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// To the place, or where that is too near for the speed to be reached before it, to the speed alone.
+    /// Motion to the place; if the place is too near to reach the speed before it, to the speed alone.
     pub(crate) fn motion(&self, start: [f64; 3], t_s: f64) -> Quintic {
         let to_speed = Quintic::to_velocity(start, [self.v_mps, 0.0], t_s);
         if to_speed.at(t_s).x >= self.s_m {
@@ -44,8 +44,8 @@ impl Aim {
 }
 
 impl Lattice {
-    /// Fills the lattice. Values are summed up step by step, as the original does, so that the number of
-    /// samples for an end time (and with it the cost) is the same.
+    /// Fills the lattice. Values are summed up step by step, as in the original, so that the number of samples for an
+    /// end time (and with it the cost) is the same.
     pub fn set(&mut self, p: &Params, target_mps: f64) {
         self.aims.clear();
         fill(&mut self.d_m, -p.right_m, p.left_m + SLACK, p.lateral_step_m);
@@ -59,20 +59,20 @@ impl Lattice {
         }
     }
 
-    /// Keeps the end speeds that are not below zero, and at least the last.
+    /// Drops negative end speeds, but keeps at least the last one.
     pub fn drop_reverse(&mut self) {
         let negative = self.v_mps.partition_point(|&v| v < 0.0);
         self.v_mps.drain(..negative.min(self.v_mps.len() - 1));
     }
 
-    /// End speeds, or one place, per end time.
+    /// Number of end speeds, or one target place, per end time.
     pub fn speeds(&self) -> usize {
         if self.aims.is_empty() { self.v_mps.len() } else { 1 }
     }
 
-    /// As `of`, with end times from its first sample on and a place to be at for each instead of end speeds;
-    /// times without one are left out. The offset `now_m` is one of the end offsets: at standstill there is
-    /// no other.
+    /// As `of`, with all samples from the first on as end times and a target place for each instead of end speeds;
+    /// times without one are omitted. The offset `now_m` is added to the end offsets: at standstill no other is
+    /// possible.
     pub fn set_aims(&mut self, of: &Self, now_m: f64, aim: impl Fn(f64) -> Option<Aim>) {
         self.clone_from(of);
         self.d_m.insert(self.d_m.partition_point(|&d| d < now_m), now_m);
@@ -88,8 +88,8 @@ impl Lattice {
         }
     }
 
-    /// A sparse part of `of` that spans it: few offsets (with the one nearest to the line), few end times,
-    /// the middle speed.
+    /// A sparse subset of `of` that spans it: few offsets (including the one nearest to the line), few end times, the
+    /// middle speed.
     pub fn set_coarse(&mut self, of: &Self) {
         let middle =
             (0..of.d_m.len()).min_by(|&a, &b| of.d_m[a].abs().total_cmp(&of.d_m[b].abs())).unwrap_or(0);
@@ -108,7 +108,7 @@ impl Lattice {
         self.aims.clear();
     }
 
-    /// As `of`, with end speeds between standstill and below its slowest instead of its own.
+    /// As `of`, with end speeds between standstill and just below its slowest one.
     pub fn set_slower(&mut self, of: &Self, speeds: u32) {
         self.clone_from(of);
         let below_mps = of.v_mps[0];
@@ -118,7 +118,7 @@ impl Lattice {
         }
     }
 
-    /// Keeps the offsets whose place in the order of refinement is below `kept`; see `refinement`.
+    /// Keeps the offsets whose rank in the order of refinement is below `kept`; see `refinement`.
     pub fn keep_offsets(&mut self, kept: usize) {
         let n = self.d_m.len();
         let mut order: Vec<usize> = refinement(n).take(kept).collect();
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_configurations_have_their_sizes() {
+    fn lattices_of_the_paper_have_its_sizes() {
         let mut lattice = Lattice::default();
         lattice.set(&Params::fast(), 16.0);
         assert_eq!((lattice.len(), lattice.counts[0], lattice.samples_s.len()), (825, 7, 17));

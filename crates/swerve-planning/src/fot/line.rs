@@ -2,17 +2,17 @@
 
 use swerve_geom::{Point2, Polyline, PolylineError, Pose2, angle_between, math};
 
-/// Distance between the entries, metres.
+/// Spacing of the entries, metres.
 const STEP_M: f64 = 0.25;
 
-/// Longest line that is taken over, metres: bounds the table.
+/// Longest supported line, metres: bounds the table.
 const LENGTH_MAX_M: f64 = 20_000.0;
 
-/// Straight pieces longer than this are divided before smoothing, metres: a spline over one long piece would
-/// swing out of it as soon as the next one bends.
+/// Straight pieces longer than this are divided before smoothing, metres: a spline over one long piece would overshoot
+/// as soon as the next one bends.
 const PIECE_MAX_M: f64 = 5.0;
 
-/// The smooth line through `points`.
+/// Smooth line through `points`.
 pub fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
     let mut dense: Vec<Point2> = Vec::with_capacity(points.len());
     for (i, &p) in points.iter().enumerate() {
@@ -25,8 +25,8 @@ pub fn smoothed(points: &[Point2]) -> Result<Polyline, PolylineError> {
     Polyline::smooth(&dense, STEP_M)
 }
 
-/// The mean of the line over `half_m` before and after each place: where curvature jumps it changes steadily instead,
-/// and a bend of radius `R` is cut by `half_m² / 6 R`.
+/// Moving average of the line over `half_m` before and after each place: curvature steps become ramps, and a bend of
+/// radius `R` is cut by `half_m² / 6 R`.
 fn eased(line: &Polyline, half_m: f64) -> Result<Polyline, PolylineError> {
     let reach = (half_m / STEP_M).round() as i32;
     let steps = (line.length() / STEP_M).ceil() as i32;
@@ -42,9 +42,9 @@ fn eased(line: &Polyline, half_m: f64) -> Result<Polyline, PolylineError> {
 /// The line at one arc length.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Node {
-    /// Position, metres.
+    /// X coordinate, metres.
     pub x_m: f64,
-    /// Position, metres.
+    /// Y coordinate, metres.
     pub y_m: f64,
     /// Cosine of its direction.
     pub cos: f64,
@@ -56,18 +56,18 @@ pub struct Node {
     pub bend_1pm2: f64,
 }
 
-/// A reference line. It goes on straight beyond its ends.
+/// A reference line, extended straight beyond its ends.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     nodes: Vec<Node>,
-    /// Direction between each entry and the next where it is the same at both (cosine, sine).
+    /// Direction between each entry and the next if it is the same at both (cosine, sine).
     straight: Vec<Option<(f64, f64)>>,
     length_m: f64,
     step_m: f64,
 }
 
 impl Line {
-    /// From a polyline whose points are dense where it bends.
+    /// Sets the line from a polyline whose points are dense in bends.
     pub fn set(&mut self, polyline: &Polyline) {
         self.length_m = polyline.length().min(LENGTH_MAX_M);
         let n = (self.length_m / STEP_M).ceil().max(1.0) as usize;
@@ -102,8 +102,8 @@ impl Line {
         self.length_m
     }
 
-    /// The line at `s_m`: between the entries positions go along the chord (within `κ step² / 8`, under a
-    /// millimetre), directions turn linearly.
+    /// The line at `s_m`: between entries, positions are interpolated along the chord (error below `κ step² / 8`, under
+    /// a millimetre), directions linearly.
     pub fn at(&self, s_m: f64) -> Node {
         let last = self.nodes.len() - 1;
         if s_m < 0.0 || s_m >= self.length_m {
@@ -132,8 +132,8 @@ impl Line {
         }
     }
 
-    /// Arc length and offset of `point`: from a first guess, refined against the table's own directions so
-    /// that going back gives the point.
+    /// Arc length and offset of `point`: refined from a first guess with the directions of the table, so that the
+    /// inverse returns the point.
     pub fn project(&self, point: Point2, guess_s_m: f64) -> (f64, f64) {
         let mut s_m = guess_s_m;
         let mut d_m = 0.0;
@@ -148,7 +148,7 @@ impl Line {
     }
 }
 
-/// The direction (cosine, sine) at share `u` of the way from `a` to `b`.
+/// Direction (cosine, sine) at fraction `u` of the way from `a` to `b`.
 #[inline]
 fn between(a: &Node, b: &Node, u: f64) -> (f64, f64) {
     let (cos, sin) = (a.cos + (b.cos - a.cos) * u, a.sin + (b.sin - a.sin) * u);
@@ -156,20 +156,20 @@ fn between(a: &Node, b: &Node, u: f64) -> (f64, f64) {
     (cos * scale, sin * scale)
 }
 
-/// A pose beside a line.
+/// A pose relative to a line.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct OnLine {
     /// Arc length, metres.
     pub s_m: f64,
     /// Offset to the left, metres.
     pub d_m: f64,
-    /// The line there.
+    /// Node of the line at `s_m`.
     pub node: Node,
-    /// Heading against the line's, radians.
+    /// Heading relative to the line, radians.
     pub turn_rad: f64,
 }
 
-/// The smooth line of a route, made anew when the route changes.
+/// The smooth line of a route, recomputed when the route changes.
 #[derive(Clone, Debug, Default)]
 pub struct RouteLine {
     line: Line,
@@ -178,12 +178,12 @@ pub struct RouteLine {
 }
 
 impl RouteLine {
-    /// Corners are eased over `ease_m` before and after each place.
+    /// Creates an empty line whose corners will be smoothed over `ease_m` before and after each place.
     pub(crate) fn eased(ease_m: f64) -> Self {
         Self { ease_m, ..Self::default() }
     }
 
-    /// Takes the route over.
+    /// Sets the route.
     pub fn follow(&mut self, route: &Polyline) {
         if self.route.as_ref() != Some(route) {
             let smooth = smoothed(route.points());
@@ -196,17 +196,17 @@ impl RouteLine {
         }
     }
 
-    /// The line of the route that was taken over last.
+    /// The line of the last route.
     pub fn line(&self) -> &Line {
         &self.line
     }
 
-    /// The place of `pose` beside the line: the nearest of all.
+    /// The nearest place of `pose` along the line.
     pub fn locate(&self, pose: Pose2) -> OnLine {
         self.locate_from(pose, self.route.as_ref().map_or(0.0, |route| route.project(pose.point()).s_m))
     }
 
-    /// The place of `pose` beside the line, near arc length `guess_m` of the route.
+    /// Place of `pose` along the line, near arc length `guess_m` of the route.
     pub fn locate_from(&self, pose: Pose2, guess_m: f64) -> OnLine {
         let (s_m, d_m) = self.line.project(pose.point(), guess_m);
         let node = self.line.at(s_m);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_kept_for_straight_stretches_are_those_computed() {
+    fn stored_directions_of_straights_match_the_computed_ones() {
         let points: Vec<Point2> =
             (0..40).map(|k| Point2::new(0.7 * f64::from(k), 1.9 * f64::from(k))).collect();
         let mut line = Line::default();
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_go_on_straight() {
+    fn line_is_extended_straight_beyond_its_ends() {
         let mut line = Line::default();
         line.set(&Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(0.0, 0.5)]).unwrap());
         let (before, beyond) = (line.at(-3.0), line.at(4.0));

@@ -1,4 +1,4 @@
-//! One candidate in full: its motion in the map, and whether it may be driven.
+//! One candidate in full: its motion in the map frame, and its checks.
 
 use swerve_core::{Span, Time};
 use swerve_geom::math;
@@ -10,7 +10,7 @@ use super::poly::Quintic;
 use crate::collision::{Obstacles, Solid};
 use crate::road::Road;
 
-/// A motion between two Frenet states; after its end it goes on along the line.
+/// A motion between two Frenet states; after its end it continues along the line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Motion {
     lateral: Lateral,
@@ -21,9 +21,9 @@ pub struct Motion {
 /// The ego origin at one instant of a motion.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Place {
-    /// Position, metres.
+    /// X coordinate, metres.
     pub x_m: f64,
-    /// Position, metres.
+    /// Y coordinate, metres.
     pub y_m: f64,
     /// Cosine of the heading.
     pub cos: f64,
@@ -39,27 +39,27 @@ pub struct Place {
     pub accel_mps2: f64,
     /// Curvature, 1/m.
     pub curvature_1pm: f64,
-    /// `1 - κ d`: how much longer the line is than the parallel through here.
+    /// `1 - κ d`: length of the parallel through here relative to the line.
     pub stretch: f64,
     /// Speed along the line, m/s.
     pub along_mps: f64,
 }
 
-/// Slower than this a motion's direction and curvature mean nothing, m/s.
+/// Below this speed a motion's direction and curvature are undefined, m/s.
 const STANDSTILL_MPS: f64 = 1e-3;
 
 impl Motion {
-    /// To offset `d_m` at `t_s`, when `longitudinal` ends.
+    /// Motion to offset `d_m` at `t_s`, the end time of `longitudinal`.
     pub(crate) fn new(start: &FrenetState, longitudinal: Quintic, d_m: f64, t_s: f64) -> Self {
         Self { lateral: start.lateral(&longitudinal, d_m, t_s), longitudinal, end_s: t_s }
     }
 
-    /// The motion in the map at `t_s`; `still` is the direction to take at standstill (cosine, sine).
+    /// Motion in the map frame at `t_s`; `still` is the direction used at standstill (cosine, sine).
     pub fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         self.place::<true>(line, t_s, still)
     }
 
-    /// The same without acceleration and curvature, which are zero.
+    /// As [`at`](Self::at), with acceleration and curvature set to zero.
     pub fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
         self.place::<false>(line, t_s, still)
     }
@@ -71,8 +71,8 @@ impl Motion {
         s.x += s.v * (t_s - inside_s);
         let d = self.lateral.at(inside_s, &s);
         let node = line.at(s.x);
-        // With the line's tangent and normal t' = κ s' n and n' = -κ s' t, differentiating
-        // p = r(s) + d n twice gives velocity and acceleration along and across the line.
+        // With the line's tangent and normal, t' = κ s' n and n' = -κ s' t, differentiating p = r(s) + d n twice gives
+        // velocity and acceleration along and across the line.
         let (k, kp) = (node.curvature_1pm, node.bend_1pm2);
         let stretch = 1.0 - k * d.x;
         let (along, across) = (s.v * stretch, d.v);
@@ -90,7 +90,7 @@ impl Motion {
             ..Place::default()
         };
         if let Lateral::OverArc { .. } = self.lateral {
-            // The path's own direction and curvature, at standstill too: derivatives by arc length, as above.
+            // Direction and curvature of the path, defined at standstill too: derivatives by arc length, as above.
             let by_s = self.lateral.by_arc(s.x);
             let length = math::hypot(stretch, by_s.v);
             let (cos, sin) = (stretch / length, by_s.v / length);
@@ -119,7 +119,7 @@ fn turned(node: &Node, along: f64, across: f64) -> (f64, f64) {
     (node.cos * along - node.sin * across, node.sin * along + node.cos * across)
 }
 
-/// The outline with the ego origin at `place`.
+/// Outline with the ego origin at `place`.
 pub fn outline(shape: &Shape, place: &Place) -> Solid {
     let ahead_m = shape.center_ahead_m();
     Solid {
@@ -132,34 +132,34 @@ pub fn outline(shape: &Shape, place: &Place) -> Solid {
     }
 }
 
-/// Conditions on a motion beyond the limits along the line.
+/// Conditions on a motion, in addition to the longitudinal limits.
 #[derive(Clone, Copy, Debug)]
 pub struct Checks<'a> {
     /// Obstacles, which must not be touched.
     pub obstacles: &'a Obstacles,
     /// Outline of the ego.
     pub shape: &'a Shape,
-    /// Instant of the start.
+    /// Start instant.
     pub at: Time,
     /// Distance to keep from the obstacles, metres.
     pub clearance_m: f64,
-    /// Whether the clearance is kept to a fraction of a millimetre, among things that stand.
+    /// True if the clearance to static obstacles is exact to a fraction of a millimetre.
     pub exact: bool,
     /// Largest curvature, 1/m.
     pub curvature_max_1pm: f64,
-    /// Largest speed in the map, m/s; infinite: that along the line counts alone.
+    /// Largest speed in the map, m/s; if infinite, only the speed along the line is limited.
     pub speed_max_mps: f64,
-    /// Largest acceleration in the map, along and across together, m/s²; infinite: that along the line counts alone.
+    /// Largest total acceleration in the map, m/s²; if infinite, only that along the line is limited.
     pub accel_max_mps2: f64,
-    /// Range that the ego origin's offset stays in; infinite: not looked at.
+    /// Range of the ego origin's offset, metres; not checked if infinite.
     pub offset_m: (f64, f64),
-    /// Whether the heading goes on from the ego's without a kink.
+    /// True if the heading must continue from the ego's without a kink.
     pub smooth: bool,
-    /// Limits that only drivable motions keep.
+    /// Additional limits for drivable motions.
     pub drivable: Option<Drivable<'a>>,
-    /// Direction of the ego at the start (cosine, sine).
+    /// Heading of the ego at the start (cosine, sine).
     pub heading: (f64, f64),
-    /// How long the motion is looked at beyond its end, seconds.
+    /// Time for which the motion is checked beyond its end, seconds.
     pub tail_s: f64,
 }
 
@@ -174,48 +174,49 @@ pub struct Drivable<'a> {
     pub brake_max_mps2: f64,
     /// Largest steering rate of the road wheels, rad/s.
     pub steering_rate_max_radps: f64,
-    /// Ground that the whole outline stays on.
+    /// Ground that must contain the whole outline.
     pub road: &'a Road,
     /// Distance to keep from its edge, metres.
     pub road_margin_m: f64,
-    /// Offset up to which a motion may end at rest, metres: to its left is the lane of oncoming traffic.
+    /// Largest offset at which a motion may end at rest, metres: further left is the lane of oncoming traffic.
     pub rest_left_m: f64,
 }
 
-/// Largest time between two looks at the limits, seconds.
+/// Largest time step of the limit checks, seconds.
 const LOOK_S: f64 = 0.1;
 
-/// A start that breaks a limit may go on doing so, less and less, for this long, seconds.
+/// A start that violates a limit may continue to do so, less and less, for this long, seconds.
 const GRACE_S: f64 = 1.0;
 
-/// A start faster than the largest speed may exceed its own by this factor before it slows: its acceleration dies away.
+/// A start above the largest speed may exceed its own speed by this factor before it slows: its acceleration fades.
 pub(super) const OVERSPEED: f64 = 1.02;
 
-/// Share by which rounding may exceed a limit.
+/// Relative tolerance on limits, for rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Heading may change by this more than the curvature limit allows between two looks, radians: what the
-/// finite step leaves.
+/// Heading may change by this much more than the curvature limit allows between two steps, radians: discretisation
+/// error of the step.
 const HEADING_SLACK_RAD: f64 = 0.03;
 
-/// Precision of an exact clearance, metres.
+/// Precision of the exact clearance, metres.
 const EXACT_M: f64 = 2e-4;
 
-/// Slower than this the steering rate and lateral acceleration of a motion are not looked at, m/s.
+/// Below this speed the steering rate and lateral acceleration of a motion are not checked, m/s.
 const CRAWL_MPS: f64 = 0.3;
 
 /// A motion that ends slower than this ends at rest, m/s.
 const RESTS_MPS: f64 = 1.0;
 
-/// Who is nearer than the clearance by this much at any instant is found too near wherever the looks lie: no less than what
-/// moves between two of them (`RESOLUTION_M` of motions), metres.
+/// Obstacles nearer than the clearance by this much at any instant are detected wherever the samples are: at least the
+/// motion between two samples (`RESOLUTION_M` of motions), metres.
 const BETWEEN_LOOKS_M: f64 = 0.02;
 
-/// What the motions of one task, from one start, have shown so far. It speeds answers up and does not change them.
+/// Results shared by the motions of one task, from one start. They speed up the checks without changing their results.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hints {
     grace: Option<Grace>,
-    /// Instants at which motions came too near to something, the newest first, seconds: similar ones tend to do so too.
+    /// Latest instants at which motions came too near to an obstacle, newest first, seconds: similar motions tend to
+    /// fail there too.
     near_s: [Option<f64>; 2],
 }
 
@@ -228,13 +229,14 @@ impl Hints {
 }
 
 impl Checks<'_> {
-    /// Whether `motion` may be driven from 0 to `last_s`; `hints` are those of the motions before it.
+    /// Returns true if `motion` may be driven from 0 to `last_s`; `hints` come from earlier motions.
     pub fn hold(&self, line: &Line, motion: &Motion, last_s: f64, hints: &mut Hints) -> bool {
         if self.rests_among_oncoming(motion) || self.fails_too(line, motion, last_s, hints) {
             return false;
         }
         let end_s = last_s + self.tail_s;
-        // What ends within a second is looked at more often: its braking comes and goes between the looks of others.
+        // Motions that end within a second are sampled more densely: their braking could fall between the usual
+        // samples.
         let steps = (end_s / LOOK_S.min(0.1 * last_s)).ceil().max(1.0);
         let step_s = end_s / steps;
         let mut place = motion.at(line, 0.0, self.heading);
@@ -252,7 +254,7 @@ impl Checks<'_> {
             {
                 return false;
             }
-            // Most of what hits something does so at one of the looks: the closer check below is dearer.
+            // Most collisions are found at a sample; the finer check below is more expensive.
             if !self.obstacles.solid_free(&body, self.at + Span::from_secs(t_s), grace.clearance_m) {
                 hints.add(t_s);
                 return false;
@@ -266,14 +268,14 @@ impl Checks<'_> {
         near_s.is_none()
     }
 
-    /// Whether `motion` ends at rest in the lane of oncoming traffic.
+    /// Returns true if `motion` ends at rest in the lane of oncoming traffic.
     fn rests_among_oncoming(&self, motion: &Motion) -> bool {
         let Some(drivable) = &self.drivable else { return false };
         let end = motion.longitudinal.at(motion.end_s);
         end.v < RESTS_MPS && motion.lateral.at(motion.end_s, &end).x > drivable.rest_left_m
     }
 
-    /// Whether `motion` is sure to fail, where those before it came too near to something.
+    /// Returns true if `motion` certainly fails at an instant where earlier ones came too near to an obstacle.
     pub(crate) fn fails_too(&self, line: &Line, motion: &Motion, last_s: f64, hints: &Hints) -> bool {
         let Some(grace) = &hints.grace else { return false };
         let between_m = if self.exact { 0.0 } else { BETWEEN_LOOKS_M };
@@ -283,7 +285,8 @@ impl Checks<'_> {
         known.any(|t_s| !self.clear_at(line, motion, t_s, needed_m))
     }
 
-    /// Whether the clearance is kept at one instant; standstill counts as clear, as it has no heading here.
+    /// Returns true if the clearance is kept at one instant; standstill counts as clear, as its heading is undefined
+    /// here.
     fn clear_at(&self, line: &Line, motion: &Motion, t_s: f64, clearance_m: f64) -> bool {
         let place = motion.pose_at(line, t_s, self.heading);
         let at = self.at + Span::from_secs(t_s);
@@ -316,12 +319,12 @@ impl Checks<'_> {
         self.drivable.is_none_or(|limits| self.drivable_holds(&limits, &look, grace))
     }
 
-    /// Whether speed and acceleration in the map keep their limits at `place`, `t_s` from the start.
+    /// Returns true if speed and acceleration in the map keep their limits at `place`, `t_s` after the start.
     fn total_holds(&self, place: &Place, t_s: f64, total: &mut Total, grace: &Grace) -> bool {
         if place.speed_mps > self.speed_max_mps.max(grace.speed_mps) * (1.0 + ROUNDING) {
             return false;
         }
-        // As along the line, the start's own acceleration is not looked at.
+        // As along the line, the acceleration of the start itself is not checked.
         if t_s == 0.0 || self.accel_max_mps2 == f64::INFINITY {
             return true;
         }
@@ -331,7 +334,7 @@ impl Checks<'_> {
         peak <= self.accel_max_mps2.max(grace.total_mps2 * share) * (1.0 + ROUNDING)
     }
 
-    /// Whether the heading turns no more between two looks than the curvature limit lets it.
+    /// Returns true if the heading changes between two samples no more than the curvature limit allows.
     fn goes_on(&self, before: &Place, place: &Place) -> bool {
         let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
         let turn = (before.cos * place.sin - before.sin * place.cos).abs();
@@ -361,7 +364,7 @@ impl Checks<'_> {
         limits.road.keeps(body, needed_m)
     }
 
-    /// An instant from 0 to `end_s` at which the clearance is not kept, if there is one.
+    /// An instant from 0 to `end_s` at which the clearance is violated, if any.
     fn first_near(
         &self,
         line: &Line,
@@ -377,7 +380,7 @@ impl Checks<'_> {
         };
         let lever_m =
             self.shape.center_ahead_m().abs() + 0.5 * math::hypot(self.shape.length_m, self.shape.width_m);
-        // The looks may have missed a little of the peak between them.
+        // The samples may miss a little of the peak between them.
         let travel_m = 1.05 * end_s * (peaks.speed_mps + 0.1 + lever_m * peaks.yaw_rate_radps);
         let near = self.obstacles.first_near(&mut place, travel_m, clearance_m);
         let exactly = |place| self.closely_near(place, 0.0, 1.0, travel_m, clearance_m + EXACT_M);
@@ -385,8 +388,8 @@ impl Checks<'_> {
         near.map(|u| u * end_s)
     }
 
-    /// A place of the stretch that does not keep `limit_m` to what stands: as [`Obstacles::first_near`], looked at more
-    /// closely where it is near.
+    /// A place in the interval that does not keep `limit_m` to static obstacles: as [`Obstacles::first_near`], with
+    /// finer sampling near obstacles.
     fn closely_near(
         &self,
         place: &mut dyn FnMut(f64) -> (Solid, Time),
@@ -408,26 +411,26 @@ impl Checks<'_> {
     }
 }
 
-/// One look at a motion.
+/// One sample of a motion.
 #[derive(Clone, Copy)]
 struct Look<'a> {
     before: &'a Place,
     place: &'a Place,
-    /// The outline at that place.
+    /// Outline at `place`.
     body: &'a Solid,
-    /// Share of what the start is off the limits that is still granted.
+    /// Fraction of the start's limit violation that is still tolerated.
     share: f64,
-    /// Time since the look before, seconds.
+    /// Time since the previous sample, seconds.
     step_s: f64,
 }
 
-/// Accelerations in the map at the last two looks, m/s².
+/// Accelerations in the map at the last two samples, m/s².
 #[derive(Default)]
 struct Total([Option<f64>; 2]);
 
 impl Total {
-    /// The largest acceleration up to this look since the one before the last: of the parabola through all three where
-    /// the middle one is the largest.
+    /// Peak acceleration up to this sample: the vertex of the parabola through the last three samples if the middle one
+    /// is the largest, otherwise `now`.
     fn peak(&mut self, now: f64) -> f64 {
         let [before, last] = self.0;
         self.0 = [last, Some(now)];
@@ -439,14 +442,14 @@ impl Total {
     }
 }
 
-/// Peaks over the looks at a motion.
+/// Peaks over the samples of a motion.
 #[derive(Default)]
 struct Peaks {
     speed_mps: f64,
     yaw_rate_radps: f64,
 }
 
-/// How far the start itself is off the limits: what a motion from it cannot be blamed for.
+/// Limit violations of the start itself, which are tolerated in motions from it.
 #[derive(Clone, Copy, Debug)]
 struct Grace {
     curvature_1pm: f64,

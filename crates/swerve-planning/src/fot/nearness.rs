@@ -5,19 +5,19 @@ use swerve_geom::simd::widest;
 
 use crate::collision::Obstacles;
 
-/// Samples are looked at so many at a time.
+/// Number of samples processed together.
 const LANES: usize = 4;
 
-/// Corners of all boxes grown by the clearance: box x sample, rounded up to whole lanes, x corner (those of as many
-/// samples as there are lanes beside each other).
+/// Corners of all boxes grown by the clearance: box x sample, rounded up to whole lanes, x corner (with the corners of
+/// [`LANES`] samples side by side).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Corners {
     lanes: Vec<Lanes>,
-    /// Lanes of one box.
+    /// Number of lanes of one box.
     per_box: usize,
 }
 
-/// The corners of a box at a few samples: x and y of each.
+/// Corners of a box at a few samples: x and y of each.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lanes {
     x: [[f64; LANES]; 4],
@@ -25,7 +25,7 @@ struct Lanes {
 }
 
 impl Corners {
-    /// From all obstacles at the samples.
+    /// Sets the corners of all obstacles at the samples.
     pub(super) fn set(&mut self, obstacles: &Obstacles, at: Time, clearance_m: f64, samples_s: &[f64]) {
         self.per_box = samples_s.len().div_ceil(LANES);
         self.lanes.clear();
@@ -51,32 +51,32 @@ impl Corners {
         }
     }
 
-    /// Whether there is nothing to be near to.
+    /// Returns true if there are no obstacles.
     pub(super) fn is_empty(&self) -> bool {
         self.lanes.is_empty()
     }
 }
 
-/// Positions at the samples of a motion, in whole lanes; what is beyond the last sample does not count.
+/// Positions at the samples of a motion, in whole lanes; values beyond the last sample are ignored.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Points {
     lanes: Vec<[[f64; LANES]; 2]>,
 }
 
-/// Where the line is at the samples of a motion, and its normal there.
+/// Position of the line at the samples of a motion, and its normal there.
 #[derive(Clone, Copy)]
 pub(super) struct Beside<'a> {
     pub(super) x: &'a [f64],
     pub(super) y: &'a [f64],
     pub(super) normal_x: &'a [f64],
     pub(super) normal_y: &'a [f64],
-    /// Offset of the motion to end offset 0, and how much of the end offset is added.
+    /// Offset of the motion to end offset 0, and its derivative by the end offset.
     pub(super) base_m: &'a [f64],
     pub(super) basis: &'a [f64],
 }
 
 impl Points {
-    /// The motion beside the line that ends at offset `end_m`.
+    /// Sets the motion beside the line that ends at offset `end_m`.
     #[inline(always)]
     fn set(&mut self, beside: &Beside<'_>, end_m: f64) {
         let Beside { x, y, normal_x, normal_y, base_m, basis } = *beside;
@@ -102,9 +102,9 @@ impl Points {
     }
 }
 
-/// Sum over samples and boxes of 1 / distance to the nearest corner, of the motions beside the line that end at the offsets
-/// `ends_m`: where these are the same exactly, else a number that no motion between them is below, as each corner counts
-/// as far as the further end. Ends after a box where `is_enough` says so of the sum by then.
+/// Sum over samples and boxes of 1 / distance to the nearest corner, for the motions beside the line that end at the
+/// offsets `ends_m`: exact if both are the same, otherwise a lower bound for all motions between them, as each corner
+/// counts at the distance of the further end. Stops after a box once `is_enough` returns true for the partial sum.
 pub(super) fn sum_nearness(
     corners: &Corners,
     beside: &Beside<'_>,
@@ -148,7 +148,7 @@ fn squared(x: &[f64; LANES], y: &[f64; LANES], [px, py]: &[[f64; LANES]; 2]) -> 
     })
 }
 
-/// The sum for squared distances of a corner by its place and the lanes' number.
+/// Sum for squared distances, given a corner's coordinates and the lane number.
 #[inline(always)]
 fn sum(
     (corners, n): (&Corners, usize),
@@ -163,7 +163,7 @@ fn sum(
                 let squared = squared(x, y, l);
                 near = core::array::from_fn(|i| if squared[i] < near[i] { squared[i] } else { near[i] });
             }
-            // Many at a time; the sum keeps its order.
+            // Several at a time; the order of summation is unchanged.
             let nearness: [f64; LANES] = core::array::from_fn(|i| 1.0 / near[i].sqrt());
             for one in &nearness[..LANES.min(n - l * LANES)] {
                 total += one;
@@ -184,9 +184,9 @@ mod tests {
     use crate::collision::{CollisionMode, Solid};
     use crate::testing::World;
 
-    /// Of stretches and of single motions.
+    /// For ranges and for single motions.
     #[test]
-    fn the_sum_is_the_plain_one_to_the_bit() {
+    fn nearness_matches_the_direct_sum_to_the_bit() {
         let world =
             World::straight(10.0).with_person((20.0, 4.0), (0.0, -2.0)).with_person((9.0, -3.0), (0.7, 0.3));
         let obstacles = Obstacles::new(&world.predictions, CollisionMode::TimeIndexed);

@@ -6,57 +6,58 @@ use swerve_core::param::{ParamError, require, require_all_within};
 
 use crate::collision::CollisionMode;
 
-/// Most candidates that a lattice may have.
+/// Largest number of candidates of a lattice.
 const CANDIDATES_MAX: f64 = 5e6;
 
-/// Largest weight of a cost.
+/// Largest weight of a cost term.
 pub(crate) const WEIGHT_MAX: f64 = 1e6;
 
-/// Parameters; the defaults are those of the paper's person-avoidance experiment (Pylot,
+/// Parameters of the Frenet planner; the defaults are those of the paper's person-avoidance experiment (Pylot,
 /// `person_avoidance_frenet_*`), with left and right in our right-handed frame.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// How predicted motion is taken. Source: ours; Pylot's is `swept_static`.
+    /// Treatment of predicted motion in the collision check. Source: ours; Pylot's is `swept_static`.
     pub collision: CollisionMode,
-    /// Obstacles that never come within this of the start are left out, metres. Source: Pylot (50).
+    /// Obstacles that never come within this distance of the start are ignored, metres. Source: Pylot (50).
     pub obstacle_range_m: f64,
     /// Largest speed along the line, m/s. Source: Pylot (35).
     pub max_speed_mps: f64,
-    /// Largest acceleration along the line either way, m/s²; the vehicle's limits are kept too. Source: Pylot (10).
+    /// Largest acceleration and deceleration along the line, m/s²; the vehicle's limits apply as well. Source: Pylot
+    /// (10).
     pub max_accel_mps2: f64,
-    /// Largest curvature, 1/m; the vehicle's limit is kept too. Source: Pylot (4).
+    /// Largest curvature, 1/m; the vehicle's limit applies as well. Source: Pylot (4).
     pub max_curvature_1pm: f64,
-    /// Lateral samples reach this far to the left, metres. Source: Pylot (6).
+    /// Largest lateral sample to the left, metres. Source: Pylot (6).
     pub left_m: f64,
-    /// Lateral samples reach this far to the right, metres. Source: Pylot (1).
+    /// Largest lateral sample to the right, metres. Source: Pylot (1).
     pub right_m: f64,
-    /// Distance of lateral samples, metres. Source: the paper (0.5 fast, 0.1 slow).
+    /// Spacing of lateral samples, metres. Source: the paper (0.5 fast, 0.1 slow).
     pub lateral_step_m: f64,
-    /// Distance of samples in time and of end times, seconds. Source: the paper (0.3 fast, 0.1 slow).
+    /// Spacing of time samples and end times, seconds. Source: the paper (0.3 fast, 0.1 slow).
     pub time_step_s: f64,
     /// Earliest end time, seconds. Source: Pylot (2).
     pub horizon_min_s: f64,
     /// Latest end time, seconds. Source: Pylot (5).
     pub horizon_max_s: f64,
-    /// Distance of end speeds, m/s. Source: Pylot (0.25).
+    /// Spacing of end speeds, m/s. Source: Pylot (0.25).
     pub speed_step_mps: f64,
-    /// End speeds on either side of the target. Source: Pylot (2).
+    /// Number of end speeds on either side of the target speed. Source: Pylot (2).
     pub speed_steps: u32,
-    /// Where no candidate is valid, this many end speeds from standstill up are looked at too. Source: ours: braking and swerving at once.
+    /// Number of end speeds from standstill up that are also tried if no candidate is valid. Source: ours: braking and
+    /// swerving at once.
     pub slower_speeds: u32,
-    /// Where nothing at about the target speed is valid, the ego stops or follows this far behind what is in
-    /// its way, metres; 0: not at all. Source: ours; stopping and following are Werling 2010,
-    /// section V.
+    /// If no candidate at about the target speed is valid, the ego stops or follows at this distance behind the
+    /// obstacle in its way, metres; 0 disables this. Source: ours; stopping and following are Werling 2010, section V.
     pub follow_gap_m: f64,
-    /// Added to the gap per speed of what is followed, seconds. Source: ours.
+    /// Time gap to the obstacle followed, added to `follow_gap_m`, seconds. Source: ours.
     pub follow_time_s: f64,
     /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
     pub clearance_m: f64,
     /// Distance to keep from the edge of the drivable ground, metres. Source: ours.
     pub road_margin_m: f64,
-    /// The plan goes on along the line for this long after its end time, checked as the rest, seconds.
-    /// Source: ours: the next plan may come late or not at all.
+    /// The plan continues along the line for this long after its end time and is checked there as well, seconds.
+    /// Source: ours: the next plan may be late or missing.
     pub tail_s: f64,
     /// Weight of lateral offset and of end speed deviation (`kd`). Source: Pylot (1).
     pub weight_offset: f64,
@@ -121,12 +122,12 @@ impl Params {
         Self { lateral_step_m: 0.1, time_step_s: 0.1, ..Self::fast() }
     }
 
-    /// Number of candidates of the lattice, as counted by division.
+    /// Number of candidates of the lattice, computed by division.
     fn candidates(&self) -> f64 {
         let lateral = ((self.left_m + self.right_m) / self.lateral_step_m).floor() + 1.0;
         let times = ((self.horizon_max_s - self.horizon_min_s) / self.time_step_s).floor() + 1.0;
         let speeds = (2.0 * f64::from(self.speed_steps) + 1.0).max(f64::from(self.slower_speeds));
-        // Following takes every sample as an end time, with one place each and the start's offset too.
+        // Following uses every sample as an end time, with one target place each, and adds the start's offset.
         let follows = (lateral + 1.0) * (self.horizon_max_s / self.time_step_s);
         (lateral * times * speeds).max(follows)
     }

@@ -1,7 +1,7 @@
-//! The polynomials that are optimal in squared jerk (Werling 2010, sections IV and V).
+//! Polynomials of minimum squared jerk (Werling 2010, sections IV and V).
 
-/// `x(t)` of degree five between two full states (position, velocity and acceleration at both ends), or of
-/// degree four where the end position is free.
+/// `x(t)` of degree five between two full states (position, velocity and acceleration at both ends), or of degree four
+/// with a free end position.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(crate) struct Quintic([f64; 6]);
 
@@ -15,10 +15,10 @@ pub(crate) struct Jet {
 }
 
 impl Quintic {
-    /// From `from` = (x, v, a) at 0 to `to` at `t > 0`: closed form of the 3 x 3 system of the end state.
+    /// Polynomial from `from` = (x, v, a) at 0 to `to` at `t > 0`: closed form of the 3 x 3 system of the end state.
     pub(crate) fn new(from: [f64; 3], to: [f64; 3], t: f64) -> Self {
         let [x0, v0, a0] = from;
-        // What constant acceleration leaves to do, in units of the duration.
+        // Difference from constant acceleration, in units of the duration.
         let dx = to[0] - (x0 + v0 * t + 0.5 * a0 * t * t);
         let dv = (to[1] - (v0 + a0 * t)) * t;
         let da = (to[2] - a0) * t * t;
@@ -33,7 +33,8 @@ impl Quintic {
         ])
     }
 
-    /// From `from` = (x, v, a) at 0 to velocity and acceleration `to` = (v, a) at `t > 0`, wherever that is.
+    /// Polynomial from `from` = (x, v, a) at 0 to velocity and acceleration `to` = (v, a) at `t > 0`, with a free end
+    /// position.
     pub(crate) fn to_velocity(from: [f64; 3], to: [f64; 2], t: f64) -> Self {
         let [x0, v0, a0] = from;
         let dv = to[0] - (v0 + a0 * t);
@@ -61,7 +62,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn both_ends_are_met(
+        fn quintic_meets_both_end_states(
             x in -9.0..9.0, v in -9.0..9.0, a in -9.0..9.0,
             to_x in -9.0..9.0, to_v in -9.0..9.0, to_a in -9.0..9.0, t in 0.5..8.0,
         ) {
@@ -77,7 +78,7 @@ mod tests {
         }
 
         #[test]
-        fn derivatives_are_derivatives(a in -9.0..9.0, to in -9.0..9.0, at in 0.1..1.9) {
+        fn quintic_derivatives_match_finite_differences(a in -9.0..9.0, to in -9.0..9.0, at in 0.1..1.9) {
             let five = Quintic::new([1.0, -2.0, a], [to, 0.5, 0.0], 2.0);
             let (low, mid, high) = (five.at(at - 1e-5), five.at(at), five.at(at + 1e-5));
             prop_assert!(((high.x - low.x) / 2e-5 - mid.v).abs() < 1e-4);

@@ -1,15 +1,15 @@
-//! The cheapest valid candidate, without looking at most of them.
+//! Finds the cheapest valid candidate while evaluating only a few of them.
 //!
-//! The cost of a candidate is a lateral part of (end offset, end time), a longitudinal part of (end speed,
-//! end time), both sums over time samples as in the original, and nearness to obstacles, which couples
-//! them. The first two are tables (lateral motion is linear in the end offset, so each sample's share is
-//! computed for all offsets at once). Nearness is bounded from below for whole ranges of offsets: at a
-//! sample all motions of a range lie on a stretch across the line, and no place on a stretch is further from
-//! a point than the further of its two ends. Ranges are taken from a heap by their bound and halved until
-//! single candidates come out in the order of their exact cost; the first that holds all limits is the
-//! answer, the same as that of looking at all of them.
+//! The cost of a candidate has a lateral part of (end offset, end time), a longitudinal part of (end speed, end time),
+//! both sums over time samples as in the original, and nearness to obstacles, which couples them. The first two are
+//! tables (lateral motion is linear in the end offset, so each sample's contribution is computed for all offsets at
+//! once). Nearness is bounded from below for whole ranges of offsets: at a sample, all motions of a range lie on a
+//! segment across the line, and no point of a segment is further from a given point than the further of its two ends.
+//! Ranges are taken from a heap by their bound and halved until single candidates come out in the order of their exact
+//! cost; the first that satisfies all limits is the result, identical to that of an exhaustive search.
 //!
-//! Where many fail they mostly do so at the same place, before a wall: that is looked at before a cost is computed.
+//! If many candidates fail, they mostly fail at the same place, before a wall: that place is checked before a cost is
+//! computed.
 
 mod entry;
 mod exhaustive;
@@ -32,58 +32,58 @@ use crate::request::{Budget, Progress};
 /// Ranges of at most this many offsets are evaluated one by one.
 const LEAVES: u32 = 3;
 
-/// Bounds are lowered by this share, so that rounding never puts one above what it bounds.
+/// Bounds are lowered by this factor, so that rounding never raises a bound above the exact cost.
 const BOUND_SLACK: f64 = 1e-9;
 
-/// After so many failures all candidates are looked at for failing at the same place.
+/// After this many failures all candidates are checked for failing at the same place.
 const FAILURES: u32 = 32;
 
-/// A posed search.
+/// Input of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// Limits and weights.
     pub params: &'a Params,
     /// The reference line.
     pub line: &'a Line,
-    /// Samples beyond this arc length do not exist; infinite: the line goes on.
+    /// Samples beyond this arc length are ignored, metres; infinite: the line continues.
     pub cut_m: f64,
-    /// Where the ego starts.
+    /// Start state of the ego.
     pub start: FrenetState,
-    /// Speed to aim for, m/s.
+    /// Target speed, m/s.
     pub target_mps: f64,
-    /// Conditions that the answer keeps.
+    /// Conditions on the result.
     pub checks: Checks<'a>,
 }
 
-/// The search with its storage, which is kept from call to call.
+/// The search, with storage that is reused between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Search {
-    /// Row of lateral motions x end offset.
+    /// Lateral cost by row of lateral motions and end offset.
     lateral_cost: Vec<f64>,
-    /// Row x sample: offset of the motion to end offset 0, and how much of the end offset is added.
+    /// By row and sample: offset of the motion to end offset 0, and its derivative by the end offset.
     base_m: Vec<f64>,
     basis: Vec<f64>,
-    /// Whether lateral motions have a row for each pair of end time and speed, or for each end time.
+    /// True if lateral motions have a row for each pair of end time and speed; false if for each end time.
     rows_of_pairs: bool,
-    /// End time x end speed.
+    /// Longitudinal motions by end time and end speed.
     lons: Vec<Lon>,
-    /// Row: the least of the lateral costs.
+    /// Smallest lateral cost by row.
     least_lateral: Vec<f64>,
     arena: Arena,
     corners: Corners,
     heap: BinaryHeap<Entry>,
-    /// Those above the cost at which the search expects to end.
+    /// Entries above the cost at which the search is expected to end.
     later: Vec<Entry>,
-    /// The two ends of a range.
+    /// Motions at the two ends of a range.
     ends: [Points; 2],
-    /// Pair x end offset: how many candidates before this one may hold; empty as long as that is not known.
+    /// By pair and end offset: number of earlier candidates that may be valid; empty until that is known.
     alive_before: Vec<u32>,
 }
 
 impl Search {
-    /// The cheapest valid candidate of `lattice`, as [`exhaustive`](Self::exhaustive) would find it.
+    /// The cheapest valid candidate of `lattice`, identical to the result of [`exhaustive`](Self::exhaustive).
     ///
-    /// With a budget every candidate whose whole cost is computed counts as one unit.
+    /// With a budget, each candidate whose total cost is computed counts as one unit.
     pub fn run(
         &mut self,
         task: &Task<'_>,
@@ -94,7 +94,7 @@ impl Search {
         self.best_first(task, lattice, (budget, spent), f64::INFINITY, &mut TaskChecks::new(task))
     }
 
-    /// The same where a candidate of this cost is known to be valid: dearer ones are left for the case that it is not.
+    /// As [`run`](Self::run), given the cost of a candidate known to be valid: more expensive ones are deferred.
     pub(super) fn run_below(
         &mut self,
         task: &Task<'_>,
@@ -106,7 +106,7 @@ impl Search {
         self.best_first(task, lattice, (Some(budget), spent), known_cost, &mut TaskChecks::new(task))
     }
 
-    /// The cheapest candidate that `judge` lets pass, in the place of the task's checks.
+    /// The cheapest candidate that passes `judge` instead of the task's checks.
     pub fn run_where(
         &mut self,
         task: &Task<'_>,
@@ -169,7 +169,7 @@ impl Search {
         }
     }
 
-    /// Takes up what was left for later.
+    /// Moves the deferred entries to the heap.
     fn take_up_later(&mut self, task: &Task<'_>, lattice: &Lattice) {
         let mut later = core::mem::take(&mut self.later);
         for entry in later.drain(..) {
@@ -179,7 +179,7 @@ impl Search {
         self.later = later;
     }
 
-    /// Fills the tables and puts one range for each valid pair on the heap.
+    /// Fills the tables and pushes one range for each valid pair onto the heap.
     fn prepare(&mut self, task: &Task<'_>, lattice: &Lattice, known_cost: f64) {
         self.corners.set(task.checks.obstacles, task.checks.at, task.params.clearance_m, &lattice.samples_s);
         self.longitudinal(task, lattice);
@@ -201,7 +201,7 @@ impl Search {
         self.heap = entries.into();
     }
 
-    /// Lateral cost of all rows and offsets (sums of absolute values over the samples).
+    /// Computes the lateral cost of all rows and offsets (sums of absolute values over the samples).
     fn lateral(&mut self, task: &Task<'_>, lattice: &Lattice) {
         let (n, offsets, p) = (lattice.samples_s.len(), lattice.d_m.len(), task.params);
         self.rows_of_pairs = task.start.d_by_s.is_some();
@@ -245,7 +245,7 @@ impl Search {
         }
     }
 
-    /// Longitudinal motion, cost and limits of all pairs.
+    /// Computes longitudinal motion, cost and limits of all pairs.
     fn longitudinal(&mut self, task: &Task<'_>, lattice: &Lattice) {
         self.lons.clear();
         self.arena.x.clear();
@@ -268,7 +268,7 @@ impl Search {
         }
     }
 
-    /// Takes in a pair with its cost; `off` is how far off its aim it ends, from the speed at its last sample.
+    /// Adds a pair with its cost; `off` returns the deviation from its target, given the speed at its last sample.
     fn push_lon(
         &mut self,
         task: &Task<'_>,
@@ -278,7 +278,7 @@ impl Search {
         off: impl Fn(f64) -> f64,
     ) {
         let p = task.params;
-        // A driven ego that is too fast already slows down.
+        // In driven plans, an ego that is too fast already slows down.
         let is_driven = task.checks.drivable.is_some();
         let fastest_mps = p.max_speed_mps.max(if is_driven { OVERSPEED * task.start.s[1] } else { 0.0 });
         let (mut accel, mut jerk, mut last_mps) = (0.0, 0.0, 0.0);
@@ -304,24 +304,24 @@ impl Search {
         entry.lon as usize / lattice.speeds()
     }
 
-    /// The row of the lateral motions of a pair.
+    /// Row of the lateral motions of a pair.
     fn row(&self, lattice: &Lattice, lon: usize) -> usize {
         if self.rows_of_pairs { lon } else { lon / lattice.speeds() }
     }
 
-    /// The least lateral cost of the range with the longitudinal cost: a bound without obstacles.
+    /// Smallest lateral cost of the range plus the longitudinal cost: a bound without obstacles.
     fn smooth_cost(&self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
         let row = self.row(lattice, entry.lon as usize) * lattice.d_m.len();
         let costs = &self.lateral_cost[row + entry.low as usize..=row + entry.high as usize];
         smooth(task.params, least(costs), self.lons[entry.lon as usize].cost)
     }
 
-    /// Exact cost of a single candidate; of a range a number no candidate in it is below.
+    /// Exact cost of a single candidate; for a range, a lower bound of its candidates' costs.
     fn cost(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry) -> f64 {
         self.cost_until(task, lattice, entry, |_| false)
     }
 
-    /// The same, or less where `is_enough` says of what is summed up by then that it is.
+    /// As [`cost`](Self::cost), or a partial sum once `is_enough` returns true for it.
     fn cost_until(
         &mut self,
         task: &Task<'_>,
@@ -334,12 +334,12 @@ impl Search {
         if weight == 0.0 || self.corners.is_empty() || is_enough(smooth) {
             return smooth;
         }
-        // Sums of what is not below zero: rounded, too, they only grow.
+        // Sums of non-negative terms: even with rounding they never decrease.
         let until = |nearness: f64| is_enough(smooth + weight * nearness);
         smooth + weight * self.nearness(task, lattice, entry, until)
     }
 
-    /// A number that no candidate of the range is below; `None` where all are dearer than `known_cost`.
+    /// Lower bound of the costs in the range; `None` if all exceed `known_cost`.
     fn bound(&mut self, task: &Task<'_>, lattice: &Lattice, entry: &Entry, known_cost: f64) -> Option<f64> {
         let bound = |cost: f64| cost * (1.0 - BOUND_SLACK);
         let cost = self.cost_until(task, lattice, entry, |cost| bound(cost) > known_cost);
@@ -351,7 +351,7 @@ impl Search {
         let middle = entry.low + (entry.high - entry.low) / 2;
         for (low, high) in [(entry.low, middle), (middle + 1, entry.high)] {
             let half = Entry { low, high, ..*entry };
-            // What will be evaluated one by one anyway needs no bound of its own beyond its parent's.
+            // Ranges that will be evaluated one by one use their parent's bound.
             if high - low < LEAVES {
                 self.heap.push(half);
                 continue;
@@ -363,7 +363,7 @@ impl Search {
         }
     }
 
-    /// Notes which candidates are not sure to fail.
+    /// Records which candidates do not certainly fail.
     fn look_at_all(&mut self, task: &Task<'_>, lattice: &Lattice, judge: &mut impl Judge) {
         let mut alive = 0;
         self.alive_before.push(alive);
@@ -377,7 +377,7 @@ impl Search {
         }
     }
 
-    /// Whether some candidate of the range is not sure to fail.
+    /// Returns true if some candidate of the range does not certainly fail.
     fn may_hold(&self, lattice: &Lattice, entry: &Entry) -> bool {
         let first = entry.lon as usize * lattice.d_m.len();
         let [low, behind] =
@@ -418,8 +418,8 @@ impl Search {
         }
     }
 
-    /// Sum over samples and boxes of 1 / distance to the nearest corner: exact for a single candidate, a
-    /// lower bound for a range; less where `is_enough` says so of what is summed up by then.
+    /// Sum over samples and boxes of 1 / distance to the nearest corner: exact for a single candidate, a lower bound
+    /// for a range; a partial sum once `is_enough` returns true for it.
     fn nearness(
         &mut self,
         task: &Task<'_>,
@@ -442,7 +442,7 @@ impl Search {
         sum_nearness(&self.corners, &beside, ends_m, &mut self.ends, is_enough)
     }
 
-    /// Computes where the line is at the samples of a pair, once.
+    /// Computes the line at the samples of a pair, once.
     fn place(&mut self, task: &Task<'_>, lattice: &Lattice, lon: usize) {
         if self.lons[lon].places != NONE {
             return;
@@ -459,7 +459,7 @@ impl Search {
     }
 }
 
-/// The cost of the parts that do not depend on obstacles.
+/// Cost without nearness to obstacles.
 fn smooth(params: &Params, lateral: f64, longitudinal: f64) -> f64 {
     params.weight_lateral * lateral + params.weight_longitudinal * longitudinal
 }

@@ -12,18 +12,18 @@ fn conforms() {
 }
 
 #[test]
-fn yields_to_pedestrians_who_may_stop() {
+fn fot_yields_to_pedestrians_that_may_stop() {
     yields_to_pedestrians(&|collision| Fot::new(Params { collision, ..Params::default() }).unwrap());
 }
 
 #[test]
-fn keeps_its_lane_before_oncoming_traffic() {
+fn fot_keeps_its_lane_before_oncoming_traffic() {
     keeps_its_lane(&|| Fot::new(Params::fast()).unwrap());
 }
 
-/// A stop within a few samples must not ask for more than the brakes give between them.
+/// A stop within a few samples must not exceed the brakes between samples.
 #[test]
-fn stops_that_are_too_near_are_not_found() {
+fn infeasible_stops_are_not_found() {
     for ahead_m in 8..40 {
         let mut world = World::straight(15.0);
         for y in [-1.5, 1.0, 3.5, 6.0] {
@@ -54,8 +54,8 @@ fn a_free_road_is_driven_straight() {
     assert!(plan.points.iter().all(|p| p.pose.y_m.abs() < 1e-9 && p.pose.heading_rad.abs() < 1e-9));
 }
 
-/// A person walks off the lane to the right and is gone when the ego comes; all her places at once are in
-/// the way of every path on the road.
+/// A person walks off the lane to the right and is gone when the ego arrives; all her places at once block every path
+/// on the road.
 #[test]
 fn a_person_is_passed_behind_in_time() {
     let world = World::straight(14.0).with_person((26.0, 3.0), (0.0, -3.0));
@@ -69,15 +69,15 @@ fn a_person_is_passed_behind_in_time() {
 }
 
 #[test]
-fn few_candidates_are_looked_at() {
+fn few_candidates_are_evaluated() {
     let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
     let plan = plan(&world, Params::slow());
     assert!(plan.work > 0 && plan.work < 3_000, "{}", plan.work);
 }
 
-/// A budget that ends early gives a path from the coarse part, no cheaper than the whole answer.
+/// A budget that ends early gives a path from the coarse lattice, no cheaper than the full result.
 #[test]
-fn the_best_so_far_comes_when_the_budget_ends() {
+fn best_candidate_so_far_is_returned_when_the_budget_ends() {
     let world = World::straight(16.0).with_person((25.0, 0.5), (0.0, 0.0));
     let mut planner = Fot::new(Params::slow()).unwrap();
     let whole = planner.plan(&world.request(), &mut Unlimited::default());
@@ -92,10 +92,9 @@ fn the_best_so_far_comes_when_the_budget_ends() {
     assert!(found > 0, "of {} units", whole.work);
 }
 
-/// The person behind the truck: a street along x with y from -2 to 6, a truck at (110, 4), a person at
-/// (117, 4.5) who walks 2.75 m/s towards -y once the ego's centre is within 26 m, seen from 20 m on.
-/// The ego follows its plans exactly; each plan begins `delay_ms` after what it is made from.
-/// Smallest distance to truck and person.
+/// The person behind the truck: a street along x with y from -2 to 6, a truck at (110, 4), a person at (117, 4.5) who
+/// walks 2.75 m/s towards -y once the ego's centre is within 26 m, seen from 20 m on. The ego follows its plans
+/// exactly; each plan begins `delay_ms` after its input. Returns the smallest distance to truck and person.
 fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
     let line: Vec<Point2> = (0..260).map(|x| Point2::new(f64::from(x), 0.0)).collect();
     let route = Route::uniform(Polyline::new(&line).unwrap(), 6.0, 2.0);
@@ -165,7 +164,7 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
             seed: 0,
         };
         let next = planner.plan(&request, &mut Unlimited::default());
-        // Until the new plan begins the old one goes on.
+        // Until the new plan begins, the old one continues.
         let mut points: Vec<PlanPoint> =
             previous.iter().flat_map(|p| p.points.iter().copied()).filter(|p| p.at < start.stamp).collect();
         points.extend(&next.points);
@@ -175,17 +174,17 @@ fn person_behind_truck(speed_mps: f64, params: Params, delay_ms: i64) -> f64 {
 }
 
 #[test]
-fn the_person_behind_the_truck_is_avoided_when_there_is_time() {
+fn person_behind_the_truck_is_avoided_if_there_is_time() {
     for speed_mps in [16.0, 18.0, 20.0, 22.0] {
         let least_m = person_behind_truck(speed_mps, Params::fast(), 20);
         assert!(least_m > 0.1, "{speed_mps} m/s: {least_m}");
     }
-    // With most of a second gone before a plan acts there is nothing to be done at 16 m/s.
+    // With most of a second lost before a plan takes effect, a collision at 16 m/s is unavoidable.
     assert_eq!(person_behind_truck(16.0, Params::fast(), 900), 0.0);
 }
 
-/// Speeds and the last pose of an ego that follows its plans exactly, each made every 50 ms in a world that the
-/// given time changes.
+/// Speeds and last pose of an ego that follows its plans exactly, with a new plan every 50 ms in a world that depends
+/// on time.
 fn driven(
     from_mps: f64,
     target_mps: f64,
@@ -268,7 +267,7 @@ fn slow_traffic_is_followed_at_its_speed_and_distance() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
     #[test]
-    fn places_to_be_at_are_searched_as_by_looking_at_everything(
+    fn target_places_are_searched_like_exhaustively(
         speed in 0.0..20.0, offset in -0.5..1.0, ahead in 8.0..60.0, across in -1.5..1.5,
     ) {
         let mut world = World::straight(speed).with(ActorKind::Car, (4.0, 2.0), (ahead, across), (0.5, 0.0));
@@ -293,7 +292,7 @@ proptest! {
     }
 }
 
-/// Largest speed and acceleration of a motion through points at equal times, by differences: m/s, m/s².
+/// Largest speed and acceleration of a motion through equidistant points, by finite differences: m/s, m/s².
 fn moved(plan: &Plan) -> [f64; 2] {
     let points = &plan.points;
     let dt_s = (points[1].at - points[0].at).as_secs();
@@ -321,10 +320,10 @@ proptest! {
         }
     }
 
-    /// From rest the motion leaves in the ego's direction with the curvature of its wheels, and its heading and curvature
-    /// go on without a leap.
+    /// From rest the motion starts in the ego's direction with the curvature of its wheels, and its heading and
+    /// curvature are continuous.
     #[test]
-    fn a_motion_from_rest_begins_as_the_ego_stands(
+    fn motion_from_rest_starts_in_the_ego_state(
         offset in -0.9..0.9, heading in -0.2..0.2, steering in -0.1..0.1, bent in 0..2,
     ) {
         let mut world = if bent == 1 { World::bend(20.0, 0.0) } else { World::straight(0.0) };

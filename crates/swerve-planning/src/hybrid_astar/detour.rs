@@ -1,4 +1,4 @@
-//! How far it is to the goal around the obstacles, for a point on a grid.
+//! Distance to the goal around the obstacles, for a point on a grid.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -10,10 +10,10 @@ use crate::path::ground::{Ground, Outline};
 /// Side of a cell, metres.
 const CELL_M: f64 = 1.0;
 
-/// A way over the eight neighbours is at most this much longer than the straight one: 1 / cos(22.5 degrees).
+/// Largest ratio of a path over the eight neighbours to the straight one: 1 / cos(22.5 degrees).
 const OCTILE: f64 = 1.082_392_200_292_394;
 
-/// Cells at most on a side; beyond, the grid says nothing.
+/// Largest number of cells per side; beyond it the grid gives no estimate.
 const SIDE_MAX: usize = 256;
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -33,11 +33,11 @@ impl Ord for Open {
     }
 }
 
-/// Dijkstra's algorithm from the goal outwards, as far as it has been asked for.
+/// Dijkstra's algorithm from the goal outwards, expanded on demand.
 ///
-/// The thing that moves is the disc inside the car around the planned point: where it does not fit, no pose of the
-/// car does. Only for obstacles that stand. The estimate is below the way of that disc on the grid; cell centres stand for their cells, so
-/// it may exceed the real one by up to a cell's side.
+/// The moving body is the disc inscribed in the car around the planned point: where it does not fit, no pose of the car
+/// does. Only for static obstacles. The estimate is a lower bound of that disc's path on the grid; as cells are
+/// represented by their centres, it may exceed the true length by up to a cell's side.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Detour {
     x_m: f64,
@@ -50,7 +50,7 @@ pub(crate) struct Detour {
 }
 
 impl Detour {
-    /// Forgets everything and starts at `goal`; unless `wanted`, every estimate will be zero.
+    /// Resets the search to start at `goal`; unless `wanted`, every estimate is zero.
     pub(crate) fn begin(&mut self, goal: Point2, bounds: [f64; 4], wanted: bool) {
         let side = |length: f64| (length / CELL_M).ceil() as usize + 1;
         (self.x_m, self.y_m) = (bounds[0], bounds[1]);
@@ -70,7 +70,7 @@ impl Detour {
         self.open.push(Open { length_m: 0.0, cell });
     }
 
-    /// Lower estimate of the way from `point` to the goal, metres; infinite when there is none.
+    /// Lower bound of the distance from `point` to the goal, metres; infinite if there is no path.
     pub(crate) fn length_m(&mut self, ground: &Ground<'_>, point: Point2) -> f64 {
         if self.nx == 0 {
             return 0.0;
@@ -84,7 +84,7 @@ impl Detour {
             self.closed[cell] = true;
             self.reach(ground, cell, length_m);
         }
-        // Both ends may lie anywhere in their cells.
+        // Both ends may be anywhere in their cells.
         (self.length_m[wanted] / OCTILE - 2.0 * CELL_M).max(0.0)
     }
 
@@ -107,7 +107,7 @@ impl Detour {
         }
     }
 
-    /// Whether the disc fits somewhere around a cell's centre. Half the diagonal of the cell is forgiven.
+    /// Returns true if the disc fits somewhere around a cell's centre, with a tolerance of half the cell's diagonal.
     fn fits(&self, ground: &Ground<'_>, x: i64, y: i64) -> bool {
         let center = Point2::new(self.x_m + x as f64 * CELL_M, self.y_m + y as f64 * CELL_M);
         let need_m = ground.outline.half_width_m + ground.clearance_m - 0.71 * CELL_M;

@@ -1,8 +1,8 @@
-//! Motions that begin at every pose of the search.
+//! Motion primitives of the search.
 
 use crate::path::piece::Piece;
 
-/// Curvatures in units of the largest.
+/// Curvatures relative to the largest one.
 const SHARES: [f64; 5] = [0.0, 0.5, -0.5, 1.0, -1.0];
 
 /// Straight, half and full curvature to either side, each `step_m` long.

@@ -1,4 +1,4 @@
-//! The planner in the closed loop.
+//! Hybrid A* as a closed-loop planner.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,23 +15,23 @@ use crate::path::replanner::{PathSearch, Replanner, Settings, Task};
 use crate::path::shorten::Shortener;
 use crate::request::{Budget, Planner, Request};
 
-/// Settings of Hybrid A* in the closed loop. Turns are as tight as steering and lateral acceleration allow; there is no
-/// discretisation to choose. Source of all defaults: ours; range and distance of the goal are Pylot's.
+/// Parameters of Hybrid A* in the closed loop. Turns are as tight as steering and lateral acceleration allow; there is
+/// no discretisation to choose. Source of all defaults: ours; range and distance of the goal are Pylot's.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// How predicted motion enters the collision check.
+    /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
-    /// Expansions of one search at most; there may be further searches for other goals, three in all, and then with a
-    /// third of the expansions while braking or nearer to what is in the way, five in all.
+    /// Largest number of expansions of one search; up to three searches for different goals are made, and up to five in
+    /// all with a third of the expansions while braking or with less clearance.
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
-    /// Obstacles further away than this are not planned for, metres.
+    /// Obstacles further away than this are ignored, metres.
     pub obstacle_range_m: f64,
-    /// The goal lies at least this far ahead on the route, metres.
+    /// Smallest distance of the goal ahead on the route, metres.
     pub goal_ahead_m: f64,
-    /// And at least so many seconds ahead at the present speed.
+    /// Smallest distance of the goal ahead on the route as a travel time at the current speed, seconds.
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
     pub horizon_s: f64,
@@ -65,7 +65,7 @@ impl Params {
     }
 }
 
-/// Most expansions that may be asked for: they bound the memory.
+/// Largest allowed number of expansions: bounds the memory.
 const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// Hybrid A* as a motion planner.
@@ -76,7 +76,7 @@ pub struct HybridAstar {
     lattice: LatticeSearch,
 }
 
-/// The search with its memory.
+/// The search with its reusable storage.
 #[derive(Clone, Debug)]
 struct LatticeSearch {
     params: Params,
@@ -86,7 +86,7 @@ struct LatticeSearch {
 }
 
 impl HybridAstar {
-    /// With valid settings.
+    /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         let lattice = LatticeSearch {
@@ -98,7 +98,7 @@ impl HybridAstar {
         Ok(Self { params, replanner: Replanner::default(), lattice })
     }
 
-    /// The settings.
+    /// The parameters.
     pub fn params(&self) -> &Params {
         &self.params
     }
@@ -137,7 +137,7 @@ impl PathSearch for LatticeSearch {
             motions: &motions,
             arrival: Arrival::Exact,
             radius_m: task.radius_m,
-            // Narrow gaps need more places side by side; further attempts are there for them.
+            // Narrow gaps need more places side by side; later attempts provide them.
             cell_m: if task.thorough { 0.5 } else { 0.25 },
             cell_rad: step_m / task.radius_m,
             expansions_max: self.params.iterations_max / if task.thorough { 1 } else { 3 },
@@ -150,7 +150,7 @@ impl PathSearch for LatticeSearch {
             self.pieces.clear();
             self.pieces.extend_from_slice(pieces);
             self.shortener.shorten(ground, task.radius_m, task.start, pieces, step_m);
-            // Shortcuts arrive earlier than the way they replace: what follows them may meet something.
+            // Shortcuts arrive earlier than the path they replace: the part after them may now collide.
             if !ground.free_exactly(task.start, pieces) {
                 pieces.clear();
                 pieces.extend_from_slice(&self.pieces);
@@ -168,24 +168,24 @@ mod tests {
     use swerve_msg::PlanStatus;
 
     #[test]
-    fn holds_what_every_planner_must() {
+    fn hybrid_astar_conforms() {
         conformance(&|| HybridAstar::new(Params::default()).unwrap(), true);
     }
 
     #[test]
-    fn yields_to_pedestrians_who_may_stop() {
+    fn hybrid_astar_yields_to_pedestrians_that_may_stop() {
         yields_to_pedestrians(&|collision| {
             HybridAstar::new(Params { collision, ..Params::default() }).unwrap()
         });
     }
 
     #[test]
-    fn keeps_its_lane_before_oncoming_traffic() {
+    fn hybrid_astar_keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| HybridAstar::new(Params::default()).unwrap());
     }
 
     #[test]
-    fn swerves_around_a_person_and_back() {
+    fn hybrid_astar_swerves_around_a_person_and_back() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for ahead_m in [24.0, 30.0, 40.0] {
                 let world = World::straight(speed_mps).with_person((ahead_m, 0.0), (0.0, 0.0));
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_gap_where_a_person_steps_out() {
+    fn hybrid_astar_finds_the_gap_when_a_person_steps_out() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for late_s in [0.0, 0.05, 0.1, 0.2] {
                 let world = World::person_stepping_out(speed_mps, late_s);
@@ -216,8 +216,8 @@ mod tests {
     }
 
     #[test]
-    fn what_will_be_gone_is_no_reason_to_swerve() {
-        // She crosses 30 m ahead and has left the lane before the ego is there.
+    fn person_gone_before_arrival_causes_no_swerve() {
+        // She crosses 30 m ahead and has left the lane before the ego arrives.
         let world = World::straight(16.0).with_person((30.0, 0.5), (0.0, -3.0));
         let plan = |collision| {
             let params = Params { collision, ..Params::default() };
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = Params { iterations_max: 0, ..Params::default() };
         assert_eq!(HybridAstar::new(bad).unwrap_err().key, "iterations_max");
         let bad = Params { clearance_m: f64::NAN, ..Params::default() };

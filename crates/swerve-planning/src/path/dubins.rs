@@ -1,5 +1,4 @@
-//! Dubins paths: the shortest way from pose to pose for a car that turns no tighter than a radius and
-//! never reverses.
+//! Dubins paths: the shortest path between two poses for a car with a smallest turning radius that never reverses.
 //!
 //! Source: L. E. Dubins, "On curves of minimal length with a constraint on average curvature", 1957; the
 //! closed forms for the six words are those of A. M. Shkel and V. Lumelsky, "Classification of the Dubins
@@ -18,7 +17,7 @@ pub struct Dubins {
     pub pieces: [Piece; 3],
 }
 
-/// The first and last letter of a word turn to this side, the middle one to that (1 left, 0 straight, -1 right).
+/// Turning sides of the three letters of each word (1 left, 0 straight, -1 right).
 const WORDS: [[f64; 3]; 6] = [
     [1.0, 0.0, 1.0],
     [-1.0, 0.0, -1.0],
@@ -28,11 +27,11 @@ const WORDS: [[f64; 3]; 6] = [
     [1.0, -1.0, 1.0],
 ];
 
-/// More than rounding makes of a word's length, in units of the radius.
+/// Upper bound on the rounding error of a word's length, in units of the radius.
 const BOUND_SLACK: f64 = 1e-6;
 
-/// The goal seen from the start in units of the radius (Shkel and Lumelsky, figure 2): distance, and the two
-/// headings against the line between the positions.
+/// The goal relative to the start in units of the radius (Shkel and Lumelsky, figure 2): distance, and the two headings
+/// relative to the line between the positions.
 struct Relative {
     d: f64,
     alpha: f64,
@@ -44,7 +43,7 @@ struct Relative {
     cos_difference: f64,
 }
 
-/// An angle in `[0, 2 pi)`; what is below a full turn by rounding alone is zero.
+/// An angle in `[0, 2 pi)`; values that are below a full turn only by rounding become zero.
 fn turn(angle: f64) -> f64 {
     let wrapped = angle - TAU * (angle / TAU).floor();
     if wrapped > TAU - 1e-9 { 0.0 } else { wrapped }
@@ -61,8 +60,8 @@ impl Relative {
         Self { d, alpha, beta, sin_alpha, cos_alpha, sin_beta, cos_beta, cos_difference }
     }
 
-    /// Length, index and lengths of the shortest word, of equals the first. Words that are sure to be longer than the
-    /// best so far are left out, from the one on that may be the shortest of all.
+    /// Length, index and segment lengths of the shortest word, of equals the first. Starting with the most promising
+    /// word, words that are certainly longer than the best so far are skipped.
     fn shortest(&self) -> (f64, usize, [f64; 3]) {
         let at_least = self.at_least();
         let mut promising = 0;
@@ -86,8 +85,8 @@ impl Relative {
         best
     }
 
-    /// For each word a length that it is not below, infinite where it does not exist: of its straight, and of the turn
-    /// that its two arcs make together to one side, or one against the other.
+    /// Lower bound on the length of each word, infinite if it does not exist: the straight plus the net turn of its two
+    /// arcs, to one side or against each other; half a turn for three arcs.
     fn at_least(&self) -> [f64; 6] {
         let d = self.d;
         let (rise, sum) = (self.sin_alpha - self.sin_beta, self.sin_alpha + self.sin_beta);
@@ -95,7 +94,7 @@ impl Relative {
         let left = if turned < 0.0 { turned + TAU } else { turned };
         let inside = (0.0..=TAU).contains(&left);
         let (left, right) = if inside { (left, TAU - left) } else { (0.0, 0.0) };
-        // A full turn may as well be none.
+        // A full turn may be none at all.
         let either = |turn: f64| if turn > TAU - BOUND_SLACK { 0.0 } else { turn };
         let same_side = |side: f64, turn: f64| {
             let square = 2.0 + d * d - 2.0 * self.cos_difference + 2.0 * d * side * rise;
@@ -109,7 +108,7 @@ impl Relative {
         [same_side(1.0, left), same_side(-1.0, right), crossing(1.0), crossing(-1.0), three_arcs, three_arcs]
     }
 
-    /// The three lengths of word `index` in units of the radius; `None` where the word does not exist.
+    /// The three lengths of word `index` in units of the radius; `None` if the word does not exist.
     fn word(&self, index: usize) -> Option<[f64; 3]> {
         match index {
             0 => self.same_side(1.0),
@@ -198,7 +197,7 @@ mod tests {
         Dubins::shortest(Pose2::default(), Pose2::new(to[0], to[1], to[2]), radius_m).length()
     }
 
-    /// The first of the shortest words, all of them looked at.
+    /// The first of the shortest words by exhaustive search.
     fn of_all(relative: &Relative) -> (f64, usize, [f64; 3]) {
         let mut best = (f64::INFINITY, 0, [0.0; 3]);
         for index in 0..WORDS.len() {
@@ -212,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn words_that_are_left_out_are_longer() {
+    fn skipped_words_are_longer_than_the_shortest() {
         let mut rng = swerve_core::Rng::keyed(3, "dubins", &[]);
         let round = [-PI, -0.5 * PI, 0.0, 0.5 * PI, PI];
         for k in 0..20_000 {
@@ -233,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn shortest_paths_match_the_closed_forms() {
         let cases = [
             ([10.0, 0.0, 0.0], 10.0),
             ([0.0, 0.0, 0.0], 0.0),
@@ -256,7 +255,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn ends_at_the_goal_and_is_never_beaten(
+        fn shortest_path_ends_at_the_goal_and_is_never_beaten(
             x in -30.0..30.0, y in -30.0..30.0, h in -3.1..3.1, h0 in -3.1..3.1, radius in 3.0..12.0,
         ) {
             let (from, to) = (Pose2::new(1.0, -2.0, h0), Pose2::new(x, y, h));
@@ -269,8 +268,8 @@ mod tests {
         }
     }
 
-    /// The shortest of many paths that begin with a turn or straight of a given length and go on by the
-    /// shortest path from there: none may beat the shortest path of all.
+    /// Length of the shortest of many paths that begin with a turn or straight of a given length and continue with the
+    /// shortest path from there: none may beat the overall shortest path.
     fn brute_force(from: Pose2, to: Pose2, radius: f64) -> f64 {
         let mut best = f64::INFINITY;
         for side in [-1.0, 0.0, 1.0] {

@@ -1,4 +1,4 @@
-//! Where the car may be, and when it gets there.
+//! Collision and road checks of a car, with its arrival times.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, math};
@@ -8,32 +8,32 @@ use super::piece::{Piece, advance, walk};
 use crate::collision::{Obstacles, Solid};
 use crate::road::Road;
 
-/// Distance between two looks at a motion during the search, metres. What can pass unseen between two looks is
-/// less than [`SLACK_M`]; [`Ground::free_exactly`] has the last word.
+/// Sampling distance along a motion during the search, metres. Between two samples less than [`SLACK_M`] can be missed;
+/// [`Ground::free_exactly`] makes the final check.
 const LOOK_M: f64 = 0.25;
 
-/// Distance between two looks at the edge of the road, metres.
+/// Sampling distance for the edge of the road, metres.
 const ROAD_LOOK_M: f64 = 1.0;
 
-/// Obstacles further away than this are as good as none at a look, metres.
+/// Cap on the distance measured at a sample, beyond the required clearance, metres.
 const SPARE_M: f64 = 4.0;
 
 /// Added to the clearance and to the distance from the edge of the road during the search, metres.
 const SLACK_M: f64 = 0.02;
 
-/// The outline that moves: a rectangle ahead of the point that is planned for.
+/// The moving outline: a rectangle ahead of the planned point.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Outline {
     /// Half of its length, metres.
     pub half_length_m: f64,
     /// Half of its width, metres.
     pub half_width_m: f64,
-    /// From the planned point forward to its centre, metres.
+    /// Distance from the planned point forward to the rectangle's centre, metres.
     pub center_ahead_m: f64,
 }
 
 impl Outline {
-    /// Nothing but the planned point itself.
+    /// The planned point alone.
     pub const POINT: Self = Self { half_length_m: 0.0, half_width_m: 0.0, center_ahead_m: 0.0 };
 
     /// The rectangle with the planned point at `point`.
@@ -54,12 +54,12 @@ impl Outline {
     }
 }
 
-/// The ground that may be used.
+/// The usable ground.
 #[derive(Clone, Copy, Debug)]
 pub enum Area<'a> {
-    /// The planned point stays within x_min, y_min, x_max, y_max, metres.
+    /// Bounds of the planned point: x_min, y_min, x_max, y_max, metres.
     Box([f64; 4]),
-    /// The whole outline stays inside the drivable ground, the planned point in the box.
+    /// The whole outline stays inside the drivable ground, and the planned point inside the bounds.
     Road {
         /// The drivable ground.
         road: &'a Road,
@@ -70,28 +70,28 @@ pub enum Area<'a> {
     },
 }
 
-/// When the car is where: it goes from its present speed to the speed to hold, then holds it.
+/// Arrival times of the car: from its current speed it changes to the target speed, then holds it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Clock {
-    /// Instant at which the path begins.
+    /// Start instant of the path.
     pub start: Time,
-    /// Speed there, m/s.
+    /// Speed at the start, m/s.
     pub speed_mps: f64,
-    /// Speed to hold, m/s.
+    /// Target speed, m/s.
     pub target_mps: f64,
     /// Rate of the change, m/s² (positive).
     pub accel_mps2: f64,
 }
 
-/// Slower than this nothing is planned for: it bounds the time that a path takes, m/s.
+/// Lower bound on planned speeds, m/s: bounds the duration of a path.
 const CREEP_MPS: f64 = 0.5;
 
 impl Clock {
-    /// Time does not pass.
+    /// Clock on which no time passes.
     pub const STANDING: Self =
         Self { start: Time::ZERO, speed_mps: f64::INFINITY, target_mps: f64::INFINITY, accel_mps2: 1.0 };
 
-    /// Seconds from the start until `travelled_m` are done.
+    /// Time until `travelled_m` are covered, seconds.
     pub fn after_s(&self, travelled_m: f64) -> f64 {
         if self.target_mps == f64::INFINITY {
             return 0.0;
@@ -103,33 +103,33 @@ impl Clock {
         if travelled_m >= change_m {
             return change_s + (travelled_m - change_m) / v1;
         }
-        // Root of v0 t + rate t^2 / 2 = travelled that also holds for small rates.
+        // Root of v0 t + rate t^2 / 2 = travelled that is also stable for small rates.
         2.0 * travelled_m / (v0 + (v0 * v0 + 2.0 * rate * travelled_m).max(0.0).sqrt())
     }
 
-    /// Instant at which `travelled_m` are done.
+    /// Instant at which `travelled_m` are covered.
     pub fn at(&self, travelled_m: f64) -> Time {
         self.start + Span::from_secs(self.after_s(travelled_m))
     }
 }
 
-/// All that decides whether the car may be somewhere.
+/// Conditions on the poses of a car.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground<'a> {
     /// Obstacles, which must not be touched.
     pub obstacles: &'a Obstacles,
-    /// Distance to keep from it, metres.
+    /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
-    /// The outline that moves.
+    /// The moving outline.
     pub outline: Outline,
-    /// Where it may be.
+    /// The usable ground.
     pub area: Area<'a>,
-    /// When it is where.
+    /// Arrival times.
     pub clock: Clock,
 }
 
 impl Ground<'_> {
-    /// Whether the car may be at `pose` after `travelled_m`.
+    /// Returns true if the car may be at `pose` after `travelled_m`.
     pub fn pose_free(&self, pose: Pose2, travelled_m: f64) -> bool {
         let (sin, cos) = math::sin_cos(pose.heading_rad);
         self.place_free(pose.point(), [cos, sin], travelled_m, self.clearance_m)
@@ -154,8 +154,8 @@ impl Ground<'_> {
         }
     }
 
-    /// Whether a piece that begins at `from` after `travelled_m` is free, at looks `LOOK_M` apart: at obstacles not
-    /// before one can have come near since the last look, at the road every `ROAD_LOOK_M`.
+    /// Returns true if a piece that begins at `from` after `travelled_m` is free, sampled every `LOOK_M`: obstacles
+    /// only once one can have come near since the last sample, the road every `ROAD_LOOK_M`.
     pub fn piece_free(&self, from: Pose2, piece: Piece, travelled_m: f64) -> bool {
         let need_m = self.clearance_m + SLACK_M;
         let nearing = self.nearing(piece.curvature_1pm);
@@ -186,13 +186,13 @@ impl Ground<'_> {
         })
     }
 
-    /// How much nearer something can come per metre driven.
+    /// Largest approach of an obstacle per metre driven.
     fn nearing(&self, curvature_1pm: f64) -> f64 {
         let slowest_mps = self.clock.speed_mps.min(self.clock.target_mps).max(CREEP_MPS);
         1.0 + curvature_1pm.abs() * self.outline.reach_m() + self.obstacles.fastest_mps() / slowest_mps
     }
 
-    /// The same for a whole path.
+    /// As [`piece_free`](Self::piece_free), for a whole path.
     pub fn path_free(&self, from: Pose2, path: &Dubins, travelled_m: f64) -> bool {
         let (mut pose, mut travelled_m) = (from, travelled_m);
         for &piece in &path.pieces {
@@ -205,8 +205,8 @@ impl Ground<'_> {
         true
     }
 
-    /// Whether the pieces from `from` on are free, with nothing passed over: obstacles by bisection, the edge of
-    /// the road by looks 20 cm apart.
+    /// Returns true if the pieces from `from` on are free without gaps: obstacles by bisection, the edge of the road at
+    /// samples 20 cm apart.
     pub fn free_exactly(&self, from: Pose2, pieces: &[Piece]) -> bool {
         let (mut pose, mut travelled_m) = (from, 0.0);
         for &piece in pieces {
@@ -232,7 +232,7 @@ impl Ground<'_> {
     }
 }
 
-/// The box around poses, grown: x_min, y_min, x_max, y_max, metres.
+/// The bounding box of poses, enlarged: x_min, y_min, x_max, y_max, metres.
 pub fn around(poses: &[Pose2], by_m: f64) -> [f64; 4] {
     let start = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     let b =
@@ -245,7 +245,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_clock_speeds_up_then_holds() {
+    fn clock_accelerates_then_holds_the_target_speed() {
         let clock = Clock { start: Time::ZERO, speed_mps: 4.0, target_mps: 10.0, accel_mps2: 3.0 };
         // 4 to 10 m/s at 3 m/s² takes 2 s and 14 m.
         assert!((clock.after_s(14.0) - 2.0).abs() < 1e-12);

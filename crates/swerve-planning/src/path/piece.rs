@@ -1,4 +1,4 @@
-//! Arcs and straights: the pieces that drivable paths are made of.
+//! Arcs and straights, the pieces of drivable paths.
 
 use swerve_geom::{Point2, Pose2, math};
 
@@ -23,10 +23,10 @@ pub fn advance(from: Pose2, curvature_1pm: f64, length_m: f64) -> Pose2 {
     Pose2::new(from.x_m + chord * cos, from.y_m + chord * sin, from.heading_rad + turned)
 }
 
-/// Calls `visit` with pose, cosine and sine of the heading, and length so far at even steps of at most
-/// `step_m` along the piece, its end included and its start not; stops when `visit` says so.
+/// Calls `visit` with point, cosine and sine of the heading, and length so far at even steps of at most `step_m` along
+/// the piece, including its end but not its start; stops when `visit` returns false.
 ///
-/// One sine and cosine a piece: the rest are rotations by a fixed angle.
+/// Computes one sine and cosine per piece; the rest are rotations by a fixed angle.
 pub fn walk(
     from: Pose2,
     piece: Piece,
@@ -84,7 +84,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn walking_is_advancing(h in -3.0..3.0, curvature in -0.2..0.2, length in 0.1..20.0) {
+        fn walk_agrees_with_advance(h in -3.0..3.0, curvature in -0.2..0.2, length in 0.1..20.0) {
             let from = Pose2::new(3.0, 4.0, h);
             let piece = Piece { curvature_1pm: curvature, length_m: length };
             let mut n = 0;

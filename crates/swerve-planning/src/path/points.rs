@@ -41,13 +41,13 @@ pub struct Measured<'a> {
 }
 
 impl<'a> Measured<'a> {
-    /// Of a path of at least one point.
+    /// Creates a measured path of at least one point.
     pub fn new(path: &'a [PathPoint]) -> Self {
         let gap_m = |pair: &[PathPoint]| pair[0].pose.point().distance(pair[1].pose.point());
         Self { path, gaps_m: path.windows(2).map(gap_m).collect() }
     }
 
-    /// The point `s_m` along the path; straight on beyond its end.
+    /// The point at `s_m` along the path; the path is extended straight beyond its end.
     pub fn at(&self, s_m: f64) -> PathPoint {
         let mut left_m = s_m;
         for (pair, &gap_m) in self.path.windows(2).zip(&self.gaps_m) {
@@ -64,7 +64,7 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// Points along pieces from `start`, its own first and the end of the last piece last.
+/// Appends points along pieces from `start`, from the start to the end of the last piece.
 pub fn place_points(start: Pose2, pieces: &[Piece], path: &mut Vec<PathPoint>) {
     let curvature_1pm = pieces.first().map_or(0.0, |p| p.curvature_1pm);
     path.push(PathPoint { pose: start, curvature_1pm });

@@ -1,4 +1,4 @@
-//! The closed loop around a path search, as RRT* and Hybrid A* have it.
+//! The closed loop around a path search, shared by RRT* and Hybrid A*.
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Pose2, angle_between, math};
@@ -16,27 +16,27 @@ use crate::fallback::{comfort_limits, give_way, keep_or_brake, kept};
 use crate::request::{Budget, Counted, Request};
 use crate::road::Road;
 
-/// One search for a way from pose to pose.
+/// One search for a path between two poses.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Task<'a> {
-    /// The route that is followed.
+    /// Request with the route to follow.
     pub(crate) request: &'a Request<'a>,
-    /// From here.
+    /// Start pose.
     pub(crate) start: Pose2,
-    /// To there.
+    /// Goal pose.
     pub(crate) goal: Pose2,
     /// Smallest turning radius, metres.
     pub(crate) radius_m: f64,
-    /// The planned point stays in x_min, y_min, x_max, y_max, metres.
+    /// Bounds of the planned point: x_min, y_min, x_max, y_max, metres.
     pub(crate) bounds: [f64; 4],
-    /// Whether the search may take all its iterations, or a third of them: the later attempts of a call.
+    /// True if the search may use all its iterations; false if a third of them, in later attempts of a call.
     pub(crate) thorough: bool,
 }
 
 /// The search of one planner.
 pub(crate) trait PathSearch {
-    /// Looks for a way with turns of the task's radius that ends in the goal pose itself, free throughout; leaves it in
-    /// `pieces` and says whether there is one.
+    /// Searches for a collision-free path with turns of the task's radius that ends at the goal pose itself; writes it
+    /// to `pieces` and returns true if there is one.
     fn search(
         &mut self,
         ground: &Ground<'_>,
@@ -57,7 +57,7 @@ pub(crate) struct Settings {
     pub(crate) collision: CollisionMode,
 }
 
-/// Plans anew with every frame, with memory kept between calls; no call depends on an earlier one.
+/// Replans on every frame, with storage that is reused between calls; calls are independent of each other.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Replanner {
     obstacles: Obstacles,
@@ -69,15 +69,15 @@ pub(crate) struct Replanner {
 /// Distance to keep from the edge of the road, metres.
 const EDGE_M: f64 = 0.05;
 
-/// Share of the allowed lateral acceleration that turns are laid out for.
+/// Fraction of the allowed lateral acceleration used in turns.
 const LATERAL_SHARE: f64 = 0.9;
 
-/// Turns are laid out for the speed that is reached within this distance, metres.
+/// Turns are designed for the speed reached within this distance, metres.
 const SPEED_AHEAD_M: f64 = 15.0;
 
 impl Replanner {
-    /// The route if it is free, else a drivable way around what is in the way and back to the route, on the road,
-    /// where everything will be at the moment of passing; else the last plan while it is free, else full brake.
+    /// The route if it is free; otherwise a drivable path on the road around the obstacle and back to the route,
+    /// checked against predicted motion; otherwise the last plan while it is free; otherwise full brake.
     pub(crate) fn plan(
         &mut self,
         search: &mut impl PathSearch,
@@ -109,7 +109,7 @@ impl Replanner {
         Plan { work: counted.spent, ..plan }
     }
 
-    /// Without a way: the previous plan or a stop if they are free; what is tried `last` does one in any case.
+    /// Fallback without a path: the previous plan or a stop if they are free; the `last` mode always returns a plan.
     fn otherwise(&self, settings: &Settings, request: &Request<'_>, last: bool) -> Option<Plan> {
         let obstacles = &self.obstacles;
         if last {
@@ -119,8 +119,9 @@ impl Replanner {
             .or_else(|| give_way(request, obstacles, settings.clearance_m))
     }
 
-    /// A way that leaves the lane to meet oncoming traffic, or round somebody who walks, is the last choice, after the previous
-    /// plan and a stop in the ego's own lane: the arcs of these ways begin at once, as wheels do not turn.
+    /// A path that leaves the lane to meet oncoming traffic, or goes round a walking pedestrian, is the last choice,
+    /// after the previous plan and a stop in the ego's own lane: the arcs of these paths begin with a steering step
+    /// that the wheels cannot follow.
     fn own_lane_first(&self, settings: &Settings, request: &Request<'_>, way: Plan) -> Plan {
         let round_walker = request.somebody_walks() && request.leaves_lane(&way);
         if !round_walker && !request.meets_in_other_lane(&way) {
@@ -132,7 +133,7 @@ impl Replanner {
             .unwrap_or(way)
     }
 
-    /// The route itself, if the ego is on it and nothing is in the way.
+    /// The route itself, if the ego is on it and it is free.
     fn follow(&self, settings: &Settings, request: &Request<'_>) -> Option<Plan> {
         let start = request.start.pose;
         let FrenetPoint { s_m, d_m } = request.place();
@@ -146,7 +147,7 @@ impl Replanner {
         self.plan_free(&plan, request, settings.clearance_m).then_some(plan)
     }
 
-    /// A way around what is in the way; only what is tried `last` passes more closely than asked for.
+    /// A path around the obstacle; only the `last` mode accepts less than the requested clearance.
     fn search(
         &mut self,
         search: &mut impl PathSearch,
@@ -159,7 +160,7 @@ impl Replanner {
         let Margins { clearance_m, edge_m } = self.margins(settings, request, &outline)?;
         let ahead_m = settings.goal_ahead_m.max(settings.goal_ahead_s * request.start.speed_mps);
         let from_s_m = request.place().s_m;
-        // Full braking is not undone for a way that passes more closely than asked for.
+        // Full braking is not released for a path with less than the requested clearance.
         let braking = request.previous.is_some_and(|plan| plan.status == PlanStatus::Brake);
         let exactly = braking || !last;
         for attempt in ATTEMPTS.iter().filter(|attempt| !exactly || attempt.clearance == 1.0) {
@@ -185,7 +186,7 @@ impl Replanner {
         None
     }
 
-    /// A way to one goal, driven as `request` has it.
+    /// A path to one goal, with the speeds of `request`.
     fn reach(
         &mut self,
         search: &mut impl PathSearch,
@@ -221,8 +222,8 @@ impl Replanner {
         if free { Outcome::Way(plan) } else { Outcome::NoWay }
     }
 
-    /// Clearance and distance from the edge of the road to keep: what is asked for, or what the start has where that is
-    /// less. `None` where the start already touches something.
+    /// Clearance and distance from the edge of the road to keep: the requested ones, or those of the start if smaller.
+    /// `None` if the start already collides.
     fn margins(&self, settings: &Settings, request: &Request<'_>, outline: &Outline) -> Option<Margins> {
         let pose = request.start.pose;
         let (sin, cos) = math::sin_cos(pose.heading_rad);
@@ -242,19 +243,19 @@ impl Replanner {
         Plan { stamp: request.stamp, status: PlanStatus::Found, points, work: 0 }
     }
 
-    /// Whether a plan is free of collision, at its own times.
+    /// Returns true if a plan is collision-free at its own times.
     fn plan_free(&self, plan: &Plan, request: &Request<'_>, clearance_m: f64) -> bool {
         let path: Vec<(Pose2, Time)> = plan.points.iter().map(|p| (p.pose, p.at)).collect();
         self.obstacles.path_free(|pose| request.shape.footprint(pose), &path, clearance_m)
     }
 }
 
-/// Where the way may end, in the order in which it is tried: share of the distance asked for, and offset from the line
-/// in metres. Further on there is more room to come back to the line behind what was in the way.
+/// Goals in the order in which they are tried: fraction of the requested distance, and offset from the line, metres.
+/// Further on there is more room to return to the line behind the obstacle.
 const GOALS: [(f64, f64); 8] =
     [(1.0, 0.0), (1.5, 0.0), (1.0, 1.0), (1.0, -1.0), (1.0, 2.0), (1.0, -2.0), (1.0, 3.0), (1.0, 4.0)];
 
-/// Distances that a way has to keep.
+/// Distances that a path has to keep.
 struct Margins {
     /// From obstacles, metres.
     clearance_m: f64,
@@ -262,43 +263,43 @@ struct Margins {
     edge_m: f64,
 }
 
-/// Conditions on a way, and how long it is looked for.
+/// Conditions on a path, and the extent of the search.
 #[derive(Clone, Copy, Debug)]
 struct Demands {
     /// Distance to keep from obstacles, metres.
     clearance_m: f64,
     /// Distance to keep from the edge of the road, metres.
     edge_m: f64,
-    /// The outline that moves.
+    /// The moving outline.
     outline: Outline,
-    /// Whether the search may take all its iterations.
+    /// True if the search may use all its iterations.
     thorough: bool,
-    /// The speed along the way.
+    /// Speed profile along the path.
     profile: SpeedProfile,
 }
 
 /// The result for one goal.
 enum Outcome {
-    /// Something will be in the goal itself.
+    /// The goal itself collides.
     NoGoal,
-    /// No way to it was found.
+    /// No path to it was found.
     NoWay,
-    /// A plan that gets there.
+    /// A plan that reaches it.
     Way(Plan),
 }
 
-/// One way to drive around something.
+/// One attempt to drive around an obstacle.
 struct Attempt {
-    /// Deceleration meanwhile, m/s².
+    /// Deceleration during the manoeuvre, m/s².
     brake_mps2: f64,
-    /// Share of the clearance that is kept.
+    /// Fraction of the clearance that is kept.
     clearance: f64,
-    /// Goals that are searched for at most.
+    /// Largest number of goals that are searched for.
     searches: usize,
 }
 
-/// The attempts, from the most to the least comfortable: at the speed to hold, braking meanwhile, and both again
-/// nearer to what is in the way.
+/// The attempts, from the most to the least comfortable: at the target speed, while braking, and both again with less
+/// clearance.
 const ATTEMPTS: [Attempt; 6] = [
     Attempt { brake_mps2: 0.0, clearance: 1.0, searches: 3 },
     Attempt { brake_mps2: 3.0, clearance: 1.0, searches: 1 },
@@ -308,29 +309,29 @@ const ATTEMPTS: [Attempt; 6] = [
     Attempt { brake_mps2: 6.0, clearance: 0.4, searches: 1 },
 ];
 
-/// Braking lasts this long, seconds, but not below [`SLOWEST`] of the speed at its beginning.
+/// Duration of the braking, seconds, and lower bound on the speed as a fraction of the initial speed.
 const BRAKING_S: f64 = 1.5;
 const SLOWEST: f64 = 0.4;
 
 impl Attempt {
-    /// Whether searches may take all their iterations: those of the first attempt.
+    /// Returns true if searches may use all their iterations: in the first attempt.
     fn thorough(&self) -> bool {
         self.brake_mps2 == 0.0 && self.clearance == 1.0
     }
 
-    /// The way to the speed to reach.
+    /// Speed profile towards the target speed.
     fn profile(&self) -> SpeedProfile {
         if self.brake_mps2 > 0.0 { SpeedProfile::Braking } else { SpeedProfile::Limited }
     }
 
-    /// The speed to reach, m/s.
+    /// Target speed, m/s.
     fn target_mps(&self, request: &Request<'_>) -> f64 {
         let (v0, target_mps) = (request.start.speed_mps.max(0.0), request.target_speed_mps);
         let slowed_mps = (v0 - self.brake_mps2 * BRAKING_S).max(SLOWEST * v0);
         if self.brake_mps2 > 0.0 { target_mps.min(slowed_mps) } else { target_mps }
     }
 
-    /// Deceleration at most, m/s².
+    /// Largest deceleration, m/s².
     fn brake(&self, limits: &Limits) -> f64 {
         if self.brake_mps2 > 0.0 { self.brake_mps2.min(limits.brake_max_mps2) } else { limits.brake_max_mps2 }
     }
@@ -339,7 +340,7 @@ impl Attempt {
 /// Allowance for chords instead of arcs and for the plan's times against the search's, metres.
 const TIMING_M: f64 = 0.05;
 
-/// The car as it is.
+/// The actual outline of the car.
 fn own_outline(request: &Request<'_>) -> Outline {
     Outline {
         half_length_m: 0.5 * request.shape.length_m,
@@ -348,7 +349,7 @@ fn own_outline(request: &Request<'_>) -> Outline {
     }
 }
 
-/// When the car is where: as [`timed_points`] has it where no turn asks for less speed.
+/// Arrival times: those of [`timed_points`] if no turn requires less speed.
 fn clock(request: &Request<'_>, profile: SpeedProfile) -> Clock {
     let (speed_mps, target_mps) = (request.start.speed_mps, request.target_speed_mps);
     let limits = request.limits;
@@ -356,7 +357,7 @@ fn clock(request: &Request<'_>, profile: SpeedProfile) -> Clock {
     Clock { start: request.start.stamp, speed_mps, target_mps, accel_mps2 }
 }
 
-/// Smallest radius of a turn: what the steering can do, and what lateral acceleration allows at the speed to come.
+/// Smallest turning radius, metres: bounded by the steering and by the lateral acceleration at the expected speed.
 fn turning_radius_m(request: &Request<'_>) -> f64 {
     let limits = request.limits;
     let v0 = request.start.speed_mps.max(0.0);

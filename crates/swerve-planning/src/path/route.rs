@@ -7,7 +7,7 @@ use super::points::PathPoint;
 use super::speed::{SpeedProfile, timed_points};
 use crate::request::Request;
 
-/// Distance between the points of plans made from geometry alone, metres.
+/// Spacing of points of plans made from geometry alone, metres.
 pub const PATH_STEP_M: f64 = 1.0;
 
 /// Points of the route from arc length `s_m` on, for `length_m`.

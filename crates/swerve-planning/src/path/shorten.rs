@@ -1,4 +1,4 @@
-//! Shortens a path of arcs and straights by shortcuts.
+//! Shortens a path of arcs and straights with shortcuts.
 
 use swerve_geom::Pose2;
 
@@ -6,31 +6,31 @@ use super::dubins::Dubins;
 use super::ground::Ground;
 use super::piece::{Piece, advance, join};
 
-/// Radii that are tried in each round, in units of the smallest: the first rounds straighten, the last widens.
+/// Radii tried in each round, in units of the smallest: the first rounds straighten, the last widens.
 const ROUNDS: [&[f64]; 3] = [&[1.0], &[1.0], &[1.0, 2.0, 4.0]];
 
-/// Stations at most, apart from ends of pieces.
+/// Largest number of stations, excluding ends of pieces.
 const STATIONS_MAX: f64 = 64.0;
 
-/// A metre at the smallest radius counts this much more than a straight one, at larger radii less by the square:
-/// of two ways of about the same length the one that is easier to steer wins.
+/// Relative extra cost of a metre at the smallest radius, decreasing with the square of the radius: of two paths of
+/// about the same length the one that is easier to steer wins.
 const TURN_COST: f64 = 0.06;
 
-/// A pose of the path with the best way to it.
+/// A pose of the path with the best path to it.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     pose: Pose2,
-    /// Piece of the old path that leads here from the station before.
+    /// Piece of the old path that leads here from the previous station.
     old: Piece,
-    /// Length of the best way here.
+    /// Length of the best path to here, metres.
     travelled_m: f64,
-    /// The same with turns counted more.
+    /// Cost of the best path to here, with the extra cost of turns.
     cost_m: f64,
-    /// Station from which the shortcut comes; none for the old piece.
+    /// Station at which the shortcut starts; `None` for the old piece.
     from: Option<(u32, Dubins)>,
 }
 
-/// Memory, kept between calls.
+/// Storage, reused between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Shortener {
     stations: Vec<Station>,
@@ -38,9 +38,9 @@ pub struct Shortener {
 }
 
 impl Shortener {
-    /// Replaces stretches of the path from `start` by shortest paths wherever these are free and shorter: the best
-    /// choice over all pairs of stations some `spacing_m` apart, by dynamic programming, in a few rounds with other
-    /// stations each. The ends stay.
+    /// Replaces parts of the path from `start` by shortest paths where these are free and shorter: the best choice over
+    /// all pairs of stations about `spacing_m` apart, by dynamic programming, in a few rounds with different stations.
+    /// The ends are unchanged.
     pub fn shorten(
         &mut self,
         ground: &Ground<'_>,
@@ -50,7 +50,7 @@ impl Shortener {
         spacing_m: f64,
     ) {
         for (round, radii) in ROUNDS.into_iter().enumerate() {
-            // Another spacing each round moves the stations to other places.
+            // Each round uses another spacing, which moves the stations.
             let whole_m: f64 = pieces.iter().map(|p| p.length_m).sum();
             let spacing_m = (spacing_m * (1.0 - 0.17 * round as f64)).max(whole_m / STATIONS_MAX);
             self.place_stations(start, pieces, spacing_m);
@@ -76,7 +76,7 @@ impl Shortener {
         }
     }
 
-    /// Finds the shortest way to station `to` over all stations before it.
+    /// Finds the shortest path to station `to` over all stations before it.
     fn reach(&mut self, ground: &Ground<'_>, radius_m: f64, radii: &[f64], to: usize) {
         let before = self.stations[to - 1];
         let mut best = self.stations[to];
@@ -122,7 +122,7 @@ impl Shortener {
     }
 }
 
-/// Length with turns counted more, metres.
+/// Cost: length with the extra cost of turns, metres.
 fn cost_m(piece: &Piece, radius_m: f64) -> f64 {
     let share = piece.curvature_1pm * radius_m;
     piece.length_m * (1.0 + TURN_COST * share * share)

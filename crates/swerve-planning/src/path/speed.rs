@@ -6,28 +6,28 @@ use swerve_vehicle::Limits;
 
 use super::points::PathPoint;
 
-/// Slowest mean speed that a stretch of a plan is timed with, m/s: keeps times finite at standstill.
+/// Lower bound on the mean speed used for timing, m/s: keeps times finite at standstill.
 pub(crate) const CREEP_MPS: f64 = 0.1;
 
-/// How fast a path is driven.
+/// Speed profile along a path.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum SpeedProfile {
-    /// The target speed from the first point on, whatever the start: what Pylot does.
+    /// The target speed from the first point on, regardless of the start, as in Pylot.
     Constant,
-    /// From the start's speed within acceleration, braking and lateral limits, down to the target by no more than
-    /// 3 m/s².
+    /// From the start's speed within acceleration, braking and lateral limits; decelerates to the target with at most 3
+    /// m/s².
     Limited,
-    /// The same, down to the target by all of the braking.
+    /// As [`SpeedProfile::Limited`], but decelerates to the target with all of the braking.
     Braking,
-    /// As [`SpeedProfile::Limited`], and at rest in the path's last point.
+    /// As [`SpeedProfile::Limited`], and at rest at the path's last point.
     LimitedToStop,
 }
 
-/// Hardest braking down to the target speed where nothing else asks for more, m/s².
+/// Largest deceleration to the target speed if nothing else requires more, m/s².
 const EASE_MPS2: f64 = 3.0;
 
 impl SpeedProfile {
-    /// Hardest braking down to the target speed, m/s².
+    /// Largest deceleration to the target speed, m/s².
     pub(crate) fn ease_mps2(self, limits: &Limits) -> f64 {
         match self {
             Self::Braking => limits.brake_max_mps2,
@@ -36,11 +36,11 @@ impl SpeedProfile {
     }
 }
 
-/// A path driven from `start` (its stamp, its speed) towards `target_mps`; appends to `points`.
+/// Times a path driven from `start` (its stamp, its speed) towards `target_mps`; appends to `points`.
 ///
-/// Under all others than [`SpeedProfile::Constant`] speeds keep `limits`: lateral acceleration everywhere, braking before
-/// curves, acceleration out of them; the start's speed is taken as it is, so where it is too high for what
-/// follows the plan brakes as hard as it may.
+/// Except with [`SpeedProfile::Constant`], speeds respect `limits`: lateral acceleration everywhere, braking before
+/// curves, acceleration out of them. The start's speed is not changed: if it is too high for the path, the plan brakes
+/// as hard as allowed.
 pub fn timed_points(
     path: &[PathPoint],
     start: &EgoState,
@@ -69,7 +69,7 @@ pub fn timed_points(
             let mean_mps = (0.5 * (speeds_mps[i - 1] + speed_mps)).max(CREEP_MPS);
             at += Span::from_secs(gaps_m[i - 1] / mean_mps);
         }
-        // Repeated poses give no time to pass: keep instants strictly increasing.
+        // Repeated poses take no time: keep instants strictly increasing.
         if points.last().is_some_and(|last| at <= last.at) {
             continue;
         }
@@ -124,7 +124,7 @@ mod tests {
     use crate::testing::World;
 
     #[test]
-    fn speed_above_the_target_is_lost_gently_unless_a_curve_asks_for_more() {
+    fn speed_above_the_target_is_reduced_gently_unless_a_curve_requires_more() {
         // From 20 m/s to 14 m/s: by 3 of 8 m/s² within 204 / 6 = 34 m.
         let mut world = World::straight(20.0);
         world.target_speed_mps = 14.0;
@@ -139,7 +139,7 @@ mod tests {
         };
         assert!((hardest(&world, SpeedProfile::Limited) - 3.0).abs() < 1e-6);
         assert!((hardest(&world, SpeedProfile::Braking) - 8.0).abs() < 1e-6);
-        // A curve of 20 m from here on: as hard as it may.
+        // A curve of 20 m radius from here on: full braking.
         let mut world = World::bend(20.0, 20.0);
         world.target_speed_mps = 14.0;
         assert!((hardest(&world, SpeedProfile::Limited) - world.limits.brake_max_mps2).abs() < 1e-6);

@@ -1,13 +1,13 @@
-//! Finds nodes by place: a grid of lists in two arrays.
+//! Spatial index of nodes: a grid of lists in two arrays.
 
 use swerve_geom::Point2;
 
 const NONE: u32 = u32::MAX;
 
-/// Cells at most: the side of a cell grows where an area would need more.
+/// Largest number of cells: the cell side grows if an area would need more.
 const CELLS_MAX: f64 = 16_384.0;
 
-/// Points by place, in the order in which they came; places and distances in metres.
+/// Spatial index of points in insertion order; positions and distances in metres.
 #[derive(Clone, Debug, Default)]
 pub struct Grid {
     x_m: f64,
@@ -15,17 +15,17 @@ pub struct Grid {
     side_m: f64,
     nx: i64,
     ny: i64,
-    /// Newest point of each cell.
+    /// Latest point of each cell.
     first: Vec<u32>,
-    /// The point of the same cell that came before.
+    /// Previous point of the same cell.
     before: Vec<u32>,
     points: Vec<Point2>,
-    /// Cells with points lie between these, inclusive: x, y, x, y.
+    /// Range of cells that contain points, inclusive: x, y, x, y.
     used: [i64; 4],
 }
 
 impl Grid {
-    /// Forgets all points. Cells have about the given side; points outside `bounds` count to the cells at its edge.
+    /// Removes all points. Cells have about the given side; points outside `bounds` belong to the cells at its edge.
     pub fn begin(&mut self, bounds: [f64; 4], side_m: f64, points_max: usize) {
         let (width_m, height_m) = ((bounds[2] - bounds[0]).max(1e-3), (bounds[3] - bounds[1]).max(1e-3));
         self.side_m = side_m.clamp(0.25, 4.0).max((width_m * height_m / CELLS_MAX).sqrt());
@@ -68,15 +68,15 @@ impl Grid {
         }
     }
 
-    /// The nearest point, of equals the oldest. There is at least one point.
+    /// The nearest point, of equals the oldest. Requires at least one point.
     pub fn nearest(&self, to: Point2) -> u32 {
         let (cx, cy) = self.cell(to);
         let [x0, y0, x1, y1] = self.used;
         let mut best = (f64::INFINITY, NONE);
-        // Rings of cells around the one that holds `to`, from the first that meets a used cell.
+        // Rings of cells around the one that contains `to`, from the first that meets a used cell.
         let first = (x0 - cx).max(cx - x1).max(y0 - cy).max(cy - y1).max(0);
         for ring in first..=self.nx.max(self.ny) {
-            // Nothing in this ring or further out is nearer than this.
+            // Lower bound on distances in this ring and further out.
             let beyond_m = (ring - 1).max(0) as f64 * self.side_m;
             if best.0 < beyond_m * beyond_m {
                 break;
@@ -127,13 +127,13 @@ mod tests {
     use swerve_core::Rng;
 
     #[test]
-    fn finds_what_looking_at_all_finds() {
+    fn grid_queries_match_exhaustive_search() {
         let mut rng = Rng::keyed(5, "grid", &[]);
         let mut grid = Grid::default();
         grid.begin([-10.0, -3.0, 40.0, 5.0], 0.7, 500);
         let mut points: Vec<Point2> = Vec::new();
         for k in 0..500 {
-            // Some lie outside the bounds.
+            // Some points are outside the bounds.
             let point = Point2::new(rng.uniform(-15.0, 45.0), rng.uniform(-5.0, 7.0));
             grid.push(point);
             points.push(point);

@@ -1,4 +1,4 @@
-//! The planner in the closed loop.
+//! RRT* as a closed-loop planner.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -17,25 +17,25 @@ use crate::path::shorten::Shortener;
 use crate::request::{Budget, Planner, Request};
 use swerve_core::param::{ParamError, require_all_within};
 
-/// Settings of RRT* in the closed loop. There is no discretisation to choose. Source of all defaults: ours; range and
+/// Parameters of RRT* in the closed loop. There is no discretisation to choose. Source of all defaults: ours; range and
 /// distance of the goal are Pylot's.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// How predicted motion enters the collision check.
+    /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
-    /// Share of the iterations that aim at the goal.
+    /// Fraction of the iterations that sample the goal.
     pub goal_share: f64,
-    /// Iterations of one search at most; there may be further searches for other goals, three in all, and then with a
-    /// third of the iterations while braking or nearer to what is in the way, five in all.
+    /// Largest number of iterations of one search; up to three searches for different goals are made, and up to five in
+    /// all with a third of the iterations while braking or with less clearance.
     pub iterations_max: u64,
     /// Distance to keep from obstacles, metres.
     pub clearance_m: f64,
-    /// Obstacles further away than this are not planned for, metres.
+    /// Obstacles further away than this are ignored, metres.
     pub obstacle_range_m: f64,
-    /// The goal lies at least this far ahead on the route, metres.
+    /// Smallest distance of the goal ahead on the route, metres.
     pub goal_ahead_m: f64,
-    /// And at least so many seconds ahead at the present speed.
+    /// Smallest distance of the goal ahead on the route as a travel time at the current speed, seconds.
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
     pub horizon_s: f64,
@@ -71,7 +71,7 @@ impl Params {
     }
 }
 
-/// Most iterations of a search: its time grows with their square.
+/// Largest allowed number of iterations: the run time grows with its square.
 const ITERATIONS_MAX: f64 = 20_000.0;
 
 /// RRT* as a motion planner.
@@ -82,7 +82,7 @@ pub struct RrtStar {
     trees: TreeSearch,
 }
 
-/// The search with its memory.
+/// The search with its reusable storage.
 #[derive(Clone, Debug)]
 struct TreeSearch {
     params: Params,
@@ -94,7 +94,7 @@ struct TreeSearch {
 }
 
 impl RrtStar {
-    /// With valid settings.
+    /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         let trees = TreeSearch {
@@ -108,7 +108,7 @@ impl RrtStar {
         Ok(Self { params, replanner: Replanner::default(), trees })
     }
 
-    /// The settings.
+    /// The parameters.
     pub fn params(&self) -> &Params {
         &self.params
     }
@@ -166,7 +166,8 @@ impl PathSearch for TreeSearch {
         let mut rng = Rng::keyed(task.request.seed, "rrt_star", &[]);
         let aim = Aim { start: task.start, goal: task.goal, bounds: task.bounds, guides: &self.guides };
         self.tree.grow(&space, &growth, &aim, &mut rng, budget);
-        // Rewiring moves arrivals forward, so a path that was free piece by piece may not be: the best that is.
+        // Rewiring makes arrivals earlier, so a path that was free piece by piece may no longer be: take the best free
+        // one.
         while self.tree.take_best(&mut self.poses).is_some() {
             self.poses.push(task.goal);
             pieces.clear();
@@ -191,8 +192,8 @@ impl PathSearch for TreeSearch {
 }
 
 impl TreeSearch {
-    /// Poses along the road on either side of where each obstacle will be while the ego comes by, along the road and
-    /// turned to that side: what moves across is cleared where it is worst, at the front or at the rear.
+    /// Places guide poses on either side of where each obstacle will be while the ego passes, parallel to the road and
+    /// turned to that side: obstacles that move across are cleared at the worse of the ego's front and rear.
     fn place_guides(&mut self, space: &RoadSpace<'_>, ground: &Ground<'_>, task: &Task<'_>) {
         self.guides.clear();
         let around_m = |point| task.request.place_of(point, space.to_s_m - space.from_s_m);
@@ -202,7 +203,8 @@ impl TreeSearch {
             let half_m = 0.5 * prediction.extent.length_m.max(prediction.extent.width_m);
             let passing_m = outline.half_length_m + half_m;
             let (mut s_m, mut d_m) = (space.from_s_m, [0.0; 2]);
-            // Twice suffices: where it is now tells when the ego comes by, and that tells where it will be then.
+            // Two iterations suffice: the obstacle's current place gives the ego's arrival time, which gives the
+            // obstacle's place at that time.
             let mut at = around_m(prediction.path[0].pose.point());
             for _ in 0..2 {
                 s_m = at.s_m - outline.center_ahead_m;
@@ -226,10 +228,10 @@ impl TreeSearch {
     }
 }
 
-/// Guides are this much further from obstacles than the clearance, metres.
+/// Additional distance of guides from obstacles beyond the clearance, metres.
 const GUIDE_SPARE_M: f64 = 0.1;
 
-/// Directions of guides against the road's, to their side, radians.
+/// Directions of guides relative to the road, towards their side, radians.
 const GUIDE_OFF_RAD: [f64; 3] = [0.0, 0.1, 0.2];
 
 #[cfg(test)]
@@ -240,22 +242,22 @@ mod tests {
     use swerve_msg::PlanStatus;
 
     #[test]
-    fn holds_what_every_planner_must() {
+    fn rrt_star_conforms() {
         conformance(&|| RrtStar::new(Params::default()).unwrap(), true);
     }
 
     #[test]
-    fn yields_to_pedestrians_who_may_stop() {
+    fn rrt_star_yields_to_pedestrians_that_may_stop() {
         yields_to_pedestrians(&|collision| RrtStar::new(Params { collision, ..Params::default() }).unwrap());
     }
 
     #[test]
-    fn keeps_its_lane_before_oncoming_traffic() {
+    fn rrt_star_keeps_its_lane_before_oncoming_traffic() {
         keeps_its_lane(&|| RrtStar::new(Params::default()).unwrap());
     }
 
     #[test]
-    fn swerves_around_a_person_and_back() {
+    fn rrt_star_swerves_around_a_person_and_back() {
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for ahead_m in [24.0, 30.0, 40.0] {
                 for seed in 0..5 {
@@ -273,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_gap_where_a_person_steps_out() {
+    fn rrt_star_finds_the_gap_when_a_person_steps_out() {
         let mut found = 0;
         for speed_mps in [16.0, 18.0, 20.0, 22.0] {
             for seed in 0..6 {
@@ -288,12 +290,12 @@ mod tests {
                 }
             }
         }
-        // Random trees may miss a gap of a few decimetres, but seldom.
+        // Random trees may miss a gap of a few decimetres, but rarely.
         assert!(found >= 22, "{found} of 24");
     }
 
     #[test]
-    fn settings_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let bad = Params { goal_share: 1.5, ..Params::default() };
         assert_eq!(RrtStar::new(bad).unwrap_err().key, "goal_share");
     }

@@ -1,4 +1,4 @@
-//! The space in which the tree grows in the closed loop.
+//! Sampling space of the closed-loop tree.
 
 use swerve_core::Rng;
 use swerve_geom::{FrenetPoint, Pose2};
@@ -9,7 +9,7 @@ use crate::path::dubins::Dubins;
 use crate::path::ground::Ground;
 use crate::path::piece::advance;
 
-/// A car with a turning circle on a road.
+/// Poses of a car with a turning radius on a road.
 pub(crate) struct RoadSpace<'a> {
     pub(crate) ground: &'a Ground<'a>,
     pub(crate) route: &'a Route,
@@ -21,11 +21,11 @@ pub(crate) struct RoadSpace<'a> {
     pub(crate) half_width_m: f64,
 }
 
-/// Headings are drawn up to this far off the road's, radians.
+/// Largest sampled angle to the road, radians.
 const OFF_RAD: f64 = 0.35;
 
 impl RoadSpace<'_> {
-    /// The pose beside the line at arc length `s_m`, turned off the road's direction.
+    /// Pose beside the line at arc length `s_m`, rotated relative to the road.
     pub(crate) fn beside(&self, s_m: f64, d_m: f64, off_rad: f64) -> Pose2 {
         let on_line = self.route.line().at(s_m).pose;
         let at = self.route.unproject(FrenetPoint { s_m, d_m });

@@ -1,4 +1,4 @@
-//! The tree: grown towards random places, rewired to be short.
+//! The tree: grown towards random places and rewired to short paths.
 
 use swerve_core::Rng;
 use swerve_geom::{Pose2, math};
@@ -6,62 +6,62 @@ use swerve_geom::{Pose2, math};
 use super::grid::Grid;
 use crate::request::{Budget, Progress};
 
-/// The space that the tree grows in: places, ways between them, obstacles.
+/// Sampling space of a tree: places, paths between them, obstacles.
 pub trait Space {
-    /// A place drawn at random.
+    /// Samples a random place.
     fn draw(&self, rng: &mut Rng) -> Pose2;
-    /// Length of the way from place to place, obstacles or not, metres.
+    /// Length of the path between two places, regardless of obstacles, metres.
     fn length_m(&self, from: Pose2, to: Pose2) -> f64;
-    /// The place `step_m` along the way, or its end where that is nearer.
+    /// The place `step_m` along the path, or its end if that is nearer.
     fn toward(&self, from: Pose2, to: Pose2, step_m: f64) -> Pose2;
-    /// Whether the way is free when it begins after `travelled_m`.
+    /// Returns true if the path is free when it begins after `travelled_m`.
     fn free(&self, from: Pose2, to: Pose2, travelled_m: f64) -> bool;
-    /// Whether all stands, so that a way that is not free never will be.
+    /// Returns true if all obstacles are static, so that a blocked path stays blocked.
     fn stands(&self) -> bool {
         false
     }
 }
 
-/// How the tree grows.
+/// Parameters of the growth.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Growth {
     /// Longest extension, metres.
     pub step_m: f64,
-    /// Iterations at most.
+    /// Largest number of iterations.
     pub iterations_max: u64,
-    /// Share of iterations that aim at the goal.
+    /// Fraction of iterations that sample the goal.
     pub goal_share: f64,
-    /// Share of iterations that aim at a guide: a place given beforehand where short ways are known to bend.
+    /// Fraction of iterations that sample a guide: a given place where short paths are known to bend.
     pub guide_share: f64,
     /// `gamma` of the rewiring radius `sqrt(gamma / pi * ln n / n)`, m².
     pub gamma_m2: f64,
-    /// Longest rewiring radius, metres.
+    /// Largest rewiring radius, metres.
     pub radius_max_m: f64,
-    /// When it is over.
+    /// Termination.
     pub until: Until,
 }
 
-/// When the growth is over.
+/// Termination of the growth.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Until {
-    /// At the first node this near to the goal, metres: the original.
+    /// At the first node within this distance of the goal, metres, as in the original algorithm.
     Arrival(f64),
-    /// When the iterations or the budget are used up. Nodes are joined to the goal itself, the way there is
-    /// tried at once, and after the first path only places are drawn that can shorten it (J. D. Gammell,
-    /// S. S. Srinivasa and T. D. Barfoot, "Informed RRT*", 2014).
+    /// When the iterations or the budget are used up. Nodes are connected to the goal itself if possible, and after the
+    /// first path only places that can shorten it are sampled (J. D. Gammell, S. S. Srinivasa and T. D. Barfoot,
+    /// "Informed RRT*", 2014).
     Spent,
 }
 
-/// From where to where the tree grows.
+/// Start, goal and bounds of a tree.
 #[derive(Clone, Copy, Debug)]
 pub struct Aim<'a> {
-    /// The root.
+    /// Root pose.
     pub start: Pose2,
-    /// The pose to reach.
+    /// Goal pose.
     pub goal: Pose2,
-    /// The tree lies within x_min, y_min, x_max, y_max, metres.
+    /// Bounds of the tree: x_min, y_min, x_max, y_max, metres.
     pub bounds: [f64; 4],
-    /// Places where short ways are known to bend.
+    /// Places where short paths are known to bend.
     pub guides: &'a [Pose2],
 }
 
@@ -79,64 +79,64 @@ struct Node {
     parent: u32,
     first_child: u32,
     next_sibling: u32,
-    /// Length of the way from the root, metres.
+    /// Length of the path from the root, metres.
     cost_m: f64,
 }
 
-/// A node that could be joined to another.
+/// A candidate parent or child of a node.
 #[derive(Clone, Copy, Debug)]
 struct Neighbour {
     node: u32,
     cost_m: f64,
 }
 
-/// A place where short ways are known to bend, not in the tree yet.
+/// A place where short paths are known to bend, not yet in the tree.
 #[derive(Clone, Copy, Debug)]
 struct Guide {
     pose: Pose2,
-    /// Its bit in `blocked`.
+    /// Index of its bit in `blocked`.
     number: usize,
 }
 
-/// The tree and its memory, kept between calls.
+/// The tree and its storage, reused between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Tree {
     nodes: Vec<Node>,
     grid: Grid,
     near: Vec<Neighbour>,
-    /// Those of `near` that are still to be tried, the cheapest last, where the first few do not do.
+    /// Entries of `near` still to be tried, the cheapest last, if the first few are not enough.
     order: Vec<Neighbour>,
     stack: Vec<u32>,
-    /// Nodes with a free way to the goal, with its length.
+    /// Nodes with a free path to the goal, with its length.
     arrived: Vec<(u32, f64)>,
-    /// Length of the best path, infinite before the first.
+    /// Length of the best path, infinite before the first, metres.
     best_m: f64,
-    /// Guides that are not in the tree yet.
+    /// Guides that are not yet in the tree.
     guides: Vec<Guide>,
-    /// Node x guide, in bits: ways that are known not to be free.
+    /// Bit matrix of nodes and guides: paths known to be blocked.
     blocked: Vec<u64>,
-    /// Words of one node in `blocked`.
+    /// Number of words per node in `blocked`.
     words: usize,
-    /// Guides that are.
+    /// Nodes of guides that are in the tree.
     guide_nodes: Vec<u32>,
-    /// Iterations of the newest growth.
+    /// Iterations of the latest growth.
     pub work: u64,
 }
 
-/// Draws of a place that could shorten the path before giving up on one that can.
+/// Largest number of samples until one can shorten the path.
 const DRAWS_MAX: usize = 24;
 
-/// So many of the cheapest ways are looked for one by one before the rest are sorted.
+/// Number of cheapest candidates that are searched one by one before the rest are sorted.
 const UNSORTED: usize = 2;
 
-/// Memory is reserved for so many iterations at most, however many there may be.
+/// Largest number of iterations for which memory is reserved.
 const RESERVED_MAX: u64 = 100_000;
 
-/// A gain below this is none, metres.
+/// Improvements below this are ignored, metres.
 const GAIN_M: f64 = 1e-9;
 
 impl Tree {
-    /// Grows a tree anew; whether the goal was reached.
+    /// Grows a new tree; returns true if the goal was reached.
     pub fn grow(
         &mut self,
         space: &impl Space,
@@ -200,7 +200,7 @@ impl Tree {
         node
     }
 
-    /// One iteration; whether the growth is over.
+    /// Runs one iteration; returns true if the growth is complete.
     fn iterate(&mut self, space: &impl Space, growth: &Growth, aim: &Aim<'_>, rng: &mut Rng) -> bool {
         let goal = aim.goal;
         let drawn = rng.unit();
@@ -235,7 +235,7 @@ impl Tree {
         }
     }
 
-    /// A random place; once there is a path, one through which a shorter path could go.
+    /// Samples a random place; once there is a path, one that can shorten it.
     fn draw(&self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) -> Pose2 {
         let mut pose = space.draw(rng);
         for _ in 0..DRAWS_MAX {
@@ -247,14 +247,14 @@ impl Tree {
         pose
     }
 
-    /// Whether even the straight way through `pose` is no shorter than the best path.
+    /// Returns true if even the straight path through `pose` is no shorter than the best path.
     fn is_useless(&self, pose: Pose2, aim: &Aim<'_>) -> bool {
         let p = pose.point();
         let straight_m = || aim.start.point().distance(p) + p.distance(aim.goal.point());
         !self.arrived.is_empty() && straight_m() >= self.best_m
     }
 
-    /// Joins one of the guides to the tree, over all nodes it could be joined to.
+    /// Connects one of the guides to the tree, over all candidate parents.
     fn add_guide(&mut self, space: &impl Space, aim: &Aim<'_>, rng: &mut Rng) {
         let index = rng.below(self.guides.len());
         let Guide { pose, number } = self.guides[index];
@@ -267,7 +267,7 @@ impl Tree {
         self.collect(space, pose, before, guide);
         let Some(node) = self.connect(space, pose, guide) else { return };
         if guide.is_some() {
-            // Those that it is not joined to may still be led over it.
+            // Nodes other than its parent may still be rerouted through it.
             self.collect(space, pose, before, None);
         }
         self.guides.swap_remove(index);
@@ -276,8 +276,8 @@ impl Tree {
         self.try_goal(space, node, aim.goal);
     }
 
-    /// Fills `near` with the nodes numbered below `before` but for those that are known to be blocked from the guide, and
-    /// prices them.
+    /// Fills `near` with the nodes numbered below `before`, except those known to be blocked from the guide, and
+    /// computes their costs.
     fn collect(&mut self, space: &impl Space, pose: Pose2, before: u32, guide: Option<usize>) {
         self.near.clear();
         let (blocked, words) = (&self.blocked, self.words);
@@ -288,7 +288,7 @@ impl Tree {
         self.price(space, pose);
     }
 
-    /// Fills `near` with the nodes around `pose`, `nearest` among them, and prices them.
+    /// Fills `near` with the nodes around `pose`, including `nearest`, and computes their costs.
     fn collect_near(&mut self, space: &impl Space, pose: Pose2, radius_m: f64, nearest: u32) {
         self.near.clear();
         let near = &mut self.near;
@@ -299,7 +299,7 @@ impl Tree {
         self.price(space, pose);
     }
 
-    /// Prices the ways over each of `near` to `pose`, and drops those that cannot be part of a better path.
+    /// Computes the costs to `pose` over each node of `near`, and drops nodes that cannot be part of a better path.
     fn price(&mut self, space: &impl Space, pose: Pose2) {
         let (nodes, best_m) = (&self.nodes, self.best_m);
         self.near.retain_mut(|n| {
@@ -312,8 +312,9 @@ impl Tree {
         });
     }
 
-    /// Adds `pose` below the cheapest of `near` from which the way is free. Only as many ways are checked as needed:
-    /// as a rule the first few are enough, and the rest need not be sorted. `guide`: its number where all stands.
+    /// Adds `pose` as a child of the cheapest node of `near` with a free path to it. Checks only as many paths as
+    /// needed: usually the first few suffice, and the rest need not be sorted. `guide`: its index if all obstacles are
+    /// static.
     fn connect(&mut self, space: &impl Space, pose: Pose2, guide: Option<usize>) -> Option<u32> {
         let by_cost = |a: &Neighbour, b: &Neighbour| a.cost_m.total_cmp(&b.cost_m).then(a.node.cmp(&b.node));
         for _ in 0..UNSORTED {
@@ -336,7 +337,7 @@ impl Tree {
         None
     }
 
-    /// Whether the way from `node` to `pose` is free; that it is not is noted for the guide.
+    /// Returns true if the path from `node` to `pose` is free; a blocked path is recorded for the guide.
     fn is_free(&mut self, space: &impl Space, node: u32, pose: Pose2, guide: Option<usize>) -> bool {
         let from = &self.nodes[node as usize];
         let Some(guide) = guide else { return space.free(from.pose, pose, from.cost_m) };
@@ -346,7 +347,7 @@ impl Tree {
         is_free
     }
 
-    /// Leads nodes of `near` over `node` where that is shorter.
+    /// Reroutes nodes of `near` through `node` if that is shorter.
     fn rewire(&mut self, space: &impl Space, node: u32) {
         let Node { pose, cost_m, parent, .. } = self.nodes[node as usize];
         let mut lowered = false;
@@ -389,7 +390,7 @@ impl Tree {
         self.nodes[at as usize].next_sibling = next_sibling;
     }
 
-    /// Takes `by_m` off the cost of `node` and all below it.
+    /// Reduces the cost of `node` and its descendants by `by_m`.
     fn lower(&mut self, node: u32, by_m: f64) {
         self.stack.push(node);
         while let Some(at) = self.stack.pop() {
@@ -402,7 +403,7 @@ impl Tree {
         }
     }
 
-    /// Notes that `node` reaches the goal, if it does by a shorter path than all before.
+    /// Records that `node` reaches the goal, if its path is shorter than all before.
     fn try_goal(&mut self, space: &impl Space, node: u32, goal: Pose2) {
         let Node { pose, cost_m, .. } = self.nodes[node as usize];
         let best_m = self.best_m;
@@ -415,7 +416,7 @@ impl Tree {
         }
     }
 
-    /// Takes `node` for one that reaches the goal over another `last_m`.
+    /// Records that `node` reaches the goal with a last piece of `last_m`.
     fn arrive(&mut self, node: u32, last_m: f64) {
         self.arrived.push((node, last_m));
         self.best_m = self.best_m.min(self.nodes[node as usize].cost_m + last_m);
@@ -432,8 +433,8 @@ impl Tree {
             .fold(f64::INFINITY, |best, &(n, last)| best.min(self.nodes[n as usize].cost_m + last))
     }
 
-    /// The poses of the best path from the start to its last node (the goal itself is not a node); forgets that
-    /// path, so that the next call gives the next best. `None` when there is no other.
+    /// Poses of the best path from the start to its last node (the goal itself is not a node); removes that path, so
+    /// that the next call returns the next best. `None` if there is no other.
     pub fn take_best(&mut self, poses: &mut Vec<Pose2>) -> Option<f64> {
         let nodes = &self.nodes;
         let cost = |&(node, last_m): &(u32, f64)| nodes[node as usize].cost_m + last_m;

@@ -1,4 +1,4 @@
-//! What a search allocates once its memory has grown, counted.
+//! Counts a search's allocations in steady state.
 
 use crate::Preset;
 use crate::posed::{HybridAstarProblem, Outcome, RrtStarConfig, RrtStarProblem, hybrid_astar, rrt_star};
@@ -11,7 +11,7 @@ fn second(mut call: impl FnMut() -> Outcome) -> u64 {
 }
 
 #[test]
-fn searches_allocate_nothing_once_grown() {
+fn searches_do_not_allocate_in_steady_state() {
     let obstacles = vec![[13.75, -0.75, 14.25, 1.95], [20.0, -4.0, 22.0, -2.5]];
     let problem = RrtStarProblem {
         start: [0.0, 0.0],

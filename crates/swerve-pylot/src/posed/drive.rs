@@ -1,23 +1,23 @@
-//! Paths of arcs and straights, driven by the vehicle model.
+//! Closed-loop drives of the vehicle model along paths of arcs and straights.
 
 use swerve_geom::{Pose2, angle_between, math};
 use swerve_vehicle::{Kinematic, KinematicState};
 
 use swerve_planning::path::piece::{Piece, advance};
 
-/// Distance of the places that the path is known by, metres.
+/// Spacing of the tabulated places of the path, metres.
 const STEP_M: f64 = 0.1;
 
-/// Time between two steps of the car, seconds.
+/// Time step of the car, seconds.
 const DT_S: f64 = 0.01;
 
-/// The steering follows the path's mean curvature over this length, metres.
+/// Length over which the path's curvature is averaged for steering, metres.
 const WINDOW_M: f64 = 2.0;
 
-/// Way in which an offset is steered back, metres.
+/// Distance over which an offset is corrected, metres.
 const REACH_M: f64 = 4.0;
 
-/// A pose on the path with the path's heading there as a number that does not wrap, radians.
+/// A pose on the path with the path's unwrapped heading, radians.
 struct Place {
     pose: Pose2,
     turned_rad: f64,
@@ -42,9 +42,9 @@ fn places(start: Pose2, pieces: &[Piece]) -> Vec<Place> {
     places
 }
 
-/// Largest distance from the path that `car` keeps at a steady speed, metres; its wheels stand as the path begins.
+/// Largest distance of `car` from the path at a steady speed, metres; its wheels initially match the path.
 ///
-/// It steers by the mean curvature around where it is, and by its offset and heading.
+/// It steers by the mean curvature around its place, and by its offset and heading.
 pub(super) fn worst_offset_m(car: &Kinematic, start: Pose2, pieces: &[Piece], speed_mps: f64) -> f64 {
     let places = places(start, pieces);
     let last = places.len() - 1;
@@ -53,7 +53,7 @@ pub(super) fn worst_offset_m(car: &Kinematic, start: Pose2, pieces: &[Piece], sp
     let steering_rad = math::atan(car.wheelbase_m * first_1pm);
     let mut state = KinematicState { pose: start, speed_mps, steering_rad };
     let (mut at, mut worst_m) = (0, 0.0_f64);
-    // Off its path for good it never arrives: twice the way is enough for who does.
+    // A car that leaves its path for good never arrives: a successful drive needs less than twice the distance.
     let steps_max = 2.0 * (last as f64 + 1.0) * STEP_M / (speed_mps * DT_S);
     let mut steps = 0.0;
     while at < last && steps < steps_max {
@@ -89,20 +89,20 @@ mod tests {
     }
 
     #[test]
-    fn straights_and_circles_are_kept() {
+    fn straights_and_circles_are_followed() {
         assert!(offset_m(&[[0.0, 30.0]], 10.0) < 1e-9);
-        // More than a full turn, inside of 0.8 g.
+        // More than a full turn, within 0.8 g.
         assert!(offset_m(&[[0.1, 80.0]], 6.0) < 0.05);
     }
 
     #[test]
     fn curves_too_tight_for_the_speed_are_left() {
-        // 0.1/m at 20 m/s is 40 m/s²: the car goes on almost straight, 1 - cos(1) of the radius off within 10 m.
+        // 0.1/m at 20 m/s is 40 m/s²: the car continues almost straight, 1 - cos(1) of the radius off within 10 m.
         assert!(offset_m(&[[0.0, 10.0], [0.1, 10.0]], 20.0) > 2.0);
     }
 
     #[test]
-    fn pieces_shorter_than_the_steerings_way_are_cut_less_slowly_driven() {
+    fn short_pieces_are_cut_less_at_low_speed() {
         let wiggle = [[0.0, 5.0], [0.12, 2.0], [-0.12, 4.0], [0.12, 2.0], [0.0, 5.0]];
         assert!(offset_m(&wiggle, 2.0) < offset_m(&wiggle, 8.0));
     }

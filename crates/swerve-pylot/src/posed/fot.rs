@@ -16,28 +16,28 @@ use super::{CLEARANCE_CAP_M, FotConfig, FotProblem, Solution, obb, path_length_m
 use crate::Preset;
 use crate::fot::build_all;
 
-/// Distance in time of the points of a solution's path, seconds.
+/// Time step of the points of a solution's path, seconds.
 const PATH_STEP_S: f64 = 0.05;
 
-/// Points are brought closer together down to this, seconds.
+/// Smallest time step to which the points are refined, seconds.
 const PATH_STEP_MIN_S: f64 = 0.004;
 
-/// Distance of the looks that measure a solution's clearance, metres.
+/// Sampling distance for a solution's clearance, metres.
 const CLEARANCE_STEP_M: f64 = 0.1;
 
-/// As [`CLEARANCE_STEP_M`], where the clearance is about what is needed.
+/// Sampling distance for a clearance near the required one, metres.
 const CLEARANCE_FINE_M: f64 = 0.02;
 
 /// Distance over which a solution's curvature is measured, metres.
 const CURVATURE_BASE_M: f64 = 0.5;
 
-/// The Lincoln of the other problems with its reference point in the middle, as the problems have it.
+/// The Lincoln of the other problems with its reference point at the centre, as in these problems.
 fn centered_shape() -> Shape {
     let shape = Shape::default();
     Shape { rear_overhang_m: 0.5 * shape.length_m, ..shape }
 }
 
-/// A posed problem's settings. Its frame has `d` positive along heading + 90 degrees, as ours.
+/// Parameters of a posed problem. In its frame `d` is positive along heading + 90 degrees, as in ours.
 fn params(config: &FotConfig) -> Params {
     Params {
         collision: CollisionMode::TimeIndexed,
@@ -70,7 +70,7 @@ fn params(config: &FotConfig) -> Params {
     }
 }
 
-/// What the file calls a parameter.
+/// Name of a parameter in the file.
 fn key_in_file(ours: &str) -> String {
     let file = match ours {
         "max_speed_mps" => "max_speed",
@@ -98,7 +98,7 @@ fn key_in_file(ours: &str) -> String {
     file.to_owned()
 }
 
-/// A problem taken in: everything that a [`Task`] refers to.
+/// A problem in internal form: the owner of the data that a [`Task`] refers to.
 struct Posed {
     preset: Preset,
     params: Params,
@@ -110,10 +110,10 @@ struct Posed {
 }
 
 impl Posed {
-    /// In words what is wrong, if anything is.
+    /// Converts a problem; returns the error in words.
     fn new(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Result<Self, String> {
         let params = params(config);
-        // Every obstacle counts, however far it is.
+        // Every obstacle counts, at any distance.
         let ranged = Params { obstacle_range_m: Params::default().obstacle_range_m, ..params };
         ranged.validate().map_err(|e| ParamError { key: key_in_file(&e.key).into(), ..e }.to_string())?;
         let points: Vec<Point2> = problem.waypoints.iter().map(|p| Point2::new(p[0], p[1])).collect();
@@ -133,7 +133,7 @@ impl Posed {
         Ok(Self { preset, params, line, start, obstacles, shape, target_mps })
     }
 
-    /// Direction of the start's velocity, of the line at standstill (cosine, sine).
+    /// Direction of the start's velocity, or of the line at standstill (cosine, sine).
     fn heading(&self) -> (f64, f64) {
         let node = self.line.at(self.start.s[0]);
         let along = self.start.s[1] * (1.0 - node.curvature_1pm * self.start.d[0]);
@@ -175,7 +175,7 @@ impl Posed {
     }
 }
 
-/// The start as the original has it: all speed along the line, the heading's part across it, no acceleration.
+/// Start state as in the original: all speed along the line, lateral velocity from the heading, no acceleration.
 fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<FrenetState, String> {
     let finite = |values: &[f64]| {
         let all = values.iter().all(|v| v.is_finite());
@@ -196,7 +196,7 @@ fn frenet(problem: &FotProblem, polyline: &Polyline, line: &Line) -> Result<Fren
     Ok(FrenetState { s: [s_m, math::hypot(vel[0], vel[1]), 0.0], d: [d_m, across_mps, 0.0], d_by_s: None })
 }
 
-/// Solves one problem. The call's time is for the caller to measure.
+/// Solves one problem. The caller times the call.
 pub fn solve(problem: &FotProblem, config: &FotConfig, preset: Preset) -> Solution {
     let posed = match Posed::new(problem, config, preset) {
         Ok(posed) => posed,
@@ -237,8 +237,8 @@ fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solu
     let needed_m = task.checks.clearance_m;
     let (mut path, mut clearance_m) = path_of(task, candidate, PATH_STEP_S, CLEARANCE_STEP_M);
     let mut step_s = PATH_STEP_S;
-    // The straight pieces between the points cut corners of the motion: where that takes away clearance that
-    // is needed, points are closer together.
+    // The straight pieces between the points cut corners of the motion: if that reduces the clearance below the
+    // required one, points are placed closer together.
     while clearance_m < needed_m + CLEARANCE_STEP_M * CLEARANCE_STEP_M {
         (path, clearance_m) = path_of(task, candidate, step_s, CLEARANCE_FINE_M);
         if clearance_m >= needed_m || step_s < PATH_STEP_MIN_S {
@@ -259,7 +259,7 @@ fn solution(id: &str, task: &Task<'_>, candidate: &Candidate, work: u64) -> Solu
     }
 }
 
-/// The candidate's path with points at most `step_s` apart, and the clearance of going straight between them.
+/// The candidate's path with points at most `step_s` apart, and the clearance along the straight lines between them.
 fn path_of(task: &Task<'_>, candidate: &Candidate, step_s: f64, look_m: f64) -> (Vec<[f64; 4]>, f64) {
     let mut path = Vec::new();
     let mut poses: Vec<(Pose2, Time)> = Vec::new();

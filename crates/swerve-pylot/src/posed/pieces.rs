@@ -7,29 +7,29 @@ use swerve_vehicle::{Kinematic, VehicleParams};
 use super::drive::worst_offset_m;
 use super::{CLEARANCE_CAP_M, Solution};
 
-/// Distance of the points of a solution's path, metres.
+/// Spacing of the points of a solution's path, metres.
 const POINT_M: f64 = 0.25;
 
-/// Distance of the looks that measure a solution's clearance, metres.
+/// Sampling distance for a solution's clearance, metres.
 const CLEARANCE_STEP_M: f64 = 0.1;
 
-/// Lateral acceleration of a solution's speed at most: 0.8 g, m/s².
+/// Largest lateral acceleration at a solution's speed: 0.8 g, m/s².
 const LATERAL_MPS2: f64 = 0.8 * 9.81;
 
-/// How far the driven car may be off a solution's path, metres.
+/// Largest distance of the driven car from a solution's path, metres.
 const OFF_MAX_M: f64 = 0.25;
 
-/// Fastest speed at which a solution is timed, m/s.
+/// Largest speed at which a solution is timed, m/s.
 const SPEED_MAX_MPS: f64 = 20.0;
 
-/// No solution is timed much slower than this, m/s.
+/// Approximate lower bound on the speed at which a solution is timed, m/s.
 const SPEED_MIN_MPS: f64 = 0.5;
 
-/// Factor on the speed as long as the car leaves the path.
+/// Factor by which the speed is reduced while the car leaves the path.
 const SLOWER: f64 = 0.9;
 
-/// The speed at which the Lincoln follows `pieces` from `start`, m/s: it keeps 0.8 g in the tightest turn, and the
-/// vehicle model, driven along them, stays within [`OFF_MAX_M`].
+/// Speed at which the Lincoln follows `pieces` from `start`, m/s: within 0.8 g in the tightest turn, and with the
+/// driven vehicle model within [`OFF_MAX_M`].
 fn drivable_mps(start: Pose2, pieces: &[Piece]) -> f64 {
     let car = Kinematic::new(&VehicleParams::default());
     let bends = pieces.iter().map(|piece| piece.curvature_1pm.abs().max(1e-9));

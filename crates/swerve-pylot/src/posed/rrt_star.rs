@@ -26,39 +26,39 @@ use bend::{Bender, pieces_free};
 use boxes::Boxes;
 use round::Rounder;
 
-/// Iterations that the best preset does in about one millisecond, its rounding of corners included: the median over
-/// the problems of the pylot_fast configuration on one core of a 2-core AMD EPYC (family 25 model 1), release build.
-/// `cargo test --release -p swerve-pylot posed::rrt_star -- --nocapture` prints the time it takes where it runs.
+/// Iterations of the best preset in about one millisecond, including the rounding of corners: the median over the
+/// problems of the pylot_fast configuration on one core of a 2-core AMD EPYC (family 25 model 1), release build. `cargo
+/// test --release -p swerve-pylot posed::rrt_star -- --nocapture` prints the time on the current machine.
 pub const ITERATIONS_PER_MS: u64 = 500;
 
-/// Corners that paths bend around lie this far out of the grown boxes, metres.
+/// Distance of corners, around which paths bend, from the grown boxes, metres.
 const CORNER_OUT_M: f64 = 1e-3;
 
-/// Curved paths are checked against boxes grown by this much more, metres: arcs lie within 0.31 mm of their chords.
+/// Additional growth of the boxes when checking curved paths, metres: arcs are within 0.31 mm of their chords.
 const CHORD_OUT_M: f64 = 0.5e-3;
 
-/// Radii at which corners are rounded, widest first: where they cost nothing, wide turns are easier to steer. The last
-/// is a little more than the tightest turn of the Lincoln (4.08 m).
+/// Radii at which corners are rounded, widest first: if they cost nothing, wide turns are easier to steer. The last is
+/// slightly more than the tightest turn of the Lincoln (4.08 m).
 const RADII_M: [f64; 7] = [40.0, 25.0, 16.0, 10.0, 7.0, 5.5, 4.2];
 
-/// Radii for ways with free headings, tried where no rounding will do.
+/// Radii of paths with free headings, tried if no rounding is possible.
 const BEND_RADII_M: [f64; 2] = [6.0, 4.15];
 
-/// A rounded path not longer than this share of the straight one is taken without trying tighter radii.
+/// A rounded path not longer than this multiple of the straight one is accepted without trying tighter radii.
 const GOOD_ENOUGH: f64 = 1.002;
 
-/// Paths that are tried for one that can be steered.
+/// Number of paths that are tried until one can be steered.
 const PATHS_MAX: usize = 4;
 
-/// Distance of the points of a path of straight lines at which curvature and clearance are measured, metres.
+/// Sampling distance for curvature and clearance on a path of straight lines, metres.
 const LOOK_M: f64 = 0.1;
 
-/// Solves posed problems, with memory kept between calls; no call depends on an earlier one.
+/// Solves posed problems, with storage that is reused between calls; calls are independent of each other.
 #[derive(Clone, Debug)]
 pub struct Solver {
     /// Seed of the random numbers.
     pub seed: u64,
-    /// Iterations of the best preset at most; the settings' are the paper preset's.
+    /// Largest number of iterations of the best preset; the configured one applies to the paper preset.
     pub iterations_max: u64,
     tree: Tree,
     paper: tree::Tree,
@@ -100,10 +100,10 @@ impl Default for Solver {
 }
 
 /// Solves one problem with seed 0; work is counted in iterations, at most [`ITERATIONS_PER_MS`] for `best` (see
-/// [`Solver::iterations_max`]). The call's time is for the caller to measure.
+/// [`Solver::iterations_max`]). The caller times the call.
 ///
-/// `paper` returns at the first arrival near the goal, a path of straight lines; `best` ends in the goal itself, on a
-/// path that a car can steer.
+/// `paper` returns at the first arrival near the goal, with a path of straight lines; `best` ends in the goal itself,
+/// with a path that a car can steer.
 pub fn solve(
     problem: &RrtStarProblem,
     config: &RrtStarConfig,
@@ -118,7 +118,7 @@ pub fn solve(
 }
 
 impl Solver {
-    /// Searches; does not allocate once it has grown to the size of the problems it is given.
+    /// Searches; does not allocate once its storage has grown to the size of the problems.
     pub fn search(
         &mut self,
         problem: &RrtStarProblem,
@@ -211,7 +211,7 @@ impl Solver {
         Outcome::NoPath
     }
 
-    /// Makes the path over the corners one that a car can steer; leaves it in `best`.
+    /// Converts the path over the corners to one that a car can steer; writes it to `best`.
     fn steer(&mut self) -> bool {
         let straight_m: f64 = self.corners.windows(2).map(|p| p[0].point().distance(p[1].point())).sum();
         let mut best_m = f64::INFINITY;
@@ -250,12 +250,12 @@ impl Solver {
         !self.best.is_empty()
     }
 
-    /// Iterations of the newest search.
+    /// Iterations of the latest search.
     pub fn work(&self) -> u64 {
         self.tree.work + self.paper_work
     }
 
-    /// Length of the path of the newest search, metres; zero without.
+    /// Length of the path of the latest search, metres; zero without a path.
     pub fn length_m(&self) -> f64 {
         if self.best.is_empty() {
             return self.corners.windows(2).map(|p| p[0].point().distance(p[1].point())).sum();
@@ -306,7 +306,7 @@ fn straight_lines(id: &str, nodes: &[Pose2], distance_m: impl Fn(Point2, [f64; 2
     }
 }
 
-/// Leaves out corners that are not needed.
+/// Removes unnecessary corners.
 fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
     let (mut kept, mut from) = (1, 0);
     while from + 1 < corners.len() {
@@ -320,7 +320,7 @@ fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
     corners.truncate(kept);
 }
 
-/// Refuses numbers of the problem and of its settings that are out of range, by their keys in the file.
+/// Rejects out-of-range numbers of the problem and its settings, by their keys in the file.
 fn check(problem: &RrtStarProblem, config: &RrtStarConfig) -> Result<(), ParamError> {
     require_all_within(&[
         ("step_size", config.step_size, [0.001, 1000.0]),

@@ -4,17 +4,17 @@ fn params() -> GateParams {
     GateParams { lane_margin_m: 0.8, stop_decel_mps2: 3.0, ..GateParams::default() }
 }
 
-/// A car on a circle, and a pose that is wrong by a drift of the heading and by a jump.
+/// A car on a circle, with a pose that has a heading drift or a jump.
 struct Drive {
     speed_mps: f64,
     steering_rad: f64,
-    /// Heading of the pose drifts by this from 2 s on, rad/s.
+    /// Heading drift of the pose from 2 s on, rad/s.
     drift_radps: f64,
-    /// The pose is off by this from 2 s on, metres.
+    /// Position offset of the pose from 2 s on, metres.
     jump_m: f64,
-    /// Age of a pose when it comes, ms.
+    /// Age of a pose on arrival, ms.
     late_ms: i64,
-    /// Declared deviations.
+    /// Declared standard deviations.
     sigma: [f64; 2],
     /// Lateral acceleration that the tyres hold, m/s².
     grip_mps2: f64,
@@ -35,7 +35,7 @@ impl Default for Drive {
 }
 
 impl Drive {
-    /// Time from the fault to the finding, s.
+    /// Time from the fault to its detection, seconds.
     fn found_s(&self) -> Option<f64> {
         let (mut check, params) = (PoseCheck::default(), params());
         let grip_radps = self.grip_mps2 / self.speed_mps.abs().max(1.0);
@@ -85,31 +85,31 @@ fn a_pose_that_moves_as_the_wheels_do_is_plausible() {
 
 #[test]
 fn a_car_that_slides_at_the_limit_of_its_tyres_is_plausible() {
-    // The wheels ask for 7 to 16 m/s², the tyres give 7.
+    // The wheels request 7 to 16 m/s², the tyres give 7.
     for steering_rad in [0.14, 0.2, 0.3] {
         let drive = Drive { speed_mps: 12.0, steering_rad, grip_mps2: 7.0, ..Drive::default() };
         assert_eq!(drive.found_s(), None, "{steering_rad}");
-        // A heading that drifts on top of that is found.
+        // An additional heading drift is detected.
         let drifts = Drive { drift_radps: 0.3, ..drive };
         assert!(drifts.found_s().is_some_and(|s| s < 1.5), "{steering_rad} {:?}", drifts.found_s());
     }
 }
 
 #[test]
-fn a_heading_that_drifts_is_found_before_a_stop_leaves_the_lane() {
-    // At 8 m/s: 2.4 m and 10.67 m to a standstill, 0.8 m aside: 0.061 rad, and 0.15 of the turn of 0.14 rad.
+fn heading_drift_is_detected_before_a_stop_leaves_the_lane() {
+    // At 8 m/s: 2.4 m and 10.67 m to a standstill, 0.8 m laterally: 0.061 rad, and 0.15 of the turn of 0.14 rad.
     let bound_rad = 0.8 / (2.4 + 10.667) + 0.15 * 8.0 * math::tan(0.05) / 2.85;
     let found_s = Drive { drift_radps: 0.2, ..Drive::default() }.found_s().unwrap();
     assert!((found_s - bound_rad / 0.2).abs() <= 0.021, "{found_s} {bound_rad}");
-    // At 2 m/s 1.27 m to a standstill forgive 0.63 rad.
+    // At 2 m/s, 1.27 m to a standstill tolerate 0.63 rad.
     let slow = Drive { speed_mps: 2.0, drift_radps: 0.2, ..Drive::default() };
     assert_eq!(slow.found_s(), None);
 }
 
 #[test]
-fn a_jump_beyond_the_lane_is_found_at_once() {
+fn jump_beyond_the_lane_is_detected_at_once() {
     let jump = |jump_m| Drive { jump_m, ..Drive::default() };
-    // 0.8 m, and 0.05 of the way of a second.
+    // 0.8 m, and 0.05 of the distance of a second.
     assert_eq!(jump(1.0).found_s(), None);
     assert_eq!(jump(1.5).found_s(), Some(0.01));
     assert_eq!(jump(-1.5).found_s(), Some(0.01));
@@ -125,7 +125,7 @@ fn localization_may_correct_itself_by_what_it_declares() {
 }
 
 #[test]
-fn gaps_begin_the_comparison_anew() {
+fn gaps_restart_the_comparison() {
     let (mut check, params) = (PoseCheck::default(), params());
     let mut take = |ms: i64, x_m: f64, speed_mps: f64| {
         let stamp = Time::from_ms(ms);

@@ -6,7 +6,7 @@ use super::super::{GateInput, GateParams, SafetyGate};
 
 const SPEED_MPS: f64 = 8.0;
 
-/// Along y = 0, for 5 s.
+/// A straight plan along y = 0, for 5 s.
 fn straight() -> Plan {
     let point = |k: i64| PlanPoint {
         at: Time::from_ms(100 * k),
@@ -17,8 +17,9 @@ fn straight() -> Plan {
     Plan { points: (0..200).map(point).collect(), ..Plan::default() }
 }
 
-/// A car whose pose's heading drifts by this from 3 s on, rad/s, and a stack that keeps the pose on the line. With the
-/// plan or without it the gate stops the car: largest distance of the car from the line, m, and why it was stopped.
+/// Drives a car with a heading drift of the pose from 3 s on, rad/s, and a stack that keeps the pose on the line. The
+/// gate stops the car with or without the plan. Returns the car's largest distance from the line, metres, and the cause
+/// of the stop.
 fn off_line_m(drift_radps: f64, has_plan: bool) -> (f64, StopCause) {
     let params = GateParams { lane_margin_m: 0.85, stop_decel_mps2: 3.0, ..GateParams::default() };
     let mut gate = SafetyGate::new(params).unwrap();

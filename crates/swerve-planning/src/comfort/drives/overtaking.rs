@@ -1,9 +1,9 @@
-//! Overtaking with a pose that lasts for a way only.
+//! Overtaking with a pose estimate that is valid for a limited distance.
 
 use super::*;
 
 #[test]
-fn a_slow_lead_is_overtaken_only_where_the_pose_lasts() {
+fn slow_lead_is_overtaken_only_while_the_pose_estimate_is_valid() {
     let ego = EgoState { speed_mps: 14.0, ..EgoState::default() };
     let slow = |t_s: f64| [40.0 + 6.0 * t_s, 0.0];
     let stands = |_: f64| [60.0, 0.0];
@@ -18,14 +18,14 @@ fn a_slow_lead_is_overtaken_only_where_the_pose_lasts() {
         assert!(long.last().unwrap().gap_m < -20.0, "{manner:?}");
         let short = within(0.5 * way_m, &slow);
         assert!(over_line(&short).0 == 0.0 && short.last().unwrap().gap_m > 9.0, "{manner:?} {way_m}");
-        // What stands ends where it stands: an ego that has begun to pass it comes past.
+        // Passing a standing vehicle ends where it stands: an ego that has begun completes the pass.
         assert!(within(0.0, &stands).last().unwrap().gap_m < -4.5, "{manner:?}");
     }
 }
 
 #[test]
 fn a_lead_that_stops_for_two_seconds_is_not_passed() {
-    // With 4 m/s2 from 8 m/s to rest at 4 s, and on with 2 m/s2 from 6 s on, up to 8 m/s.
+    // With 4 m/s2 from 8 m/s to rest at 4 s, then from 6 s on with 2 m/s2 up to 8 m/s.
     let stops = |t_s: f64| {
         let braked_m = at_speeds_m(&[(0.0, 8.0), (2.0, 0.0)], 4.0, t_s.min(4.0));
         let on_s = (t_s - 6.0).clamp(0.0, 4.0);
@@ -45,7 +45,7 @@ fn a_lead_that_stops_for_two_seconds_is_not_passed() {
 
 #[test]
 fn a_person_who_hurries_across_is_stopped_for() {
-    // From the right edge, when the ego's front is 19 m away, 1.6 m/s, and 3.4 m/s after 2 m.
+    // From the right edge, when the ego's front is 19 m away: 1.6 m/s, and 3.4 m/s after 2 m.
     let hurries = |t_s: f64| {
         let slow_s = (t_s - 2.0).clamp(0.0, 1.25);
         [47.0, -3.4 + 1.6 * slow_s + 3.4 * (t_s - 3.25).clamp(0.0, 2.0)]

@@ -1,5 +1,5 @@
-//! Where there is little room or little time: out from behind what is parked, past rows and through gaps, back from a pass
-//! that is closed off, and short of people.
+//! Drives with little room or time: pulling out from behind parked vehicles, past rows and through gaps, returning from
+//! an aborted pass, and stopping short of people.
 
 use super::*;
 
@@ -9,7 +9,7 @@ fn from_rest(y_m: f64) -> EgoState {
     EgoState { pose: Pose2::new(0.0, y_m, 0.0), ..EgoState::default() }
 }
 
-/// From rest, right of the centre, behind a car that stands so at the edge that the lane has room beside it.
+/// From rest, right of the centre, behind a car parked so close to the edge that the lane has room beside it.
 #[test]
 fn an_ego_at_rest_pulls_out_from_behind_a_parked_car() {
     for (d_m, gap_m) in [(-0.8, 4.0), (-1.4, 4.0), (-1.4, 6.0), (-2.2, 6.0), (-2.2, 13.0)] {
@@ -53,9 +53,9 @@ fn a_narrow_gap_is_passed_at_a_walking_pace() {
     assert!(hardest_mps2(&drive) < 3.6, "{}", hardest_mps2(&drive));
 }
 
-/// People and cyclists who come towards the ego in its lane: 1.5 m, as those who go the same way.
+/// People and cyclists moving towards the ego in its lane: 1.5 m, as for those moving the same way.
 #[test]
-fn who_comes_towards_the_ego_is_passed_with_room() {
+fn people_and_cyclists_approaching_in_the_lane_are_passed_with_room() {
     for kind in [ActorKind::Cyclist, ActorKind::Pedestrian] {
         let towards = |t_s: f64| [160.0 - if kind == ActorKind::Cyclist { 4.0 } else { 1.4 } * t_s, -0.8];
         let drive = drive_among(kind, 12.0, true, Manner::GoesRound, &[&towards], 25.0);
@@ -64,13 +64,13 @@ fn who_comes_towards_the_ego_is_passed_with_room() {
     }
 }
 
-/// A slow car is being overtaken when an oncoming one comes into sight at 100 m: 4 s until they meet, and 23 m behind the slow
-/// car the ego is hardly over the line.
+/// The ego is overtaking a slow car when an oncoming one appears at 100 m: 4 s until they meet, and 23 m behind the
+/// slow car the ego is hardly over the line.
 #[test]
-fn a_pass_that_is_closed_off_comes_back_before_the_oncoming_car() {
+fn aborted_pass_returns_before_the_oncoming_car() {
     for seen_s in [5.5, 6.0, 6.5] {
         let slow = |t_s: f64| [62.0 + 5.0 * t_s, 0.0];
-        // Far beside the road until then.
+        // Until then far beside the road.
         let oncoming = move |t_s: f64| match t_s < seen_s {
             true => [700.0, 200.0],
             false => [12.0 * seen_s + 110.0 - 14.0 * (t_s - seen_s), 3.6],
@@ -82,7 +82,7 @@ fn a_pass_that_is_closed_off_comes_back_before_the_oncoming_car() {
     }
 }
 
-/// An oncoming car over the line for good blocks the lane, and is not passed on its other side.
+/// An oncoming car that stays over the line blocks the lane, and is not passed on its other side.
 #[test]
 fn an_oncoming_car_over_the_line_is_not_passed_on_its_other_side() {
     let oncoming = |t_s: f64| [150.0 - 8.0 * t_s, 1.5];
@@ -92,7 +92,7 @@ fn an_oncoming_car_over_the_line_is_not_passed_on_its_other_side() {
     }
 }
 
-/// A lead that goes round a standing car and returns before it is not what the ego passes: it drives away.
+/// The ego does not pass a lead that goes round a standing car and returns before it: the lead drives away.
 #[test]
 fn standing_car_that_a_lead_reveals_is_passed_behind_it() {
     let standing = |_: f64| [138.0, 0.0];
@@ -106,8 +106,8 @@ fn standing_car_that_a_lead_reveals_is_passed_behind_it() {
     assert!(passes(&drive).1 > 0.4 && hardest_mps2(&drive) < 2.0, "{:?}", passes(&drive));
 }
 
-/// The lane has 0.1 m less beside the parked car than comfort wants, and the other one is not free: past it in the own lane at
-/// a walking pace, from wherever that begins.
+/// Beside the parked car the lane has 0.1 m less than comfort requires, and the other lane is not free: past it in the
+/// ego's lane at a walking pace, wherever that begins.
 #[test]
 fn parked_car_is_passed_within_the_lane_while_others_come() {
     for speed_mps in [6.0, 8.0, 10.0] {

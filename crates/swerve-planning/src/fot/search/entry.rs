@@ -1,4 +1,4 @@
-//! What a search keeps: pairs of end time and speed, ranges of offsets in the order in which they are looked at.
+//! Storage of a search: pairs of end time and speed, and ranges of offsets in search order.
 
 use core::cmp::Ordering;
 
@@ -11,22 +11,22 @@ pub(super) struct Lon {
     /// End speed, m/s.
     pub(super) v_mps: f64,
     pub(super) cost: f64,
-    /// Samples before the line's end; zero when no candidate of the pair is valid.
+    /// Number of samples before the line's end; zero if no candidate of the pair is valid.
     pub(super) count: usize,
-    /// First of its places in the arena; `NONE` before they are needed.
+    /// Index of its first place in the arena; `NONE` until needed.
     pub(super) places: usize,
 }
 
-/// No places yet.
+/// Marks a pair without places.
 pub(super) const NONE: usize = usize::MAX;
 
 /// A range of offsets of one pair, or one evaluated candidate.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Entry {
-    /// Lower bound of the cost; of a leaf the cost.
+    /// Lower bound of the cost; the exact cost of a leaf.
     pub(super) bound: f64,
     pub(super) leaf: bool,
-    /// Whether the bound has the obstacles in it.
+    /// True if the bound includes obstacles.
     pub(super) refined: bool,
     pub(super) low: u32,
     pub(super) high: u32,
@@ -36,7 +36,7 @@ pub(super) struct Entry {
 impl Eq for Entry {}
 
 impl Ord for Entry {
-    /// The heap gives the greatest: lowest bound, then ranges before leaves, then the original's order.
+    /// The heap returns the greatest: lowest bound, then ranges before leaves, then the original's order.
     fn cmp(&self, other: &Self) -> Ordering {
         other
             .bound

@@ -1,4 +1,4 @@
-//! All candidates looked at one by one: the reference for the search.
+//! Exhaustive search: the reference for the search.
 
 use super::super::candidate::{Candidate, Priced};
 use super::super::lattice::Lattice;
@@ -7,7 +7,7 @@ use super::entry::Entry;
 use super::{Search, Task};
 
 impl Search {
-    /// Looks at every candidate: the reference that the search is tested against.
+    /// Evaluates every candidate: the reference that the search is tested against.
     pub fn exhaustive(&mut self, task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
         self.prepare(task, lattice, f64::INFINITY);
         self.heap.clear();

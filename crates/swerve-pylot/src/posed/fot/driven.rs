@@ -1,16 +1,16 @@
-//! A path driven by the dynamic model of the car.
+//! Closed-loop drive of the car's dynamic model along a path.
 
 use swerve_geom::{Point2, Polyline, Pose2, angle_between, math};
 use swerve_vehicle::{SingleTrack, SingleTrackState, VehicleParams};
 
-/// Steering of the test driver beyond the kinematic angle, per lateral acceleration.
+/// Steering of the test driver beyond the kinematic angle, per lateral acceleration, rad s²/m.
 const UNDERSTEER_RADPMPS2: f64 = 0.0022;
 
-/// How far ahead the test driver looks, seconds.
+/// Preview time of the test driver, seconds.
 const PREVIEW_S: f64 = 0.15;
 
-/// How far the dynamic single-track model of the car gets off a path (x, y, heading, t) that it drives at the
-/// path's own speed, or at the share of it that keeps 0.8 g; metres.
+/// Largest distance of the car's dynamic single-track model from a path (x, y, heading, t) that it drives at the path's
+/// own mean speed, reduced to keep 0.8 g; metres.
 pub(super) fn driven_off_m(path: &[[f64; 4]]) -> f64 {
     let points: Vec<Point2> = path.iter().map(|p| Point2::new(p[0], p[1])).collect();
     let Ok(line) = Polyline::new(&points) else { return 0.0 };
@@ -21,7 +21,7 @@ pub(super) fn driven_off_m(path: &[[f64; 4]]) -> f64 {
     let params = VehicleParams::default();
     let car = SingleTrack::new(&params, 1.0);
     let wheelbase_m = params.shape.wheelbase_m;
-    // Feed-forward: the kinematic angle and what the tyres' slip adds; the gains below were swept.
+    // Feed-forward: the kinematic angle plus the tyres' slip; the gains below were found by a sweep.
     let steering = |curvature: f64, v: f64| {
         math::atan(curvature * wheelbase_m) + UNDERSTEER_RADPMPS2 * curvature * v * v
     };

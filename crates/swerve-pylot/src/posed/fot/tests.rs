@@ -8,7 +8,7 @@ use swerve_planning::fot::motion::Hints;
 
 use super::driven::driven_off_m;
 
-/// The record of one run of the original in the file.
+/// Recorded result of one run of the original.
 #[derive(Deserialize)]
 struct Recorded {
     success: u32,
@@ -96,7 +96,7 @@ fn problem(curvature_1pm: f64, speed_mps: f64, y_m: f64, obstacles: Vec<[f64; 4]
     }
 }
 
-/// The answer of the search, after comparing it with looking at everything.
+/// Result of the search, compared with the exhaustive one.
 fn searched(task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
     let want = Search::default().exhaustive(task, lattice);
     let got = match Search::default().run(task, lattice, None, &mut 0) {
@@ -107,7 +107,7 @@ fn searched(task: &Task<'_>, lattice: &Lattice) -> Option<Candidate> {
     want
 }
 
-/// The search finds what looking at everything finds.
+/// Checks that the search finds the same as the exhaustive one.
 fn same_as_exhaustive(problem: &FotProblem, config: &FotConfig, preset: Preset) {
     let posed = Posed::new(problem, config, preset).unwrap();
     let task = posed.task();
@@ -127,7 +127,7 @@ fn same_as_exhaustive(problem: &FotProblem, config: &FotConfig, preset: Preset) 
     }
 }
 
-/// Collision, clearance, range and curvature, measured on the path that is handed out.
+/// Checks collision, clearance, range and curvature on the returned path.
 fn holds_what_it_promises(posed: &Posed, solution: &Solution) {
     let (id, clearance_m) = (&solution.id, posed.params.clearance_m);
     let poses: Vec<(Pose2, Time)> =
@@ -139,7 +139,7 @@ fn holds_what_it_promises(posed: &Posed, solution: &Solution) {
     if posed.preset == Preset::Paper {
         return;
     }
-    // The car's, with what measuring over half a metre of points adds.
+    // The car's limit, plus the error of measuring over half a metre of points.
     let limit_1pm = 1.05 * posed.task().checks.curvature_max_1pm + 0.03;
     assert!(solution.curvature_max < limit_1pm, "{id}: {}", solution.curvature_max);
     let slack_m = 0.01 + (posed.start.d[0] - 1.0).max(0.0).max(-6.0 - posed.start.d[0]) * 1.2;
@@ -153,7 +153,7 @@ fn holds_what_it_promises(posed: &Posed, solution: &Solution) {
 }
 
 #[test]
-fn own_problems_are_solved_as_by_looking_at_everything() {
+fn own_problems_are_solved_like_exhaustively() {
     let person = |x: f64, y: f64| [x - 0.25, y - 0.25, x + 0.25, y + 0.25];
     let car = |x: f64, y: f64| [x - 2.25, y - 0.9, x + 2.25, y + 0.9];
     for preset in [Preset::Paper, Preset::Best] {
@@ -175,7 +175,7 @@ fn own_problems_are_solved_as_by_looking_at_everything() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
     #[test]
-    fn random_problems_are_solved_as_by_looking_at_everything(
+    fn random_problems_are_solved_like_exhaustively(
         curvature in -0.03..0.03, speed in 0.0..22.0, y in -1.0..1.0,
         boxes in prop::collection::vec((5.0..60.0, -8.0..4.0, 0.2..3.0, 0.2..1.2), 0..6),
     ) {
@@ -188,7 +188,7 @@ proptest! {
 }
 
 #[test]
-fn nonsense_is_refused_in_words() {
+fn invalid_problems_are_rejected_with_a_reason() {
     let good = problem(0.0, 10.0, 0.0, vec![]);
     let bad = [
         FotProblem { waypoints: vec![], ..good.clone() },
@@ -207,11 +207,11 @@ fn nonsense_is_refused_in_words() {
 }
 
 #[test]
-fn recorded_problems_are_solved_as_by_looking_at_everything() {
+fn recorded_problems_are_solved_like_exhaustively() {
     let Some((file, _)) = file() else { return };
     for (name, config) in &file.configs.fot {
         for (i, problem) in file.problems.fot.iter().enumerate() {
-            // The whole set takes a minute; these keep a part of each group.
+            // The whole set takes a minute; this keeps a part of each group.
             if i % (if name == "pylot_slow" { 31 } else { 3 }) != 0 {
                 continue;
             }
@@ -245,9 +245,9 @@ fn recorded_candidate(posed: &Posed, recorded: &Recorded) -> Option<Candidate> {
         .map(|found| found.candidate)
 }
 
-/// Costs are the original's to its printed digits, wherever its frame is right (straight roads).
+/// Costs equal the original's to the printed digits, if its frame is right (straight roads).
 #[test]
-fn costs_are_the_originals() {
+fn costs_match_the_originals() {
     let Some((file, recorded)) = file() else { return };
     for name in ["pylot_fast", "pylot_slow"] {
         let mut compared = 0;
@@ -274,7 +274,7 @@ fn costs_are_the_originals() {
     }
 }
 
-/// The table of the goals: speed, success and cost beside the original's recorded figures.
+/// The table of the goals: speed, success and cost next to the original's recorded figures.
 #[test]
 #[expect(clippy::disallowed_methods, reason = "the figures are run times; nothing is asserted of them")]
 fn table() {
@@ -338,9 +338,9 @@ fn table() {
     }
 }
 
-/// The car's dynamic model drives what `best` finds.
+/// The car's dynamic model can follow the paths found by `best`.
 #[test]
-fn the_car_drives_what_is_found() {
+fn car_follows_the_paths_found() {
     let Some((file, _)) = file() else { return };
     let mut worst = (0.0, String::new());
     for (name, every) in [("pylot_fast", 1), ("pylot_slow", 9)] {
@@ -384,7 +384,7 @@ proptest! {
                 .collect();
             let velocity = |p: &[Point2]| (p[1] - p[0]) * (1.0 / step_s);
             let fastest = path.windows(2).map(|p| velocity(p).norm()).fold(0.0, f64::max);
-            // Over a tenth of a second: the line between its entries is a chord.
+            // Over a tenth of a second: between its entries the line is a chord.
             let accels = (0..path.len().saturating_sub(20)).map(|k| {
                 let (a, b, c) = (path[k], path[k + 10], path[k + 20]);
                 ((c - b) - (b - a)).norm() / 0.01

@@ -26,7 +26,7 @@ pub(in crate::posed) fn config() -> HybridAstarConfig {
     }
 }
 
-/// A car across the way, and a turn around a block.
+/// Two problems: a car across the way, and a turn around a block.
 fn problems() -> [HybridAstarProblem; 2] {
     [
         problem([0.0, 0.0, 0.0], [35.0, 1.0, 0.0], &[[14.0, -3.0, 18.5, -1.0], [17.0, 1.5, 21.5, 3.4]]),
@@ -38,7 +38,7 @@ fn solved(problem: &HybridAstarProblem, preset: Preset) -> Solution {
     solve(problem, &config(), preset, &mut Unlimited::default())
 }
 
-/// The shared problems, where the checkout has them beside it.
+/// The shared problems, if they are next to the checkout.
 fn shared() -> Option<(ProblemFile, serde_json::Value)> {
     let above = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let mut paths = above.map(|dir| dir.join("shared/data/planner_problems.json"));
@@ -49,7 +49,7 @@ fn shared() -> Option<(ProblemFile, serde_json::Value)> {
     Some((serde_json::from_str(&text).unwrap(), serde_json::from_str(&text).unwrap()))
 }
 
-/// Every two centimetres of the path against the raw boxes.
+/// Checks the path every two centimetres against the raw boxes.
 fn check_free(solution: &Solution, problem: &HybridAstarProblem, config: &HybridAstarConfig) {
     let raw = Obstacles::from_boxes(&problem.obstacles.iter().map(obb).collect::<Vec<_>>());
     let outline = outline(config);
@@ -58,14 +58,14 @@ fn check_free(solution: &Solution, problem: &HybridAstarProblem, config: &Hybrid
         for k in 0..13 {
             let here = between(at(pair[0]), at(pair[1]), f64::from(k) / 12.0);
             let solid = outline.at(here.point(), [here.direction().x, here.direction().y]);
-            // The chord of an arc 0.25 m long and 6 m in radius lies 1.3 mm inside it.
+            // The chord of an arc 0.25 m long and 6 m in radius is 1.3 mm inside it.
             let near_m = raw.distance_below(&solid, Time::ZERO, 1.0);
             assert!(near_m >= config.obstacle_clearance - 2e-3, "{}: {near_m} at {here:?}", problem.id);
         }
     }
 }
 
-/// Goal pose exact, turns no tighter than the radius.
+/// Checks for the exact goal pose, and turns no tighter than the radius.
 fn check_drivable(solution: &Solution, problem: &HybridAstarProblem, config: &HybridAstarConfig) {
     let last = solution.path[solution.path.len() - 1];
     let off_m = math::hypot(last[0] - problem.goal[0], last[1] - problem.goal[1]);
@@ -97,7 +97,7 @@ fn best_ends_in_the_goal_pose_on_a_free_path() {
 fn without_obstacles_best_is_the_shortest_path() {
     let turn = problem([0.0, 0.0, 0.0], [12.0, 12.0, 0.5 * core::f64::consts::PI], &[]);
     let solution = solved(&turn, Preset::Best);
-    // An eighth of a circle, straight on, an eighth. Turns may be wider than need be, for two per cent at most.
+    // An eighth of a circle, a straight, an eighth. Turns may be wider than necessary, by two per cent at most.
     let shortest_m = 3.0 * core::f64::consts::PI + 72.0_f64.sqrt();
     assert!((1.0..1.02).contains(&(solution.length_m / shortest_m)), "{}", solution.length_m / shortest_m);
     assert_eq!(solution.work, 0);
@@ -113,10 +113,10 @@ fn paper_ends_near_the_goal_without_regard_to_its_heading() {
     assert!(math::hypot(last[0] - across.goal[0], last[1] - across.goal[1]) <= 1.0);
 }
 
-/// The scan is around the car's own heading, so turning the whole problem turns the path and nothing else. (The grid
-/// that prunes poses lies along x and y: a quarter turn keeps it.)
+/// The scan is around the car's own heading, so rotating the whole problem rotates the path and changes nothing else.
+/// (The grid that prunes poses is aligned with x and y: a quarter turn preserves it.)
 #[test]
-fn where_north_is_does_not_matter() {
+fn path_is_independent_of_north() {
     let boxes = [[14.0, -1.2, 15.0, 1.3]];
     let plain = solved(&problem([0.0, 0.0, 0.0], [30.0, 0.0, 0.0], &boxes), Preset::Paper);
     let quarter = 0.5 * core::f64::consts::PI;
@@ -132,7 +132,7 @@ fn where_north_is_does_not_matter() {
 }
 
 #[test]
-fn odd_problems_have_an_answer() {
+fn degenerate_problems_have_a_defined_outcome() {
     use Outcome::{Found, GoalBlocked, Invalid, NoPath, StartBlocked};
     let wall = [12.0, -30.0, 13.0, 30.0];
     let mut solver = Solver::default();
@@ -154,14 +154,14 @@ fn odd_problems_have_an_answer() {
     check(problem(origin, [30.0, 0.0, 0.0], &[wall]), NoPath, NoPath);
     check(problem(origin, [30.0, 0.0, 0.0], &[[3.0, -0.5, 3.5, 0.5]]), StartBlocked, StartBlocked);
     check(problem(origin, [12.5, 0.0, 0.0], &[wall]), NoPath, GoalBlocked);
-    // The original takes a path without a piece for none.
+    // The original rejects a path without pieces.
     check(problem(origin, origin, &[]), NoPath, Found);
     check(problem(origin, [f64::NAN, 0.0, 0.0], &[]), Invalid, Invalid);
     check(problem(origin, [30.0, 0.0, 0.0], &[[0.0, f64::INFINITY, 1.0, 1.0]]), Invalid, Invalid);
 }
 
 #[test]
-fn no_memory_and_the_budget_holds() {
+fn solver_is_stateless_and_keeps_the_budget() {
     let [across, around] = problems();
     for preset in [Preset::Paper, Preset::Best] {
         let mut used = Solver::default();
@@ -173,13 +173,13 @@ fn no_memory_and_the_budget_holds() {
             let mut capped = Capped::new(units);
             let outcome = used.search(&across, &config(), preset, &mut capped);
             assert!(!capped.asked_after_stop && capped.spent == used.work());
-            // One expansion more than what was left at most.
+            // At most one expansion more than the remaining budget.
             assert!(capped.spent <= units + 30, "{outcome:?} {}", capped.spent);
         }
     }
 }
 
-/// All shared problems, in one table with the recorded figures.
+/// Runs all shared problems, in one table with the recorded figures.
 #[test]
 fn shared_problems_best() {
     let Some((file, json)) = shared() else { return };
@@ -239,7 +239,7 @@ fn shared_problems_paper() {
             }
         }
         println!("paper, {name}: reaches the goal in {ours} of {n}, the peer in {peers}");
-        // The coarse scan stands on few poses: what the peer cannot do, ours cannot either.
+        // The coarse scan reaches few poses: problems that the reference cannot solve, ours cannot either.
         assert!((ours - peers).abs() <= n / 4, "{name}: {ours} {peers}");
     }
 }

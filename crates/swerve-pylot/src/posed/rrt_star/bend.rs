@@ -1,4 +1,4 @@
-//! Finds a way that a car can steer along a path of straight lines, where rounding its corners is not enough.
+//! Finds a path that a car can steer along a path of straight lines, if rounding its corners is not enough.
 
 use swerve_geom::{Pose2, Vector2, angle_between};
 
@@ -6,23 +6,23 @@ use super::boxes::Boxes;
 use swerve_planning::path::dubins::Dubins;
 use swerve_planning::path::piece::{Piece, advance, walk};
 
-/// Distances from a corner, away from the inside of the turn, at which it is passed, metres.
+/// Distances at which a corner is passed, away from the inside of the turn, metres.
 const OFFSETS_M: [f64; 3] = [0.0, 0.5, 1.2];
 
-/// Headings at a corner: shares of the way from the line before to the line after.
+/// Headings at a corner: fractions of the turn from the previous to the next line.
 const SHARES: [f64; 5] = [-0.3, 0.15, 0.5, 0.85, 1.3];
 
-/// Headings at the ends: angles off the line, radians.
+/// Headings at the ends: angles to the line, radians.
 const OFF_RAD: [f64; 9] = [0.0, 0.2, -0.2, 0.45, -0.45, 0.8, -0.8, 1.2, -1.2];
 
-/// Chords of arcs that are checked, metres.
+/// Length of the chords by which arcs are checked, metres.
 pub(super) const CHORD_M: f64 = 0.1;
 
-/// A pose in which a corner may be passed, and the best way to it.
+/// A pose in which a corner may be passed, with the best path to it.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     pose: Pose2,
-    /// Which corner.
+    /// Index of the corner.
     corner: u32,
     length_m: f64,
     from: u32,
@@ -30,18 +30,18 @@ struct Station {
 
 const NONE: u32 = u32::MAX;
 
-/// Memory, kept between calls.
+/// Storage, reused between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bender {
     stations: Vec<Station>,
-    /// Ways to one station: length, and where from.
+    /// Paths to one station: length, and previous station.
     ways: Vec<(f64, u32)>,
 }
 
 impl Bender {
-    /// Leads shortest paths of the radius from corner to corner, over the best choice of headings and distances at each,
-    /// by dynamic programming; a corner may be left out. The headings at the ends are free. Leaves the way in `pieces`
-    /// and returns the heading of its start; `None` where there is no such way.
+    /// Connects shortest paths of the radius from corner to corner, with the best choice of headings and distances at
+    /// each, by dynamic programming; a corner may be skipped. The headings at the ends are free. Writes the path to
+    /// `pieces` and returns the heading of its start; `None` if there is no such path.
     pub(crate) fn bend(
         &mut self,
         boxes: &Boxes,
@@ -99,14 +99,14 @@ impl Bender {
         }
     }
 
-    /// Finds the shortest free way to station `to` from those of the two corners before it.
+    /// Finds the shortest free path to station `to` from those of the two corners before it.
     fn reach(&mut self, boxes: &Boxes, radius_m: f64, to: usize) {
         let Station { pose, corner, .. } = self.stations[to];
         self.ways.clear();
         for (i, station) in self.stations[..to].iter().enumerate() {
             if station.corner < corner && station.corner + 2 >= corner && station.length_m.is_finite() {
                 let length_m = Dubins::shortest(station.pose, pose, radius_m).length();
-                // A way that turns round on itself is none.
+                // Skip paths that loop.
                 if length_m < 1.5 * station.pose.point().distance(pose.point()) + 1.0 {
                     self.ways.push((station.length_m + length_m, i as u32));
                 }
@@ -123,8 +123,8 @@ impl Bender {
     }
 }
 
-/// Whether pieces from `start` on stay within bounds and out of the boxes: arcs by chords [`CHORD_M`] long, which
-/// lie within half a millimetre of them for any radius that a car can steer.
+/// Returns true if pieces from `start` on stay within bounds and outside the boxes: arcs by chords [`CHORD_M`] long,
+/// which are within half a millimetre of them for any radius that a car can steer.
 pub(super) fn pieces_free(boxes: &Boxes, start: Pose2, pieces: &[Piece]) -> bool {
     let mut from = start;
     for &piece in pieces {

@@ -1,4 +1,4 @@
-//! A point among boxes that stand.
+//! A point among static boxes.
 
 use swerve_core::Rng;
 use swerve_geom::{Point2, Pose2};
@@ -7,56 +7,56 @@ use swerve_planning::rrt_star::tree::Space;
 use crate::posed::AxisBox;
 use crate::rrt_star::{draw_within, step_toward};
 
-/// Axis-aligned boxes, grown, within bounds. Their borders may be touched.
+/// Axis-aligned boxes, grown, within bounds. Touching their borders is allowed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Boxes {
     boxes: Vec<AxisBox>,
     bounds: AxisBox,
 }
 
-/// How far a way may enter a box before that counts, metres: rounding.
+/// Depth by which a line may enter a box, metres: tolerance for rounding.
 const TOUCH_M: f64 = 1e-9;
 
-/// More than rounding makes of places along a way, metres.
+/// Upper bound on the rounding error of places along a line, metres.
 const SURE_M: f64 = 1e-6;
 
 impl Boxes {
-    /// Replaces the content by `boxes` grown by `by_m`, keeping the storage.
+    /// Replaces the content by `boxes` grown by `by_m`, reusing the storage.
     pub(crate) fn set(&mut self, boxes: &[AxisBox], by_m: f64, bounds: AxisBox) {
         self.boxes.clear();
         self.boxes.extend(boxes.iter().map(|b| [b[0] - by_m, b[1] - by_m, b[2] + by_m, b[3] + by_m]));
         self.bounds = bounds;
     }
 
-    /// Whether a point is within bounds and in no box.
+    /// Returns true if a point is within bounds and in no box.
     pub(crate) fn point_free(&self, p: Point2) -> bool {
         let b = &self.bounds;
         let within = b[0] <= p.x_m && p.x_m <= b[2] && b[1] <= p.y_m && p.y_m <= b[3];
         within && !self.boxes.iter().any(|b| inside(b, p))
     }
 
-    /// Whether the straight way between two points within bounds enters no box.
+    /// Returns true if the straight line between two points within bounds enters no box.
     pub(crate) fn segment_free(&self, from: Point2, to: Point2) -> bool {
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
         let (low, high) =
             ([from.x_m.min(to.x_m), from.y_m.min(to.y_m)], [from.x_m.max(to.x_m), from.y_m.max(to.y_m)]);
         !self.boxes.iter().any(|b| {
             let inner = [b[0] + TOUCH_M, b[1] + TOUCH_M, b[2] - TOUCH_M, b[3] - TOUCH_M];
-            // As a rule both ends lie to one side of the box.
+            // Usually both ends are on one side of the box.
             if high[0] <= inner[0] || low[0] >= inner[2] || high[1] <= inner[1] || low[1] >= inner[3] {
                 return false;
             }
-            // The part of the way between the box's two verticals and two horizontals.
+            // The part of the line between the box's two vertical and two horizontal sides.
             let x = between(from.x_m, dx, inner[0], inner[2]);
             let y = between(from.y_m, dy, inner[1], inner[3]);
             x.0.max(y.0).max(0.0) < x.1.min(y.1).min(1.0)
         })
     }
 
-    /// Whether all ways between two points that are no longer than `length_m` are free, for sure: they lie within bounds
-    /// and meet no box.
+    /// Returns true if all paths between two points that are no longer than `length_m` are certainly free: within
+    /// bounds and clear of all boxes.
     pub(crate) fn all_free(&self, from: Point2, to: Point2, length_m: f64) -> bool {
-        // Places of such a way are in an ellipse around the two.
+        // Such a path is inside an ellipse around the two points.
         let by_m = 0.5 * (length_m - from.distance(to)).max(0.0) + SURE_M;
         let low = [from.x_m.min(to.x_m) - by_m, from.y_m.min(to.y_m) - by_m];
         let high = [from.x_m.max(to.x_m) + by_m, from.y_m.max(to.y_m) + by_m];
@@ -66,7 +66,7 @@ impl Boxes {
         within && self.boxes.iter().all(beside)
     }
 
-    /// The corners of the boxes that the point may be at: shortest ways bend nowhere else.
+    /// Free corners of the boxes: shortest paths bend nowhere else.
     pub(crate) fn corners(&self, corners: &mut Vec<Pose2>) {
         corners.clear();
         for b in &self.boxes {
@@ -84,7 +84,7 @@ fn inside(b: &AxisBox, p: Point2) -> bool {
     b[0] + t < p.x_m && p.x_m < b[2] - t && b[1] + t < p.y_m && p.y_m < b[3] - t
 }
 
-/// The range of `u` for which `from + u * by` lies strictly between `low` and `high`; empty ranges run backwards.
+/// The range of `u` for which `from + u * by` is strictly between `low` and `high`; an empty range is reversed.
 fn between(from: f64, by: f64, low: f64, high: f64) -> (f64, f64) {
     if by == 0.0 {
         return if low < from && from < high { (f64::NEG_INFINITY, f64::INFINITY) } else { (1.0, 0.0) };
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn borders_may_be_touched_and_insides_not() {
+    fn boxes_may_be_touched_but_not_entered() {
         let mut boxes = Boxes::default();
         boxes.set(&[[1.0, 1.0, 2.0, 2.0]], 0.0, [0.0, 0.0, 4.0, 4.0]);
         let check = |a: (f64, f64), b: (f64, f64), free: bool| {

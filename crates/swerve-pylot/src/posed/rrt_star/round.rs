@@ -1,4 +1,4 @@
-//! Rounds the corners of a path of straight lines, so that a car can drive it.
+//! Rounds the corners of a path of straight lines to make it drivable.
 
 use core::f64::consts::PI;
 
@@ -10,22 +10,22 @@ use swerve_planning::path::piece::Piece;
 #[derive(Clone, Copy, Debug)]
 struct Bend {
     center: Point2,
-    /// Radius with sign: positive where the path turns left, metres.
+    /// Signed radius, metres: positive for a left turn.
     radius_m: f64,
 }
 
-/// Memory, kept between calls.
+/// Storage, reused between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rounder {
     bends: Vec<Bend>,
 }
 
 impl Rounder {
-    /// The path that goes straight from corner to corner and around each on a circle of the given radius, with the
-    /// corner on its rim: a string around pegs of that radius. It stays outside the corners, where the straight
-    /// lines touched them. Returns the heading of its start, and leaves its pieces in `pieces`.
+    /// Path that goes straight from corner to corner and around each on a circle of the given radius through the
+    /// corner: a string around pegs of that radius. It stays outside the corners that the straight lines touched.
+    /// Returns the heading of its start, and writes its pieces to `pieces`.
     ///
-    /// `None` where two bends are too near to each other for these radii, or the string would not touch a peg.
+    /// `None` if two bends are too near to each other for these radii, or the string would not touch a peg.
     pub(crate) fn round(
         &mut self,
         points: &[Pose2],
@@ -81,11 +81,10 @@ fn unit(from: Point2, to: Point2) -> Vector2 {
     way * (1.0 / way.norm().max(1e-12))
 }
 
-/// Heading and length of the straight line that leaves one circle and joins the next in their directions of
-/// travel.
+/// Heading and length of the straight line that leaves one circle and joins the next in their directions of travel.
 ///
-/// A point of the path is `center - radius * left(direction)`; that both points lie on one line of that direction
-/// gives `distance * sin(bearing - heading) = radius_to - radius_from`, radii signed.
+/// A point of the path is `center - radius * left(direction)`; with both points on one line of that direction,
+/// `distance * sin(bearing - heading) = radius_to - radius_from`, radii signed.
 fn tangent(from: &Bend, to: &Bend) -> Option<(f64, f64)> {
     let between = to.center - from.center;
     let (distance_m, offset_m) = (between.norm(), to.radius_m - from.radius_m);
@@ -102,7 +101,7 @@ mod tests {
     use swerve_planning::path::piece::advance;
 
     #[test]
-    fn a_string_around_two_pegs() {
+    fn path_around_two_pegs_is_a_string() {
         let corners = [(0.0, 0.0), (10.0, 3.0), (20.0, 3.0), (28.0, -1.0), (40.0, 0.0)];
         let points: Vec<Pose2> = corners.iter().map(|&(x, y)| Pose2::new(x, y, 0.0)).collect();
         let mut pieces = Vec::new();

@@ -18,7 +18,7 @@ fn problem(start: [f64; 2], goal: [f64; 2], obstacles: &[AxisBox]) -> RrtStarPro
     RrtStarProblem { id: "test".into(), start, goal, obstacles: obstacles.to_vec(), ..Default::default() }
 }
 
-/// A slalom, and a lone box.
+/// Two problems: a slalom, and a single box.
 fn problems() -> [RrtStarProblem; 2] {
     [
         problem(
@@ -30,7 +30,7 @@ fn problems() -> [RrtStarProblem; 2] {
     ]
 }
 
-/// The shared problems, where the checkout has them beside it.
+/// The shared problems, if they are next to the checkout.
 fn shared() -> Option<(ProblemFile, serde_json::Value)> {
     let above = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let mut paths = above.map(|dir| dir.join("shared/data/planner_problems.json"));
@@ -41,7 +41,7 @@ fn shared() -> Option<(ProblemFile, serde_json::Value)> {
     Some((serde_json::from_str(&text).unwrap(), serde_json::from_str(&text).unwrap()))
 }
 
-/// Length of the shortest way, by Dijkstra's algorithm over all corners that see each other. `None` without one.
+/// Length of the shortest path, by Dijkstra's algorithm over all mutually visible corners. `None` without a path.
 fn optimum_m(problem: &RrtStarProblem, config: &RrtStarConfig) -> Option<f64> {
     let at = |p: [f64; 2]| Pose2::new(p[0], p[1], 0.0);
     let bounds = around(&[at(problem.start), at(problem.goal)], config.lane_width);
@@ -66,11 +66,11 @@ fn optimum_m(problem: &RrtStarProblem, config: &RrtStarConfig) -> Option<f64> {
     Some(lengths[places.len() - 1]).filter(|l| l.is_finite())
 }
 
-/// Every centimetre of the path against the raw boxes, grown as boxes.
+/// Checks the path every centimetre against the raw boxes, grown as boxes.
 fn check_free(solution: &Solution, problem: &RrtStarProblem, config: &RrtStarConfig) {
     for pair in solution.path.windows(2) {
         let n = (math::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]) / 0.01).ceil().max(1.0);
-        // Between two points of an arc of curvature k the chord cuts off at most length² k / 8 = 1.9 mm.
+        // Between two points of an arc of curvature k the chord deviates by at most length² k / 8 = 1.9 mm.
         let chord_m = 2e-3 * f64::from(u8::from(solution.curvature_max > 0.0));
         let by = config.obstacle_clearance - chord_m;
         for k in 0..=n as usize {
@@ -115,7 +115,7 @@ fn best_paths_are_short_free_and_can_be_steered() {
     }
 }
 
-/// Without guides and without the corners' help the tree alone comes down to the optimum.
+/// Without guides and help from the corners, the tree alone converges to the optimum.
 #[test]
 fn the_tree_converges_to_the_optimum() {
     for problem in problems() {
@@ -161,7 +161,7 @@ fn paper_ends_near_the_goal_on_free_lines() {
 }
 
 #[test]
-fn odd_problems_have_an_answer() {
+fn degenerate_problems_have_a_defined_outcome() {
     let wall = [10.0, -20.0, 11.0, 20.0];
     let mut solver = Solver::default();
     let mut check = |problem: RrtStarProblem, paper: Outcome, best: Outcome| {
@@ -186,7 +186,7 @@ fn odd_problems_have_an_answer() {
 }
 
 #[test]
-fn the_seed_alone_decides_and_the_budget_holds() {
+fn result_depends_on_the_seed_alone_and_keeps_the_budget() {
     let [slalom, _] = problems();
     let path = |seed: u64, used: bool, preset: Preset| {
         let mut solver = Solver { seed, ..Solver::default() };
@@ -214,9 +214,9 @@ fn the_seed_alone_decides_and_the_budget_holds() {
     assert!(before_m.is_finite());
 }
 
-/// The optima in the file are what the visibility graph gives, and the original's success rates come out again.
+/// A budget ends an unbounded search exactly where an iteration limit would.
 #[test]
-fn a_budget_cuts_a_search_without_end_where_counted_iterations_do() {
+fn budget_ends_a_search_like_counted_iterations() {
     for problem in &problems() {
         let length_m = |iterations_max: u64, units: u64| {
             let mut solver = Solver { iterations_max, ..Solver::default() };
@@ -227,6 +227,7 @@ fn a_budget_cuts_a_search_without_end_where_counted_iterations_do() {
     }
 }
 
+/// The optima in the file match the visibility graph, and the original's success rates are reproduced.
 #[test]
 fn shared_problems_paper() {
     let Some((file, json)) = shared() else { return };
@@ -258,7 +259,7 @@ fn shared_problems_paper() {
     }
 }
 
-/// `best` on all shared problems, in one table with the recorded figures.
+/// Runs `best` on all shared problems, in one table with the recorded figures.
 #[test]
 fn shared_problems_best() {
     let Some((file, json)) = shared() else { return };
