@@ -6,8 +6,8 @@
 //!
 //! For an actor at distance `d` with visible share `s`:
 //! - it is **missed** unless a draw falls below
-//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_visibility) / visibility_scale)`, `L` the
-//!   logistic function: small and distant objects cover few pixels;
+//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_visibility) / visibility_scale)`,
+//!   `L` the logistic function: small and distant objects cover few pixels;
 //! - its **position** has an error along the line of sight of `range_noise_m + range_noise_share * d` and across it of
 //!   `bearing_noise_rad`; the errors of **size** and **heading** are multiplied by `1 + d / 30 m`;
 //! - its **score** is `L(±score_separation / 2 + n)`, `n` standard normal, plus for actors, minus for false positives.
