@@ -1,8 +1,8 @@
 //! Camera model: intrinsics, lens, exposure, noise, shutter, and closed-form projection.
 //!
 //! **Frame.** `Camera` of `swerve-geom`: x right, y down, z forward along the optical axis.
-//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is at `(column
-//! + 0.5, row + 0.5)`, so the principal point of a symmetric camera is at half the image size.
+//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is at
+//! `(column + 0.5, row + 0.5)`, so the principal point of a symmetric camera is at half the image size.
 
 mod distortion;
 

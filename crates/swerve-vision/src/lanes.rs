@@ -1,8 +1,8 @@
 //! Detection of the markings of the ego's lane in one camera image, as curves on the road.
 //!
 //! ```text
-//! image ─> level view ─┬─ ridges ─> offsets that line up ───┬─> joint fit of both lines and the pitch ─> lines
-//!                      └─ edges ─> Hough: two lines that meet ┘
+//! image ─> level view ─┬─ ridges ─> aligned offsets ─────┬─> joint fit of both lines and the pitch ─> lines
+//!                      └─ edges ─> Hough: pair of lines ─┘
 //! ```
 //!
 //! The level view is the image of an ideal camera at the same position that looks straight ahead: lens distortion and

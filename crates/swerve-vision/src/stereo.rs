@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! two images ─> codes ─> costs of each pixel and disparity ─> sums along 4 or 8 paths ─> disparity
-//!                                                          ─> unique, the same from the right, no speckle
+//!                                                          ─> uniqueness, left-right check, speckle filter
 //! ```
 //!
 //! Sums are integers, so the result is bit-identical everywhere. Costs are computed twice, in the upward and in the

@@ -36,8 +36,8 @@ pub const LEAVES: usize = 8;
 /// Complete binary tree of three levels.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Tree {
-    /// Feature and threshold of each split; smaller values go left. The children of split `k` are `2k + 1` and `2k +
-    /// 2`.
+    /// Feature and threshold of each split; smaller values go left. The children of split `k` are
+    /// `2k + 1` and `2k + 2`.
     pub splits: [(u8, f32); SPLITS],
     /// Contribution of each leaf to the log-odds, from left to right.
     pub leaves: [f32; LEAVES],
