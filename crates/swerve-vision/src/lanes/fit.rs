@@ -1,8 +1,8 @@
 //! Joint fit of both lane lines and the pitch to the marks.
 //!
 //! For a mark at `(x, y)` on the road, metres ahead of the camera and to its left, the residual is
-//! `y - (o + ψ x + c x² / 2)`. The offset `o` is separate for each line; heading `ψ` and curvature `c` are shared; `(x, y)` depends on the
-//! pitch. Tukey weights with a shrinking width (IRLS; Huber, "Robust Statistics", 1981).
+//! `y - (o + ψ x + c x² / 2)`. The offset `o` is separate for each line; heading `ψ` and curvature `c` are shared;
+//! `(x, y)` depends on the pitch. Tukey weights with a shrinking width (IRLS; Huber, "Robust Statistics", 1981).
 
 use nalgebra::{Matrix3, Matrix5, SMatrix, Vector5};
 use swerve_geom::math;
