@@ -1,4 +1,4 @@
-//! Draws every kind of shape in rows: `cargo run --release -p swerve-camera --example kinds -- out.png
+//! Renders every kind of shape in rows: `cargo run --release -p swerve-camera --example kinds -- out.png
 //! [weather]`.
 
 use std::error::Error;

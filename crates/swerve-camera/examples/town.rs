@@ -1,4 +1,4 @@
-//! Draws a street: `cargo run --release -p swerve-camera --example town -- out.png [weather] [view]`.
+//! Renders a street: `cargo run --release -p swerve-camera --example town -- out.png [weather] [view]`.
 //!
 //! Views: `street` (default), `above`, `corner`, `people`, `semantic`, `depth`.
 
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
     let map_from_camera = map_from_ego * mount(at, 0.0, pitch_rad, yaw_rad);
-    // The lamps of the car that carries the camera.
+    // Head lamps of the car that carries the camera.
     let map_from_body = Transform::from_roll_pitch_yaw(Point::new(0.0, -1.9, 0.0), 0.0, 0.0, 0.0);
     scene.lights.extend(Light::head_lamps(&map_from_body, 1.0, 0.7));
     let mut renderer = Renderer::new(RenderOptions { threads: 2, ..RenderOptions::default() })?;
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A colour for an id: far apart for neighbours.
+/// Colour of an id; neighbouring ids have different colours.
 fn colour(id: u32) -> [u8; 3] {
     let mixed = id.wrapping_mul(0x9e37_79b1);
     [(mixed >> 24) as u8 | 31, (mixed >> 16) as u8 | 31, (mixed >> 8) as u8 | 31]

@@ -1,4 +1,4 @@
-//! What a pass allocates, counted.
+//! Allocation counts of a pass.
 
 use crate::{Camera, CameraSpec, Distortion, Frame, Outputs, RenderOptions, Renderer, Shutter, View, mount};
 use swerve_geom::{Ego, Map, Point, Transform};

@@ -1,4 +1,4 @@
-//! Checks of what callers give: scenes, views, frames.
+//! Validation of inputs: scenes, views, frames.
 
 use swerve_geom::Transform;
 use swerve_scene::{Motion, Scene};
@@ -6,12 +6,12 @@ use swerve_scene::{Motion, Scene};
 use crate::View;
 use crate::error::RenderError;
 
-/// Whether there are as many frames as views.
+/// Checks that there is one frame per view.
 pub(crate) fn check_count(views: usize, frames: usize) -> Result<(), RenderError> {
     if views == frames { Ok(()) } else { Err(RenderError::Count { views, frames }) }
 }
 
-/// Whether views of a scene can be drawn.
+/// Checks that views of a scene can be rendered.
 pub(crate) fn check(scene: &Scene, views: &[View<'_>]) -> Result<(), RenderError> {
     scene.weather.check()?;
     check_scene(scene)?;

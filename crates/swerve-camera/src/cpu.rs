@@ -1,10 +1,10 @@
-//! The back end for CPUs: triangles to planes, bands of rows to nearest triangles, pixels to light, light to bytes.
+//! CPU back end: triangles to planes, bands of rows to nearest triangles, pixels to radiance, radiance to bytes.
 //!
-//! Each sub-frame goes through the same steps: which instances may be seen ([`cull`]), their triangles as planes
-//! over the image ([`geometry`]), what the sun and the sky see of the moving ones ([`shadow_maps`]), and then for
-//! each band of sixteen rows the nearest triangle of every pixel ([`raster`]), its light ([`shade`]) and the
-//! camera's answer to that ([`develop`]). Bands and chunks of triangles are the units of work; neither depends on
-//! the number of threads, and all arithmetic is `f32` in a fixed order, without fused operations.
+//! Each sub-frame goes through the same steps: visible instances ([`cull`]), their triangles as planes over the image
+//! ([`geometry`]), shadow maps of sun and sky for moving instances ([`shadow_maps`]), and then for each band of sixteen
+//! rows the nearest triangle of every pixel ([`raster`]), its shading ([`shade`]) and the camera's response
+//! ([`develop`]). Bands and chunks of triangles are the units of work; neither depends on the number of threads, and
+//! all arithmetic is `f32` in a fixed order, without fused operations.
 
 mod band;
 mod cull;
@@ -39,7 +39,7 @@ use rows::Rows;
 use shade::{ParallelRays, Shading};
 use shadow_maps::{ShadowCache, ShadowMaps};
 
-/// The back end for CPUs.
+/// CPU back end.
 pub(crate) struct CpuRenderer {
     threads: Threads,
     shadows: ShadowCache,
@@ -48,7 +48,7 @@ pub(crate) struct CpuRenderer {
     sums: Vec<f32>,
 }
 
-/// Memory that sub-frames share.
+/// Buffers shared by sub-frames.
 #[derive(Default)]
 struct Work {
     culled: Culled,
@@ -65,14 +65,14 @@ impl CpuRenderer {
         Ok(Self { threads, shadows, lenses, work: Work::default(), sums: Vec::new() })
     }
 
-    /// One pass; sizes, weather and poses have been checked.
+    /// Renders one pass; sizes, weather and poses must have been checked.
     pub(crate) fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) {
         let Self { threads, shadows, lenses, work, sums } = self;
         threads.run(|parallel| Pass { scene, view, shadows, lenses, work, sums, parallel }.run(out));
     }
 }
 
-/// One call of [`CpuRenderer::render`].
+/// State of one call of [`CpuRenderer::render`].
 struct Pass<'a> {
     scene: &'a Scene,
     view: &'a View<'a>,
@@ -155,7 +155,7 @@ impl Pass<'_> {
     }
 }
 
-/// Everything that shading reads in a sub-frame.
+/// Inputs of shading in a sub-frame.
 fn shading<'a>(
     from: &Viewpoint,
     maps: &'a ShadowMaps,
@@ -183,7 +183,7 @@ fn shading<'a>(
     }
 }
 
-/// Two pieces of work, on two threads if there are.
+/// Runs two tasks, on two threads if available.
 fn both<A: Send, B: Send>(
     parallel: bool,
     a: impl FnOnce() -> A + Send,

@@ -1,60 +1,60 @@
-//! Reasons why images cannot be made.
+//! Rendering errors.
 
 use swerve_core::ParamError;
 use swerve_gpu::NoAdapter;
 
 use crate::frame::FrameSizeError;
 
-/// A pass could not be made.
+/// Error of a rendering pass.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum RenderError {
-    /// An image of the caller has the wrong size.
+    /// Image of the caller with the wrong size.
     #[error(transparent)]
     FrameSize(#[from] FrameSizeError),
-    /// The scene's weather is out of its range.
+    /// Scene weather out of range.
     #[error("weather: {0}")]
     Weather(#[from] ParamError),
-    /// A pose, a speed or an angle is not finite.
+    /// Non-finite pose, speed or angle.
     #[error("{what} is not finite")]
     NotFinite {
-        /// The number's name.
+        /// Name of the quantity.
         what: &'static str,
     },
-    /// There are not as many frames as views.
+    /// Different numbers of views and frames.
     #[error("{views} views, but {frames} frames")]
     Count {
-        /// Number of them.
+        /// Number of views.
         views: usize,
-        /// Number of them.
+        /// Number of frames.
         frames: usize,
     },
-    /// An image is asked for that was not submitted.
+    /// Requested image that was not submitted.
     #[error("the {image} image was not submitted")]
     NotSubmitted {
-        /// Which image.
+        /// Name of the image.
         image: &'static str,
     },
-    /// No adapter can be used.
+    /// No usable adapter.
     #[error(transparent)]
     NoAdapter(#[from] NoAdapter),
-    /// The adapter does not take what the back end needs.
+    /// Adapter without the capabilities that the back end needs.
     #[error("the adapter cannot be used: {why}")]
     Adapter {
-        /// Its words.
+        /// Reason given by the adapter.
         why: String,
     },
-    /// The adapter failed while it drew.
+    /// Adapter failure while drawing.
     #[error("the adapter failed: {why}")]
     Lost {
-        /// Its words.
+        /// Reason given by the adapter.
         why: String,
     },
-    /// The threads of the renderer could not be started.
+    /// Failure to start the renderer's threads.
     #[error("cannot start {threads} threads: {why}")]
     Threads {
-        /// How many.
+        /// Number of threads.
         threads: usize,
-        /// The system's words.
+        /// Message of the operating system.
         why: String,
     },
 }

@@ -1,48 +1,48 @@
-//! The images of one pass, in memory of the caller.
+//! Images of one pass, in memory of the caller.
 
 use crate::Camera;
 
-/// Which images a pass writes.
+/// Set of images that a pass writes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Outputs {
     /// Colour, 8 bit per channel, sRGB.
     pub rgb: bool,
-    /// Depth along the optical axis.
+    /// Depth along the optical axis, metres.
     pub depth: bool,
-    /// Cityscapes ids.
+    /// Cityscapes class ids.
     pub semantic: bool,
     /// Instance ids.
     pub instance: bool,
 }
 
 impl Outputs {
-    /// All four.
+    /// All four images.
     pub const ALL: Self = Self { rgb: true, depth: true, semantic: true, instance: true };
-    /// Everything but colour: what perfect perception needs, and much cheaper.
+    /// All images except colour: sufficient for perfect perception, and much cheaper.
     pub const GEOMETRY: Self = Self { rgb: false, depth: true, semantic: true, instance: true };
-    /// Colour alone.
+    /// Colour only.
     pub const RGB: Self = Self { rgb: true, depth: false, semantic: false, instance: false };
 }
 
-/// The images of one pass, row by row from the top left; an image that was not asked for is empty.
+/// Images of one pass, row by row from the top left; images not requested are empty.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Frame {
-    /// Columns.
+    /// Number of columns.
     pub width_px: usize,
-    /// Rows.
+    /// Number of rows.
     pub height_px: usize,
-    /// Red, green, blue of each pixel, sRGB.
+    /// Red, green and blue of each pixel, sRGB.
     pub rgb: Vec<u8>,
-    /// Distance along the optical axis, metres; infinite where there is only sky.
+    /// Distance along the optical axis, metres; infinite for sky.
     pub depth_m: Vec<f32>,
-    /// Cityscapes id.
+    /// Cityscapes class ids.
     pub semantic: Vec<u8>,
-    /// Instance id, 0 where no instance is.
+    /// Instance ids; 0 for none.
     pub instance: Vec<u32>,
 }
 
 impl Frame {
-    /// Room for the images that are asked for.
+    /// Frame with buffers for the requested images.
     pub fn new(camera: &Camera, outputs: Outputs) -> Self {
         let (width_px, height_px) = (camera.width_px(), camera.height_px());
         let pixels = width_px * height_px;
@@ -57,7 +57,7 @@ impl Frame {
         }
     }
 
-    /// The images as a pass takes them.
+    /// Mutable views of the images, for a pass.
     pub fn as_mut(&mut self) -> FrameMut<'_> {
         fn some<T>(image: &mut [T]) -> Option<&mut [T]> {
             if image.is_empty() { None } else { Some(image) }
@@ -71,7 +71,7 @@ impl Frame {
     }
 }
 
-/// Where a pass writes its images: any memory that can be borrowed, shared memory too.
+/// Output buffers of a pass: any memory that can be borrowed, including shared memory.
 ///
 /// An image that is `None` is not computed.
 #[derive(Debug, Default)]
@@ -86,20 +86,20 @@ pub struct FrameMut<'a> {
     pub instance: Option<&'a mut [u32]>,
 }
 
-/// An image has not the size of the camera's.
+/// Mismatch of an image size and the camera's.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the {image} image has {len} elements, the camera writes {expected}")]
 pub struct FrameSizeError {
-    /// Which image.
+    /// Name of the image.
     pub image: &'static str,
-    /// Its elements.
+    /// Number of its elements.
     pub len: usize,
-    /// How many it must have.
+    /// Number of elements required.
     pub expected: usize,
 }
 
 impl FrameMut<'_> {
-    /// The same images for a shorter time.
+    /// Reborrows the images for a shorter lifetime.
     pub(crate) fn reborrow(&mut self) -> FrameMut<'_> {
         FrameMut {
             rgb: self.rgb.as_deref_mut(),
@@ -109,7 +109,7 @@ impl FrameMut<'_> {
         }
     }
 
-    /// Takes over the images of a frame of the same size.
+    /// Copies the images of a frame of the same size.
     pub(crate) fn copy_from(&mut self, frame: &Frame) {
         if let Some(rgb) = &mut self.rgb {
             rgb.copy_from_slice(&frame.rgb);
@@ -125,7 +125,7 @@ impl FrameMut<'_> {
         }
     }
 
-    /// Which images are there.
+    /// Set of images present.
     pub fn outputs(&self) -> Outputs {
         Outputs {
             rgb: self.rgb.is_some(),
@@ -135,10 +135,10 @@ impl FrameMut<'_> {
         }
     }
 
-    /// Whether the images have the camera's size.
+    /// Checks that the images have the camera's size.
     ///
     /// # Errors
-    /// The first image that has not.
+    /// The first image of another size.
     pub fn check(&self, camera: &Camera) -> Result<(), FrameSizeError> {
         let pixels = camera.width_px() * camera.height_px();
         let sizes = [

@@ -1,4 +1,4 @@
-//! The front end of a pass, which both back ends share: what is drawn from where, in which light, for which sensor.
+//! Front end of a pass, shared by both back ends: sub-frames, viewpoints, lighting and sensors.
 
 pub(crate) mod lamp;
 pub(crate) mod lens;
@@ -14,21 +14,21 @@ pub(crate) mod viewpoint;
 
 use crate::error::RenderError;
 
-/// Rows that share lists of triangles, and are the unit of work.
+/// Number of rows that share lists of triangles and are a unit of work.
 pub(crate) const BAND: usize = 16;
 
 /// Threads of a renderer.
 pub(crate) enum Threads {
-    /// The caller's.
+    /// The caller's thread.
     One,
-    /// Those of the pool in which the caller is, if it is in one.
+    /// Threads of the pool that the caller runs in, if any.
     Callers,
-    /// Its own.
+    /// A pool owned by the renderer.
     Own(rayon::ThreadPool),
 }
 
 impl Threads {
-    /// As many, as [`crate::RenderOptions::threads`] has it.
+    /// Threads for the number in [`crate::RenderOptions::threads`].
     pub(crate) fn new(threads: usize) -> Result<Self, RenderError> {
         let named =
             rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("render-{k}"));
@@ -42,7 +42,7 @@ impl Threads {
         }
     }
 
-    /// Does `work` where pieces of it that are joined run on these threads; it is told whether there are several.
+    /// Runs `work` so that its parallel parts run on these threads; its argument is true if there are several.
     pub(crate) fn run<T: Send>(&self, work: impl FnOnce(bool) -> T + Send) -> T {
         match self {
             Self::One => work(false),

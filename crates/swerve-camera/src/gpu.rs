@@ -1,4 +1,4 @@
-//! The back end for graphics adapters.
+//! GPU back end.
 
 mod cells;
 mod encode;

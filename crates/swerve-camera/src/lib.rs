@@ -1,7 +1,7 @@
-//! Cameras: what they are, and the images that they see of a scene, on the CPU and on graphics adapters.
+//! Cameras: models, and images of a scene rendered on the CPU or on GPUs.
 //!
-//! Make a [`Camera`], and let a [`Renderer`] write colour, depth, semantic and instance images of a
-//! [`swerve_scene::Scene`] into memory of yours:
+//! Create a [`Camera`], and let a [`Renderer`] write colour, depth, semantic and instance images of a
+//! [`swerve_scene::Scene`] into your memory:
 //!
 //! ```text
 //! Scene ───────────────────────┐
@@ -10,17 +10,16 @@
 //! inside: frontend (sub-frames, pinhole and lens, light, lamps, shadow maps, surfaces, sensor) ─> cpu or gpu
 //! ```
 //!
-//! **Frames.** Camera: x right, y down, z forward; [`mount`] makes a pose from a position and angles on the
-//! vehicle. Colours are linear inside, sRGB in the image.
+//! **Frames.** Camera: x right, y down, z forward; [`mount`] creates a pose from a position and angles on the vehicle.
+//! Colours are linear internally, sRGB in the image.
 //!
-//! **Promises.** The images are a function of scene, view and options: not of earlier passes, of the number
-//! of threads, or of the x86-64 machine. Ids are never blended. What can be kept between passes (static
-//! shadow maps, lens maps) is keyed by content. A pass into used buffers allocates nothing that grows with
-//! the image.
+//! **Guarantees.** Images are a function of scene, view and options, independent of earlier passes, of the number of
+//! threads, and of the x86-64 machine. Ids are never blended. Data kept between passes (static shadow maps, lens maps)
+//! is keyed by content. A pass into used buffers allocates nothing that grows with the image.
 //!
-//! These are the promises of [`Backend::Cpu`]. The other back ends, on adapters that `swerve-gpu` finds, keep the
-//! first one on one adapter and driver alone: against the CPU's, colours may be off by a level or two and
-//! outlines by a pixel. When their adapter fails, the [`Renderer`] goes on with the CPU, in the same frame.
+//! These are the guarantees of [`Backend::Cpu`]. The other back ends, on adapters found by `swerve-gpu`, give the first
+//! one only for one adapter and driver: compared with the CPU, colours may differ by a level or two and outlines by a
+//! pixel. When their adapter fails, the [`Renderer`] continues on the CPU, in the same frame.
 
 #[cfg(test)]
 mod allocations;

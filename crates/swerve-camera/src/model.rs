@@ -1,9 +1,8 @@
-//! The camera: intrinsics, lens, exposure, noise, shutter; and the closed forms of its projection.
+//! Camera model: intrinsics, lens, exposure, noise, shutter, and closed-form projection.
 //!
 //! **Frame.** `Camera` of `swerve-geom`: x right, y down, z forward along the optical axis.
-//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is
-//! at `(column + 0.5, row + 0.5)`, and so the principal point of a symmetric camera is at half the image's
-//! size.
+//! A pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)` of the image plane; its centre is at
+//! `(column + 0.5, row + 0.5)`, so the principal point of a symmetric camera is at half the image size.
 
 mod distortion;
 
@@ -16,34 +15,34 @@ use swerve_geom::{Ego, Point, Transform, math};
 
 /// Largest width or height of an image, pixels.
 const IMAGE_SIDE_MAX_PX: u32 = 8192;
-/// Most pixels of an image.
+/// Largest number of pixels of an image.
 const IMAGE_AREA_MAX_PX: u64 = 1 << 25;
-/// Most sub-frames of motion blur, and most slabs of a rolling shutter.
+/// Largest number of sub-frames of motion blur and of slabs of a rolling shutter.
 const SUBFRAMES_MAX: u32 = 32;
 
-/// How rays belong to pixels, before the lens bends them.
+/// Projection of rays to pixels, before lens distortion.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Intrinsics {
-    /// Angle between the left and the right edge of the image, radians, in (0, pi); square pixels, centred.
+    /// Horizontal field of view between the left and right image edges, radians, in (0, pi); square pixels, centred.
     HorizontalFovRad(f64),
-    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels.
+    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels.
     Matrix([[f64; 3]; 3]),
-    /// Parallel rays along the optical axis instead of rays from one point: a map when the camera looks down.
-    /// Metres per pixel, the same in both directions; centred. Takes neither lens nor vignetting.
+    /// Orthographic projection along the optical axis: a map if the camera looks down. Metres per pixel, equal in both
+    /// directions; centred. Excludes lens distortion and vignetting.
     OrthographicMPerPx(f64),
 }
 
-/// How brightness becomes a number.
+/// Exposure control.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Exposure {
-    /// Follows the light of the scene's weather: the same for every frame of one weather.
+    /// Metered from the light of the scene's weather: the same for every frame of one weather.
     #[default]
     Metered,
-    /// As metered, and then brighter by this many stops.
+    /// Exposure compensation relative to metered, stops; positive is brighter.
     Stops(f64),
-    /// A fixed factor from radiance to full scale; radiances are relative to white paper in full sun at 1.
+    /// Fixed factor from radiance to full scale; the radiance of white paper in full sun is 1.
     Factor(f64),
 }
 
@@ -51,34 +50,33 @@ pub enum Exposure {
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SensorNoise {
-    /// Standard deviation of the read-out, as a share of full scale.
+    /// Standard deviation of the read-out noise, as a share of full scale.
     pub read: f64,
-    /// Standard deviation of the photon count at full scale, as a share of it; grows with the root of the
+    /// Standard deviation of the photon noise at full scale, as a share of it; grows with the square root of the
     /// signal.
     pub shot: f64,
-    /// Which noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
 impl SensorNoise {
-    /// A small automotive sensor by day.
+    /// Noise of a small automotive sensor by day.
     pub const TYPICAL: Self = Self { read: 0.002, shot: 0.012, seed: 0 };
 }
 
-/// When rows see the world.
+/// Exposure time and row read-out.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
-    /// Time that light is gathered, seconds; with `blur_samples` above 1 motion blurs the colour
-    /// image.
+    /// Exposure time, seconds; with `blur_samples` above 1, motion blurs the colour image.
     pub exposure_s: f64,
-    /// Sub-frames that make the colour image; 1 for a single one. They differ by parts of a pixel, which
-    /// smooths edges, and in their instants, spread over the exposure. Depth and ids are of one of them, at
-    /// the pixels' centres.
+    /// Number of sub-frames averaged in the colour image; 1 for a sharp image. They differ by sub-pixel offsets, which
+    /// smooths edges, and in their instants, spread over the exposure. Depth and ids are those of one sub-frame, at the
+    /// pixel centres.
     pub blur_samples: u32,
     /// Time between the first and the last row, seconds; 0 for a global shutter.
     pub readout_s: f64,
-    /// Slabs of rows that share an instant when `readout_s` is not 0.
+    /// Number of slabs of rows with a common instant if `readout_s` is not 0.
     pub readout_slabs: u32,
 }
 
@@ -92,30 +90,30 @@ impl Default for Shutter {
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraSpec {
-    /// Columns.
+    /// Image width, pixels.
     pub width_px: u32,
-    /// Rows.
+    /// Image height, pixels.
     pub height_px: u32,
-    /// Field of view or matrix.
+    /// Projection: field of view, matrix or orthographic scale.
     pub intrinsics: Intrinsics,
-    /// Lens.
+    /// Lens distortion.
     pub distortion: Distortion,
-    /// Brightness.
+    /// Exposure control.
     pub exposure: Exposure,
     /// Sensor noise; none by default.
     pub noise: SensorNoise,
-    /// Fall-off towards the corners: 0 for none, 1 for that of a simple lens (cosine to the fourth power).
+    /// Brightness fall-off towards the corners: 0 for none, 1 for that of a simple lens (cosine to the fourth power).
     pub vignetting: f64,
     /// Exposure time and read-out.
     pub shutter: Shutter,
-    /// Nothing nearer than this along the optical axis is seen, metres.
+    /// Near clipping distance along the optical axis, metres.
     pub near_m: f64,
-    /// Nothing farther than this is drawn, metres.
+    /// Far clipping distance along the optical axis, metres.
     pub far_m: f64,
 }
 
 impl Default for CameraSpec {
-    /// 800 x 600, 90 degrees, a perfect lens and sensor.
+    /// 800 x 600 pixels, 90 degrees, an ideal lens and sensor.
     fn default() -> Self {
         Self {
             width_px: 800,
@@ -132,7 +130,7 @@ impl Default for CameraSpec {
     }
 }
 
-/// A checked camera.
+/// Validated camera.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Camera {
     spec: CameraSpec,
@@ -143,7 +141,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Checks a description.
+    /// Camera from a description.
     ///
     /// # Errors
     /// The first field that is zero, not finite, out of its range or larger than the stated limits.
@@ -186,40 +184,40 @@ impl Camera {
         Ok(camera)
     }
 
-    /// The description that it was made from.
+    /// Description of the camera.
     pub fn spec(&self) -> &CameraSpec {
         &self.spec
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn width_px(&self) -> usize {
         self.spec.width_px as usize
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height_px(&self) -> usize {
         self.spec.height_px as usize
     }
 
-    /// Whether its rays are parallel.
+    /// Returns true for an orthographic camera.
     pub fn is_orthographic(&self) -> bool {
         matches!(self.spec.intrinsics, Intrinsics::OrthographicMPerPx(_))
     }
 
-    /// Focal lengths and principal point `(fx, fy, cx, cy)`, pixels; with parallel rays, pixels per metre
+    /// Focal lengths and principal point `(fx, fy, cx, cy)`, pixels; for an orthographic camera, pixels per metre
     /// instead of focal lengths.
     pub fn focal_px(&self) -> (f64, f64, f64, f64) {
         (self.fx, self.fy, self.cx, self.cy)
     }
 
-    /// The 3x3 matrix, row by row: for calibration messages. With parallel rays it is applied to `(x, y, 1)`,
+    /// Camera matrix, 3x3 row by row, for calibration messages. For an orthographic camera it applies to `(x, y, 1)`,
     /// not to `(x, y, z)`.
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
     }
 
-    /// Where a point appears, pixels `(column, row)` with the lens; `None` when it is not in front of the
-    /// camera. The pixel may lie outside the image.
+    /// Projects a point to pixels `(column, row)`, with lens distortion; `None` if it is not in front of the camera.
+    /// The pixel may be outside the image.
     pub fn project(&self, point: Point<swerve_geom::Camera>) -> Option<[f64; 2]> {
         let p = point.coords;
         (p.z >= self.spec.near_m).then(|| {
@@ -231,8 +229,8 @@ impl Camera {
         })
     }
 
-    /// The ray through a point of the image, as `(x/z, y/z)` in the camera frame: of its direction, where rays
-    /// are parallel.
+    /// Ray through an image point, as `(x/z, y/z)` in the camera frame; zero for an orthographic camera, whose rays are
+    /// parallel to the optical axis.
     pub fn ray(&self, pixel: [f64; 2]) -> [f64; 2] {
         if self.is_orthographic() {
             return [0.0; 2];
@@ -240,7 +238,7 @@ impl Camera {
         self.spec.distortion.undistort([(pixel[0] - self.cx) / self.fx, (pixel[1] - self.cy) / self.fy])
     }
 
-    /// Whether every pixel of the image has one ray: the lens model must not fold over inside the image.
+    /// Checks that every pixel of the image has a unique ray: the lens model must not fold over inside the image.
     fn check_lens(&self) -> Result<(), ParamError> {
         if self.spec.distortion.is_none() {
             return Ok(());
@@ -319,10 +317,10 @@ fn check_shutter(shutter: &Shutter) -> Result<(), ParamError> {
     require("shutter.readout_slabs", f64::from(slabs), (1..=SUBFRAMES_MAX).contains(&slabs), count)
 }
 
-/// Where a camera sits on the ego vehicle.
+/// Mounting pose of a camera on the ego vehicle.
 ///
-/// Position in the ego frame; roll, pitch, yaw of the *body* of the camera (x forward, y left, z up) as for
-/// any other part: all zero looks straight ahead, positive pitch looks down, positive yaw to the left.
+/// Position in the ego frame; roll, pitch and yaw of the camera *body* (x forward, y left, z up): all zero looks
+/// straight ahead, positive pitch looks down, positive yaw looks to the left.
 pub fn mount(
     position_m: [f64; 3],
     roll_rad: f64,
@@ -339,7 +337,7 @@ pub fn mount(
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 struct CameraBody;
 
-/// From optical axes (x right, y down, z forward) to those of the housing (x forward, y left, z up).
+/// Rotation from optical axes (x right, y down, z forward) to those of the housing (x forward, y left, z up).
 fn body_from_optical() -> Transform<CameraBody, swerve_geom::Camera> {
     let quarter = core::f64::consts::FRAC_PI_2;
     Transform::from_roll_pitch_yaw(Point::default(), -quarter, 0.0, -quarter)

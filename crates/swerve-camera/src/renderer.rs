@@ -1,4 +1,4 @@
-//! One type for all back ends.
+//! Renderer over all back ends.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use crate::frontend::Threads;
 use crate::gpu::{GpuRenderer, InFlight};
 use crate::{Camera, View};
 
-/// Back end that computes the images.
+/// Rendering back end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 #[non_exhaustive]
 pub enum Backend {
-    /// The rasteriser in this crate: always there; the same bytes on every x86-64 machine and thread count.
+    /// Rasteriser of this crate: always available; the same bytes on every x86-64 machine and thread count.
     #[default]
     Cpu,
-    /// A graphics processor: the same bytes from run to run on one adapter and driver.
+    /// GPU: the same bytes from run to run on one adapter and driver.
     Gpu,
-    /// A driver that computes on the processor what a graphics processor would: for comparisons, and to test
-    /// the shaders where there is no graphics processor.
+    /// Software implementation of a graphics adapter on the CPU: for comparisons, and for testing the shaders without a
+    /// GPU.
     Software,
 }
 
@@ -38,12 +38,12 @@ impl Backend {
         }
     }
 
-    /// Whether the same scene gives the same bytes on any machine.
+    /// Returns true if the same scene gives the same bytes on any machine.
     pub fn is_portable(self) -> bool {
         self == Self::Cpu
     }
 
-    /// Kind of adapter that it needs.
+    /// Kind of adapter required, if any.
     pub fn adapter(self) -> Option<AdapterKind> {
         match self {
             Self::Cpu => None,
@@ -53,14 +53,14 @@ impl Backend {
     }
 }
 
-/// How a renderer is set up.
+/// Options of a renderer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct RenderOptions {
-    /// Which back end.
+    /// Rendering back end.
     pub backend: Backend,
-    /// Threads of the CPU back end. With 1 all is done on the caller's thread; with more on that many of the
-    /// renderer's own, while the caller waits; with 0 on those of the pool of rayon's in which the caller is, if it
-    /// is in one. The other back ends copy images with as many.
+    /// Number of threads of the CPU back end: 1 runs on the caller's thread; more run on the renderer's own threads
+    /// while the caller waits; 0 runs on the rayon pool of the caller, if it is in one. The other back ends use as many
+    /// threads to copy images.
     pub threads: usize,
 }
 
@@ -70,23 +70,23 @@ impl Default for RenderOptions {
     }
 }
 
-/// Renders scenes; keeps what can be kept between passes.
+/// Renders scenes; keeps reusable data between passes.
 ///
-/// When an adapter fails in the middle of a run, the renderer goes on with the CPU back end and says so:
-/// see [`Renderer::fell_back`].
+/// If an adapter fails during a run, the renderer continues on the CPU back end and reports it: see
+/// [`Renderer::fell_back`].
 pub struct Renderer {
     engine: Engine,
     threads: usize,
     fell_back: Option<String>,
 }
 
-/// The back end that was started.
+/// Active back end.
 enum Engine {
     Cpu(Box<CpuRenderer>),
     Gpu(Box<GpuRenderer>),
 }
 
-/// Frames that are being drawn: see [`Renderer::submit`].
+/// Frames in progress: see [`Renderer::submit`].
 pub struct Submission {
     asked: Vec<(Camera, Outputs)>,
     state: State,
@@ -101,7 +101,7 @@ impl Renderer {
     /// Starts the back end.
     ///
     /// # Errors
-    /// If its threads cannot be started, or if there is no such adapter.
+    /// If the threads cannot be started or there is no such adapter.
     pub fn new(options: RenderOptions) -> Result<Self, RenderError> {
         match options.backend.adapter() {
             None => {
@@ -115,7 +115,7 @@ impl Renderer {
     /// Starts the back end on a device of the caller; see [`RenderOptions`] for `threads`.
     ///
     /// # Errors
-    /// If its threads cannot be started, or if the device does not take what the back end needs.
+    /// If the threads cannot be started or the device lacks a capability that the back end needs.
     pub fn on(gpu: Arc<Gpu>, threads: usize) -> Result<Self, RenderError> {
         let pool = Threads::new(threads)?;
         let started = guarded(|| GpuRenderer::new(gpu, pool));
@@ -123,7 +123,7 @@ impl Renderer {
         Ok(Self { engine: Engine::Gpu(Box::new(engine)), threads, fell_back: None })
     }
 
-    /// Which back end it is now.
+    /// Active back end.
     pub fn backend(&self) -> Backend {
         match &self.engine {
             Engine::Cpu(_) => Backend::Cpu,
@@ -134,7 +134,7 @@ impl Renderer {
         }
     }
 
-    /// The adapter that is used now, if one is.
+    /// Active adapter, if any.
     pub fn adapter(&self) -> Option<&AdapterReport> {
         match &self.engine {
             Engine::Cpu(_) => None,
@@ -142,34 +142,34 @@ impl Renderer {
         }
     }
 
-    /// Why the renderer left its adapter for the CPU back end, if it had to.
+    /// Reason for the fallback from an adapter to the CPU back end, if it happened.
     pub fn fell_back(&self) -> Option<&str> {
         self.fell_back.as_deref()
     }
 
-    /// Whether a scene and a view can be rendered.
+    /// Checks that a scene and a view can be rendered.
     ///
     /// # Errors
-    /// A weather out of its range, a pose that is not finite.
+    /// Weather out of range, or a non-finite pose.
     pub fn check(scene: &Scene, view: &View<'_>) -> Result<(), RenderError> {
         check(scene, core::slice::from_ref(view))
     }
 
-    /// One pass: writes the images that `out` has.
+    /// Renders one pass and writes the images present in `out`.
     ///
-    /// The images are a function of scene, view and options alone, not of earlier passes.
+    /// The images are a function of scene, view and options only, independent of earlier passes.
     ///
     /// # Errors
-    /// Images of the wrong size, a weather out of its range, a pose that is not finite; nothing is written
-    /// then.
+    /// Images of the wrong size, weather out of range, or a non-finite pose; nothing is written in these cases.
     pub fn render(&mut self, scene: &Scene, view: &View<'_>, out: FrameMut<'_>) -> Result<(), RenderError> {
         self.render_batch(scene, core::slice::from_ref(view), &mut [out])
     }
 
-    /// One pass for each view, all at once where the back end can; writes the images that each of `out` has.
+    /// Renders one pass per view, in parallel where the back end supports it; writes the images present in each of
+    /// `out`.
     ///
     /// # Errors
-    /// As [`Self::render`], and if there are not as many frames as views.
+    /// As for [`Self::render`], and if the numbers of frames and views differ.
     pub fn render_batch(
         &mut self,
         scene: &Scene,
@@ -201,14 +201,13 @@ impl Renderer {
         Ok(())
     }
 
-    /// Starts one pass for each view, for the images named beside it, and returns while the device works on them;
-    /// [`Self::collect`] waits for the images. Back ends without a device are done when this returns.
+    /// Starts one pass per view, for the images named beside it, and returns while the device works on them;
+    /// [`Self::collect`] waits for the images. Back ends without a device have finished when this returns.
     ///
-    /// With two submissions on the way the device always has something to do, and the processor prepares the
-    /// next one and copies images meanwhile.
+    /// With two submissions in flight the device is always busy, while the CPU prepares the next one and copies images.
     ///
     /// # Errors
-    /// As [`Self::render`].
+    /// As for [`Self::render`].
     pub fn submit(
         &mut self,
         scene: &Scene,
@@ -232,12 +231,12 @@ impl Renderer {
         Ok(Submission { asked, state: State::Done(frames) })
     }
 
-    /// Waits for the images of a submission of this renderer and writes those that each of `out` has. Images
-    /// that were not submitted cannot be asked for.
+    /// Waits for the images of a submission of this renderer and writes those present in each of `out`. Images that
+    /// were not submitted cannot be requested.
     ///
     /// # Errors
-    /// Frames that do not fit the submission; [`RenderError::Lost`] if the adapter failed meanwhile: the
-    /// renderer has fallen back then, and the same views can be submitted again.
+    /// Frames that do not match the submission; [`RenderError::Lost`] if the adapter failed meanwhile: the renderer has
+    /// then fallen back, and the same views can be submitted again.
     pub fn collect(&mut self, submission: Submission, out: &mut [FrameMut<'_>]) -> Result<(), RenderError> {
         let Submission { asked, state } = submission;
         check_count(asked.len(), out.len())?;
@@ -271,7 +270,7 @@ impl Renderer {
         })
     }
 
-    /// Goes on with the CPU back end.
+    /// Switches to the CPU back end.
     fn fall_back(&mut self, why: String) -> Result<(), RenderError> {
         if let Engine::Gpu(_) = self.engine {
             self.engine = Engine::Cpu(Box::new(CpuRenderer::new(self.threads)?));
@@ -281,7 +280,7 @@ impl Renderer {
     }
 }
 
-/// Does something with a device; a panic of the graphics interface is an error like others.
+/// Calls `work`, converting a panic of the graphics interface to an error.
 fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("the graphics interface failed".to_owned()))
 }
@@ -290,9 +289,9 @@ fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 mod tests {
     use super::*;
 
-    /// Scenes are read and renderers are moved by worker threads; this compiles only if they can be.
+    /// Worker threads read scenes and move renderers; this compiles only if the types allow it.
     #[test]
-    fn scenes_are_shared_and_renderers_moved() {
+    fn scenes_are_sync_and_renderers_are_send() {
         fn shared<T: Send + Sync>(_: &T) {}
         fn moved<T: Send>(_: T) {}
         shared(&Scene::default());

@@ -1,27 +1,27 @@
-//! Views: one camera at one place.
+//! Views: a camera with a pose.
 
 use swerve_geom::{Map, Transform};
 use swerve_scene::Motion;
 
 use crate::Camera;
 
-/// A camera at a place.
+/// Camera with a pose.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// Through which camera.
+    /// Camera of the view.
     pub camera: &'a Camera,
-    /// From where: optical axes, see [`crate::mount`].
+    /// Pose of the camera's optical axes: see [`crate::mount`].
     pub map_from_camera: Transform<Map, swerve_geom::Camera>,
-    /// How the camera moves, for blur and rolling shutter.
+    /// Motion of the camera, for blur and rolling shutter.
     pub motion: Motion,
-    /// Number of the frame: keys the noise of the sensor and the rain.
+    /// Frame number: key of the sensor noise and of the rain.
     pub frame: u64,
-    /// The instance id that this camera does not see (its shadow stays): the vehicle that carries it.
+    /// Instance id invisible to this camera (its shadow remains): the vehicle that carries it.
     pub hidden_instance: Option<u32>,
 }
 
 impl<'a> View<'a> {
-    /// A view at rest that hides nothing.
+    /// View at rest without a hidden instance.
     pub fn new(camera: &'a Camera, map_from_camera: Transform<Map, swerve_geom::Camera>) -> Self {
         Self { camera, map_from_camera, motion: Motion::default(), frame: 0, hidden_instance: None }
     }

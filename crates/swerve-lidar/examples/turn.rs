@@ -1,7 +1,8 @@
-//! Draws a turn of a lidar in a street: `cargo run --release -p swerve-lidar --example turn -- out.png [lidar]
+//! Renders a turn of a lidar in a street: `cargo run --release -p swerve-lidar --example turn -- out.png [lidar]
 //! [weather] [colour]`.
 //!
-//! Above, the points from above, 120 m wide, x to the right; below, the ranges by ring and azimuth, x in the middle. Colours: `height` (default), `intensity`, `ring`, `class`, `instance`.
+//! Top: the points from above, 120 m wide, x to the right. Bottom: the ranges by ring and azimuth, x in the middle.
+//! Colours: `height` (default), `intensity`, `ring`, `class`, `instance`.
 
 use std::error::Error;
 use std::fs::File;
@@ -51,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         if column >= 0.0 && row >= 0.0 && (column as usize) < WIDTH && (row as usize) < ABOVE {
             paint(column as usize, row as usize, colour);
         }
-        // Straight back is at both edges, and left of the middle is left.
+        // Backwards is at both edges; left of the middle is left.
         let azimuth = swerve_geom::math::atan2(f64::from(y), f64::from(x));
         let turned = 0.5 - azimuth / core::f64::consts::TAU;
         let column = ((turned * WIDTH as f64) as usize).min(WIDTH - 1);
@@ -69,14 +70,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Blue over green to red.
+/// Colour map from blue over green to red.
 fn rainbow(share: f32) -> [u8; 3] {
     let share = share.clamp(0.0, 1.0);
     let part = |middle: f32| (255.0 * (1.6 - 4.0 * (share - middle).abs()).clamp(0.1, 1.0)) as u8;
     [part(0.8), part(0.5), part(0.2)]
 }
 
-/// A colour for an id: far apart for neighbours; grey for none.
+/// Colour of an id; neighbouring ids have different colours; grey for id 0.
 fn id_colour(id: u32) -> [u8; 3] {
     if id == 0 {
         return [90; 3];

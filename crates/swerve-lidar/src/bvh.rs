@@ -1,10 +1,10 @@
-//! Bounding volume hierarchies with four children per node, and the walks of rays and packets through them.
+//! Bounding volume hierarchies with four children per node, and their traversal by rays and packets.
 //!
-//! Built from the top by the surface area heuristic over sixteen bins (Wald, "On fast Construction of SAH-based
-//! Bounding Volume Hierarchies", 2007); a set is halved until a node has its four children, the largest part
-//! first. The boxes of the four lie side by side, so that one ray meets all of them in one test. A packet tests the
-//! four against what bounds all of its rays first (interval arithmetic: Boulos, Wald, Shirley, "Geometric and
-//! Arithmetic Culling Methods for Entire Ray Packets", 2006), and then its rays against those that are left.
+//! Built top-down with the surface area heuristic over sixteen bins (Wald, "On fast Construction of SAH-based Bounding
+//! Volume Hierarchies", 2007); a set is halved until a node has its four children, the largest part first. The boxes of
+//! the four are stored side by side, so that a ray tests all of them at once. A packet tests the four against the
+//! bounds of all of its rays first (interval arithmetic: Boulos, Wald, Shirley, "Geometric and Arithmetic Culling
+//! Methods for Entire Ray Packets", 2006), and then its rays against the remaining ones.
 
 mod aabb;
 mod build;
@@ -20,21 +20,21 @@ pub(crate) use walk::Stack;
 
 use wide::f32x4;
 
-/// Set in the number of a child that is a leaf.
+/// Bit of a child index that marks a leaf.
 const LEAF: u32 = 1 << 31;
 
-/// Four boxes and what is in them.
+/// Four boxes and their contents.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Node {
-    /// Of each axis: smallest and largest coordinates of the four.
+    /// Smallest and largest coordinates of the four boxes, by axis.
     bounds: [[f32x4; 2]; 3],
-    /// Nodes, or leaves if [`LEAF`] is set.
+    /// Indices of nodes, or of leaves if [`LEAF`] is set.
     child: [u32; 4],
 }
 
 impl Node {
-    /// Four boxes that no ray meets.
+    /// Four boxes that no ray hits.
     fn empty() -> Self {
         let never = [f32x4::splat(1e30), f32x4::splat(-1e30)];
         Self { bounds: [never; 3], child: [LEAF; 4] }
@@ -52,7 +52,7 @@ impl Node {
     }
 }
 
-/// A hierarchy over numbered leaves.
+/// Hierarchy over numbered leaves.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Bvh {
     nodes: Vec<Node>,

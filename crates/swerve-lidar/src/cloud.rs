@@ -1,32 +1,32 @@
-//! The points of one turn, in memory of the caller.
+//! Points of one turn, in memory of the caller.
 
 use crate::spec::LidarSpec;
 
-/// The points of one turn: arrays with room for every shot, of which the first `len` are points.
+/// Points of one turn: arrays with room for every shot, of which the first `len` elements are points.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Cloud {
     /// Number of points.
     pub len: usize,
-    /// Forward, metres, in the sensor's frame at the instant of the shot.
+    /// x coordinate (forward), metres, in the sensor frame at the instant of the shot.
     pub x_m: Vec<f32>,
-    /// Left.
+    /// y coordinate (left), metres.
     pub y_m: Vec<f32>,
-    /// Up.
+    /// z coordinate (up), metres.
     pub z_m: Vec<f32>,
-    /// 0 to 1.
+    /// Intensity, 0 to 1.
     pub intensity: Vec<f32>,
-    /// Position of the beam in [`LidarSpec::beams`].
+    /// Index of the beam in [`LidarSpec::beams`].
     pub ring: Vec<u16>,
-    /// Time of the shot since the turn began, seconds.
+    /// Time of the shot since the start of the turn, seconds.
     pub offset_s: Vec<f32>,
-    /// Truth: instance id, 0 for things that are not told apart. Empty where truth is not wanted.
+    /// Ground truth: instance id, 0 for objects without an id. Empty if truth is not requested.
     pub instance: Vec<u32>,
-    /// Truth: Cityscapes id. Empty where truth is not wanted.
+    /// Ground truth: Cityscapes class id. Empty if truth is not requested.
     pub class: Vec<u8>,
 }
 
 impl Cloud {
-    /// Room for a turn.
+    /// Cloud with room for a turn.
     pub fn new(spec: &LidarSpec, with_truth: bool) -> Self {
         let shots = spec.beams.len() * spec.columns as usize;
         let truth = if with_truth { shots } else { 0 };
@@ -43,15 +43,15 @@ impl Cloud {
         }
     }
 
-    /// The place of a point.
+    /// Position of a point, metres.
     ///
     /// # Panics
-    /// For an index that is not below the length of the arrays.
+    /// If the index is not below the length of the arrays.
     pub fn point_m(&self, index: usize) -> [f32; 3] {
         [self.x_m[index], self.y_m[index], self.z_m[index]]
     }
 
-    /// The arrays as a turn takes them.
+    /// Mutable views of the arrays, for a turn.
     pub fn as_mut(&mut self) -> CloudMut<'_> {
         let truth = TruthMut { instance: &mut self.instance, class: &mut self.class };
         let truth = if truth.instance.is_empty() && truth.class.is_empty() { None } else { Some(truth) };
@@ -68,52 +68,52 @@ impl Cloud {
     }
 }
 
-/// Where a turn writes its points: any memory that can be borrowed, shared memory too.
+/// Output buffers of a turn: any memory that can be borrowed, including shared memory.
 ///
-/// All arrays have the same length. The first `len` elements are points; shots are added behind them.
+/// All arrays have the same length. The first `len` elements are points; new points are appended.
 #[derive(Debug)]
 pub struct CloudMut<'a> {
     /// Number of points.
     pub len: &'a mut usize,
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub x_m: &'a mut [f32],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub y_m: &'a mut [f32],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub z_m: &'a mut [f32],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub intensity: &'a mut [f32],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub ring: &'a mut [u16],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub offset_s: &'a mut [f32],
-    /// Truth, which only the simulator knows; written if it is there.
+    /// Ground truth, available only in simulation; written if present.
     pub truth: Option<TruthMut<'a>>,
 }
 
-/// Where a turn writes what each point is of.
+/// Output buffers for the ground truth of each point.
 #[derive(Debug)]
 pub struct TruthMut<'a> {
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub instance: &'a mut [u32],
-    /// As in [`Cloud`].
+    /// See [`Cloud`].
     pub class: &'a mut [u8],
 }
 
-/// An array has no room for the points that may come.
+/// Array too small for the points of a turn.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the array `{array}` of the cloud has {len} elements, {expected} may be needed")]
 pub struct CloudSizeError {
-    /// Which array.
+    /// Name of the array.
     pub array: &'static str,
-    /// Its elements.
+    /// Number of its elements.
     pub len: usize,
-    /// How many it must have at least.
+    /// Smallest number of elements required.
     pub expected: usize,
 }
 
 impl CloudMut<'_> {
-    /// Whether every array has room for so many points more.
+    /// Checks that every array has room for this many more points.
     pub(crate) fn check(&self, more: usize) -> Result<(), CloudSizeError> {
         let expected = self.len.saturating_add(more);
         let truth = self.truth.as_ref();
@@ -133,7 +133,7 @@ impl CloudMut<'_> {
         }
     }
 
-    /// Adds the points of a cloud that has truth; there is room for them.
+    /// Appends the points of a cloud with truth; the caller ensures the room.
     pub(crate) fn append(&mut self, cloud: &Cloud) {
         let new = *self.len..*self.len + cloud.len;
         self.x_m[new.clone()].copy_from_slice(&cloud.x_m[..cloud.len]);
@@ -149,7 +149,7 @@ impl CloudMut<'_> {
         *self.len = new.end;
     }
 
-    /// Adds a point; there is room for it.
+    /// Appends a point; the caller ensures the room.
     pub(crate) fn push(&mut self, point: &Point) {
         let at = *self.len;
         [self.x_m[at], self.y_m[at], self.z_m[at]] = point.at_m;
@@ -162,7 +162,7 @@ impl CloudMut<'_> {
     }
 }
 
-/// One point.
+/// Single point.
 pub(crate) struct Point {
     pub(crate) at_m: [f32; 3],
     pub(crate) intensity: f32,

@@ -1,4 +1,4 @@
-//! Lidars on a GPU: pieces of a turn wait until it is complete, go there together, and come back as points.
+//! Lidars on a GPU: pieces of a turn are queued until it is complete, sent together, and read back as points.
 
 mod caster;
 
@@ -16,29 +16,29 @@ use crate::scene_tree::flat::{Batch, DynamicState, GpuScene};
 use crate::sweeper::{Piece, Sweeper};
 use caster::{Caster, Points, SETTINGS};
 
-/// The GPU's side of a sweeper.
+/// GPU part of a sweeper.
 pub(crate) struct GpuEngine {
     caster: Caster,
     scene: GpuScene,
     batch: Batch,
-    /// Pieces that wait, and memory of earlier ones behind them.
+    /// Queued pieces, followed by reusable entries.
     pieces: Vec<Waiting>,
     waiting: usize,
-    /// The columns of those that wait.
+    /// Columns of the queued pieces.
     order: Vec<u32>,
-    /// The columns of one that went alone.
+    /// Columns of the piece sent separately.
     alone: Vec<u32>,
     params: Option<ShotParams>,
 }
 
-/// Parameters that all shots of a batch share.
+/// Parameters shared by all shots of a batch.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct ShotParams {
     pub(crate) receiver: Receiver,
     pub(crate) hidden: Option<u32>,
 }
 
-/// A piece that waits, with what the CPU needs should the GPU be lost before the turn is complete.
+/// Queued piece, with the data that the CPU needs if the GPU is lost before the turn is complete.
 struct Waiting {
     piece: Piece,
     dynamics: DynamicState,
@@ -68,22 +68,22 @@ impl GpuEngine {
         }
     }
 
-    /// Forgets the pieces that wait.
+    /// Drops the queued pieces.
     pub(crate) fn forget_pieces(&mut self) {
         self.waiting = 0;
     }
 
-    /// Columns that wait.
+    /// Number of queued columns.
     pub(crate) fn columns_waiting(&self) -> usize {
         if self.waiting > 0 { self.order.len() } else { 0 }
     }
 
-    /// Whether a piece cannot go with those that wait: other weather, another hidden instance, another ground.
+    /// Returns true if a piece cannot be batched with the queued ones: other weather, hidden instance or static part.
     pub(crate) fn needs_flush(&self, tree: &SceneTree, params: &ShotParams) -> bool {
         self.waiting > 0 && (self.params.as_ref() != Some(params) || self.scene.is_outdated(tree))
     }
 
-    /// Adds a piece that can go with those that wait.
+    /// Queues a piece that can be batched with the queued ones.
     pub(crate) fn add(&mut self, sweeper: &Sweeper, tree: &SceneTree, params: ShotParams, piece: &Piece) {
         if self.scene.is_outdated(tree) {
             self.scene.clear();
@@ -105,10 +105,10 @@ impl GpuEngine {
         self.waiting += 1;
     }
 
-    /// Fires the pieces that wait and adds their points.
+    /// Fires the queued pieces and appends their points.
     ///
     /// # Errors
-    /// Why the GPU cannot; nothing is added then, and the pieces still wait.
+    /// Reason of the GPU failure; nothing is appended then, and the pieces remain queued.
     pub(crate) fn flush(&mut self, sweeper: &Sweeper, out: &mut CloudMut<'_>) -> Result<(), String> {
         let Some(params) = self.params.filter(|_| self.waiting > 0) else { return Ok(()) };
         let Self { caster, scene, batch, order, .. } = self;
@@ -118,10 +118,10 @@ impl GpuEngine {
         Ok(())
     }
 
-    /// Sends a piece alone.
+    /// Sends a single piece.
     ///
     /// # Errors
-    /// Why the GPU cannot.
+    /// Reason of the GPU failure.
     pub(crate) fn send(
         &mut self,
         sweeper: &Sweeper,
@@ -139,10 +139,10 @@ impl GpuEngine {
         self.caster.submit(&mut self.scene, &self.batch, params.words())
     }
 
-    /// Waits for a piece that went alone and adds its points.
+    /// Waits for a piece sent by [`Self::send`] and appends its points.
     ///
     /// # Errors
-    /// Why the GPU cannot; nothing is added then.
+    /// Reason of the GPU failure; nothing is appended then.
     pub(crate) fn receive(
         &mut self,
         sweeper: &Sweeper,
@@ -156,7 +156,7 @@ impl GpuEngine {
         caster.receive(in_flight, |points| add(sweeper, alone, points, out))
     }
 
-    /// Fires the pieces that wait on the CPU and adds their points.
+    /// Fires the queued pieces on the CPU and appends their points.
     pub(crate) fn fire_on_cpu(mut self, sweeper: &mut Sweeper, tree: &SceneTree, out: &mut CloudMut<'_>) {
         let Some(params) = self.params else { return };
         let mut past = tree.clone();
@@ -175,7 +175,7 @@ fn load(batch: &mut Batch, sweeper: &Sweeper, tree: &SceneTree, scene: &GpuScene
     }
 }
 
-/// Adds points; `order` has the columns of the batch.
+/// Appends points; `order` holds the columns of the batch.
 fn add(sweeper: &Sweeper, order: &[u32], points: &Points<'_>, out: &mut CloudMut<'_>) {
     let [x, y, z, intensity, instance, what] = points.arrays();
     let new = *out.len..*out.len + x.len();

@@ -1,4 +1,4 @@
-//! Spinning lidars, and the trees over the scene that their rays go through.
+//! Spinning lidars, and the acceleration trees over the scene for their rays.
 //!
 //! ```text
 //! Scene ─> SceneTree::update (once per step) ──┐
@@ -6,16 +6,16 @@
 //!      or   ─> Sweeper::submit (once per step) ─> Sweeper::collect (a step later) ─> Cloud (and truth)
 //! ```
 //!
-//! A turn is fired in pieces: [`Sweeper::fire`] casts the columns whose instants fall into one step of the world
-//! against the scene of that step, each from the sensor's pose at its own instant. The points of a turn are
-//! therefore distorted by motion as those of a real sensor are.
+//! A turn is fired in pieces: [`Sweeper::fire`] casts the columns whose instants are within one step of the world
+//! against the scene of that step, each from the sensor's pose at the instant of the column. The points of a turn are
+//! therefore distorted by motion like those of a real sensor.
 //!
-//! **Frame.** `Lidar` of `swerve-geom`: x forward, y left, z up, at the point where all beams meet.
+//! **Frame.** `Lidar` of `swerve-geom`: x forward, y left, z up, with the origin at the common point of all beams.
 //!
-//! **Promises.** The points are a function of the specification, the turn's number, the poses and the scene: not
-//! of the number of threads, of how a turn is cut into pieces of the same poses, or of the x86-64 machine. Noise
-//! is a hash of seed, turn, column and beam. A turn into used memory allocates nothing that grows with it. On a GPU
-//! ([`Sweeper::on_gpu`]) the points are the same up to rounding, and the machine has a say in that.
+//! **Guarantees.** The points are a function of the specification, the turn number, the poses and the scene:
+//! independent of the number of threads, of the division of a turn into pieces of the same poses, and of the x86-64
+//! machine. Noise is a hash of seed, turn, column and beam. A turn into used memory allocates nothing that grows with
+//! it. On a GPU ([`Sweeper::on_gpu`]) the points are the same up to rounding, which depends on the machine.
 
 mod bvh;
 mod cloud;

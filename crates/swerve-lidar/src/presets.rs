@@ -1,5 +1,5 @@
-//! Lidars by name. Angles, columns and ranges are those of public data sheets; where these are silent, figures are
-//! round numbers of the same class of sensor, and so the presets are alike, not exact.
+//! Lidar presets. Angles, columns and ranges are from public data sheets; values missing there are round numbers
+//! typical of the class of sensor, so the presets are similar to the products, not exact.
 
 use std::str::FromStr;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::spec::{Beam, LidarSpec};
 
-/// A lidar by name.
+/// Lidar preset.
 #[derive(
     Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize, JsonSchema,
 )]
@@ -23,17 +23,16 @@ pub enum LidarPreset {
     Os1,
 }
 
-/// A lidar that does not exist was asked for.
+/// Error of an unknown lidar name.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("unknown lidar `{asked}`; the lidars are vlp_32, hdl_64, os1_64 (or os1)")]
 pub struct UnknownLidar {
-    /// The name that was asked for.
+    /// Requested name.
     pub asked: String,
 }
 
-/// Elevation and azimuth offset of each laser of a VLP-32C, degrees, from the lowest up: VLP-32C User Manual
-/// (Velodyne 63-9325), table of laser angles, where they stand in the order of firing. The manual counts azimuth
-/// clockwise.
+/// Elevation and azimuth offset of each laser of a VLP-32C, degrees, from the lowest up: VLP-32C User Manual (Velodyne
+/// 63-9325), table of laser angles, which lists them in firing order. Azimuth is clockwise in the manual.
 const VLP_32C_DEG: [[f64; 2]; 32] = [
     [-25.0, 1.4],
     [-15.639, -1.4],
@@ -69,10 +68,11 @@ const VLP_32C_DEG: [[f64; 2]; 32] = [
     [15.0, -1.4],
 ];
 
-/// Azimuth offsets of an OS1-64's beams, degrees, which repeat from the highest beam down: metadata that the sensor
-/// reports; clockwise.
+/// Azimuth offsets of an OS1-64's beams, degrees, clockwise, repeating from the highest beam down: metadata reported by
+/// the sensor.
 const OS1_AZIMUTH_DEG: [f64; 4] = [3.164, 1.055, -1.055, -3.164];
-/// Elevation of an OS1-64's highest beam, degrees; the others follow evenly to the same angle below the horizon.
+/// Elevation of an OS1-64's highest beam, degrees; the others are evenly spaced down to the same angle below the
+/// horizon.
 const OS1_HIGHEST_DEG: f64 = 16.611;
 
 fn beam(elevation_deg: f64, clockwise_deg: f64) -> Beam {
@@ -92,7 +92,7 @@ impl LidarPreset {
         }
     }
 
-    /// Its beams, from the lowest to the highest.
+    /// Beams, from the lowest to the highest.
     pub fn beams(self) -> Vec<Beam> {
         match self {
             Self::Vlp32 => VLP_32C_DEG.iter().map(|&[elevation, azimuth]| beam(elevation, azimuth)).collect(),
@@ -112,9 +112,9 @@ impl LidarPreset {
         }
     }
 
-    /// The whole description.
+    /// Full specification.
     pub fn spec(self) -> LidarSpec {
-        // Columns at 10 Hz; least range, largest range, range of a 10 % target; sigma, step.
+        // Columns at 10 Hz; smallest range, largest range, range of a 10 % target; sigma, step.
         let (columns, [near, far, reach], [sigma, step]) = match self {
             Self::Vlp32 => (1800, [1.0, 200.0, 100.0], [0.03, 0.004]),
             Self::Hdl64 => (2083, [0.9, 120.0, 50.0], [0.02, 0.002]),

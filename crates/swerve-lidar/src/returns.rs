@@ -1,9 +1,8 @@
-//! Returns of pulses: whether they are detected, at which range, how bright.
+//! Returns of laser pulses: detection, measured range and intensity.
 //!
-//! The light that returns follows the lidar equation for targets larger than the beam, reflectance x cosine of
-//! incidence / range^2 x exp(-2 extinction x range). A return is detected with a probability that falls with the
-//! ratio of that light to what a 10 % target at the sensor's reach sends back: so dropout rises with range, with
-//! incidence, and in rain and fog.
+//! The received power follows the lidar equation for targets larger than the beam: reflectance x cosine of incidence /
+//! range^2 x exp(-2 extinction x range). The detection probability falls with the ratio of that power to the return of
+//! a 10 % target at the sensor's reach, so dropout rises with range, with incidence, and in rain and fog.
 
 use swerve_scene::Weather;
 use swerve_scene::vector::dot;
@@ -13,11 +12,11 @@ use crate::spec::LidarSpec;
 
 /// Rain of [`Weather::rain`] at 1, mm/h.
 const RAIN_FULL_MMPH: f64 = 50.0;
-/// How much more than a matt surface a retro-reflector sends back.
+/// Gain of a retro-reflector relative to a matt surface.
 const RETRO_GAIN: f32 = 1000.0;
-/// Reflectance that [`LidarSpec::reach_m`] is stated for.
+/// Reflectance to which [`LidarSpec::reach_m`] refers.
 const REACH_REFLECTANCE: f32 = 0.1;
-/// Odds of being detected at the reach: nine of ten.
+/// Detection odds at the reach: nine to one.
 const REACH_ODDS: f32 = 9.0;
 
 /// Extinction of the air, 1/m.
@@ -30,33 +29,33 @@ pub(crate) fn extinction_1pm(weather: &Weather) -> f32 {
     (weather.fog_1pm + db_per_km * 1e-3 * core::f64::consts::LN_10 / 10.0) as f32
 }
 
-/// The numbers of one sensor in one weather.
+/// Parameters of one sensor in one weather and turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Receiver {
     range_min: f32,
     range_max: f32,
-    /// Squared, over the reflectance that it is stated for.
+    /// Squared reach divided by the reflectance to which it refers.
     reach: f32,
     sigma: f32,
     step: f32,
     dropout: f32,
     full_squared: f32,
     extinction: f32,
-    /// Of seed and turn.
+    /// Key of the noise, from seed and turn.
     key: u64,
 }
 
-/// A return as the sensor states it.
+/// Return as reported by the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Return {
     /// Measured range, metres.
     pub(crate) range_m: f32,
-    /// 0 to 1.
+    /// Intensity, 0 to 1.
     pub(crate) intensity: f32,
 }
 
 impl Receiver {
-    /// The sensor's numbers for one turn in a weather.
+    /// Parameters of the sensor for one turn in a weather.
     pub(crate) fn new(spec: &LidarSpec, weather: &Weather, turn: u64) -> Self {
         Self {
             range_min: spec.range_min_m as f32,
@@ -71,7 +70,7 @@ impl Receiver {
         }
     }
 
-    /// The numbers as a compute shader takes them: see `Params` of `gpu/rays.wgsl`.
+    /// Parameters as words for a compute shader: see `Params` of `gpu/rays.wgsl`.
     pub(crate) fn words(&self) -> [u32; 14] {
         let numbers = [
             self.range_min,
@@ -96,12 +95,12 @@ impl Receiver {
         words
     }
 
-    /// How far a ray of this sensor can matter, metres.
+    /// Largest true range at which a return is possible, metres.
     pub(crate) fn range_max(&self) -> f32 {
         self.range_max + 6.0 * self.sigma
     }
 
-    /// The return of a hit along a ray, if it is detected; `shot` is the number of the ray in its turn.
+    /// Return of a hit along a ray, if it is detected; `shot` is the index of the ray in its turn.
     pub(crate) fn detect(&self, hit: &Hit, direction: [f32; 3], shot: u32) -> Option<Return> {
         let range = hit.distance_m;
         if range < self.range_min {
@@ -121,16 +120,16 @@ impl Receiver {
         counts.then_some(Return { range_m: measured, intensity })
     }
 
-    /// Probability that a return of so much light is not detected.
+    /// Probability that a return of this power is not detected.
     fn miss_probability(&self, light: f32) -> f32 {
         let ratio = light * self.reach;
         self.dropout + (1.0 - self.dropout) / (1.0 + REACH_ODDS * ratio * ratio)
     }
 
-    /// The range with noise and in whole steps.
+    /// Range with noise and quantisation.
     fn measured(&self, range: f32, hash: u64) -> f32 {
         let noisy = if self.sigma > 0.0 { range + self.sigma * normal(hash) } else { range };
-        // Whole numbers by conversion: rounding functions are calls on old processors.
+        // Rounds by conversion; rounding functions are library calls on old processors.
         if self.step > 0.0 { (noisy / self.step + 0.5) as i64 as f32 * self.step } else { noisy }
     }
 }
@@ -143,12 +142,12 @@ fn mix(mut x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// In [0, 1).
+/// Uniform number in [0, 1).
 fn unit(hash: u64) -> f32 {
     (hash >> 40) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// A number with mean 0 and deviation 1: the sum of eight even ones, within 4.9 of 0.
+/// Approximately normal number with mean 0 and standard deviation 1: the sum of eight uniform ones, within 4.9 of 0.
 fn normal(hash: u64) -> f32 {
     let sum: u64 = [0x2545_f491_4f6c_dd1d, 0xd134_2543_de82_ef95]
         .into_iter()
@@ -187,13 +186,13 @@ mod tests {
         MeshLibrary::default().model(Kind::Block, 0).mesh
     }
 
-    /// Share of 4000 shots that come back.
+    /// Share of 4000 shots that are detected.
     fn share(receiver: &Receiver, hit: &Hit, direction: [f32; 3]) -> f32 {
         (0..4000).filter(|&shot| receiver.detect(hit, direction, shot).is_some()).count() as f32 / 4000.0
     }
 
     #[test]
-    fn normal_numbers_have_mean_deviation_and_tails_of_a_bell() {
+    fn normal_numbers_have_the_moments_and_tails_of_a_gaussian() {
         let draws: Vec<f64> = (0..40_000).map(|k| f64::from(normal(mix(k)))).collect();
         let mean = draws.iter().sum::<f64>() / 4e4;
         let variance = draws.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / 4e4;
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn at_its_reach_a_dark_target_is_seen_nine_times_of_ten() {
+    fn dark_target_at_the_reach_is_detected_nine_times_of_ten() {
         let spec = LidarSpec { dropout: 0.0, reach_m: 60.0, ..LidarSpec::default() };
         let receiver = receiver(&spec, WeatherPreset::ClearNoon);
         let clear = Receiver { extinction: 0.0, ..receiver };
@@ -243,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_whole_steps() {
+    fn ranges_are_multiples_of_the_step() {
         let spec = LidarSpec { range_step_m: 0.25, ..LidarSpec::default() };
         let receiver = receiver(&spec, WeatherPreset::ClearNoon);
         for shot in 0..200 {
@@ -253,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn rain_attenuates_as_the_model_says() {
+    fn rain_attenuation_matches_the_model() {
         let weather = Weather { rain: 0.5, fog_1pm: 0.0, ..Weather::default() };
         // 25 mm/h: 1.076 * 25^0.67 = 9.301 dB/km.
         assert!((extinction_1pm(&weather) - 9.301e-3 / 4.342_945).abs() < 1e-6);

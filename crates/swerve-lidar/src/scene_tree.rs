@@ -1,8 +1,8 @@
-//! The scene as rays see it: one tree for all that never moves, and a tree of trees for the rest.
+//! Acceleration structure of a scene: one tree for the static part, and a tree of trees for the rest.
 //!
-//! Static instances are put into one set of triangles in the map frame, rebuilt only when the scene's static part
-//! changes. Each mesh of a moving instance has a tree in its own frame, kept for as long as the mesh is the same;
-//! the tree over the moving instances is rebuilt for every step, and rays are turned into their frames.
+//! Static instances are merged into one set of triangles in the map frame, rebuilt only when the scene's static part
+//! changes. Each mesh of a moving instance has a tree in its own frame, kept while the mesh is unchanged; the tree over
+//! the moving instances is rebuilt for every step, and rays are transformed to their frames.
 
 pub(crate) mod flat;
 mod instances;
@@ -20,74 +20,74 @@ use crate::soup::{Soup, Triangle, TriangleHit};
 use instances::{InstanceTree, PlacedInstance, Query};
 use shape::{CachedShape, Pose, Shape, Surface, keep_shape};
 
-/// Static triangles beyond this number stay with their meshes, so that memory does not grow with every copy.
+/// Number of triangles above which static instances keep separate mesh trees, which bounds memory for repeated meshes.
 const STATIC_TRIANGLES_MAX: usize = 2_000_000;
-/// Instances farther from the origin of the map than this are refused, metres.
+/// Largest distance of an instance from the map's origin, metres.
 const REACH_MAX_M: f64 = 1e7;
 
-/// The scene cannot be made into a tree, or a ray cannot be cast.
+/// Error of building a tree from a scene.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum TreeError {
-    /// A pose is not finite or beyond all maps.
+    /// Pose that is not finite or too far from the origin.
     #[error("instance {index} of the {part} part has a pose that is not finite or beyond 10000 km")]
     Pose {
         /// `static` or `dynamic`.
         part: &'static str,
-        /// Position in that part.
+        /// Index in that part.
         index: usize,
     },
-    /// A mesh is not of the scene's library.
+    /// Mesh that is not in the scene's library.
     #[error("instance {index} of the {part} part has mesh {mesh}, the library has {meshes}")]
     Mesh {
         /// `static` or `dynamic`.
         part: &'static str,
-        /// Position in that part.
+        /// Index in that part.
         index: usize,
-        /// Its mesh.
+        /// Index of its mesh.
         mesh: usize,
-        /// Meshes of the library.
+        /// Number of meshes in the library.
         meshes: usize,
     },
-    /// The weather is out of its range.
+    /// Weather out of range.
     #[error("weather: {0}")]
     Weather(#[from] ParamError),
 }
 
-/// Surface that a ray met.
+/// Surface hit by a ray.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Hit {
     /// Distance along the ray, metres.
     pub distance_m: f32,
-    /// Instance id; 0 for things that are not told apart.
+    /// Instance id; 0 for objects without an id.
     pub instance_id: u32,
-    /// Class of the surface: its material's, else its instance's.
+    /// Class of the surface: the material's, else the instance's.
     pub class: SemanticClass,
-    /// Shape, an id of the scene's library.
+    /// Mesh id in the scene's library.
     pub mesh: MeshId,
     /// Index into the materials of that mesh.
     pub material: u16,
     /// Diffuse reflectance of the material at 905 nm.
     pub reflectance: f32,
-    /// Whether the material sends light back to its source.
+    /// True for retro-reflective materials.
     pub is_retro_reflective: bool,
-    /// Unit normal of the triangle, map frame, on the side that the ray came from.
+    /// Unit normal of the triangle, map frame, on the side of the ray's origin.
     pub normal: [f32; 3],
 }
 
-/// Memory of one thread that casts rays.
+/// Reusable memory of one thread that casts rays.
 #[derive(Default)]
 pub struct RayMemory {
     stacks: [Stack; 2],
 }
 
-/// Trees over a scene, for rays of lidars, radars and whoever else asks what is in the way.
+/// Trees over a scene, for ray casting by lidars, radars and others.
 ///
-/// [`SceneTree::update`] takes over a step of the scene; what did not change is kept. The answers depend on the
-/// scene alone, not on earlier updates or threads, and are the same bits on every x86-64 machine. A copy shares with
-/// its original what never moves and the trees of meshes.
+/// [`SceneTree::update`] takes over a step of the scene; unchanged parts are kept. Results depend only on the scene,
+/// not on earlier updates or threads, and are bit-identical on every x86-64 machine. A clone shares the static part and
+/// the mesh trees with its original.
 #[derive(Clone, Debug)]
 pub struct SceneTree {
-    /// Origin of all coordinates here, map frame.
+    /// Origin of the tree frame, map frame, metres.
     centre_m: [f64; 3],
     static_version: Option<u64>,
     ground: Arc<Shape>,
@@ -105,7 +105,7 @@ impl Default for SceneTree {
     }
 }
 
-/// Triangle that was met, and in which of the trees.
+/// Triangle hit, and the tree that contains it.
 enum Found {
     Ground(TriangleHit),
     Far(u32, TriangleHit),
@@ -113,17 +113,17 @@ enum Found {
 }
 
 impl SceneTree {
-    /// The tree of a scene.
+    /// Tree of a scene.
     ///
     /// # Errors
-    /// Poses that are not finite or beyond 10,000 km, meshes of another library.
+    /// If a pose is not finite or beyond 10,000 km, or a mesh is not in the library.
     pub fn new(scene: &Scene) -> Result<Self, TreeError> {
         let mut tree = Self::default();
         tree.update(scene)?;
         Ok(tree)
     }
 
-    /// Empty; so many static triangles at most will be put into one tree.
+    /// Empty tree that merges at most this many static triangles.
     pub(crate) fn with_static_triangles(most: usize) -> Self {
         Self {
             centre_m: [0.0; 3],
@@ -138,12 +138,12 @@ impl SceneTree {
         }
     }
 
-    /// Takes over a scene: what moves anew, what never moves only if it changed.
+    /// Updates to a scene: moving instances always, the static part only if it changed.
     ///
-    /// Mesh ids of one tree are those of one library: for a scene with another library make another tree.
+    /// Mesh ids must refer to one library; use another tree for a scene with another library.
     ///
     /// # Errors
-    /// As [`Self::new`]; the tree then stays as it was.
+    /// As for [`Self::new`]; the tree is then unchanged.
     pub fn update(&mut self, scene: &Scene) -> Result<(), TreeError> {
         let (statics, meshes) = (scene.statics(), &scene.meshes);
         scene.weather.check()?;
@@ -192,25 +192,25 @@ impl SceneTree {
         let mut far_statics = InstanceTree::default();
         far_statics.build(far.into_iter(), meshes, self.centre_m, &mut self.builder);
         self.far_statics = Arc::new(far_statics);
-        // It grew with the static part, and is copied with the tree.
+        // The builder's buffers grew with the static part, and are copied with the tree.
         self.builder = Builder::default();
     }
 
-    /// The scene's weather.
+    /// Weather of the scene.
     pub fn weather(&self) -> &Weather {
         &self.weather
     }
 
-    /// The first surface within a range along a ray.
+    /// First surface within a range along a ray.
     ///
-    /// Start in the map frame, metres; the direction need not have unit length. `None` when nothing is there, and
-    /// for rays that are not finite, have no direction or start beyond 10,000 km. Surfaces are met from both
-    /// sides. For many rays, keep the memory: [`Self::cast_with`].
+    /// The origin is in the map frame, metres; the direction need not be a unit vector. `None` without a hit, and for
+    /// rays that are not finite, have a zero direction or start beyond 10,000 km. Surfaces are hit from both sides. To
+    /// cast many rays, reuse the memory: [`Self::cast_with`].
     pub fn cast(&self, origin_m: [f64; 3], direction: [f64; 3], range_m: f64) -> Option<Hit> {
         self.cast_with(&mut RayMemory::default(), origin_m, direction, range_m, None)
     }
 
-    /// As [`Self::cast`], with memory that is kept, and through all instances with the id `hidden`.
+    /// As [`Self::cast`], with reusable memory; rays pass through all instances with the id `hidden`.
     pub fn cast_with(
         &self,
         memory: &mut RayMemory,
@@ -229,13 +229,13 @@ impl SceneTree {
         self.first(memory, self.local(origin_m), direction, range_m as f32, hidden)
     }
 
-    /// A point of the map in the frame of the trees.
+    /// Converts a point of the map to the tree frame.
     pub(crate) fn local(&self, point_m: [f64; 3]) -> [f32; 3] {
         let ([x, y, z], [cx, cy, cz]) = (point_m, self.centre_m);
         [(x - cx) as f32, (y - cy) as f32, (z - cz) as f32]
     }
 
-    /// The first surface along a ray in the frame of the trees, with a direction of unit length.
+    /// First surface along a ray in the tree frame, with a unit direction.
     pub(crate) fn first(
         &self,
         memory: &mut RayMemory,
@@ -268,7 +268,7 @@ impl SceneTree {
         Some(self.hit(&found?, direction))
     }
 
-    /// As [`Self::first`] for eight rays; a ray with a negative range takes no part.
+    /// As [`Self::first`] for eight rays; rays with a negative range are inactive.
     pub(crate) fn first_of_packet(
         &self,
         memory: &mut RayMemory,
@@ -340,7 +340,7 @@ impl SceneTree {
     }
 }
 
-/// Whole metres near the middle of all origins.
+/// Centre of the bounding box of all origins, rounded to metres.
 fn middle(instances: &[Instance]) -> [f64; 3] {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for instance in instances {
@@ -356,7 +356,7 @@ fn middle(instances: &[Instance]) -> [f64; 3] {
     [0, 1, 2].map(|axis| (0.5 * (min[axis] + max[axis])).round())
 }
 
-/// Whether every instance can be placed.
+/// Checks that every instance has a valid pose and mesh.
 fn check(part: &'static str, instances: &[Instance], meshes: &MeshLibrary) -> Result<(), TreeError> {
     for (index, instance) in instances.iter().enumerate() {
         let pose = &instance.map_from_body;

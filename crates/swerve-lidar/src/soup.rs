@@ -1,31 +1,31 @@
-//! Triangles in blocks of four under a hierarchy, and the nearest of them along a ray.
+//! Triangles in blocks of four under a hierarchy, and their intersection with rays.
 
 use swerve_scene::vector::{cross, normalized, sub};
 use wide::{f32x4, f32x8};
 
 use crate::bvh::{Aabb, Builder, Bvh, LANES, Packet, Ray, Stack};
 
-/// A triangle of a soup.
+/// Triangle of a soup.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     /// Corners, counter-clockwise seen from outside.
     pub(crate) corners: [[f32; 3]; 3],
-    /// Number of its surface, the caller's.
+    /// Surface number, assigned by the caller.
     pub(crate) surface: u32,
 }
 
-/// Four triangles side by side; places that are not used are triangles without extent.
+/// Four triangles side by side; unused lanes are degenerate triangles.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 struct Block {
     corner: [f32x4; 3],
     edge_1: [f32x4; 3],
     edge_2: [f32x4; 3],
-    /// Outer product of the edges.
+    /// Cross product of the edges.
     normal: [f32x4; 3],
 }
 
-/// Properties of a triangle besides its place.
+/// Attributes of a triangle other than its geometry.
 #[derive(Clone, Copy, Debug, Default)]
 struct Facet {
     /// Unit normal, on the outer side.
@@ -33,41 +33,41 @@ struct Facet {
     surface: u32,
 }
 
-/// Triangle that a ray met.
+/// Triangle hit by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TriangleHit {
-    /// How far away.
+    /// Distance along the ray.
     pub(crate) distance: f32,
-    /// Where its triangle is: four times the block, and the lane.
+    /// Location of the triangle: four times the block, plus the lane.
     place: u32,
 }
 
 impl TriangleHit {
-    /// Whether this is met instead of another: nearer, or as near and earlier in the order of triangles, so that
-    /// the order of the walk does not matter.
+    /// Returns true if this hit precedes another: nearer, or equally near and earlier in the order of triangles, so
+    /// that the result is independent of the traversal order.
     #[inline(always)]
     fn comes_before(&self, other: Option<Self>, reach: f32) -> bool {
         self.distance < reach || other.is_none_or(|other| self.distance == reach && self.place < other.place)
     }
 }
 
-/// Triangles that do not move against each other.
+/// Triangles at fixed positions relative to each other.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Soup {
     bvh: Bvh,
     blocks: Vec<Block>,
-    /// By place.
+    /// Attributes, by location.
     facets: Vec<Facet>,
 }
 
 impl Soup {
-    /// Builds the hierarchy. `builder` lends its memory.
+    /// Builds the hierarchy; `builder` provides reusable buffers.
     pub(crate) fn new(triangles: &[Triangle], builder: &mut Builder) -> Self {
         builder.boxes.clear();
         builder.boxes.extend(triangles.iter().map(|triangle| {
             let mut aabb = Aabb::NONE;
             triangle.corners.iter().for_each(|corner| aabb.add(*corner));
-            // A little larger: what rounds to a point of the triangle is inside.
+            // Slightly enlarged, so that rounded points of the triangle are inside.
             for axis in 0..3 {
                 let pad = 4e-7 * aabb.min[axis].abs().max(aabb.max[axis].abs());
                 aabb.min[axis] -= pad;
@@ -86,7 +86,7 @@ impl Soup {
         soup
     }
 
-    /// The nearest triangle nearer than `reach` whose surface is `allowed`.
+    /// Nearest triangle within `reach` whose surface is `allowed`.
     #[inline(always)]
     pub(crate) fn nearest(
         &self,
@@ -116,7 +116,7 @@ impl Soup {
         met
     }
 
-    /// As [`Self::nearest`] for the rays of a packet; shortens their reach and gives what each met.
+    /// As [`Self::nearest`] for the rays of a packet; shortens their reach and returns the hit of each.
     #[inline(always)]
     pub(crate) fn nearest_packet(
         &self,
@@ -164,7 +164,7 @@ impl Soup {
         met
     }
 
-    /// Surface and unit normal (on the outer side) of what was met.
+    /// Surface and unit normal (on the outer side) of a hit.
     #[inline(always)]
     pub(crate) fn describe(&self, met: TriangleHit) -> (u32, [f32; 3]) {
         let facet = &self.facets[met.place as usize];
@@ -177,17 +177,17 @@ impl Soup {
     }
 }
 
-/// Words of a block of a flat soup: corner, two edges and their outer product, of each axis those of the four
-/// triangles; four surfaces.
+/// Words of a block of a flat soup: corner, two edges and their cross product, each by axis for the four triangles;
+/// four surfaces.
 pub(crate) const BLOCK_WORDS: usize = 52;
 
 impl Soup {
-    /// The hierarchy.
+    /// Hierarchy of the soup.
     pub(crate) fn bvh(&self) -> &Bvh {
         &self.bvh
     }
 
-    /// Adds the blocks as words for a compute shader; surfaces are counted from `first_surface`.
+    /// Appends the blocks as words for a compute shader; surface indices are relative to `first_surface`.
     pub(crate) fn flatten(&self, words: &mut Vec<u32>, first_surface: u32) {
         for (block, facets) in self.blocks.iter().zip(self.facets.chunks_exact(4)) {
             for lanes in [block.corner, block.edge_1, block.edge_2, block.normal].iter().flatten() {
@@ -221,10 +221,10 @@ impl Block {
         Self { corner, edge_1, edge_2, normal }
     }
 
-    /// Which triangles the ray meets before `reach`, as bits, and how far away.
+    /// Bit mask of the triangles hit before `reach`, and the distances.
     ///
-    /// Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection" (1997), with the triple products
-    /// turned so that the normal can be kept and the distance is known first.
+    /// Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection" (1997), with the triple products permuted
+    /// such that the normal can be stored and the distance is known first.
     #[inline(always)]
     fn meets(&self, origin: &[f32x4; 3], d: &[f32x4; 3], reach: f32) -> (u32, f32x4) {
         let n = &self.normal;

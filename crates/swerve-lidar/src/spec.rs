@@ -1,4 +1,4 @@
-//! Descriptions of lidars, and their checks.
+//! Lidar specifications and their validation.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -8,56 +8,56 @@ use swerve_core::param::{ParamError, require, require_all_within, require_within
 
 use crate::presets::LidarPreset;
 
-/// Most beams of a lidar.
+/// Largest number of beams.
 const BEAMS_MAX: usize = 512;
-/// Most columns of a turn.
+/// Largest number of columns per turn.
 const COLUMNS_MAX: u32 = 16_384;
-/// Most shots of a turn: beams times columns.
+/// Largest number of shots per turn: beams times columns.
 const SHOTS_MAX: usize = 1 << 22;
-/// Beams whose angles differ by less are one beam, radians.
+/// Angular difference below which beams are duplicates, radians.
 const SAME_ANGLE_RAD: f64 = 1e-6;
 
-/// One laser of a lidar.
+/// Laser beam of a lidar.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Beam {
-    /// Angle above the plane of rotation, radians.
+    /// Angle of the beam above the plane of rotation, radians.
     pub elevation_rad: f64,
-    /// Angle by which it leads its column, counter-clockwise seen from above, radians.
+    /// Azimuth offset of the beam from its column, counter-clockwise seen from above, radians.
     #[serde(default)]
     pub azimuth_rad: f64,
 }
 
-/// Description of a lidar; [`crate::Sweeper::new`] checks it.
+/// Specification of a lidar; [`crate::Sweeper::new`] checks it.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarSpec {
-    /// The lasers; the ring of a point is the position of its beam here. Presets go from the lowest to the highest.
+    /// Laser beams; a point's ring is the index of its beam in this list. Presets are sorted from the lowest to the
+    /// highest.
     pub beams: Vec<Beam>,
-    /// Columns of a turn, evenly spaced in angle and time.
+    /// Number of columns per turn, evenly spaced in angle and time.
     pub columns: u32,
-    /// Turns per second.
+    /// Turns per second, Hz.
     pub rate_hz: f64,
     /// Azimuth of the first column, counter-clockwise from x, radians.
     pub first_azimuth_rad: f64,
-    /// Turns clockwise seen from above, as usual.
+    /// True for clockwise rotation seen from above, as usual.
     pub is_clockwise: bool,
-    /// Nothing nearer gives a return, metres.
+    /// Smallest range of a return, metres.
     pub range_min_m: f64,
-    /// Nothing farther gives a return, metres.
+    /// Largest range of a return, metres.
     pub range_max_m: f64,
-    /// A target of 10 % reflectance that faces the sensor in clear air at this distance is seen nine times of ten,
-    /// metres.
+    /// Range at which a 10 % target facing the sensor in clear air is detected nine times of ten, metres.
     pub reach_m: f64,
-    /// Standard deviation of a range, metres.
+    /// Standard deviation of the range noise, metres.
     pub range_sigma_m: f64,
-    /// Ranges are whole multiples of this, metres; 0 for any number.
+    /// Range resolution, metres; ranges are multiples of it. 0 disables quantisation.
     pub range_step_m: f64,
-    /// Share of returns that are lost whatever they come from.
+    /// Share of returns lost at random, independent of the target, 0 to 1.
     pub dropout: f64,
-    /// A white surface that faces the sensor at this distance fills the scale of the intensity, metres.
+    /// Range at which a white surface facing the sensor reaches full-scale intensity, metres.
     pub intensity_full_m: f64,
-    /// Which noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
@@ -68,16 +68,16 @@ impl Default for LidarSpec {
 }
 
 impl LidarSpec {
-    /// Without noise, quantisation and dropout: for tests and for perfect sensors.
+    /// Removes noise, quantisation and dropout, for tests and ideal sensors.
     #[must_use]
     pub fn without_noise(self) -> Self {
         Self { range_sigma_m: 0.0, range_step_m: 0.0, dropout: 0.0, reach_m: 1e6, ..self }
     }
 
-    /// Whether a lidar can be like this.
+    /// Checks that all fields are valid.
     ///
     /// # Errors
-    /// The first field that is not finite or out of its range, and beams that are the same as others.
+    /// The first field that is not finite or out of its range, or a duplicate beam.
     pub fn check(&self) -> Result<(), ParamError> {
         self.check_beams()?;
         let columns = self.columns;

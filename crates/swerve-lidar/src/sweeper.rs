@@ -1,4 +1,4 @@
-//! A lidar that turns: fires the columns of one step of the world at a time.
+//! Spinning lidar that fires the columns of one world step at a time.
 
 mod cpu;
 mod engine;
@@ -27,20 +27,19 @@ use crate::scene_tree::SceneTree;
 use crate::spec::LidarSpec;
 use submit::Submitted;
 
-/// A lidar that turns.
+/// Spinning lidar.
 ///
 /// **Engines.** [`Sweeper::new`] casts the rays on the CPU, which is the reference: the same bytes everywhere.
-/// [`Sweeper::on_gpu`] sends them to a GPU, whole turns at a time: the same trees,
-/// the same noise for the same shot, each column in the world of its own step; points differ by rounding alone,
-/// and now and then a ray goes by the other side of an edge. When it pays: a turn costs the GPU some tenths of a millisecond, most of them for the way there and
-/// back, whatever its size; one core casts millions of rays per second. So a small lidar at 10 Hz is best left
-/// where the bytes are portable; with 64 beams and more, with several lidars on a car, or where data sets are made
-/// as fast as can be, the GPU takes the rays off the cores: fastest with [`Sweeper::submit`] and
-/// [`Sweeper::collect`], where the way there and back is hidden. On an adapter that is software (llvmpipe) it never
-/// pays: it is for tests.
+/// [`Sweeper::on_gpu`] sends them to a GPU, whole turns at a time, with the same trees, the same noise for the same
+/// shot, and each column in the scene of its step. Points differ only by rounding; occasionally a ray passes an edge on
+/// the other side. A turn takes a GPU some tenths of a millisecond of any size, mostly for the transfers; one CPU core
+/// casts millions of rays per second. A small lidar at 10 Hz is therefore best left on the CPU, where results are
+/// portable. With 64 beams and more, with several lidars on a car, or for fast data generation, a GPU relieves the
+/// cores: fastest with [`Sweeper::submit`] and [`Sweeper::collect`], which hide the transfers. Software adapters
+/// (llvmpipe) are always slower and only for tests.
 ///
-/// When the GPU fails, the turn that is under way is fired by the CPU, nothing of it is missing, and the CPU goes
-/// on: [`Sweeper::engine`] and [`Sweeper::fallback`] tell.
+/// When the GPU fails, the current turn is fired by the CPU without missing points, and the CPU continues: see
+/// [`Sweeper::engine`] and [`Sweeper::fallback`].
 pub struct Sweeper {
     spec: LidarSpec,
     period_ns: i64,
@@ -56,12 +55,12 @@ pub struct Sweeper {
     spare: Vec<Cloud>,
 }
 
-/// A column of a turn.
+/// Column of a turn.
 #[derive(Clone, Copy, Debug)]
 struct Column {
     /// Sine and cosine of its azimuth.
     azimuth: [f64; 2],
-    /// When it is fired, since the first.
+    /// Firing time since the first column, nanoseconds.
     at_ns: i64,
     offset_s: f32,
 }
@@ -78,25 +77,25 @@ struct Shot {
 
 /// Threads that fire columns.
 enum Threads {
-    /// The caller's.
+    /// The caller's thread.
     One,
-    /// Those of the pool in which the caller is, if it is in one.
+    /// Threads of the pool that the caller runs in, if any.
     Callers,
-    /// Some beside the caller's.
+    /// Additional threads beside the caller's.
     Own(rayon::ThreadPool),
 }
 
-/// Nanoseconds of a second.
+/// Nanoseconds per second.
 const SECOND_NS: f64 = 1e9;
-/// Most threads of a lidar.
+/// Largest number of threads of a lidar.
 const THREADS_MAX: usize = 256;
 
 impl Sweeper {
-    /// Checks a description; its columns are shared out to `threads` threads, of which the caller's is one; with 0 to
-    /// those of the pool of rayon's in which the caller is, if it is in one.
+    /// Lidar from a specification; its columns are distributed over `threads` threads including the caller's, or with 0
+    /// over the rayon pool of the caller, if it is in one.
     ///
     /// # Errors
-    /// The first field that no lidar can have, and threads that cannot be started.
+    /// If a field of the specification is invalid, or threads cannot be started.
     pub fn new(spec: LidarSpec, threads: usize) -> Result<Self, ParamError> {
         spec.check()?;
         let period_ns = (SECOND_NS / spec.rate_hz).round() as i64;
@@ -133,45 +132,45 @@ impl Sweeper {
         })
     }
 
-    /// As [`Self::new`], with the rays on a GPU. `threads` are for the CPU, should the GPU be lost.
+    /// As [`Self::new`], with the rays on a GPU. `threads` are used by the CPU if the GPU is lost.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// As for [`Self::new`].
     pub fn on_gpu(spec: LidarSpec, threads: usize, gpu: &Arc<Gpu>) -> Result<Self, ParamError> {
         let mut sweeper = Self::new(spec, threads)?;
         sweeper.gpu = Some(Box::new(GpuEngine::new(gpu, &sweeper.beams)));
         Ok(sweeper)
     }
 
-    /// Engine that casts its rays now.
+    /// Engine that currently casts the rays.
     pub fn engine(&self) -> LidarEngine {
         if self.gpu.is_some() { LidarEngine::Gpu } else { LidarEngine::Cpu }
     }
 
-    /// Why the CPU casts the rays of a lidar that was to be on a GPU; `None` while nothing happened.
+    /// Reason for the fallback of a GPU lidar to the CPU; `None` if it did not happen.
     pub fn fallback(&self) -> Option<&str> {
         self.fallback.as_deref()
     }
 
-    /// Description that it was made from.
+    /// Specification of the lidar.
     pub fn spec(&self) -> &LidarSpec {
         &self.spec
     }
 
-    /// Most points of a turn.
+    /// Largest number of points per turn.
     pub fn points_max(&self) -> usize {
         self.beams.len() * self.columns.len()
     }
 
-    /// Time of a turn, nanoseconds.
+    /// Duration of a turn, nanoseconds.
     pub fn period_ns(&self) -> i64 {
         self.period_ns
     }
 
-    /// The columns of a turn whose instants are in `[begin_ns, end_ns)`: pieces that follow each other miss none.
+    /// Columns of a turn with instants in `[begin_ns, end_ns)`; consecutive pieces cover each column once.
     fn columns_between(&self, begin_ns: i64, end_ns: i64) -> Range<u32> {
         let (period, columns) = (i128::from(self.period_ns), i128::from(self.spec.columns));
-        // The first column that is fired no earlier than an instant t is that with k period / columns >= t.
+        // The first column fired at or after an instant t is the smallest k with k period / columns >= t.
         let from = |at_ns: i64| {
             let at = i128::from(at_ns.clamp(0, self.period_ns));
             let k = ((at * columns) / period).clamp(0, columns);
@@ -182,7 +181,7 @@ impl Sweeper {
         first..(from(end_ns) as u32).max(first)
     }
 
-    /// Begins a turn: empties the cloud and keys the noise by the turn's number.
+    /// Begins a turn: clears the cloud and keys the noise by the turn number.
     pub fn begin_turn(&mut self, turn: u64, out: &mut CloudMut<'_>) {
         self.turn = turn;
         *out.len = 0;
@@ -191,14 +190,14 @@ impl Sweeper {
         }
     }
 
-    /// Fires the columns of one step and adds their points, by column and then by beam.
+    /// Fires the columns of one step and appends their points, by column and then by beam.
     ///
-    /// On a GPU the columns of a turn go together: their points are added by the call that completes the turn, or
-    /// that comes with another weather, hidden instance or static part than those before it. All calls of a turn
-    /// take the same memory.
+    /// On a GPU the columns of a turn are batched: their points are appended by the call that completes the turn, or
+    /// that has another weather, hidden instance or static part than those before it. All calls of a turn must use the
+    /// same cloud.
     ///
     /// # Errors
-    /// Arrays without room, poses that are not finite, a step that ends before it begins; nothing is added then.
+    /// Arrays without room, poses that are not finite, a step that ends before it begins; nothing is appended then.
     pub fn fire(
         &mut self,
         tree: &SceneTree,
@@ -220,7 +219,7 @@ impl Sweeper {
         Ok(piece.fired(self.spec.columns))
     }
 
-    /// Has columns wait, and fires all that wait on the GPU when they complete the turn; on the CPU if it fails.
+    /// Queues columns, and fires all queued ones on the GPU when they complete the turn; on the CPU if the GPU fails.
     fn fire_on_gpu(
         &mut self,
         mut gpu: Box<GpuEngine>,
@@ -250,11 +249,12 @@ impl Sweeper {
         }
     }
 
-    /// Fires one turn whose steps are all known, as [`Self::begin_turn`] and [`Self::fire`] would one by one, on the CPU:
-    /// of each step the scene, and what is fired in it. The columns of all steps are shared out at once.
+    /// Fires one turn with all steps known on the CPU, equivalent to [`Self::begin_turn`] and one [`Self::fire`] per
+    /// step: `steps` holds the scene and the firing of each. The columns of all steps are distributed over the threads
+    /// at once.
     ///
     /// # Errors
-    /// As [`Self::fire`].
+    /// As for [`Self::fire`].
     pub fn fire_turn(
         &self,
         turn: u64,
@@ -270,7 +270,7 @@ impl Sweeper {
         Ok(())
     }
 
-    /// When a column is fired, seconds since the first.
+    /// Firing time of a column since the first, seconds.
     pub(crate) fn offset_s(&self, column: u32) -> f32 {
         self.columns[column as usize].offset_s
     }
@@ -280,14 +280,14 @@ impl Sweeper {
         self.columns[column as usize].azimuth.map(|part| part as f32)
     }
 
-    /// The point at a range along a beam of a column with this azimuth, sensor's frame.
+    /// Point at a range along a beam of a column with this azimuth, sensor frame.
     pub(crate) fn point(&self, ring: usize, [sin, cos]: [f32; 2], range_m: f32) -> [f32; 3] {
         let [x, y, z] = self.beams[ring];
         scale([x * cos - y * sin, x * sin + y * cos, z], range_m)
     }
 }
 
-/// When a column of a turn is fired, nanoseconds since the first.
+/// Firing time of a column since the first, nanoseconds.
 fn column_ns(column: u32, period_ns: i64, columns: u32) -> i64 {
     (i128::from(column) * i128::from(period_ns) / i128::from(columns)) as i64
 }
@@ -308,7 +308,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_column_is_fired_once() {
+    fn columns_between_covers_every_column_once() {
         for (columns, rate_hz) in [(1800, 10.0), (2083, 10.0), (7, 333.0), (1, 20.0), (2048, 9.7)] {
             let spec = LidarSpec { columns, rate_hz, ..LidarSpec::default() };
             let sweeper = Sweeper::new(spec, 1).unwrap();

@@ -19,7 +19,7 @@ fn at(x: f64, y: f64, z: f64) -> Transform<Map, Lidar> {
     Transform::from_roll_pitch_yaw(Point::new(x, y, z), 0.0, 0.0, 0.0)
 }
 
-/// A mesh with one material as an instance at a pose.
+/// Instance of a mesh at a pose.
 fn instance(scene: &mut Scene, mesh: Mesh, pose: Transform<Map, Body>) -> Instance {
     Instance {
         mesh: scene.meshes.add(mesh),
@@ -42,7 +42,7 @@ fn quad(corners: [[f32; 3]; 4], material: Material) -> Mesh {
     builder.finish()
 }
 
-/// A white square on the ground, 400 m wide.
+/// White square on the ground, 400 m wide.
 fn plain() -> Scene {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let half = 200.0;
@@ -52,7 +52,7 @@ fn plain() -> Scene {
     scene
 }
 
-/// A wall across x.
+/// Wall across x.
 fn wall(x: f32) -> Mesh {
     quad(
         [[x, 60.0, -5.0], [x, -60.0, -5.0], [x, -60.0, 20.0], [x, 60.0, 20.0]],
@@ -60,7 +60,7 @@ fn wall(x: f32) -> Mesh {
     )
 }
 
-/// A whole turn of a sensor at rest.
+/// Whole turn of a sensor at rest.
 fn turn(spec: LidarSpec, tree: &SceneTree, pose: Transform<Map, Lidar>, threads: usize) -> Cloud {
     let mut cloud = Cloud::new(&spec, true);
     let mut sweeper = Sweeper::new(spec, threads).unwrap();
@@ -76,7 +76,7 @@ fn few_columns(preset: LidarPreset, columns: u32) -> LidarSpec {
 }
 
 #[test]
-fn a_ball_is_met_where_the_closed_form_says() {
+fn sphere_is_hit_at_its_closed_form_distance() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let mut builder = MeshBuilder::new(180.0);
     let material = builder.material(Material::default());
@@ -91,13 +91,13 @@ fn a_ball_is_met_where_the_closed_form_says() {
     for k in 0..cloud.len {
         let [x, y, z] = cloud.point_m(k).map(f64::from);
         let off = ((x - 12.0).powi(2) + (y - 3.0).powi(2) + (z + 0.5).powi(2)).sqrt();
-        // Facets lie inside the ball by at most their sagitta.
+        // Facets are inside the sphere by at most their sagitta.
         assert!(off < 2.0 + 1e-4 && off > 2.0 * 0.997, "{off}");
     }
 }
 
 #[test]
-fn points_of_a_plane_fit_it_within_the_noise() {
+fn points_of_a_plane_have_the_specified_noise() {
     let tree = SceneTree::new(&plain()).unwrap();
     let spec = LidarSpec { dropout: 0.0, reach_m: 1e4, range_step_m: 0.0, ..LidarPreset::Vlp32.spec() };
     let (sigma, height) = (spec.range_sigma_m, 1.9);
@@ -107,7 +107,7 @@ fn points_of_a_plane_fit_it_within_the_noise() {
     for k in 0..cloud.len {
         let sine = swerve_geom::math::sin(beams[usize::from(cloud.ring[k])].elevation_rad);
         assert!(sine < 0.0);
-        // The range that the plane gives is height / -sine.
+        // The expected range on the plane is height / -sine.
         let [x, y, z] = cloud.point_m(k).map(f64::from);
         errors.push((x * x + y * y + z * z).sqrt() - height / -sine);
     }
@@ -119,7 +119,7 @@ fn points_of_a_plane_fit_it_within_the_noise() {
 }
 
 #[test]
-fn threads_and_pieces_do_not_change_a_byte() {
+fn turn_is_independent_of_threads_and_pieces() {
     let scene = town(WeatherPreset::SoftRainNoon, 3, 60.0);
     let tree = SceneTree::new(&scene).unwrap();
     let pose = Transform::from_roll_pitch_yaw(Point::new(1.0, -1.8, 1.9), 0.01, -0.02, 0.3);
@@ -146,8 +146,8 @@ fn threads_and_pieces_do_not_change_a_byte() {
 }
 
 #[test]
-fn the_same_turn_has_the_same_bits_on_every_machine() {
-    // Own triangles only: a change of the shapes in the library is not a change here.
+fn turn_has_the_same_digest_on_every_machine() {
+    // Only custom triangles, so that changes of the library's shapes do not change the digest.
     let mut scene = plain();
     scene.set_weather(WeatherPreset::MidRainyNoon);
     let mut draws = Draws::new(8, 0xb175);
@@ -175,7 +175,7 @@ fn the_same_turn_has_the_same_bits_on_every_machine() {
 }
 
 #[test]
-fn the_share_of_dropouts_is_the_one_asked_for() {
+fn dropout_share_matches_the_spec() {
     let tree = SceneTree::new(&plain()).unwrap();
     let all = turn(few_columns(LidarPreset::Vlp32, 900).without_noise(), &tree, at(0.0, 0.0, 1.9), 1);
     let lossy = LidarSpec { dropout: 0.2, ..few_columns(LidarPreset::Vlp32, 900).without_noise() };
@@ -187,7 +187,7 @@ fn the_share_of_dropouts_is_the_one_asked_for() {
 }
 
 #[test]
-fn rain_shortens_the_range_and_dims() {
+fn rain_reduces_range_and_intensity() {
     let farthest = |preset: WeatherPreset| {
         let mut scene = plain();
         scene.set_weather(preset);
@@ -196,7 +196,7 @@ fn rain_shortens_the_range_and_dims() {
         let mut ranges: Vec<f32> =
             (0..cloud.len).map(|k| cloud.x_m[k].abs().max(cloud.y_m[k].abs())).collect();
         ranges.sort_by(f32::total_cmp);
-        // Mean intensity of a ring that meets the ground at 15 m, which is seen in any weather.
+        // Mean intensity of a ring that hits the ground at 15 m, which is detected in any weather.
         let near: Vec<f32> =
             (0..cloud.len).filter(|&k| cloud.ring[k] == 4).map(|k| cloud.intensity[k]).collect();
         assert!(near.len() > 500);
@@ -210,7 +210,7 @@ fn rain_shortens_the_range_and_dims() {
 }
 
 #[test]
-fn signs_shine_and_intensity_stays_in_its_scale() {
+fn signs_saturate_intensity_within_its_scale() {
     let mut scene = plain();
     let sign = scene.meshes.model(Kind::StopSign, 1);
     scene.dynamics.push(Instance::new(&sign, 15.0, 0.0, PI).with_id(3));
@@ -221,14 +221,14 @@ fn signs_shine_and_intensity_stays_in_its_scale() {
     assert!(bright.len() > 10 && bright.iter().all(|&k| cloud.instance[k] == 3));
     assert!(bright.iter().filter(|&&k| cloud.intensity[k] == 1.0).count() * 2 > bright.len());
     assert!(cloud.intensity[..cloud.len].iter().all(|i| (0.0..=1.0).contains(i)));
-    // The pole that carries it is dull.
+    // The pole of the sign is dull.
     let dull = |k: &usize| cloud.instance[*k] == 3 && cloud.class[*k] != face;
     let dull: Vec<f32> = (0..cloud.len).filter(dull).map(|k| cloud.intensity[k]).collect();
     assert!(dull.len() > 3 && dull.iter().all(|i| *i < 0.5), "{dull:?}");
 }
 
 #[test]
-fn the_vehicle_that_carries_it_can_be_hidden() {
+fn carrying_vehicle_can_be_hidden() {
     let mut scene = plain();
     let own = scene.meshes.model(Kind::Sedan, 1);
     scene.dynamics.push(Instance::new(&own, 0.0, 0.0, 0.0).with_id(77));

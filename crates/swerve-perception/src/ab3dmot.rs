@@ -1,12 +1,12 @@
-//! Tracks from boxes by their overlap in space: AB3DMOT.
+//! AB3DMOT: tracking of 3D boxes by their overlap in space.
 //!
 //! Weng, Wang, Held and Kitani 2020 (3D Multi-Object Tracking: A Baseline and New Evaluation Metrics, IROS, arXiv
-//! 1907.03961): each track is a Kalman filter of place, heading, size and velocity whose noises couple no two of them,
-//! so that each is a filter of its own; boxes are paired with tracks by overlap or distance, for each kind of thing by
-//! its own rules; a track is reported from its `birth`-th box on, and ends after `death` frames without one.
+//! 1907.03961): each track is a Kalman filter of position, heading, size and velocity whose noises are uncorrelated, so
+//! that each coordinate is a separate filter; boxes are paired with tracks by overlap or distance, with separate rules
+//! for each class; a track is reported from its `birth`-th box on, and ends after `death` frames without one.
 //!
-//! Other than there frames need not be evenly spaced: noises are those of a frame of [`Params::frame_s`] and grow with
-//! the time between two. And the first frames are no exception: nothing is reported before its `birth`.
+//! Differences from the paper: frames need not be evenly spaced; noises refer to a frame of [`Params::frame_s`] and
+//! grow with the time between frames. The first frames are not an exception: no track is reported before its `birth`.
 
 mod params;
 mod solid;
@@ -26,34 +26,34 @@ use solid::Solid;
 
 pub use params::{Affinity, Pairing, Params, Rules};
 
-/// Variance of what is first seen, and of its rate per frame, which nobody has seen yet.
+/// Initial variances of a value and of its unobserved rate per frame.
 const FIRST: [f64; 2] = [10.0, 1e4];
-/// What a frame adds to the variances of value and rate.
+/// Process noise per frame: added to the variances of value and rate.
 const NOISE: [f64; 2] = [1.0, 0.01];
-/// Variance of what is measured: metres², radians².
+/// Measurement variance: metres², radians².
 const MEASURED: f64 = 1.0;
-/// Least weight of a new box in the score.
+/// Smallest weight of a new box in the track's score.
 const SCORE_GAIN: f64 = 0.1;
 
-/// Follows boxes over time.
+/// Multi-object tracker of 3D boxes.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Ab3dMot {
     params: Params,
     newest: Option<Time>,
-    /// In the order of their identities.
+    /// Tracks, sorted by identity.
     tracks: Vec<Followed>,
-    /// Identities given so far.
+    /// Number of identities assigned so far.
     given: u32,
 }
 
-/// One track.
+/// State of one track.
 #[derive(Clone, PartialEq, Debug)]
 struct Followed {
     id: ActorId,
     kind: ActorKind,
-    /// The score that its kind comes from.
+    /// Highest box score so far that determined the kind.
     kind_score: f64,
-    /// The mean score of its boxes, until that becomes a low-pass.
+    /// Average score of its boxes: the mean at first, then a low-pass.
     score: f64,
     /// Centre in the map, metres; rates per frame.
     place: [Axis; 3],
@@ -66,21 +66,21 @@ struct Followed {
 }
 
 impl Ab3dMot {
-    /// Without any past.
+    /// Tracker without tracks.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, newest: None, tracks: Vec::new(), given: 0 })
     }
 
-    /// Takes in what a detector reports of one instant, with the ego's pose in the map then, and gives all tracks that
-    /// have been born, ordered by identity.
+    /// Updates the tracks with the detections of one instant and the ego's pose in the map at that instant. Returns all
+    /// born tracks, sorted by identity.
     ///
-    /// Boxes below the least score are ignored, and so are those whose numbers are not finite; of more than
-    /// [`BOXES_MAX`](crate::image_plane::BOXES_MAX) the surest count. A report that is not newer than the one before
-    /// changes nothing.
+    /// Ignores boxes below the score threshold and non-finite boxes; if there are more than
+    /// [`BOXES_MAX`](crate::image_plane::BOXES_MAX), uses those with the highest scores. Detections that are not newer
+    /// than the previous ones change nothing.
     pub fn update(&mut self, found: &Detections, ego: Pose2<Map>) -> TrackList {
         let since = found.stamp - self.newest.unwrap_or(found.stamp);
         if (self.newest.is_none() || since > Span::ZERO) && ego.is_finite() {
@@ -92,7 +92,7 @@ impl Ab3dMot {
         TrackList { stamp: self.newest.unwrap_or_default(), tracks }
     }
 
-    /// How sure a track is: the mean score of its boxes, the newest ones above all.
+    /// Score of a track: the average score of its boxes, weighted towards recent ones.
     pub fn score(&self, id: ActorId) -> Option<f64> {
         let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
         Some(self.tracks[of].score)
@@ -118,7 +118,7 @@ impl Ab3dMot {
         }
     }
 
-    /// Which track takes which box, for each group of kinds by its rules.
+    /// Pairs of tracks and boxes, by the rules of each group of kinds.
     fn pair(&self, boxes: &[Measured<'_>]) -> Vec<(usize, usize)> {
         let predicted: Vec<Solid> = self.tracks.iter().map(Followed::solid).collect();
         let mut pairs = Vec::new();
@@ -138,7 +138,7 @@ impl Ab3dMot {
     }
 }
 
-/// Pairs the two that cost least, then of the rest those that do, below a limit.
+/// Greedy assignment: repeatedly pairs the cheapest free row and column, below a limit.
 fn nearest_first(
     rows: usize,
     columns: usize,
@@ -160,7 +160,7 @@ fn nearest_first(
     near.into_iter().map(|(_, row, column)| (row, column)).collect()
 }
 
-/// A box in the map.
+/// Box in the map frame.
 struct Measured<'a> {
     found: &'a DetectedBox,
     solid: Solid,
@@ -181,7 +181,7 @@ impl<'a> Measured<'a> {
         }
     }
 
-    /// Its centre.
+    /// Centre of the box.
     fn place(&self) -> [f64; 3] {
         let Pose2 { x_m, y_m, .. } = self.solid.footprint.center;
         [x_m, y_m, self.solid.bottom_m + 0.5 * self.solid.height_m]
@@ -228,7 +228,7 @@ impl Followed {
         for (axis, value) in self.place.iter_mut().chain(&mut self.size).zip(measurements) {
             axis.update(value, MEASURED);
         }
-        // A box that points the other way says which way the track points: nothing turns that fast.
+        // A box that points backwards is flipped: no object turns that fast between frames.
         let off_rad = angle_between(self.heading.value, measured.solid.footprint.center.heading_rad);
         if off_rad.abs() > core::f64::consts::FRAC_PI_2 {
             self.heading.value += core::f64::consts::PI;

@@ -1,17 +1,17 @@
-//! Who goes with whom at the least total cost.
+//! Assignment at the least total cost.
 
 use swerve_geom::heaviest_pairs;
 
-/// Costs are counted in parts of this size: sums of whole numbers are exact.
+/// Resolution of costs; sums of integers are exact.
 const PART: f64 = 1e-6;
 
-/// Larger costs count as this many parts: sums of a thousand of them are still exact in `f64`.
+/// Upper limit of a cost, in parts: sums of a thousand such costs are still exact in `f64`.
 const PARTS_MAX: f64 = 1e12;
 
-/// Pairs (row, column), rows increasing, whose sum of costs is least when a row or column that stays alone costs half
-/// of `gate`: no pair costs `gate` or more (Kuhn 1955, Munkres 1957; gated as in Blackman and Popoli 1999, section 6.4).
+/// Pairs (row, column), rows increasing, with the least sum of costs, where an unpaired row or column costs half of
+/// `gate`: no pair costs `gate` or more (Kuhn 1955, Munkres 1957; gated as in Blackman and Popoli 1999, section 6.4).
 ///
-/// `cost` is asked for every row and column; what is not finite counts as out of reach. Any shape is allowed.
+/// `cost` is called for every row and column; non-finite costs are out of reach. Any shape is allowed.
 pub fn assign(
     rows: usize,
     columns: usize,
@@ -25,7 +25,7 @@ pub fn assign(
         let cost = cost(row, column);
         (row, column, if cost.is_finite() { far - parts(cost) } else { 0.0 })
     };
-    // To save the most is to cost the least: who stays alone saves nothing.
+    // Minimising the cost is maximising the savings; an unpaired row or column saves nothing.
     let near: Vec<(usize, usize, f64)> = all.map(saved).filter(|(_, _, saved)| *saved > 0.0).collect();
     heaviest_pairs(rows, columns, &near)
 }
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
     use swerve_core::Rng;
 
-    /// The least cost over all ways to pair up, by trying them all.
+    /// Least cost over all assignments, by exhaustive search.
     fn least(costs: &[Vec<f64>], gate: f64, row: usize, taken: &mut Vec<bool>) -> f64 {
         if row == costs.len() {
             return 0.5 * gate * taken.iter().filter(|t| !**t).count() as f64;
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn no_other_pairing_costs_less() {
+    fn assign_finds_the_least_cost() {
         let mut rng = Rng::keyed(5, "assignment", &[]);
         for k in 0..300 {
             let (rows, columns) = (rng.below(5), rng.below(5));
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_or_no_number_stays_alone() {
+    fn assign_leaves_non_finite_and_distant_costs_unpaired() {
         let costs = [[f64::NAN, 0.5, f64::INFINITY], [f64::NAN, f64::NEG_INFINITY, 7.0]];
         assert_eq!(assign(2, 3, 1.0, |r, c| costs[r][c]), [(0, 1)]);
         assert_eq!(assign(3, 2, 1.0, |r, c| costs[c][r]), [(1, 0)]);

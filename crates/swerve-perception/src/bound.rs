@@ -1,9 +1,9 @@
-//! A bound on what one frame may hold: what pairs boxes with tracks takes time for all against all.
+//! Limit on the number of boxes per frame: pairing boxes with tracks takes time for all combinations.
 
-/// Boxes of a frame that count, at most.
+/// Largest number of boxes per frame that are used.
 pub const BOXES_MAX: usize = 1000;
 
-/// Keeps the surest [`BOXES_MAX`], the earlier ones where scores are equal, in their order.
+/// Keeps the [`BOXES_MAX`] elements with the highest scores in their original order; earlier ones win ties.
 pub(crate) fn surest<T>(all: &mut Vec<T>, score: impl Fn(&T) -> f64) {
     if all.len() <= BOXES_MAX {
         return;

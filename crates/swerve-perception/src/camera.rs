@@ -1,9 +1,9 @@
-//! Objects in the images of one camera: what a sliding window finds, and where that stands on the ground.
+//! Object detection in the images of one camera: sliding-window detections and their positions on the ground.
 //!
-//! A box in the image tells the distance twice (Hoiem, Efros, Hebert: "Putting objects in perspective", IJCV 2008,
-//! section 2). Its foot lies on a ray that meets level ground, and it is as high as such a thing mostly is. Both give
-//! `rho`, one over the depth of the face that is seen, each with a deviation of its own, and the mean weighs them by
-//! these (module `place`). Objects are completed to the size of their class behind that face.
+//! A box in the image gives two estimates of the distance (Hoiem, Efros, Hebert: "Putting objects in perspective", IJCV
+//! 2008, section 2): its foot lies on a ray that meets level ground, and its height is the usual height of the class.
+//! Both estimate `rho`, the inverse depth of the visible face, and are averaged with their inverse variances (module
+//! `place`). Objects are completed behind that face to the size of their class.
 
 mod place;
 #[cfg(test)]
@@ -18,76 +18,77 @@ use thiserror::Error;
 use crate::road::Road;
 use place::{CLASSES, Class, Eye};
 
-/// Boxes of like things that share more than this of the smaller one are of one thing, and the surer stays.
+/// Overlap, as a share of the smaller box, above which boxes of similar classes are the same object; the higher score
+/// wins.
 const OVERLAP: f64 = 0.65;
 
-/// Boxes that share more than this of the union with a better one say where it is.
+/// IoU with a kept box above which a suppressed box contributes to its position.
 const VOTES: f64 = 0.65;
 
-/// Rows that the horizon may move by before the scanner is made anew, pixels: less than any rung tolerates.
+/// Horizon shift after which the scanner is rebuilt, pixels; smaller than the tolerance of any rung.
 const HORIZON_STEP_PX: f64 = 3.0;
 
-/// An image, and what is known of where it was taken.
+/// Image and the state of the ego when it was taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot<'a> {
-    /// The image, in colour. A lens that bends is taken as rectified.
+    /// Colour image, treated as rectified.
     pub image: &'a Image,
-    /// The ego at its stamp.
+    /// Ego pose at the image's stamp.
     pub ego: Pose2,
-    /// Pitch of the body over the ground, nose down positive, radians.
+    /// Pitch of the body relative to the ground, radians, nose down positive.
     pub pitch_rad: f64,
-    /// The way, where it is known: vehicles mostly stand along it.
+    /// Route, if known; vehicles mostly stand parallel to it.
     pub route: Option<&'a Route>,
 }
 
-/// A detector that cannot stand in a pipeline.
+/// Error of a detector that cannot be used in a pipeline.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum DetectorError {
-    /// What it finds is nothing that the stack knows.
+    /// Detector class unknown to the stack.
     #[error("it finds `{0}`, expected classes of {expected}", expected = CLASSES.map(|class| class.name).join(", "))]
     Class(String),
-    /// Its scores say nothing of how likely a box is right.
+    /// Detector without calibrated scores.
     #[error("its scores are sums, expected a detector whose scores are probabilities")]
     Scores,
 }
 
-/// An image that nothing can be found in.
+/// Error of an image that cannot be processed.
 #[derive(Clone, PartialEq, Debug, Error)]
 pub enum ShotError {
-    /// It holds something else.
+    /// Image without colours.
     #[error("an image without colours, expected red, green and blue")]
     NoColour,
-    /// Its rays do not meet in one point.
+    /// Image of a parallel projection.
     #[error("an image of parallel rays, expected one through a lens")]
     Parallel,
-    /// It is not whole.
+    /// Image size that does not match its number of bytes.
     #[error(transparent)]
     Size(#[from] ImageError),
 }
 
-/// Finds objects in images. What it has found before has no effect but on a rung that does not search each image whole;
-/// else only its memory is kept.
+/// Detects objects in images. Stateless except for reused buffers, unless the rung does not search each image
+/// completely; then previous detections define search areas.
 #[derive(Clone, Debug)]
 pub struct CameraObjects {
     weights: Weights,
     rung: Rung,
     classes: Vec<Class>,
     score_min: f64,
-    /// With the size and the ground that it is for.
+    /// Scanner with the image size and ground that it was built for.
     scanner: Option<([usize; 2], Ground, Scanner)>,
-    /// All boxes of the last image, and those of them that are left, between the places that windows have.
+    /// All boxes of the last image, and those kept, with positions averaged between windows.
     all: Vec<Detection>,
     found: Vec<Detection>,
-    /// Where to look: pictures of tracks, and of what was found in the image before.
+    /// Search areas: projections of tracks, and detections of the previous image.
     near: Vec<[f64; 4]>,
     images: u32,
 }
 
 impl CameraObjects {
-    /// With what was learnt, on one of its rungs; boxes with a lower score are not reported.
+    /// Detector with these weights at one of their rungs; boxes with a lower score than `score_min` are not reported.
     ///
     /// # Errors
-    /// A detector of other things, or of scores that are no probabilities.
+    /// If the detector has unknown classes or uncalibrated scores.
     pub fn new(weights: Weights, rung: Rung, score_min: f64) -> Result<Self, DetectorError> {
         let known = |name: &String| Class::of(name).ok_or_else(|| DetectorError::Class(name.clone()));
         let classes = weights.classes.iter().map(known).collect::<Result<_, _>>()?;
@@ -98,12 +99,12 @@ impl CameraObjects {
         Ok(Self { weights, rung, classes, score_min, scanner: None, all, found, near, images: 0 })
     }
 
-    /// Finds the objects of an image, by falling score, and writes them over what was there. Where `tracks` are known, a
-    /// rung that does not search each image whole looks in the others around them alone, and around what it found in the
-    /// image before.
+    /// Detects the objects of an image, by falling score, and replaces the content of `out`. With `tracks`, a rung that
+    /// does not search each image completely searches the others only around the tracks and around the detections of
+    /// the previous image.
     ///
     /// # Errors
-    /// An image without colours, not whole, or of parallel rays.
+    /// If the image has no colours, a size that does not match its bytes, or parallel rays.
     pub fn detect(
         &mut self,
         shot: &Shot<'_>,
@@ -127,7 +128,7 @@ impl CameraObjects {
                 let heading_rad = track.pose.heading_rad - shot.ego.heading_rad;
                 eye.picture(Pose2::new(at.x_m, at.y_m, heading_rad), track.extent, size)
             }));
-            // Who was found just now is followed by nobody yet: a tracker waits to see them again.
+            // New detections are not tracked yet, as a track is reported only after further hits.
             self.near.extend(self.found.iter().filter(|one| one.score >= self.score_min).map(|one| one.bbox));
         }
         self.look(image, eye.ground(), followed.is_some());
@@ -160,7 +161,7 @@ impl CameraObjects {
         Ok(())
     }
 
-    /// Fills `found`, the likeliest first; around what is near alone, where that is asked for.
+    /// Fills `found` by falling score; if `is_near`, only from the search areas.
     fn look(&mut self, image: Rgb<'_>, ground: Ground, is_near: bool) {
         let size = [image.width(), image.height()];
         let stays = |(of, at, _): &([usize; 2], Ground, Scanner)| {
@@ -183,7 +184,7 @@ impl CameraObjects {
     }
 }
 
-/// Left, top, right and bottom edge of a box of left, top, width and height, within an image.
+/// Edges (left, top, right, bottom) of a box given as left, top, width and height, clipped to the image.
 fn cut([left, top, across, down]: [f64; 4], [width, height]: [f64; 2]) -> [f64; 4] {
     [
         left.clamp(0.0, width),

@@ -1,19 +1,19 @@
-//! A detector emulated from truth: what one of a given accuracy would have reported.
+//! Detector emulated from ground truth with a given accuracy.
 //!
-//! Every draw is keyed by (seed, operator name, instant, actor), so that neither the order of frames nor what else is
-//! in sight changes it. What real detectors get wrong they get wrong again in the next frame: each draw is therefore
-//! mostly one that is shared by neighbouring instants ([`Drift`]), with the same distribution at each single one.
+//! Every draw is keyed by (seed, operator name, instant, actor), so that it is independent of the order of frames and
+//! of other actors. Errors of real detectors persist over frames, so neighbouring instants share most of each draw
+//! ([`Drift`]), with an unchanged distribution at each instant.
 //!
-//! Of an actor at distance `d` of which the share `s` is visible:
+//! For an actor at distance `d` with visible share `s`:
 //! - it is **missed** unless a draw falls below
-//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_visibility) / visibility_scale)`, `L` the
-//!   logistic function: what is small or far covers few pixels;
-//! - its **place** is off along the line of sight by `range_noise_m + range_noise_share * d` and across it by
-//!   `bearing_noise_rad`, its **size** and **heading** by theirs times `1 + d / 30 m`;
-//! - its **score** is `L(±score_separation / 2 + n)`, `n` standard normal, plus for what is there and minus for what is not.
+//!   `recall_best * L((half_distance - d * 1.7 m / height) / spread) * L((s - half_visibility) / visibility_scale)`,
+//!   `L` the logistic function: small and distant objects cover few pixels;
+//! - its **position** has an error along the line of sight of `range_noise_m + range_noise_share * d` and across it of
+//!   `bearing_noise_rad`; the errors of **size** and **heading** are multiplied by `1 + d / 30 m`;
+//! - its **score** is `L(±score_separation / 2 + n)`, `n` standard normal, plus for actors, minus for false positives.
 //!
-//! **False positives** stand at places of the map (cells of 4 m) for as long as a draw lasts, in a corridor ahead
-//! of the car.
+//! **False positives** have fixed positions in the map (cells of 4 m) for the duration of a draw, in a corridor ahead
+//! of the ego.
 
 mod drift;
 mod false_positives;
@@ -31,16 +31,17 @@ use crate::image_box::ImageCamera;
 pub use drift::Drift;
 pub use params::{Params, Sensing};
 
-/// Height of the thing that `half_distance_m` is said of, metres: a person.
+/// Object height to which `half_distance_m` refers, metres: a person.
 const USUAL_HEIGHT_M: f64 = 1.7;
 
-/// Errors of size and heading are twice as large at this distance as at none, metres: what is far covers fewer pixels.
+/// Distance at which the errors of size and heading are twice those at zero distance, metres; distant objects cover
+/// fewer pixels.
 const DOUBLES_AT_M: f64 = 30.0;
 
-/// Smallest part of its size that a box is reported with.
+/// Smallest reported size of a box, as a share of the true size.
 const SHRINKS_TO: f64 = 0.3;
 
-/// An emulated detector. It holds no state: what it reports is a function of what it is given.
+/// Emulated detector. Stateless: the result is a function of its inputs.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Detector {
     params: Params,
@@ -49,10 +50,10 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// With its parameters, the camera whose image the boxes are also drawn in, and the key of its draws.
+    /// Detector with its parameters, the camera into which the boxes are projected, and the key of its draws.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn new(
         params: Params,
         camera: Option<ImageCamera>,
@@ -63,17 +64,17 @@ impl Detector {
         Ok(Self { params, camera, key: Rng::keyed(seed, name, &[]).bits() })
     }
 
-    /// What it makes of what there is to see. With a camera, what has no picture is not reported.
+    /// Detections of the surroundings. With a camera, objects outside its image are not reported.
     pub fn detect(&self, seen: &Surroundings) -> Detections {
         let found = seen.obstacles.iter().filter_map(|obstacle| self.found(obstacle, seen));
         let mut boxes: Vec<DetectedBox> =
             found.chain(self.false_positives(seen)).filter_map(|found| self.pictured(found)).collect();
-        // The order tells nothing of what is true.
+        // Sorted, so that the order does not reveal true and false positives.
         boxes.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.pose.x_m.total_cmp(&b.pose.x_m)));
         Detections { stamp: seen.stamp, boxes }
     }
 
-    /// Probability that this is reported at all.
+    /// Detection probability.
     pub fn recall(&self, distance_m: f64, extent: Extent, visible_share: f64) -> f64 {
         let p = &self.params;
         let as_person_m = distance_m * USUAL_HEIGHT_M / extent.height_m.max(0.1);
@@ -101,7 +102,7 @@ impl Detector {
         let heading_rad = true_heading_rad + p.heading_noise_rad * grown * place("heading");
         let size = |what, m: f64| m * (1.0 + p.size_noise_share * grown * place(what)).max(SHRINKS_TO);
         let length_m = size("length", obstacle.extent.length_m);
-        // What is round stays round.
+        // Round objects keep equal length and width.
         let is_round = obstacle.extent.length_m == obstacle.extent.width_m;
         let width_m = if is_round { length_m } else { size("width", obstacle.extent.width_m) };
         Some(DetectedBox {
@@ -116,14 +117,14 @@ impl Detector {
         })
     }
 
-    /// With its picture; none for what a camera would have to show and does not.
+    /// Adds the image box; `None` if the object is outside the camera's image.
     fn pictured(&self, found: DetectedBox) -> Option<DetectedBox> {
         let Some(camera) = &self.camera else { return Some(found) };
         let image_px = camera.image_px(found.pose, found.bottom_m, found.extent)?;
         Some(DetectedBox { image_px: Some(image_px), ..found })
     }
 
-    /// A standard normal number of this thing at this instant.
+    /// Standard normal draw for this object at this instant.
     fn draw(&self, of: Of, drift: Drift) -> f64 {
         drift.at(of.at, |when, index| self.rng(of.what, &[of.id, when, index]).normal())
     }
@@ -133,7 +134,7 @@ impl Detector {
     }
 }
 
-/// What a draw is of.
+/// Key of a draw.
 #[derive(Clone, Copy)]
 struct Of {
     what: &'static str,
@@ -145,7 +146,7 @@ fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + math::exp(-x))
 }
 
-/// The standard normal distribution function: makes of a normal number one that is uniform in 0 to 1.
+/// Standard normal distribution function: maps a normal number to a uniform one in 0 to 1.
 fn uniform(normal: f64) -> f64 {
     0.5 * libm::erfc(-normal / core::f64::consts::SQRT_2)
 }

@@ -1,16 +1,15 @@
-//! One list of objects of what a camera, a lidar and a radar find.
+//! Fusion of camera, lidar and radar detections into one list of objects.
 //!
-//! Each source says what it knows best: the camera what something is, the lidar where it stands and how large it is, the
-//! radar how fast it comes nearer. A box of the camera and one of the lidar are the same thing if their pictures overlap,
-//! or, where there is no picture, if they lie within each other's errors: along the line of sight those of a camera are
-//! large, across it small. What one source alone sees stays, with the errors of that source, so that a blind one costs
-//! accuracy and no object. An echo of the radar belongs to the object in whose direction and distance it is; by itself
-//! it is none.
+//! Each sensor contributes its strength: the camera the class, the lidar the position and size, the radar the radial
+//! speed. A camera box and a lidar box are the same object if they overlap in the image or, without an image box, if
+//! they are within each other's errors; those of a camera are large along the line of sight and small across it.
+//! Objects seen by one sensor only are kept with the errors of that sensor, so that a blind sensor reduces accuracy but
+//! loses no object. A radar echo is assigned to the object at its direction and distance; it does not create an object.
 //!
-//! Sources measure at different instants: boxes are brought to the newest by the way of the ego, and their errors grow by
-//! what a thing may have moved meanwhile. Where something is, is told once: a turn of a lidar that an earlier list has
-//! told lends its size to what the camera sees since, and the camera its kind to the lidar's next turn. A place that is
-//! told twice is a thing that stands.
+//! Sensors measure at different instants: boxes are moved to the latest instant with the ego motion, and their errors
+//! grow by the possible motion of the object. Each position is reported once: a lidar sweep that an earlier list
+//! already contained lends its size to newer camera boxes, and a camera box its class to the next lidar sweep.
+//! Reporting a position twice would make the object appear stationary.
 
 mod doubt;
 mod params;
@@ -31,62 +30,63 @@ use place::{Spread, by_depth, moved};
 pub use params::Params;
 pub use radar::Echoes;
 
-/// What a detector found at an instant, and where the ego was then.
+/// Detections of one instant, and the ego's pose then.
 #[derive(Clone, Copy, Debug)]
 pub struct Sighted<'a> {
     /// Boxes in the ego frame.
     pub found: &'a Detections,
-    /// The ego at their stamp.
+    /// Ego pose at their stamp.
     pub ego: Pose2<Map>,
-    /// Whether no earlier list has told them.
+    /// True if no earlier list contained them.
     pub is_new: bool,
 }
 
-/// What a camera's detector found, and what is known of the camera.
+/// Detections of a camera, and its calibration.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraSight<'a> {
-    /// Boxes with their pictures.
+    /// Boxes with their image boxes.
     pub boxes: Sighted<'a>,
-    /// The camera that the pictures are in.
+    /// Camera of the image boxes.
     pub camera: ImageCamera,
-    /// Distances along the optical axis at the same stamp, from stereo or whatever measures them.
+    /// Depth image (distance along the optical axis) at the same stamp, for example from stereo.
     pub depth: Option<&'a Image>,
 }
 
-/// What there is of each sensor.
+/// Latest detections of each sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sources<'a> {
-    /// Boxes in images.
+    /// Camera detections.
     pub camera: Option<CameraSight<'a>>,
-    /// Boxes of points.
+    /// Lidar detections.
     pub lidar: Option<Sighted<'a>>,
-    /// Echoes.
+    /// Radar echoes.
     pub radar: Option<Echoes<'a>>,
 }
 
-/// An object at the newest instant.
+/// Object at the latest instant.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Object {
     found: DetectedBox,
     spread: Spread,
-    /// Its distance is that of the ground plane: anything else knows it better.
+    /// True if its distance comes from the ground plane, the least accurate source.
     is_guessed: bool,
-    /// Nobody has told it yet.
+    /// True if no earlier list contained it.
     is_new: bool,
 }
 
-/// Squared distance in standard deviations within which two boxes are the same thing: 99 % (chi-squared, two degrees of
+/// Gate of the squared Mahalanobis distance between boxes of the same object: 99 % (chi-squared, two degrees of
 /// freedom).
 const GATE: f64 = 9.21;
 
-/// Standard deviation of each part of the velocity of who walks and of who drives, m/s.
+/// Standard deviation of each velocity component of pedestrians and cyclists, and of vehicles, m/s.
 const PERSON_MPS: f64 = 2.0;
 const VEHICLE_MPS: f64 = 8.0;
 
-/// Objects by falling score, in the ego frame of the newest boxes, each with its covariance; none without boxes.
+/// Fuses detections into objects by falling score, in the ego frame of the latest boxes, each with its covariance;
+/// `None` without boxes.
 ///
-/// Boxes whose numbers are not finite are left out; of more than [`BOXES_MAX`](crate::image_plane::BOXES_MAX) of a
-/// source the surest count.
+/// Ignores non-finite boxes; if a source has more than [`BOXES_MAX`](crate::image_plane::BOXES_MAX), uses those with
+/// the highest scores.
 pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     let camera = sources.camera.as_ref().map(|camera| camera.boxes);
     let (stamp, ego) = newest([camera, sources.lidar])?;
@@ -109,23 +109,23 @@ pub fn fuse(sources: &Sources<'_>, params: &Params) -> Option<Detections> {
     if let Some(echoes) = &sources.radar {
         echoes.add_to(&mut objects, ego, params);
     }
-    // What was told before has taken its echoes, and no other takes them.
+    // Objects of earlier lists are dropped only now, so that they have claimed their echoes.
     objects.retain(|object| object.is_new);
     let mut boxes: Vec<DetectedBox> = objects.iter().map(Object::told).collect();
-    // So far away that its errors have no number.
+    // Distances so large that the covariance overflows.
     boxes.retain(DetectedBox::is_finite);
-    // Stable: what has the same score stays in the order of its sources.
+    // Stable: equal scores keep the order of their sources.
     boxes.sort_by(|a, b| b.score.total_cmp(&a.score));
     Some(Detections { stamp, boxes })
 }
 
-/// The newest instant, and where the ego was then.
+/// Latest instant, and the ego's pose then.
 fn newest(sources: [Option<Sighted<'_>>; 2]) -> Option<(Time, Pose2<Map>)> {
     let known = sources.into_iter().flatten().filter(|sight| sight.ego.is_finite());
     known.max_by_key(|sight| sight.found.stamp).map(|sight| (sight.found.stamp, sight.ego))
 }
 
-/// The boxes of a source that can be something.
+/// Valid boxes of a source.
 fn usable<'a>(sight: &Sighted<'a>) -> Vec<&'a DetectedBox> {
     let is_usable = |b: &&DetectedBox| b.is_finite() && (0.0..=1.0).contains(&b.score);
     let mut boxes: Vec<&DetectedBox> = match sight.ego.is_finite() {
@@ -136,7 +136,7 @@ fn usable<'a>(sight: &Sighted<'a>) -> Vec<&'a DetectedBox> {
     boxes
 }
 
-/// What a camera sees: where a depth says that it is, else where it stands on the ground plane.
+/// Camera objects: positioned by depth if available, else on the ground plane.
 fn camera_objects(sight: &CameraSight<'_>, at: (Time, Pose2<Map>), params: &Params) -> Vec<Object> {
     let one = |found: &DetectedBox| {
         let by_depth = by_depth(sight, found, params);
@@ -150,7 +150,7 @@ fn camera_objects(sight: &CameraSight<'_>, at: (Time, Pose2<Map>), params: &Para
     usable(&sight.boxes).into_iter().map(one).collect()
 }
 
-/// What a lidar measures.
+/// Lidar objects.
 fn lidar_objects(sight: &Sighted<'_>, at: (Time, Pose2<Map>), params: &Params) -> Vec<Object> {
     let one = |found: &DetectedBox| {
         let own = found.covariance_m2.map(Spread::told);
@@ -160,8 +160,8 @@ fn lidar_objects(sight: &Sighted<'_>, at: (Time, Pose2<Map>), params: &Params) -
     usable(sight).into_iter().map(one).collect()
 }
 
-/// Which object of the camera is which of the lidar: by the overlap of their pictures; by their errors where the camera
-/// tells no picture, or the lidar's box has none.
+/// Pairs camera and lidar objects by the overlap of their image boxes, or by their errors if the camera reports no
+/// image box. A lidar object outside the image is not paired with a camera object that has one.
 fn pair(
     seen: &[Object],
     measured: &[Object],
@@ -178,7 +178,7 @@ fn pair(
     let mut alike = Vec::new();
     for (s, seen) in seen.iter().enumerate() {
         for (m, measured) in measured.iter().enumerate() {
-            // A picture says more than errors do.
+            // Image overlap outweighs distance.
             let weight = match (seen.found.image_px, pictures[m]) {
                 (Some(a), Some(b)) => {
                     Some(image_iou(a, b)).filter(|iou| *iou >= params.iou_min).map(|iou| 1.0 + iou)
@@ -193,7 +193,7 @@ fn pair(
 }
 
 impl Sighted<'_> {
-    /// A box as an object at a later instant.
+    /// Converts a box to an object at a later instant.
     fn object(
         &self,
         found: &DetectedBox,
@@ -208,9 +208,9 @@ impl Sighted<'_> {
     }
 }
 
-/// One object of two: kind and picture of the camera, place and size of the lidar; as sure as either is not wrong. The
-/// size of a person is no car's: where the two disagree on that, the size is the camera's too. The place is the camera's
-/// where that of the lidar has been told.
+/// Merges a camera and a lidar object: class and image box of the camera, position and size of the lidar; the score is
+/// the probability that at least one is right. If one is a person and the other is not, the size is the camera's too.
+/// If the lidar's position was already reported, the position is the camera's.
 fn merged(seen: &Object, measured: &Object) -> Object {
     let (camera, lidar) = (&seen.found, &measured.found);
     let agrees = camera.kind.is_person() == lidar.kind.is_person();
@@ -221,12 +221,12 @@ fn merged(seen: &Object, measured: &Object) -> Object {
         image_px: camera.image_px,
         ..if measured.is_new { *lidar } else { *camera }
     };
-    // Its distance is known, if not to this instant: it needs no echo's.
+    // Its distance was measured, if not at this instant, so that of an echo is not needed.
     Object { found, ..if measured.is_new { *measured } else { Object { is_guessed: false, ..*seen } } }
 }
 
 impl Object {
-    /// Squared distance to another in standard deviations of both; none where those are no covariance.
+    /// Squared Mahalanobis distance to another object; `None` if the covariance is singular.
     fn distance(&self, other: &Self) -> Option<f64> {
         self.spread.distance(self.found.pose.point() - other.found.pose.point(), other.spread)
     }

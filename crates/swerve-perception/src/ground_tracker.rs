@@ -1,4 +1,4 @@
-//! The trackers of boxes on the ground, one of which a pipeline has.
+//! Selection between the trackers of boxes on the ground.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,23 +8,23 @@ use swerve_msg::{ActorId, ActorKind, Detections, TrackList};
 
 use crate::{Ab3dMot, Tracker, ab3dmot, tracker};
 
-/// The name of a tracker.
+/// Tracking algorithm.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
-    /// [`Tracker`].
+    /// SORT in the ground plane, with a Kalman filter and optimal assignment ([`Tracker`]).
     #[default]
     Sort,
-    /// [`Ab3dMot`].
+    /// AB3DMOT, pairing boxes by their overlap in space ([`Ab3dMot`]).
     Ab3dmot,
 }
 
-/// Parameters of the tracker that is chosen.
+/// Parameters of the selected tracker.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum GroundParams {
-    /// Of [`Tracker`].
+    /// Parameters of [`Tracker`].
     Sort(tracker::Params),
-    /// Of [`Ab3dMot`].
+    /// Parameters of [`Ab3dMot`].
     Ab3dmot(ab3dmot::Params),
 }
 
@@ -35,10 +35,10 @@ impl Default for GroundParams {
 }
 
 impl GroundParams {
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         match self {
             Self::Sort(params) => params.validate(),
@@ -46,7 +46,7 @@ impl GroundParams {
         }
     }
 
-    /// Boxes that a track has to have had to be reported: of a person, who is what sight of is lost most.
+    /// Number of boxes after which a track of a person, the kind lost most often, is reported.
     pub fn hits_min(&self) -> usize {
         match self {
             Self::Sort(params) => params.hits_min,
@@ -55,20 +55,20 @@ impl GroundParams {
     }
 }
 
-/// Follows boxes over time by the algorithm that is chosen.
+/// Tracker with a selectable algorithm.
 #[derive(Clone, PartialEq, Debug)]
 pub enum GroundTracker {
-    /// By distances in standard deviations.
+    /// Pairs boxes by Mahalanobis distance.
     Sort(Tracker),
-    /// By overlap in space.
+    /// Pairs boxes by overlap in space.
     Ab3dmot(Ab3dMot),
 }
 
 impl GroundTracker {
-    /// Without any past.
+    /// Tracker without tracks.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn new(params: GroundParams) -> Result<Self, ParamError> {
         Ok(match params {
             GroundParams::Sort(params) => Self::Sort(Tracker::new(params)?),
@@ -76,8 +76,8 @@ impl GroundTracker {
         })
     }
 
-    /// Takes in what a detector reports of one instant, with the ego's pose in the map then, and gives the tracks that
-    /// are reported of it.
+    /// Updates the tracks with the detections of one instant and the ego's pose in the map at that instant. Returns the
+    /// reported tracks.
     pub fn update(&mut self, found: &Detections, ego: Pose2<Map>) -> TrackList {
         match self {
             Self::Sort(tracker) => tracker.update(found, ego),
@@ -85,7 +85,7 @@ impl GroundTracker {
         }
     }
 
-    /// How sure a track that is reported is.
+    /// Score of a reported track.
     pub fn score(&self, id: ActorId) -> Option<f64> {
         match self {
             Self::Sort(tracker) => tracker.score(id),

@@ -1,29 +1,29 @@
-//! The picture of an upright box in a camera.
+//! Projection of upright boxes into an image.
 
 use swerve_geom::{Camera, Ego, Point, Pose2, Transform};
 use swerve_msg::{CameraInfo, Extent};
 
-/// What is nearer to the camera's plane than this has no picture, metres.
+/// Near clipping distance from the camera plane, metres.
 const NEAR_M: f64 = 0.1;
 
-/// A camera on the ego with the size of its image. Lenses that bend are taken as rectified.
+/// Camera on the ego with its image size, treated as rectified.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ImageCamera {
-    /// What calibration knows of it.
+    /// Calibration.
     pub info: CameraInfo,
-    /// Columns.
+    /// Number of columns.
     pub width_px: u32,
-    /// Rows.
+    /// Number of rows.
     pub height_px: u32,
 }
 
-/// Pairs of corners that an edge joins: around the bottom, around the top, up.
+/// Corner pairs of the edges: bottom, top, vertical.
 const EDGES: [(usize, usize); 12] =
     [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];
 
 impl ImageCamera {
-    /// Left, top, right and bottom edge of the rectangle around a box's picture, pixels, cut at the image's edges: of
-    /// the part in front of the camera. `None` where none of it is in the image.
+    /// Bounding rectangle of a box's projection: left, top, right and bottom, pixels, clipped to the image; only the
+    /// part in front of the camera counts. `None` if it is outside the image.
     pub fn image_px(&self, pose: Pose2<Ego>, bottom_m: f64, extent: Extent) -> Option<[f64; 4]> {
         let camera_from_ego: Transform<Camera, Ego> = self.info.ego_from_camera.inverse();
         let ground = swerve_geom::Obb::new(pose, extent.length_m, extent.width_m).corners();
@@ -53,7 +53,7 @@ impl ImageCamera {
     }
 }
 
-/// The part of an edge in front of the camera.
+/// Part of an edge in front of the camera.
 fn in_front(a: [f64; 3], b: [f64; 3]) -> Option<[[f64; 3]; 2]> {
     let cut = |inside: [f64; 3], outside: [f64; 3]| {
         let t = (NEAR_M - inside[2]) / (outside[2] - inside[2]);
@@ -73,7 +73,7 @@ pub(crate) mod tests {
     use super::*;
     use swerve_msg::Intrinsics;
 
-    /// 640 x 360 pixels, 90 degrees, 1.4 m up, looking ahead.
+    /// Camera of 640 x 360 pixels, 90 degrees, 1.4 m up, looking ahead.
     pub(crate) fn camera() -> ImageCamera {
         let intrinsics = Intrinsics {
             fx_px: 320.0,
@@ -92,8 +92,8 @@ pub(crate) mod tests {
     const CUBE: Extent = Extent { length_m: 2.0, width_m: 2.0, height_m: 2.0 };
 
     #[test]
-    fn a_box_ahead_is_where_a_pinhole_shows_it() {
-        // Its near face is 10 m before the camera, from 1 m left to 1 m right, from 1.4 m below to 0.6 m above.
+    fn image_px_matches_the_pinhole_projection() {
+        // Its near face is 10 m in front of the camera, from 1 m left to 1 m right and from 1.4 m below to 0.6 m above.
         let [left, top, right, bottom] = camera().image_px(Pose2::new(12.75, 0.0, 0.0), 0.0, CUBE).unwrap();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
         near(left, 320.0 - 32.0);
@@ -105,7 +105,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_behind_or_beside_has_no_picture_and_what_is_across_is_cut() {
+    fn image_px_omits_boxes_outside_the_image_and_clips_others() {
         let camera = camera();
         assert_eq!(camera.image_px(Pose2::new(-8.0, 0.0, 0.0), 0.0, CUBE), None);
         assert_eq!(camera.image_px(Pose2::new(5.0, 30.0, 0.0), 0.0, CUBE), None);

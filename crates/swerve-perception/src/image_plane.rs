@@ -1,8 +1,9 @@
-//! Tracks in the image: SORT, ByteTrack and DeepSORT.
+//! Tracking in the image: SORT, ByteTrack and DeepSORT.
 //!
-//! All follow rectangles from frame to frame with a Kalman filter of constant velocity whose noises couple no two
-//! coordinates, so that each coordinate is a filter of its own. Frames are taken to be evenly spaced; one without
-//! boxes is to be told too. Of more than [`BOXES_MAX`] boxes in a frame the surest ones count, so that a step ends.
+//! All track rectangles from frame to frame with a constant-velocity Kalman filter whose noises are uncorrelated, so
+//! that each coordinate is a separate filter. Frames are assumed to be evenly spaced; frames without boxes must be
+//! passed too. If a frame has more than [`BOXES_MAX`] boxes, only those with the highest scores are used, which bounds
+//! the run time.
 
 mod appearance;
 mod byte_track;
@@ -20,33 +21,33 @@ pub use byte_track::{ByteTrack, Params as ByteTrackParams};
 pub use deep_sort::{DeepSort, Params as DeepSortParams};
 pub use sort::{Params as SortParams, Sort};
 
-/// One rectangle of a detector.
+/// Rectangle reported by a detector.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ImageDetection {
-    /// Left, top, right, bottom, pixels; what is not finite or has no area is passed over.
+    /// Left, top, right, bottom, pixels; ignored if not finite or without area.
     pub box_px: [f64; 4],
     /// Confidence, 0 to 1.
     pub score: f64,
 }
 
-/// One rectangle with an identity.
+/// Rectangle with an identity.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct ImageTrack {
-    /// From 1, in the order in which tracks are founded.
+    /// Identity, from 1 in the order of creation.
     pub id: u64,
-    /// Left, top, right, bottom, pixels: the filter's, not the detector's.
+    /// Left, top, right, bottom, pixels; estimate of the filter.
     pub box_px: [f64; 4],
-    /// That of the detection it was last seen by.
+    /// Score of its latest detection.
     pub score: f64,
 }
 
-/// A tracker of rectangles.
+/// Tracker of rectangles.
 pub trait ImageTracker {
-    /// Takes in the next frame and gives the tracks that are reported of it.
+    /// Updates the tracks with the next frame and returns those reported in it.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack>;
 }
 
-/// Those that can be followed, each with its place, in their order.
+/// Usable detections with the highest scores, each with its index, in their order.
 fn surest_usable(found: &[ImageDetection]) -> Vec<(usize, &ImageDetection)> {
     let mut usable: Vec<_> = found.iter().enumerate().filter(|(_, found)| is_usable(found)).collect();
     surest(&mut usable, |(_, found)| found.score);
@@ -64,7 +65,7 @@ fn centred([left, top, right, bottom]: [f64; 4]) -> [f64; 4] {
     [left + 0.5 * width, top + 0.5 * height, width, height]
 }
 
-/// The edges of a rectangle of this centre and size.
+/// Edges of a rectangle from its centre and size.
 fn edges([x, y, width, height]: [f64; 4]) -> [f64; 4] {
     [x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height]
 }

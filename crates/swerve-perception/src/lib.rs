@@ -1,11 +1,11 @@
-//! Perception: an emulated detector, objects from lidar, and trackers.
+//! Perception: an emulated detector, object detection from camera and lidar, sensor fusion, and trackers.
 //!
-//! [`detector`] takes what a sensor could see (truth) and makes of it what a detector of a given accuracy would have
-//! reported: boxes in the ego frame and in the image, some missed, some wrong, some of nothing. Without neural networks
-//! [`camera`] makes boxes of the images of a camera, [`lidar`] of the points of a lidar, and [`fusion`] makes one list of
-//! those of several sensors. [`tracker`] and [`ab3dmot`] make tracks of boxes on the ground, [`image_plane`] in the image.
+//! [`detector`] converts ground truth visible to a sensor into the output of a detector of a given accuracy: boxes in
+//! the ego frame and in the image, with misses, errors and false positives. Without neural networks, [`camera`] detects
+//! objects in camera images and [`lidar`] in lidar point clouds, and [`fusion`] merges the boxes of several sensors.
+//! [`tracker`] and [`ab3dmot`] track boxes on the ground, [`image_plane`] in the image.
 //!
-//! Absences: no engine, no simulator, no file, no clock; how long a detector takes is for the caller.
+//! Does not depend on the engine, the simulator, files or clocks; the run time of a detector is modelled by the caller.
 
 pub mod ab3dmot;
 pub mod assignment;

@@ -1,8 +1,9 @@
-//! Objects from the points of a lidar, without neural networks.
+//! Object detection in lidar point clouds, without neural networks.
 //!
-//! [`points`] brings a sweep into the ego frame at its stamp, [`ground`] takes away what is ground, `clusters` finds
-//! what hangs together, `boxes` fits rectangles and completes them to the size of what they may be, and [`score`] says
-//! how sure that is, by trees that [`train`] has boosted over simulated sweeps. Of boxes that overlap the surest stays.
+//! [`points`] transforms a sweep to the ego frame at its stamp, [`ground`] removes ground points, `clusters` finds
+//! connected components, `boxes` fits rectangles and completes them to the size of a class, and [`score`] rates them
+//! with trees that [`train`] has boosted on simulated sweeps. Of overlapping boxes the one with the highest score is
+//! kept.
 
 mod boxes;
 mod clusters;
@@ -26,17 +27,17 @@ use ground::{Ground, Method};
 use points::{Place, in_ego_frame};
 use score::{FEATURES, Model};
 
-/// Parameters of finding objects.
+/// Parameters of the lidar object detector.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// How ground is told.
+    /// Ground segmentation method.
     pub ground: Method,
-    /// Points farther than this from the ego's origin, ahead or to a side, are left out, metres.
+    /// Detection range ahead, behind and to each side of the ego's origin, metres.
     pub reach_m: f64,
-    /// Points of a cluster, at least.
+    /// Fewest points of a cluster.
     pub points_min: usize,
-    /// Boxes with a lower score are not reported.
+    /// Score below which boxes are not reported, 0 to 1.
     pub score_min: f64,
 }
 
@@ -47,10 +48,10 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("reach_m", self.reach_m, [5.0, 200.0]),
@@ -60,33 +61,33 @@ impl Params {
     }
 }
 
-/// A sweep, and what is known of where it was measured.
+/// Sweep and the state of the ego when it was measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Scan<'a> {
-    /// The points.
+    /// Points of the sweep.
     pub cloud: &'a PointCloud,
-    /// Where the lidar sits.
+    /// Mounting pose of the lidar.
     pub ego_from_lidar: Transform<Ego, Lidar>,
-    /// The ego at the cloud's stamp, as measured.
+    /// Measured ego state at the cloud's stamp.
     pub ego: EgoState,
-    /// The ego's body, in which points are its own: rear and front from the origin, half of its width, metres.
+    /// Outline of the ego, within which points are ignored: rear and front from the origin, half of the width, metres.
     pub own_m: [f64; 3],
-    /// The way, where it is known: vehicles mostly stand along it.
+    /// Route, if known; vehicles mostly stand parallel to it.
     pub route: Option<&'a Route>,
 }
 
-/// A box that something may have, with what its score comes from.
+/// Candidate box with the features of its score.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// The box, not scored yet.
+    /// Box without a score.
     pub found: DetectedBox,
-    /// What speaks for it.
+    /// Features of the score.
     pub features: [f32; FEATURES],
-    /// Its class, by its place among them.
+    /// Index of its class.
     class: usize,
 }
 
-/// Finds objects in sweeps. What it has found before has no effect; only its memory is kept.
+/// Detects objects in sweeps. Stateless except for reused buffers.
 #[derive(Clone, Debug)]
 pub struct LidarObjects {
     params: Params,
@@ -99,22 +100,22 @@ pub struct LidarObjects {
     footprints: Vec<Obb<Ego>>,
 }
 
-/// Rectangles may overlap by as much on each side and still be of two things, metres.
+/// Overlap on each side up to which boxes may be different objects, metres.
 const OVERLAP_M: f64 = 0.15;
 
 impl LidarObjects {
-    /// With the weights that Swerve is shipped with.
+    /// Detector with the built-in weights.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         Self::with_model(params, Model::shipped())
     }
 
-    /// With weights of one's own.
+    /// Detector with custom weights.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn with_model(params: Params, model: Model) -> Result<Self, ParamError> {
         params.validate()?;
         let reach_m = params.reach_m as f32;
@@ -130,7 +131,7 @@ impl LidarObjects {
         })
     }
 
-    /// Finds the objects of a sweep, by falling score, and writes them over what was there.
+    /// Detects the objects of a sweep, by falling score, and replaces the content of `out`.
     pub fn detect(&mut self, scan: &Scan<'_>, out: &mut Detections) {
         self.propose(scan);
         let Self { candidates, model, params, footprints, .. } = self;
@@ -152,7 +153,7 @@ impl LidarObjects {
         }
     }
 
-    /// All boxes that are looked at, before any is scored.
+    /// All candidate boxes, before scoring.
     pub fn propose(&mut self, scan: &Scan<'_>) -> &[Candidate] {
         self.cluster(scan);
         let road = Road::new(scan.route, scan.ego.pose);
@@ -170,7 +171,7 @@ impl LidarObjects {
                 }
                 for is_across in [false, true] {
                     let Some(rectangle) = complete(&fit, class, is_across, sensor) else { continue };
-                    // People may be anywhere, in any direction: the road says nothing of them.
+                    // People may be anywhere and face any direction, so the route is not used for them.
                     let lane = lane.filter(|_| !class.kind.is_person());
                     let seen = Seen { clusters: &self.clusters, cluster, fit, sensor, lane };
                     let features = seen.features(&rectangle);
@@ -182,7 +183,7 @@ impl LidarObjects {
         &self.candidates
     }
 
-    /// Takes the ground away and finds what hangs together, at every gap; gives how many clusters there are.
+    /// Removes the ground and finds the connected components at every gap; returns the number of clusters.
     pub fn cluster(&mut self, scan: &Scan<'_>) -> usize {
         in_ego_frame(scan, self.params.reach_m as f32, &mut self.places);
         self.ground.heights(&self.places, &mut self.over_m);
@@ -191,7 +192,7 @@ impl LidarObjects {
     }
 }
 
-/// By falling score; what has the same one in an order that no sorting changes.
+/// Orders by falling score; ties are broken by position, length and class.
 fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
     let place = |c: &Candidate| [c.found.pose.x_m, c.found.pose.y_m, c.found.extent.length_m, c.class as f64];
     b.found.score.total_cmp(&a.found.score).then_with(|| {
@@ -200,10 +201,10 @@ fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
     })
 }
 
-/// How far beyond the drivable ground all is where none is known, metres: deeper in it than anything else.
+/// Distance beyond the drivable ground used if it is unknown, metres: further inside than any known value.
 const NO_ROAD_M: f32 = -20.0;
 
-/// A cluster as it is seen.
+/// Cluster with the context of its features.
 struct Seen<'a> {
     clusters: &'a Clusters,
     cluster: Cluster,
@@ -213,7 +214,7 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// What speaks for a rectangle, by the places of [`score::FEATURE_NAMES`].
+    /// Features of a rectangle, in the order of [`score::FEATURE_NAMES`].
     fn features(&self, rectangle: &Rectangle) -> [f32; FEATURES] {
         let points = self.clusters.of(self.cluster);
         let count = points.len() as f32;
@@ -256,8 +257,8 @@ impl Seen<'_> {
     }
 }
 
-/// The box of a rectangle. Its length has two ends: the front is the one along the lane, to the left of the way that
-/// against it.
+/// Box of a rectangle. Of the two possible headings it has the one along the lane, or against it to the left of the
+/// route.
 fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f32, f32)>) -> DetectedBox {
     let road_rad = lane.map_or(0.0, |(heading, _)| heading);
     let along = libm::cosf(rectangle.heading_rad - road_rad) >= 0.0;
@@ -265,7 +266,7 @@ fn boxed(rectangle: &Rectangle, class: &Class, cluster: Cluster, lane: Option<(f
     let [x, y] = rectangle.middle.map(f64::from);
     let [length_m, width_m] = rectangle.size_m.map(f64::from);
     let heading_rad = f64::from(rectangle.heading_rad);
-    // The highest point of a person on a bicycle, or of a car's roof, lies between two beams.
+    // The highest point of a cyclist or of a car's roof may lie between two beams.
     let least_m = if class.kind == ActorKind::Truck { 2.0 } else { 1.4 };
     DetectedBox {
         kind: class.kind,

@@ -1,12 +1,12 @@
-//! The way as it lies in the ego frame: what stands beside it mostly stands along it.
+//! Route in the ego frame; vehicles beside it mostly stand parallel to it.
 
 use swerve_geom::{Ego, FrenetPoint, Point2, Pose2};
 use swerve_msg::Route;
 
-/// How far along the way from the ego it is looked at, metres.
+/// Search range along the route from the ego, metres.
 const ALONG_M: f64 = 80.0;
 
-/// The way, where it is known.
+/// Route in the ego frame, if known.
 pub(crate) struct Road<'a> {
     route: Option<&'a Route>,
     ego: Pose2,
@@ -14,14 +14,15 @@ pub(crate) struct Road<'a> {
 }
 
 impl<'a> Road<'a> {
-    /// As seen from the ego's pose in the map.
+    /// Route relative to the ego's pose in the map.
     pub(crate) fn new(route: Option<&'a Route>, ego: Pose2) -> Self {
         let route = route.filter(|_| ego.is_finite());
         let near_s_m = route.map_or(0.0, |route| route.project(ego.point()).s_m);
         Self { route, ego, near_s_m }
     }
 
-    /// Its heading beside a point, in the ego frame, radians, and how far beyond the drivable ground the point is, metres.
+    /// Heading of the route beside a point, in the ego frame, radians, and the distance of the point beyond the
+    /// drivable ground, metres.
     pub(crate) fn at(&self, point: Point2<Ego>) -> Option<(f64, f64)> {
         let route = self.route?;
         let at = self.ego.from_local::<Ego>(point);

@@ -1,11 +1,11 @@
-//! Tracks from boxes: SORT in the ground plane.
+//! Tracking of boxes: SORT in the ground plane.
 //!
-//! As Bewley et al. 2016 (Simple Online and Realtime Tracking, arXiv 1602.00763): each track is a Kalman filter with
-//! constant velocity; tracks and boxes are paired by an optimal assignment; a box that no track takes founds one on
-//! probation, and a track that no box has confirmed for a while ends. Other than there the state is a position in the
-//! map, not in the image, boxes are near or far in standard deviations of their difference (Mahalanobis) instead of
-//! overlapping or not, which boxes as small as people on the ground mostly do not, and the way of a track is smoothed
-//! backwards over the last sightings (Rauch, Tung and Striebel 1965), because predictors fit lines to it.
+//! After Bewley et al. 2016 (Simple Online and Realtime Tracking, arXiv 1602.00763): each track is a constant-velocity
+//! Kalman filter; tracks and boxes are paired by optimal assignment; an unmatched box starts an unconfirmed track, and
+//! a track without boxes for a while ends. Unlike SORT, the state is a position in the map, not in the image; pairs are
+//! gated by Mahalanobis distance instead of overlap, as boxes the size of people rarely overlap on the ground; and the
+//! history of a track is smoothed backwards over the last sightings (Rauch, Tung and Striebel 1965), because predictors
+//! fit lines to it.
 
 mod kalman;
 mod params;
@@ -23,25 +23,25 @@ use kalman::Filter;
 
 pub use params::{Motion, Params};
 
-/// Follows boxes over time.
+/// Multi-object tracker of boxes on the ground.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Tracker {
     params: Params,
     newest: Option<Time>,
-    /// In the order of their identities.
+    /// Tracks, sorted by identity.
     tracks: Vec<Followed>,
-    /// Identities given so far.
+    /// Number of identities assigned so far.
     given: u32,
 }
 
-/// One track.
+/// State of one track.
 #[derive(Clone, PartialEq, Debug)]
 struct Followed {
     id: ActorId,
     kind: ActorKind,
-    /// The score that its kind comes from.
+    /// Highest box score so far that determined the kind.
     kind_score: f64,
-    /// The mean score of its boxes, until that becomes a low-pass.
+    /// Average score of its boxes: the mean at first, then a low-pass.
     score: f64,
     filter: Filter,
     heading_rad: f64,
@@ -51,7 +51,7 @@ struct Followed {
     is_confirmed: bool,
 }
 
-/// A box in the map, with what is known of its errors.
+/// Box in the map frame with its covariance.
 struct Measured<'a> {
     found: &'a DetectedBox,
     at: Column2<f64>,
@@ -60,22 +60,22 @@ struct Measured<'a> {
 }
 
 impl Tracker {
-    /// Without any past.
+    /// Tracker without tracks.
     ///
     /// # Errors
-    /// A parameter outside its range.
+    /// If a parameter is outside its range.
     pub fn new(params: Params) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self { params, newest: None, tracks: Vec::new(), given: 0 })
     }
 
-    /// Takes in what a detector reports of one instant, with the ego's pose in the map then, and gives all confirmed
-    /// tracks, ordered by identity.
+    /// Updates the tracks with the detections of one instant and the ego's pose in the map at that instant. Returns all
+    /// confirmed tracks, sorted by identity.
     ///
-    /// Boxes below the least score are ignored, and so are those whose numbers are not finite; of more than
-    /// [`BOXES_MAX`](crate::image_plane::BOXES_MAX) the surest count. A report that is not newer than the one before
-    /// changes nothing. Identities are counted from 1 in the order in which tracks are
-    /// founded, which is that of falling scores within a frame.
+    /// Ignores boxes below the score threshold and non-finite boxes; if there are more than
+    /// [`BOXES_MAX`](crate::image_plane::BOXES_MAX), uses those with the highest scores. Detections that are not newer
+    /// than the previous ones change nothing. Identities are numbered from 1 in the order of creation, within a frame
+    /// by falling score.
     pub fn update(&mut self, found: &Detections, ego: Pose2<Map>) -> TrackList {
         let newest = self.newest.unwrap_or(Time::MIN);
         if found.stamp > newest && ego.is_finite() {
@@ -85,7 +85,7 @@ impl Tracker {
         self.list()
     }
 
-    /// How sure a confirmed track is: the mean score of its boxes, the newest ones above all.
+    /// Score of a confirmed track: the average score of its boxes, weighted towards recent ones.
     pub fn score(&self, id: ActorId) -> Option<f64> {
         let of = self.tracks.binary_search_by_key(&id, |track| track.id).ok()?;
         Some(self.tracks[of].score).filter(|_| self.tracks[of].is_confirmed)
@@ -117,8 +117,8 @@ impl Tracker {
         }
     }
 
-    /// Which track takes which box. What is left of both is tried once more as if the track had started, stopped or
-    /// turned all at once: a person who stops is not a new one, and no track walks on in her place.
+    /// Pairs of tracks and boxes. Unmatched tracks and boxes are tried again assuming that the track suddenly started,
+    /// stopped or turned, so that a person who stops keeps the identity and leaves no track that walks on.
     fn pair(&mut self, boxes: &[Measured<'_>]) -> Vec<(usize, usize)> {
         let (params, tracks) = (self.params, &mut self.tracks);
         let sudden_mps = |track: &Followed| params.motion(track.kind).change_mps;
@@ -156,7 +156,7 @@ impl<'a> Measured<'a> {
         let turn = Matrix2::new(cos, -sin, sin, cos);
         let square = |m: f64| m * m + params.floor_noise_m * params.floor_noise_m;
         let spread = Matrix2::new(square(along_m), 0.0, 0.0, square(across_m));
-        // What knows its own errors is asked; it knows nothing of those of the ego's pose.
+        // A box covariance, if given, replaces the model; it excludes the errors of the ego pose.
         let own = found.covariance_m2.map(|[xx, xy, yy]| {
             let (sin, cos) = math::sin_cos(ego.heading_rad);
             let turn = Matrix2::new(cos, -sin, sin, cos);
@@ -191,8 +191,8 @@ impl Followed {
         }
     }
 
-    /// Squared distance to a box in standard deviations, after a sudden change of the velocity of this deviation in m/s;
-    /// infinite for what cannot be the same.
+    /// Squared Mahalanobis distance to a box, after a sudden velocity change with this standard deviation in m/s;
+    /// infinite if one is a person and the other is not.
     fn distance(&self, change_mps: f64, measured: &Measured<'_>) -> f64 {
         if self.kind.is_person() != measured.found.kind.is_person() {
             return f64::INFINITY;
@@ -206,7 +206,7 @@ impl Followed {
         if found.score > self.kind_score {
             (self.kind, self.kind_score) = (found.kind, found.score);
         }
-        // The mean of all so far, until it becomes a low-pass.
+        // Mean of all values so far, until the gain reaches that of the low-pass.
         self.hits += 1;
         let gain = (1.0 / self.hits as f64).max(params.shape_gain);
         self.heading_rad += gain * angle_between(self.heading_rad, measured.heading_rad);

@@ -1,4 +1,4 @@
-//! Traffic lights in the images of one camera: looked at where a map has them, else found by colour and shape.
+//! Traffic lights in the images of one camera: classified at known map positions, else detected by colour and shape.
 
 #[cfg(test)]
 mod tests;
@@ -11,27 +11,27 @@ use swerve_vision::traffic_light::{Head, Lamp, Light, LightFinder, LightSettings
 use crate::camera::{Shot, ShotError};
 use crate::image_box::ImageCamera;
 
-/// A light that a map knows.
+/// Traffic light of a map.
 #[derive(Clone, PartialEq, Debug)]
 pub struct LightPlace {
-    /// Its name.
+    /// Name of the light.
     pub name: String,
-    /// Where it stands; its heading is that of those who see its face.
+    /// Position; the heading is the driving direction of the traffic that it faces.
     pub pose: Pose2,
-    /// Its stop line along the route, metres.
+    /// Position of its stop line along the route, metres.
     pub stop_s_m: f64,
 }
 
-/// What heads are like, and how they are looked at.
+/// Geometry of traffic light heads, and filtering of their states.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Params {
     /// Width and height of a head, metres.
     pub head_m: [f64; 2],
-    /// Height of its top over the road, metres.
+    /// Height of the top of a head above the road, metres.
     pub top_m: f64,
-    /// Nothing farther away is looked at, metres.
+    /// Detection range, metres.
     pub within_m: f64,
-    /// How many frames it takes to change one's mind.
+    /// Filtering of the state over frames.
     pub light: LightSettings,
 }
 
@@ -42,7 +42,7 @@ impl Default for Params {
 }
 
 impl Params {
-    /// What is wrong with them: key, and what was expected.
+    /// Validation errors: key, and expected range.
     pub fn problems(&self) -> Vec<(String, String)> {
         let [width_m, height_m] = self.head_m;
         let ranges = [
@@ -62,37 +62,37 @@ impl Params {
     }
 }
 
-/// Thickness of a head, metres.
+/// Depth of a head, metres.
 const DEEP_M: f64 = 0.2;
-/// Heads of fewer rows show nothing, pixels.
+/// Smallest height of a head in the image, pixels.
 const ROWS_MIN_PX: f64 = 6.0;
 
-/// Tells what lights show, image by image.
+/// Reports the states of traffic lights, image by image.
 #[derive(Clone, Debug)]
 pub struct LightWatch {
     params: Params,
     places: Vec<LightPlace>,
-    /// Of each place what it shows.
+    /// State filter of each map position.
     lights: Vec<Light>,
     finder: LightFinder,
     looker: Looker,
     heads: Vec<Head>,
-    /// Without a map: what was found before, where it was last, and for how many images it has been gone.
+    /// Without a map: tracked lights with their last image box, and the number of images since then.
     followed: Vec<(Light, [f64; 4], u32)>,
 }
 
 impl LightWatch {
-    /// With the lights of a map; where it has none, images are searched.
+    /// Detector for the lights of a map; if the map has none, images are searched.
     pub fn new(params: Params, places: Vec<LightPlace>) -> Self {
         let lights = places.iter().map(|_| Light::new(params.light)).collect();
         let (finder, looker) = (LightFinder::default(), Looker::default());
         Self { params, places, lights, finder, looker, heads: Vec::new(), followed: Vec::new() }
     }
 
-    /// What the lights in an image show, written over what was there.
+    /// Classifies the lights in an image and replaces the content of `out`.
     ///
     /// # Errors
-    /// An image without colours, not whole, or of parallel rays.
+    /// If the image has no colours, a size that does not match its bytes, or parallel rays.
     pub fn look(&mut self, shot: &Shot<'_>, out: &mut TrafficLights) -> Result<(), ShotError> {
         let Pixels::Rgb8(bytes) = &shot.image.pixels else { return Err(ShotError::NoColour) };
         if shot.image.camera.intrinsics.is_parallel {
@@ -164,8 +164,8 @@ impl LightWatch {
 }
 
 impl Params {
-    /// Left, top, right and bottom edge of a light's head in an image; none where it is too far off, cut, or seen from
-    /// behind.
+    /// Left, top, right and bottom edge of a light's head in an image; `None` if it is too far away, too small,
+    /// clipped, or seen from behind.
     fn picture(&self, camera: &ImageCamera, ego: Pose2, place: &LightPlace) -> Option<[f64; 4]> {
         let far_m = ego.point().distance(place.pose.point());
         if far_m.is_nan() || far_m > self.within_m {
@@ -185,7 +185,7 @@ impl Params {
     }
 }
 
-/// The camera of an image on a body that is pitched like this, nose down positive.
+/// Camera of an image on a body with this pitch, nose down positive.
 fn camera(image: &Image, pitch_rad: f64) -> ImageCamera {
     let tilt: Transform<Ego, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, pitch_rad, 0.0);
     let mount = image.camera.ego_from_camera;

@@ -1,9 +1,9 @@
-//! Detection by sliding windows: a window of cells slides over every level of a pyramid of channels, and boosted trees
-//! add to its score until that is too low to go on (a *soft cascade*), or a linear template is summed up over it (HOG).
+//! Sliding-window detection: a window of cells slides over every level of a channel pyramid and is scored either by
+//! boosted trees, which stop early when the score falls too low (a *soft cascade*), or by a linear template (HOG).
 //!
 //! Dollár, Appel, Belongie, Perona: "Fast feature pyramids for object detection", PAMI 2014 (ACF); Nam, Dollár, Han:
-//! "Local decorrelation for improved pedestrian detection", NIPS 2014 (LDCF: the same over channels that are filtered
-//! and halved); module `blocks` for HOG. Boxes are left, top, width and height in pixels of the image.
+//! "Local decorrelation for improved pedestrian detection", NIPS 2014 (LDCF: ACF over filtered and halved channels);
+//! module `blocks` for HOG. Boxes are left, top, width and height in image pixels.
 
 mod blocks;
 mod cascade;
@@ -25,40 +25,40 @@ pub use weights::{Calibration, Model, Rung, Scorer, Weights, WeightsError};
 
 use serde::{Deserialize, Serialize};
 
-/// Something found in an image.
+/// Object detected in an image.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Detection {
-    /// Of [`Weights::classes`].
+    /// Index into [`Weights::classes`].
     pub class: usize,
     /// Left, top, width, height in pixels.
     pub bbox: [f64; 4],
-    /// How likely it is one, 0 to 1, where the weights say how scores map to that; else the sum of the trees or the template.
+    /// Probability, 0 to 1, if the weights hold a calibration; else the raw sum of the trees or the template.
     pub score: f64,
 }
 
-/// Full binary trees of one depth, whose leaves sum up to a score.
+/// Full binary trees of equal depth; the leaves reached are summed to a score.
 ///
-/// A tree has `2^depth - 1` nodes, children of node `k` are `2 k + 1` (feature below its threshold) and `2 k + 2`;
-/// `2^depth` leaves follow from left to right.
+/// A tree has `2^depth - 1` nodes; the children of node `k` are `2 k + 1` (feature below its threshold) and `2 k + 2`.
+/// Its `2^depth` leaves are stored from left to right.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Trees {
-    /// Levels of nodes.
+    /// Levels of nodes per tree.
     pub depth: usize,
-    /// Feature of each node: number within the window, plane after plane, each row by row.
+    /// Feature of each node: index within the window, plane by plane, each row by row.
     pub features: Vec<u16>,
     /// Threshold of each node.
     pub thresholds: Vec<f32>,
-    /// What each leaf adds to the score.
+    /// Score contribution of each leaf.
     pub leaves: Vec<f32>,
 }
 
 impl Trees {
-    /// How many there are.
+    /// Number of trees.
     pub fn len(&self) -> usize {
         self.leaves.len() >> self.depth
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no trees.
     pub fn is_empty(&self) -> bool {
         self.leaves.is_empty()
     }

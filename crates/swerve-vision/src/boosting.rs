@@ -1,51 +1,51 @@
-//! Training of boosted trees over features of a byte each.
+//! Training of boosted trees over byte-valued features.
 //!
 //! Real AdaBoost (Friedman, Hastie, Tibshirani: "Additive logistic regression", 2000, algorithm 2) over full trees of a
-//! fixed depth; each tree is offered a random share of the features and those samples that carry 99 % of the weight
-//! (Friedman et al., section 9). Weights are whole numbers and histograms their sums, so that no order of adding shows;
-//! of equal splits the lower feature's is taken, then the lower threshold.
+//! fixed depth; each tree is offered a random share of the features and the samples that carry 99 % of the weight
+//! (Friedman et al., section 9). Weights and histograms are integers, so the result does not depend on the order of
+//! summation; ties go to the lower feature, then the lower threshold.
 
 use swerve_core::Rng;
 use swerve_geom::math;
 
 use crate::acf::{Trees, leaf_step};
 
-/// How trees are grown.
+/// Parameters of tree growing.
 #[derive(Clone, PartialEq, Debug)]
 pub struct BoostParams {
     /// Levels of nodes, 1 to 6.
     pub depth: usize,
-    /// Trees at most.
+    /// Largest number of trees.
     pub trees: usize,
-    /// Each tree is offered one of so many features.
+    /// One of this many features is offered to each tree.
     pub one_of: usize,
-    /// Of the choice of features.
+    /// Seed of the feature selection.
     pub seed: u64,
 }
 
-/// Samples to tell apart: the features of each, a byte each, one sample after another.
+/// Training samples: one byte per feature, sample by sample.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Samples<'a> {
-    /// Features of one sample.
+    /// Features per sample.
     pub features: usize,
-    /// What is to be found.
+    /// Features of the positive samples.
     pub positive: &'a [u8],
-    /// What is not.
+    /// Features of the negative samples.
     pub negative: &'a [u8],
 }
 
-/// Thresholds that a byte can be compared with.
+/// Number of values of a byte.
 const BINS: usize = 256;
-/// The sum of all weights, about.
+/// Approximate sum of all weights.
 const MASS: f64 = (1_u64 << 30) as f64;
-/// The largest leaf, either way.
+/// Largest magnitude of a leaf.
 const LEAF_MAX: f64 = 4.0;
-/// Mean loss at which nothing is left to learn.
+/// Mean loss at which training stops.
 const LOSS_MIN: f64 = 1e-40;
 
-/// Trees whose thresholds are bytes (a feature below goes left) and whose leaves are whole units of [`leaf_step`].
+/// Trains trees with byte thresholds (a feature below goes left) and leaves in integer units of [`leaf_step`].
 ///
-/// None where there are no features, or no samples of either kind.
+/// Returns no trees without features or without samples of both kinds.
 pub fn boost(samples: Samples<'_>, params: &BoostParams) -> Trees {
     let mut trees = Trees { depth: params.depth, ..Trees::default() };
     let n = samples.features.max(1);
@@ -65,7 +65,7 @@ pub fn boost(samples: Samples<'_>, params: &BoostParams) -> Trees {
     trees
 }
 
-/// A random choice of one of so many features, in order.
+/// Random selection of one in `one_of` features, in ascending order.
 fn offered(rng: &mut Rng, features: usize, one_of: usize) -> Vec<usize> {
     let count = (features / one_of.max(1)).max(1);
     let mut all: Vec<usize> = (0..features).collect();
@@ -78,21 +78,21 @@ fn offered(rng: &mut Rng, features: usize, one_of: usize) -> Vec<usize> {
     all
 }
 
-/// What boosting keeps of the samples; positives come first.
+/// Boosting state of the samples; positives come first.
 struct State {
     positives: usize,
-    /// Of each feature the bytes of all samples.
+    /// Bytes of all samples, feature by feature.
     columns: Vec<Vec<u8>>,
-    /// In units of a leaf.
+    /// Scores in units of a leaf.
     scores: Vec<i32>,
     weights: Vec<u32>,
-    /// Samples that are looked at for this tree, in order.
+    /// Samples used for this tree, in ascending order.
     used: Vec<u32>,
-    /// Which node of the level each of them is in.
+    /// Node of the current level that holds each used sample.
     nodes: Vec<u8>,
 }
 
-/// The best threshold so far of one node.
+/// Best split of one node so far.
 #[derive(Clone, Copy)]
 struct Split {
     cost: f64,
@@ -115,8 +115,8 @@ impl State {
         }
     }
 
-    /// Gives each sample the weight of its loss, both kinds as much at the start, and leaves out the lightest, 1 % of
-    /// all. The mean loss.
+    /// Sets each sample's weight to its loss, with equal initial weight of both kinds, and drops the lightest samples,
+    /// 1 % of the total weight. Returns the mean loss.
     fn weigh(&mut self) -> f64 {
         let count = self.scores.len();
         let share = |k: usize| {
@@ -144,7 +144,7 @@ impl State {
         total
     }
 
-    /// Adds a tree and its scores.
+    /// Adds a tree and updates the scores.
     fn grow(&mut self, offered: &[usize], trees: &mut Trees) {
         self.nodes.clear();
         self.nodes.resize(self.used.len(), 0);
@@ -166,7 +166,7 @@ impl State {
             let kind = usize::from(*k as usize >= self.positives);
             mass[usize::from(*node)][kind] += f64::from(self.weights[*k as usize]);
         }
-        // A millionth of all is as good as none: what was seen of one kind only may still be of the other.
+        // A floor of one millionth of the mass: a leaf that saw one kind only may still receive the other.
         let leaf = |[p, n]: &[f64; 2]| 0.5 * math::ln((p + MASS * 1e-6) / (n + MASS * 1e-6));
         let units: Vec<i32> = mass
             .iter()
@@ -184,7 +184,7 @@ impl State {
         trees.leaves.extend(units.iter().map(|units| *units as f32 * leaf_step()));
     }
 
-    /// The best split of each node of a level.
+    /// Best split of each node of a level.
     fn splits(&self, offered: &[usize], nodes: usize) -> Vec<Split> {
         let mut best = vec![Split { cost: f64::INFINITY, feature: offered[0], threshold: 1 }; nodes];
         let mut histogram = vec![[0_u32; BINS]; 2 * nodes];
@@ -207,8 +207,8 @@ impl State {
     }
 }
 
-/// The threshold that leaves the least loss, and that: the sum over both sides of the root of what is there of either
-/// kind.
+/// Smallest loss and its threshold; the loss is the sum over both sides of the square root of positive times negative
+/// mass.
 fn cheapest(positive: &[u32; BINS], negative: &[u32; BINS]) -> (f64, usize) {
     let total = |bins: &[u32; BINS]| bins.iter().map(|n| u64::from(*n)).sum::<u64>();
     let (all, others) = (total(positive), total(negative));
@@ -233,7 +233,7 @@ fn cheapest(positive: &[u32; BINS], negative: &[u32; BINS]) -> (f64, usize) {
 mod tests {
     use super::*;
 
-    /// Samples of eight bytes; the kind is that of a circle in the first two.
+    /// Samples of eight bytes; the kind depends on a circle in the first two.
     fn ring(count: usize, seed: u64) -> [Vec<u8>; 2] {
         let mut rng = Rng::keyed(seed, "ring", &[]);
         let mut kinds = [Vec::new(), Vec::new()];
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_is_learnt_at_every_depth() {
+    fn boosting_learns_a_ring_at_every_depth() {
         let ([inside, outside], [seen, unseen]) = (ring(4000, 1), ring(2000, 2));
         let samples = Samples { features: 8, positive: &inside, negative: &outside };
         for depth in 2..=5 {
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_the_same_bytes_again() {
+    fn boosting_is_deterministic() {
         let [inside, outside] = ring(1500, 4);
         let samples = Samples { features: 8, positive: &inside, negative: &outside };
         let trees = boost(samples, &BoostParams { depth: 3, trees: 20, one_of: 2, seed: 5 });
@@ -284,12 +284,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_learn_from_is_no_tree() {
+    fn boosting_without_samples_grows_no_tree() {
         let params = BoostParams { depth: 2, trees: 5, one_of: 1, seed: 1 };
         for (positive, negative) in [(&[][..], &[][..]), (&[1, 2], &[]), (&[], &[1, 2])] {
             assert!(boost(Samples { features: 2, positive, negative }, &params).is_empty());
         }
-        // All alike: trees, but no opinion.
+        // Identical samples: trees are grown, but all leaves are zero.
         let same = boost(Samples { features: 2, positive: &[1, 2], negative: &[1, 2] }, &params);
         assert!(same.leaves.iter().all(|leaf| *leaf == 0.0));
     }

@@ -2,8 +2,8 @@
 //!
 //! Dollár, Appel, Belongie, Perona: "Fast feature pyramids for object detection", PAMI 2014, section 6.1, with the
 //! constants of the authors' toolbox: three planes of LUV, the gradient's magnitude over its mean in the neighbourhood,
-//! and that magnitude split between the two nearest of six orientations. Every loop over a row is free of branches, so
-//! that the compiler makes it vector instructions; no sum depends on how wide they are.
+//! and that magnitude split between the two nearest of six orientations. Loops over rows are branch-free, so that the
+//! compiler vectorises them; no sum depends on the vector width.
 
 mod filter;
 mod luv;
@@ -17,30 +17,30 @@ use crate::stack::Stack;
 pub use filter::{Resampler, halve, smooth};
 pub use luv::Luv;
 
-/// How many planes: L, u, v, magnitude, six orientations.
+/// Number of planes: L, u, v, magnitude, six orientations.
 pub const CHANNELS: usize = 10;
-/// Orientations of a gradient, half a turn in all.
+/// Number of orientation bins over half a turn.
 pub const ORIENTATIONS: usize = 6;
-/// Of the triangle over which a magnitude is compared with its neighbourhood, in pixels.
+/// Radius of the triangle filter over which magnitudes are normalised, pixels.
 const NEIGHBOURHOOD_PX: usize = 5;
-/// Added to the neighbourhood's mean, so that noise on an even ground is no edge.
+/// Added to the neighbourhood's mean magnitude, so that noise on a uniform surface is not an edge.
 const MAGNITUDE_FLOOR: f32 = 0.005;
 
-/// Makes channels of colours; it keeps its memory.
+/// Computes channels from colours; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
     smooth: Stack,
     magnitude: Stack,
     mean: Stack,
-    /// 0 to 6 is half a turn.
+    /// Orientation; 0 to 6 is half a turn.
     orientation: Stack,
     sums: Vec<f32>,
     row: Vec<f32>,
 }
 
 impl Channels {
-    /// The channels of some rows of a picture in LUV, as if it ended with them: the means over `shrink` x `shrink`
-    /// pixels; what is left over at the right and below is left out.
+    /// Computes the channels of some rows of a LUV image, as if the image ended with them: means over `shrink` x
+    /// `shrink` pixels. Incomplete cells at the right and bottom are dropped.
     pub fn compute(&mut self, luv: &Stack, rows: Range<usize>, shrink: usize, into: &mut Stack) {
         let (width, height) = (luv.width(), rows.len());
         let (columns, lines) = (width / shrink, height / shrink);
@@ -67,7 +67,7 @@ impl Channels {
         );
     }
 
-    /// The gradient of the colour that changes most, row by row; at the edges to one side.
+    /// Computes the gradient of the steepest colour of one row; one-sided at the borders.
     #[inline(always)]
     fn gradient(&mut self, row: usize) {
         let (width, height) = (self.smooth.width(), self.smooth.height());
@@ -89,7 +89,7 @@ impl Channels {
         }
     }
 
-    /// One line of cells: first over the rows of pixels, then along them.
+    /// Sums one line of cells: first over pixel rows, then along them.
     #[inline(always)]
     fn sum(&mut self, line: usize, shrink: usize, into: &mut Stack) {
         let width = self.smooth.width();
@@ -123,7 +123,7 @@ impl Channels {
     }
 }
 
-/// Adds what a bin of orientation gets of each magnitude: all of it at its own, nothing at the next.
+/// Adds each magnitude's share of an orientation bin: all at the bin itself, none at the next one.
 #[inline(always)]
 fn share(bin: f32, magnitudes: &[f32], orientations: &[f32], sums: &mut [f32]) {
     for ((sum, m), o) in sums.iter_mut().zip(magnitudes).zip(orientations) {
@@ -133,7 +133,7 @@ fn share(bin: f32, magnitudes: &[f32], orientations: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// Magnitude and orientation (0 to 6, half a turn) of the longest of three gradients, the first of equals.
+/// Magnitude and orientation (0 to 6, half a turn) of the longest of three gradients; the first one wins ties.
 #[inline(always)]
 fn steepest(horizontal: [f32; 3], vertical: [f32; 3]) -> (f32, f32) {
     let (mut most, mut gx, mut gy) = (-1.0, 0.0, 0.0);
@@ -145,17 +145,18 @@ fn steepest(horizontal: [f32; 3], vertical: [f32; 3]) -> (f32, f32) {
     (most.sqrt(), orientation(gx, gy))
 }
 
-/// One of two, without a branch: a compiler that is free to choose stores under a condition, number by number.
+/// Selects one of two values without a branch; with an `if`, the compiler may emit one conditional store per value.
 #[inline(always)]
 pub(crate) fn select(first: bool, a: f32, b: f32) -> f32 {
     let mask = u32::from(first).wrapping_neg();
     f32::from_bits(a.to_bits() & mask | b.to_bits() & !mask)
 }
 
-/// Where a direction points, whichever way along it: 0 to 6 for half a turn; off by less than 1e-5.
+/// Unsigned orientation of a vector: 0 to 6 for half a turn; error below 1e-5.
 #[inline(always)]
 pub(crate) fn orientation(gx: f32, gy: f32) -> f32 {
-    /// The arc tangent's odd powers on [0, 1] (Hastings, "Approximations for digital computers", 1955, sheet 11).
+    /// Coefficients of the odd powers of the arc tangent on [0, 1] (Hastings, "Approximations for digital computers",
+    /// 1955, sheet 11).
     const POWERS: [f32; 6] =
         [0.999_977_26, -0.332_623_47, 0.193_543_46, -0.116_432_87, 0.052_653_32, -0.011_721_2];
     const BINS_PER_RADIAN: f32 = ORIENTATIONS as f32 * core::f32::consts::FRAC_1_PI;

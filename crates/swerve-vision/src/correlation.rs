@@ -1,5 +1,5 @@
-//! A target followed from image to image by correlation: DSST (Danelljan and others, BMVC 2014), a filter for its place
-//! and one for its size, over histograms of gradients.
+//! Tracking of a target from image to image by correlation: DSST (Danelljan and others, BMVC 2014), with one filter for
+//! position and one for scale, over histograms of gradients.
 
 mod fhog;
 mod fourier;
@@ -14,48 +14,48 @@ use self::fhog::{CELL, Fhog, PLANES};
 use self::fourier::{COUNT, Fourier, Numbers};
 use crate::Plane;
 
-/// Where a target is in an image, pixels.
+/// Target area in an image, pixels.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Area {
-    /// Column and row of its middle.
+    /// Column and row of its centre.
     pub middle: [f64; 2],
     /// Width and height.
     pub size: [f64; 2],
 }
 
-/// Why nothing can be followed.
+/// Reason that an area cannot be tracked.
 #[derive(Clone, Copy, PartialEq, Debug, Error)]
 pub enum AreaError {
-    /// Nothing in the image, or too little to have gradients.
+    /// Area outside the image, or too small to have gradients.
     #[error(
         "{0:?} in an image of {1} x {2} pixels, expected at least 8 x 8 pixels with the middle in the image"
     )]
     Unusable(Area, usize, usize),
 }
 
-/// Side of what is looked at, in roots of the target's area.
+/// Side of the search square, as a multiple of the square root of the target's area.
 const PADDING: f64 = 2.5;
-/// By how much sizes differ that are tried.
+/// Ratio of neighbouring scales.
 const STEP: f64 = 1.02;
-/// How much of a filter is renewed by an image.
+/// Learning rate of the filters per image.
 const RATE: f32 = 0.025;
-/// Keeps quotients finite where nothing is seen.
+/// Regularisation of the filter's denominator.
 const REGULAR: f32 = 0.01;
-/// Pixels of a target that its size is told from: root of their number.
+/// Square root of the number of pixels to which the target is resampled for scale estimation.
 const SIZED: f64 = 23.0;
 
-/// A filter over 32 x 32 or 32 frequencies: of each the numerators, one for each feature, and the one denominator.
+/// Filter over 32 x 32 or 32 frequencies: numerators, one for each frequency and feature, and a shared denominator.
 #[derive(Clone, Debug, Default)]
 struct Filter {
     numerators: Numbers,
     denominator: Vec<f32>,
 }
 
-/// Sums that are kept side by side.
+/// Number of partial sums.
 const LANES: usize = 8;
 
 impl Filter {
-    /// Learns transformed features for the transformed answer that they should give.
+    /// Updates the filter with transformed features and their transformed desired response.
     fn learn(&mut self, features: &Numbers, answer: &Numbers, rate: f32) {
         self.numerators.re.resize(features.re.len(), 0.0);
         self.numerators.im.resize(features.re.len(), 0.0);
@@ -86,7 +86,7 @@ impl Filter {
         );
     }
 
-    /// The answer to transformed features, conjugate: transforming it once more gives 32 x or 32 x 32 times the answer.
+    /// Conjugate response to transformed features; another forward transform gives 32 or 32 x 32 times the response.
     fn answer(&self, features: &Numbers, into: &mut Numbers) {
         into.clear(self.denominator.len());
         let count = features.re.len() / self.denominator.len();
@@ -112,13 +112,13 @@ impl Filter {
     }
 }
 
-/// Of `count` numbers for each frequency those of one.
+/// Values of one frequency, of `count` values per frequency.
 #[inline(always)]
 fn of(numbers: &[f32], frequency: usize, count: usize) -> &[[f32; LANES]] {
     numbers[frequency * count..][..count].as_chunks().0
 }
 
-/// A target that is followed.
+/// Tracked target.
 #[derive(Clone, Debug)]
 pub struct Correlation {
     area: Area,
@@ -135,10 +135,10 @@ pub struct Correlation {
 }
 
 impl Correlation {
-    /// Begins to follow what is in an area of an image.
+    /// Starts to track the content of an area of an image.
     ///
     /// # Errors
-    /// Where the area has no 8 x 8 pixels, or its middle is outside.
+    /// If the area is smaller than 8 x 8 pixels or its centre is outside the image.
     pub fn new(image: &Plane<u8>, area: Area) -> Result<Self, AreaError> {
         let ends = [image.width() as f64, image.height() as f64];
         let usable =
@@ -183,12 +183,12 @@ impl Correlation {
         Ok(tracker)
     }
 
-    /// Where the target is.
+    /// Current target area.
     pub fn area(&self) -> Area {
         self.area
     }
 
-    /// Looks for the target in the next image.
+    /// Locates the target in the next image.
     pub fn follow(&mut self, image: &Plane<u8>) -> Area {
         self.see_place(image);
         self.place.answer(&self.features, &mut self.found);
@@ -219,12 +219,12 @@ impl Correlation {
         self.scale.learn(&self.features, &self.answers[1], rate);
     }
 
-    /// Side of the square that is looked at, pixels.
+    /// Side of the search square, pixels.
     fn side(&self) -> f64 {
         PADDING * (self.area.size[0] * self.area.size[1]).sqrt()
     }
 
-    /// Features of the square around the target, transformed.
+    /// Computes and transforms the features of the square around the target.
     fn see_place(&mut self, image: &Plane<u8>) {
         let cells = COUNT + 2;
         let side = self.side() * cells as f64 / COUNT as f64;
@@ -239,12 +239,12 @@ impl Correlation {
         self.fourier.squares(&mut self.features);
     }
 
-    /// Features of the target in 32 sizes, transformed along sizes.
+    /// Computes the features of the target at 32 scales, transformed along the scales.
     fn see_scales(&mut self, image: &Plane<u8>) {
         let size = self.area.size;
         let shrink = SIZED / (size[0] * size[1]).sqrt();
         let cells = size.map(|side| ((side * shrink / CELL as f64).round() as usize).clamp(2, 16));
-        // The shape of the target does not change, so the number of cells does not.
+        // The target's aspect ratio is constant, so the number of cells is too.
         let count = cells[0] * cells[1] * PLANES;
         self.features.clear(count * COUNT);
         let sizes = self.features.re.chunks_exact_mut(count).zip(&self.hann);
@@ -264,21 +264,21 @@ impl Correlation {
     }
 }
 
-/// Writes the numbers of a cell times its weight.
+/// Writes a cell's values times a weight.
 #[inline(always)]
 fn put(planes: &[f32; PLANES], weight: f32, into: &mut [f32]) {
     into[..PLANES].iter_mut().zip(planes).for_each(|(into, value)| *into = value * weight);
 }
 
-/// Resamples rectangles of images; it keeps its memory.
+/// Resamples rectangles of images; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 struct Sampler {
-    /// Of each column the pixel to its left, the one to its right, and the latter's share.
+    /// Left and right source pixel of each column, and the weight of the right one.
     columns: Vec<(u32, u32, f32)>,
 }
 
 impl Sampler {
-    /// Resamples a rectangle, told by its middle and its sides, between pixels by their neighbours; beyond the border is the border.
+    /// Resamples a rectangle, given by its centre and sides, bilinearly; border pixels are repeated outside the image.
     fn sample(
         &mut self,
         image: &Plane<u8>,
@@ -311,7 +311,7 @@ impl Sampler {
     }
 }
 
-/// Where the largest answer is, cells from the middle, between them by a parabola.
+/// Position of the largest response, in cells from the centre, interpolated by a parabola.
 fn peak(answers: &[f32]) -> [f64; 2] {
     let value = |at: usize| f64::from(answers[at]);
     let best = (0..answers.len()).fold(0, |best, at| if value(at) > value(best) { at } else { best });

@@ -1,10 +1,10 @@
-//! Histograms of oriented gradients, and a linear detector over them at many scales.
+//! Histograms of oriented gradients, and a linear detector over them at multiple scales.
 //!
-//! Dalal, Triggs: "Histograms of oriented gradients for human detection", CVPR 2005, in the form that OpenCV 4 gives it:
-//! the root of each colour, the gradient of the colour that changes most, nine unsigned orientations, blocks of 2 x 2
-//! cells of 8 x 8 pixels under a Gaussian, every 8 pixels, normalised, cut at 0.2 and normalised again. A pixel's weight
-//! in a block is a product of one for its column and one for its row, so that each pixel is added to four sums (column
-//! in which of two blocks, cell on which side), and each row of eight pixels to sixteen.
+//! Dalal, Triggs: "Histograms of oriented gradients for human detection", CVPR 2005, as implemented in OpenCV 4: the
+//! square root of each colour, the gradient of the steepest colour, nine unsigned orientations, blocks of 2 x 2 cells
+//! of 8 x 8 pixels under a Gaussian, a block stride of 8 pixels, normalised, clipped at 0.2 and normalised again. A
+//! pixel's weight in a block is the product of a column weight and a row weight, so each pixel is added to four sums
+//! (its column's position in two blocks, and the cell on either side), and each row of eight pixels to sixteen.
 
 mod gradient;
 mod resize;
@@ -16,35 +16,35 @@ use crate::image::Rgb;
 use gradient::{Gradients, PADDING_PX};
 use resize::Resizer;
 
-/// Pixels along a cell, and from one block or window to the next.
+/// Side of a cell and stride of blocks and windows, pixels.
 const CELL_PX: usize = 8;
 const BINS: usize = 9;
-/// Numbers of a block: two by two cells.
+/// Values per block: two by two cells.
 const BLOCK: usize = 4 * BINS;
-/// What a normalised number is cut at.
+/// Clipping limit of normalised values.
 const CUT: f32 = 0.2;
-/// From one scale to the next, and how many of them at most.
+/// Ratio of neighbouring scales, and largest number of scales.
 const SCALE: f64 = 1.05;
 const SCALES: usize = 64;
 
 /// Weights over the blocks of a window, column by column, each with its cells column by column.
 #[derive(Clone, PartialEq, Debug)]
 pub struct LinearHog {
-    /// Width and height of the window in cells, 2 at least.
+    /// Width and height of the window in cells, at least 2.
     pub cells: [usize; 2],
-    /// For each number of each block.
+    /// Weight of each value of each block.
     pub weights: Vec<f32>,
-    /// Added to the sum.
+    /// Added to the weighted sum.
     pub offset: f32,
 }
 
 impl LinearHog {
-    /// How many numbers describe a window.
+    /// Number of features of a window.
     pub fn features(cells: [usize; 2]) -> usize {
         (cells[0] - 1) * (cells[1] - 1) * BLOCK
     }
 
-    /// OpenCV's default people detector: a person of 96 pixels in a window of 64 x 128.
+    /// OpenCV's default people detector: people 96 pixels tall in a window of 64 x 128.
     pub fn people() -> Self {
         let bytes = include_bytes!("../detectors/people_hog.f32");
         let numbers = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
@@ -54,7 +54,7 @@ impl LinearHog {
     }
 }
 
-/// Finds windows in images; it keeps its memory.
+/// Detects objects in images by sliding windows; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct HogDetector {
     model: LinearHog,
@@ -65,10 +65,10 @@ pub struct HogDetector {
 }
 
 impl HogDetector {
-    /// With these weights.
+    /// Detector with these weights.
     ///
     /// # Panics
-    /// Where the weights are not those of a window of that size.
+    /// If the number of weights does not match the window size.
     pub fn new(model: LinearHog) -> Self {
         assert_eq!(
             model.weights.len(),
@@ -85,8 +85,8 @@ impl HogDetector {
         Self { model, gradients, blocks, resizer: Resizer::default(), small: Vec::new() }
     }
 
-    /// Every window at every scale whose sum is at least `least`, from the smallest scale on, row by row; boxes are the
-    /// windows', in whole pixels, scores the sums.
+    /// Collects every window at every scale whose score is at least `least`, starting at full resolution, row by row.
+    /// Boxes are the windows, rounded to whole pixels.
     pub fn detect(&mut self, image: Rgb<'_>, least: f32, found: &mut Vec<Detection>) {
         found.clear();
         let window = self.model.cells.map(|cells| cells * CELL_PX);
@@ -112,7 +112,7 @@ impl HogDetector {
         }
     }
 
-    /// What describes an image of the window's size, as [`crate::svm`] trains on it; none of another size.
+    /// Feature vector of an image of the window's size, as [`crate::svm`] trains on it; `None` for another size.
     pub fn describe(&mut self, window: Rgb<'_>) -> Option<Vec<f32>> {
         let size = self.model.cells.map(|cells| cells * CELL_PX);
         if [window.width(), window.height()] != size {
@@ -121,7 +121,7 @@ impl HogDetector {
         self.gradients.compute(window.bytes(), size);
         self.blocks.compute(&self.gradients);
         let [columns, rows] = self.model.cells.map(|cells| cells - 1);
-        // The padding is one cell.
+        // The image is padded by one cell.
         let block = |k: usize| &self.blocks.column(1 + k / rows)[(1 + k % rows) * BLOCK..][..BLOCK];
         let ordered = |k: usize| (0..BLOCK).map(move |n| block(k)[place(n)]);
         Some((0..columns * rows).flat_map(ordered).collect())
@@ -135,7 +135,7 @@ impl HogDetector {
         let corner = |cell: usize| ((cell * CELL_PX) as f64 - PADDING_PX as f64) * scale;
         for y in 0..(self.blocks.rows + 1).saturating_sub(rows) {
             for x in 0..(self.blocks.columns + 1).saturating_sub(columns) {
-                // A column's blocks lie one after another.
+                // Blocks of one column are contiguous.
                 let strips = self.model.weights.chunks_exact(rows * BLOCK).enumerate();
                 let strip = |k: usize| &self.blocks.column(x + k)[y * BLOCK..][..rows * BLOCK];
                 let mut sums = [0.0; LANES];
@@ -156,10 +156,10 @@ impl HogDetector {
     }
 }
 
-/// Sums that are kept side by side, so that none waits for the one before.
+/// Number of partial sums, to break dependency chains.
 const LANES: usize = 24;
 
-/// Adds products to sums side by side.
+/// Accumulates the products of two slices into partial sums.
 #[inline(always)]
 fn dot(a: &[f32], b: &[f32], sums: &mut [f32; LANES]) {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -169,45 +169,45 @@ fn dot(a: &[f32], b: &[f32], sums: &mut [f32; LANES]) {
             own[k] += a[k] * b[k];
         }
     }
-    // What is indexed is kept in memory: only now.
+    // Written back once: indexing `sums` in the loop would keep it in memory instead of registers.
     *sums = own;
     for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
         *sum += a * b;
     }
 }
 
-/// Where a block here keeps a number: upper cells, then lower; bin after bin; left, then right. A block of the weights
-/// has cell after cell, left above, left below, right above, right below.
+/// Position of a weight's value in the block layout of this module: upper cells, then lower; by bin; left, then right.
+/// Blocks of the weights are stored cell by cell: top left, bottom left, top right, bottom right.
 fn place(number: usize) -> usize {
     let (cell, bin) = (number / BINS, number % BINS);
     (cell % 2) * 2 * BINS + 2 * bin + cell / 2
 }
 
-/// The blocks of one image, column by column.
+/// Blocks of one image, column by column.
 #[derive(Clone, Debug, Default)]
 struct Blocks {
     columns: usize,
     rows: usize,
     numbers: Vec<f32>,
-    /// Of each square of eight by eight pixels what it adds to the cells of a block.
+    /// Contributions of each square of 8 x 8 pixels to the cells of its blocks.
     squares: Vec<Square>,
     weights: Weights,
 }
 
-/// For the upper and the lower cells of a block that the square lies above in, then of one that it lies below in; each
-/// bin after bin, in [`Lanes`].
+/// Sums for the upper and lower cells of the block that has the square in its upper half, then of the block that has it
+/// in its lower half; each by bin, in [`Lanes`].
 type Square = [[f32; 4 * BINS]; 4];
 
-/// One number for each of: left in a block, to its left and right cell; right in a block, the same.
+/// Values for the square in the left half of a block (left and right cell), then in the right half.
 type Lanes = [f32; 4];
 
-/// Of each of a square's eight columns, or rows: its weight in the lanes.
+/// Weights of each of a square's eight columns or rows in the lanes.
 #[derive(Clone, Debug)]
 struct Weights([Lanes; CELL_PX]);
 
 impl Default for Weights {
     fn default() -> Self {
-        // The Gaussian has a deviation of a quarter of the block, and its middle on a pixel.
+        // The Gaussian has a standard deviation of a quarter of the block; its centre is on a pixel.
         let gaussian = |k: usize| swerve_geom::math::exp(-(k as f64 - 8.0) * (k as f64 - 8.0) / 32.0);
         let lane = |k: usize, lane: usize| {
             let (within, cell) = (k + CELL_PX * (lane / 2), (lane % 2) as f64);
@@ -257,7 +257,7 @@ impl Blocks {
     }
 }
 
-/// Adds up one square of pixels.
+/// Sums one square of pixels.
 #[inline(always)]
 fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, square: &mut Square) {
     let mut own = [[0.0; 4 * BINS]; 4];
@@ -285,7 +285,7 @@ fn gather(gradients: &Gradients, [left, top]: [usize; 2], weights: &Weights, squ
     *square = own;
 }
 
-/// To length one, cut, and again.
+/// Normalises to unit length, clips and normalises again.
 #[inline(always)]
 fn normalise(block: &mut [f32]) {
     let square = |block: &[f32]| {

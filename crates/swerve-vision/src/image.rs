@@ -1,8 +1,8 @@
 use thiserror::Error;
 
-/// A picture with one number a pixel, row by row from the top left.
+/// Image with one value per pixel, row by row from the top left.
 ///
-/// It owns its memory, to be reused: [`Plane::reset`].
+/// Owns its memory, which [`Plane::reset`] reuses.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Plane<T> {
     width: usize,
@@ -10,7 +10,7 @@ pub struct Plane<T> {
     pixels: Vec<T>,
 }
 
-/// A picture with red, green and blue in a byte each (sRGB), row by row from the top left, in somebody else's memory.
+/// Borrowed image with one byte each of red, green and blue (sRGB), row by row from the top left.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Rgb<'a> {
     width: usize,
@@ -18,7 +18,7 @@ pub struct Rgb<'a> {
     bytes: &'a [u8],
 }
 
-/// A picture of a size that its pixels do not have.
+/// Mismatch of an image's size and its number of values.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
 #[error("{found} numbers for an image of {width} x {height} pixels, expected {expected}")]
 pub struct ImageError {
@@ -26,9 +26,9 @@ pub struct ImageError {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// How many numbers that takes.
+    /// Number of values required by the size.
     pub expected: usize,
-    /// How many there are.
+    /// Number of values given.
     pub found: usize,
 }
 
@@ -38,33 +38,33 @@ fn sized(width: usize, height: usize, each: usize, found: usize) -> Result<(), I
 }
 
 impl<T: Copy + Default> Plane<T> {
-    /// A picture of this size, all zero.
+    /// Image of this size, all zero.
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, pixels: vec![T::default(); width * height] }
     }
 
-    /// A picture of these pixels.
+    /// Image of this size from its pixels.
     ///
     /// # Errors
-    /// Where they are more or fewer than the size says.
+    /// If the number of pixels does not match the size.
     pub fn from_pixels(width: usize, height: usize, pixels: Vec<T>) -> Result<Self, ImageError> {
         sized(width, height, 1, pixels.len())?;
         Ok(Self { width, height, pixels })
     }
 
-    /// Makes it a picture of this size, all zero, in the memory that it has.
+    /// Resizes the image and sets it to zero, reusing its memory.
     pub fn reset(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.pixels.clear();
         self.pixels.resize(width * height, T::default());
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -74,44 +74,44 @@ impl<T: Copy + Default> Plane<T> {
         &self.pixels
     }
 
-    /// All pixels, to be written.
+    /// All pixels, mutable.
     pub fn pixels_mut(&mut self) -> &mut [T] {
         &mut self.pixels
     }
 
-    /// One row.
+    /// Pixels of one row.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If the row is out of range.
     pub fn row(&self, row: usize) -> &[T] {
         &self.pixels[row * self.width..][..self.width]
     }
 
-    /// One row, to be written.
+    /// Pixels of one row, mutable.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If the row is out of range.
     pub fn row_mut(&mut self, row: usize) -> &mut [T] {
         &mut self.pixels[row * self.width..][..self.width]
     }
 }
 
 impl<'a> Rgb<'a> {
-    /// A picture in these bytes.
+    /// Image of this size over its bytes.
     ///
     /// # Errors
-    /// Where they are more or fewer than the size says.
+    /// If the number of bytes does not match the size.
     pub fn new(width: usize, height: usize, bytes: &'a [u8]) -> Result<Self, ImageError> {
         sized(width, height, 3, bytes.len())?;
         Ok(Self { width, height, bytes })
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -121,15 +121,15 @@ impl<'a> Rgb<'a> {
         self.bytes
     }
 
-    /// One row: three bytes a pixel.
+    /// Bytes of one row, three per pixel.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If the row is out of range.
     pub fn row(&self, row: usize) -> &'a [u8] {
         &self.bytes[row * self.width * 3..][..self.width * 3]
     }
 
-    /// Brightness (ITU-R BT.601, the weights 0.299, 0.587 and 0.114 in 1/2^14, rounded), as OpenCV's grey.
+    /// Converts to luma (ITU-R BT.601, the weights 0.299, 0.587 and 0.114 in 1/2^14, rounded), like OpenCV's grey.
     pub fn gray(&self, into: &mut Plane<u8>) {
         into.reset(self.width, self.height);
         for (gray, rgb) in into.pixels.iter_mut().zip(self.bytes.chunks_exact(3)) {
@@ -144,14 +144,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_size_that_does_not_fit_is_told() {
+    fn image_rejects_a_size_that_does_not_match_its_bytes() {
         let told = Rgb::new(2, 2, &[0; 11]).unwrap_err().to_string();
         assert_eq!(told, "11 numbers for an image of 2 x 2 pixels, expected 12");
         assert!(Plane::from_pixels(usize::MAX, 2, vec![0_u8]).is_err());
     }
 
     #[test]
-    fn gray_of_a_few_colours() {
+    fn gray_matches_bt601_on_primary_colours() {
         let bytes = [255, 255, 255, 255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0];
         let mut gray = Plane::default();
         Rgb::new(5, 1, &bytes).unwrap().gray(&mut gray);

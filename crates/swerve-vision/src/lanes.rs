@@ -1,18 +1,18 @@
-//! The lines of the ego's lane in the image of one camera, as curves on the road.
+//! Detection of the markings of the ego's lane in one camera image, as curves on the road.
 //!
 //! ```text
-//! image ─> level view ─┬─ ridges ─> offsets that line up ───┬─> joint fit of both lines and the pitch ─> lines
-//!                      └─ edges ─> Hough: two lines that meet ┘
+//! image ─> level view ─┬─ ridges ─> aligned offsets ─────┬─> joint fit of both lines and the pitch ─> lines
+//!                      └─ edges ─> Hough: pair of lines ─┘
 //! ```
 //!
-//! The level view is what a perfect camera in the same place would see that looks straight ahead: lens and mount are
-//! gone, and each of its rows is a distance on a flat road. What a body pitches and a road rises by shows as one more
-//! angle, found in every frame anew: half a degree moves the road 20 m ahead by 2.6 m under a camera of 1.35 m.
-//! In it both lines of a lane are parabolas with one heading and one curvature (Guiducci, "Parametric model of the
-//! perspective projection of a road", 2000; McCall and Trivedi, IEEE T-ITS 7(1), 2006, on what the methods share).
+//! The level view is the image of an ideal camera at the same position that looks straight ahead: lens distortion and
+//! mounting are removed, and each of its rows is a distance on a flat road. Body pitch and road grade appear as one
+//! additional angle, estimated in every frame: half a degree moves the road 20 m ahead by 2.6 m under a camera at 1.35
+//! m. In the level view both lines of a lane are parabolas with a common heading and curvature (Guiducci, "Parametric
+//! model of the perspective projection of a road", 2000; McCall and Trivedi, IEEE T-ITS 7(1), 2006, for a survey).
 //!
-//! Not modelled: that the camera's height is known to a few percent only (offsets scale with it), that a body rolls,
-//! that a road bends upwards.
+//! Not modelled: errors of the camera height, known to a few percent only (offsets scale with it), body roll, and
+//! vertical curvature of the road.
 
 mod edges;
 mod fit;
@@ -35,38 +35,38 @@ use self::ridge::Ridges;
 use self::search::Offsets;
 use crate::Rgb;
 
-/// A camera as calibration knows it: Brown's lens behind a pinhole, as OpenCV has it, and where it sits.
+/// Calibrated camera: a pinhole with Brown's distortion model, as in OpenCV, and its mounting pose.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct RoadCamera {
-    /// Columns and rows of its images.
+    /// Columns and rows of the image.
     pub size_px: [usize; 2],
-    /// Focal lengths across and down, pixels.
+    /// Focal lengths, horizontal and vertical, pixels.
     pub focal_px: [f64; 2],
-    /// Column and row of the optical axis; the centre of the first pixel is at (0.5, 0.5).
+    /// Column and row of the principal point; the centre of the first pixel is at (0.5, 0.5).
     pub center_px: [f64; 2],
-    /// `k1, k2, p1, p2, k3`; all zero for a lens that does not bend.
+    /// Distortion coefficients `k1, k2, p1, p2, k3`; all zero for an undistorted lens.
     pub distortion: [f64; 5],
-    /// Where it sits on a car that does not pitch.
+    /// Mounting pose in the ego frame, without body pitch.
     pub ego_from_camera: Transform<Ego, Camera>,
 }
 
 impl RoadCamera {
-    /// A camera without a lens that sees this much from its left to its right edge, radians.
+    /// Undistorted camera with this horizontal field of view, radians.
     pub fn pinhole(size_px: [usize; 2], fov_rad: f64, ego_from_camera: Transform<Ego, Camera>) -> Self {
         let center_px = size_px.map(|px| 0.5 * px as f64);
         let focal_px = [center_px[0] / math::tan(0.5 * fov_rad); 2];
         Self { size_px, focal_px, center_px, distortion: [0.0; 5], ego_from_camera }
     }
 
-    /// Where a camera sits that looks straight ahead over the ego's origin, and down by `pitch_rad`.
+    /// Pose of a camera above the ego's origin that looks straight ahead, pitched down by `pitch_rad`.
     pub fn looking_ahead(height_m: f64, pitch_rad: f64) -> Transform<Ego, Camera> {
         let quarter = core::f64::consts::FRAC_PI_2;
         let body = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, height_m), 0.0, pitch_rad, 0.0);
         body * Transform::<Ego, Camera>::from_roll_pitch_yaw(Point::default(), -quarter, 0.0, -quarter)
     }
 
-    /// Column and row at which a place on the road appears, metres in the ego frame, where the camera looks down by
-    /// `pitch_rad` more than it is mounted; none outside the image.
+    /// Projects a point of the road (metres, ego frame) to column and row, for a camera pitched down by `pitch_rad`
+    /// relative to its mounting; `None` outside the image.
     pub fn pixel(&self, [x_m, y_m]: [f64; 2], pitch_rad: f64) -> Option<[f64; 2]> {
         let at = self.ego_from_camera.origin().coords;
         let ([ahead_m, left_m], (sin, cos)) = ([x_m - at.x, y_m - at.y], math::sin_cos(pitch_rad));
@@ -76,36 +76,36 @@ impl RoadCamera {
     }
 }
 
-/// How marks are found.
+/// Method of detecting lane markings.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Method {
-    /// Edges (Canny, PAMI 1986) that lie on two straight lines (Hough; Duda and Hart, CACM 1972).
+    /// Edges (Canny, PAMI 1986) on two straight lines (Hough; Duda and Hart, CACM 1972).
     Hough,
-    /// Strips as wide as paint that are brighter than both neighbours, wherever they line up along the road.
+    /// Strips of paint width that are brighter than both neighbours and align along the road.
     #[default]
     Ridge,
 }
 
 impl Method {
-    /// All.
+    /// All methods.
     pub const ALL: [Self; 2] = [Self::Hough, Self::Ridge];
 
-    /// Its name.
+    /// Name of the method.
     pub fn name(self) -> &'static str {
         ["hough", "ridge"][self as usize]
     }
 }
 
-/// What is looked for.
+/// Settings of lane detection.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LaneSettings {
-    /// How.
+    /// Detection method.
     pub method: Method,
-    /// Width of the paint of a line, metres.
+    /// Width of a painted line, metres.
     pub mark_m: f64,
-    /// Nothing farther from the camera is looked at, metres. More of it: curves told earlier, from fewer pixels.
+    /// Detection range from the camera, metres. A longer range detects curves earlier, from fewer pixels.
     pub reach_m: f64,
-    /// Standard deviation of the pitch, radians; what is looked for reaches to three of them.
+    /// Standard deviation of the pitch, radians; the search covers three of them.
     pub pitch_deviation_rad: f64,
     /// Narrowest and widest lane, metres.
     pub width_m: [f64; 2],
@@ -124,10 +124,10 @@ impl Default for LaneSettings {
 }
 
 impl LaneSettings {
-    /// Whether all numbers are in their ranges.
+    /// Checks that all values are in range.
     ///
     /// # Errors
-    /// The first that is not.
+    /// The first value out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let [narrow, wide] = self.width_m;
         require_all_within(&[
@@ -145,20 +145,20 @@ impl LaneSettings {
     }
 }
 
-/// A line of paint beside the ego: `y = c0 + c1 x + c2 x²` in the ego frame, metres, where it was seen.
+/// Painted line beside the ego: `y = c0 + c1 x + c2 x²` in the ego frame, metres, valid where it was observed.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LaneLine {
     /// `c0` (m), `c1`, `c2` (1/m).
     pub coefficients: [f64; 3],
-    /// Of these.
+    /// Covariance of the coefficients.
     pub covariance: [[f64; 3]; 3],
-    /// `x` of the nearest and of the farthest mark of it that was seen, metres; marks between them have gaps.
+    /// `x` of the nearest and of the farthest observed mark, metres; there may be gaps in between.
     pub seen_m: [f64; 2],
 }
 
 impl LaneLine {
-    /// Its lateral place at `x_m` ahead of the ego's origin, and the standard deviation of that, metres; none where
-    /// it was not seen.
+    /// Lateral position at `x_m` ahead of the ego's origin and its standard deviation, metres; `None` outside the
+    /// observed range.
     pub fn at(&self, x_m: f64) -> Option<(f64, f64)> {
         let powers = [1.0, x_m, x_m * x_m];
         let is_seen = self.seen_m[0] <= x_m && x_m <= self.seen_m[1];
@@ -170,24 +170,24 @@ impl LaneLine {
     }
 }
 
-/// What one image shows of the lane.
+/// Lane lines detected in one image.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Lanes {
-    /// On the ego's left.
+    /// Line on the ego's left.
     pub left: Option<LaneLine>,
-    /// On its right.
+    /// Line on the ego's right.
     pub right: Option<LaneLine>,
-    /// By how much further down the camera looked at the road than it is mounted, radians; zero without lines.
+    /// Estimated pitch relative to the mounting, radians, positive down; zero without lines.
     pub pitch_rad: f64,
 }
 
-/// Why an image was not looked at.
+/// Reason that an image cannot be processed.
 #[derive(Clone, PartialEq, Debug, Error)]
 pub enum LaneError {
-    /// A camera that cannot be, or that looks at no road, or a setting out of its range.
+    /// Invalid camera, camera that does not see the road, or setting out of range.
     #[error(transparent)]
     Param(#[from] ParamError),
-    /// An image of another camera.
+    /// Image size that differs from the camera's.
     #[error("an image of {found:?} pixels, expected {expected:?}, which the camera is calibrated for")]
     Size {
         /// Columns and rows.
@@ -197,7 +197,7 @@ pub enum LaneError {
     },
 }
 
-/// Finds the lines of the ego's lane, with the memory that it needs for an image.
+/// Detects the lines of the ego's lane; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct LaneFinder {
     camera: RoadCamera,
@@ -211,24 +211,23 @@ pub struct LaneFinder {
     fit: Fit,
 }
 
-/// A piece of paint in one row of the level view, as the slopes of its ray: what goes left and down for each metre
-/// ahead.
+/// Piece of paint in one row of the level view, as the slopes of its ray: left and down per metre ahead.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Mark {
     left: f64,
     down: f64,
-    /// Brighter than what is beside it, levels of 255.
+    /// Contrast with its surroundings, grey levels of 255.
     contrast: f64,
 }
 
 impl Mark {
-    /// What it counts for: the brighter, the likelier it is paint.
+    /// Weight of the mark; higher contrast is more likely paint.
     fn weight(&self) -> f64 {
         (self.contrast / CONTRAST_FULL).min(1.0)
     }
 
-    /// The place on the road that it is seen at by a camera at `height_m` that looks down by `pitch_rad` more than it
-    /// is mounted: metres ahead of the camera and to its left; none above the horizon.
+    /// Position on the road, for a camera at `height_m` pitched down relative to its mounting by an angle of this sine
+    /// and cosine: metres ahead of the camera and to its left; `None` above the horizon.
     fn on_road(&self, height_m: f64, [sin, cos]: [f64; 2]) -> Option<[f64; 2]> {
         let ahead = cos - self.down * sin;
         let down = self.down * cos + sin;
@@ -236,16 +235,16 @@ impl Mark {
     }
 }
 
-/// Contrast from which on all marks count the same, levels.
+/// Contrast above which all marks have full weight, grey levels.
 const CONTRAST_FULL: f64 = 100.0;
-/// A pitch beyond which the widths of marks are worth a second look, radians.
+/// Pitch above which marks are detected again with corrected widths, radians.
 const LOOK_AGAIN_RAD: f64 = 0.004;
 
 impl LaneFinder {
-    /// For the images of one camera.
+    /// Finder for the images of one camera.
     ///
     /// # Errors
-    /// Where a number of the camera or the settings is out of its range.
+    /// If a value of the camera or the settings is out of range.
     pub fn new(camera: RoadCamera, settings: LaneSettings) -> Result<Self, LaneError> {
         check_camera(&camera)?;
         settings.validate()?;
@@ -263,10 +262,10 @@ impl LaneFinder {
         })
     }
 
-    /// What an image shows of the lane.
+    /// Detects the lane lines in an image.
     ///
     /// # Errors
-    /// Where it is not of the camera's size.
+    /// If the image size differs from the camera's.
     pub fn find(&mut self, image: Rgb<'_>) -> Result<Lanes, LaneError> {
         let found = [image.width(), image.height()];
         if found != self.camera.size_px {
@@ -280,7 +279,7 @@ impl LaneFinder {
         Ok(fitted.map(|fitted| self.fit.lanes(&fitted, &self.marks)).unwrap_or_default())
     }
 
-    /// The road with the most marks on its lines; those are taken to be as wide as they are for a camera of this pitch.
+    /// Best-supported road, with mark widths computed for this pitch.
     fn look(&mut self, pitch_rad: f64) -> Option<Fitted> {
         let (height_m, mark_m) = (self.view.height_m(), self.settings.mark_m);
         self.guesses.clear();

@@ -1,9 +1,9 @@
-//! Vision without neural networks: what the pixels of an image say.
+//! Computer vision without neural networks.
 //!
-//! Everything here is a function, or a small struct that keeps its memory between frames, over [`Plane`]s and [`Rgb`]
-//! images: the same bytes on every machine, and no allocation in steady state.
+//! Everything here is a function over [`Plane`]s and [`Rgb`] images, or a small struct that reuses its buffers between
+//! frames. Results are bit-identical on every machine, and nothing is allocated in steady state.
 //!
-//! Absences: no message, no engine, no simulator, no file, no clock, no thread.
+//! Does not depend on messages, the engine, the simulator, files, clocks or threads.
 
 pub mod acf;
 pub mod boosting;

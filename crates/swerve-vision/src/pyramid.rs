@@ -1,8 +1,9 @@
-//! Channels of an image at many scales: computed once an octave, resampled for the scales between by a power law.
+//! Channel pyramid of an image: channels are computed once per octave and resampled for the scales between by a power
+//! law.
 //!
-//! Dollár, Appel, Belongie, Perona: "Fast feature pyramids for object detection", PAMI 2014, section 4: channels of an
-//! image resized by `s` are about the resized channels times `s` to a power that is the channel's own. Each octave is
-//! half of the one before, exactly; a level is smoothed after it was resampled, and padded by repeating its edges.
+//! Dollár, Appel, Belongie, Perona: "Fast feature pyramids for object detection", PAMI 2014, section 4: the channels of
+//! an image resized by `s` approximate the resized channels times `s` to a channel-specific power. Each octave is
+//! exactly half of the one before. A level is smoothed after resampling and padded by repeating its edges.
 
 use core::ops::Range;
 
@@ -13,55 +14,55 @@ use crate::channels::{CHANNELS, Channels, Luv, Resampler, halve, smooth};
 use crate::image::Rgb;
 use crate::stack::Stack;
 
-/// Which scales there are, and how their cells are made.
+/// Scales of a pyramid and the parameters of its cells.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PyramidParams {
-    /// Pixels along a cell.
+    /// Side of a cell, pixels.
     pub shrink: usize,
-    /// Levels from one size to half of it.
+    /// Levels per octave.
     pub per_octave: usize,
-    /// The first octave: 1 of the image twice as large, 0 as it is, -1 half as large.
+    /// First octave: 1 for the image at twice its size, 0 at its size, -1 at half its size.
     pub first_octave: i32,
-    /// Cells that are added at the left and right, above and below.
+    /// Cells of padding at the left and right, and at the top and bottom.
     pub pad: [usize; 2],
-    /// Powers of the scale that colour, magnitude and orientations fall with, negative.
+    /// Exponents of the power law by which colour, magnitude and orientations change with scale, negative.
     pub decay: [f32; 3],
-    /// Width and height in pixels of the smallest picture that is of use.
+    /// Width and height of the smallest useful image, pixels.
     pub least_px: [usize; 2],
 }
 
-/// The cells of the image at one scale.
+/// Cells of the image at one scale.
 #[derive(Clone, Debug, Default)]
 pub struct Level {
     /// Ten planes, padded.
     pub cells: Stack,
-    /// How many pixels of this level's picture one of the image is, across and down.
+    /// Pixels of this level's image per pixel of the original, horizontally and vertically.
     pub scale: [f64; 2],
-    /// The row of the image where the first line of cells begins, padding left out.
+    /// Image row at which the first line of cells starts, excluding padding.
     pub top_px: f64,
     octave: usize,
-    /// Lines of its octave's cells that it is made of.
+    /// Lines of its octave's cells from which it is resampled.
     lines: Range<usize>,
-    /// Its width and height in cells, padding left out.
+    /// Width and height in cells, excluding padding.
     size: [usize; 2],
     gains: [f32; 3],
     resampler: Resampler,
 }
 
-/// One octave: a picture half as large as the one before.
+/// Octave: an image half as large as the one before.
 #[derive(Clone, Debug, Default)]
 struct Octave {
     luv: Stack,
     cells: Stack,
-    /// Rows of `luv` of which there are cells.
+    /// Rows of `luv` covered by cells.
     rows: Range<usize>,
 }
 
-/// Makes the levels of images of one size; it keeps its memory.
+/// Computes the levels of images of one size; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Pyramid {
     params: PyramidParams,
-    /// Rows of the image that any level needs.
+    /// Image rows that any level needs.
     rows: Range<usize>,
     octaves: Vec<Octave>,
     levels: Vec<Level>,
@@ -75,8 +76,8 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// For images of this width and height in pixels; `rows_px(scale)` are the rows of the image that a level of that
-    /// scale is to hold, as far as there are such. No level where the image is too small for any.
+    /// Pyramid for images of this width and height in pixels. `rows_px(scale)` returns the image rows that a level of
+    /// that scale must contain. There are no levels if the image is too small.
     pub fn new(params: PyramidParams, size: [usize; 2], rows_px: impl Fn(f64) -> Range<f64>) -> Self {
         let plan = Plan::new(&params, size, rows_px);
         Self {
@@ -94,15 +95,15 @@ impl Pyramid {
         }
     }
 
-    /// The levels of the last image, from the largest picture to the smallest.
+    /// Levels of the last image, from the largest scale to the smallest.
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }
 
-    /// Fills the levels from an image of the size that this is for.
+    /// Computes the levels of an image.
     ///
     /// # Panics
-    /// Where the image is of another size.
+    /// If the image size differs from the pyramid's.
     pub fn fill(&mut self, image: Rgb<'_>) {
         self.luv.compute(image, self.rows.clone(), &mut self.base);
         for k in 0..self.octaves.len() {
@@ -139,7 +140,7 @@ impl Pyramid {
     }
 }
 
-/// Twice as large.
+/// Doubles the size of an image.
 fn double(from: &Stack, into: &mut Stack, resampler: &mut Resampler) {
     let size = [from.width() * 2, from.height() * 2];
     into.shape(3, size[0], size[1]);
@@ -149,7 +150,7 @@ fn double(from: &Stack, into: &mut Stack, resampler: &mut Resampler) {
     }
 }
 
-/// Half as large.
+/// Halves the size of an image.
 fn half(from: &Stack, into: &mut Stack) {
     into.shape(3, from.width() / 2, from.height() / 2);
     for plane in 0..3 {
@@ -157,7 +158,7 @@ fn half(from: &Stack, into: &mut Stack) {
     }
 }
 
-/// A plane of this width and height with its edges repeated, `pad` cells across and down.
+/// Pads a plane of this width and height by repeating its edges, `pad` cells horizontally and vertically.
 fn padded(from: &[f32], pad: [usize; 2], [width, height]: [usize; 2], into: &mut [f32]) {
     let [across, down] = pad;
     for (y, out) in into.chunks_exact_mut(width + 2 * across).enumerate() {
@@ -168,7 +169,7 @@ fn padded(from: &[f32], pad: [usize; 2], [width, height]: [usize; 2], into: &mut
     }
 }
 
-/// What is computed of an image of one size.
+/// Layout of the pyramid for images of one size.
 struct Plan {
     rows: Range<usize>,
     octaves: Vec<Octave>,
@@ -187,7 +188,7 @@ impl Plan {
             let end = rows.end.clamp(0.0, height as f64);
             rows.start.clamp(0.0, end)..end
         };
-        // The first row is one of every octave's cells.
+        // Align the first row with the cells of every octave.
         let coarse = params.shrink << count;
         let needed = scales.iter().map(|scale| within(rows_px(*scale))).filter(|rows| rows.start < rows.end);
         let ends = needed.fold((height, 0), |(start, end), rows| {
@@ -234,7 +235,7 @@ impl Plan {
     }
 }
 
-/// Pixels of each level for one of the image, as long as the smallest picture of use is no larger than the level's.
+/// Scale of each level relative to the image, down to the smallest useful image.
 fn scales(params: &PyramidParams, [width, height]: [usize; 2]) -> Vec<f64> {
     let [least_width, least_height] = params.least_px;
     let scale =

@@ -1,19 +1,19 @@
-//! Regions of an image: pixels of a kind that hang together.
+//! Connected regions of an image.
 
 use crate::{Plane, Rgb};
 
-/// Pixels that hang together by sides or corners.
+/// Region of 8-connected pixels.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Region {
-    /// What its pixels have as a label.
+    /// Label of its pixels.
     pub(crate) label: u32,
     /// First column.
     pub(crate) left: usize,
     /// First row.
     pub(crate) top: usize,
-    /// Behind the last column.
+    /// One past the last column.
     pub(crate) right: usize,
-    /// Behind the last row.
+    /// One past the last row.
     pub(crate) bottom: usize,
 }
 
@@ -27,20 +27,20 @@ impl Region {
     }
 }
 
-/// The regions of the newest image, in the order of their first rows.
+/// Regions of the latest image, in the order of their first rows.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Regions {
-    /// 0 where a pixel is of no region.
+    /// Label of each pixel; 0 for background.
     labels: Plane<u32>,
-    /// For each label one that is the same region, at last itself.
+    /// Parent label of each label within the same region; a root is its own parent.
     parents: Vec<u32>,
     bounds: Vec<Region>,
     regions: Vec<Region>,
 }
 
 impl Regions {
-    /// Finds what is at least `size_min` pixels wide and high (two passes with union of labels, Rosenfeld and Pfaltz
-    /// 1966).
+    /// Finds connected regions at least `size_min` pixels wide and high (two passes with label equivalence, Rosenfeld
+    /// and Pfaltz 1966).
     pub(crate) fn find(&mut self, image: Rgb<'_>, is_of: impl Fn(&[u8]) -> bool, size_min: usize) {
         let (width, height) = (image.width(), image.height());
         self.labels.reset(width, height);
@@ -57,7 +57,7 @@ impl Regions {
         self.bound(size_min);
     }
 
-    /// The label of a pixel: that of its neighbours before it, which become one region, or a new one.
+    /// Label of a pixel: that of its preceding neighbours, which are merged, or a new one.
     fn label_at(&mut self, x: usize, y: usize) -> u32 {
         let mut label = if x > 0 { self.labels.row(y)[x - 1] } else { 0 };
         if y > 0 {
@@ -93,7 +93,7 @@ impl Regions {
 
     fn bound(&mut self, size_min: usize) {
         for label in 1..self.parents.len() as u32 {
-            // Parents come first, so that theirs is final.
+            // Parents have lower labels, so theirs is already resolved.
             self.parents[label as usize] = self.parents[self.parents[label as usize] as usize];
         }
         let empty = |label| Region { label, left: usize::MAX, top: usize::MAX, right: 0, bottom: 0 };
@@ -115,17 +115,17 @@ impl Regions {
         self.regions.extend(self.bounds.iter().filter(is_large));
     }
 
-    /// Those that are large enough.
+    /// Regions of sufficient size.
     pub(crate) fn regions(&self) -> &[Region] {
         &self.regions
     }
 
-    /// The labels of a row.
+    /// Labels of one row.
     pub(crate) fn row(&self, y: usize) -> &[u32] {
         self.labels.row(y)
     }
 
-    /// The columns of a row from the first pixel of a region to behind its last.
+    /// Column range of a region in a row, from its first pixel to one past its last.
     pub(crate) fn span(&self, region: &Region, y: usize) -> Option<(usize, usize)> {
         let row = &self.labels.row(y)[region.left..region.right];
         let from = row.iter().position(|label| *label == region.label)?;

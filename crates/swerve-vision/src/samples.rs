@@ -1,4 +1,4 @@
-//! Real images for tests, where the folder with them lies beside the repository.
+//! Real images for tests, read from a data folder next to the repository.
 
 use std::fs;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 
 use crate::{Plane, Rgb};
 
-/// A picture that owns its bytes.
+/// Image with owned bytes.
 pub(crate) struct Picture {
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -16,7 +16,7 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// Reads a PNG or JPEG file of three colours, or of brightness alone.
+    /// Reads an RGB or greyscale PNG or JPEG file.
     pub(crate) fn read(path: &std::path::Path) -> Self {
         let file = fs::read(path).unwrap();
         let (width, height, bytes) = match path.extension().and_then(|e| e.to_str()) {
@@ -57,7 +57,7 @@ fn jpeg(file: &[u8]) -> (usize, usize, Vec<u8>) {
     (usize::from(info.width), usize::from(info.height), bytes)
 }
 
-/// A file or folder of real data; tells when there is none and what of `test` is not looked at.
+/// Path of a file or folder of real data; prints a note that `test` is skipped if it is missing.
 pub(crate) fn real(path: &str, test: &str) -> Option<PathBuf> {
     let found = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
     let found = PathBuf::from(found).join(path);

@@ -1,9 +1,9 @@
-//! A class for each pixel, by a random forest over channels of colour, gradient and orientation.
+//! Semantic segmentation by a random forest over channels of colour, gradient and orientation.
 //!
 //! Breiman: "Random forests", 2001; features after Shotton, Johnson, Cipolla: "Semantic texton forests for image
-//! categorization and segmentation", CVPR 2008, over the channels of Dollár et al. 2014 in the place of raw colours: a
-//! node compares one channel of one cell, at one of four scales and at one of thirteen places around, or where the
-//! cell's ray goes. What the trees say of cells of 4 x 4 pixels is interpolated between them.
+//! categorization and segmentation", CVPR 2008, over the channels of Dollár et al. 2014 instead of raw colours: a node
+//! compares one channel of a cell with a threshold, at one of four scales and thirteen positions around the cell, or
+//! the direction of the cell's ray. The votes of cells of 4 x 4 pixels are interpolated between cells.
 
 mod grow;
 mod planes;
@@ -20,25 +20,25 @@ use crate::image::Rgb;
 use crate::stack::Stack;
 use planes::{Planes, Walk};
 
-/// Pixels along a cell.
+/// Side of a cell, pixels.
 pub const CELL_PX: usize = 4;
-/// Numbers that describe a cell.
+/// Number of features of a cell.
 pub const FEATURES: usize = planes::FEATURES;
-/// Classes at most.
+/// Largest number of classes.
 pub const CLASSES: usize = 8;
-/// Trees at most.
+/// Largest number of trees.
 pub const TREES: usize = 16;
-/// An image is resized where its pixels are as much larger or smaller than those of the images that were learnt from.
+/// Relative difference of focal length from the training images above which an image is resized.
 const OTHER_SCALE: f64 = 0.03;
-/// How far it is resized at most: half as large to twice.
+/// Limits of resizing: from half to twice the size.
 const SCALES: [f64; 2] = [0.5, 2.0];
 
-/// Labels the pixels of images of one size; it keeps its memory.
+/// Labels the pixels of images of one size; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Segmenter {
     weights: Weights,
     size: [usize; 2],
-    /// Width and height at the scale of the weights' camera.
+    /// Width and height at the scale of the training camera.
     scaled: [usize; 2],
     luv: Luv,
     colours: Stack,
@@ -48,13 +48,13 @@ pub struct Segmenter {
     cells: Stack,
     planes: Planes,
     trees: Vec<Walk>,
-    /// What the trees say of each cell: class after class, row by row.
+    /// Votes of the trees for each cell: class by class, row by row.
     votes: Vec<u16>,
     upsampler: Upsampler,
 }
 
 impl Segmenter {
-    /// For images of this width and height, by a camera whose optical axis meets the middle column.
+    /// Segmenter for images of this width and height, from a camera with a centred optical axis.
     pub fn new(weights: Weights, size: [usize; 2], ground: Ground) -> Self {
         let scale = (weights.focal_px / ground.focal_px).clamp(SCALES[0], SCALES[1]);
         let is_same = (scale - 1.0).abs() <= OTHER_SCALE;
@@ -79,7 +79,7 @@ impl Segmenter {
         }
     }
 
-    /// The weights.
+    /// Weights of the forest.
     pub fn weights(&self) -> &Weights {
         &self.weights
     }
@@ -89,10 +89,10 @@ impl Segmenter {
         self.planes.cells()
     }
 
-    /// Labels each pixel with the id of its class, row by row; an image smaller than a cell has the last class alone.
+    /// Labels each pixel with its class id, row by row; an image smaller than a cell gets the last class everywhere.
     ///
     /// # Errors
-    /// Where the image, or what is to be written, is of another size.
+    /// If the image or the output is of another size.
     pub fn segment(&mut self, image: Rgb<'_>, into: &mut [u8]) -> Result<(), SizeError> {
         self.fill(image)?;
         if into.len() != self.size[0] * self.size[1] {
@@ -111,10 +111,10 @@ impl Segmenter {
         Ok(())
     }
 
-    /// Takes in an image.
+    /// Computes the features of an image.
     ///
     /// # Errors
-    /// Where it is of another size.
+    /// If the image is of another size.
     pub fn fill(&mut self, image: Rgb<'_>) -> Result<(), SizeError> {
         let found = [image.width(), image.height()];
         if found != self.size {
@@ -136,20 +136,20 @@ impl Segmenter {
         Ok(())
     }
 
-    /// The [`FEATURES`] numbers of a cell (column, row) of the image that was taken in, added to `into`.
+    /// Appends the [`FEATURES`] values of a cell (column, row) of the current image to `into`.
     pub fn describe(&self, cell: [usize; 2], into: &mut Vec<u8>) {
         self.planes.describe(cell, into);
     }
 }
 
-/// From votes of cells to labels of pixels.
+/// Interpolates votes of cells to labels of pixels.
 #[derive(Clone, Debug, Default)]
 struct Upsampler {
-    /// Of each column of pixels the left of the two nearest cells, and the right one's share in 1/256.
+    /// Left one of the two nearest cells for each pixel column, and the weight of the right one in 1/256.
     columns: Vec<(u32, u32)>,
-    /// Votes of one class between two rows of cells, one more at the end.
+    /// Votes of one class interpolated between two rows of cells, plus one extra value.
     row: Vec<u32>,
-    /// Of each pixel of a row the most votes so far, and whose they are in the lowest three bits.
+    /// Most votes so far for each pixel of a row; the lowest three bits encode the class.
     best: Vec<u32>,
 }
 
@@ -175,7 +175,7 @@ impl Upsampler {
                     *mixed = u32::from(*a) * (256 - share) + u32::from(*b) * share;
                 }
                 self.row[columns] = self.row[columns - 1];
-                // Of equals the first class.
+                // Ties go to the first class.
                 let mark = (CLASSES - 1 - class) as u32;
                 for (best, &(left, share)) in self.best.iter_mut().zip(&self.columns) {
                     let pair = &self.row[left as usize..][..2];
@@ -189,7 +189,7 @@ impl Upsampler {
     }
 }
 
-/// The first of the two of `n` cells around the middle of pixel `k` of `of`, and the second's share in 1/256.
+/// First of the two cells (of `n`) around the centre of pixel `k` (of `of`), and the weight of the second in 1/256.
 fn between(k: usize, of: usize, n: usize) -> (u32, u32) {
     let at = ((k as f64 + 0.5) * (n as f64 / of as f64) - 0.5).clamp(0.0, (n - 1) as f64);
     (at as u32, ((at - at.floor()) * 256.0) as u32)

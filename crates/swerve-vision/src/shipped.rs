@@ -1,9 +1,9 @@
-//! Detectors and segmentations that are in the program.
+//! Detectors and segmentations built into the program.
 
 use crate::acf::{Weights, WeightsError};
 use crate::segmentation;
 
-/// Names and files.
+/// Names and files of the built-in detectors.
 const DETECTORS: [(&str, &[u8]); 4] = [
     ("street", include_bytes!("../detectors/street.weights")),
     ("hog_street", include_bytes!("../detectors/hog_street.weights")),
@@ -12,25 +12,26 @@ const DETECTORS: [(&str, &[u8]); 4] = [
 ];
 const SEGMENTATIONS: [(&str, &[u8]); 1] = [("street", include_bytes!("../segmentations/street.weights"))];
 
-/// Names of the detectors that are in the program.
+/// Names of the built-in detectors.
 pub fn names() -> impl Iterator<Item = &'static str> {
     DETECTORS.iter().map(|(name, _)| *name)
 }
 
-/// A detector that is in the program; none of another name.
+/// Built-in detector of this name; `None` if there is no such detector.
 pub fn detector(name: &str) -> Option<Result<Weights, WeightsError>> {
     DETECTORS.iter().find(|(of, _)| *of == name).map(|(_, bytes)| Weights::read(bytes))
 }
 
-/// What the rungs of these detectors take, as TOML: a table a detector, of each rung pairs of percentile and milliseconds.
+/// Run times of the rungs of these detectors, as TOML: one table per detector with pairs of percentile and milliseconds
+/// for each rung.
 pub const RUN_TIMES: &str = include_str!("../detectors/run_times.toml");
 
-/// Names of the segmentations that are in the program.
+/// Names of the built-in segmentations.
 pub fn segmentations() -> impl Iterator<Item = &'static str> {
     SEGMENTATIONS.iter().map(|(name, _)| *name)
 }
 
-/// A segmentation that is in the program; none of another name.
+/// Built-in segmentation of this name; `None` if there is no such segmentation.
 pub fn segmentation(name: &str) -> Option<Result<segmentation::Weights, WeightsError>> {
     SEGMENTATIONS.iter().find(|(of, _)| *of == name).map(|(_, bytes)| segmentation::Weights::read(bytes))
 }

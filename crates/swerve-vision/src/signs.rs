@@ -1,9 +1,9 @@
-//! Traffic signs: stop signs and speed limits (Vienna Convention: a red octagon, a red ring with a number in it), found
-//! by colour and shape.
+//! Detection of traffic signs by colour and shape: stop signs and speed limits (Vienna Convention: a red octagon, and a
+//! red ring around a number).
 //!
-//! Nothing is trained. What is red and hangs together is a sign where its outline fills as much of its box as an octagon
-//! or a circle does; what is in it says which one. A number is the one whose drawing is most like the dark pixels inside
-//! of the ring.
+//! Nothing is trained. A connected red region is a sign if its outline fills its box as much as an octagon or a circle
+//! does; its content determines the type. A number is recognised by correlating the dark pixels inside the ring with
+//! drawings of all numbers.
 
 mod number;
 #[cfg(test)]
@@ -13,45 +13,45 @@ use crate::Rgb;
 use crate::regions::{Region, Regions};
 use number::Reader;
 
-/// What a sign says.
+/// Meaning of a sign.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Meaning {
-    /// Stop.
+    /// Stop sign.
     Stop,
-    /// Not faster than this, km/h.
+    /// Speed limit, km/h.
     SpeedLimit(u8),
 }
 
-/// A sign in an image.
+/// Sign detected in an image.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sign {
-    /// What it says.
+    /// Meaning of the sign.
     pub meaning: Meaning,
-    /// Left, top, width and height of its red, pixels.
+    /// Left, top, width and height of its red region, pixels.
     pub bbox: [f64; 4],
-    /// How sure that is, 0 to 1: the correlation of a number with its drawing, the share of an octagon that is as it
-    /// should be.
+    /// Confidence, 0 to 1: the correlation of a number with its drawing, or the share of a stop sign's outline that is
+    /// red or white.
     pub score: f64,
 }
 
-/// Signs are looked for from this size on, pixels: below it a number cannot be read.
+/// Smallest sign, pixels; numbers on smaller ones are not legible.
 pub const SIZE_MIN_PX: usize = 12;
-/// Width over height; signs are seen from the side up to 50 degrees.
+/// Range of width over height; signs are seen at up to 50 degrees from the side.
 const ASPECT: [f64; 2] = [0.64, 1.25];
-/// Share of its box that an outline fills: a circle has 0.785, an octagon 0.828, a triangle 0.5, a box 1.
+/// Range of the share of its box that an outline fills: a circle has 0.785, an octagon 0.828, a triangle 0.5, a box 1.
 const FILLED: [f64; 2] = [0.68, 0.9];
-/// Of its width, by how much the sides of an octagon may be off in the mean of its rows: what is drawn coarsely.
+/// Largest deviation of the sides from an octagon, as a share of the width, mean over rows; allows for coarse pixels.
 const OFF_OCTAGON: f64 = 0.06;
-/// Share of the red in the outline of a stop sign, and of the white: letters and, where it is not cut off, a rim.
+/// Shares of red and of white in the outline of a stop sign; white is the text and the rim, unless that is cut off.
 const STOP: [[f64; 2]; 2] = [[0.45, 0.95], [0.03, 0.5]];
-/// Share of the red in the outline of a speed limit.
+/// Share of red in the outline of a speed limit.
 const RING: [f64; 2] = [0.15, 0.6];
-/// Of the radius, what is within the ring.
+/// Radius of the disc inside the ring, as a share of the sign's.
 const DISC: f64 = 0.74;
-/// Likeness of a number to its drawing, at the least.
+/// Smallest correlation of a number with its drawing.
 const LIKENESS_MIN: f64 = 0.5;
 
-/// Finds signs, with memory kept between images.
+/// Detects signs; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct SignFinder {
     regions: Regions,
@@ -59,7 +59,7 @@ pub struct SignFinder {
 }
 
 impl SignFinder {
-    /// Appends the signs of an image, from the top to the bottom; none where nothing is as red and as round as a sign.
+    /// Appends the signs of an image, from top to bottom.
     pub fn find(&mut self, image: Rgb<'_>, found: &mut Vec<Sign>) {
         self.regions.find(image, is_red, SIZE_MIN_PX);
         for region in self.regions.regions() {
@@ -72,7 +72,7 @@ impl SignFinder {
     }
 }
 
-/// What a region is, if anything.
+/// Classifies a region; `None` if it is not a sign.
 fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region) -> Option<Sign> {
     let (mut outline, mut red, mut white) = (0_usize, 0_usize, 0_usize);
     let mut off = 0.0;
@@ -104,9 +104,9 @@ fn sign(reader: &mut Reader, image: Rgb<'_>, regions: &Regions, region: &Region)
         .then(|| sign(Meaning::Stop, (red + white).min(1.0)))
 }
 
-/// Of its width, by how much both sides of a row are off those of an octagon that fills the region's box, in their mean.
+/// Mean deviation of both sides of a row from an octagon that fills the region's box, as a share of the width.
 fn off_octagon(region: &Region, y: usize, sides: [usize; 2]) -> f64 {
-    /// Of its width or height, what a corner of a regular octagon is cut off by.
+    /// Size of a corner cut off a regular octagon, as a share of its width or height.
     const CORNER: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
     let down = (y - region.top) as f64 + 0.5;
     let from_end = down.min(region.height() as f64 - down) / region.height() as f64;
@@ -116,17 +116,17 @@ fn off_octagon(region: &Region, y: usize, sides: [usize; 2]) -> f64 {
     0.5 * ((from - cut).abs() + (to - (width - cut)).abs()) / width
 }
 
-/// Red as of paint in any light: by the ratio of its colours.
+/// Returns true for the red of paint in any light, by the ratio of colours.
 fn is_red(rgb: &[u8]) -> bool {
     let [r, g, b] = [rgb[0], rgb[1], rgb[2]].map(u32::from);
     let other = g.max(b);
-    // 1.5 times the other colours, and blue is not far below green as in what is orange or brown.
+    // 1.5 times the other colours; blue not far below green, which excludes orange and brown.
     r >= 28 && 2 * r >= 3 * other && r >= other + 14 && 3 * b + 30 >= 2 * g
 }
 
-/// White or grey.
+/// Returns true for white or grey.
 fn is_white(rgb: &[u8]) -> bool {
     let (most, least) = (rgb[0].max(rgb[1]).max(rgb[2]), rgb[0].min(rgb[1]).min(rgb[2]));
-    // Not more than a third off grey.
+    // At most a third off grey.
     most >= 40 && 3 * u32::from(least) >= 2 * u32::from(most)
 }

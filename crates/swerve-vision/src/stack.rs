@@ -1,6 +1,6 @@
-/// Planes of one size, one after another, each row by row from the top left.
+/// Planes of equal size, one after another, each row by row from the top left.
 ///
-/// It owns its memory, to be reused: [`Stack::shape`].
+/// Owns its memory, which [`Stack::shape`] reuses.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Stack {
     width: usize,
@@ -9,13 +9,13 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Makes it `planes` of this size in the memory that it has; what it holds then is anything.
+    /// Resizes to `planes` of this size, reusing the memory; the values are unspecified.
     pub fn shape(&mut self, planes: usize, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.numbers.resize(planes * width * height, 0.0);
     }
 
-    /// Columns.
+    /// Number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
@@ -25,51 +25,51 @@ impl Stack {
         self.height
     }
 
-    /// All numbers, plane after plane.
+    /// All values, plane by plane.
     pub fn numbers(&self) -> &[f32] {
         &self.numbers
     }
 
-    /// All numbers, to be written.
+    /// All values, mutable.
     pub fn numbers_mut(&mut self) -> &mut [f32] {
         &mut self.numbers
     }
 
-    /// One plane.
+    /// Values of one plane.
     ///
     /// # Panics
-    /// Where there is no such plane.
+    /// If the plane is out of range.
     pub fn plane(&self, plane: usize) -> &[f32] {
         let size = self.width * self.height;
         &self.numbers[plane * size..][..size]
     }
 
-    /// One plane, to be written.
+    /// Values of one plane, mutable.
     ///
     /// # Panics
-    /// Where there is no such plane.
+    /// If the plane is out of range.
     pub fn plane_mut(&mut self, plane: usize) -> &mut [f32] {
         let size = self.width * self.height;
         &mut self.numbers[plane * size..][..size]
     }
 
-    /// One row of one plane.
+    /// Values of one row of a plane.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If the row is out of range.
     pub fn row(&self, plane: usize, row: usize) -> &[f32] {
         &self.numbers[(plane * self.height + row) * self.width..][..self.width]
     }
 
-    /// One row of one plane, to be written.
+    /// Values of one row of a plane, mutable.
     ///
     /// # Panics
-    /// Where there is no such row.
+    /// If the row is out of range.
     pub fn row_mut(&mut self, plane: usize, row: usize) -> &mut [f32] {
         &mut self.numbers[(plane * self.height + row) * self.width..][..self.width]
     }
 
-    /// How many planes there are.
+    /// Number of planes.
     pub fn planes(&self) -> usize {
         self.numbers.len().checked_div(self.width * self.height).unwrap_or(0)
     }

@@ -1,12 +1,12 @@
-//! Disparities of a rectified pair of images: semi-global matching (Hirschmüller, PAMI 2008) of census codes.
+//! Disparities of a rectified image pair: semi-global matching (Hirschmüller, PAMI 2008) of census codes.
 //!
 //! ```text
 //! two images ─> codes ─> costs of each pixel and disparity ─> sums along 4 or 8 paths ─> disparity
-//!                                                          ─> unique, the same from the right, no speckle
+//!                                                          ─> uniqueness, left-right check, speckle filter
 //! ```
 //!
-//! Sums are of integers, so the result has the same bits everywhere. Costs are computed twice, on the way up and on
-//! the way down, which is cheaper than to keep them: what is kept is one sum for each pixel and disparity.
+//! Sums are integers, so the result is bit-identical everywhere. Costs are computed twice, in the upward and in the
+//! downward pass, which is cheaper than storing them: only one sum per pixel and disparity is stored.
 
 mod census;
 mod paths;
@@ -24,34 +24,35 @@ use self::select::{Demands, Matches};
 use self::speckles::Speckles;
 use crate::Plane;
 
-/// How many paths the costs of a pixel are summed along.
+/// Number of paths along which the costs of a pixel are summed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum PathCount {
     /// Along rows and columns.
     #[default]
     Four,
-    /// Along the diagonals too: half as much work again.
+    /// Along the diagonals too: 50 % more work.
     Eight,
 }
 
-/// For costs of 24 bits: three paths then sum to a byte. Larger ones, as tuned on KITTI for 31 bits (86 and 96;
-/// Hernandez-Juarez and others, ICCS 2016), were no better on the pairs of `tests/reference/vision`.
+/// Penalties for 24-bit costs: three paths then sum to at most a byte. Larger ones, as tuned on KITTI for 31 bits (86
+/// and 96; Hernandez-Juarez and others, ICCS 2016), were no better on the pairs of `tests/reference/vision`.
 const PENALTIES: Penalties = Penalties { small: 7, large: 54 };
 
-/// What is searched, and what is asked of the result.
+/// Search range and filters of the matcher.
 #[derive(Clone, Debug)]
 pub struct StereoSettings {
-    /// Disparities from 0 on: a multiple of 16, at most 256. What is nearer than the largest is not found.
+    /// Number of disparities from 0 up: a multiple of 16, at most 256. Objects nearer than the largest are not matched.
     pub disparities: usize,
-    /// Paths.
+    /// Number of paths.
     pub paths: PathCount,
-    /// By which share any other disparity is to be worse, percent, below 100. More of it: fewer and better pixels.
+    /// Margin by which the sum of any other disparity must be larger, percent, below 100. Higher values keep fewer but
+    /// more reliable pixels.
     pub uniqueness_percent: u8,
-    /// What the disparity as the right image has it may differ by, pixels.
+    /// Largest difference from the disparity of the right image, pixels.
     pub left_right_px: usize,
-    /// The smallest patch that stays, pixels.
+    /// Smallest patch that is kept, pixels.
     pub speckle_pixels: usize,
-    /// What neighbours in a patch differ by at most, pixels of disparity.
+    /// Largest difference of neighbours within a patch, pixels of disparity.
     pub speckle_range_px: f32,
 }
 
@@ -68,16 +69,16 @@ impl Default for StereoSettings {
     }
 }
 
-/// Why there are no disparities.
+/// Reason that no disparities can be computed.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum StereoError {
-    /// Too many disparities, or not in sixteens.
+    /// Number of disparities out of range or not a multiple of 16.
     #[error("{0} disparities, expected a multiple of 16 from 16 to 256")]
     Disparities(usize),
-    /// A share that no disparity has.
+    /// Uniqueness margin out of range.
     #[error("{0} percent of uniqueness, expected less than 100")]
     Uniqueness(u8),
-    /// The images are no pair.
+    /// Images of different sizes.
     #[error("a left image of {left:?} pixels and a right one of {right:?}, expected the same size")]
     Sizes {
         /// Columns and rows.
@@ -85,19 +86,19 @@ pub enum StereoError {
         /// Columns and rows.
         right: (usize, usize),
     },
-    /// Smaller than what is compared of it.
+    /// Images smaller than the census window.
     #[error("images of {0} x {1} pixels, expected at least 7 x 7: that much around a pixel is compared")]
     TooSmall(usize, usize),
 }
 
-/// A matcher, with the memory that it needs for an image.
+/// Stereo matcher with its buffers.
 #[derive(Clone, Debug)]
 pub struct Stereo {
     settings: StereoSettings,
     left: Census,
     right: Census,
     paths: Paths,
-    /// Sums of the paths upwards, a byte for each pixel and disparity.
+    /// Sums of the upward paths, a byte per pixel and disparity.
     upwards: Vec<u8>,
     downwards: Vec<u8>,
     sums: Vec<i16>,
@@ -106,10 +107,10 @@ pub struct Stereo {
 }
 
 impl Stereo {
-    /// A matcher with these settings.
+    /// Matcher with these settings.
     ///
     /// # Errors
-    /// Where a setting is out of its range.
+    /// If a setting is out of range.
     pub fn new(settings: StereoSettings) -> Result<Self, StereoError> {
         let count = settings.disparities;
         if !(16..=256).contains(&count) || !count.is_multiple_of(16) {
@@ -131,11 +132,11 @@ impl Stereo {
         })
     }
 
-    /// Writes the disparity of each pixel of the left image, pixels: how much further left the right image has what
-    /// it shows; NaN where that is not known.
+    /// Computes the disparity of each pixel of the left image: the number of pixels by which its match in the right
+    /// image is further left; NaN if unknown.
     ///
     /// # Errors
-    /// Where the images differ in size or are smaller than the window of the census, 7 x 7 pixels.
+    /// If the images differ in size or are smaller than the 7 x 7 census window.
     pub fn disparities(
         &mut self,
         left: &Plane<u8>,

@@ -1,23 +1,23 @@
-//! Training of a linear support vector machine.
+//! Training of linear support vector machines.
 //!
 //! Dual coordinate descent (Hsieh, Chang, Lin, Keerthi, Sundararajan: "A dual coordinate descent method for large-scale
-//! linear SVM", ICML 2008, algorithm 1) for the hinge loss, or its square; the offset is the weight of one more feature
-//! that is always 1.
+//! linear SVM", ICML 2008, algorithm 1) for the hinge loss or its square; the offset is the weight of an additional
+//! constant feature of 1.
 
 use swerve_core::Rng;
 
-/// How it is trained.
+/// Training parameters.
 #[derive(Clone, PartialEq, Debug)]
 pub struct SvmParams {
-    /// What a sample on the wrong side costs, over the weights' own half square.
+    /// Cost of a margin violation relative to the regularisation term (half the squared norm of the weights).
     pub cost: f64,
-    /// Whether that is the square of how far it is wrong.
+    /// True for the squared hinge loss.
     pub squared: bool,
-    /// Passes over all samples at most.
+    /// Largest number of passes over all samples.
     pub passes: usize,
-    /// The spread of the projected gradient at which it is done.
+    /// Spread of the projected gradient at which training stops.
     pub tolerance: f64,
-    /// Of the order of samples.
+    /// Seed of the order of samples.
     pub seed: u64,
 }
 
@@ -27,17 +27,17 @@ impl Default for SvmParams {
     }
 }
 
-/// Weights of a sum that is above zero for what is to be found.
+/// Linear classifier; scores above zero are positive.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Linear {
-    /// Of each feature.
+    /// Weight of each feature.
     pub weights: Vec<f64>,
-    /// Added to the sum.
+    /// Added to the weighted sum.
     pub offset: f64,
 }
 
 impl Linear {
-    /// The sum for a sample.
+    /// Score of a sample.
     pub fn score(&self, sample: &[f32]) -> f64 {
         dot(&self.weights, sample) + self.offset
     }
@@ -47,7 +47,7 @@ fn dot(weights: &[f64], sample: &[f32]) -> f64 {
     weights.iter().zip(sample).map(|(weight, value)| weight * f64::from(*value)).sum()
 }
 
-/// Trains on samples of so many features one after another, and whether each is to be found. Zero where there are none.
+/// Trains on samples of `features` values each and their labels. All weights are zero without samples.
 pub fn train(features: usize, samples: &[f32], positive: &[bool], params: &SvmParams) -> Linear {
     let mut linear = Linear { weights: vec![0.0; features], offset: 0.0 };
     let rows: Vec<&[f32]> = samples.chunks_exact(features.max(1)).zip(positive).map(|(row, _)| row).collect();
@@ -94,7 +94,7 @@ pub fn train(features: usize, samples: &[f32], positive: &[bool], params: &SvmPa
 mod tests {
     use super::*;
 
-    /// Two clouds of three features; every tenth sample is on the wrong side.
+    /// Two clouds of three features; every tenth sample is mislabelled.
     fn clouds(count: usize) -> (Vec<f32>, Vec<bool>) {
         let mut rng = Rng::keyed(7, "clouds", &[]);
         let (mut samples, mut positive) = (Vec::new(), Vec::new());
@@ -107,7 +107,7 @@ mod tests {
         (samples, positive)
     }
 
-    /// The primal objective: half the square of all weights, and what the samples cost.
+    /// Primal objective: half the squared norm of all weights plus the cost of the samples.
     fn objective(linear: &Linear, samples: &[f32], positive: &[bool], params: &SvmParams) -> f64 {
         let own: f64 = linear.weights.iter().chain([&linear.offset]).map(|w| 0.5 * w * w).sum();
         let wrong = |(row, positive): (&[f32], &bool)| {
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn no_step_from_the_optimum_is_better() {
+    fn training_ends_at_the_optimum() {
         let (samples, positive) = clouds(400);
         for squared in [false, true] {
             let params = SvmParams { cost: 0.1, squared, tolerance: 1e-8, passes: 5000, seed: 1 };
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn any_order_of_samples_ends_at_the_same_weights() {
+    fn training_is_independent_of_the_sample_order() {
         let (samples, positive) = clouds(300);
         let of = |seed| {
             train(
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_learn_from_is_zero() {
+    fn training_without_samples_gives_zero_weights() {
         assert_eq!(train(2, &[], &[], &SvmParams::default()), Linear { weights: vec![0.0; 2], offset: 0.0 });
     }
 }

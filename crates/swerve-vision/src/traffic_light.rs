@@ -1,7 +1,7 @@
-//! Traffic lights: which lamp of a crop is lit, by colour and place, and what a light shows over time.
+//! Traffic lights: classification of the lit lamp in a crop by colour and position, and filtering over time.
 //!
-//! Nothing is trained. Colours vote by hue, each with its saturation times the square of its brightness, and the more
-//! the nearer they are to where their lamp is in an upright head of three.
+//! Nothing is trained. Pixels vote by hue, weighted by saturation times squared brightness and by the distance to the
+//! lamp's position in an upright head of three.
 
 mod find;
 #[cfg(test)]
@@ -13,33 +13,33 @@ use crate::Rgb;
 
 pub use find::{Head, LightFinder, Looker};
 
-/// A lamp of a traffic light.
+/// Lamp of a traffic light.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Lamp {
-    /// The lowest.
+    /// Lowest lamp.
     Green,
-    /// The middle one.
+    /// Middle lamp.
     Yellow,
-    /// The highest.
+    /// Highest lamp.
     Red,
 }
 
 impl Lamp {
-    /// All, from the lowest.
+    /// All lamps, from the lowest.
     pub const ALL: [Self; 3] = [Self::Green, Self::Yellow, Self::Red];
 
-    /// Its name.
+    /// Name of the lamp.
     pub fn name(self) -> &'static str {
         ["green", "yellow", "red"][self as usize]
     }
 
-    /// Where it is in an upright head: parts of the height, from above.
+    /// Vertical position in an upright head, as a fraction of the height from the top.
     fn place(self) -> f64 {
         [0.8, 0.5, 0.2][self as usize]
     }
 
-    /// The lamps that may have a hue, degrees; the bounds are wider than the lamps', for cameras that are off balance. What
-    /// is red and overexposed, as at night, is orange.
+    /// Lamps that may have a hue, degrees. The ranges are wider than the lamps' own, for cameras with a wrong white
+    /// balance. Overexposed red, as at night, appears orange.
     fn of_hue(degrees: f64) -> &'static [Self] {
         match degrees {
             _ if !(16.0..=330.0).contains(&degrees) => &[Self::Red],
@@ -50,7 +50,7 @@ impl Lamp {
         }
     }
 
-    /// Whether this comes after `before`: green, yellow, red, and green again.
+    /// Returns true if this lamp follows `before`: green, yellow, red, green.
     fn follows(self, before: Self) -> bool {
         matches!(
             (before, self),
@@ -59,21 +59,21 @@ impl Lamp {
     }
 }
 
-/// How far lamps are from where they should be, parts of the height, as a standard deviation.
+/// Standard deviation of a lamp's position, as a fraction of the height.
 const SPREAD: f64 = 0.15;
-/// The columns that are looked at, parts of the width: beside them is what stands behind the head.
+/// Column range that is evaluated, as fractions of the width; the margins show the background.
 const COLUMNS: [f64; 2] = [0.2, 0.8];
-/// Mean vote of a lit lamp over the pixels looked at, at the least: of 1,469 photographs told rightly without it, one is
-/// below.
+/// Smallest mean vote of a lit lamp over the evaluated pixels; of 1,469 photographs that are classified correctly
+/// without this threshold, one is below it.
 const LEAST: f64 = 2e-4;
 
-/// Which lamp is lit in a crop around the head of a light, and by which share of all votes, 0 to 1; none where nothing
-/// of the crop is bright and coloured, as in a black or a white one.
+/// Lit lamp in a crop around the head of a light, and its share of all votes, 0 to 1; `None` if no pixel is bright and
+/// coloured, as in a black or white crop.
 pub fn lit(crop: Rgb<'_>) -> Option<(Lamp, f64)> {
     lit_within(crop, 1.0)
 }
 
-/// The same of a crop that is `around` times as wide and as high as the head in its middle.
+/// Lit lamp in a crop that is `around` times as wide and high as the head at its centre.
 fn lit_within(crop: Rgb<'_>, around: f64) -> Option<(Lamp, f64)> {
     let columns = COLUMNS.map(|part| (part * crop.width() as f64).round() as usize);
     let columns = if columns[0] < columns[1] { columns[0]..columns[1] } else { 0..crop.width() };
@@ -92,7 +92,7 @@ fn lit_within(crop: Rgb<'_>, around: f64) -> Option<(Lamp, f64)> {
     (most > LEAST * pixels).then(|| (best, most / votes.iter().sum::<f64>()))
 }
 
-/// Votes of some pixels for each lamp.
+/// Votes of pixels for each lamp.
 fn votes_of(pixels: &[u8]) -> [f64; 3] {
     let mut votes = [0.0; 3];
     for (lamps, vote) in pixels.chunks_exact(3).map(vote_of) {
@@ -101,7 +101,7 @@ fn votes_of(pixels: &[u8]) -> [f64; 3] {
     votes
 }
 
-/// The lamps that a pixel may be of by its colour, and how much it is like a lit one, 0 to 1.
+/// Lamps that match a pixel's hue, and the pixel's vote, 0 to 1.
 fn vote_of(pixel: &[u8]) -> (&'static [Lamp], f64) {
     let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(f64::from);
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
@@ -117,12 +117,12 @@ fn vote_of(pixel: &[u8]) -> (&'static [Lamp], f64) {
     (Lamp::of_hue(60.0 * sixth), range * most / (255.0 * 255.0))
 }
 
-/// How many frames it takes to change one's mind.
+/// Frames needed to change the reported lamp.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct LightSettings {
-    /// Frames in a row of another lamp before it is believed. More of them: fewer flickers, later.
+    /// Consecutive frames with another lamp before it is reported. Higher values suppress more flicker but react later.
     pub confirm_frames: u32,
-    /// Frames in a row without any lamp before nothing is known. More than a pulsed lamp is dark for.
+    /// Consecutive frames without a lamp before the state is unknown. Must exceed the dark phase of a pulsed lamp.
     pub forget_frames: u32,
 }
 
@@ -132,30 +132,30 @@ impl Default for LightSettings {
     }
 }
 
-/// What a light shows, from what was seen of it frame by frame.
+/// State of a light, filtered over frames.
 ///
-/// Lamps follow each other as green, yellow, red. One that cannot follow, red after green, is not believed at once: what
-/// the light shows is unknown first, and it takes as many frames again.
+/// Lamps follow each other as green, yellow, red. A lamp that cannot follow, such as red after green, sets the state to
+/// unknown first and must be confirmed again.
 #[derive(Clone, Debug, Default)]
 pub struct Light {
     settings: LightSettings,
     shown: Option<Lamp>,
-    /// What was seen instead last, and for how many frames.
+    /// Latest observation that differs from the state, and its number of consecutive frames.
     instead: (Option<Lamp>, u32),
 }
 
 impl Light {
-    /// A light of which nothing is known.
+    /// Light in an unknown state.
     pub fn new(settings: LightSettings) -> Self {
         Self { settings, ..Self::default() }
     }
 
-    /// What it shows, as far as is known.
+    /// Current state; `None` if unknown.
     pub fn shown(&self) -> Option<Lamp> {
         self.shown
     }
 
-    /// Takes what one more frame shows of it, and tells what it shows.
+    /// Updates the state with the observation of one frame and returns it.
     pub fn see(&mut self, seen: Option<Lamp>) -> Option<Lamp> {
         self.instead.1 = if self.instead.0 == seen { self.instead.1 + 1 } else { 1 };
         self.instead.0 = seen;

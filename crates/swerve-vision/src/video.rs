@@ -1,12 +1,12 @@
-//! Frames of OpenCV's sample video, for tests.
+//! Frames of OpenCV's sample video for tests.
 
 use std::path::Path;
 use std::process::Command;
 
-/// Of the repository.
+/// Root of the repository.
 pub(crate) const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// Every so many frames of the video; width and height.
+/// Sampled frames of the video, their width and height.
 pub(crate) struct Video {
     folder: tempfile::TempDir,
     numbers: Vec<usize>,
@@ -14,7 +14,7 @@ pub(crate) struct Video {
 }
 
 impl Video {
-    /// Decodes some frames by OpenCV; none, and it says so, where video or OpenCV are absent.
+    /// Decodes frames with OpenCV; prints a note and returns `None` if the video or OpenCV is missing.
     pub(crate) fn open(first: usize, step: usize, count: usize) -> Option<Self> {
         let path = Path::new(ROOT).join("../shared/data/perception/opencv_samples/vtest.avi");
         let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
@@ -36,12 +36,12 @@ impl Video {
         }
     }
 
-    /// Which frames there are, counted from 1.
+    /// Frame numbers, starting at 1.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = usize> {
         self.numbers.iter().copied()
     }
 
-    /// The bytes of one.
+    /// Bytes of one frame.
     pub(crate) fn frame(&self, number: usize) -> Vec<u8> {
         std::fs::read(self.folder.path().join(format!("{number}.rgb"))).unwrap()
     }

@@ -1,54 +1,54 @@
-//! Files of what was learnt: eight bytes that say what it is, a version, the digest (XXH3) of the rest, and the rest in
-//! postcard's form.
+//! Weights files: an eight-byte magic, a version, the digest (XXH3) of the payload, and the payload in postcard
+//! encoding.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::Digest;
 use thiserror::Error;
 
-/// What is wrong with a file of weights.
+/// Error of reading a weights file.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum WeightsError {
-    /// Its first bytes are something else's.
+    /// Wrong magic bytes.
     #[error("no weights of a {of}: expected a file that begins with `{magic}`")]
     Foreign {
-        /// Whose weights were expected.
+        /// Kind of weights that was expected.
         of: &'static str,
-        /// What their files begin with.
+        /// Magic bytes of that kind.
         magic: &'static str,
     },
-    /// It is of a version that is not known.
+    /// Unsupported version.
     #[error("weights of version {found}, expected {expected}")]
     Version {
-        /// What the file says.
+        /// Version of the file.
         found: u8,
-        /// What is known.
+        /// Supported version.
         expected: u8,
     },
-    /// Its digest is another one.
+    /// Digest mismatch.
     #[error("damaged weights: their digest is {found}, expected {expected}")]
     Damaged {
-        /// Of what is there.
+        /// Digest of the payload.
         found: Digest,
-        /// What the file says.
+        /// Digest stored in the file.
         expected: Digest,
     },
-    /// It is whole, but makes no sense.
+    /// Well-formed file with invalid content.
     #[error("weights that make no sense: {0}")]
     Content(&'static str),
 }
 
-/// One kind of such files.
+/// Format of one kind of weights file.
 pub(crate) struct WeightsFile {
-    /// Whose weights they are.
+    /// Kind of weights.
     pub(crate) of: &'static str,
-    /// Eight letters.
+    /// Magic of eight ASCII letters.
     pub(crate) magic: &'static str,
     pub(crate) version: u8,
 }
 
 impl WeightsFile {
-    /// Reads a file; whether what it says makes sense is the reader's to check.
+    /// Parses a file; the caller validates the content.
     pub(crate) fn read<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, WeightsError> {
         let &Self { of, magic, version } = self;
         let rest = bytes.strip_prefix(magic.as_bytes()).ok_or(WeightsError::Foreign { of, magic })?;
@@ -64,7 +64,7 @@ impl WeightsFile {
         postcard::from_bytes(rest).map_err(|_| WeightsError::Content("cut short"))
     }
 
-    /// The bytes of a file.
+    /// Serialises weights to a file's bytes.
     pub(crate) fn write<T: Serialize>(&self, weights: &T) -> Vec<u8> {
         let rest = postcard::to_allocvec(weights).expect("numbers and text are always written");
         [self.magic.as_bytes(), &[self.version], &digest(&rest).0.to_le_bytes(), &rest].concat()
@@ -77,7 +77,7 @@ fn digest(bytes: &[u8]) -> Digest {
     hasher.digest()
 }
 
-/// A condition on what was read.
+/// Returns an error unless the condition holds.
 pub(crate) fn ensure(holds: bool, what: &'static str) -> Result<(), &'static str> {
     if holds { Ok(()) } else { Err(what) }
 }

@@ -1,4 +1,4 @@
-//! Bands of rows: nearest triangles, and what is asked of them.
+//! Bands of rows: nearest triangles, and the requested outputs.
 
 use swerve_scene::SemanticClass;
 use wide::f32x8;
@@ -13,38 +13,38 @@ use crate::frontend::sensor::Sensor;
 use crate::frontend::sub_frame::SubFrame;
 use crate::frontend::surface::Surface;
 
-/// Everything that bands of rows are drawn from.
+/// Inputs for rendering bands of rows.
 pub(super) struct BandPainter<'a> {
     pub(super) chunks: &'a [Chunk],
     pub(super) surfaces: &'a [Surface],
-    /// `None` if no colour is asked for.
+    /// `None` if colour is not requested.
     pub(super) shading: Option<Shading<'a>>,
     pub(super) sensor: Sensor<'a>,
     pub(super) sub_frame: &'a SubFrame,
     pub(super) image: Pinhole,
 }
 
-/// Whole numbers from 0 on.
+/// Lane indices.
 const LANES: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// Up to eight pixels side by side.
+/// Up to eight neighbouring pixels.
 struct Run {
-    /// First of them in the image.
+    /// Image column of the first pixel.
     column: usize,
     row: usize,
-    /// First of them in the band.
+    /// Index of the first pixel in the band.
     at: usize,
     count: usize,
 }
 
 impl BandPainter<'_> {
-    /// Nearest triangles of a band of the pinhole image.
+    /// Rasterises a band of the pinhole image.
     pub(super) fn draw(&self, band: Rows<'_>) {
         let mut nearest = ZBuffer { w: band.w, id: band.id };
         draw_band(self.chunks, band.width, band.first, self.image.nearest(), &mut nearest);
     }
 
-    /// A band without a lens: nearest triangles, and at once what is asked of them.
+    /// Rasterises and shades a band without a lens.
     pub(super) fn draw_and_shade(&self, band: Rows<'_>) {
         let Rows { width, first, count, w, id, sums, mut rgb, mut depth_m, semantic, instance } = band;
         let mut nearest = ZBuffer { w: &mut *w, id: &mut *id };
@@ -75,7 +75,7 @@ impl BandPainter<'_> {
         }
     }
 
-    /// A band behind a lens.
+    /// Shades a band behind a lens.
     pub(super) fn shade_through(&self, lens: &LensMap, w: &[f32], id: &[u32], band: Rows<'_>) {
         let Rows { width, first, count, sums, mut rgb, mut depth_m, mut semantic, mut instance, .. } = band;
         let mut cache = TriangleCache::new();
@@ -110,7 +110,7 @@ impl BandPainter<'_> {
         }
     }
 
-    /// Inverse depth on the exact ray, but no farther from that of the nearest pixel than its plane may bend.
+    /// Inverse depth on the exact ray, limited to 0.67 to 1.5 times that of the nearest pixel.
     fn inverse_depth(&self, id: u32, x: f32, y: f32, near: f32) -> f32 {
         if id == NONE {
             return 0.0;
@@ -119,12 +119,12 @@ impl BandPainter<'_> {
         (plane[0] * x + (plane[1] * y + plane[2])).clamp(0.67 * near, 1.5 * near)
     }
 
-    /// Classes and instances of triangles.
+    /// Writes classes and instances of triangles.
     fn write_ids(&self, ids: &[u32], mut semantic: Option<&mut [u8]>, mut instance: Option<&mut [u32]>) {
         if semantic.is_none() && instance.is_none() {
             return;
         }
-        // Neighbours mostly show the same triangle.
+        // Neighbouring pixels mostly show the same triangle.
         for (block, ids) in ids.chunks(16).enumerate() {
             let (from, first) = (16 * block, ids[0]);
             let mut label = self.label(first);
@@ -166,7 +166,7 @@ impl BandPainter<'_> {
         (surface.class, surface.instance)
     }
 
-    /// Adds eight pixels to the sums of sub-frames, and writes them when they are complete.
+    /// Adds eight pixels to the sums of sub-frames, and writes them after the last sub-frame.
     fn expose(&self, colour: [f32x8; 3], run: &Run, sums: &mut [f32], rgb: Option<&mut [u8]>) {
         let Run { column, row, at, count } = *run;
         let mut colour = colour;
@@ -190,7 +190,7 @@ impl BandPainter<'_> {
     }
 }
 
-/// Eight ids from a position on; beyond the end the last one again.
+/// Eight ids from a position; the last id is repeated beyond the end.
 fn eight(ids: &[u32], from: usize) -> [u32; 8] {
     match ids[from..].first_chunk::<8>() {
         Some(eight) => *eight,

@@ -1,4 +1,4 @@
-//! Culling: which instances may be seen at an instant, and in which pieces of work they are drawn.
+//! Culling: potentially visible instances at an instant, grouped into units of work.
 
 use core::ops::Range;
 
@@ -11,10 +11,10 @@ use crate::frontend::pinhole::Frustum;
 use crate::frontend::pose::{narrow, pose_after, rotate, rotation_rows};
 use crate::frontend::surface::Surface;
 
-/// Triangles that one piece of geometry work has at least.
+/// Fewest triangles per unit of geometry work.
 const CHUNK_TRIANGLES: usize = 2048;
 
-/// A mesh placed before the camera: `camera_from_body` rotation by rows and translation, and the rotation of
+/// Placement of a mesh relative to the camera: `camera_from_body` rotation by rows and translation, and the rotation of
 /// normals to the map.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
@@ -23,28 +23,28 @@ pub(super) struct Placement {
     pub(super) map: [[f32; 3]; 3],
 }
 
-/// Some triangles of a mesh, placed.
+/// Range of triangles of a placed mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Item {
     pub(super) mesh: MeshId,
     pub(super) placement: Placement,
-    /// First of its surfaces in the table.
+    /// Index of its first surface in the table.
     pub(super) surfaces: u32,
     /// Triangles of the mesh.
     pub(super) triangles: Range<usize>,
 }
 
-/// Instances that may be seen, and their surfaces.
+/// Potentially visible instances and their surfaces.
 #[derive(Default)]
 pub(super) struct Culled {
     pub(super) items: Vec<Item>,
-    /// Items of each piece of work.
+    /// Items of each unit of work.
     pub(super) chunks: Vec<Range<usize>>,
     pub(super) surfaces: Vec<Surface>,
 }
 
 impl Culled {
-    /// Which instances may be seen at an instant, in chunks of enough triangles.
+    /// Collects the instances that may be visible at an instant, in chunks of enough triangles.
     pub(super) fn collect(
         &mut self,
         scene: &Scene,
@@ -92,7 +92,7 @@ impl Culled {
     }
 }
 
-/// The placement of an instance before a camera.
+/// Placement of an instance relative to a camera.
 fn place(
     camera_from_map: &Transform<swerve_geom::Camera, Map>,
     map_from_body: &Transform<Map, Body>,
@@ -106,7 +106,7 @@ fn place(
     }
 }
 
-/// Whether an instance may be seen.
+/// Returns true if an instance may be visible.
 fn is_seen(frustum: &Frustum, mesh: &Mesh, placement: &Placement) -> bool {
     let (centre, radius) = mesh.sphere();
     let [x, y, z] = rotate(&placement.camera, centre);

@@ -31,7 +31,7 @@ impl Sensor<'_> {
         }
         let [red, green, blue] = signal.map(tone);
         let pixels: [i32; 8] = (red | (green << 8_i32) | (blue << 16_i32)).to_array();
-        // Four bytes each, of which the next pixel overwrites the last.
+        // Four bytes each, the last of which is overwritten by the next pixel.
         let mut bytes = [0; 28];
         for (k, pixel) in pixels.into_iter().enumerate() {
             bytes[3 * k..3 * k + 4].copy_from_slice(&pixel.to_le_bytes());
@@ -42,7 +42,7 @@ impl Sensor<'_> {
         }
     }
 
-    /// Photon noise, which grows with the root of the signal, and that of the read-out.
+    /// Adds photon noise, which grows with the square root of the signal, and read-out noise.
     fn add_noise(&self, signal: &mut [F; 3], column: usize, row: usize) {
         let line = self.key ^ (row as u32).wrapping_mul(0x9e37_79b9);
         let mut draws = [[0.0; 8]; 3];
@@ -60,7 +60,7 @@ impl Sensor<'_> {
         }
     }
 
-    /// Two layers of falling drops, blurred to streaks by the exposure.
+    /// Rain streaks: two layers of falling drops, blurred by the exposure.
     fn streaks(&self, column: usize, row: usize) -> F {
         let mut sum = [0.0; 8];
         for (layer, size) in [(0, 2_usize), (1, 3)] {
@@ -79,8 +79,8 @@ impl Sensor<'_> {
 
 /// Tone curve, 0 to 255.
 ///
-/// A filmic curve with a toe and a shoulder (Narkowicz's fit to that of ACES) followed by that of sRGB,
-/// both at once: a quotient of two squares in the root of the signal, fitted to within 0.9 of 255.
+/// A filmic curve with a toe and a shoulder (Narkowicz's fit to ACES) followed by the sRGB curve, combined: a quotient
+/// of two squares in the root of the signal, fitted to within 0.9 of 255.
 fn tone(x: F) -> wide::i32x8 {
     let t = x.fast_max(F::ZERO).fast_min(F::splat(64.0)).sqrt();
     let up = t * (t * F::splat(0.997_46) - F::splat(0.017_452));
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tone_curve_rises_from_black_to_white() {
+    fn tone_curve_rises_from_black_to_white() {
         let bytes: Vec<i32> = (0..200).map(|k| tone(F::splat(0.05 * k as f32)).to_array()[0]).collect();
         assert_eq!((bytes[0], bytes[199]), (0, 255));
         assert!(bytes.windows(2).all(|pair| pair[0] <= pair[1]));

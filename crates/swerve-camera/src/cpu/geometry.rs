@@ -1,12 +1,12 @@
-//! From instances to triangles on the image: transformation, set-up.
+//! Geometry: transformation of instances and set-up of triangles on the image.
 //!
 //! Edges and attributes are planes over the image (Olano and Greer 1997): for a triangle with corners `A B C`
 //! in the camera frame, the ray `r = (x, y, 1)` meets it at `z r = αA + βB + γC`, and
-//! `γ/z = (A x B)·r / det`. So every attribute over depth is affine in the pixel, and no triangle need be
-//! clipped: corners behind the camera are as good as others.
+//! `γ/z = (A x B)·r / det`. So every attribute over depth is affine in the pixel, and triangles need no clipping:
+//! corners behind the camera are valid.
 //!
-//! A flat image, of parallel rays, is the same with `(x, y, 1)` for `(x, y, z)`: attributes themselves are
-//! affine then, and instead of inverse depth it is depth that is taken off that of the far end.
+//! An orthographic image (parallel rays) uses `(x, y, 1)` instead of `(x, y, z)`: the attributes themselves are then
+//! affine, and depth subtracted from the far depth replaces inverse depth.
 
 use core::ops::Range;
 
@@ -19,56 +19,56 @@ use crate::frontend::BAND;
 use crate::frontend::pinhole::Pinhole;
 use crate::frontend::pose::rotate;
 
-/// Value of a quantity over the image: `[a, b, c]` is `a x + b y + c`.
+/// Affine function over the image: `[a, b, c]` is `a x + b y + c`.
 pub(super) type Plane = [f32; 3];
 
-/// A triangle as the rasteriser needs it.
+/// Triangle data for the rasteriser.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TriRaster {
-    /// Nearness: inverse depth, or depth taken off that of the far end.
+    /// Nearness: inverse depth, or the far depth minus depth.
     pub(super) w: Plane,
-    /// Of each edge: where it crosses row 0, and how far it moves per row, pixels; padded to four.
+    /// Crossing of each edge with row 0, and its shift per row, pixels; padded to four.
     pub(super) start: [f32; 4],
     pub(super) step: [f32; 4],
-    /// First and last-but-one column and row.
+    /// First and one-past-last column and row.
     pub(super) columns: [u16; 2],
     pub(super) rows: [u16; 2],
     /// Bits 0 to 2: the edge bounds the inside from the left. Bit 3: parts are nearer than the near plane.
     pub(super) flags: u32,
 }
 
-/// Planes that shading needs besides, over depth (or not, in a flat image) and padded to whole quads: nearness, u, v,
-/// and the normal in the map frame, a plane each.
+/// Additional planes for shading, over depth (plain for orthographic images) and padded to whole quads: nearness, u, v,
+/// and the normal in the map frame, one plane each.
 pub(super) type TriShade = [f32; 20];
 
-/// Triangles of one piece of work.
+/// Triangles of one unit of work.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     pub(super) raster: Vec<TriRaster>,
     pub(super) shade: Vec<TriShade>,
-    /// Of each triangle: entry in the table of surfaces.
+    /// Entry in the surface table for each triangle.
     pub(super) surfaces: Vec<u32>,
-    /// For each band the triangles that touch it, in order.
+    /// Triangles that touch each band, in order.
     pub(super) bands: Vec<Vec<u32>>,
     corners: Vec<Corner>,
 }
 
-/// A vertex before the camera.
+/// Vertex in camera coordinates.
 #[derive(Clone, Copy, Debug)]
 struct Corner {
-    /// In the camera frame.
+    /// Position in the camera frame.
     p: [f32; 3],
-    /// Pixel, if it is not nearer than the near plane.
+    /// Pixel position, unless nearer than the near plane.
     x: f32,
     y: f32,
-    /// Bits: outside of left, right, top, bottom, far; nearer than near.
+    /// Bits: outside left, right, top, bottom, far; nearer than near.
     out: u32,
 }
 
 const NEARER: u32 = 1;
 
 impl Chunk {
-    /// Empties it for a new pass over an image with so many rows.
+    /// Clears the chunk for a new pass over an image of this height.
     pub(super) fn clear(&mut self, height: usize) {
         self.raster.clear();
         self.shade.clear();
@@ -119,7 +119,7 @@ impl Chunk {
     }
 }
 
-/// The part of an image that is drawn.
+/// Part of an image that is rendered.
 pub(super) struct Viewport<'a> {
     image: &'a Pinhole,
     f: [f32; 2],
@@ -134,18 +134,18 @@ pub(super) struct Viewport<'a> {
 impl<'a> Viewport<'a> {
     pub(super) fn new(image: &'a Pinhole, rows: Range<usize>) -> Self {
         let (f, c) = ([image.fx as f32, image.fy as f32], [image.cx as f32, image.cy as f32]);
-        // Half a pixel more on every side than pixel centres need.
+        // Half a pixel of margin on every side beyond the pixel centres.
         let (left, right) = (-1.0 - c[0], image.width as f32 - c[0]);
         let (top, bottom) = (rows.start as f32 - 1.0 - c[1], rows.end as f32 - c[1]);
         Self { image, f, c, left, right, top, bottom, rows }
     }
 
-    /// Rows of the whole image.
+    /// Number of rows of the whole image.
     pub(super) fn height(&self) -> usize {
         self.image.height
     }
 
-    /// The projection of vertices of something placed.
+    /// Projection of a placed mesh's vertices.
     fn projection(&self, placement: &Placement) -> Projection {
         let m = placement.camera;
         let column = |k: usize| f32x4::new([m[0][k], m[1][k], m[2][k], 0.0]);
@@ -165,7 +165,7 @@ impl<'a> Viewport<'a> {
         }
     }
 
-    /// Columns and rows that a triangle may cover, `None` if it covers no centre of a pixel.
+    /// Columns and rows that a triangle may cover; `None` if it covers no pixel centre.
     fn bounds(&self, corners: [Corner; 3]) -> Option<([u16; 2], [u16; 2])> {
         let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
         let mut take = |x: f32, y: f32| {
@@ -200,9 +200,9 @@ impl<'a> Viewport<'a> {
     }
 }
 
-/// Takes vertices to corners.
+/// Projection of vertices to corners.
 struct Projection {
-    /// Of the matrix from the body to the camera, and its translation.
+    /// Columns of the rotation matrix from body to camera, and its translation.
     columns: [f32x4; 4],
     /// Factors of x, y and z in the distances from the four sides of the viewport.
     sides: [f32x4; 3],
@@ -222,7 +222,7 @@ impl Projection {
         let [by_x, by_y, by_z] = self.sides;
         let scale = if self.flat { 1.0 } else { z };
         let distances = by_x * f32x4::splat(x) + by_y * f32x4::splat(y) + by_z * f32x4::splat(scale);
-        // The signs of the four distances.
+        // Signs of the four distances.
         let out = distances.to_bitmask() << 1 | u32::from(z < self.near) | u32::from(z > self.far) << 5;
         let inverse = 1.0 / scale.max(1e-6);
         let pixel = [self.f[0] * x * inverse + self.c[0], self.f[1] * y * inverse + self.c[1]];
@@ -245,7 +245,7 @@ fn cross64(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Planes of a triangle that faces the camera.
+/// Set-up of a triangle; `None` if it faces away from the camera.
 fn set_up(
     image: &Pinhole,
     corners: [Corner; 3],
@@ -256,8 +256,8 @@ fn set_up(
         let [x, y, z] = corner.p.map(f64::from);
         [x, y, if image.flat { 1.0 } else { z }]
     });
-    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in its
-    // neighbour.
+    // Opposite edges in the order of the corners; a shared edge gives exactly opposite numbers in the neighbouring
+    // triangle.
     let opposite = [cross64(b, c), cross64(c, a), cross64(a, b)];
     let det = a[0] * opposite[0][0] + a[1] * opposite[0][1] + a[2] * opposite[0][2];
     if det >= 0.0 {
@@ -272,9 +272,9 @@ fn set_up(
         let (ax, ay) = (x * over_fx, y * over_fy);
         let at = z - ax * image.cx - ay * image.cy;
         planes[k] = [ax * over_det, ay * over_det, at * over_det];
-        // Inside is where the unscaled plane is negative: left of the crossing if it rises with x.
+        // The inside is where the unscaled plane is negative: left of the crossing if it rises with x.
         if ax == 0.0 {
-            // A level edge bounds rows, not columns: everything or nothing of a row is inside.
+            // A horizontal edge bounds rows, not columns: a row is entirely inside or outside.
             let level = -at / ay;
             let row = level.clamp(-1.0, 70_000.0).ceil() as u16;
             if ay > 0.0 {

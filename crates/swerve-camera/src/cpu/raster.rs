@@ -1,33 +1,33 @@
-//! Which triangle is seen at each pixel: spans of rows against a buffer of inverse depth.
+//! Rasterisation: row spans of triangles against a buffer of inverse depth.
 
 use wide::f32x4;
 
 use super::geometry::{Chunk, TriRaster};
 use crate::frontend::BAND;
 
-/// Nothing but sky at this pixel.
+/// Id of a pixel that shows only sky.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Bits of an id that number the triangle within its chunk; the rest is the chunk.
+/// Bits of an id for the triangle within its chunk; the other bits are the chunk.
 pub(super) const ID_BITS: u32 = 20;
 
-/// The nearest surfaces of some rows.
+/// Nearest surfaces of some rows.
 pub(super) struct ZBuffer<'a> {
-    /// Nearness, 0 for none.
+    /// Nearness, 0 for sky.
     pub(super) w: &'a mut [f32],
     /// Chunk and triangle.
     pub(super) id: &'a mut [u32],
 }
 
-/// Smallest whole numbers that are not below those given, within a few thousand of the image.
+/// Ceiling of each value, clamped to the range of valid image coordinates with a margin.
 fn ceil(x: f32x4) -> [i32; 4] {
     let x = x.fast_max(f32x4::splat(-2.0)).fast_min(f32x4::splat(70_000.0));
     let whole = x.fast_trunc_int().round_float();
     (whole + whole.simd_lt(x).select(f32x4::ONE, f32x4::ZERO)).fast_trunc_int().to_array()
 }
 
-/// Draws all triangles that touch the band of a row into its rows; `first_row` is the first of the slices, and
-/// nothing is nearer than `nearest`.
+/// Draws all triangles that touch the band of a row into its rows; `first_row` is the first row of the slices, and
+/// `nearest` is an upper bound of nearness.
 pub(super) fn draw_band(
     chunks: &[Chunk],
     width: usize,
@@ -60,7 +60,7 @@ pub(super) fn draw_band(
     debug_assert!(out.w.len() <= BAND * width);
 }
 
-/// One row of one triangle.
+/// Draws one row of one triangle.
 fn span<const NEAR: bool>(
     triangle: &TriRaster,
     y: f32,
@@ -86,7 +86,7 @@ fn span<const NEAR: bool>(
     let limit = if NEAR { nearest } else { f32::INFINITY };
     let (from, to) = (from as usize, to as usize);
     let (first, last) = (f32x4::splat(from as f32), f32x4::splat(to as f32));
-    // Fours from the last multiple of four before the span on; the image may end within one.
+    // Groups of four, starting at the last multiple of four before the span; the image may end within a group.
     let mut x = from & !3;
     while x < to {
         let (Some(w), Some(ids)) = (w[x..].first_chunk_mut::<4>(), ids[x..].first_chunk_mut::<4>()) else {
@@ -100,7 +100,7 @@ fn span<const NEAR: bool>(
             nearer &= here.simd_le(f32x4::splat(limit));
         }
         *w = nearer.select(here, before).to_array();
-        // Ids pass through as bits.
+        // Ids are selected as bit patterns.
         let seen = f32x4::new(ids.map(f32::from_bits));
         *ids = nearer.select(f32x4::splat(f32::from_bits(id)), seen).to_array().map(f32::to_bits);
         x += 4;

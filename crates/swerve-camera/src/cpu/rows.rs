@@ -5,15 +5,15 @@ use core::ops::Range;
 use crate::frame::FrameMut;
 use crate::frontend::BAND;
 
-/// Some rows of the images, from `first` on.
+/// Range of rows of the images, starting at `first`.
 pub(super) struct Rows<'a> {
     pub(super) width: usize,
     pub(super) first: usize,
     pub(super) count: usize,
-    /// Inverse depth and ids of the pinhole image; empty if that has been drawn before.
+    /// Inverse depth and ids of the pinhole image; empty if it is already drawn.
     pub(super) w: &'a mut [f32],
     pub(super) id: &'a mut [u32],
-    /// Sums of sub-frames; empty if there is only one.
+    /// Sums of sub-frames; empty if there is only one sub-frame.
     pub(super) sums: &'a mut [f32],
     pub(super) rgb: Option<&'a mut [u8]>,
     pub(super) depth_m: Option<&'a mut [f32]>,
@@ -21,7 +21,7 @@ pub(super) struct Rows<'a> {
     pub(super) instance: Option<&'a mut [u32]>,
 }
 
-/// The first `at` elements and the rest, or two of nothing.
+/// First `at` elements and the rest; two empty slices for an empty slice.
 fn split<T>(slice: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
     if slice.is_empty() { (&mut [], slice) } else { slice.split_at_mut(at) }
 }
@@ -53,7 +53,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Some rows again, for one pass over them.
+    /// Reborrows some rows for one pass.
     pub(super) fn part(&mut self, rows: &Range<usize>) -> Rows<'_> {
         let (a, b) = (rows.start * self.width, rows.end * self.width);
         fn cut<T>(slice: &mut [T], a: usize, b: usize) -> &mut [T] {
@@ -101,8 +101,7 @@ impl<'a> Rows<'a> {
         (upper, lower)
     }
 
-    /// Calls `work` for each band of rows; on all threads of the pool in which this is called, if there is
-    /// one.
+    /// Calls `work` for each band of rows, in parallel if this is called within a thread pool.
     pub(super) fn each_band(self, parallel: bool, work: &(impl Fn(Rows<'_>) + Sync)) {
         let bands = self.count.div_ceil(BAND);
         if bands <= 1 {

@@ -1,4 +1,4 @@
-//! Light on surfaces, eight pixels at a time, once per pixel.
+//! Shading of surfaces, eight pixels at a time, once per pixel.
 
 mod lanes;
 pub(super) mod light;
@@ -16,7 +16,7 @@ use crate::frontend::texture;
 use lanes::{F, Lanes, V, clamp01, columns, dot8, mix8, splat, splat3, splats};
 use light::{Gloss, Lit, daylight, ground_tone, through_fog};
 
-/// Everything that shading reads.
+/// Inputs of shading.
 #[derive(Clone, Copy)]
 pub(super) struct Shading<'a> {
     pub(super) chunks: &'a [Chunk],
@@ -27,9 +27,9 @@ pub(super) struct Shading<'a> {
     pub(super) tiles: &'a [u32],
     /// Direction of the ray of a pixel, map frame, depth 1: `ray[0] x + ray[1] y + ray[2]`.
     pub(super) ray: [[f32; 3]; 3],
-    /// Camera from the centre of the shadow maps' cell.
+    /// Camera position relative to the centre of the shadow maps' cell.
     pub(super) eye: [f32; 3],
-    /// With parallel rays: where they start and end.
+    /// Start and end of the rays, for an orthographic image.
     pub(super) flat: Option<ParallelRays>,
     /// Pixels per unit of `x/z`.
     pub(super) focal: f32,
@@ -38,26 +38,26 @@ pub(super) struct Shading<'a> {
 /// Parallel rays.
 #[derive(Clone, Copy)]
 pub(super) struct ParallelRays {
-    /// Where the ray of a pixel starts, factors as of [`Shading::ray`].
+    /// Origin of a pixel's ray, with factors as in [`Shading::ray`].
     pub(super) origin: [[f32; 3]; 3],
-    /// Depth of the far end.
+    /// Far depth.
     pub(super) far: f32,
 }
 
 /// Eight pixels and their rays.
 pub(super) struct PixelRays {
-    /// Places in the pinhole image.
+    /// Positions in the pinhole image.
     x: F,
     y: F,
     /// Direction with depth 1, map frame.
     ray: V,
-    /// The same with length 1.
+    /// Unit direction, map frame.
     direction: V,
     length: F,
 }
 
 impl Shading<'_> {
-    /// Shades the pixels whose centres are at `(x, y)` of the pinhole image and that show triangles `ids`.
+    /// Shades the pixels with centres `(x, y)` in the pinhole image that show the triangles `ids`.
     pub(super) fn pixels(&self, ids: &[u32; 8], x: F, y: F, cache: &mut TriangleCache) -> V {
         let rays = self.rays(x, y);
         let first = ids[0];
@@ -81,7 +81,7 @@ impl Shading<'_> {
         [0, 1, 2].map(|k| is_open.select(sky[k], colour[k]))
     }
 
-    /// The rays through places of the pinhole image.
+    /// Rays through positions in the pinhole image.
     pub(super) fn rays(&self, x: F, y: F) -> PixelRays {
         let ray = [0, 1, 2]
             .map(|k| splat(self.ray[0][k]) * x + (splat(self.ray[1][k]) * y + splat(self.ray[2][k])));
@@ -96,7 +96,7 @@ impl Shading<'_> {
         (&chunk.shade[index], &self.surfaces[chunk.surfaces[index] as usize])
     }
 
-    /// One triangle in all eight pixels.
+    /// Lanes for one triangle in all eight pixels.
     fn uniform(&self, id: u32) -> Lanes {
         let (triangle, surface) = self.triangle(id);
         Lanes {
@@ -108,7 +108,7 @@ impl Shading<'_> {
         }
     }
 
-    /// Several triangles; pixels of the sky take one of the others.
+    /// Lanes for several triangles; sky pixels use one of the others.
     fn gather(&self, ids: &[u32; 8]) -> Lanes {
         let some = ids.iter().copied().find(|id| *id != NONE).unwrap_or(0);
         let (triangle, surface) = self.triangle(some);
@@ -143,7 +143,7 @@ impl Shading<'_> {
         let over = F::ONE / dot8(across, across).sqrt().fast_max(splat(1e-20));
         let normal = across.map(|n| n * over);
         let facing = (F::ZERO - dot8(normal, direction)).fast_max(splat(0.02));
-        // Length of a pixel on the surface, squared, as a mean over both directions.
+        // Squared length of a pixel on the surface, as a mean over both directions.
         let pixel = scale * splat(1.0 / self.focal);
         let footprint = pixel * pixel / facing;
         let mut albedo = if lanes.has(flag::TEXTURED) {
@@ -235,7 +235,7 @@ impl Shading<'_> {
         let shade = splat(1.08) - clamp01((density - level) * splat(2.2)) * splat(0.42);
         let cloud = splat3(environment.cloud).map(|c| c * shade);
         colour = mix8(colour, cloud, cover * splat(0.92));
-        // Haze towards the horizon, more of it in fog.
+        // Haze towards the horizon, denser in fog.
         let haze = (1.0 / (1.0 + 60.0 * environment.fog_1pm)).max(0.05);
         let thin = clamp01(direction[2] * splat(9.0 * haze) + splat(0.25 * haze));
         mix8(splat3(environment.fog), colour, thin)

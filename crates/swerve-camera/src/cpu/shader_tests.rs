@@ -1,7 +1,8 @@
-//! The shaders' light is that of this back end: `shade.wgsl`, translated to Rust, against the functions here.
-//! No adapter is needed for that.
+//! Comparison of the shaders with this back end: `shade.wgsl`, translated to Rust, against the functions here. Needs no
+//! adapter.
 //!
-//! `draw.wgsl` and `pass.wgsl` are not translated, because they read buffers and images; those of an adapter are compared for it.
+//! `draw.wgsl` and `pass.wgsl` are not translated, because they read buffers and images; their output on an adapter is
+//! compared instead.
 
 #[expect(clippy::too_many_arguments, reason = "constructors that the translation makes of structs")]
 mod wgsl {
@@ -77,7 +78,7 @@ fn translated(light: &Light) -> Environment {
     }
 }
 
-/// A value of a texture as `pass.wgsl` reads it.
+/// Texture value as read by `pass.wgsl`.
 fn sampled(tile: usize, u: f32, v: f32, footprint: f32) -> f32 {
     let level = wgsl::mip_level(footprint);
     let (tu, tv) = (wgsl::texel(level, u), wgsl::texel(level, v));
@@ -85,7 +86,7 @@ fn sampled(tile: usize, u: f32, v: f32, footprint: f32) -> f32 {
     wgsl::unpack_word(word, tu - tu.floor(), tv - tv.floor())
 }
 
-/// Does something with each weather's light.
+/// Calls `check` with the light of each weather.
 fn each_light(mut check: impl FnMut(&Light, &Shading<'_>, Environment, &mut Draws)) {
     let mut cache = ShadowCache::default();
     let maps = &*cache.around(&Scene::new(PRESETS[0]), [0.0; 3], None);
@@ -109,7 +110,7 @@ fn each_light(mut check: impl FnMut(&Light, &Shading<'_>, Environment, &mut Draw
 }
 
 #[test]
-fn bits_are_mixed_alike() {
+fn shader_mixes_bits_like_the_cpu() {
     for k in 0..1000_u32 {
         let x = k.wrapping_mul(0x9e37_79b9);
         assert_eq!(wgsl::mix_bits(x), hash::mix(x));
@@ -117,7 +118,7 @@ fn bits_are_mixed_alike() {
 }
 
 #[test]
-fn textures_are_read_alike() {
+fn shader_reads_textures_like_the_cpu() {
     each_light(|_, shading, _, draws| {
         for _ in 0..2000 {
             let tile = draws.below(Texture::ALL.len());
@@ -132,7 +133,7 @@ fn textures_are_read_alike() {
 }
 
 #[test]
-fn the_sky_and_what_mirrors_it_are_alike() {
+fn shader_sky_and_reflections_match_the_cpu() {
     each_light(|_, shading, e, draws| {
         for _ in 0..500 {
             let d = direction(draws);
@@ -157,7 +158,7 @@ fn the_sky_and_what_mirrors_it_are_alike() {
 }
 
 #[test]
-fn light_on_surfaces_is_alike() {
+fn shader_daylight_matches_the_cpu() {
     each_light(|day, _, e, draws| {
         for _ in 0..500 {
             let normal = direction(draws);
@@ -180,7 +181,7 @@ fn light_on_surfaces_is_alike() {
 }
 
 #[test]
-fn lamps_are_alike() {
+fn shader_lamps_match_the_cpu() {
     each_light(|_, shading, _, draws| {
         for _ in 0..300 {
             let lamp = CpuLamp {
@@ -216,7 +217,7 @@ fn lamps_are_alike() {
 }
 
 #[test]
-fn sensors_answer_alike() {
+fn shader_sensor_response_matches_the_cpu() {
     let tiles = Tiles::get().words();
     let noise = SensorNoise { read: 0.01, shot: 0.05, seed: 9 };
     let camera = Camera::new(CameraSpec { noise, vignetting: 0.6, ..CameraSpec::default() }).unwrap();

@@ -1,5 +1,5 @@
-//! Shadow maps in memory: those of the static part are kept; moving things are drawn on top for each pass, and what
-//! they covered is restored from the static map before the next.
+//! Shadow maps in memory. Maps of the static part are kept; moving instances are drawn on top for each pass, and the
+//! texels they covered are restored from the static map before the next.
 
 use swerve_geom::{Map, Point, Transform};
 use swerve_scene::hash::Key;
@@ -13,7 +13,7 @@ use crate::frontend::shadow::{
     cell, is_shadow_seen, maps_key,
 };
 
-/// The maps of one cell.
+/// Shadow maps of one cell.
 pub(super) struct ShadowMaps {
     key: Key,
     used: u64,
@@ -21,32 +21,32 @@ pub(super) struct ShadowMaps {
     sun: Option<[f32; 3]>,
     /// Centre of the cell, map frame.
     pub(super) centre: [f64; 3],
-    /// Rows: across the light, along it across, towards the sun.
+    /// Rows: across the light, the perpendicular axis across the light, towards the sun.
     pub(super) axes: [[f32; 3]; 3],
     fixed: Vec<u16>,
-    /// Depth towards the sun of the nearest to it; 0 for none.
+    /// Depth towards the sun of the nearest surface; 0 if there is none.
     pub(super) depth: Vec<u16>,
     fixed_sky: Vec<u8>,
     sky: Vec<u8>,
-    /// Share of the sky that is hidden, in 255ths, four neighbours per word.
+    /// Hidden share of the sky, in 255ths, four neighbours per word.
     pub(super) hidden: Vec<u32>,
     dirty: Vec<[usize; 4]>,
     dirty_sky: Vec<[usize; 4]>,
     scratch: Vec<[f32; 3]>,
 }
 
-/// The maps of some cells, of which the least recently used make room.
+/// Maps of recently used cells; the least recently used is evicted.
 #[derive(Default)]
 pub(super) struct ShadowCache {
     maps: Vec<ShadowMaps>,
     clock: u64,
 }
 
-/// Cells that are kept.
+/// Number of cells kept.
 const KEPT: usize = 2;
 
 impl ShadowCache {
-    /// The static maps around a camera, with shadows of the sun if it casts any; moving things are yet to be drawn.
+    /// Static maps around a camera, with sun shadows if the sun casts any; moving instances are not drawn yet.
     pub(super) fn around(
         &mut self,
         scene: &Scene,
@@ -111,8 +111,8 @@ impl ShadowMaps {
         self.pack([0, SKY_SIDE, 0, SKY_SIDE]);
     }
 
-    /// Takes away what moving things drew in an earlier pass, and draws those that `seen` may show the
-    /// shadow of.
+    /// Removes the moving instances of an earlier pass, and draws those whose shadow may be visible according to
+    /// `seen`.
     pub(super) fn draw_moving(
         &mut self,
         scene: &Scene,
@@ -156,7 +156,7 @@ impl ShadowMaps {
         self.dirty_sky.clear();
     }
 
-    /// Renews the packed words of a rectangle and of its left and lower neighbours.
+    /// Updates the packed words of a rectangle and of its left and lower neighbours.
     fn pack(&mut self, [x0, x1, y0, y1]: [usize; 4]) {
         let sky = &self.sky;
         let byte = |x: usize, y: usize| u32::from(sky[y.min(SKY_SIDE - 1) * SKY_SIDE + x.min(SKY_SIDE - 1)]);
@@ -185,7 +185,7 @@ impl ShadowMaps {
         points.extend(mesh.positions().iter().map(|p| {
             let at = add(rotate(&rows, *p), place);
             let [x, y, z] = rotate(&self.axes, at);
-            // Texel centres at whole numbers.
+            // Texel centres are at integers.
             [x * PER_M + half - 0.5, y * PER_M + half - 0.5, z * DEPTHS_PER_M + DEPTH_0]
         }));
         let (mut low, mut high) = ([SIDE as f32; 2], [0.0_f32; 2]);
@@ -211,7 +211,7 @@ impl ShadowMaps {
         self.scratch = points;
     }
 
-    /// Hides the sky from the ground under and around a thing.
+    /// Reduces the visible sky on the ground under and around an instance.
     fn draw_footprint(&mut self, mesh: &Mesh, instance: &Instance) {
         let Some(footprint) = Footprint::new(mesh, instance, self.centre) else { return };
         let Footprint { place, half, rows, strength, fall, reach } = footprint;
@@ -230,7 +230,7 @@ impl ShadowMaps {
             for x in x0..x1 {
                 let metre = |k: usize| (k as f32 + 0.5 - 0.5 * SKY_SIDE as f32) / SKY_PER_M;
                 let (dx, dy) = (metre(x) - place[0], metre(y) - place[1]);
-                // In the body's frame.
+                // Position in the body's frame.
                 let (u, v) = (rows[0][0] * dx + rows[1][0] * dy, rows[0][1] * dx + rows[1][1] * dy);
                 let (ox, oy) = (u.abs() - half[0], v.abs() - half[1]);
                 let outside = (ox.max(0.0) * ox.max(0.0) + oy.max(0.0) * oy.max(0.0)).sqrt();
@@ -245,7 +245,7 @@ impl ShadowMaps {
     }
 }
 
-/// Draws a triangle, counter-clockwise, into the map of depths: the largest stays. `area` is twice its area.
+/// Draws a counter-clockwise triangle into the depth map, keeping the largest values. `area` is twice its area.
 fn draw_triangle(depth: &mut [u16], [a, b, c]: [[f32; 3]; 3], area: f32) {
     let top = SIDE as f32 - 1.0;
     let y0 = a[1].min(b[1]).min(c[1]).max(0.0);
@@ -296,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_triangle_covers_its_area_with_its_depth() {
+    fn draw_triangle_covers_its_area_with_its_depth() {
         let mut depth = vec![0; SIDE * SIDE];
         let corners = [[10.2, 20.3, 1000.0], [110.7, 20.3, 1000.0], [10.2, 120.9, 3000.0]];
         let area = 100.5 * 100.6;

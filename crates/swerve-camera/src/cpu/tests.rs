@@ -16,7 +16,7 @@ mod signs;
 
 type Pose = Transform<Map, swerve_geom::Camera>;
 
-/// A camera at a place, looking along +x, pitched down.
+/// Camera pose at a position, looking along +x, pitched down.
 fn looking(at: [f64; 3], pitch_rad: f64, yaw_rad: f64) -> Pose {
     let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
     map_from_ego * mount(at, 0.0, pitch_rad, yaw_rad)
@@ -64,7 +64,7 @@ fn instance(mesh: MeshId, at: [f64; 3], yaw_rad: f64, class: SemanticClass) -> I
 }
 
 #[test]
-fn the_image_is_the_same_on_any_number_of_threads() {
+fn image_is_independent_of_the_thread_count() {
     let scene = town(WeatherPreset::WetNoon, 3, 60.0);
     let camera = small(|s| {
         s.noise = SensorNoise::TYPICAL;
@@ -80,7 +80,7 @@ fn the_image_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn the_image_does_not_depend_on_earlier_passes() {
+fn image_is_independent_of_earlier_passes() {
     let mut renderer = renderer(1);
     let camera = small(|_| {});
     let noon = town(WeatherPreset::ClearNoon, 3, 60.0);
@@ -113,7 +113,7 @@ fn digest(frame: &Frame) -> u64 {
     key.0
 }
 
-/// Changes on purpose only: when shapes, textures or shading change, after a look at the pictures.
+/// Changes only on purpose: with shapes, textures or shading, after visual inspection of the images.
 const GOLDEN: [(WeatherPreset, u64); 3] = [
     (WeatherPreset::ClearNoon, 48_576_911_804_073_683),
     (WeatherPreset::HardRainSunset, 16_421_500_597_745_274_222),
@@ -121,7 +121,7 @@ const GOLDEN: [(WeatherPreset, u64); 3] = [
 ];
 
 #[test]
-fn small_frames_are_the_same_bit_for_bit_on_every_machine() {
+fn images_have_the_same_digest_on_every_machine() {
     let camera = small(|s| {
         (s.width_px, s.height_px) = (96, 64);
         s.noise = SensorNoise::TYPICAL;
@@ -135,7 +135,7 @@ fn small_frames_are_the_same_bit_for_bit_on_every_machine() {
 }
 
 #[test]
-fn geometry_alone_is_that_of_the_full_image() {
+fn geometry_outputs_match_those_of_a_full_pass() {
     let scene = town(WeatherPreset::ClearNoon, 2, 60.0);
     for distortion in [Distortion::default(), Distortion { k1: -0.05, ..Distortion::default() }] {
         let camera = small(|s| s.distortion = distortion);
@@ -153,7 +153,7 @@ fn geometry_alone_is_that_of_the_full_image() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_refused() {
+fn render_rejects_invalid_scenes_views_and_frames() {
     let camera = small(|_| {});
     let scene = Scene::new(WeatherPreset::ClearNoon);
     let view = View::new(&camera, looking([0.0; 3], 0.0, 0.0));
@@ -174,12 +174,12 @@ fn what_cannot_be_drawn_is_refused() {
     assert_eq!(refused(&odd, &view), "the sun's direction is not finite");
     let nowhere = View::new(&camera, looking([f64::NAN, 0.0, 0.0], 0.0, 0.0));
     assert_eq!(refused(&scene, &nowhere), "the camera's pose is not finite");
-    // An empty scene, and no images at all, are no errors.
+    // An empty scene and a frame without images are valid.
     renderer.render(&scene, &view, FrameMut::default()).unwrap();
 }
 
 #[test]
-fn an_orthographic_image_on_many_threads_and_in_slabs_is_the_same() {
+fn orthographic_image_is_independent_of_threads_and_slabs() {
     let scene = town(WeatherPreset::ClearNoon, 3, 60.0);
     let map = |s: &mut CameraSpec| s.intrinsics = Intrinsics::OrthographicMPerPx(0.4);
     let (plain, slabs) = (

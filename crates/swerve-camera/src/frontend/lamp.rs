@@ -1,4 +1,4 @@
-//! Lamps: those of a scene that may light something in an image.
+//! Lamps of a scene that may light objects in an image.
 
 use swerve_geom::{Map, Transform};
 use swerve_scene::Scene;
@@ -6,29 +6,29 @@ use swerve_scene::vector::dot;
 
 use super::pinhole::Pinhole;
 
-/// A lamp, ready for shading.
+/// Lamp parameters for shading.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lamp {
-    /// From the centre of the shadow maps' cell.
+    /// Position relative to the centre of the shadow maps' cell.
     pub(crate) position: [f32; 3],
     pub(crate) direction: [f32; 3],
     pub(crate) intensity: [f32; 3],
     pub(crate) range: f32,
     pub(crate) cos_outer: f32,
     pub(crate) over_fall: f32,
-    /// Columns and rows, first and last, that it may light.
+    /// First and last column and row that it may light.
     pub(crate) columns: [f32; 2],
     pub(crate) rows: [f32; 2],
 }
 
 impl Lamp {
-    /// Whether it is worth anything before the camera.
+    /// Returns true if the lamp contributes to the image.
     fn shines(&self) -> bool {
         self.range > 0.0 && dot(self.intensity, self.intensity) > 0.0 && self.columns[0] <= self.columns[1]
     }
 }
 
-/// Collects the lamps that may light something in the image; `centre` is that of the shadow maps' cell.
+/// Collects the lamps that may light objects in the image; `centre` is that of the shadow maps' cell.
 pub(crate) fn collect_lamps(
     scene: &Scene,
     camera_from_map: &Transform<swerve_geom::Camera, Map>,
@@ -53,7 +53,7 @@ pub(crate) fn collect_lamps(
             columns = [at.x - range, at.x + range].map(|x| image.fx * x + image.cx);
             rows = [at.y - range, at.y + range].map(|y| image.fy * y + image.cy);
         } else if at.z > range {
-            // The sphere's outline lies within this of its centre's image.
+            // Conservative bounds of the sphere's image.
             let (near, far) = (at.z - range, at.z + range);
             let extent = |p: f64, f: f64, c: f64| {
                 let ends = [(p - range) / near, (p - range) / far, (p + range) / near, (p + range) / far];

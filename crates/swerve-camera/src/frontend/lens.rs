@@ -1,12 +1,12 @@
-//! The lens: which point of a pinhole image each pixel shows.
+//! Lens: mapping of pixels to points of a pinhole image.
 //!
-//! The scene is drawn as a pinhole sees it, wide enough for every ray of the lens. Each pixel then takes the
-//! triangle that is seen nearest to its ray and is shaded on its exact ray, so that nothing is blended.
+//! The scene is rendered as a pinhole image wide enough for every ray of the lens. Each pixel then uses the triangle
+//! seen nearest to its ray and is shaded on its exact ray, so that nothing is blended.
 
 use super::pinhole::Pinhole;
 use crate::Camera;
 
-/// Where each pixel of a distorted image is in the pinhole image, row by row, in pixel-centre coordinates.
+/// Position of each pixel of a distorted image in the pinhole image, row by row, in pixel-centre coordinates.
 pub(crate) struct LensMap {
     camera: Camera,
     pub(crate) pinhole: Pinhole,
@@ -30,7 +30,7 @@ impl LensMap {
                 high[axis] = high[axis].max(ray[axis]);
             }
         }
-        // As fine as the lens is in its middle, unless the image would become too large.
+        // The resolution of the lens at its centre, limited by the image size.
         let fine = |axis: usize, f: f64| f.min((SIDE_MAX - 4.0) / (high[axis] - low[axis]).max(1e-6));
         let (fx, fy) = (fine(0, fx), fine(1, fy));
         let (cx, cy) = (1.0 - low[0] * fx, 1.0 - low[1] * fy);
@@ -51,13 +51,13 @@ impl LensMap {
     }
 }
 
-/// Maps of the lenses that were used last.
+/// Maps of recently used lenses.
 #[derive(Default)]
 pub(crate) struct LensCache {
     maps: Vec<LensMap>,
 }
 
-/// Whether two cameras bend the same rays to the same pixels.
+/// Returns true if two cameras map the same rays to the same pixels.
 pub(crate) fn same_lens(one: &Camera, other: &Camera) -> bool {
     let (a, b) = (one.spec(), other.spec());
     let size = (a.width_px, a.height_px) == (b.width_px, b.height_px);
@@ -66,11 +66,11 @@ pub(crate) fn same_lens(one: &Camera, other: &Camera) -> bool {
         && (a.near_m, a.far_m) == (b.near_m, b.far_m)
 }
 
-/// Lenses that are kept.
+/// Number of lenses kept.
 const KEPT: usize = 8;
 
 impl LensCache {
-    /// The map of a camera with a lens; `None` for a perfect one.
+    /// Map of a camera with a lens; `None` for an undistorted one.
     pub(crate) fn get(&mut self, camera: &Camera) -> Option<&LensMap> {
         if camera.spec().distortion.is_none() {
             return None;

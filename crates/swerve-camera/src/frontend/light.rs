@@ -1,23 +1,23 @@
-//! Light of a weather: sun, sky, haze, and the exposure that a light meter would choose.
+//! Light of a weather: sun, sky, haze, and metered exposure.
 
 use swerve_scene::Scene;
 use swerve_scene::vector::{add, dot, mix, normalized, scale};
 
 use crate::model::Exposure;
 
-/// Radiances are relative to white paper in full sun; colours linear.
+/// Lighting parameters. Radiances are relative to white paper in full sun; colours are linear.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Environment {
-    /// Towards the sun, map frame.
+    /// Direction towards the sun, map frame.
     pub(crate) sun: [f32; 3],
-    /// Radiance of white paper that faces the sun, by the sun alone.
+    /// Radiance of white paper facing the sun, from the sun only.
     pub(crate) sunlight: [f32; 3],
     pub(crate) zenith: [f32; 3],
     pub(crate) horizon: [f32; 3],
     /// Glow around the sun.
     pub(crate) glow: [f32; 3],
     pub(crate) cloud: [f32; 3],
-    /// Radiance of white paper by the sky alone, face up, and by the ground alone, face down.
+    /// Radiance of white paper from the sky only, facing up, and from the ground only, facing down.
     pub(crate) ambient: [f32; 3],
     pub(crate) bounce: [f32; 3],
     pub(crate) fog: [f32; 3],
@@ -27,15 +27,15 @@ pub(crate) struct Environment {
     pub(crate) puddles: f32,
     pub(crate) rain: f32,
     pub(crate) lamps_on: bool,
-    /// From radiance to the scale of the sensor.
+    /// Factor from radiance to the sensor's scale.
     pub(crate) exposure: f32,
 }
 
-/// The horizon of a clear evening.
+/// Horizon colour of a clear evening.
 const EVENING_SKY: [f32; 3] = [0.62, 0.24, 0.06];
-/// The sky in heavy rain at a low sun.
+/// Sky colour in heavy rain with a low sun.
 const BELOW_THE_CLOUDS: [f32; 3] = [0.20, 0.105, 0.055];
-/// The light of street lamps that comes by way of walls and ground: a seventh of what they give the road between them.
+/// Light of street lamps scattered by walls and ground: a seventh of that on the road between them.
 const SCATTERED_LAMPLIGHT: [f32; 3] = [0.018, 0.015, 0.0105];
 
 const WHITE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -46,13 +46,13 @@ fn smooth(x: f32, low: f32, high: f32) -> f32 {
 }
 
 impl Environment {
-    /// The light of a scene as a camera with this exposure gets it.
+    /// Lighting of a scene for a camera with this exposure.
     pub(crate) fn new(scene: &Scene, exposure: Exposure) -> Self {
         let (weather, sun) = (&scene.weather, scene.sun.direction().map(|x| x as f32));
         let sun = normalized(sun);
         let height = sun[2];
         let (cloudiness, direct) = (weather.cloudiness as f32, weather.direct_share() as f32);
-        // Low light goes a longer way through the air and loses its blue.
+        // Light of a low sun has a longer path through the air and loses its blue.
         let low = smooth(height, 0.0, 0.5);
         let up = smooth(height, -0.03, 0.06);
         let colour = mix([0.95, 0.42, 0.13], [1.0, 0.95, 0.85], low.sqrt());
@@ -62,8 +62,8 @@ impl Environment {
         let clear_horizon = scale(mix([0.58, 0.34, 0.19], [0.50, 0.66, 0.86], low), day);
         let grey =
             scale(mix([0.40, 0.37, 0.36], [0.60, 0.62, 0.65], low), day * (1.0 - 0.25 * weather.rain as f32));
-        // Around a low sun the clear sky is orange. Clouds hide that, but a deck of heavy rain lets little through from
-        // above: what light there is comes in below its edge, dim and reddened. At noon both shares are zero.
+        // The clear sky around a low sun is orange. Clouds hide that, but under heavy rain clouds little light passes
+        // from above, and most comes in below their edge, dim and reddened. At noon both shares are zero.
         let dusk = 1.0 - low;
         let open = dusk * (1.0 - smooth(cloudiness, 0.2, 0.85));
         let heavy = dusk * smooth(weather.rain as f32, 0.25, 1.0);
@@ -74,15 +74,15 @@ impl Environment {
         let zenith = add(mix(clear_zenith, scale(grey, 0.75), cover), night);
         let horizon = add(mix(clear_horizon, grey, cover), scale(night, 2.0));
         let glow = scale(mix([1.1, 0.50, 0.16], [0.55, 0.52, 0.48], low), up * direct);
-        // Clouds near the sun's colour in clear weather, grey in bad.
+        // Cloud colour: near the sun's in clear weather, grey in bad weather.
         let cloud = add(mix(scale(add(sunlight, clear_horizon), 0.62), grey, cover), night);
         let ambient = scale(add(scale(zenith, 0.45), scale(horizon, 0.33)), 1.0 - 0.1 * cover);
-        // Between lamps it is not black: walls and ground scatter their light.
+        // Light between lamps, scattered by walls and ground.
         let scattered = if weather.lamps_on { 1.0 - day } else { 0.0 };
         let ambient = add(ambient, scale(SCATTERED_LAMPLIGHT, scattered));
         let lit = add(scale(sunlight, height.max(0.0)), ambient);
         let bounce = scale(lit, 0.16);
-        // Low sun lights little of the ground, but the bright sky is in the picture too.
+        // A low sun lights little of the ground, but the bright sky is in the image too.
         let metered = dot(lit, WHITE) + 0.25 * dot(horizon, WHITE);
         let meter = 0.82 / metered.max(0.14);
         let exposure = match exposure {
@@ -110,7 +110,7 @@ impl Environment {
         }
     }
 
-    /// Whether the sun is strong enough to cast shadows that can be seen.
+    /// Returns true if the sun is strong enough to cast visible shadows.
     pub(crate) fn has_shadows(&self) -> bool {
         dot(self.sunlight, WHITE) > 0.01 * dot(self.ambient, WHITE)
     }
@@ -127,10 +127,10 @@ mod tests {
 
     use super::*;
 
-    /// Red over blue at the horizon: blue sky at noon, orange at sunset where the sun comes through, below the clouds of
-    /// heavy rain too, and hardly lighter than street lamps there.
+    /// Red over blue at the horizon: blue sky at noon; orange at sunset where the sun is visible, and also below heavy
+    /// rain clouds, hardly brighter than street lamps there.
     #[test]
-    fn a_sunset_is_warm_and_noon_is_not() {
+    fn horizon_is_warm_at_sunset_and_cold_at_noon() {
         let light = |preset| Environment::new(&Scene::new(preset), Exposure::Metered);
         let warmth = |preset| {
             let light = light(preset);
@@ -146,9 +146,9 @@ mod tests {
         assert!(sky(WeatherPreset::HardRainSunset) < 0.4 * sky(WeatherPreset::HardRainNoon));
     }
 
-    /// Light of lamps scattered between houses, at night only.
+    /// Light of lamps scattered between houses is present at night only.
     #[test]
-    fn lamps_scatter_light_at_night_alone() {
+    fn lamps_scatter_light_only_at_night() {
         let ambient = |preset, lamps_on| {
             let mut scene = Scene::new(preset);
             scene.weather.lamps_on = lamps_on;

@@ -1,4 +1,4 @@
-//! Pinhole images: rays of pixels, and what the image may show.
+//! Pinhole images: pixel rays and view frusta.
 
 use core::ops::Range;
 
@@ -8,24 +8,24 @@ use swerve_scene::vector::dot;
 use super::pose::rotation_rows;
 use crate::Camera;
 
-/// A pinhole image: what the planes are relative to. The centre of pixel `(i, j)` is where `x = i`, `y = j`.
+/// Pinhole image, the reference of the planes. The centre of pixel `(i, j)` is at `x = i`, `y = j`.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Pinhole {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) fx: f64,
     pub(crate) fy: f64,
-    /// Principal point in the coordinates of pixel centres: half a pixel less than usual.
+    /// Principal point in pixel-centre coordinates, which are half a pixel less than usual.
     pub(crate) cx: f64,
     pub(crate) cy: f64,
     pub(crate) near: f32,
     pub(crate) far: f32,
-    /// Its rays are parallel, and `fx` and `fy` are pixels per metre.
+    /// True for parallel rays; `fx` and `fy` are then pixels per metre.
     pub(crate) flat: bool,
 }
 
 impl Pinhole {
-    /// The image of a camera without its lens.
+    /// Image of a camera without its lens.
     pub(crate) fn new(camera: &Camera) -> Self {
         let (fx, fy, cx, cy) = camera.focal_px();
         let spec = camera.spec();
@@ -42,8 +42,8 @@ impl Pinhole {
         }
     }
 
-    /// Where the ray of a pixel starts in a flat image, from a centre in the map frame: factors of x, of y, and the
-    /// rest.
+    /// Origin of a pixel's ray in an orthographic image, relative to a centre in the map frame: factors of x and y, and
+    /// the constant.
     pub(crate) fn ray_origins(
         &self,
         map_from_camera: &Transform<Map, swerve_geom::Camera>,
@@ -60,7 +60,7 @@ impl Pinhole {
         ]
     }
 
-    /// Direction of the ray of a pixel with depth 1, map frame: factors of x, of y, and the rest.
+    /// Direction of a pixel's ray with depth 1, map frame: factors of x and y, and the constant.
     pub(crate) fn ray_directions(
         &self,
         map_from_camera: &Transform<Map, swerve_geom::Camera>,
@@ -77,17 +77,17 @@ impl Pinhole {
         ]
     }
 
-    /// The same image, looked at from a place beside the centre of each pixel.
+    /// Image sampled at an offset from the centre of each pixel.
     pub(crate) fn shifted(self, [right, down]: [f64; 2]) -> Self {
         Self { cx: self.cx - right, cy: self.cy - down, ..self }
     }
 
-    /// Nearness at the near plane; that of nothing is 0.
+    /// Nearness at the near plane; the nearness of sky is 0.
     pub(crate) fn nearest(&self) -> f32 {
         if self.flat { self.far - self.near } else { 1.0 / self.near }
     }
 
-    /// Depths of what has such nearness.
+    /// Converts nearness to depth.
     pub(crate) fn depths(&self, out: &mut [f32], nearness: &[f32]) {
         for (depth, w) in out.iter_mut().zip(nearness) {
             *depth = if !self.flat {
@@ -101,10 +101,10 @@ impl Pinhole {
     }
 }
 
-/// Tests of spheres against what the image shows.
+/// View frustum for visibility tests of spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frustum {
-    /// Normals of the four sides, inwards, camera frame.
+    /// Inward normals of the four sides, camera frame.
     sides: [[f32; 3]; 4],
     /// Distances of the sides from the camera.
     offsets: [f32; 4],
@@ -113,7 +113,7 @@ pub(crate) struct Frustum {
 }
 
 impl Frustum {
-    /// The frustum of some rows of an image.
+    /// Frustum of some rows of an image.
     pub(crate) fn new(image: &Pinhole, rows: &Range<usize>) -> Self {
         let left = (-0.5 - image.cx) / image.fx;
         let right = (image.width as f64 - 0.5 - image.cx) / image.fx;
@@ -133,7 +133,7 @@ impl Frustum {
         Self { sides, offsets: [0.0; 4], near: image.near, far: image.far }
     }
 
-    /// Whether a sphere may be seen.
+    /// Returns true if a sphere may be visible.
     pub(crate) fn touches(&self, centre: [f32; 3], radius: f32) -> bool {
         centre[2] + radius >= self.near
             && centre[2] - radius <= self.far
@@ -144,7 +144,7 @@ impl Frustum {
                 .all(|(side, offset)| dot(*side, centre) + offset >= -radius)
     }
 
-    /// Whether something that extends from a sphere along a vector may be seen.
+    /// Returns true if a sphere swept along a vector may be visible.
     pub(crate) fn touches_swept(&self, centre: [f32; 3], radius: f32, along: [f32; 3]) -> bool {
         let end = [centre[0] + along[0], centre[1] + along[1], centre[2] + along[2]];
         centre[2].max(end[2]) + radius >= self.near

@@ -11,12 +11,12 @@ pub(crate) fn rotation_rows<A, B>(transform: &Transform<A, B>) -> [[f64; 3]; 3] 
     [0, 1, 2].map(|row| [m[(row, 0)], m[(row, 1)], m[(row, 2)]])
 }
 
-/// The rows in single precision.
+/// Converts the rows to single precision.
 pub(crate) fn narrow(rows: [[f64; 3]; 3]) -> [[f32; 3]; 3] {
     rows.map(|row| row.map(|x| x as f32))
 }
 
-/// A pose some seconds later (or earlier): moved, and rotated about its own origin. The rotation is taken as small.
+/// Pose after some seconds (negative for earlier): translated, and rotated about its origin. Assumes a small rotation.
 pub(crate) fn pose_after<F>(pose: &Transform<Map, F>, motion: &Motion, by_s: f64) -> Transform<Map, F> {
     if *motion == Motion::default() || by_s == 0.0 {
         return *pose;
@@ -28,7 +28,7 @@ pub(crate) fn pose_after<F>(pose: &Transform<Map, F>, motion: &Motion, by_s: f64
     Transform::new(Point::new(p.x + vx, p.y + vy, p.z + vz), (turn * *pose).rotation())
 }
 
-/// Applies a matrix of rows.
+/// Multiplies a matrix, given by rows, by a vector.
 pub(crate) fn rotate(rows: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     [dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)]
 }

@@ -1,4 +1,4 @@
-//! Sensors: exposure, vignetting, rain and noise of one camera in one frame.
+//! Sensor parameters: exposure, vignetting, rain and noise of one camera in one frame.
 
 use std::sync::OnceLock;
 
@@ -7,7 +7,7 @@ use swerve_scene::hash;
 use super::light::Environment;
 use crate::Camera;
 
-/// Quantiles of the normal distribution, 1024 of them.
+/// Table of 1024 quantiles of the normal distribution.
 struct Normal(Vec<f32>);
 
 impl Normal {
@@ -18,7 +18,7 @@ impl Normal {
     }
 }
 
-/// The value below which a normal variable is with probability `p`: bisection on the error function.
+/// Quantile of the standard normal distribution at probability `p`, by bisection on the error function.
 fn quantile(p: f64) -> f64 {
     let (mut low, mut high) = (-6.0, 6.0);
     for _ in 0..60 {
@@ -32,11 +32,11 @@ fn quantile(p: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The sensor of one camera for one frame.
+/// Sensor of one camera for one frame.
 pub(crate) struct Sensor<'a> {
     pub(crate) exposure: f32,
     pub(crate) vignetting: f32,
-    /// `x` and `y` over focal length: slope and offset.
+    /// Slope and offset of `x` and `y` over focal length.
     pub(crate) across: [f32; 2],
     pub(crate) down: [f32; 2],
     pub(crate) read: f32,
@@ -49,7 +49,7 @@ pub(crate) struct Sensor<'a> {
 }
 
 impl Sensor<'_> {
-    /// Quantiles of the normal distribution, 1024 of them, which noise is drawn from.
+    /// 1024 quantiles of the normal distribution, from which noise is drawn.
     pub(crate) fn quantiles() -> &'static [f32] {
         &Normal::get().0
     }
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_noise_is_normal() {
+    fn noise_quantiles_are_normal() {
         let table = &Normal::get().0;
         let mean = table.iter().sum::<f32>() / 1024.0;
         let variance = table.iter().map(|x| x * x).sum::<f32>() / 1024.0;

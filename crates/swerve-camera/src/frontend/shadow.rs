@@ -1,7 +1,7 @@
-//! Shadow maps: their size and place, and what is drawn to them.
+//! Size and position of shadow maps, and their contents.
 //!
-//! A map of depths seen from the sun, and a map of how much the ground is hidden from the sky. Both lie around the
-//! cell of a coarse grid in which the camera is, so that they are a function of scene and cell and those of the
+//! A depth map seen from the sun, and a map of the hidden share of the sky above the ground. Both are centred on the
+//! cell of a coarse grid that contains the camera, so that they are a function of scene and cell, and those of the
 //! static part can be kept.
 
 use swerve_geom::{Map, Point, Transform};
@@ -14,7 +14,7 @@ use super::pose::{narrow, rotate, rotation_rows};
 
 /// Side of the sun's map, texels.
 pub(crate) const SIDE: usize = 2048;
-/// Half of the sun's map, metres.
+/// Half of the side of the sun's map, metres.
 pub(crate) const REACH_M: f32 = 120.0;
 /// Texels per metre.
 pub(crate) const PER_M: f32 = SIDE as f32 / (2.0 * REACH_M);
@@ -29,15 +29,15 @@ pub(crate) const SKY_PER_M: f32 = 8.0;
 /// Side of a cell, metres.
 const CELL_M: f64 = 48.0;
 
-/// Which cell a position is in: its centre.
+/// Centre of the cell that contains a position.
 pub(crate) fn cell(position: [f64; 3]) -> [f64; 3] {
     position.map(|x| (x / CELL_M).round() * CELL_M)
 }
 
-/// Direction that the sun's map looks along where the sun casts no shadows.
+/// Viewing direction of the sun's map if the sun casts no shadows.
 pub(crate) const UP: [f32; 3] = [0.0, 0.0, 1.0];
 
-/// Hash of all that the static maps of a cell depend on.
+/// Hash of all inputs of a cell's static maps.
 pub(crate) fn maps_key(scene: &Scene, centre: [f64; 3], sun: Option<[f32; 3]>) -> Key {
     let mut key = Key::default();
     key.long(scene.statics().version());
@@ -47,14 +47,14 @@ pub(crate) fn maps_key(scene: &Scene, centre: [f64; 3], sun: Option<[f32; 3]>) -
     key
 }
 
-/// Whether something casts a shadow that matters: not what lies flat on the ground.
+/// Returns true if an instance casts a relevant shadow; instances flat on the ground do not.
 pub(crate) fn casts_shadow(instance: &Instance) -> bool {
     use SemanticClass as C;
     !matches!(instance.class, C::Road | C::Ground | C::Terrain | C::Sidewalk | C::Parking | C::RailTrack)
 }
 
-/// Whether a camera may see a sphere, the ground around it, or its shadow: `sun` is the direction towards the sun, if
-/// that casts shadows.
+/// Returns true if a camera may see a sphere, the ground around it, or its shadow. `sun` is the direction towards the
+/// sun, if it casts shadows.
 pub(crate) fn is_shadow_seen(
     camera_from_map: &Transform<swerve_geom::Camera, Map>,
     frustum: &Frustum,
@@ -72,25 +72,25 @@ pub(crate) fn is_shadow_seen(
     frustum.touches_swept(at, radius + 1.0, along)
 }
 
-/// Ground that a thing stands on and hides from the sky.
+/// Footprint of an instance that hides the sky from the ground.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Footprint {
-    /// Middle of its foot, from the centre of the map.
+    /// Centre of the footprint, relative to the centre of the map.
     pub(crate) place: [f32; 2],
     /// Half of its length and width.
     pub(crate) half: [f32; 2],
     /// Rotation from the body to the map.
     pub(crate) rows: [[f32; 3]; 3],
-    /// How much it hides, in 255ths.
+    /// Hidden share of the sky, in 255ths.
     pub(crate) strength: f32,
-    /// Over which distance that fades.
+    /// Distance over which the effect fades.
     pub(crate) fall: f32,
-    /// Farther from the middle it hides nothing.
+    /// Distance from the centre beyond which there is no effect.
     pub(crate) reach: f32,
 }
 
 impl Footprint {
-    /// The footprint of an instance, from the centre of a cell; `None` for flat things.
+    /// Footprint of an instance, relative to the centre of a cell; `None` for flat instances.
     pub(crate) fn new(mesh: &Mesh, instance: &Instance, centre: [f64; 3]) -> Option<Self> {
         let (min, max) = mesh.bounds();
         let height = max[2] - min[2];
@@ -111,7 +111,7 @@ impl Footprint {
     }
 }
 
-/// Axes of the sun's map, by rows: across the light, along it across, towards the sun.
+/// Axes of the sun's map, by rows: across the light, the perpendicular axis across the light, towards the sun.
 pub(crate) fn axes(sun: [f32; 3]) -> [[f32; 3]; 3] {
     let helper = if sun[2].abs() < 0.99 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let across = normalized(cross(helper, sun));

@@ -1,4 +1,4 @@
-//! Sub-frames: the instants and slabs of rows that one image is made of.
+//! Sub-frames: the instants and slabs of rows that make up one image.
 
 use core::ops::Range;
 
@@ -6,19 +6,19 @@ use super::BAND;
 use crate::Camera;
 use crate::frame::Outputs;
 
-/// One sub-frame: an instant, a slab of the rows, a share of the light.
+/// Sub-frame: an instant, a slab of rows, and a share of the light.
 #[derive(Clone, Debug)]
 pub(crate) struct SubFrame {
-    /// Seconds after the stamp of the image.
+    /// Time after the stamp of the image, seconds.
     pub(crate) at_s: f64,
     pub(crate) rows: Range<usize>,
-    /// Which of how many samples of its rows.
+    /// Index and number of samples of its rows.
     pub(crate) sample: u32,
     pub(crate) samples: u32,
 }
 
 impl SubFrame {
-    /// All sub-frames of an image, in order: slab by slab, of each its samples.
+    /// All sub-frames of an image: slab by slab, each with its samples in order.
     pub(crate) fn all(camera: &Camera, outputs: Outputs) -> impl Iterator<Item = Self> {
         let (height, shutter) = (camera.height_px(), camera.spec().shutter);
         let samples = if outputs.rgb { shutter.blur_samples } else { 1 };
@@ -36,7 +36,7 @@ impl SubFrame {
         })
     }
 
-    /// Where in the pixel it looks, from the centre: evenly spread, the one of the ids in the middle.
+    /// Sampling offset from the pixel centre, evenly distributed; zero for the sample that provides ids.
     pub(crate) fn offset(&self) -> [f64; 2] {
         if self.gives_ids() {
             return [0.0; 2];
@@ -46,7 +46,7 @@ impl SubFrame {
         [0.754_877_666_246_693 * k, 0.569_840_290_998_053 * k].map(|x| x - x.floor() - 0.5)
     }
 
-    /// Whether depth and ids are taken from it.
+    /// Returns true if depth and ids are taken from this sub-frame.
     pub(crate) fn gives_ids(&self) -> bool {
         self.sample == self.samples / 2
     }

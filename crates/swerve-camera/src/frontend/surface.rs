@@ -1,31 +1,31 @@
-//! Surfaces of instances, ready for shading: what every back end computes light from.
+//! Surfaces of instances, prepared for shading by all back ends.
 
 use swerve_scene::{Instance, Look, Material, Scene, lamps};
 
 use super::texture;
 
-/// A surface of one instance, ready for shading.
+/// Surface of one instance, prepared for shading.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Surface {
-    /// See [`slot`].
+    /// Parameters, indexed by [`slot`].
     pub(crate) numbers: [f32; 16],
     /// First word of its texture tile.
     pub(crate) texture: u32,
-    /// It has a texture, is polished, gets wet, shines: bits 0 to 3.
+    /// Bits 0 to 3: textured, polished, gets wet, emissive.
     pub(crate) flags: u32,
-    /// Id for the semantic image.
+    /// Id in the semantic image.
     pub(crate) class: u8,
-    /// Id for the instance image.
+    /// Id in the instance image.
     pub(crate) instance: u32,
 }
 
-/// Where numbers are in [`Surface::numbers`].
+/// Indices into [`Surface::numbers`].
 pub(crate) mod slot {
     /// Reflectance where the texture is 0; three channels.
     pub(crate) const ALBEDO: usize = 0;
-    /// How much more it is where the texture is 1; three channels.
+    /// Additional reflectance where the texture is 1; three channels.
     pub(crate) const CONTRAST: usize = 3;
-    /// Radiance of its own; three channels.
+    /// Emitted radiance; three channels.
     pub(crate) const EMISSIVE: usize = 6;
     /// Mirror reflectance at normal incidence.
     pub(crate) const SPECULAR: usize = 9;
@@ -35,7 +35,7 @@ pub(crate) mod slot {
     pub(crate) const TILES: usize = 11;
     /// 1 for ground that gets wet.
     pub(crate) const GROUND: usize = 12;
-    /// 1 for what shines back into head lamps.
+    /// 1 for retro-reflective surfaces.
     pub(crate) const RETRO: usize = 13;
 }
 
@@ -47,13 +47,13 @@ pub(crate) mod flag {
     pub(crate) const SHINING: u32 = 8;
 }
 
-/// Lamps of an instance: its own, and those that the weather switches.
+/// Lamps of an instance that are on: those it switches, and those the weather switches.
 fn lamps_of(look: &Look, scene: &Scene) -> u8 {
     if scene.weather.lamps_on { look.lamps | 1 << lamps::NIGHT } else { look.lamps & !(1 << lamps::NIGHT) }
 }
 
 impl Surface {
-    /// The surface of a material on an instance.
+    /// Surface of a material on an instance.
     pub(crate) fn new(material: &Material, instance: &Instance, scene: &Scene) -> Self {
         let tint = material.tint.and_then(|k| instance.look.tints.get(usize::from(k)));
         let tint = tint.copied().unwrap_or([1.0; 3]);

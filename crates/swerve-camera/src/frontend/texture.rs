@@ -9,12 +9,12 @@ use swerve_scene::{Texture, hash};
 
 /// Side of a tile at its finest level.
 pub(crate) const SIDE: usize = 256;
-/// Levels, down to a single value.
+/// Number of levels, down to a single value.
 pub(crate) const LEVELS: usize = 9;
 /// Words of all levels of one tile.
 pub(crate) const STRIDE: usize = offset(LEVELS);
 
-/// Where a level starts within a tile.
+/// Offset of a level within a tile, words.
 pub(crate) const fn offset(level: usize) -> usize {
     let mut at = 0;
     let mut k = 0;
@@ -25,7 +25,7 @@ pub(crate) const fn offset(level: usize) -> usize {
     at
 }
 
-/// Where each level starts.
+/// Offset of each level within a tile, words.
 pub(crate) const OFFSETS: [u32; LEVELS] = {
     let mut offsets = [0; LEVELS];
     let mut level = 0;
@@ -36,11 +36,11 @@ pub(crate) const OFFSETS: [u32; LEVELS] = {
     offsets
 };
 
-/// Number of the tile of clouds, behind those of the materials.
+/// Index of the tile of clouds, after those of the materials.
 pub(crate) const CLOUDS: usize = Texture::ALL.len();
-/// Number of the tile of puddles and stains.
+/// Index of the tile of puddles and stains.
 pub(crate) const PUDDLES: usize = CLOUDS + 1;
-/// Number of the tile of rain streaks.
+/// Index of the tile of rain streaks.
 pub(crate) const STREAKS: usize = CLOUDS + 2;
 const COUNT: usize = CLOUDS + 3;
 
@@ -50,14 +50,13 @@ pub(crate) struct Tiles {
 }
 
 impl Tiles {
-    /// The tiles; baked at the first call of the process, constant from then on.
+    /// Shared tiles; baked on the first call in the process, constant from then on.
     pub(crate) fn get() -> &'static Self {
         static TILES: OnceLock<Tiles> = OnceLock::new();
         TILES.get_or_init(Self::bake)
     }
 
-    /// Word `index` of all tiles; the index is taken from a tile's base, level offset and wrapped
-    /// coordinates.
+    /// Words of all tiles; an index is the sum of a tile's base, a level offset and wrapped coordinates.
     pub(crate) fn words(&self) -> &[u32] {
         &self.words
     }
@@ -95,7 +94,7 @@ fn pack(level: &[f32], side: usize, words: &mut Vec<u32>) {
     }
 }
 
-/// Mean over a texel: patterns with sharp edges are sampled twice per axis.
+/// Mean over a texel; patterns with sharp edges are sampled twice per axis.
 fn texel(tile: usize, x: usize, y: usize) -> f32 {
     let sharp =
         [Texture::Brick, Texture::Stop, Texture::Limit30, Texture::Limit50, Texture::Limit80, Texture::Plate];
@@ -110,7 +109,7 @@ fn texel(tile: usize, x: usize, y: usize) -> f32 {
     0.25 * sum
 }
 
-/// A pattern at a point of the unit square.
+/// Pattern value at a point of the unit square.
 fn value(tile: usize, x: f32, y: f32) -> f32 {
     match tile {
         CLOUDS => fbm(x, y, 4, 6, 11),
@@ -172,7 +171,7 @@ fn ramp(x: f32, low: f32, high: f32) -> f32 {
     ((x - low) / (high - low)).clamp(0.0, 1.0)
 }
 
-/// Grains of stone in dark binder, stains, fine cracks.
+/// Asphalt: grains of stone in dark binder, stains, fine cracks.
 fn asphalt(x: f32, y: f32) -> f32 {
     let grain = 0.55 * noise(x, y, 128, 128, 3) + 0.45 * noise(x, y, 220, 220, 4);
     let stain = fbm(x, y, 3, 4, 17);
@@ -181,7 +180,7 @@ fn asphalt(x: f32, y: f32) -> f32 {
     (0.75 * grain * grain + 0.55 * stain - 0.1) * (0.25 + 0.75 * dark)
 }
 
-/// Two by two slabs with joints and a tone of their own.
+/// Two by two slabs with joints, each with its own tone.
 fn slabs(x: f32, y: f32) -> f32 {
     let (sx, sy) = (2.0 * x, 2.0 * y);
     let edge = |t: f32| (t - t.floor()).min(1.0 - (t - t.floor()));
@@ -222,7 +221,7 @@ fn foliage(x: f32, y: f32) -> f32 {
     ramp(leaf, 0.25, 0.95) * (0.45 + 0.55 * fbm(x, y, 5, 3, 83)) + 0.15 * noise(x, y, 110, 110, 16)
 }
 
-/// Eight rows of overlapping tiles.
+/// Eight rows of overlapping roof tiles.
 fn roof_tiles(x: f32, y: f32) -> f32 {
     let (u, v) = (8.0 * x, 8.0 * y);
     let (fu, fv) = (u - u.floor(), v - v.floor());
@@ -238,7 +237,7 @@ fn worn(x: f32, y: f32) -> f32 {
     ramp(patch + 0.35 * grain, 0.72, 0.86) * 0.85 + 0.12 * grain
 }
 
-/// Ribs along y, sixteen per tile, a little dirty.
+/// Ribs along y, sixteen per tile, slightly dirty.
 fn corrugated(x: f32, y: f32) -> f32 {
     let rib = 16.0 * x - (16.0 * x).floor();
     ramp((rib - 0.5).abs(), 0.25, 0.45) * 0.8 + 0.3 * fbm(x, y, 3, 4, 97)
@@ -255,7 +254,7 @@ fn streaks(x: f32, y: f32) -> f32 {
     if bright > 0.55 { across * ramp(along, 0.0, 0.3) * (1.0 - ramp(along, 0.3, 0.45)) * bright } else { 0.0 }
 }
 
-/// Rows of a 5 x 7 letter, the leftmost dot in the highest of five bits.
+/// Rows of a 5 x 7 letter; the leftmost dot is the highest of five bits.
 fn glyph(letter: u8) -> [u8; 7] {
     match letter {
         b'0' => [14, 17, 17, 17, 17, 17, 14],

@@ -1,4 +1,4 @@
-//! Cells that the cameras of a submission are in, and what is drawn to their shadow maps.
+//! Cells that contain the cameras of a submission, and the contents of their shadow maps.
 
 use core::ops::Range;
 
@@ -14,54 +14,54 @@ use crate::frontend::pinhole::{Frustum, Pinhole};
 use crate::frontend::shadow::{Footprint, UP, cell, is_shadow_seen, maps_key};
 use crate::{Exposure, View};
 
-/// A cell with cameras in it.
+/// Cell with cameras in it.
 pub(super) struct Cell {
     pub(super) centre: [f64; 3],
-    /// First rows of the items that are fixed, of those that move.
+    /// First rows of the static and of the moving items.
     pub(super) items: [u32; 2],
-    /// Maps of sun and sky, if colour is asked for.
+    /// Index of the maps of sun and sky, if colour is requested.
     pub(super) maps: Option<usize>,
-    /// Something that moves is in the maps.
+    /// True if the maps contain a moving instance.
     pub(super) moves: bool,
 }
 
-/// Index of what is fixed in pairs of maps, items and the like.
+/// Index of static instances in pairs of maps, items and the like.
 pub(super) const FIXED: usize = 0;
-/// Index of what moves.
+/// Index of moving instances.
 pub(super) const MOVING: usize = 1;
 
-/// Drawing to the maps of a cell.
+/// Drawing job for the maps of a cell.
 pub(super) struct MapJob {
     pub(super) maps: usize,
     /// [`FIXED`] or [`MOVING`].
     pub(super) part: usize,
-    /// All that was there before goes.
+    /// True if the previous content is discarded.
     pub(super) is_new: bool,
-    /// Rectangles that are made empty, in the map of the sun and in that of the sky. Clearing the whole of large
-    /// maps takes some adapters longer than all else.
+    /// Rectangles to erase in the map of the sun and in that of the sky. On some adapters clearing complete large maps
+    /// takes longer than everything else.
     pub(super) erased: [Range<u32>; 2],
     pub(super) sun: ClusterRanges,
     pub(super) footprints: Range<u32>,
 }
 
-/// A camera, and what it may see.
+/// Camera with its frustum.
 struct Sight {
     camera_from_map: Transform<swerve_geom::Camera, Map>,
     frustum: Frustum,
 }
 
-/// Everything that may cast shadows in a cell.
+/// Potential shadow casters of a cell.
 struct Casters<'a> {
     scene: &'a Scene,
     moving: &'a [DrawInstance],
     /// Direction towards the sun if it casts shadows.
     sun: Option<[f32; 3]>,
-    /// Cameras of the cell that show colour; `None` if what they see is not known before their sub-frames are.
+    /// Colour cameras of the cell; `None` if their views are not known before their sub-frames are.
     sights: Option<Vec<Sight>>,
 }
 
 impl Casters<'_> {
-    /// Whether a shadow of something that moves may be seen.
+    /// Returns true if the shadow of a moving instance may be visible.
     fn is_shown(&self, instance: &DrawInstance) -> bool {
         let [x, y, z] = instance.middle;
         let middle = Point::new(x, y, z);
@@ -72,7 +72,7 @@ impl Casters<'_> {
     }
 }
 
-/// The cell of a view: its centre.
+/// Centre of the cell of a view.
 pub(super) fn cell_of(view: &View<'_>) -> [f64; 3] {
     cell(view.map_from_camera.origin().coords.into())
 }
@@ -94,7 +94,7 @@ fn sights(views: &[(View<'_>, Outputs)], centre: [f64; 3]) -> Option<Vec<Sight>>
 }
 
 impl GpuRenderer {
-    /// Finds the cells of views, where things are around them, and what is to be drawn to their maps.
+    /// Determines the cells of views, the positions of instances relative to them, and the jobs for their maps.
     pub(super) fn cells(
         &mut self,
         scene: &Scene,
@@ -127,7 +127,7 @@ impl GpuRenderer {
         (cells, jobs)
     }
 
-    /// Writes where things are around a centre.
+    /// Writes the positions of instances relative to a centre.
     fn cell(&mut self, scene: &Scene, centre: [f64; 3], moving: &[DrawInstance]) -> Cell {
         let fixed = self.records.next();
         self.records.rows.extend_from_slice(self.statics.around(scene, centre));
@@ -138,7 +138,7 @@ impl GpuRenderer {
         Cell { centre, items: [fixed, first_moving], maps: None, moves: false }
     }
 
-    /// Lists what is drawn to one of the maps of a cell; `None` if nothing is.
+    /// Drawing job for one of the maps of a cell; `None` if there is nothing to draw.
     fn map_job(
         &mut self,
         casters: &Casters<'_>,
@@ -151,7 +151,7 @@ impl GpuRenderer {
         let Self { maps: cache, statics, listed, records, .. } = self;
         let kept = &mut cache.maps[maps];
         let instances = [statics.instances.as_slice(), moving][part];
-        // What is fixed is drawn for all views that will come, what moves for those of this submission.
+        // Static instances are drawn for all future views, moving ones only for those of this submission.
         let casts = |instance: &DrawInstance| instance.casts && (part == FIXED || casters.is_shown(instance));
         let is_new = kept.is_new[part];
         let is_wanted = if part == FIXED { is_new } else { instances.iter().any(casts) };

@@ -1,4 +1,4 @@
-//! Commands for the device: passes that draw and shade.
+//! Command encoding: passes that draw and shade.
 
 use core::ops::Range;
 
@@ -11,7 +11,7 @@ use super::renderer::GpuRenderer;
 use super::sub_frames::RoundCommands;
 
 impl GpuRenderer {
-    /// Draws things that cast shadows to one of the maps.
+    /// Draws shadow casters to one of the maps.
     pub(super) fn draw_maps(&self, encoder: &mut wgpu::CommandEncoder, job: &MapJob) {
         let maps = &self.maps.maps[job.maps];
         let [shapes, _] = self.bound();
@@ -64,7 +64,7 @@ impl GpuRenderer {
         }
     }
 
-    /// Draws clusters, those with one side first.
+    /// Draws clusters, single-sided ones first.
     fn draw_clusters(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -90,7 +90,7 @@ impl GpuRenderer {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         let [shapes, pixels] = self.bound();
         pass.set_bind_group(0, shapes, &[]);
-        // Of the second step each unit of work has four pixels.
+        // A unit of work of the second step covers four pixels.
         for (pipeline, pixels_each) in self.pipelines.shade.iter().zip([1, 4]) {
             pass.set_pipeline(pipeline);
             for (k, dispatch) in round.dispatches.iter().enumerate() {
@@ -106,7 +106,7 @@ impl GpuRenderer {
     }
 }
 
-/// Blocks of 64 pixels in the first dimension of a dispatch, of which `pass.wgsl` knows.
+/// Blocks of 64 pixels in the first dimension of a dispatch; must match `pass.wgsl`.
 const BLOCKS_ACROSS: u32 = 32768;
 
 fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassColorAttachment<'_> {

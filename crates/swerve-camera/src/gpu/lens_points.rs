@@ -1,4 +1,4 @@
-//! Lenses on the device: where each pixel of a distorted image is in the pinhole image.
+//! Lenses on the device: position of each pixel of a distorted image in the pinhole image.
 
 use swerve_gpu::{Gpu, GrowingBuffer, wgpu};
 
@@ -6,11 +6,11 @@ use crate::Camera;
 use crate::frontend::lens::{LensCache, same_lens};
 use crate::frontend::pinhole::Pinhole;
 
-/// The pinhole image behind a lens.
+/// Pinhole image behind a lens.
 #[derive(Clone, Copy)]
 pub(super) struct LensImage {
     pub(super) pinhole: Pinhole,
-    /// First of its points on the device.
+    /// Index of its first point on the device.
     pub(super) first_point: u32,
 }
 
@@ -23,7 +23,7 @@ pub(super) struct LensPoints {
     on_device: GrowingBuffer,
 }
 
-/// Points above which those of earlier cameras are forgotten.
+/// Number of points above which those of earlier cameras are dropped.
 const LENS_POINTS: usize = 1 << 24;
 
 impl LensPoints {
@@ -42,7 +42,7 @@ impl LensPoints {
         self.on_device.get()
     }
 
-    /// The image behind the lens of a camera; `None` for a perfect one.
+    /// Image behind the lens of a camera; `None` for an undistorted one.
     pub(super) fn get(&mut self, camera: &Camera) -> Option<LensImage> {
         if let Some((_, known)) = self.known.iter().find(|(known, _)| same_lens(known, camera)) {
             return Some(*known);
@@ -62,7 +62,7 @@ impl LensPoints {
         }
     }
 
-    /// Brings what is new to the device, and says whether the buffer was replaced.
+    /// Uploads new points; returns true if the buffer was replaced.
     pub(super) fn upload(&mut self, gpu: &Gpu) -> Result<bool, String> {
         let replaced = self.on_device.reserve(gpu, size_of_val(self.points.as_slice()) as u64)?.is_some();
         if replaced {

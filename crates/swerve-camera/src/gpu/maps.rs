@@ -1,4 +1,4 @@
-//! Maps of what the sun and the sky see, around a cell: of what is fixed, kept, and of what moves, drawn anew.
+//! Sun and sky maps around a cell: static ones are kept, moving ones are redrawn.
 
 use swerve_gpu::{Gpu, wgpu};
 use swerve_scene::hash::Key;
@@ -6,25 +6,25 @@ use swerve_scene::hash::Key;
 use super::pipelines::{DEPTH, Pipelines, SKY};
 use crate::frontend::shadow::{SIDE, SKY_SIDE};
 
-/// The maps of one cell.
+/// Maps of one cell.
 pub(super) struct CellMaps {
     key: Key,
     used: u64,
-    /// Depths towards the sun: of what is fixed, of what moves.
+    /// Depths towards the sun: of static and of moving instances.
     pub(super) sun: [wgpu::TextureView; 2],
-    /// Shares of the sky that are hidden, likewise.
+    /// Hidden shares of the sky: of static and of moving instances.
     pub(super) sky: [wgpu::TextureView; 2],
     pub(super) bound: wgpu::BindGroup,
-    /// Nothing has been drawn yet: of what is fixed, of what moves.
+    /// True until the first drawing: of static and of moving instances.
     pub(super) is_new: [bool; 2],
-    /// Where in the maps of sun and sky something that moves was drawn last: two corners each.
+    /// Rectangles in the maps of sun and sky where moving instances were drawn last.
     pub(super) moved: [Vec<Corners>; 2],
 }
 
 /// Two corners of a rectangle in a map, from -1 to 1.
 pub(super) type Corners = [f32; 4];
 
-/// A texture that is drawn to and read from: columns, rows, layers.
+/// Texture that is drawn to and read from: columns, rows, layers.
 pub(super) fn texture(gpu: &Gpu, size: [u32; 3], format: wgpu::TextureFormat) -> wgpu::Texture {
     let [width, height, depth_or_array_layers] = size;
     gpu.device().create_texture(&wgpu::TextureDescriptor {
@@ -39,12 +39,12 @@ pub(super) fn texture(gpu: &Gpu, size: [u32; 3], format: wgpu::TextureFormat) ->
     })
 }
 
-/// A view of a texture with one layer.
+/// View of a texture with one layer.
 pub(super) fn image(gpu: &Gpu, side: usize, format: wgpu::TextureFormat) -> wgpu::TextureView {
     texture(gpu, [side as u32, side as u32, 1], format).create_view(&wgpu::TextureViewDescriptor::default())
 }
 
-/// Binds maps for shading.
+/// Bind group of maps for shading.
 pub(super) fn bind(gpu: &Gpu, pipelines: &Pipelines, views: [&wgpu::TextureView; 4]) -> wgpu::BindGroup {
     let entries = [0, 1, 2, 3].map(|binding| wgpu::BindGroupEntry {
         binding,
@@ -66,18 +66,18 @@ impl CellMaps {
     }
 }
 
-/// The maps of some cells, of which the least recently used make room.
+/// Maps of recently used cells; the least recently used is evicted.
 #[derive(Default)]
 pub(super) struct MapCache {
     pub(super) maps: Vec<CellMaps>,
     clock: u64,
 }
 
-/// Cells that are kept, unless one submission needs more.
+/// Number of cells kept, unless one submission needs more.
 const KEPT: usize = 3;
 
 impl MapCache {
-    /// Starts a submission: maps that it takes from now on stay until the next.
+    /// Starts a submission: maps used from now on are kept until the next one.
     pub(super) fn start(&mut self) {
         self.clock += 1;
     }

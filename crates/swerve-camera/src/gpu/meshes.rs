@@ -1,34 +1,34 @@
-//! Meshes on the device: uploaded once, by content.
+//! Meshes on the device: uploaded once, keyed by content.
 
 use std::collections::BTreeMap;
 
 use swerve_gpu::{Gpu, GrowingBuffer, wgpu};
 use swerve_scene::{Mesh, MeshId, MeshLibrary};
 
-/// Triangles that are drawn as one instance.
+/// Number of triangles drawn as one instance.
 pub(super) const CLUSTER: usize = 64;
 
-/// Where the triangles of a mesh are.
+/// Location of a mesh's triangles.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub(super) struct Shape {
-    /// First of its clusters.
+    /// Index of its first cluster.
     pub(super) first: u32,
-    /// Clusters of triangles with one side, and behind them those with two.
+    /// Number of clusters of single-sided triangles, followed by those of double-sided ones.
     pub(super) one_sided: u32,
     pub(super) two_sided: u32,
 }
 
-/// All meshes that were drawn so far.
+/// All meshes drawn so far.
 pub(super) struct MeshStore {
     vertices: Vec<[f32; 4]>,
     triangles: Vec<[u32; 4]>,
     known: BTreeMap<(u64, usize, usize), Shape>,
-    /// Shapes by id, and of which library.
+    /// Shapes by id, and the version of their library.
     library: Option<u64>,
     by_id: Vec<Option<Shape>>,
-    /// Changes when shapes are forgotten.
+    /// Incremented when shapes are dropped.
     pub(super) generation: u64,
-    /// How much of both is on the device.
+    /// Number of vertices and triangles already on the device.
     uploaded: (usize, usize),
     pub(super) on_device: [GrowingBuffer; 2],
 }
@@ -51,7 +51,7 @@ impl MeshStore {
         }
     }
 
-    /// Looks up the ids of a library from now on.
+    /// Selects the library whose ids are looked up.
     pub(super) fn follow(&mut self, library: &MeshLibrary) {
         if self.library != Some(library.version()) {
             self.library = Some(library.version());
@@ -60,7 +60,7 @@ impl MeshStore {
         self.by_id.resize(library.meshes().len(), None);
     }
 
-    /// Where a mesh of the library is; it is added if it is new.
+    /// Location of a mesh of the library; added if it is new.
     pub(super) fn shape(&mut self, id: MeshId, library: &MeshLibrary) -> Shape {
         if let Some(shape) = self.by_id[id.index()] {
             return shape;
@@ -94,17 +94,17 @@ impl MeshStore {
                     self.triangles.push([a, b, c, u32::from(*material)]);
                 }
             }
-            // The last cluster is filled up with nothing.
+            // The last cluster is padded with empty triangles.
             self.triangles.resize(self.triangles.len().next_multiple_of(CLUSTER), [base, base, base, 0]);
             ((self.triangles.len() - before) / CLUSTER) as u32
         });
         Shape { first, one_sided: counts[0], two_sided: counts[1] }
     }
 
-    /// Brings what is new to the device, and says whether buffers were replaced.
+    /// Uploads new meshes; returns true if buffers were replaced.
     ///
     /// # Errors
-    /// If the meshes are too large for it.
+    /// If the meshes are too large for the device.
     pub(super) fn upload(&mut self, gpu: &Gpu) -> Result<bool, String> {
         let Self { vertices, triangles, uploaded, on_device: [for_vertices, for_triangles], .. } = self;
         let mut replaced = false;
@@ -126,7 +126,7 @@ impl MeshStore {
         Ok(replaced)
     }
 
-    /// Forgets all meshes when they have become so many that the device may run short of memory.
+    /// Drops all meshes when their total size exceeds [`LARGE`].
     pub(super) fn forget_if_large(&mut self) {
         if size_of_val(self.vertices.as_slice()) + size_of_val(self.triangles.as_slice()) > LARGE {
             self.vertices.clear();
@@ -139,7 +139,7 @@ impl MeshStore {
     }
 }
 
-/// Bytes of meshes above which those of earlier scenes are forgotten.
+/// Size of all meshes above which those of earlier scenes are dropped, bytes.
 const LARGE: usize = 384 << 20;
 
 #[cfg(test)]
@@ -150,7 +150,7 @@ mod tests {
     use swerve_scene::Kind;
 
     #[test]
-    fn meshes_are_stored_once_and_side_by_side() {
+    fn meshes_are_stored_once_and_contiguously() {
         let Some(gpu) = adapter_or_skip(Gpu::shared(AdapterKind::Software)) else { return };
         let mut store = MeshStore::new(&gpu);
         let mut library = MeshLibrary::default();

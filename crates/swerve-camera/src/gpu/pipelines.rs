@@ -1,4 +1,4 @@
-//! Shaders, what they are bound to, and how triangles are drawn.
+//! Shaders, their bindings, and pipelines.
 
 use swerve_gpu::wgpu::{BufferBindingType, ShaderStages, TextureFormat, TextureSampleType};
 use swerve_gpu::{Gpu, wgpu};
@@ -11,27 +11,27 @@ pub(super) const VISIBLE: TextureFormat = TextureFormat::R32Uint;
 pub(super) const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 pub(super) const SKY: TextureFormat = TextureFormat::R8Unorm;
 
-/// Everything on the device that does not depend on the scene.
+/// Device resources that do not depend on the scene.
 pub(super) struct Pipelines {
-    /// Buffers that triangles are read from: vertices, triangles, records, clusters.
+    /// Buffers with triangle data: vertices, triangles, records, clusters.
     pub(super) triangles: wgpu::BindGroupLayout,
-    /// Buffers that pixels are read from and written to.
+    /// Buffers with pixel data, read and written.
     pub(super) pixels: wgpu::BindGroupLayout,
     /// Maps of sun and sky.
     pub(super) maps: wgpu::BindGroupLayout,
-    /// Triangles to pixels: those with one side, those with two.
+    /// Triangles to pixels: single-sided, double-sided.
     pub(super) draw: [wgpu::RenderPipeline; 2],
-    /// The same, seen from the sun.
+    /// Triangles to the sun's map: single-sided, double-sided.
     pub(super) sun: [wgpu::RenderPipeline; 2],
     /// Footprints that hide the sky.
     pub(super) hide: wgpu::RenderPipeline,
-    /// Rectangles that are made empty: of the map of the sun, of that of the sky.
+    /// Erasing of rectangles: in the map of the sun, in that of the sky.
     pub(super) erase: [wgpu::RenderPipeline; 2],
-    /// Pixels to light, and then to the bytes of images.
+    /// Pixels to light, and light to the bytes of images.
     pub(super) shade: [wgpu::ComputePipeline; 2],
-    /// Texture tiles, and behind them the quantiles of noise.
+    /// Texture tiles, followed by the quantiles of noise.
     pub(super) tiles: wgpu::Buffer,
-    /// First word of the quantiles.
+    /// Index of the first word of the quantiles.
     pub(super) quantiles: u32,
 }
 
@@ -69,15 +69,15 @@ fn pipeline_layout(device: &wgpu::Device, groups: &[Option<&wgpu::BindGroupLayou
     })
 }
 
-/// How a kind of triangle is drawn.
+/// Pipeline state of a kind of triangle.
 struct Drawing<'a> {
     entry: &'a str,
     fragment: Option<&'a str>,
     target: Option<wgpu::ColorTargetState>,
-    /// Side that is not drawn, and which way round the front is.
+    /// Culled side, and winding order of the front.
     cull: Option<wgpu::Face>,
     front: wgpu::FrontFace,
-    /// Which depths replace those that are there.
+    /// Depth comparison.
     depth: Option<wgpu::CompareFunction>,
 }
 
@@ -121,7 +121,7 @@ fn drawing(
     })
 }
 
-/// Layouts of what shaders are bound to: see [`Pipelines`].
+/// Bind group layouts: see [`Pipelines`].
 fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 3] {
     let all = ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE;
     let triangles = [0, 1, 2, 3].map(|binding| storage(binding, all, true));
@@ -153,7 +153,7 @@ fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 3] {
     ]
 }
 
-/// Texture tiles and quantiles of noise, and where the latter begin.
+/// Buffer of texture tiles and noise quantiles, and the offset of the latter.
 fn constants(gpu: &Gpu) -> (wgpu::Buffer, u32) {
     let words = Tiles::get().words();
     let mut constant = words.to_vec();
@@ -181,7 +181,7 @@ impl Pipelines {
         let drawn = pipeline_layout(device, &[Some(&triangles)]);
         let shaded = pipeline_layout(device, &[Some(&triangles), Some(&pixels), Some(&maps)]);
         let sides = [Some(wgpu::Face::Back), None];
-        // Near is 1 and far is 0; of equals the first stays.
+        // Near is 1 and far is 0; the first one wins ties.
         let nearest = Some(wgpu::CompareFunction::Greater);
         let camera = |cull| Drawing {
             entry: "draw",
@@ -191,7 +191,7 @@ impl Pipelines {
             front: wgpu::FrontFace::Ccw,
             depth: nearest,
         };
-        // Rows of the sun's map grow upwards, which turns triangles round.
+        // Rows of the sun's map grow upwards, which reverses the winding order.
         let front = wgpu::FrontFace::Cw;
         let sun = |cull| Drawing { entry: "draw", fragment: None, target: None, cull, front, depth: nearest };
         let most = wgpu::BlendComponent {

@@ -1,4 +1,4 @@
-//! Plan of a submission, before the device is given anything: places of images, sub-frames and their rounds.
+//! Plan of a submission before any device work: image layouts, sub-frames and their rounds.
 
 use core::ops::Range;
 
@@ -18,21 +18,21 @@ use crate::frontend::sub_frame::SubFrame;
 use crate::frontend::surface::Surface;
 use crate::{Camera, View};
 
-/// One instance, ready to be drawn.
+/// Instance prepared for drawing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DrawInstance {
     pub(super) shape: Shape,
     /// First row of its surfaces.
     pub(super) surfaces: u32,
-    /// Ball that holds it: centre in its body's frame, and radius.
+    /// Bounding sphere: centre in the body's frame, and radius.
     sphere: ([f32; 3], f32),
-    /// The centre in the map's frame.
+    /// Centre in the map frame.
     pub(super) middle: [f64; 3],
     pub(super) casts: bool,
 }
 
 impl DrawInstance {
-    /// Prepares an instance; its surfaces are written to the records.
+    /// Prepares an instance and writes its surfaces to the records.
     pub(super) fn new(
         scene: &Scene,
         instance: &Instance,
@@ -58,7 +58,7 @@ impl DrawInstance {
         self.sphere.1
     }
 
-    /// Where its middle is in another pose.
+    /// Centre in another pose.
     pub(super) fn middle_at(&self, map_from_body: &Transform<Map, Body>) -> [f64; 3] {
         middle(map_from_body, self.sphere.0)
     }
@@ -68,7 +68,7 @@ fn middle(map_from_body: &Transform<Map, Body>, [x, y, z]: [f32; 3]) -> [f64; 3]
     (*map_from_body * Point::new(f64::from(x), f64::from(y), f64::from(z))).coords.into()
 }
 
-/// Writes where an instance is, relative to a centre.
+/// Writes the pose of an instance relative to a centre.
 pub(super) fn write_item(
     records: &mut Records,
     map_from_body: &Transform<Map, Body>,
@@ -80,7 +80,7 @@ pub(super) fn write_item(
     records.item(&rotation_rows(map_from_body), place, surfaces);
 }
 
-/// Rectangle of the sun's map that something can be drawn to, with a texel or two around it.
+/// Rectangle of the sun's map that an instance may cover, with a margin of a texel or two.
 pub(super) fn corners_in_sun(instance: &DrawInstance, centre: [f64; 3], sun: [f32; 3]) -> Corners {
     let [across, up, _] = shadow::axes(sun);
     let at = [0, 1, 2].map(|k| (instance.middle[k] - centre[k]) as f32);
@@ -88,7 +88,7 @@ pub(super) fn corners_in_sun(instance: &DrawInstance, centre: [f64; 3], sun: [f3
     around([dot(across), -dot(up)], instance.radius(), shadow::REACH_M)
 }
 
-/// Rectangle of the sky's map that is drawn to under something.
+/// Rectangle of the sky's map covered by a footprint.
 pub(super) fn corners_in_sky(footprint: &shadow::Footprint) -> Corners {
     let [x, y] = footprint.place;
     around([x, -y], footprint.reach, 0.5 * shadow::SKY_SIDE as f32 / shadow::SKY_PER_M)
@@ -99,19 +99,19 @@ fn around([x, y]: [f32; 2], radius: f32, reach: f32) -> Corners {
     [x - wide, y - wide, x + wide, y + wide].map(|v| v / reach)
 }
 
-/// Clusters that are drawn one after the other: (row of the item, cluster, row of the sub-frame, 0).
+/// Clusters drawn one after the other: (row of the item, cluster, row of the sub-frame, 0).
 #[derive(Default)]
 pub(super) struct Clusters {
     pub(super) all: Vec<Row>,
-    /// Those with two sides, until the others are complete.
+    /// Double-sided clusters, held back until the single-sided ones are complete.
     two_sided: Vec<Row>,
 }
 
-/// Clusters with one side, and those with two.
+/// Ranges of single-sided and of double-sided clusters.
 pub(super) type ClusterRanges = [Range<u32>; 2];
 
 impl Clusters {
-    /// Adds what `fill` gives as one group.
+    /// Adds the clusters emitted by `fill` as one group.
     pub(super) fn group(&mut self, fill: impl FnOnce(&mut dyn FnMut(Shape, u32, u32))) -> ClusterRanges {
         let Self { all, two_sided } = self;
         two_sided.clear();
@@ -128,29 +128,29 @@ impl Clusters {
     }
 }
 
-/// Where the images of one view are, in words of all that is read back.
+/// Location of one view's images, in words of the read-back buffer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct ImageLayout {
     pub(super) pixels: usize,
-    /// Colour, depth, classes, instances; [`NONE`] for what is not asked for.
+    /// Colour, depth, classes, instances; [`NONE`] for images not requested.
     pub(super) first: [u32; 4],
-    /// Colours and classes until they are packed, a word each, and sums of sub-frames, three words each.
+    /// Unpacked colours and classes, a word each, and sums of sub-frames, three words each.
     pub(super) kept: u32,
     pub(super) sums: u32,
 }
 
-/// Words of a submission: of images, and of what is kept until they are complete.
+/// Numbers of words of a submission: for images, and for intermediate data.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct ImageWords {
     pub(super) images: u64,
     pub(super) kept: u64,
 }
 
-/// Words that a part of the memory is aligned to.
+/// Alignment of a memory part, words.
 const ALIGNED: usize = 64;
 
 impl ImageLayout {
-    /// Places the images of views one after the other.
+    /// Layouts of the images of views, one after the other.
     pub(super) fn all(views: &[(View<'_>, Outputs)]) -> Result<(Vec<Self>, ImageWords), String> {
         let (mut words, mut kept) = (0_usize, 0_usize);
         let layouts: Vec<Self> = views
@@ -182,7 +182,7 @@ impl ImageLayout {
         Ok((layouts, ImageWords { images: words as u64, kept: kept as u64 }))
     }
 
-    /// Bytes of an image from its first one on.
+    /// Byte range of an image.
     pub(super) fn bytes(&self, image: usize) -> Range<usize> {
         let size = self.pixels * [3, 4, 1, 4][image];
         let from = 4 * self.first[image] as usize;
@@ -190,34 +190,34 @@ impl ImageLayout {
     }
 }
 
-/// One sub-frame of a view, and where it is drawn.
+/// Sub-frame of a view, and its place in the target.
 #[derive(Clone, Debug)]
 pub(super) struct PlacedSubFrame {
-    /// Which view.
+    /// Index of the view.
     pub(super) view: usize,
     pub(super) sub_frame: SubFrame,
-    /// Columns and rows that are drawn, and to which layer.
+    /// Columns and rows to draw, and the layer.
     pub(super) size: (u32, u32),
     pub(super) layer: u32,
 }
 
-/// Sub-frames that are drawn side by side, each to a layer of its own: so that what else is drawn cannot change the
-/// last bits of where its triangles begin and end.
+/// Sub-frames that are drawn together, each to a separate layer, so that other content does not change the last bits of
+/// its triangles' edges.
 #[derive(Debug, Default)]
 pub(super) struct Round {
     pub(super) sub_frames: Vec<PlacedSubFrame>,
 }
 
-/// Pixels that the layers of a round may have, unless one sub-frame has more.
+/// Largest number of pixels of all layers of a round, unless one sub-frame has more.
 const ROUND_PIXELS: u64 = 1 << 25;
 
-/// A view in the order in which views are drawn.
+/// View in drawing order.
 pub(super) struct Ordered<'a> {
-    /// Which view.
+    /// Index of the view.
     pub(super) view: usize,
     camera: &'a Camera,
     outputs: Outputs,
-    /// The pinhole image behind its lens, if it has one.
+    /// Pinhole image behind its lens, if it has one.
     lens: Option<Pinhole>,
 }
 
@@ -228,11 +228,11 @@ impl<'a> Ordered<'a> {
     }
 }
 
-/// Orders the sub-frames of views to rounds: samples of the same rows go to rounds of their own, one after the other.
-/// Also says how large layers must be, and how many there must be.
+/// Groups the sub-frames of views into rounds: samples of the same rows go to separate, consecutive rounds. Also
+/// returns the size and number of layers.
 ///
 /// # Errors
-/// If the adapter does not draw images that large.
+/// If the adapter does not support images that large.
 pub(super) fn rounds(views: &[Ordered<'_>], limits: &wgpu::Limits) -> Result<(Vec<Round>, [u32; 3]), String> {
     let mut sub_frames = Vec::new();
     let (mut width, mut height) = (1, 1);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn sub_frames_follow_each_other_and_slabs_lie_side_by_side() {
+    fn rounds_order_samples_and_group_slabs() {
         let shutter = Shutter { exposure_s: 0.01, blur_samples: 3, readout_s: 0.01, readout_slabs: 2 };
         let cameras = [camera(64, 64, shutter), camera(100, 20, Shutter::default())];
         let (rounds, size) = rounds(&ordered(&cameras), &wgpu::Limits::default()).unwrap();
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn large_images_share_few_layers_and_too_large_ones_are_refused() {
+    fn rounds_limit_the_layers_of_large_images_and_reject_too_large_ones() {
         let cameras = vec![camera(4096, 4096, Shutter::default()); 5];
         let limits = wgpu::Limits::default();
         let (some, size) = rounds(&ordered(&cameras), &limits).unwrap();
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn images_lie_one_after_the_other_and_only_those_asked_for() {
+    fn layouts_place_only_requested_images_one_after_the_other() {
         let camera = camera(7, 3, Shutter::default());
         let at = swerve_geom::Transform::from_roll_pitch_yaw(Point::default(), 0.0, 0.0, 0.0);
         let view = View::new(&camera, at);

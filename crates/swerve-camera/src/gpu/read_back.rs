@@ -1,20 +1,20 @@
-//! Buffers that the processor reads images from.
+//! Buffers for reading images back to the CPU.
 
 use swerve_gpu::{Gpu, wgpu};
 
-/// Buffers that the processor reads results from; they are used again.
+/// Pool of read-back buffers.
 #[derive(Default)]
 pub(crate) struct ReadBacks {
     free: Vec<wgpu::Buffer>,
 }
 
-/// Multiple that sizes are rounded up to, so that buffers are used again, bytes.
+/// Granularity of buffer sizes, bytes, to make reuse likely.
 const UNIT_BYTES: u64 = 4096;
-/// Buffers that are kept for later.
+/// Largest number of free buffers kept.
 const FREE_MOST: usize = 4;
 
 impl ReadBacks {
-    /// A buffer of at least so many bytes.
+    /// Returns a buffer of at least this size.
     pub(crate) fn take(&mut self, gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
         if let Some(index) = self.free.iter().position(|buffer| buffer.size() >= bytes) {
             return self.free.swap_remove(index);
@@ -27,7 +27,7 @@ impl ReadBacks {
         })
     }
 
-    /// Takes a buffer back that is no longer mapped.
+    /// Returns an unmapped buffer to the pool.
     pub(crate) fn give(&mut self, buffer: wgpu::Buffer) {
         if self.free.len() == FREE_MOST {
             self.free.remove(0);

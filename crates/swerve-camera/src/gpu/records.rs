@@ -1,4 +1,4 @@
-//! Records that shaders read: rows of four words, see `draw.wgsl` and `pass.wgsl` for what is where.
+//! Records read by shaders: rows of four words; the layout is documented in `draw.wgsl` and `pass.wgsl`.
 
 use core::ops::Range;
 
@@ -13,29 +13,29 @@ use crate::frontend::shadow::{self, Footprint};
 use crate::frontend::surface::Surface;
 use crate::frontend::texture;
 
-/// Four words.
+/// Row of four words.
 pub(super) type Row = [u32; 4];
 
 /// Rows of one sub-frame.
 pub(super) const SUB_FRAME_ROWS: u32 = 16;
-/// No such image, no such lens.
+/// Missing image or lens.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Bits in a view's record.
 pub(super) mod switch {
     /// The sun casts shadows.
     pub(in crate::gpu) const SUN: u32 = 1;
-    /// There are maps of what moves.
+    /// There are maps of moving instances.
     pub(in crate::gpu) const MOVING: u32 = 2;
     /// Rays are parallel.
     pub(in crate::gpu) const FLAT: u32 = 4;
 }
 
-/// Rows that are written one after the other.
+/// Consecutive rows.
 #[derive(Default)]
 pub(super) struct Records {
     pub(super) rows: Vec<Row>,
-    /// Number of the first row.
+    /// Index of the first row.
     pub(super) base: u32,
 }
 
@@ -48,18 +48,18 @@ fn narrow(v: [f64; 3]) -> [f32; 3] {
 }
 
 impl Records {
-    /// Number of the next row.
+    /// Index of the next row.
     pub(super) fn next(&self) -> u32 {
         self.base + self.rows.len() as u32
     }
 
-    /// Starts anew at a row.
+    /// Clears the records and continues at a row.
     pub(super) fn restart(&mut self, base: u32) {
         self.rows.clear();
         self.base = base;
     }
 
-    /// Five rows.
+    /// Writes a surface: five rows.
     pub(super) fn surface(&mut self, surface: &Surface) {
         for four in surface.numbers.as_chunks::<4>().0 {
             self.rows.push(four.map(f32::to_bits));
@@ -67,7 +67,8 @@ impl Records {
         self.rows.push([surface.texture, surface.flags, u32::from(surface.class), surface.instance]);
     }
 
-    /// Four rows: rotation and translation to the map, relative to a centre, and where its surfaces are.
+    /// Writes an item, four rows: rotation and translation to the map, relative to a centre, and the row of its
+    /// surfaces.
     pub(super) fn item(&mut self, rotation: &[[f64; 3]; 3], place: [f64; 3], surfaces: u32) {
         for axis in 0..3 {
             self.rows.push(row(narrow(rotation[axis]), place[axis] as f32));
@@ -75,7 +76,7 @@ impl Records {
         self.rows.push([surfaces, 0, 0, 0]);
     }
 
-    /// Three rows.
+    /// Writes a footprint: three rows.
     pub(super) fn footprint(&mut self, footprint: &Footprint) -> u32 {
         let at = self.next();
         let Footprint { place, half, rows, strength, fall, reach } = *footprint;
@@ -85,13 +86,13 @@ impl Records {
         at
     }
 
-    /// One row.
+    /// Writes a rectangle: one row.
     pub(super) fn corners(&mut self, corners: &Corners) -> u32 {
         self.rows.push(corners.map(f32::to_bits));
         self.next() - 1
     }
 
-    /// Four rows.
+    /// Writes a lamp: four rows.
     pub(super) fn lamp(&mut self, lamp: &Lamp) {
         self.rows.push(row(lamp.position, lamp.range));
         self.rows.push(row(lamp.direction, lamp.cos_outer));
@@ -100,7 +101,7 @@ impl Records {
         self.rows.push([columns[0], columns[1], rows[0], rows[1]].map(f32::to_bits));
     }
 
-    /// Sixteen rows: light and sensor of one view.
+    /// Writes the light and sensor of one view: sixteen rows.
     pub(super) fn view(&mut self, light: &Environment, sensor: &Sensor<'_>, context: &ViewContext) -> u32 {
         let at = self.next();
         let axes = shadow::axes(light.sun);
@@ -127,14 +128,14 @@ impl Records {
         at
     }
 
-    /// Makes room for some sub-frames, which [`Self::sub_frame`] fills.
+    /// Reserves rows for sub-frames, to be filled by [`Self::sub_frame`].
     pub(super) fn reserve_sub_frames(&mut self, count: usize) -> u32 {
         let at = self.next();
         self.rows.resize(self.rows.len() + count * SUB_FRAME_ROWS as usize, [0; 4]);
         at
     }
 
-    /// Sixteen rows from a reserved one on: how one sub-frame draws and where its pixels go.
+    /// Writes a sub-frame to sixteen reserved rows: its projection and the location of its pixels.
     pub(super) fn sub_frame(&mut self, at: u32, record: &SubFrameRecord) {
         let [clip_x, clip_y, clip_z, clip_w] =
             record.clip.rows.map(|[x, y, z, w]| row(narrow([x, y, z]), w as f32));
@@ -160,7 +161,7 @@ impl Records {
         self.rows[from..from + rows.len()].copy_from_slice(&rows);
     }
 
-    /// As many rows as a sub-frame has: what the sun sees around the centre.
+    /// Writes the projection of the sun's map around the centre, in as many rows as a sub-frame.
     pub(super) fn sun(&mut self, sun: [f32; 3]) -> u32 {
         let [across, up, towards] = shadow::axes(sun).map(|axis| axis.map(f64::from));
         let over = 1.0 / f64::from(shadow::REACH_M);
@@ -175,10 +176,10 @@ impl Records {
     }
 }
 
-/// Span of the sun's map along the light, metres.
+/// Depth range of the sun's map along the light, metres.
 const SUN_DEPTH_M: f64 = 8192.0;
 
-/// Parts of a view's record beside light and sensor.
+/// Parts of a view's record other than light and sensor.
 pub(super) struct ViewContext {
     /// Centre of the shadow maps' cell.
     pub(super) centre: [f64; 3],
@@ -188,18 +189,18 @@ pub(super) struct ViewContext {
     pub(super) quantiles: u32,
 }
 
-/// From positions relative to the centre to clip coordinates.
+/// Projection of positions relative to the centre to clip coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Clip {
-    /// Position that is taken off first.
+    /// Position that is subtracted first.
     pub(super) eye: [f64; 3],
     /// Factors of x, y, z and 1.
     pub(super) rows: [[f64; 4]; 4],
 }
 
 impl Clip {
-    /// The projection of some rows of a pinhole image. Depth is 1 at the near plane, and 0 infinitely far away, or at the
-    /// far end of a flat image.
+    /// Projection of some rows of a pinhole image. Depth is 1 at the near plane, and 0 at infinity or at the far plane
+    /// of an orthographic image.
     pub(super) fn new(
         image: &Pinhole,
         rows: &Range<usize>,
@@ -240,20 +241,19 @@ impl Clip {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SubFrameRecord {
     pub(super) clip: Clip,
-    /// Direction of a pixel's ray: by column, by row, of the first.
+    /// Direction of a pixel's ray: per column, per row, of the first pixel.
     pub(super) ray: [[f32; 3]; 3],
-    /// Origin of a pixel's ray, likewise.
+    /// Origin of a pixel's ray: per column, per row, of the first pixel.
     pub(super) origin: [[f32; 3]; 3],
     /// Pixels per unit of direction.
     pub(super) focal: f32,
-    /// Layer that it is drawn to, 0, width and height of the image that is written.
+    /// Layer, 0, width and height of the output image.
     pub(super) place: Row,
-    /// First row, last but one; which sub-frame of how many.
+    /// First row, one past the last row; index and number of the sub-frame.
     pub(super) rows: Row,
     /// First words of the images: colour, depth, classes, instances.
     pub(super) images: Row,
-    /// First point of the lens, first words of colours and classes until they are packed, 0, first one of the
-    /// sums of sub-frames.
+    /// First point of the lens, first word of unpacked colours and classes, 0, first word of the sums of sub-frames.
     pub(super) lens: Row,
     /// First row of the lamps, their number, row of the view, 0.
     pub(super) light: Row,

@@ -1,8 +1,8 @@
-//! The renderer on one device.
+//! Renderer on one device.
 //!
-//! Each view goes through the same steps as on the CPU: what the sun and the sky see ([`super::maps`]), which
-//! triangle is seen at each pixel, its light and the sensor's answer. All views of a submission are drawn side
-//! by side in one image, shaded by one dispatch, and read back by one copy.
+//! Each view goes through the same steps as on the CPU: maps of sun and sky ([`super::maps`]), the visible triangle of
+//! each pixel, its shading and the sensor's response. All views of a submission are drawn side by side in one image,
+//! shaded by one dispatch, and read back by one copy.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -25,7 +25,7 @@ use crate::View;
 use crate::frame::{FrameMut, Outputs};
 use crate::frontend::Threads;
 
-/// The back end for one device.
+/// Back end for one device.
 pub(crate) struct GpuRenderer {
     pub(super) gpu: Arc<Gpu>,
     pub(super) threads: Threads,
@@ -40,7 +40,7 @@ pub(crate) struct GpuRenderer {
     pub(super) rounds: GrowingBuffer,
     pub(super) images: GrowingBuffer,
     pub(super) kept: GrowingBuffer,
-    /// Of the sizes that are in use, the one of the latest submission last.
+    /// Targets of recently used sizes, the latest one last.
     pub(super) targets: Vec<Target>,
     pub(super) bound: Option<[wgpu::BindGroup; 2]>,
     pub(super) read_backs: ReadBacks,
@@ -48,10 +48,10 @@ pub(crate) struct GpuRenderer {
     pub(super) listed: Clusters,
 }
 
-/// Bytes that one thread copies at a time.
+/// Bytes copied by one thread at a time.
 const PIECE: usize = 1 << 19;
 
-/// Images that the device is working on.
+/// Images in progress on the device.
 pub(crate) struct InFlight {
     submission: wgpu::SubmissionIndex,
     buffer: Option<wgpu::Buffer>,
@@ -61,7 +61,7 @@ pub(crate) struct InFlight {
 }
 
 impl GpuRenderer {
-    /// Starts on a device; more than one thread helps to copy images.
+    /// Starts the back end on a device; additional threads help to copy images.
     pub(crate) fn new(gpu: Arc<Gpu>, threads: Threads) -> Result<Self, String> {
         use wgpu::BufferUsages as Usage;
         let pipelines = Pipelines::new(&gpu);
@@ -92,12 +92,12 @@ impl GpuRenderer {
         Ok(made)
     }
 
-    /// The device.
+    /// Device of the renderer.
     pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
 
-    /// Starts to draw views of a scene; the text says why it cannot be done.
+    /// Starts to draw views of a scene; the error is the reason of a failure.
     pub(crate) fn submit(
         &mut self,
         scene: &Scene,
@@ -151,7 +151,7 @@ impl GpuRenderer {
         Ok(InFlight { submission, buffer, bytes, layouts, mapped })
     }
 
-    /// Waits for images and writes them to memory of the caller; the text says why there are none.
+    /// Waits for images and writes them to memory of the caller; the error is the reason of a failure.
     pub(crate) fn collect(&mut self, in_flight: InFlight, out: &mut [FrameMut<'_>]) -> Result<(), String> {
         let InFlight { submission, buffer, bytes, layouts, mapped } = in_flight;
         self.gpu.wait(Some(submission))?;

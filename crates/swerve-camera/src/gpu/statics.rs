@@ -1,4 +1,4 @@
-//! The static part of a scene: kept on the device for as long as it is the same.
+//! Static part of a scene, kept on the device while it is unchanged.
 
 use swerve_scene::Scene;
 
@@ -6,23 +6,23 @@ use super::meshes::MeshStore;
 use super::plan::{self, DrawInstance};
 use super::records::{Records, Row};
 
-/// The static part of a scene on the device, by content.
+/// Static part of a scene on the device, keyed by content.
 #[derive(Default)]
 pub(super) struct Statics {
     key: Option<(u64, bool, u64)>,
     pub(super) instances: Vec<DrawInstance>,
     pub(super) surfaces: Records,
-    /// Surfaces are yet to be uploaded.
+    /// True until the surfaces are uploaded.
     pub(super) is_new: bool,
-    /// Records of items around the centres of cells.
+    /// Records of items relative to the centres of cells.
     items: Vec<([f64; 3], Vec<Row>)>,
 }
 
-/// Cells of which the items are kept.
+/// Number of cells whose items are kept.
 const CELLS_KEPT: usize = 8;
 
 impl Statics {
-    /// Takes over the static part of a scene if it is another one.
+    /// Updates the static part of a scene if it has changed.
     pub(super) fn follow(&mut self, scene: &Scene, meshes: &mut MeshStore) {
         let key = (scene.statics().version(), scene.weather.lamps_on, meshes.generation);
         if self.key == Some(key) {
@@ -37,7 +37,7 @@ impl Statics {
         (self.key, self.is_new) = (Some(key), true);
     }
 
-    /// Records of all items around a centre.
+    /// Records of all items relative to a centre.
     pub(super) fn around(&mut self, scene: &Scene, centre: [f64; 3]) -> &[Row] {
         let Self { items, instances, .. } = self;
         let found = items.iter().position(|(of, _)| *of == centre);

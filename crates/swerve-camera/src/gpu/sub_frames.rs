@@ -1,4 +1,4 @@
-//! Sub-frames of a submission: their records, and the clusters of triangles that each of them draws.
+//! Sub-frames of a submission: their records, and the triangle clusters that each of them draws.
 
 use swerve_scene::{Instance, Motion, Scene};
 
@@ -16,7 +16,7 @@ use crate::frontend::sensor::Sensor;
 use crate::frontend::texture::Tiles;
 use crate::frontend::viewpoint::Viewpoint;
 
-/// A view, ready for its sub-frames.
+/// View prepared for its sub-frames.
 pub(super) struct PreparedView<'a> {
     pub(super) view: &'a View<'a>,
     pub(super) outputs: Outputs,
@@ -27,7 +27,7 @@ pub(super) struct PreparedView<'a> {
     layout: ImageLayout,
 }
 
-/// Sub-frames of one cell that one dispatch shades.
+/// Sub-frames of one cell that are shaded by one dispatch.
 pub(super) struct Dispatch {
     pub(super) first_record: u32,
     pub(super) sub_frames: u32,
@@ -35,13 +35,13 @@ pub(super) struct Dispatch {
     pub(super) maps: Option<usize>,
 }
 
-/// A round, ready to be drawn.
+/// Round prepared for drawing.
 pub(super) struct RoundCommands {
     pub(super) sub_frames: Vec<(PlacedSubFrame, ClusterRanges)>,
     pub(super) dispatches: Vec<Dispatch>,
 }
 
-/// Everything that the sub-frames of a submission show.
+/// Inputs of the sub-frames of a submission.
 pub(super) struct Shown<'a> {
     pub(super) scene: &'a Scene,
     pub(super) moving: &'a [DrawInstance],
@@ -86,7 +86,7 @@ impl GpuRenderer {
         prepared
     }
 
-    /// Writes the records of a round and lists what each of its sub-frames draws.
+    /// Writes the records of a round and lists the clusters of each of its sub-frames.
     pub(super) fn list(&mut self, shown: &Shown<'_>, round: &Round) -> RoundCommands {
         let first = self.records.reserve_sub_frames(round.sub_frames.len());
         let mut commands =
@@ -112,7 +112,7 @@ impl GpuRenderer {
         commands
     }
 
-    /// Writes the record of a sub-frame, and the lamps that light it.
+    /// Writes the record of a sub-frame and of the lamps that light it.
     fn write_sub_frame(&mut self, shown: &Shown<'_>, placed: &PlacedSubFrame, from: &Viewpoint, at: u32) {
         let (prepared, sub_frame) = (&shown.views[placed.view], &placed.sub_frame);
         let centre = shown.cells[prepared.cell].centre;
@@ -151,7 +151,7 @@ impl GpuRenderer {
         self.records.sub_frame(at, &record);
     }
 
-    /// Lists the clusters that a sub-frame draws: those of instances that may be seen at its instant.
+    /// Lists the clusters of a sub-frame: those of instances that may be visible at its instant.
     fn list_clusters(
         &mut self,
         shown: &Shown<'_>,

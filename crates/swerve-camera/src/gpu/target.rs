@@ -1,22 +1,22 @@
-//! Images on the device that triangles are drawn to.
+//! Render targets on the device.
 
 use swerve_gpu::{Gpu, wgpu};
 
 use super::maps;
 use super::pipelines::{DEPTH, VISIBLE};
 
-/// Image that is drawn to, a layer for each sub-frame: which triangle is seen, and its depth.
+/// Render target with a layer for each sub-frame: visible triangle and depth.
 pub(super) struct Target {
     /// Columns, rows, layers.
     pub(super) size: [u32; 3],
     pub(super) visible: wgpu::TextureView,
-    /// Triangles and depths of each layer.
+    /// Triangle and depth views of each layer.
     pub(super) layers: Vec<[wgpu::TextureView; 2]>,
 }
 
 impl Target {
     pub(super) fn new(gpu: &Gpu, size: [u32; 3]) -> Self {
-        // In OpenGL an array of one layer is no array, and cannot be read as one.
+        // An OpenGL array texture with one layer is not an array and cannot be read as one.
         let least = if gpu.report().api == "gl" { 2 } else { 1 };
         let size = [size[0], size[1], size[2].max(least)];
         let [visible, depth] = [VISIBLE, DEPTH].map(|format| maps::texture(gpu, size, format));

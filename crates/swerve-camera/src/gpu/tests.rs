@@ -10,7 +10,7 @@ use crate::*;
 
 type Pose = Transform<Map, swerve_geom::Camera>;
 
-/// A device that tests share: of a graphics processor, else of software.
+/// Device shared by tests: a GPU if available, else a software adapter.
 fn device() -> Option<Arc<Gpu>> {
     let tried = Gpu::shared(AdapterKind::Gpu).or_else(|_| Gpu::shared(AdapterKind::Software));
     adapter_or_skip(tried)
@@ -34,7 +34,7 @@ fn shot(renderer: &mut Renderer, scene: &Scene, view: &View<'_>) -> Frame {
     frame
 }
 
-/// How much two frames differ: mean of colours, shares of pixels whose class or instance, or depth, differ.
+/// Differences of two frames: mean of colours, shares of pixels with another class or instance, or another depth.
 #[derive(Debug)]
 struct Difference {
     rgb: f64,
@@ -50,7 +50,7 @@ fn difference(a: &Frame, b: &Frame) -> Difference {
         |differs: &dyn Fn(usize) -> bool| (0..pixels).filter(|&k| differs(k)).count() as f64 / pixels as f64;
     let same_thing = |k: usize| a.semantic[k] == b.semantic[k] && a.instance[k] == b.instance[k];
     let ids = share(&|k| !same_thing(k));
-    // Where both see the same thing; at outlines they may see what is before or behind.
+    // Only where both see the same object; at outlines they may see the background.
     let depth = share(&|k| {
         let (a, b) = (a.depth_m[k], b.depth_m[k]);
         same_thing(k) && a.to_bits() != b.to_bits() && (a - b).abs() > 0.01 * a
@@ -74,7 +74,7 @@ fn save(name: &str, frame: &Frame) {
 }
 
 #[test]
-fn images_agree_with_those_of_the_cpu() {
+fn gpu_images_agree_with_cpu_images() {
     let Some(device) = device() else { return };
     let mut gpu = Renderer::on(device, 1).unwrap();
     let mut cpu = Renderer::new(RenderOptions::default()).unwrap();
@@ -98,7 +98,7 @@ fn images_agree_with_those_of_the_cpu() {
 }
 
 #[test]
-fn lenses_shutters_and_any_size_agree_too() {
+fn gpu_images_agree_with_lenses_shutters_and_any_size() {
     let Some(device) = device() else { return };
     let mut gpu = Renderer::on(device, 1).unwrap();
     let mut cpu = Renderer::new(RenderOptions::default()).unwrap();
@@ -127,7 +127,7 @@ fn lenses_shutters_and_any_size_agree_too() {
 }
 
 #[test]
-fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
+fn batches_and_submissions_match_single_frames() {
     let Some(device) = device() else { return };
     let scene = town(WeatherPreset::ClearSunset, 2, 40.0);
     let wide = camera(|s| (s.width_px, s.height_px) = (160, 90));
@@ -148,7 +148,7 @@ fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
     let mut batch = empty();
     renderer.render_batch(&scene, &views, &mut outs(&mut batch)).unwrap();
     assert!(batch == single);
-    // Two on the way at once; another renderer on the same device has nothing to do with it.
+    // Two in flight at once; another renderer on the same device is independent.
     fn of<'a>(views: &[View<'a>], outputs: Outputs) -> Vec<(View<'a>, Outputs)> {
         views.iter().map(|view| (*view, outputs)).collect()
     }
@@ -175,7 +175,7 @@ fn batches_and_submissions_are_the_single_frames_again_bit_for_bit() {
 }
 
 #[test]
-fn images_do_not_depend_on_earlier_passes() {
+fn gpu_images_are_independent_of_earlier_passes() {
     let Some(device) = device() else { return };
     let camera = camera(|s| (s.width_px, s.height_px) = (160, 120));
     let noon = town(WeatherPreset::ClearNoon, 3, 60.0);
@@ -199,7 +199,7 @@ fn images_do_not_depend_on_earlier_passes() {
 }
 
 #[test]
-fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
+fn renderer_falls_back_to_the_cpu_in_the_same_frame() {
     let Some(device) =
         adapter_or_skip(Gpu::fresh(AdapterKind::Software).or_else(|_| Gpu::fresh(AdapterKind::Gpu)))
     else {
@@ -230,9 +230,9 @@ fn a_lost_adapter_is_replaced_by_the_cpu_in_the_same_frame() {
     assert!(again == expected);
 }
 
-/// Moving things are drawn into maps that are kept: only where they were is made empty.
+/// Moving instances are drawn into persistent maps, of which only their old rectangles are erased.
 #[test]
-fn shadows_of_what_moved_on_do_not_stay() {
+fn shadows_of_moved_instances_are_erased() {
     let Some(device) = device() else { return };
     let camera = camera(|_| ());
     let pose = looking([0.0, -1.9, 1.45], 0.03, 0.0);

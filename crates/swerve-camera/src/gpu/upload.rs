@@ -1,4 +1,4 @@
-//! Memory of a submission on the device, and what shaders are bound to.
+//! Device memory of a submission, and bind groups.
 
 use swerve_gpu::wgpu;
 
@@ -9,11 +9,11 @@ use super::renderer::GpuRenderer;
 use super::sub_frames::RoundCommands;
 use super::target::Target;
 
-/// Sizes of what is drawn to that are kept.
+/// Number of target sizes kept.
 const TARGETS_KEPT: usize = 4;
 
 impl GpuRenderer {
-    /// Makes room for everything and brings it to the device.
+    /// Reserves memory for a submission and uploads it.
     pub(super) fn upload(
         &mut self,
         size: [u32; 3],
@@ -55,8 +55,8 @@ impl GpuRenderer {
         Ok(())
     }
 
-    /// Puts the target of a size last; whether it is another one now. Of just this size: some adapters take longer to
-    /// clear a larger one than to draw.
+    /// Moves the target of a size to the end; returns true if the current target changed. Targets have exactly this
+    /// size, as clearing a larger one can take longer than drawing.
     fn take_target(&mut self, size: [u32; 3]) -> bool {
         let fits = |target: &Target| target.size[..2] == size[..2] && target.size[2] >= size[2];
         if fits(self.target()) {
@@ -80,7 +80,7 @@ impl GpuRenderer {
         self.targets.last().expect("there is one from the start")
     }
 
-    /// Bytes from one round's numbers to those of the next.
+    /// Byte offset between the parameters of consecutive rounds.
     pub(super) fn round_step(&self) -> usize {
         16_usize.next_multiple_of(self.gpu.limits().min_uniform_buffer_offset_alignment.max(16) as usize)
     }

@@ -1,34 +1,34 @@
-//! Lens distortion after Brown (1966) and Conrady, with the coefficients in the order of OpenCV.
+//! Lens distortion after Brown (1966) and Conrady, with coefficients in OpenCV's order.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Radial (`k1`, `k2`, `k3`) and tangential (`p1`, `p2`) coefficients; all zero is a perfect lens.
+/// Radial (`k1`, `k2`, `k3`) and tangential (`p1`, `p2`) distortion coefficients; all zero for an ideal lens.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Distortion {
-    /// Radial, second power.
+    /// Radial distortion coefficient, second power of the radius.
     pub k1: f64,
-    /// Radial, fourth power.
+    /// Radial distortion coefficient, fourth power of the radius.
     pub k2: f64,
-    /// Tangential, vertical.
+    /// Tangential distortion coefficient, vertical.
     pub p1: f64,
-    /// Tangential, horizontal.
+    /// Tangential distortion coefficient, horizontal.
     pub p2: f64,
-    /// Radial, sixth power.
+    /// Radial distortion coefficient, sixth power of the radius.
     pub k3: f64,
 }
 
-/// Newton steps that invert the model; each doubles the digits, so that few are needed.
+/// Most Newton steps for inverting the model; each doubles the number of correct digits, so few are needed.
 const STEPS_MAX: usize = 50;
 
 impl Distortion {
-    /// Whether the lens is perfect.
+    /// Returns true for an undistorted lens.
     pub fn is_none(&self) -> bool {
         self.coefficients() == [0.0; 5]
     }
 
-    /// `[k1, k2, p1, p2, k3]`, as calibration messages have them.
+    /// Coefficients in the order of calibration messages: `[k1, k2, p1, p2, k3]`.
     pub fn coefficients(&self) -> [f64; 5] {
         [self.k1, self.k2, self.p1, self.p2, self.k3]
     }
@@ -43,7 +43,7 @@ impl Distortion {
         ]
     }
 
-    /// Where the lens puts a ray: `(x/z, y/z)` in, the same of the image point out.
+    /// Distorts a ray: `(x/z, y/z)` to the same of the image point.
     pub(crate) fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let r2 = x * x + y * y;
         let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
@@ -53,9 +53,9 @@ impl Distortion {
         ]
     }
 
-    /// The ray that the lens puts to an image point: Newton's method, damped, on [`Self::distort`].
+    /// Undistorts an image point: Newton's method, damped, on [`Self::distort`].
     ///
-    /// Where no ray leads to the point, the best that was found.
+    /// If no ray maps to the point, returns the best approximation found.
     pub(crate) fn undistort(&self, image: [f64; 2]) -> [f64; 2] {
         if self.is_none() {
             return image;

@@ -7,7 +7,7 @@ fn refused(change: impl Fn(&mut CameraSpec)) -> ParamError {
 }
 
 #[test]
-fn what_cannot_be_a_camera_is_refused_by_name() {
+fn camera_rejects_invalid_specs_by_key() {
     let fov = |rad: f64| refused(move |s| s.intrinsics = Intrinsics::HorizontalFovRad(rad)).key;
     let matrix = |m: [[f64; 3]; 3]| refused(move |s| s.intrinsics = Intrinsics::Matrix(m)).key;
     let nan = f64::NAN;
@@ -58,7 +58,7 @@ fn what_cannot_be_a_camera_is_refused_by_name() {
 }
 
 #[test]
-fn field_of_view_reaches_the_edges() {
+fn field_of_view_spans_the_image_edges() {
     let camera = Camera::new(CameraSpec::default()).unwrap();
     let [left, top] = camera.project(Point::new(-5.0, 0.0, 5.0)).unwrap();
     assert!(left.abs() < 1e-9 && (top - 300.0).abs() < 1e-9);
@@ -66,7 +66,7 @@ fn field_of_view_reaches_the_edges() {
 }
 
 #[test]
-fn the_lens_bends_there_and_back() {
+fn undistort_inverts_distort() {
     let distortion = Distortion { k1: -0.28, k2: 0.09, p1: 0.0008, p2: -0.0006, k3: -0.01 };
     let camera = Camera::new(CameraSpec { distortion, ..CameraSpec::default() }).unwrap();
     for row in 0..=12 {
@@ -83,7 +83,7 @@ fn the_lens_bends_there_and_back() {
 }
 
 #[test]
-fn a_mounted_camera_looks_ahead_down_and_left() {
+fn mount_follows_pitch_and_yaw() {
     let ahead = mount([1.5, 0.2, 1.4], 0.0, 0.0, 0.0);
     let p = ahead * Point::new(0.5, 0.25, 2.0);
     assert!((p - Point::new(3.5, -0.3, 1.15)).norm() < 1e-12, "{p:?}");

@@ -1,6 +1,6 @@
-//! Boxes with faces along the axes.
+//! Axis-aligned bounding boxes.
 
-/// A box with faces along the axes.
+/// Axis-aligned bounding box.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aabb {
     /// Smallest coordinates.
@@ -10,15 +10,15 @@ pub(crate) struct Aabb {
 }
 
 impl Aabb {
-    /// The box around nothing.
+    /// Empty box.
     pub(crate) const NONE: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
-    /// Grows to hold a point.
+    /// Extends the box to contain a point.
     pub(crate) fn add(&mut self, point: [f32; 3]) {
         self.join(&Self { min: point, max: point });
     }
 
-    /// Grows to hold a box.
+    /// Extends the box to contain another box.
     pub(crate) fn join(&mut self, other: &Self) {
         for axis in 0..3 {
             self.min[axis] = self.min[axis].min(other.min[axis]);
@@ -31,7 +31,7 @@ impl Aabb {
         [(x1 - x0).max(0.0), (y1 - y0).max(0.0), (z1 - z0).max(0.0)]
     }
 
-    /// Half of the surface.
+    /// Half of the surface area.
     pub(crate) fn area(&self) -> f32 {
         let [x, y, z] = self.sides();
         x * y + y * z + z * x

@@ -1,4 +1,4 @@
-//! Building: from boxes to a hierarchy.
+//! Construction of hierarchies from boxes.
 
 use core::cmp::Ordering;
 
@@ -7,12 +7,12 @@ use super::{Bvh, LEAF, Node};
 
 /// Bins per axis.
 const BINS: usize = 16;
-/// From this depth on sets are halved by count: bounds the depth of any input, see [`DEPTH_MAX`].
+/// Depth from which sets are halved by count, which bounds the depth for any input, see [`DEPTH_MAX`].
 const DEPTH_SAH: u32 = 14;
-/// Largest depth: [`DEPTH_SAH`], and from there two halvings per level of at most 2^32 items.
+/// Largest depth: [`DEPTH_SAH`], plus two halvings per level of at most 2^32 items.
 pub(crate) const DEPTH_MAX: usize = DEPTH_SAH as usize + 17;
 
-/// A set of items that becomes a node or a leaf.
+/// Set of items that becomes a node or a leaf.
 #[derive(Clone, Copy)]
 struct Part {
     from: u32,
@@ -26,7 +26,7 @@ impl Part {
     }
 }
 
-/// A node whose children are yet to be made, and the items under it.
+/// Node whose children are not yet created, and its items.
 #[derive(Clone, Copy, Debug)]
 struct Task {
     node: u32,
@@ -35,10 +35,10 @@ struct Task {
     depth: u32,
 }
 
-/// Builds hierarchies; keeps its memory.
+/// Builds hierarchies; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Builder {
-    /// Boxes that the hierarchy is over: filled in by the caller.
+    /// Boxes of the items, filled in by the caller.
     pub(crate) boxes: Vec<Aabb>,
     order: Vec<u32>,
     leaves: Vec<(u32, u32)>,
@@ -46,7 +46,7 @@ pub(crate) struct Builder {
 }
 
 impl Builder {
-    /// The items of each leaf, by its number.
+    /// Items of each leaf, by leaf number.
     pub(crate) fn leaves(&self) -> impl Iterator<Item = &[u32]> {
         self.leaves.iter().map(|&(from, to)| &self.order[from as usize..to as usize])
     }
@@ -90,7 +90,7 @@ impl Builder {
         Part { from, to, bounds }
     }
 
-    /// Halves the first part until there are four, or no more can be halved; gives their number.
+    /// Halves the largest part until there are four, or no part can be halved; returns their number.
     fn split_in_four(&mut self, parts: &mut [Part; 4], most: usize, depth: u32) -> usize {
         let mut used = 1;
         while used < 4 {
@@ -111,7 +111,7 @@ impl Builder {
         used
     }
 
-    /// Orders the items of a part so that its two halves follow each other; gives where the second begins.
+    /// Partitions the items of a part into two halves; returns the start of the second.
     fn split(&mut self, part: &Part, depth: u32) -> u32 {
         let mut centres = Aabb::NONE;
         for &item in &self.order[part.from as usize..part.to as usize] {
@@ -141,7 +141,7 @@ impl Builder {
         part.from + left as u32
     }
 
-    /// The axis and the first bin of the second half that make the cheapest two halves.
+    /// Axis and first bin of the second half for the cheapest split.
     fn cheapest(&self, part: &Part, centres: &Aabb) -> Option<(usize, usize)> {
         let mut best: Option<(f32, usize, usize)> = None;
         for axis in 0..3 {

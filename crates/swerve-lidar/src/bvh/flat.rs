@@ -1,25 +1,25 @@
-//! Hierarchies as words for compute shaders.
+//! Serialisation of hierarchies to words for compute shaders.
 
 use super::{Bvh, LEAF};
 
-/// Children and nodes of flat trees: bits of a link, the rest of which is an index.
+/// Link bits of children and nodes in flat trees; the other bits are an index.
 pub(crate) mod link {
-    /// Nothing is there.
+    /// Empty slot.
     pub(crate) const NONE: u32 = u32::MAX;
-    /// In a tree of instances: a leaf is one of these, not a block of triangles.
+    /// In a tree of instances: the leaf is an instance, not a block of triangles.
     pub(crate) const TOP: u32 = 1 << 30;
-    /// Most nodes, leaves or instances of all flat trees together.
+    /// Largest number of nodes, leaves or instances of all flat trees together.
     pub(crate) const INDEX_MAX: usize = (1 << 29) - 1;
 }
 
 /// Words of a node of a flat tree: six times four bounds (smallest and largest x, y, z), four links.
 pub(crate) const NODE_WORDS: usize = 28;
-/// Stands for beyond everything in flat trees, so that nothing there overflows.
+/// Replacement for infinite bounds in flat trees, which avoids overflow in the shader.
 const BEYOND: f32 = 1e20;
 
 impl Bvh {
-    /// Adds the nodes as words for a compute shader and gives the link to the root. Links count nodes from
-    /// `first_node`, leaves from `first_leaf`, and have the bits `set`.
+    /// Appends the nodes as words for a compute shader and returns the link to the root. Node links are relative to
+    /// `first_node`, leaf links to `first_leaf`; all have the bits `set`.
     pub(crate) fn flatten(&self, words: &mut Vec<u32>, first_node: u32, first_leaf: u32, set: u32) -> u32 {
         for node in &self.nodes {
             for side in node.bounds.iter().flatten() {
@@ -36,12 +36,12 @@ impl Bvh {
         if self.nodes.is_empty() { link::NONE } else { set | first_node }
     }
 
-    /// Nodes on the longest way from the root to a leaf; `memory` is lent.
+    /// Number of nodes on the longest path from the root to a leaf; `memory` is scratch.
     pub(crate) fn levels(&self, memory: &mut Vec<u32>) -> u32 {
         memory.clear();
         memory.resize(self.nodes.len(), 1);
         let mut most = 0;
-        // Children come after their parents. Slots that are not used are leaves.
+        // Children follow their parents. Unused slots are leaves.
         for (at, node) in self.nodes.iter().enumerate() {
             let level = memory[at];
             most = most.max(level);

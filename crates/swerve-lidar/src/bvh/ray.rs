@@ -1,26 +1,26 @@
-//! Rays and packets of rays, and their tests against the boxes of a node.
+//! Rays and packets of rays, and their intersection with the boxes of a node.
 
 use wide::{f32x4, f32x8};
 
 use super::Node;
 
-/// The far side of a box is this much farther than it rounds to: no ray slips between two boxes.
+/// Relative enlargement of the far distance of a box against rounding, so that no ray passes between two boxes.
 const SLACK: f32 = 1.0 + 4e-7;
 
-/// A ray of a walk.
+/// Ray for a traversal.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
-    /// Start, the same in all lanes.
+    /// Origin, the same in all lanes.
     pub(crate) origin: [f32x4; 3],
-    /// Direction of unit length, the same in all lanes.
+    /// Unit direction, the same in all lanes.
     pub(crate) direction: [f32x4; 3],
     inverse: [f32x4; 3],
-    /// Of each axis: which side of a box comes first.
+    /// Index of the nearer side of a box, by axis.
     near: [usize; 3],
 }
 
 impl Ray {
-    /// From a start along a direction of unit length.
+    /// Ray from an origin along a unit direction.
     #[inline(always)]
     pub(crate) fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
         let [ox, oy, oz] = origin;
@@ -34,7 +34,7 @@ impl Ray {
         }
     }
 
-    /// Start and direction.
+    /// Origin and direction.
     #[inline(always)]
     pub(crate) fn parts(&self) -> ([f32; 3], [f32; 3]) {
         let first = |v: f32x4| v.to_array()[0];
@@ -42,7 +42,7 @@ impl Ray {
         ([first(ox), first(oy), first(oz)], [first(dx), first(dy), first(dz)])
     }
 
-    /// Where the ray enters and leaves the four boxes along one axis.
+    /// Distances at which the ray enters and leaves the four boxes along one axis.
     #[inline(always)]
     fn slab(&self, node: &Node, axis: usize) -> (f32x4, f32x4) {
         let near = self.near[axis] & 1;
@@ -50,7 +50,7 @@ impl Ray {
         ((node.bounds[axis][near] - o) * i, (node.bounds[axis][near ^ 1] - o) * i)
     }
 
-    /// Which of the four boxes the ray meets before `reach`, as bits, and how far away.
+    /// Bit mask of the boxes hit before `reach`, and their entry distances.
     #[inline(always)]
     pub(crate) fn meets(&self, node: &Node, reach: f32) -> (u32, f32x4) {
         let x = self.slab(node, 0);
@@ -62,15 +62,15 @@ impl Ray {
     }
 }
 
-/// Rays of a packet.
+/// Number of rays in a packet.
 pub(crate) const LANES: usize = 8;
 
-/// Rays that go much the same way, walked together.
+/// Rays with similar directions, traversed together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Packet {
-    /// Starts, by axis.
+    /// Origins, by axis.
     pub(crate) origin: [f32x8; 3],
-    /// Directions of unit length, by axis.
+    /// Unit directions, by axis.
     pub(crate) direction: [f32x8; 3],
     inverse: [f32x8; 3],
     /// Bounds of all rays, by axis.
@@ -80,11 +80,11 @@ pub(crate) struct Packet {
 /// Bounds of the rays of a packet along one axis, the same in all lanes.
 #[derive(Clone, Copy, Debug)]
 struct Span {
-    /// Which side of a box comes first.
+    /// Index of the nearer side of a box.
     near: usize,
-    /// The start from which the near side is nearest, and that from which the far side is farthest.
+    /// Origins that give the smallest distance to the near side and the largest to the far side.
     origin: [f32x4; 2],
-    /// Least and largest inverse of the directions.
+    /// Smallest and largest inverse of the directions.
     inverse: [f32x4; 2],
 }
 
@@ -98,7 +98,7 @@ impl Span {
         } else if fast < 0.0 {
             (1, [low, high], [slow, fast])
         } else {
-            // Some rays go up the axis and some down: it bounds nothing.
+            // Rays with both directions along the axis have no bound.
             (0, [f32::INFINITY, f32::NEG_INFINITY], [1.0, 1.0])
         };
         let [o0, o1] = origin;
@@ -107,7 +107,7 @@ impl Span {
         Self { near, origin, inverse }
     }
 
-    /// No ray enters the four boxes along this axis before the first, none leaves them after the second.
+    /// Lower bound of the entry and upper bound of the exit of the four boxes along this axis, over all rays.
     #[inline(always)]
     fn slab(&self, bounds: &[f32x4; 2]) -> (f32x4, f32x4) {
         let near = self.near & 1;
@@ -118,7 +118,7 @@ impl Span {
 }
 
 impl Packet {
-    /// From starts along directions of unit length.
+    /// Packet from origins along unit directions.
     #[inline(always)]
     pub(crate) fn new(origin: [f32x8; 3], direction: [f32x8; 3]) -> Self {
         let [x, y, z] = direction;
@@ -135,7 +135,7 @@ impl Packet {
         Self { origin, direction, inverse, span }
     }
 
-    /// Which of the four boxes any ray may meet before `reach`, as bits: all that one does meet, and others.
+    /// Bit mask of the boxes that any ray may hit before `reach`; conservative.
     #[inline(always)]
     pub(crate) fn may_meet(&self, node: &Node, reach: f32) -> u32 {
         let x = self.span[0].slab(&node.bounds[0]);
@@ -146,7 +146,7 @@ impl Packet {
         near.simd_le(far.fast_min(f32x4::splat(reach))).to_bitmask()
     }
 
-    /// Where the rays enter and leave a box along one axis.
+    /// Distances at which the rays enter and leave a box along one axis.
     #[inline(always)]
     fn slab(&self, bounds: [f32; 2], axis: usize) -> (f32x8, f32x8) {
         let (o, i) = (self.origin[axis], self.inverse[axis]);
@@ -155,7 +155,7 @@ impl Packet {
         (a.fast_min(b), a.fast_max(b))
     }
 
-    /// Which rays meet a box before their `reach`, as bits, and how far away.
+    /// Bit mask of the rays that hit a box before their `reach`, and the entry distances.
     #[inline(always)]
     pub(crate) fn meets(&self, node: &Node, slot: usize, reach: f32x8) -> (u32, f32x8) {
         let bounds = |axis: usize| {
@@ -170,7 +170,7 @@ impl Packet {
     }
 }
 
-/// The least of eight.
+/// Smallest of eight values.
 #[inline(always)]
 pub(crate) fn least(v: f32x8) -> f32 {
     let [a, b, c, d, e, f, g, h] = v.to_array();
@@ -178,7 +178,7 @@ pub(crate) fn least(v: f32x8) -> f32 {
     min(min(min(a, b), min(c, d)), min(min(e, f), min(g, h)))
 }
 
-/// 1 over a part of a direction, never so large that 0 times it is not a number.
+/// Inverse of a direction component, limited so that its product with 0 is not NaN.
 #[inline(always)]
 fn inverse(d: f32) -> f32 {
     1.0 / if d.abs() < 1e-18 { 1e-18_f32.copysign(d) } else { d }

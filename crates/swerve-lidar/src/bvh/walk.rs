@@ -1,14 +1,14 @@
-//! Walks of rays and packets through a hierarchy.
+//! Traversal of a hierarchy by rays and packets.
 
 use wide::f32x8;
 
 use super::ray::{Packet, Ray, least};
 use super::{Bvh, LEAF, build};
 
-/// Entries that a walk keeps at most: three siblings per level.
+/// Largest number of stack entries: three siblings per level.
 const STACK: usize = 3 * build::DEPTH_MAX + 4;
 
-/// Memory of a walk; made once and used for many.
+/// Reusable stack of a traversal.
 pub(crate) struct Stack([(f32, u32, u32); STACK]);
 
 impl Default for Stack {
@@ -18,9 +18,9 @@ impl Default for Stack {
 }
 
 impl Bvh {
-    /// Calls `visit` with leaves that a ray meets, near ones first, until none is left within reach.
+    /// Calls `visit` with the leaves that a ray hits, near ones first, until none is left within reach.
     ///
-    /// `visit` is given the number of the leaf and the reach so far, and gives the reach from then on.
+    /// `visit` receives the leaf number and the current reach, and returns the new reach.
     #[inline(always)]
     pub(crate) fn walk(
         &self,
@@ -54,7 +54,7 @@ impl Bvh {
                         if far.0 < nearest.0 {
                             core::mem::swap(&mut far, &mut nearest);
                         }
-                        // Sorted, the farthest lowest.
+                        // Insertion sort, farthest at the bottom.
                         let mut place = height;
                         while place > base && entries[place - 1].0 < far.0 {
                             entries[place] = entries[place - 1];
@@ -81,9 +81,9 @@ impl Bvh {
         }
     }
 
-    /// As [`Self::walk`] for a packet of rays, each with its own reach.
+    /// Traverses with a packet of rays, each with a separate reach; otherwise like [`Self::walk`].
     ///
-    /// `visit` is given the number of the leaf, the rays that may meet something in it, as bits, and their reach.
+    /// `visit` receives the leaf number, the bit mask of the rays that may hit something in it, and their reach.
     #[inline(always)]
     pub(crate) fn walk_packet(
         &self,

@@ -1,4 +1,4 @@
-//! Rays of lidars on a GPU: buffers, the pipelines of `rays.wgsl`, and the way back of the points.
+//! Ray casting on a GPU: buffers, the pipelines of `rays.wgsl`, and the read-back of points.
 
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
@@ -7,28 +7,27 @@ use swerve_gpu::{Gpu, GrowingBuffer, wgpu};
 
 use crate::scene_tree::flat::{Batch, GpuScene, UploadBuffer};
 
-/// The shader; the size of its stack is put in.
+/// Shader source; the stack size is substituted.
 const SHADER: &str = include_str!("rays.wgsl");
-/// Where it goes.
+/// Placeholder of the stack size.
 const STACK_MARK: &str = "STACK_SIZE";
-/// Columns and beams of a workgroup: a bundle of rays that go much the same way.
+/// Columns and beams of a workgroup: a bundle of rays with similar directions.
 const GROUP: u32 = 8;
-/// Bytes of what a ray gives.
+/// Bytes of a ray's result.
 const RETURN_BYTES: u64 = 16;
 /// Words of a point.
 const POINT_WORDS: usize = 6;
-/// How often the adapter is asked whether it is done before this thread sleeps: to be woken takes longer than
-/// most turns.
+/// Number of polls of the adapter before this thread blocks; waking up takes longer than most turns.
 const POLLS_MAX: usize = 2000;
-/// An adapter that takes longer is lost.
+/// Time after which an adapter is considered lost.
 const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Words of the shader's `Params` behind the counts and roots.
+/// Words of the shader's `Params` after the counts and roots.
 pub(crate) const SETTINGS: usize = 16;
 
 /// Points of a batch, by column and then by beam, array after array.
 pub(crate) struct Points<'a> {
-    /// Points of each column.
+    /// Number of points of each column.
     pub(crate) counts: &'a [u32],
     arrays: &'a [u32],
     len: usize,
@@ -41,14 +40,14 @@ impl<'a> Points<'a> {
         (len * POINT_WORDS <= arrays.len()).then_some(Self { counts, arrays, len })
     }
 
-    /// x, y, z in the sensor's frame and intensity, as bits; instance id; ring with the class above it.
+    /// x, y, z in the sensor frame and intensity, as bits; instance id; ring with the class in the upper bits.
     pub(crate) fn arrays(&self) -> [&'a [u32]; POINT_WORDS] {
         let room = self.arrays.len() / POINT_WORDS;
         core::array::from_fn(|k| &self.arrays[k * room..][..self.len])
     }
 }
 
-/// Casts the rays of lidars on one device; keeps its buffers.
+/// Casts the rays of lidars on one device; reuses its buffers.
 pub(crate) struct Caster {
     gpu: Arc<Gpu>,
     pipelines: Option<Pipelines>,
@@ -56,29 +55,29 @@ pub(crate) struct Caster {
     sent: [GrowingBuffer; 3],
     beams: GrowingBuffer,
     beam_count: u32,
-    /// Counts the changes of what all batches bind.
+    /// Version of the bindings shared by all batches.
     version: u64,
     spare: Vec<BatchBuffers>,
 }
 
-/// Rays against trees, points per column, points.
+/// Pipelines of the three steps: rays against trees, points per column, points.
 struct Pipelines {
-    /// Entries of the stack.
+    /// Number of stack entries.
     stack: u32,
     steps: [wgpu::ComputePipeline; 3],
 }
 
-/// Buffers that a batch needs for itself.
+/// Buffers of one batch.
 struct BatchBuffers {
     settings: wgpu::Buffer,
     found: GrowingBuffer,
     points: GrowingBuffer,
     back: GrowingBuffer,
-    /// With the version that they are of.
+    /// Bind groups and their version.
     bindings: Option<(u64, [wgpu::BindGroup; 3])>,
 }
 
-/// A batch on its way.
+/// Batch in progress on the device.
 pub(crate) struct InFlight {
     buffers: BatchBuffers,
     columns: usize,
@@ -87,7 +86,7 @@ pub(crate) struct InFlight {
     mapped: Mutex<Mapped>,
 }
 
-/// Receives the outcome of mapping a buffer.
+/// Receiver of the result of mapping a buffer.
 type Mapped = mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>;
 
 impl BatchBuffers {
@@ -111,7 +110,7 @@ impl BatchBuffers {
 }
 
 impl Caster {
-    /// For beams with these directions in a column at azimuth 0.
+    /// Caster for beams with these directions in a column at azimuth 0.
     pub(crate) fn new(gpu: &Arc<Gpu>, beams: &[[f32; 3]]) -> Self {
         let words: Vec<u32> = beams.iter().flat_map(|&[x, y, z]| [x, y, z, 0.0].map(f32::to_bits)).collect();
         let input = |label: &'static str| {
@@ -119,7 +118,7 @@ impl Caster {
             GrowingBuffer::new(gpu, label, wgpu::BufferUsages::STORAGE | copies)
         };
         let mut store = input("beams of a lidar");
-        // Few enough for any adapter: at most 512.
+        // At most 512 beams, which fits any adapter.
         if store.reserve(gpu, 4 * words.len() as u64).is_ok() {
             gpu.queue().write_buffer(store.get(), 0, bytemuck::cast_slice(&words));
         }
@@ -135,17 +134,17 @@ impl Caster {
         }
     }
 
-    /// Sends a batch on its way.
+    /// Submits a batch.
     ///
     /// # Errors
-    /// Why the device cannot; it is of no use from then on.
+    /// Reason of the device failure; the device is unusable afterwards.
     pub(crate) fn submit(
         &mut self,
         scene: &mut GpuScene,
         batch: &Batch,
         settings: [u32; SETTINGS],
     ) -> Result<InFlight, String> {
-        // A device that is gone says so here better than where it is used.
+        // A lost device is reported more clearly here than at its use.
         self.gpu.poll()?;
         self.upload(scene, batch)?;
         self.compile(batch.stack(scene));
@@ -155,7 +154,7 @@ impl Caster {
         Ok(in_flight)
     }
 
-    /// Sends what the device lacks.
+    /// Uploads the data missing on the device.
     fn upload(&mut self, scene: &mut GpuScene, batch: &Batch) -> Result<(), String> {
         if !scene.is_in_bounds() {
             return Err("the scene has more triangles than links can sender apart".to_owned());
@@ -176,7 +175,7 @@ impl Caster {
         Ok(())
     }
 
-    /// Sends the work.
+    /// Encodes and submits the work.
     fn encode(
         &mut self,
         mut buffers: BatchBuffers,
@@ -206,13 +205,13 @@ impl Caster {
         let submission = self.gpu.queue().submit([encoder.finish()]);
         let (sender, mapped) = mpsc::channel();
         buffers.back.get().slice(0..bytes).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody listens any more once the wait is over.
+            // The receiver is dropped once the wait is over.
             let _late = sender.send(result);
         });
         Ok(InFlight { buffers, columns, bytes, submission, mapped: Mutex::new(mapped) })
     }
 
-    /// Room for what so many columns give; the bytes of their points.
+    /// Reserves the result buffers for this many columns; returns the size of their points in bytes.
     fn make_room(&self, buffers: &mut BatchBuffers, columns: u64) -> Result<u64, String> {
         let rays = columns * u64::from(self.beam_count);
         let bytes = 4 * (columns + rays * POINT_WORDS as u64);
@@ -225,7 +224,7 @@ impl Caster {
         Ok(bytes)
     }
 
-    /// The pipelines for trees that need so many entries on the stack.
+    /// Compiles the pipelines for trees that need this many stack entries.
     fn compile(&mut self, stack: u32) {
         if self.pipelines.as_ref().is_some_and(|made| made.stack >= stack) {
             return;
@@ -250,7 +249,7 @@ impl Caster {
         self.version += 1;
     }
 
-    /// Everything that the pipelines read and write.
+    /// Bind groups of the pipelines.
     fn bindings<'a>(&self, buffers: &'a mut BatchBuffers) -> &'a [wgpu::BindGroup; 3] {
         let made = buffers.bindings.take().filter(|(version, _)| *version == self.version);
         let made = made.unwrap_or_else(|| (self.version, self.bind(buffers)));
@@ -282,10 +281,10 @@ impl Caster {
         })
     }
 
-    /// Waits for a batch and lends its points.
+    /// Waits for a batch and passes its points to a closure.
     ///
     /// # Errors
-    /// Why the device cannot; it is of no use from then on.
+    /// Reason of the device failure; the device is unusable afterwards.
     pub(crate) fn receive(
         &mut self,
         in_flight: InFlight,
@@ -304,7 +303,7 @@ impl Caster {
         Ok(())
     }
 
-    /// Waits until a batch is back.
+    /// Waits until a batch is complete.
     fn wait_for(
         &self,
         mapped: &Mapped,
@@ -318,12 +317,12 @@ impl Caster {
             std::thread::yield_now();
         }
         self.gpu.wait(Some(submission))?;
-        // Another thread that waits for the same device may have been given the answer to pass on.
+        // Another thread waiting for the same device may deliver the callback.
         mapped.recv_timeout(TIMEOUT).map_err(|error| error.to_string())
     }
 }
 
-/// Sends the pending words behind those that are there, and says whether the buffer was replaced.
+/// Uploads the pending words after the existing ones; returns true if the buffer was replaced.
 fn upload_pending(gpu: &Gpu, store: &mut GrowingBuffer, upload: &mut UploadBuffer) -> Result<bool, String> {
     let replaced = store.reserve(gpu, 4 * upload.len() as u64)?;
     let held = 4 * upload.uploaded as u64;

@@ -7,7 +7,7 @@ use swerve_scene::{Instance, Kind, Scene, WeatherPreset};
 use super::*;
 use crate::{Cloud, Firing, LidarEngine, LidarPreset, LidarSpec};
 
-/// A device of any adapter, software rather than none.
+/// Device of any adapter, preferably hardware.
 fn device(fresh: bool) -> Option<Arc<Gpu>> {
     let open = if fresh { Gpu::fresh } else { Gpu::shared };
     adapter_or_skip(open(AdapterKind::Software).or_else(|_| open(AdapterKind::Gpu)))
@@ -18,7 +18,7 @@ fn pose(seconds: f64) -> Transform<Map, Lidar> {
     Transform::from_roll_pitch_yaw(point, 0.01, -0.02, 0.3 + 0.5 * seconds)
 }
 
-/// A turn in so many steps of the world; `change` is what happens to it at the begin of each.
+/// Turn in this many world steps; `change` modifies the scene at the start of each step.
 fn turn(
     sweeper: &mut Sweeper,
     scene: &mut Scene,
@@ -46,7 +46,7 @@ fn turn(
     cloud
 }
 
-/// How two clouds of one pattern differ.
+/// Differences of two clouds of the same pattern.
 #[derive(Debug, Default)]
 struct Difference {
     both: usize,
@@ -58,7 +58,7 @@ struct Difference {
 }
 
 impl Difference {
-    /// Compares points by column and ring; `far_m` apart are far ranges.
+    /// Compares points by column and ring; ranges that differ by more than `far_m` are counted as far.
     fn new(a: &Cloud, b: &Cloud, far_m: f64) -> Self {
         let mut all = std::collections::BTreeMap::new();
         for (side, cloud) in [a, b].into_iter().enumerate() {
@@ -97,7 +97,7 @@ fn spec(columns: u32) -> LidarSpec {
     LidarSpec { columns, ..LidarPreset::Os1.spec() }
 }
 
-/// The same turn by both engines.
+/// Same turn on both engines.
 fn both(
     spec: &LidarSpec,
     gpu: &Arc<Gpu>,
@@ -111,14 +111,14 @@ fn both(
     let one = turn(&mut here, &mut scene.clone(), &mut tree(), 4, &change);
     let other = turn(&mut there, &mut scene.clone(), &mut tree(), 4, &change);
     assert_eq!((there.engine(), there.fallback()), (LidarEngine::Gpu, None));
-    // Column by column and then beam by beam.
+    // By column and then by beam.
     let order: Vec<_> = (0..other.len).map(|k| (other.offset_s[k].to_bits(), other.ring[k])).collect();
     assert!(order.is_sorted());
     [one, other]
 }
 
 #[test]
-fn the_gpu_meets_what_the_cpu_meets() {
+fn gpu_hits_match_cpu_hits() {
     let Some(gpu) = device(false) else { return };
     let spec = spec(160).without_noise();
     let [here, there] =
@@ -134,12 +134,12 @@ fn the_gpu_meets_what_the_cpu_meets() {
 }
 
 #[test]
-fn noise_dropout_and_rain_are_those_of_the_cpu() {
+fn gpu_noise_dropout_and_rain_match_the_cpu() {
     let Some(gpu) = device(false) else { return };
     let spec = LidarSpec { dropout: 0.1, ..spec(160) };
     let scene = town(WeatherPreset::HardRainNoon, 2, 45.0);
     let [here, there] = both(&spec, &gpu, 3, &scene, SceneTree::default, |_, _| {});
-    // Ranges are whole steps of 3 mm: rounding may take one to the next.
+    // Ranges are multiples of 3 mm; rounding may select the neighbouring one.
     let difference = Difference::new(&here, &there, 0.0035);
     println!("{} and {} returns: {difference:?}", here.len, there.len);
     assert!(here.len > 2500, "{}", here.len);
@@ -150,7 +150,7 @@ fn noise_dropout_and_rain_are_those_of_the_cpu() {
 }
 
 #[test]
-fn a_scene_that_changes_within_a_turn_is_met_as_it_was_at_each_step() {
+fn gpu_casts_each_column_in_the_scene_of_its_step() {
     let Some(gpu) = device(false) else { return };
     let scene = town(WeatherPreset::ClearNoon, 3, 40.0);
     let change = |step: i64, scene: &mut Scene| match step {
@@ -165,7 +165,7 @@ fn a_scene_that_changes_within_a_turn_is_met_as_it_was_at_each_step() {
         3 => scene.set_weather(WeatherPreset::SoftRainNoon),
         _ => {}
     };
-    // All in one tree, and nothing static there.
+    // With a static tree, and with all instances in the dynamic tree.
     for tree in [SceneTree::default, || SceneTree::with_static_triangles(0)] {
         let spec = spec(80).without_noise();
         let [here, there] = both(&spec, &gpu, 2, &scene, tree, change);
@@ -178,7 +178,7 @@ fn a_scene_that_changes_within_a_turn_is_met_as_it_was_at_each_step() {
 }
 
 #[test]
-fn the_vehicle_that_carries_it_is_hidden_there_too() {
+fn gpu_hides_the_carrying_vehicle() {
     let Some(gpu) = device(false) else { return };
     let mut scene = town(WeatherPreset::ClearNoon, 1, 40.0);
     let (own, parked) = (scene.meshes.model(Kind::Sedan, 1), scene.meshes.model(Kind::Van, 1));
@@ -199,14 +199,14 @@ fn the_vehicle_that_carries_it_is_hidden_there_too() {
 }
 
 #[test]
-fn an_empty_scene_gives_nothing() {
+fn gpu_returns_no_points_in_an_empty_scene() {
     let Some(gpu) = device(false) else { return };
     let mut sweeper = Sweeper::on_gpu(spec(16), 1, &gpu).unwrap();
     let cloud = turn(&mut sweeper, &mut Scene::default(), &mut SceneTree::default(), 2, |_, _| {});
     assert_eq!((cloud.len, sweeper.fallback()), (0, None));
 }
 
-/// Turns before, while and after the device goes away.
+/// Runs turns before, during and after the loss of the device.
 fn lose(gpu: &Arc<Gpu>, scene: &Scene) {
     let mut here = Sweeper::new(spec(64), 1).unwrap();
     let mut there = Sweeper::on_gpu(spec(64), 2, gpu).unwrap();
@@ -229,9 +229,9 @@ fn lose(gpu: &Arc<Gpu>, scene: &Scene) {
 }
 
 #[test]
-fn a_lost_gpu_costs_no_point() {
+fn sweeper_falls_back_to_the_cpu_without_losing_points() {
     let scene = town(WeatherPreset::ClearNoon, 1, 40.0);
-    // Without anything static the origin of the coordinates moves with the rest.
+    // Without static instances the origin of the coordinates depends on the moving ones.
     let mut moving = scene.clone();
     moving.clear_statics();
     let own = moving.meshes.model(Kind::Sedan, 1);
@@ -242,7 +242,7 @@ fn a_lost_gpu_costs_no_point() {
     }
 }
 
-/// The turn of [`turn`] with each piece collected when the next is on its way; `change` is done before each.
+/// Turn as in [`turn`], with each piece collected after the next is submitted; `change` is called before each.
 fn turn_ahead(sweeper: &mut Sweeper, scene: &mut Scene, steps: i64, mut change: impl FnMut(i64)) -> Cloud {
     let mut tree = SceneTree::default();
     let mut cloud = Cloud::new(sweeper.spec(), true);
@@ -273,7 +273,7 @@ fn turn_ahead(sweeper: &mut Sweeper, scene: &mut Scene, steps: i64, mut change: 
 }
 
 #[test]
-fn what_is_collected_later_is_what_a_turn_gives() {
+fn collected_points_match_those_of_fire() {
     let scene = town(WeatherPreset::ClearNoon, 1, 40.0);
     let mut here = Sweeper::new(spec(64), 2).unwrap();
     let one = turn(&mut here, &mut scene.clone(), &mut SceneTree::default(), 4, |_, _| {});
@@ -287,7 +287,7 @@ fn what_is_collected_later_is_what_a_turn_gives() {
         assert!(turn_ahead(&mut there, &mut scene.clone(), steps, |_| {}) == one);
     }
     assert_eq!((there.engine(), there.fallback()), (LidarEngine::Gpu, None));
-    // No room: nothing is lost by asking again with more.
+    // Too little room: collecting can be repeated with more room without loss.
     let tree = SceneTree::new(&scene).unwrap();
     there.submit(0, &tree, &Firing::turn_at_rest(&there, pose(0.0))).unwrap();
     let mut small = Cloud::new(&spec(32), true);
@@ -298,12 +298,12 @@ fn what_is_collected_later_is_what_a_turn_gives() {
 }
 
 #[test]
-fn a_gpu_lost_with_columns_on_their_way_costs_no_point() {
+fn gpu_lost_with_columns_in_flight_loses_no_points() {
     let scene = town(WeatherPreset::ClearNoon, 1, 40.0);
     let Some(gpu) = device(true) else { return };
     let mut here = Sweeper::new(spec(64), 1).unwrap();
     let mut there = Sweeper::on_gpu(spec(64), 1, &gpu).unwrap();
-    // Gone before anything comes back: of all that was on its way or comes later the CPU makes points.
+    // The device is lost before any result: the CPU computes the points in flight and all later ones.
     let lose = |step: i64| {
         if step == 1 {
             gpu.device().destroy();
@@ -317,7 +317,7 @@ fn a_gpu_lost_with_columns_on_their_way_costs_no_point() {
 }
 
 #[test]
-fn a_turn_begun_anew_forgets_the_pieces_of_the_last() {
+fn begin_turn_drops_the_pieces_of_the_previous_turn() {
     let Some(gpu) = device(false) else { return };
     let tree = SceneTree::new(&town(WeatherPreset::ClearNoon, 1, 40.0)).unwrap();
     let mut sweeper = Sweeper::on_gpu(spec(64), 1, &gpu).unwrap();

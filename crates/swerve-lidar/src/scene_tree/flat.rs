@@ -1,7 +1,6 @@
-//! The trees as words for compute shaders: what stays on a device between turns, and what a turn sends.
+//! Trees as words for compute shaders: data kept on a device between turns, and data sent for each turn.
 //!
-//! Both have the nodes and blocks of the trees here, links between which are indices; the shader in
-//! `gpu/rays.wgsl` reads them.
+//! Both contain the nodes and blocks of the trees, linked by indices; they are read by the shader `gpu/rays.wgsl`.
 
 use super::SceneTree;
 use super::instances::{InstanceTree, PlacedInstance};
@@ -10,29 +9,29 @@ use crate::bvh::{NODE_WORDS, link};
 use crate::soup::BLOCK_WORDS;
 use crate::sweeper::ColumnPose;
 
-/// Words of a surface: instance id, class with flags, bits of the reflectance, nothing.
+/// Words of a surface: instance id, class with flags, bits of the reflectance, unused.
 const SURFACE_WORDS: usize = 4;
-/// Words of an instance: its axes and the place of its origin, each with one word of what it is.
+/// Words of an instance: its axes and origin, each with one word of attributes.
 const PLACED_WORDS: usize = 16;
-/// Words of a column: rows of its rotation with the origin, the tree of what moves, its number, sine and cosine of
-/// its azimuth.
+/// Words of a column: rows of its rotation with the origin, the tree of moving instances, its number, sine and cosine
+/// of its azimuth.
 const COLUMN_WORDS: usize = 16;
-/// Above the class of a surface: sends light back to its source.
+/// Flag above the class of a surface: retro-reflective.
 const RETRO: u32 = 1 << 8;
-/// Above the class of a surface: it is the material's own, not that of the instance.
+/// Flag above the class of a surface: the class is the material's own, not the instance's.
 const KEEPS_CLASS: u32 = 1 << 9;
 
-/// Words of one kind that a device has or is sent.
+/// Words of one kind on a device or to be uploaded.
 #[derive(Debug, Default)]
 pub(crate) struct UploadBuffer {
-    /// Number of those that it has.
+    /// Number of words on the device.
     pub(crate) uploaded: usize,
-    /// Those that come behind them.
+    /// Words to be appended.
     pub(crate) pending: Vec<u32>,
 }
 
 impl UploadBuffer {
-    /// Elements of so many words each, those to be sent too.
+    /// Number of elements of this many words each, including pending ones.
     fn count(&self, words: usize) -> u32 {
         ((self.uploaded + self.pending.len()) / words) as u32
     }
@@ -42,7 +41,7 @@ impl UploadBuffer {
         self.pending.clear();
     }
 
-    /// Words when all are sent.
+    /// Number of words after all are uploaded.
     pub(crate) fn len(&self) -> usize {
         self.uploaded + self.pending.len()
     }
@@ -54,12 +53,12 @@ impl UploadBuffer {
     }
 }
 
-/// Trees that stay on a device: of all that never moves, and of the meshes of what moves.
+/// Trees kept on a device: the static part, and the meshes of moving instances.
 #[derive(Debug, Default)]
 pub(crate) struct GpuScene {
     statics: Option<(u64, usize)>,
     ground: u32,
-    /// By mesh: of which content, and the root of its tree.
+    /// Content and root of the tree of each mesh.
     meshes: Vec<Option<(u64, u32)>>,
     levels: u32,
     level_of: Vec<u32>,
@@ -72,7 +71,7 @@ pub(crate) struct GpuScene {
 }
 
 impl GpuScene {
-    /// Whether trees that are there are not those of the scene any more, so that all have to go.
+    /// Returns true if trees on the device do not match the scene, so that all must be replaced.
     pub(crate) fn is_outdated(&self, tree: &SceneTree) -> bool {
         let other = |(id, kept): (usize, &Option<(u64, u32)>)| {
             let new = tree.shapes.get(id).and_then(|kept| kept.key);
@@ -82,7 +81,7 @@ impl GpuScene {
             && (self.statics != statics_key(tree) || self.meshes.iter().enumerate().any(other))
     }
 
-    /// Forgets everything.
+    /// Removes all trees.
     pub(crate) fn clear(&mut self) {
         self.statics = None;
         self.meshes.clear();
@@ -92,7 +91,7 @@ impl GpuScene {
         }
     }
 
-    /// Adds what the scene has and the device lacks; nothing that is there is outdated.
+    /// Adds the trees missing on the device; existing ones must be valid.
     pub(crate) fn add_missing(&mut self, tree: &SceneTree) {
         if self.statics.is_none() {
             self.ground = self.add(&tree.ground);
@@ -118,7 +117,7 @@ impl GpuScene {
         shape.soup.bvh().flatten(&mut self.nodes.pending, first_node, first_block, 0)
     }
 
-    /// Whether links can tell all nodes and blocks apart.
+    /// Returns true if links can address all nodes and blocks.
     pub(crate) fn is_in_bounds(&self) -> bool {
         let most = self.nodes.len() / NODE_WORDS + self.blocks.len() / BLOCK_WORDS;
         most <= link::INDEX_MAX
@@ -129,7 +128,7 @@ impl GpuScene {
     }
 }
 
-/// Which content the tree of all that never moves is made from.
+/// Content key of the static tree.
 fn statics_key(tree: &SceneTree) -> Option<(u64, usize)> {
     Some((tree.static_version.unwrap_or_default(), tree.static_triangles_max))
 }
@@ -140,7 +139,7 @@ fn surface_words(surface: &Surface) -> [u32; SURFACE_WORDS] {
     [surface.instance_id, surface.class as u32 | flags, surface.reflectance.to_bits(), 0]
 }
 
-/// Columns of a turn with the instances of their steps, as a device is sent them.
+/// Columns of a turn with the instances of their steps, in the form sent to a device.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     /// Trees of instances.
@@ -149,14 +148,14 @@ pub(crate) struct Batch {
     pub(crate) placed: Vec<u32>,
     /// Columns.
     pub(crate) columns: Vec<u32>,
-    /// The tree of all that never moves, and that of the instances which are not in it.
+    /// Roots of the static tree, and of the tree of static instances outside it.
     pub(crate) roots: [u32; 2],
     levels: u32,
     level_of: Vec<u32>,
 }
 
 impl Batch {
-    /// Empties it, for a scene on the device.
+    /// Clears the batch, for a scene on the device.
     pub(crate) fn begin(&mut self, tree: &SceneTree, gpu_scene: &GpuScene) {
         self.nodes.clear();
         self.placed.clear();
@@ -166,7 +165,7 @@ impl Batch {
         self.roots[1] = self.add(&tree.far_statics, gpu_scene);
     }
 
-    /// Adds the instances of a step and gives the link to their tree.
+    /// Adds the instances of a step and returns the link to their tree.
     pub(crate) fn add(&mut self, instances: &InstanceTree, gpu_scene: &GpuScene) -> u32 {
         let first_node = (self.nodes.len() / NODE_WORDS) as u32;
         let first_placed = (self.placed.len() / PLACED_WORDS) as u32;
@@ -184,8 +183,7 @@ impl Batch {
         instances.bvh.flatten(&mut self.nodes, first_node, first_placed, link::TOP)
     }
 
-    /// Adds a column: where it is and looks, the tree of its step, its number in the turn, sine and cosine of its
-    /// azimuth.
+    /// Adds a column: its pose, the tree of its step, its number in the turn, sine and cosine of its azimuth.
     pub(crate) fn add_column(&mut self, pose: &ColumnPose, moving: u32, number: u32, azimuth: [f32; 2]) {
         let mut words = [0; COLUMN_WORDS];
         for (axis, (row, origin)) in pose.matrix.iter().zip(pose.origin).enumerate() {
@@ -202,14 +200,14 @@ impl Batch {
         self.columns.len() / COLUMN_WORDS
     }
 
-    /// Entries that a walk through these trees and those that stay has to remember at most: three siblings per
-    /// level, and the trees themselves.
+    /// Largest number of stack entries for traversing these trees and the kept ones: three siblings per level, and the
+    /// trees themselves.
     pub(crate) fn stack(&self, gpu_scene: &GpuScene) -> u32 {
         3 * (self.levels + gpu_scene.levels) + 2
     }
 }
 
-/// Poses of all that moves when a piece of a turn was fired, and where the origin of all coordinates was.
+/// Moving instances at the time a piece of a turn was fired, and the origin of the tree frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct DynamicState {
     instances: InstanceTree,
@@ -217,20 +215,20 @@ pub(crate) struct DynamicState {
 }
 
 impl SceneTree {
-    /// Keeps what moves, as it is now.
+    /// Saves the current moving instances.
     pub(crate) fn save_dynamics(&self, into: &mut DynamicState) {
         into.instances.bvh.clone_from(&self.moving.bvh);
         into.instances.placed.clone_from(&self.moving.placed);
         into.centre_m = self.centre_m;
     }
 
-    /// Goes back to an earlier state of the same scene.
+    /// Restores an earlier state of the same scene.
     pub(crate) fn restore_dynamics(&mut self, state: &DynamicState) {
         self.moving.clone_from(&state.instances);
         self.centre_m = state.centre_m;
     }
 
-    /// Instances that move.
+    /// Moving instances.
     pub(crate) fn moving(&self) -> &InstanceTree {
         &self.moving
     }

@@ -1,4 +1,4 @@
-//! Trees over instances, whose shapes have trees of their own.
+//! Trees over instances, whose shapes have separate trees.
 
 use swerve_scene::vector::{dot, sub};
 use swerve_scene::{Instance, MeshId, MeshLibrary, SemanticClass};
@@ -8,14 +8,14 @@ use super::shape::{CachedShape, Pose};
 use crate::bvh::{Builder, Bvh, LANES, Packet, Ray, Stack};
 use crate::soup::TriangleHit;
 
-/// State of a packet's walk besides the rays.
+/// State of a packet's traversal other than the rays.
 pub(crate) struct Query<'a> {
     pub(crate) reach: &'a mut f32x8,
     pub(crate) hidden: Option<u32>,
     pub(crate) stacks: &'a mut [Stack; 2],
 }
 
-/// An instance in a tree of instances.
+/// Instance in a tree of instances.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlacedInstance {
     pub(crate) pose: Pose,
@@ -24,11 +24,11 @@ pub(crate) struct PlacedInstance {
     pub(crate) class: SemanticClass,
 }
 
-/// A tree over instances.
+/// Tree over instances.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct InstanceTree {
     pub(crate) bvh: Bvh,
-    /// By leaf.
+    /// Instances in leaf order.
     pub(crate) placed: Vec<PlacedInstance>,
     pub(crate) unsorted: Vec<PlacedInstance>,
 }
@@ -55,7 +55,7 @@ impl InstanceTree {
         self.placed.extend(builder.leaves().map(|items| self.unsorted[items[0] as usize]));
     }
 
-    /// The nearest triangle: of which instance, and what was met of it.
+    /// Nearest triangle hit, and its instance.
     pub(crate) fn nearest(
         &self,
         ray: &Ray,
@@ -87,7 +87,7 @@ impl InstanceTree {
         found
     }
 
-    /// As [`Self::nearest`] for a packet of rays; shortens their reach and writes to `found` what is nearer.
+    /// As [`Self::nearest`] for a packet of rays; shortens their reach and writes nearer hits to `found`.
     pub(crate) fn nearest_packet(
         &self,
         packet: &Packet,
@@ -103,7 +103,7 @@ impl InstanceTree {
                 return;
             }
             let local = placed.pose.local(packet);
-            // Rays that do not meet the box take no part: they reach nothing.
+            // Rays that miss the box are deactivated by a negative reach.
             let mut local_reach = [-1.0; LANES];
             let before = reach.to_array();
             for ray in 0..LANES {

@@ -1,4 +1,4 @@
-//! Shapes: triangles with their surfaces, and where they are.
+//! Shapes: triangles with their surfaces, and poses.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use wide::f32x8;
 use crate::bvh::{Aabb, Builder, Packet};
 use crate::soup::{Soup, Triangle};
 
-/// Surface of a triangle, with what is known of its instance.
+/// Surface of a triangle, with attributes of its instance if known.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) instance_id: u32,
@@ -19,12 +19,12 @@ pub(crate) struct Surface {
     pub(crate) material: u16,
     pub(crate) reflectance: f32,
     pub(crate) is_retro_reflective: bool,
-    /// The class is the material's own.
+    /// True if the class is the material's own.
     pub(crate) keeps_class: bool,
 }
 
 impl Surface {
-    /// A material of a mesh, on an instance if that is known.
+    /// Surface of a mesh's material, on an instance if known.
     pub(crate) fn new(mesh_id: MeshId, mesh: &Mesh, material: u16, instance: Option<&Instance>) -> Self {
         let own = mesh.materials()[usize::from(material)];
         Self {
@@ -47,7 +47,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// One mesh in its own frame.
+    /// Shape of one mesh in its own frame.
     pub(crate) fn new(id: MeshId, mesh: &Mesh, builder: &mut Builder) -> Self {
         let surfaces = (0..mesh.materials().len()).map(|k| Surface::new(id, mesh, k as u16, None)).collect();
         let triangles: Vec<Triangle> = mesh
@@ -63,14 +63,14 @@ impl Shape {
     }
 }
 
-/// The tree of one mesh, and which content it was made from.
+/// Tree of one mesh, and the content it was built from.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CachedShape {
     pub(crate) key: Option<u64>,
     pub(crate) shape: Arc<Shape>,
 }
 
-/// Makes the tree of a mesh unless it is there.
+/// Builds the tree of a mesh unless it is cached.
 pub(crate) fn keep_shape(
     shapes: &mut Vec<CachedShape>,
     id: MeshId,
@@ -87,7 +87,7 @@ pub(crate) fn keep_shape(
     }
 }
 
-/// A rotation and an offset in `f32`: tree from body.
+/// Rotation and translation in `f32`: tree from body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pose {
     /// Columns of the rotation: the body's axes in the tree's frame.
@@ -114,7 +114,7 @@ impl Pose {
         add(self.rotate(point), self.origin)
     }
 
-    /// A packet in the body's frame.
+    /// Transforms a packet to the body's frame.
     #[inline(always)]
     pub(crate) fn local(&self, packet: &Packet) -> Packet {
         let rotate = |[x, y, z]: [f32x8; 3]| {

@@ -1,4 +1,4 @@
-//! Rays on the CPU, eight columns at a time.
+//! Ray casting on the CPU, eight columns at a time.
 
 use core::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,7 +13,7 @@ use crate::returns::Receiver;
 use crate::scene_tree::{RayMemory, SceneTree};
 
 impl Sweeper {
-    /// Fires columns on the CPU and adds their points.
+    /// Fires columns on the CPU and appends their points.
     pub(crate) fn fire_on_cpu(
         &mut self,
         tree: &SceneTree,
@@ -36,7 +36,7 @@ impl Sweeper {
                 shots[..count].par_chunks_mut(chunk).enumerate().for_each(group);
             }
             Threads::Own(pool) => {
-                // The caller's thread takes groups like the others: late threads just find fewer left.
+                // The caller's thread takes groups too; late threads find fewer left.
                 let groups = Mutex::new(shots[..count].chunks_mut(chunk).enumerate());
                 let next = || groups.lock().unwrap_or_else(PoisonError::into_inner).next();
                 let work = || std::iter::from_fn(next).for_each(group);
@@ -51,7 +51,7 @@ impl Sweeper {
         self.shots = shots;
     }
 
-    /// Fires the pieces of a turn, each in its own step's scene, and adds their points.
+    /// Fires the pieces of a turn, each in the scene of its step, and appends their points.
     pub(super) fn cast_turn(
         &self,
         turn: u64,
@@ -86,7 +86,7 @@ impl Sweeper {
         }
     }
 
-    /// Adds the points of columns, of which `shots` has the beams.
+    /// Appends the points of columns; `shots` holds their beams.
     fn push(&self, columns: Range<u32>, shots: &[Shot], out: &mut CloudMut<'_>) {
         for (column, shots) in columns.zip(shots.chunks(self.beams.len())) {
             let offset_s = self.offset_s(column);
@@ -107,12 +107,12 @@ struct ColumnCaster<'a> {
 }
 
 impl ColumnCaster<'_> {
-    /// Fires up to eight columns from `first` on; `shots` has the beams of each.
+    /// Fires up to eight columns starting at `first`; `shots` holds the beams of each.
     fn group(&self, first: u32, shots: &mut [Shot]) {
         let beams = self.sweeper.beams.len();
         let count = shots.len() / beams;
         let (mut origin, mut matrix) = ([[0.0_f32; LANES]; 3], [[[0.0_f32; LANES]; 3]; 3]);
-        // Lanes without a column look where the last one does, but reach nothing.
+        // Unused lanes have the direction of the last column but a negative range.
         let mut range = [-1.0; LANES];
         let mut azimuths = [[0.0_f32; 2]; LANES];
         for lane in 0..LANES {

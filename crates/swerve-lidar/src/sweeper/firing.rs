@@ -1,4 +1,4 @@
-//! Pieces of a turn: what fires them, what they did, why they could not be fired.
+//! Pieces of a turn: inputs, results and errors.
 
 use core::ops::Range;
 
@@ -7,35 +7,35 @@ use swerve_geom::{Lidar, Map, Transform};
 use super::Sweeper;
 use crate::cloud::CloudSizeError;
 
-/// No sensor is farther from the origin of the map, metres.
+/// Largest distance of a sensor from the map's origin, metres.
 const REACH_MAX_M: f64 = 1e7;
 
-/// One piece of a turn: a step of the world, and where the sensor is at its begin and end.
+/// Piece of a turn: a world step, and the sensor's pose at its begin and end.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Firing {
     /// Begin of the step, nanoseconds since the turn's first column; negative if the turn begins within the step.
     pub begin_ns: i64,
-    /// The sensor's pose then.
+    /// Sensor pose at the begin of the step.
     pub begin: Transform<Map, Lidar>,
-    /// End of the step, nanoseconds since the turn's first column: its columns are fired before.
+    /// End of the step, nanoseconds since the turn's first column; exclusive.
     pub end_ns: i64,
-    /// The sensor's pose then.
+    /// Sensor pose at the end of the step.
     pub end: Transform<Map, Lidar>,
-    /// The instance id that this lidar does not see: the vehicle that carries it.
+    /// Instance id invisible to this lidar: the vehicle that carries it.
     pub hidden_instance: Option<u32>,
 }
 
 impl Firing {
-    /// A whole turn of a sensor at rest.
+    /// Whole turn of a sensor at rest.
     pub fn turn_at_rest(sweeper: &Sweeper, map_from_lidar: Transform<Map, Lidar>) -> Self {
         let (begin, end) = (map_from_lidar, map_from_lidar);
         Self { begin_ns: 0, begin, end_ns: sweeper.period_ns(), end, hidden_instance: None }
     }
 
-    /// Whether it can be fired.
+    /// Checks that the piece can be fired.
     ///
     /// # Errors
-    /// Poses that are not finite, a step that ends before it begins.
+    /// If a pose is not finite, or the step ends before it begins.
     pub fn check(&self) -> Result<(), FireError> {
         for (when, pose) in [("begin", &self.begin), ("end", &self.end)] {
             let placed = pose.origin().coords.iter().all(|x| x.abs() <= REACH_MAX_M);
@@ -50,36 +50,36 @@ impl Firing {
     }
 }
 
-/// Outcome of a piece of a turn.
+/// Result of firing a piece of a turn.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Fired {
-    /// Columns that were fired.
+    /// Columns fired.
     pub columns: Range<u32>,
-    /// Whether the last column of the turn was among them.
+    /// True if the last column of the turn was among them.
     pub is_complete: bool,
 }
 
-/// A piece of a turn could not be fired.
+/// Error of firing a piece of a turn.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum FireError {
-    /// The points have no room in the caller's memory.
+    /// Arrays without room for the points.
     #[error(transparent)]
     CloudSize(#[from] CloudSizeError),
-    /// A pose is not finite or beyond all maps.
+    /// Pose that is not finite or too far from the origin.
     #[error("the lidar's pose at the {when} of the step is not finite or beyond 10000 km")]
     Pose {
         /// `begin` or `end`.
         when: &'static str,
     },
-    /// A step ends before it begins.
+    /// Step that ends before it begins.
     #[error("the step ends {by_ns} ns before it begins")]
     Backwards {
-        /// By how much.
+        /// Difference, nanoseconds.
         by_ns: u64,
     },
 }
 
-/// The columns of one step of the world.
+/// Columns of one world step.
 #[derive(Clone, Debug)]
 pub(crate) struct Piece {
     pub(crate) firing: Firing,
@@ -87,17 +87,17 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
-    /// The columns that a sweeper fires in a step.
+    /// Columns that a sweeper fires in a step.
     ///
     /// # Errors
-    /// Poses that are not finite, a step that ends before it begins.
+    /// If a pose is not finite, or the step ends before it begins.
     pub(super) fn new(sweeper: &Sweeper, firing: &Firing) -> Result<Self, FireError> {
         firing.check()?;
         let columns = sweeper.columns_between(firing.begin_ns, firing.end_ns);
         Ok(Self { firing: *firing, columns })
     }
 
-    /// Outcome of firing it.
+    /// Result of firing it.
     pub(super) fn fired(&self, columns_of_turn: u32) -> Fired {
         let is_complete = !self.columns.is_empty() && self.columns.end == columns_of_turn;
         Fired { columns: self.columns.clone(), is_complete }

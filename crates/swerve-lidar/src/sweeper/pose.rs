@@ -1,24 +1,23 @@
-//! Poses of the sensor at the instants of its columns.
+//! Sensor poses at the instants of columns.
 
 use super::{Column, Firing, Piece, Sweeper};
 use crate::scene_tree::SceneTree;
 
-/// Pose of a column in the frame of the trees: origin, and the rotation that turns the
-/// directions of the beams, row by row.
+/// Pose of a column in the tree frame: origin, and the rotation of the beam directions, row by row.
 pub(crate) struct ColumnPose {
     pub(crate) origin: [f32; 3],
     pub(crate) matrix: [[f32; 3]; 3],
 }
 
-/// Pose of the sensor at a column's instant: origin, and rotation from its frame, row by row.
+/// Sensor pose at a column's instant: origin, and rotation from its frame, row by row.
 struct SensorPose {
     origin_m: [f64; 3],
     rotation: [[f64; 3]; 3],
 }
 
 impl SensorPose {
-    /// The pose at an instant: the place between those at the step's ends, and the rotation by the
-    /// normalised mean of their quaternions, whose error over one step is below all others.
+    /// Pose at an instant: interpolated position, and rotation by normalised linear interpolation of the quaternions,
+    /// whose error within one step is negligible.
     fn at(firing: &Firing, at_ns: i64) -> Self {
         let Firing { begin_ns, begin, end_ns, end, .. } = firing;
         let since = |ns: i64| ns as f64 - *begin_ns as f64;
@@ -41,15 +40,15 @@ impl SensorPose {
 }
 
 impl Sweeper {
-    /// Pose of a column, frame of the trees.
+    /// Pose of a column in the tree frame.
     pub(super) fn column_pose(&self, tree: &SceneTree, firing: &Firing, column: u32) -> ColumnPose {
         self.column_pose_from(tree, &SensorPose::at(firing, self.columns[column as usize].at_ns), column)
     }
 
-    /// Poses of the columns of a piece, frame of the trees.
+    /// Poses of the columns of a piece in the tree frame.
     pub(crate) fn column_poses(&self, tree: &SceneTree, piece: &Piece) -> impl Iterator<Item = ColumnPose> {
         let firing = &piece.firing;
-        // A sensor at rest has one pose for all.
+        // A sensor at rest has one pose for all columns.
         let rest = (firing.begin == firing.end).then(|| SensorPose::at(firing, firing.begin_ns));
         piece.columns.clone().map(move |column| match &rest {
             Some(pose) => self.column_pose_from(tree, pose, column),

@@ -1,4 +1,4 @@
-//! Columns on their way: sent now, collected later.
+//! Asynchronous firing: columns are submitted now and collected later.
 
 use core::ops::Range;
 
@@ -9,21 +9,21 @@ use crate::returns::Receiver;
 use crate::scene_tree::SceneTree;
 use crate::scene_tree::flat::DynamicState;
 
-/// Columns on their way.
+/// Submitted columns.
 pub(super) struct Submitted {
     piece: Piece,
     progress: Progress,
 }
 
-/// How far they are.
+/// Progress of submitted columns.
 enum Progress {
-    /// The rays are on a GPU.
+    /// In progress on a GPU.
     OnGpu(Box<OnGpu>),
-    /// The points are here.
+    /// Complete.
     Done(Cloud),
 }
 
-/// Rays on a GPU, with what the CPU needs should it be lost.
+/// Rays on a GPU, with the data that the CPU needs if it is lost.
 struct OnGpu {
     in_flight: InFlight,
     dynamics: DynamicState,
@@ -31,14 +31,14 @@ struct OnGpu {
 }
 
 impl Sweeper {
-    /// Sends the columns of one step on their way; [`Self::collect`] gives their points. So a GPU casts the rays of
-    /// one call while the points of an earlier one are taken over; two on their way at a time are enough for that.
+    /// Submits the columns of one step; [`Self::collect`] returns their points. A GPU thus casts the rays of one call
+    /// while the points of an earlier one are collected; two submissions in flight suffice.
     ///
-    /// The points are those of [`Self::begin_turn`] with this turn and [`Self::fire`]. Pieces of a turn of the latter
-    /// that are not complete are forgotten. On the CPU the rays are cast at once.
+    /// The points are those of [`Self::begin_turn`] with this turn and [`Self::fire`]. Queued pieces of an incomplete
+    /// turn of the latter are dropped. On the CPU the rays are cast immediately.
     ///
     /// # Errors
-    /// As [`Self::fire`]; nothing is on its way then.
+    /// As for [`Self::fire`]; nothing is submitted then.
     pub fn submit(&mut self, turn: u64, tree: &SceneTree, firing: &Firing) -> Result<Fired, FireError> {
         let piece = Piece::new(self, firing)?;
         let fired = piece.fired(self.spec.columns);
@@ -56,13 +56,13 @@ impl Sweeper {
         Ok(fired)
     }
 
-    /// Waits for the columns that were submitted first, and adds their points; `None` if none are on their way.
+    /// Waits for the columns submitted first, and appends their points; returns `None` if there are none in flight.
     ///
-    /// `tree` is for the CPU, should the GPU be lost: what never moves has to be as it was when they were submitted;
-    /// what moves is remembered.
+    /// `tree` is used by the CPU if the GPU is lost: its static part must be the same as at submission; the moving
+    /// instances were saved.
     ///
     /// # Errors
-    /// Arrays without room: nothing is added then, and the columns are still on their way.
+    /// Arrays without room: nothing is appended then, and the columns can still be collected.
     pub fn collect(
         &mut self,
         tree: &SceneTree,
@@ -94,7 +94,7 @@ impl Sweeper {
         Ok(Some(piece.columns))
     }
 
-    /// Sends columns to the GPU; `None` if there is none, or none any more.
+    /// Sends columns to the GPU; `None` without a working GPU.
     fn send(&mut self, tree: &SceneTree, piece: &Piece, receiver: Receiver) -> Option<InFlight> {
         let mut gpu = self.gpu.take()?;
         let params = ShotParams { receiver, hidden: piece.firing.hidden_instance };
@@ -110,7 +110,7 @@ impl Sweeper {
         }
     }
 
-    /// Casts the rays on the CPU and keeps the points.
+    /// Casts the rays on the CPU and stores the points.
     fn cast_now(&mut self, tree: &SceneTree, piece: &Piece, receiver: Receiver) -> Cloud {
         let mut cloud = self.spare.pop().unwrap_or_else(|| Cloud::new(&self.spec, true));
         cloud.len = 0;

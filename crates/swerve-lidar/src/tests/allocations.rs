@@ -1,4 +1,4 @@
-//! What a turn of a lidar allocates, counted.
+//! Allocation counts of a lidar turn.
 
 use crate::{Cloud, Firing, LidarPreset, LidarSpec, SceneTree, Sweeper};
 use swerve_geom::{Lidar, Map, Point, Transform};

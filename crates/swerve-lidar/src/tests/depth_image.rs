@@ -1,4 +1,4 @@
-//! Lidars and cameras see the same scene: ranges against depth images.
+//! Consistency of lidar ranges with camera depth images.
 
 use crate::{Cloud, Firing, LidarPreset, LidarSpec, SceneTree, Sweeper};
 use swerve_camera::{Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount};
@@ -6,7 +6,7 @@ use swerve_geom::{Ego, Lidar, Map, Point, Transform};
 use swerve_scene::WeatherPreset;
 use swerve_scene::town::town;
 
-/// A whole turn of a sensor at rest.
+/// Whole turn of a sensor at rest.
 fn turn(spec: LidarSpec, tree: &SceneTree, pose: Transform<Map, Lidar>) -> Cloud {
     let mut cloud = Cloud::new(&spec, true);
     let mut sweeper = Sweeper::new(spec, 1).expect("the description is fine");
@@ -51,12 +51,12 @@ fn lidar_and_depth_image_agree() {
             agree += u32::from((close || (hit.is_none() && depth > 250.0)) && same);
         }
     }
-    // The others are at edges, and surfaces that the image shows from one side only.
+    // The others are at edges, or on surfaces that the image shows from one side only.
     assert!(agree * 1000 > pixels * 985, "{agree} of {pixels}");
 }
 
 /// Inverse depth at a point of the image from the pixel there and the slopes around it; `None` at edges: where a
-/// neighbour is of another thing, or the inverse depth, which is linear over a plane, bends by more than 1 %.
+/// neighbour shows another object, or the inverse depth, which is linear over a plane, bends by more than 1 %.
 fn smooth_inverse_depth(frame: &Frame, width: usize, [column, row]: [f64; 2]) -> Option<f64> {
     let (x, y) = (column as usize, row as usize);
     let height = frame.depth_m.len() / width;
@@ -79,7 +79,7 @@ fn smooth_inverse_depth(frame: &Frame, width: usize, [column, row]: [f64; 2]) ->
 }
 
 #[test]
-fn the_depth_image_has_the_depth_of_each_point_at_its_pixel() {
+fn lidar_points_match_the_depth_image_at_their_pixels() {
     let scene = town(WeatherPreset::ClearNoon, 4, 100.0);
     let tree = SceneTree::new(&scene).unwrap();
     let width = 480;
@@ -90,7 +90,7 @@ fn the_depth_image_has_the_depth_of_each_point_at_its_pixel() {
         ..CameraSpec::default()
     };
     let camera = Camera::new(spec).unwrap();
-    // Both see from one place: what hides something from one hides it from the other.
+    // Both sensors are at the same position, so that occlusions are equal.
     let map_from_ego: Transform<Map, Ego> =
         Transform::from_roll_pitch_yaw(Point::new(0.0, -1.9, 0.0), 0.0, 0.0, 0.1);
     let place = Point::new(0.0, 0.0, 1.8);
@@ -116,7 +116,7 @@ fn the_depth_image_has_the_depth_of_each_point_at_its_pixel() {
         agree += usize::from((inverse * point.coords.z - 1.0).abs() < 0.005);
     }
     println!("{agree} of {smooth} smooth of {seen} points in the image");
-    // The rest are things thinner than a pixel, which lie between the centres of pixels.
+    // The rest are objects thinner than a pixel, between pixel centres.
     assert!(smooth > 4000 && smooth * 2 > seen, "{smooth} of {seen}");
     assert!(agree * 1000 >= smooth * 998, "{agree} of {smooth}");
 }

@@ -1,4 +1,4 @@
-//! Turns in pieces, of sensors and things that move.
+//! Turns in pieces, with moving sensors and objects.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -7,7 +7,7 @@ use swerve_scene::Size;
 use super::*;
 
 #[test]
-fn a_moving_sensor_sees_each_column_from_its_own_place() {
+fn moving_sensor_fires_each_column_from_its_own_position() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let wall = instance(&mut scene, wall(40.0), unmoved());
     scene.add_static(wall);
@@ -16,7 +16,7 @@ fn a_moving_sensor_sees_each_column_from_its_own_place() {
     let mut cloud = Cloud::new(&spec, false);
     let mut sweeper = Sweeper::new(spec, 1).unwrap();
     let speed = 15.0;
-    // The sensor is at 0 when the turn begins, and drives towards the wall.
+    // The sensor is at 0 at the start of the turn, and drives towards the wall.
     sweeper.begin_turn(0, &mut cloud.as_mut());
     for step in 0..20_i64 {
         let pose = |ns: i64| at(speed * ns as f64 * 1e-9, 0.0, 1.5);
@@ -32,13 +32,13 @@ fn a_moving_sensor_sees_each_column_from_its_own_place() {
         assert!((cloud.x_m[k] - expected).abs() < 1e-3, "{} {expected}", cloud.x_m[k]);
         (least, most) = (least.min(cloud.x_m[k]), most.max(cloud.x_m[k]));
     }
-    // A third of the turn sees the wall: 15 m/s in 0.03 to 0.07 s smear it by half a metre.
+    // A third of the turn hits the wall: 15 m/s over 0.03 to 0.07 s smear it by half a metre.
     assert!(most - least > 0.4, "{least} {most}");
     assert!(cloud.instance.is_empty() && cloud.class.is_empty());
 }
 
 #[test]
-fn a_moving_car_is_seen_where_it_is_in_each_step() {
+fn moving_car_is_hit_at_its_position_in_each_step() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let speed = 15.0;
     let model = scene.meshes.model_sized(Kind::Block, Size::from_m(4.0, 30.0, 3.0), 0);
@@ -59,7 +59,7 @@ fn a_moving_car_is_seen_where_it_is_in_each_step() {
     }
     let mut steps_seen = std::collections::BTreeSet::new();
     for k in 0..cloud.len {
-        // Its rear face is 2 m behind its middle, which stands still within a step.
+        // Its rear face is 2 m behind its centre, which is at rest within a step.
         let step = (f64::from(cloud.offset_s[k]) / 0.005 + 1e-4).floor();
         let face = 10.0 + speed * 0.005 * step;
         assert!((f64::from(cloud.x_m[k]) - face).abs() < 1e-3 || cloud.x_m[k] > face as f32, "{k}");
@@ -72,8 +72,8 @@ fn a_moving_car_is_seen_where_it_is_in_each_step() {
 }
 
 #[test]
-fn a_turning_sensor_sees_straight_what_its_poses_undo() {
-    // Yaw rate of 1 rad/s: points put back with the pose at their instant lie on the wall.
+fn points_of_a_turning_sensor_are_straight_after_motion_compensation() {
+    // Yaw rate of 1 rad/s: points transformed by the pose at their instant are on the wall.
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let wall = instance(&mut scene, wall(30.0), unmoved());
     scene.add_static(wall);
@@ -100,7 +100,7 @@ fn a_turning_sensor_sees_straight_what_its_poses_undo() {
 }
 
 #[test]
-fn firing_into_too_little_room_or_from_nowhere_is_refused() {
+fn fire_rejects_small_arrays_and_invalid_poses() {
     let scene = plain();
     let tree = SceneTree::new(&scene).unwrap();
     let spec = few_columns(LidarPreset::Vlp32, 100);

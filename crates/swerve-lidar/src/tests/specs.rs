@@ -1,9 +1,9 @@
-//! Descriptions: presets, and what is refused.
+//! Specifications: presets and rejected values.
 
 use super::*;
 
 #[test]
-fn presets_have_the_tables_of_their_data_sheets() {
+fn presets_match_their_data_sheets() {
     for (preset, beams, columns, lowest, highest) in [
         (LidarPreset::Vlp32, 32, 1800, -25.0, 15.0),
         (LidarPreset::Hdl64, 64, 2083, -24.333, 2.0),
@@ -27,7 +27,7 @@ fn presets_have_the_tables_of_their_data_sheets() {
 }
 
 #[test]
-fn lidars_that_cannot_be_are_refused_by_field() {
+fn sweeper_rejects_invalid_specs_by_field() {
     let twins = |count: usize| vec![Beam { elevation_rad: 0.1, azimuth_rad: 0.0 }; count];
     type Change = Box<dyn Fn(&mut LidarSpec)>;
     let cases: Vec<(&str, Change)> = vec![
@@ -77,7 +77,7 @@ fn lidars_that_cannot_be_are_refused_by_field() {
     }
     let error = Sweeper::new(LidarSpec::default(), usize::MAX).map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("`threads` is 18446744073709551615, expected at most 256"), "{error}");
-    // Same elevation with other azimuth offsets is a stack of beams that some sensors have.
+    // Beams of equal elevation with different azimuth offsets are a fan, which some sensors have.
     let fan = (0..8).map(|k| Beam { elevation_rad: 0.0, azimuth_rad: 0.01 * f64::from(k) }).collect();
     assert!(Sweeper::new(LidarSpec { beams: fan, ..LidarSpec::default() }, 1).is_ok());
 }

@@ -1,4 +1,4 @@
-//! Trees against a search through all triangles, and against each other.
+//! Comparison of trees with a brute-force search, and with each other.
 
 use core::f64::consts::FRAC_PI_2;
 
@@ -8,7 +8,7 @@ use wide::f32x8;
 
 use super::*;
 
-/// Loose triangles, houses, cars and people in all poses.
+/// Random triangles, houses, cars and people in arbitrary poses.
 fn jumble(seed: u64) -> Scene {
     let mut draws = Draws::new(seed, 0x11da);
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
@@ -48,8 +48,8 @@ fn outer(a: V, b: V) -> V {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Nearest distance over all triangles of all instances, in `f64` and the map frame (Möller-Trumbore), in lengths
-/// of `to`, and the instance id.
+/// Brute-force search over all triangles of all instances, in `f64` and the map frame (Möller-Trumbore): nearest
+/// distance in multiples of the length of `to`, and the instance id.
 fn brute_force(triangles: &[([V; 3], u32)], origin: V, to: V) -> Option<(f64, u32)> {
     let mut best: Option<(f64, u32)> = None;
     for ([a, b, c], id) in triangles {
@@ -84,7 +84,7 @@ fn all_triangles(scene: &Scene) -> Vec<([V; 3], u32)> {
 }
 
 #[test]
-fn the_tree_finds_what_a_search_through_all_triangles_finds() {
+fn tree_matches_a_brute_force_search() {
     let (mut hits, mut misses, mut others) = (0, 0, 0);
     for seed in 0..3 {
         let scene = jumble(seed);
@@ -104,7 +104,7 @@ fn the_tree_finds_what_a_search_through_all_triangles_finds() {
                     hits += 1;
                 }
                 (None, None) => misses += 1,
-                // A ray within rounding of an edge may go by on the other side.
+                // A ray within rounding of an edge may pass on the other side.
                 _ => others += 1,
             }
         }
@@ -113,14 +113,14 @@ fn the_tree_finds_what_a_search_through_all_triangles_finds() {
 }
 
 #[test]
-fn packets_find_to_the_bit_what_single_rays_find() {
+fn packets_match_single_rays_bit_for_bit() {
     let scene = jumble(9);
     let tree = SceneTree::new(&scene).unwrap();
     let mut draws = Draws::new(4, 0x9ac);
     let mut memory = RayMemory::default();
     let mut hits = 0;
     for k in 0..600 {
-        // Some packets are narrow, some go anywhere; some lie in a plane of the axes.
+        // Some packets are narrow, some diverge, some are in an axis-aligned plane.
         let spread = [0.01, 0.2, 2.0][k % 3];
         let middle = [0, 1, 2].map(|_| draws.between(-1.0, 1.0));
         let flat = k % 5 == 0;
@@ -155,7 +155,7 @@ fn packets_find_to_the_bit_what_single_rays_find() {
 }
 
 #[test]
-fn an_updated_tree_answers_as_a_fresh_one() {
+fn updated_tree_matches_a_fresh_one() {
     let mut scene = jumble(1);
     let mut kept = SceneTree::new(&scene).unwrap();
     for step in 0..4 {
@@ -183,7 +183,7 @@ fn an_updated_tree_answers_as_a_fresh_one() {
 }
 
 #[test]
-fn static_things_too_many_for_one_tree_are_met_all_the_same() {
+fn static_instances_beyond_the_triangle_limit_are_hit_too() {
     let scene = jumble(5);
     let whole = SceneTree::new(&scene).unwrap();
     let mut draws = Draws::new(5, 0xfa4);
@@ -219,20 +219,20 @@ fn static_things_too_many_for_one_tree_are_met_all_the_same() {
 }
 
 #[test]
-fn hits_tell_distance_surface_and_side() {
+fn hits_report_distance_surface_and_side() {
     let mut scene = plain();
     let model = scene.meshes.model_sized(Kind::Block, Size::from_m(2.0, 4.0, 3.0), 0);
     let quarter = Transform::from_roll_pitch_yaw(Point::new(10.0, 0.0, 0.0), 0.0, 0.0, FRAC_PI_2);
     scene.dynamics.push(Instance::placed(&model, quarter).with_id(7));
     let tree = SceneTree::new(&scene).unwrap();
-    // The box is 4 m along x after its quarter turn: its face is at x = 8.
+    // The box is 4 m long in x after its quarter turn: its face is at x = 8.
     let hit = tree.cast([0.0, 0.5, 1.0], [2.0, 0.0, 0.0], 100.0).unwrap();
     assert!((hit.distance_m - 8.0).abs() < 1e-5, "{hit:?}");
     assert_eq!((hit.instance_id, hit.class, hit.mesh), (7, SemanticClass::Static, model.mesh));
     assert!((hit.normal[0] + 1.0).abs() < 1e-6, "{hit:?}");
     let own = scene.meshes.get(hit.mesh).materials()[usize::from(hit.material)];
     assert_eq!((hit.reflectance, hit.is_retro_reflective), (own.reflectance, own.is_retro_reflective));
-    // Hidden: the ray goes through to nothing; from inside, the far face is met from behind.
+    // Hidden: the ray passes through without a hit; from inside, the far face is hit from behind.
     let mut memory = RayMemory::default();
     assert_eq!(tree.cast_with(&mut memory, [0.0, 0.5, 1.0], [1.0, 0.0, 0.0], 100.0, Some(7)), None);
     let inside = tree.cast([10.0, 0.0, 1.0], [1.0, 0.0, 0.0], 100.0).unwrap();
@@ -251,7 +251,7 @@ fn hits_tell_distance_surface_and_side() {
 }
 
 #[test]
-fn far_from_the_origin_of_the_map_distances_stay_sharp() {
+fn distances_are_precise_far_from_the_map_origin() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let (x, y) = (412_345.25, 5_412_345.5);
     let model = scene.meshes.model_sized(Kind::Block, Size::from_m(2.0, 2.0, 2.0), 0);
@@ -265,7 +265,7 @@ fn far_from_the_origin_of_the_map_distances_stay_sharp() {
 }
 
 #[test]
-fn scenes_that_cannot_be_placed_are_refused_and_empty_ones_are_not() {
+fn tree_rejects_invalid_poses_and_accepts_empty_scenes() {
     let mut tree = SceneTree::default();
     assert_eq!(tree.cast([0.0; 3], [1.0, 0.0, 0.0], 100.0), None);
     assert_eq!(tree.update(&Scene::default()), Ok(()));

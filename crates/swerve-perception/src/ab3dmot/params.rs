@@ -1,4 +1,4 @@
-//! Parameters of the tracker by overlap.
+//! Parameters of the AB3DMOT tracker.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use swerve_msg::ActorKind;
 
 use super::solid::Solid;
 
-/// What makes a box and a track alike.
+/// Affinity measure between a box and a track.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Affinity {
@@ -19,34 +19,34 @@ pub enum Affinity {
     Distance,
 }
 
-/// How pairs are chosen.
+/// Assignment of boxes to tracks.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pairing {
-    /// The best pairs in sum.
+    /// Optimal assignment: the largest total affinity.
     Hungarian,
-    /// The best pair, then the best of the rest.
+    /// Greedy assignment: the best pair first, then the best of the remaining ones.
     Greedy,
 }
 
-/// How things of some kinds are followed.
+/// Tracking rules for a group of object kinds.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
-    /// What makes a box and a track alike.
+    /// Affinity measure between a box and a track.
     pub affinity: Affinity,
-    /// Beyond it they are not: the least overlap, or the largest distance, metres.
+    /// Affinity limit for pairing: the smallest overlap, or the largest distance in metres.
     pub limit: f64,
-    /// How pairs are chosen.
+    /// Assignment of boxes to tracks.
     pub pairing: Pairing,
-    /// Boxes that a track has to have had to be reported.
+    /// Number of boxes after which a track is reported.
     pub birth: usize,
-    /// Frames without a box at which a track ends.
+    /// Number of consecutive frames without a box after which a track ends.
     pub death: usize,
 }
 
 impl Rules {
-    /// What a pair costs, below [`cost_max`](Self::cost_max) where it can be one.
+    /// Cost of a pair; below [`cost_max`](Self::cost_max) if the pair is allowed.
     pub(super) fn cost(&self, track: &Solid, found: &Solid) -> f64 {
         match self.affinity {
             Affinity::Distance => track.distance_m(found),
@@ -61,26 +61,27 @@ impl Rules {
     }
 }
 
-/// Parameters of the tracker by overlap.
+/// Parameters of the AB3DMOT tracker.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Boxes with a lower score are ignored.
+    /// Score below which boxes are ignored, 0 to 1.
     pub score_min: f64,
-    /// Past positions reported, the present one included.
+    /// Number of positions in a track's reported history, including the current one.
     pub sightings_max: usize,
-    /// Time that noises are those of, seconds: that between two sweeps, where the paper's constants are from.
+    /// Frame period to which the noises refer, seconds: the sweep period of the data for which the paper's constants
+    /// were tuned.
     pub frame_s: f64,
-    /// How motor vehicles are followed, and what cannot move.
+    /// Tracking rules for motor vehicles and static objects.
     pub vehicle: Rules,
-    /// How people on foot are.
+    /// Tracking rules for pedestrians.
     pub pedestrian: Rules,
-    /// How people on bicycles are.
+    /// Tracking rules for cyclists.
     pub cyclist: Rules,
 }
 
 impl Default for Params {
-    /// Those that the authors publish for KITTI's cars, pedestrians and cyclists.
+    /// Parameters published by the authors for KITTI's cars, pedestrians and cyclists.
     fn default() -> Self {
         let rules = |affinity, limit, pairing, [birth, death]: [usize; 2]| Rules {
             affinity,
@@ -100,11 +101,11 @@ impl Default for Params {
     }
 }
 
-/// Motor vehicles, and what cannot move.
+/// Motor vehicles and static objects.
 const VEHICLES: &[ActorKind] = &[ActorKind::Car, ActorKind::Truck, ActorKind::Motorcycle, ActorKind::Static];
 
 impl Params {
-    /// Which kinds may be one track, and their rules.
+    /// Groups of kinds that may share a track, and their rules.
     pub(super) fn groups(&self) -> [(&'static [ActorKind], &Rules); 3] {
         [
             (VEHICLES, &self.vehicle),
@@ -113,7 +114,7 @@ impl Params {
         ]
     }
 
-    /// The rules of a kind.
+    /// Rules of a kind.
     pub fn rules(&self, kind: ActorKind) -> &Rules {
         match kind {
             ActorKind::Pedestrian => &self.pedestrian,
@@ -122,10 +123,10 @@ impl Params {
         }
     }
 
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let limits = |rules: &Rules| match rules.affinity {
             Affinity::Giou => [-1.0, 1.0],

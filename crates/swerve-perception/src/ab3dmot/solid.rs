@@ -1,8 +1,8 @@
-//! Upright boxes, and how alike two are.
+//! Upright 3D boxes and their overlap.
 
 use swerve_geom::{Map, Obb, hull_area_m2, math, shared_area_m2};
 
-/// An upright box in the map.
+/// Upright box in the map frame.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Solid {
     pub(super) footprint: Obb<Map>,
@@ -19,32 +19,32 @@ impl Solid {
         self.bottom_m + self.height_m
     }
 
-    /// Between the centres on the ground, metres.
+    /// Horizontal distance of the centres, metres.
     fn apart_m(&self, other: &Self) -> f64 {
         self.footprint.center.point().distance(other.footprint.center.point())
     }
 
-    /// Between the centres, metres.
+    /// Distance of the centres, metres.
     pub(super) fn distance_m(&self, other: &Self) -> f64 {
         let middle = |x: &Self| x.bottom_m + 0.5 * x.height_m;
         math::hypot(self.apart_m(other), middle(self) - middle(other))
     }
 
-    /// Volumes: of both together, and what they share, m³.
+    /// Volumes of the union and of the intersection, m³.
     fn volumes_m3(&self, other: &Self) -> (f64, f64) {
         let height_m = (self.top_m().min(other.top_m()) - self.bottom_m.max(other.bottom_m)).max(0.0);
         let shared = shared_area_m2(&self.footprint, &other.footprint) * height_m;
         (self.volume_m3() + other.volume_m3() - shared, shared)
     }
 
-    /// Intersection over union, 0 to 1.
+    /// Intersection over union of the volumes, 0 to 1.
     pub(super) fn iou(&self, other: &Self) -> f64 {
         let (union, shared) = self.volumes_m3(other);
         shared / union
     }
 
-    /// The same, less the share of the smallest upright convex body around both that neither fills, -1 to 1 (Rezatofighi
-    /// et al. 2019).
+    /// Generalised intersection over union, -1 to 1: the IoU minus the share of the smallest upright convex hull of
+    /// both that neither fills (Rezatofighi et al. 2019).
     pub(super) fn giou(&self, other: &Self) -> f64 {
         let (union, shared) = self.volumes_m3(other);
         let height_m = self.top_m().max(other.top_m()) - self.bottom_m.min(other.bottom_m);
@@ -52,8 +52,8 @@ impl Solid {
         shared / union - (around - union) / around
     }
 
-    /// Whether the generalised overlap is certainly below `least`: the body around both holds at least the strip between
-    /// their centres.
+    /// Returns true if the generalised IoU is certainly below `least`, from a lower bound of the hull: the strip
+    /// between the centres.
     pub(super) fn is_far(&self, other: &Self, least: f64) -> bool {
         let apart_m = self.apart_m(other);
         let narrow = |x: &Self| x.footprint.half_length_m.min(x.footprint.half_width_m);

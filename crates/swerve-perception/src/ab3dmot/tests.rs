@@ -29,7 +29,7 @@ fn tracker() -> Ab3dMot {
     Ab3dMot::new(Params::default()).unwrap()
 }
 
-/// Boxes (x, y, z, heading, length, width, height) and states of tracks of a stored case, frame by frame:
+/// Boxes (x, y, z, heading, length, width, height) and track states of a stored case, frame by frame:
 /// `tests/reference/tracking/ab3dmot.py`.
 #[derive(serde::Deserialize)]
 struct Case {
@@ -38,7 +38,7 @@ struct Case {
 }
 
 #[test]
-fn it_makes_the_tracks_of_the_reference() {
+fn ab3dmot_matches_the_reference_implementation() {
     let text = include_str!("../../../../tests/reference/tracking/ab3dmot.json");
     let cases: Vec<Case> = serde_json::from_str(text).unwrap();
     let mut states = 0;
@@ -80,7 +80,7 @@ fn it_makes_the_tracks_of_the_reference() {
 }
 
 #[test]
-fn each_kind_is_born_and_dies_by_its_own_rules() {
+fn tracks_are_born_and_die_by_the_rules_of_their_kind() {
     for (kind, birth, death) in
         [(ActorKind::Car, 3, 2), (ActorKind::Pedestrian, 1, 4), (ActorKind::Cyclist, 3, 4)]
     {
@@ -99,12 +99,12 @@ fn each_kind_is_born_and_dies_by_its_own_rules() {
 }
 
 #[test]
-fn velocity_history_and_heading_are_those_of_the_motion() {
+fn tracks_estimate_velocity_history_and_heading() {
     let mut tracker = tracker();
     let mut tracks = TrackList::default();
     for k in 0..31 {
-        // Frames of 50 ms: half of the time that the noises are those of. Every third box is the wrong way round, not the
-        // last: a track points as its newest box does.
+        // Frames of 50 ms, half of the period to which the noises refer. Every third box points backwards, but not the
+        // last: a track has the direction of its latest box.
         let t = f64::from(k) * 0.05;
         let ego = Pose2::new(5.0 * t, 0.0, 0.1 * t);
         let at = ego.to_local::<Ego>(Point2::new(30.0 + 6.0 * t, 3.0 - 2.0 * t));
@@ -123,7 +123,7 @@ fn velocity_history_and_heading_are_those_of_the_motion() {
 }
 
 #[test]
-fn what_is_no_number_or_does_not_go_forward_changes_nothing() {
+fn tracker_ignores_non_finite_boxes_and_old_stamps() {
     let mut tracker = tracker();
     let person = || found(ActorKind::Pedestrian, 5.0, 0.0, 0.0);
     assert_eq!(tracker.update(&frame(0, vec![]), origin()).tracks, []);
@@ -144,7 +144,7 @@ fn what_is_no_number_or_does_not_go_forward_changes_nothing() {
 }
 
 #[test]
-fn of_ten_thousand_boxes_the_surest_count() {
+fn tracker_uses_only_the_highest_scoring_boxes() {
     let mut tracker = tracker();
     let at = |k: u32| found(ActorKind::Pedestrian, f64::from(k % 100) * 2.0, f64::from(k / 100) * 2.0, 0.0);
     let boxes: Vec<DetectedBox> =
@@ -158,7 +158,7 @@ fn of_ten_thousand_boxes_the_surest_count() {
 }
 
 #[test]
-fn parameters_out_of_their_range_are_told() {
+fn validate_rejects_parameters_out_of_range() {
     let params = Params { vehicle: Rules { limit: -2.0, ..Params::default().vehicle }, ..Params::default() };
     let told = Ab3dMot::new(params).unwrap_err().to_string();
     assert!(told.contains("vehicle.limit") && told.contains("-2"), "{told}");
@@ -170,9 +170,9 @@ fn solid(x: f64, y: f64, heading: f64, [length, width, height]: [f64; 3]) -> Sol
 
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
-    /// The generalised overlap is at most the overlap, at least -1, symmetric, and what is told to be far is.
+    /// The generalised IoU is at most the IoU, at least -1 and symmetric, and `is_far` has no false positives.
     #[test]
-    fn overlaps_are_what_they_are_called(
+    fn overlaps_are_bounded_and_symmetric(
         (x, y) in (-20.0..20.0, -20.0..20.0), (g, h) in (-3.0..3.0, -3.0..3.0),
         a in prop::array::uniform3(0.3..8.0), b in prop::array::uniform3(0.3..8.0), least in -0.9..0.5,
     ) {
@@ -185,7 +185,7 @@ proptest! {
     }
 
     #[test]
-    fn greedy_pairs_are_one_to_one_and_the_nearest_is_among_them(
+    fn greedy_pairs_are_one_to_one_and_include_the_cheapest(
         costs in prop::collection::vec(prop::collection::vec(0.0..1.0, 5), 0..6),
     ) {
         let pairs = nearest_first(costs.len(), 5, 0.6, |r, c| costs[r][c]);

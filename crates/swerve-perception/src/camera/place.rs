@@ -1,4 +1,4 @@
-//! Where on the ground the thing in a box stands.
+//! Position on the ground of the object in an image box.
 
 use swerve_geom::{Camera, Ego, Obb, Point, Point2, Pose2, Transform, Vector, math};
 use swerve_msg::{ActorKind, CameraInfo, Extent, Intrinsics};
@@ -7,29 +7,30 @@ use swerve_vision::acf::Ground;
 use crate::image_box::ImageCamera;
 use crate::road::Road;
 
-/// Deviation of the row of a box's foot, as a share of its height, and of that height; of its middle column, half as much.
+/// Standard deviation of the row of a box's foot and of the box height, as a share of that height; half as much for the
+/// centre column.
 const EDGE_SHARE: f64 = 0.04;
-/// Deviation of the camera's pitch over the ground, radians: what the springs do beside what is known of them.
+/// Standard deviation of the camera's pitch relative to the ground, radians: residual suspension motion.
 const PITCH_RAD: f64 = 0.003;
-/// Deviation of the ground's level where something stands, as a share of the camera's height: kerbs.
+/// Standard deviation of the ground level at an object, as a share of the camera's height: kerbs.
 const LEVEL_SHARE: f64 = 0.06;
-/// Errors of depth go on from frame to frame, as the same person is as tall and the same kerb as high. Filters take them
-/// for new ones each time, and would believe them too soon: their deviation is told so many times as large.
+/// Factor on the standard deviation of depth. Depth errors persist from frame to frame, as a person's height and a kerb
+/// do, but filters treat them as independent and would become overconfident.
 const GOES_ON: f64 = 2.0;
-/// Things farther off than this are not placed, metres.
+/// Largest distance of an object that is reported, metres.
 const FAR_M: f64 = 120.0;
 
-/// What a class of things is like.
+/// Geometric properties of an object class.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Class {
-    /// As detectors call it.
+    /// Name of the class in detectors.
     pub(super) name: &'static str,
     pub(super) kind: ActorKind,
-    /// Its usual size.
+    /// Typical size.
     pub(super) extent: Extent,
-    /// Deviation of the height, as a share.
+    /// Standard deviation of the height, as a share.
     height_share: f64,
-    /// Deviation of its middle from where the face that is seen says that it is, metres: lengths differ.
+    /// Standard deviation of the centre relative to the visible face, metres, due to different lengths.
     middle_m: f64,
 }
 
@@ -43,8 +44,8 @@ const fn class(
     Class { name, kind, extent: Extent { length_m, width_m, height_m }, height_share, middle_m }
 }
 
-/// The classes that are known. Sizes and deviations are those of adults, cars and vans, lorries, riders; a van is taken
-/// for a car as often as for a truck, so that the height of neither says much.
+/// Known classes. Sizes and deviations are those of adults, cars and vans, lorries, and riders. A van is classified as
+/// a car as often as a truck, so the heights of both are imprecise.
 pub(super) const CLASSES: [Class; 4] = [
     class("pedestrian", ActorKind::Pedestrian, [0.5, 0.5, 1.73], [0.07, 0.05]),
     class("car", ActorKind::Car, [4.5, 1.9, 1.7], [0.3, 0.5]),
@@ -53,46 +54,46 @@ pub(super) const CLASSES: [Class; 4] = [
 ];
 
 impl Class {
-    /// The class of this name.
+    /// Class of this name.
     pub(super) fn of(name: &str) -> Option<Self> {
         CLASSES.into_iter().find(|class| class.name == name)
     }
 }
 
-/// A camera over level ground.
+/// Camera above level ground.
 pub(super) struct Eye {
     lens: Intrinsics,
-    /// Turned as the body is.
+    /// Rotation includes the body's pitch.
     level_from_camera: Transform<Ego, Camera>,
-    /// Its place on the ground; the heading is that of its axis.
+    /// Position on the ground; the heading is that of the optical axis.
     stand: Pose2<Ego>,
     height_m: f64,
 }
 
 impl Eye {
-    /// On a body that is pitched like this, nose down positive.
+    /// Camera on a body with this pitch, nose down positive.
     pub(super) fn new(camera: &CameraInfo, pitch_rad: f64) -> Self {
         let level_from_ego: Transform<Ego, Ego> =
             Transform::from_roll_pitch_yaw(Point::default(), 0.0, pitch_rad, 0.0);
         let level_from_camera = level_from_ego * camera.ego_from_camera;
         let axis = (level_from_camera * Vector::<Camera>::new(0.0, 0.0, 1.0)).coords;
-        // Pitch takes place near the middle of the car: the camera hardly rises.
+        // Pitch rotates about the middle of the car, so the camera height hardly changes.
         let at = camera.ego_from_camera.origin().coords;
         let stand = Pose2::new(at.x, at.y, math::atan2(axis.y, axis.x));
         Self { lens: camera.intrinsics, level_from_camera, stand, height_m: at.z.max(0.1) }
     }
 
-    /// What the rows of the image tell of where things can be.
+    /// Ground constraint for the detector: horizon row, focal length and camera height.
     pub(super) fn ground(&self) -> Ground {
         let down = |y: f64| -(self.level_from_camera * Vector::<Camera>::new(0.0, y, 1.0)).coords.z;
-        // The ray in the middle column that does not fall.
+        // Row of the centre column's horizontal ray.
         let level = down(0.0) / (down(0.0) - down(1.0));
         let horizon_px = self.lens.cy_px + self.lens.fy_px * level;
         Ground { horizon_px, focal_px: self.lens.fy_px, height_m: self.height_m }
     }
 
-    /// Left, top, width and height of the picture that something upright on the ground has; none where it has none in an
-    /// image of this size.
+    /// Left, top, width and height of the projection of an upright object on the ground; `None` if it is outside the
+    /// image.
     pub(super) fn picture(&self, pose: Pose2<Ego>, extent: Extent, size: [usize; 2]) -> Option<[f64; 4]> {
         let info = CameraInfo { intrinsics: self.lens, ego_from_camera: self.level_from_camera };
         let [width_px, height_px] = size.map(|px| px as u32);
@@ -101,8 +102,8 @@ impl Eye {
         Some([left, top, right - left, bottom - top])
     }
 
-    /// Where something of a class stands whose picture is this box (left, top, width, height; the image has `rows`), with
-    /// the covariance of that (xx, xy, yy, m²); none for what would stand nowhere on the ground.
+    /// Position on the ground of an object whose image is this box (left, top, width, height; `rows` is the image
+    /// height), and its covariance (xx, xy, yy, m²); `None` if the object is too far away.
     pub(super) fn place(
         &self,
         class: &Class,
@@ -123,7 +124,7 @@ impl Eye {
             return None;
         }
         let pose = self.complete(class, 1.0 / rho, foot.leftwards, road);
-        // An error of depth moves it along its ray, one of the column across the axis.
+        // A depth error moves the object along its ray; a column error moves it perpendicular to the axis.
         let depth = sum_of_squares([GOES_ON * variance.sqrt() / (rho * rho), class.middle_m]);
         let column = 0.5 * EDGE_SHARE * down / (self.lens.fx_px * rho);
         let across = sum_of_squares([column, 0.5 * class.middle_m]);
@@ -135,8 +136,8 @@ impl Eye {
         Some((pose, covariance))
     }
 
-    /// The middle of a thing whose nearest face is so far off along the camera's axis, metres, and whose picture's middle
-    /// lies `leftwards` to the left for each metre of that.
+    /// Centre of an object whose nearest face is `near_m` ahead along the optical axis and whose image centre is
+    /// `leftwards` to the left per metre of that.
     fn complete(&self, class: &Class, near_m: f64, leftwards: f64, road: &Road<'_>) -> Pose2<Ego> {
         let at = |ahead_m: f64, leftwards: f64| {
             self.stand.from_local::<Ego>(Point2::new(ahead_m, leftwards * ahead_m))
@@ -147,7 +148,7 @@ impl Eye {
         let (sin, cos) = math::sin_cos(turn_rad);
         let Extent { length_m, width_m, .. } = class.extent;
         let ahead_m = near_m + 0.5 * (length_m * cos.abs() + width_m * sin.abs());
-        // The middle of the picture is not the picture of the middle: near corners stand out more.
+        // The image centre is not the projection of the object's centre, as near corners appear larger.
         let mut middle = leftwards;
         for _ in 0..3 {
             let body: Obb<Ego> = Obb::new(Pose2::new(ahead_m, middle * ahead_m, turn_rad), length_m, width_m);
@@ -159,7 +160,7 @@ impl Eye {
         Pose2::new(place.x_m, place.y_m, heading_rad)
     }
 
-    /// What the ray through a pixel says of a thing whose foot is there.
+    /// Ray of the pixel at an object's foot.
     fn foot(&self, column: f64, row: f64) -> Foot {
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.lens;
         let ray = Vector::<Camera>::new((column - cx_px) / fx_px, (row - cy_px) / fy_px, 1.0);
@@ -171,15 +172,15 @@ impl Eye {
     }
 }
 
-/// The foot of a box.
+/// Foot of a box.
 struct Foot {
-    /// One over the depth at which its ray meets the ground, 1/m; none above the horizon.
+    /// Inverse depth at which its ray meets the ground, 1/m; `None` above the horizon.
     rho: Option<f64>,
-    /// To the left for each metre of depth.
+    /// Metres to the left per metre of depth.
     leftwards: f64,
 }
 
-/// The mean of two numbers with their variances, and its own.
+/// Inverse-variance weighted mean of two values (value, variance), and its variance.
 fn mean(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     let weight = 1.0 / a.1 + 1.0 / b.1;
     ((a.0 / a.1 + b.0 / b.1) / weight, 1.0 / weight)

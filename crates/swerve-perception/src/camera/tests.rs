@@ -9,7 +9,8 @@ use crate::image_box::ImageCamera;
 
 const SIZE: [u32; 2] = [800, 600];
 
-/// 800 x 600 pixels, 70 degrees, 1.35 m up, looking ahead but for these angles, nose down and to the left positive.
+/// Camera of 800 x 600 pixels, 70 degrees, 1.35 m up, looking ahead except for these angles, nose down and to the left
+/// positive.
 fn camera(pitch_rad: f64, yaw_rad: f64) -> CameraInfo {
     let focal_px = 571.26;
     let intrinsics = Intrinsics {
@@ -30,9 +31,9 @@ fn camera(pitch_rad: f64, yaw_rad: f64) -> CameraInfo {
 
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
-    /// What is of the usual size, on level ground, seen without error, is put where it stands.
+    /// Objects of typical size on level ground, observed without error, are placed correctly.
     #[test]
-    fn a_picture_leads_back_to_its_place(
+    fn place_recovers_the_position_of_a_projected_object(
         x in 8.0..60.0, share in -0.45..0.45, class in 0_usize..4, pitch in -0.06..0.06, yaw in -0.5..0.5, body in -0.03..0.03,
     ) {
         let class = CLASSES[class];
@@ -40,7 +41,7 @@ proptest! {
         let (sin, cos) = swerve_geom::math::sin_cos(yaw);
         let (ahead, left) = (x + 0.5 * class.extent.length_m, share * x);
         let there = Pose2::<Ego>::new(1.75 + ahead * cos - left * sin, ahead * sin + left * cos, 0.0);
-        // As the camera sees it on a body that is pitched.
+        // The camera's view from a pitched body.
         let tilt: Transform<Ego, Ego> = Transform::from_roll_pitch_yaw(Point::default(), 0.0, body, 0.0);
         let at = mounted.ego_from_camera.origin();
         let turned = Transform::new(at, (tilt * mounted.ego_from_camera).rotation());
@@ -51,16 +52,16 @@ proptest! {
         let placed = Eye::new(&mounted, body).place(&class, [l, t, r - l, b - t], 600.0, &road);
         let (found, [xx, xy, yy]) = placed.unwrap();
         let off = found.point().distance(there.point());
-        // Of a box seen from a corner the highest and the lowest pixel are not at one depth.
+        // The highest and lowest pixel of a box seen from a corner are at different depths.
         prop_assert!(off < 0.02 * x + 0.3 * class.extent.width_m, "{found:?} {there:?}");
-        // Its errors are those of a distance of a few percent, and a covariance.
+        // The covariance is positive definite and corresponds to an error of a few percent of the distance.
         prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy, "{xx} {xy} {yy}");
         prop_assert!((xx + yy).sqrt() < 1.0 + 0.4 * x, "{xx} {yy} at {x}");
     }
 }
 
 #[test]
-fn the_horizon_follows_the_pitch() {
+fn horizon_follows_the_pitch() {
     let at = |mount: f64, body: f64| Eye::new(&camera(mount, 0.0), body).ground().horizon_px;
     assert!((at(0.0, 0.0) - 300.0).abs() < 1e-9);
     for (mount, body) in [(0.05, 0.0), (0.0, 0.05), (0.03, 0.02)] {
@@ -80,7 +81,7 @@ fn street() -> CameraObjects {
 }
 
 #[test]
-fn images_without_objects_have_none_and_others_are_refused() {
+fn detect_reports_nothing_in_empty_images_and_rejects_unsupported_ones() {
     let mut objects = street();
     let mut found = Detections::default();
     for size in [SIZE, [1, 1], [0, 0], [640, 360]] {
@@ -101,7 +102,7 @@ fn images_without_objects_have_none_and_others_are_refused() {
 }
 
 #[test]
-fn detectors_of_other_things_are_refused() {
+fn detectors_with_unknown_classes_or_scores_are_rejected() {
     let weights = shipped::detector("acf_inria").unwrap().unwrap();
     let rung = weights.rungs[0].clone();
     let said = CameraObjects::new(weights.clone(), rung.clone(), 0.3).unwrap_err().to_string();
@@ -114,7 +115,7 @@ fn detectors_of_other_things_are_refused() {
     assert_eq!(said, DetectorError::Class("sheep".into()));
 }
 
-/// People of one size wherever a window is looked at.
+/// Detector that reports people of one size in every window that is searched.
 fn people_anywhere(whole_every: u32) -> CameraObjects {
     let template = Template { weights: vec![0.0; 10 * 5 * 10], offset: 1.0 };
     let model = Model {
@@ -149,11 +150,11 @@ fn people_anywhere(whole_every: u32) -> CameraObjects {
 }
 
 #[test]
-fn tracks_are_looked_at_where_they_have_come_to() {
+fn detect_searches_at_the_predicted_positions_of_tracks() {
     let mut image = Image::new(800, 600, Encoding::Rgb8);
     image.camera = camera(0.0, 0.0);
     image.stamp = swerve_core::Time::from_ms(500);
-    // 20 m ahead and 3 m to the left of an ego that stands and looks elsewhere, half a second after it was 1 m off.
+    // 20 m ahead and 3 m to the left of a stationary ego looking elsewhere; 1 m away from there half a second earlier.
     let ego = Pose2::new(5.0, 7.0, 1.0);
     let there = ego.from_local(Point2::<Ego>::new(20.0, 3.0));
     let person = Track {
@@ -177,7 +178,7 @@ fn tracks_are_looked_at_where_they_have_come_to() {
     let [whole, first, second, again] = counts[..] else { unreachable!() };
     assert!(whole == again && whole.0 > 10 && whole.1 == 0, "{counts:?}");
     assert!(first == second && first.1 > first.0 / 2, "{counts:?}");
-    // Nothing is followed: nothing is looked at until the next image is searched whole. Nobody says what is: all is.
+    // With an empty track list nothing is searched until the next complete search; without a track list everything is.
     let look = |objects: &mut CameraObjects, tracks: Option<&TrackList>| {
         let mut found = Detections::default();
         let shot = Shot { image: &image, ego, pitch_rad: 0.0, route: None };
@@ -187,7 +188,7 @@ fn tracks_are_looked_at_where_they_have_come_to() {
     objects.found.clear();
     assert_eq!(look(&mut objects, Some(&TrackList::default())), 0);
     assert_eq!(look(&mut objects, None), whole.0);
-    // What was found in the image before is looked for again.
+    // Detections of the previous image are searched again.
     let mut objects = people_anywhere(9);
     assert_eq!(look(&mut objects, Some(&TrackList::default())), whole.0);
     assert!(look(&mut objects, Some(&TrackList::default())) > whole.0 / 2);

@@ -1,29 +1,29 @@
-//! Random numbers that change slowly.
+//! Slowly varying random numbers.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-/// How a standard normal number goes on from instant to instant.
+/// Temporal correlation of a standard normal number.
 ///
-/// `sqrt(correlation) * slow + sqrt(1 - correlation) * new`: `new` is drawn for each instant; `slow` is drawn at multiples of
-/// `period_s`, blended linearly between two of them and scaled so that its deviation stays 1. At each single instant
-/// the number is standard normal; two that are at least two periods apart share no more than chance.
+/// `sqrt(correlation) * slow + sqrt(1 - correlation) * new`: `new` is drawn for each instant; `slow` is drawn at
+/// multiples of `period_s`, interpolated linearly and scaled to unit variance. The number is standard normal at each
+/// instant; numbers at least two periods apart are independent.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
-    /// Correlation of neighbouring instants: the share of the variance that they have in common, 0 to 1.
+    /// Correlation of neighbouring instants: their shared fraction of the variance, 0 to 1.
     pub correlation: f64,
-    /// Between two draws of it, seconds.
+    /// Period of the slow draws, seconds.
     pub period_s: f64,
 }
 
-/// Draws for one instant, and draws for one of the slow instants, are told apart by these.
+/// Keys of the draws for an instant and for a slow instant.
 const NEW: i64 = 0;
 const SLOW: i64 = 1;
 
 impl Drift {
-    /// The number at an instant; `draw(index, which)` gives the standard normal number under a key.
+    /// Number at an instant; `draw(index, which)` returns the standard normal number of a key.
     pub(super) fn at(&self, at: Time, draw: impl Fn(i64, i64) -> f64) -> f64 {
         let (before, part) = self.block(at);
         let slow = (1.0 - part) * draw(before, SLOW) + part * draw(before + 1, SLOW);
@@ -31,7 +31,7 @@ impl Drift {
         self.correlation.sqrt() * slow / deviation + (1.0 - self.correlation).sqrt() * draw(at.ns(), NEW)
     }
 
-    /// The newest slow instant, counted from the start of time, and how far the next one has come, 0 to 1.
+    /// Index of the latest slow instant, counted from time zero, and the fraction of the period elapsed since, 0 to 1.
     pub(super) fn block(&self, at: Time) -> (i64, f64) {
         let period = Span::from_secs(self.period_s).ns().max(1);
         let before = at.ns().div_euclid(period);
@@ -50,14 +50,14 @@ mod tests {
         DRIFT.at(Time::from_ms(ms), |when, which| Rng::keyed(3, "drift", &[k, when, which]).normal())
     }
 
-    /// Correlation of the numbers at two instants, over many things.
+    /// Correlation of the numbers at two instants, over many keys.
     fn correlation(a_ms: i64, b_ms: i64) -> f64 {
         const N: i64 = 20_000;
         (0..N).map(|k| number(k, a_ms) * number(k, b_ms)).sum::<f64>() / N as f64
     }
 
     #[test]
-    fn it_is_standard_normal_at_every_instant() {
+    fn drift_is_standard_normal_at_every_instant() {
         for ms in [0, 100, 250, 400, 730] {
             let variance = correlation(ms, ms);
             assert!((variance - 1.0).abs() < 0.03, "{ms}: {variance}");
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_have_most_in_common_and_what_is_far_apart_nothing() {
+    fn drift_correlates_neighbouring_but_not_distant_instants() {
         let near = correlation(200, 250);
         assert!((0.7..0.82).contains(&near), "{near}");
         assert!(correlation(250, 700) < 0.5);

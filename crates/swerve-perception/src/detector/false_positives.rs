@@ -1,4 +1,4 @@
-//! Things that are none.
+//! False positives.
 
 use swerve_geom::{Ego, Map, Point2, Pose2, Vector2};
 use swerve_msg::truth::Surroundings;
@@ -6,15 +6,15 @@ use swerve_msg::{ActorKind, DetectedBox, Extent};
 
 use super::{Detector, Of, logistic, uniform};
 
-/// Side of a cell of the map, metres: at most one false positive stands in each.
+/// Side of a map cell, metres; each cell holds at most one false positive.
 const CELL_M: f64 = 4.0;
 
-/// The corridor ahead in which they stand: from, to, and to either side, metres in the ego frame.
+/// Corridor ahead for false positives: from, to, and to either side, metres in the ego frame.
 const NEAR_M: f64 = 5.0;
 const FAR_M: f64 = 60.0;
 const ASIDE_M: f64 = 12.0;
 
-/// Most that a false positive looks like, and how often (the last: always).
+/// Types of false positives: kind, cumulative probability and typical size.
 const LOOKS: [(ActorKind, f64, Extent); 3] = [
     (ActorKind::Pedestrian, 0.5, Extent { length_m: 0.5, width_m: 0.5, height_m: 1.7 }),
     (ActorKind::Car, 0.6, Extent { length_m: 4.4, width_m: 1.8, height_m: 1.5 }),
@@ -40,7 +40,7 @@ impl Detector {
         all.filter_map(|cell| self.false_positive(cell, share, seen)).collect()
     }
 
-    /// What stands in a cell of the map, if anything does now.
+    /// False positive in a map cell at this instant, if any.
     fn false_positive(
         &self,
         [column, row]: [i64; 2],
@@ -48,7 +48,7 @@ impl Detector {
         seen: &Surroundings,
     ) -> Option<DetectedBox> {
         let drift = self.params.false_positives;
-        // Cells are told from actors, whose identities are not negative, and from each other.
+        // Negative ids: unique per cell and distinct from actors, whose ids are not negative.
         let id = -1 - (column.rem_euclid(1 << 30) << 31 | row.rem_euclid(1 << 30));
         let of = |what| Of { what, id, at: seen.stamp };
         if uniform(self.draw(of("ghost"), drift)) >= share {

@@ -1,4 +1,4 @@
-//! What an emulated detector gets wrong.
+//! Error parameters of an emulated detector.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,55 +7,57 @@ use swerve_geom::math;
 
 use super::drift::Drift;
 
-/// What a detector looks with; sets how far off the places are.
+/// Sensor of a detector; determines the position errors.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sensing {
-    /// One camera: bearings are good, distances are guessed from sizes.
+    /// Single camera: accurate bearings, distances estimated from sizes.
     #[default]
     Camera,
-    /// A lidar: distances are measured.
+    /// Lidar: measured distances.
     Lidar,
 }
 
-/// Parameters of the emulation.
+/// Parameters of the detector emulation.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Share that is reported of what is near and all in sight, 0 to 1.
+    /// Detection probability of a near and fully visible object, 0 to 1.
     pub recall_best: f64,
-    /// Distance from the ego origin at which half of that is left for a person of 1.7 m, metres; in proportion to
-    /// the height of others.
+    /// Distance from the ego origin at which the detection probability of a 1.7 m tall person is halved, metres;
+    /// proportional to the height for other objects.
     pub half_distance_m: f64,
-    /// Scale of the logistic curve about it, metres: the share falls from 73 to 27 % over twice this.
+    /// Scale of the logistic curve of detection over distance, metres: the probability falls from 73 to 27 % over twice
+    /// this.
     pub distance_scale_m: f64,
-    /// Visible share of an object at which half is left.
+    /// Visible share of an object at which the detection probability is halved, 0 to 1.
     pub half_visibility: f64,
-    /// Scale of the logistic curve about it.
+    /// Scale of the logistic curve of detection over visible share.
     pub visibility_scale: f64,
-    /// False positives per frame, on average.
+    /// Mean number of false positives per frame.
     pub false_positives_per_frame: f64,
-    /// Between the mean scores of true and of false positives, in standard deviations of either's logit.
+    /// Difference of the mean logit scores of true and false positives, in standard deviations.
     pub score_separation: f64,
-    /// Standard deviation of the distance, metres, at any distance.
+    /// Constant standard deviation of the distance, metres.
     pub range_noise_m: f64,
-    /// The same, as a share of the distance, on top.
+    /// Additional standard deviation of the distance, as a share of it.
     pub range_noise_share: f64,
     /// Standard deviation of the bearing, radians.
     pub bearing_noise_rad: f64,
-    /// Standard deviation of length, width and height near by, as a share of each; twice that at 30 m.
+    /// Standard deviation of length, width and height at close range, as a share of each; twice that at 30 m.
     pub size_noise_share: f64,
-    /// Standard deviation of the heading near by, radians; twice that at 30 m.
+    /// Standard deviation of the heading at close range, radians; twice that at 30 m.
     pub heading_noise_rad: f64,
-    /// How misses and scores go on over time.
+    /// Temporal correlation of misses and scores.
     pub misses: Drift,
-    /// How false positives go on over time: longer, or they would be gone before anyone believes them.
+    /// Temporal correlation of false positives; longer than that of misses, so that they last long enough to be
+    /// tracked.
     pub false_positives: Drift,
-    /// How errors of place, size and heading go on over time.
+    /// Temporal correlation of errors of position, size and heading.
     pub pose_errors: Drift,
 }
 
-/// Most false positives per frame: one in every other cell.
+/// Largest mean number of false positives per frame: one in every other cell.
 pub(super) const FALSE_POSITIVES_MAX: f64 = 40.0;
 
 impl Default for Params {
@@ -65,12 +67,12 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The family that calibration chooses from: one number, the error level, from 0 (nothing is wrong) up.
+    /// Parameters of a one-dimensional family for calibration: the error level, from 0 (no errors) up.
     ///
-    /// One public number, an average precision, can fix one number. How the parameters go with each other is ours:
-    /// with error level 1 a person is found half of the time at 70 m, every fifth frame holds a false positive, and
-    /// places are off as is usual for what the detector looks with: 3 % of the distance for one camera, 5 cm and
-    /// 0.2 % for a lidar.
+    /// One published number, an average precision, can determine one parameter. The ratios between the parameters are
+    /// our choice: at error level 1 a person is detected with half probability at 70 m, every fifth frame contains a
+    /// false positive, and position errors are typical of the sensor: 3 % of the distance for one camera, 5 cm plus 0.2
+    /// % for a lidar.
     pub fn of_error_level(sensing: Sensing, error_level: f64) -> Self {
         let d = error_level.max(0.0);
         let root = d.sqrt();
@@ -98,10 +100,10 @@ impl Params {
         }
     }
 
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let all = [
             ("recall_best", self.recall_best, [0.0, 1.0]),

@@ -29,7 +29,7 @@ fn detector(params: Params) -> Detector {
 }
 
 #[test]
-fn without_difficulty_all_that_there_is_comes_out_as_it_is() {
+fn detector_without_errors_reports_the_truth() {
     let detector =
         Detector::new(Params::of_error_level(Sensing::Camera, 0.0), Some(camera()), 7, "detector").unwrap();
     let ego = Pose2::new(100.0, 50.0, 1.0);
@@ -45,7 +45,7 @@ fn without_difficulty_all_that_there_is_comes_out_as_it_is() {
 }
 
 #[test]
-fn misses_have_the_stated_share() {
+fn detector_misses_at_the_specified_rate() {
     let detector = detector(quiet());
     for (x_m, extent, share) in
         [(20.0, PERSON, 1.0), (45.0, PERSON, 1.0), (45.0, TRUCK, 1.0), (20.0, PERSON, 1.0 / 9.0)]
@@ -65,7 +65,7 @@ fn misses_have_the_stated_share() {
 }
 
 #[test]
-fn a_miss_is_followed_by_a_miss_more_often_than_chance_has_it() {
+fn misses_are_correlated_over_time() {
     let detector = detector(quiet());
     let p = detector.recall(45.0, PERSON, 1.0);
     let is_found = |id, ms| {
@@ -82,7 +82,7 @@ fn a_miss_is_followed_by_a_miss_more_often_than_chance_has_it() {
 }
 
 #[test]
-fn places_are_off_by_what_the_parameters_say() {
+fn position_errors_match_the_parameters() {
     let params = Params { recall_best: 1.0, half_distance_m: 1e4, ..quiet() };
     let detector = detector(params);
     for distance_m in [10.0, 40.0] {
@@ -101,7 +101,7 @@ fn places_are_off_by_what_the_parameters_say() {
 }
 
 #[test]
-fn false_positives_have_their_rate_stay_in_place_and_score_low() {
+fn false_positives_match_their_rate_and_persist_with_low_scores() {
     let params = Params { false_positives_per_frame: 2.0, ..quiet() };
     let detector = detector(params);
     let at = |ms: i64| detector.detect(&seen(ms, Pose2::new(ms as f64 * 0.01, 3.0, 0.3), vec![])).boxes;
@@ -112,7 +112,7 @@ fn false_positives_have_their_rate_stay_in_place_and_score_low() {
     let low = all.iter().filter(|b| b.score < 0.5).count() as f64 / all.len() as f64;
     assert!(low > 0.9, "{low}");
     assert!(all.iter().all(|b| b.pose.x_m > 5.0 && b.pose.y_m.abs() < 12.0));
-    // In the map, most are where one was 20 ms before; the car goes 10 m/s.
+    // In the map, most are where one was 20 ms earlier; the ego drives at 10 m/s.
     let map = |ms: i64| -> Vec<Point2<Map>> {
         at(ms).iter().map(|b| Pose2::new(ms as f64 * 0.01, 3.0, 0.3).from_local(b.pose.point())).collect()
     };
@@ -128,7 +128,7 @@ fn false_positives_have_their_rate_stay_in_place_and_score_low() {
 }
 
 #[test]
-fn nothing_depends_on_order_or_on_others() {
+fn detections_are_independent_of_order_and_of_other_actors() {
     let detector = detector(Params { recall_best: 1.0, half_distance_m: 1e4, ..quiet() });
     let (a, b) = (obstacle(1, 20.0, 2.0, PERSON, 1.0), obstacle(2, 30.0, -3.0, TRUCK, 1.0));
     let both = detector.detect(&seen(100, origin(), vec![a.clone(), b.clone()]));
@@ -145,7 +145,7 @@ fn nothing_depends_on_order_or_on_others() {
 }
 
 #[test]
-fn bad_numbers_are_refused_or_do_no_harm() {
+fn detector_rejects_or_ignores_non_finite_values() {
     let broken = Params { recall_best: f64::NAN, ..Params::default() };
     assert_eq!(Detector::new(broken, None, 1, "d").unwrap_err().key, "recall_best");
     let ego = Pose2::new(f64::NAN, 0.0, 0.0);
@@ -158,7 +158,7 @@ fn bad_numbers_are_refused_or_do_no_harm() {
 }
 
 #[test]
-fn sizes_and_headings_are_off_by_more_the_farther_off_a_thing_is() {
+fn size_and_heading_errors_grow_with_distance() {
     let params = Params { recall_best: 1.0, half_distance_m: 1e4, ..quiet() };
     let detector = detector(params);
     for distance_m in [6.0, 30.0] {

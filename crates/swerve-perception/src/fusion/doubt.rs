@@ -1,15 +1,16 @@
-//! What it says of a person in the camera's image that the lidar finds nothing there.
+//! Score reduction of a person detected by the camera where the lidar measures free space.
 
 use swerve_geom::{angle_between, math};
 use swerve_msg::DetectedBox;
 
 use super::{Object, Params};
 
-/// Bearings within this of a lidar's box may be hidden by it, or its points be one with it, radians.
+/// Bearing margin around a lidar box within which an object may be hidden by it or merged with it, radians.
 const BESIDE_RAD: f64 = 0.1;
 
-/// A person whom the camera alone sees, as likely as that is after a lidar that looked there and found nothing (Bayes):
-/// it misses a share of those who are there, and finds nothing where nobody is. `measured` is what it found, if it is there.
+/// Camera-only person with the score conditioned on a lidar sweep that could have detected it but did not (Bayes): the
+/// lidar misses a share of the people present, and has no detection where there are none. `measured` holds the lidar
+/// objects, if there is a lidar.
 pub(super) fn doubted(seen: &Object, measured: Option<&[Object]>, params: &Params) -> Object {
     let Some(measured) = measured else { return *seen };
     let (range_m, bearing_rad) = polar(&seen.found);
@@ -22,13 +23,13 @@ pub(super) fn doubted(seen: &Object, measured: Option<&[Object]>, params: &Param
     Object { found: DetectedBox { score, ..seen.found }, ..*seen }
 }
 
-/// Distance and bearing of a box's middle.
+/// Distance and bearing of a box's centre.
 fn polar(found: &DetectedBox) -> (f64, f64) {
     let (x, y) = (found.pose.x_m, found.pose.y_m);
     (math::hypot(x, y), math::atan2(y, x))
 }
 
-/// Whether a lidar's box may hide what is at a place, or hold its points.
+/// Returns true if a lidar box may hide a position or contain its points.
 fn may_hide(other: &DetectedBox, range_m: f64, bearing_rad: f64) -> bool {
     let (box_m, box_rad) = polar(other);
     let radius_m = 0.5 * math::hypot(other.extent.length_m, other.extent.width_m);

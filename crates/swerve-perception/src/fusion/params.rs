@@ -1,35 +1,36 @@
-//! Parameters of the fusion.
+//! Parameters of the sensor fusion.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_all_within};
 
-/// Parameters of the fusion.
+/// Parameters of the sensor fusion.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Least overlap in the image of a camera's box and the picture of a lidar's box of the same thing.
+    /// Smallest image overlap (IoU) of a camera box and the projection of a lidar box of the same object, 0 to 1.
     pub iou_min: f64,
-    /// Standard deviation of the edges of a camera's box, pixels.
+    /// Standard deviation of the edges of a camera box, pixels.
     pub edge_noise_px: f64,
-    /// Standard deviation of the camera's pitch against the ground, radians: braking cars nod, roads bend.
+    /// Standard deviation of the camera's pitch relative to the ground, radians, due to braking and road grade.
     pub pitch_noise_rad: f64,
-    /// Standard deviation of a depth over its square, 1/m: that of a disparity over focal length and base.
+    /// Standard deviation of a depth divided by its square, 1/m: that of a disparity divided by focal length and
+    /// baseline.
     pub depth_noise_1pm: f64,
-    /// Standard deviation of the place of a lidar's box, metres.
+    /// Constant standard deviation of the position of a lidar box, metres.
     pub lidar_noise_m: f64,
-    /// The same of its distance as a share of that, and of its bearing in radians, on top.
+    /// Additional standard deviation of a lidar box: of its distance as a share of it, and of its bearing in radians.
     pub lidar_noise_share: f64,
-    /// Within this distance a lidar finds people where nothing hides them, metres: a person alone in the camera's image is
-    /// doubted there. 0: nowhere.
+    /// Distance within which a lidar detects unoccluded people, metres: people detected only by the camera get a lower
+    /// score there. 0 disables this.
     pub lidar_sure_m: f64,
-    /// Share of people whom it misses there.
+    /// Probability that the lidar misses a person within `lidar_sure_m`, 0 to 1.
     pub lidar_miss: f64,
-    /// Standard deviation of a radar's distance, metres: echoes come from anywhere on a thing.
+    /// Standard deviation of a radar distance, metres; echoes come from any part of an object.
     pub radar_noise_m: f64,
-    /// An echo is an object's if it is within this of its distance, beside the object's own size and errors, metres.
+    /// Distance gate for assigning a radar echo to an object, in addition to the object's size and errors, metres.
     pub radar_range_m: f64,
-    /// The same of its bearing, radians.
+    /// Bearing gate for assigning a radar echo to an object, in addition to the object's size, radians.
     pub radar_bearing_rad: f64,
 }
 
@@ -39,7 +40,7 @@ impl Default for Params {
             iou_min: 0.3,
             edge_noise_px: 2.0,
             pitch_noise_rad: 0.003,
-            // A quarter of a pixel at a focal length of 571 pixels and a base of half a metre.
+            // A quarter of a pixel, focal length 571 pixels, baseline 0.5 m.
             depth_noise_1pm: 9e-4,
             lidar_noise_m: 0.15,
             lidar_noise_share: 0.005,
@@ -53,21 +54,21 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("iou_min", self.iou_min, [0.01, 1.0]),
-            // Above zero, or a covariance could be none.
+            // Above zero, so that covariances stay positive definite.
             ("edge_noise_px", self.edge_noise_px, [0.01, 100.0]),
             ("pitch_noise_rad", self.pitch_noise_rad, [0.0, 0.5]),
             ("depth_noise_1pm", self.depth_noise_1pm, [1e-6, 0.1]),
             ("lidar_noise_m", self.lidar_noise_m, [1e-3, 10.0]),
             ("lidar_noise_share", self.lidar_noise_share, [0.0, 1.0]),
             ("lidar_sure_m", self.lidar_sure_m, [0.0, 1000.0]),
-            // Above zero, or a person near by could never be seen by the camera alone.
+            // Above zero, else a nearby person could never be detected by the camera alone.
             ("lidar_miss", self.lidar_miss, [1e-3, 1.0]),
             ("radar_noise_m", self.radar_noise_m, [1e-3, 10.0]),
             ("radar_range_m", self.radar_range_m, [0.0, 50.0]),

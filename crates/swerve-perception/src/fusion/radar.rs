@@ -1,4 +1,4 @@
-//! Echoes of a radar, and the objects that they come from.
+//! Assignment of radar echoes to objects.
 
 use swerve_geom::{Ego, Map, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{EgoState, Extent, RadarScan};
@@ -6,36 +6,36 @@ use swerve_msg::{EgoState, Extent, RadarScan};
 use super::place::{Spread, moved, polar};
 use super::{Object, Params};
 
-/// A scan of a radar, and what the ego did then.
+/// Radar scan and the ego state at its stamp.
 #[derive(Clone, Copy, Debug)]
 pub struct Echoes<'a> {
     /// Echoes.
     pub scan: &'a RadarScan,
-    /// The ego at their stamp.
+    /// Ego state at their stamp.
     pub ego: EgoState,
-    /// Where the radar sits and looks.
+    /// Mounting pose of the radar.
     pub ego_from_radar: Pose2<Ego>,
 }
 
-/// An echo, seen from where the radar was, in the ego frame of the newest boxes.
+/// Echo relative to the radar's position at its stamp, in the ego frame of the latest boxes.
 struct Echo {
     bearing_rad: f64,
     range_m: f64,
-    /// Along the line of sight over ground, positive for what goes away.
+    /// Radial speed over ground, m/s, positive for receding objects.
     speed_mps: f64,
     snr_db: f64,
 }
 
-/// Standard deviation of half a size, as a share of it.
+/// Standard deviation of half an object's size, as a share of it.
 const SIZE_SHARE: f64 = 0.3;
 
-/// Standard deviations of an object's distance that an echo may be off.
+/// Distance gate of an echo, in standard deviations of the object's distance.
 const DEVIATIONS: f64 = 3.0;
 
 impl Echoes<'_> {
-    /// Gives each object the speed of its strongest echo, and to one whose distance is a guess that echo's distance. An
-    /// echo is of the object that is nearest to it, if that is within its gate; of one whose distance is a guess only if
-    /// it is of none whose distance is measured, since a guess has room for the echoes of all its neighbours.
+    /// Assigns each object the speed of its strongest echo, and objects with a guessed distance that echo's distance.
+    /// An echo belongs to the nearest object whose gate contains it; objects with a measured distance take precedence,
+    /// since the gate of a guessed distance also contains the echoes of its neighbours.
     pub(super) fn add_to(&self, objects: &mut [Object], ego: Pose2<Map>, params: &Params) {
         if !self.ego.is_plausible() {
             return;
@@ -61,10 +61,10 @@ impl Echoes<'_> {
         }
     }
 
-    /// Echoes whose numbers are finite, about the radar's place in the newest frame.
+    /// Finite echoes, relative to the radar's position in the latest ego frame.
     fn echoes(&self, radar: Pose2<Ego>) -> impl Iterator<Item = Echo> {
         let Pose2 { x_m, y_m, heading_rad, .. } = self.ego_from_radar;
-        // The radar goes round with the car.
+        // Velocity of the radar due to the ego's yaw rate.
         let turn = self.ego.yaw_rate_radps;
         let own_mps = Vector2::<Ego>::new(self.ego.speed_mps - turn * y_m, turn * x_m);
         self.scan.detections.iter().filter_map(move |echo| {
@@ -81,7 +81,7 @@ impl Echoes<'_> {
 }
 
 impl Echo {
-    /// How far off an object it is, as shares of the gate of distance and bearing; none beyond it.
+    /// Normalised distance from an object, in units of the gates of distance and bearing; `None` outside the gates.
     fn off(&self, object: &Object, radar: Pose2<Ego>, params: &Params) -> Option<f64> {
         let (bearing_rad, range_m) = polar(object.found.pose.point() - radar.point());
         let half_m = 0.5 * object.found.extent.length_m.max(object.found.extent.width_m);
@@ -99,8 +99,8 @@ impl Echo {
         if !object.is_guessed || object.spread.deviation_m(bearing_rad) <= params.radar_noise_m {
             return;
         }
-        // The bearing stays the camera's; the echo comes from what faces the radar, and how long the body behind that is,
-        // is as uncertain as sizes are.
+        // The bearing stays the camera's. The echo comes from the side that faces the radar; the extent of the body
+        // behind it is as uncertain as the size.
         let Pose2 { heading_rad, .. } = object.found.pose;
         let (sin, cos) = math::sin_cos(heading_rad - bearing_rad);
         let Extent { length_m, width_m, .. } = object.found.extent;

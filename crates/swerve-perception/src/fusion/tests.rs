@@ -20,7 +20,7 @@ fn found(kind: ActorKind, x_m: f64, y_m: f64, score: f64) -> DetectedBox {
     }
 }
 
-/// What a camera's detector tells of something: its picture, and a place that may be off.
+/// Camera detection: the image box of the true position, and a reported position that may be wrong.
 fn seen(kind: ActorKind, at: [f64; 2], told: [f64; 2], score: f64) -> DetectedBox {
     let truth = found(kind, at[0], at[1], score);
     let image_px = camera().image_px(truth.pose, truth.bottom_m, truth.extent);
@@ -48,8 +48,8 @@ fn fused(sources: &Sources<'_>) -> Vec<DetectedBox> {
 }
 
 #[test]
-fn the_camera_says_what_and_the_lidar_where() {
-    // The camera puts both 4 m too far; the lidar takes the person for a cyclist.
+fn fusion_takes_the_class_from_the_camera_and_the_position_from_the_lidar() {
+    // The camera places both 4 m too far away; the lidar classifies the person as a cyclist.
     let camera = list(
         100,
         vec![
@@ -73,7 +73,7 @@ fn the_camera_says_what_and_the_lidar_where() {
 }
 
 #[test]
-fn a_person_where_the_lidar_sees_free_ground_is_doubted() {
+fn fusion_lowers_the_score_of_a_person_where_the_lidar_measures_free_space() {
     let score = |at: [f64; 2], lidar: Option<Vec<DetectedBox>>| {
         let camera = list(0, vec![seen(ActorKind::Pedestrian, at, at, 0.75)]);
         let lidar = lidar.map(|boxes| list(0, boxes));
@@ -85,19 +85,19 @@ fn a_person_where_the_lidar_sees_free_ground_is_doubted() {
         let boxes = fused(&sources);
         boxes.iter().find(|b| b.kind.is_person()).unwrap().score
     };
-    // Of four such boxes three are people; of those the lidar misses 0.3 of 3: 0.3 / (0.3 + 1).
+    // Of four such boxes three are people; the lidar misses 0.3 of those 3: 0.3 / (0.3 + 1).
     assert!((score([9.0, 3.0], Some(vec![])) - 0.3 / 1.3).abs() < 1e-12);
-    // Without a lidar, beyond its reach, and beside a car that may hide them, or hold their points, they stay.
+    // Unchanged without a lidar, beyond its range, and next to a car that may hide them or contain their points.
     assert_eq!(score([9.0, 3.0], None), 0.75);
     assert_eq!(score([24.0, 3.0], Some(vec![])), 0.75);
     assert_eq!(score([15.0, 3.0], Some(vec![found(ActorKind::Car, 10.0, 3.0, 0.6)])), 0.75);
-    // A car elsewhere, or behind them, hides nobody.
+    // A car elsewhere, or behind them, does not hide them.
     assert!(score([9.0, 3.0], Some(vec![found(ActorKind::Car, 15.0, -6.0, 0.6)])) < 0.3);
     assert!(score([9.0, 3.0], Some(vec![found(ActorKind::Car, 25.0, 8.0, 0.6)])) < 0.3);
 }
 
 #[test]
-fn what_one_source_alone_sees_stays_with_its_errors() {
+fn fusion_keeps_objects_of_a_single_source_with_their_errors() {
     let camera = list(0, vec![seen(ActorKind::Pedestrian, [30.0, 0.0], [30.0, 0.0], 0.7)]);
     let lidar = list(0, vec![found(ActorKind::Car, 15.0, 9.0, 0.6)]);
     let none = list(0, vec![]);
@@ -113,20 +113,20 @@ fn what_one_source_alone_sees_stays_with_its_errors() {
     assert_eq!(kinds(&both(&none, &lidar)), [ActorKind::Car]);
     let alone = both(&camera, &none);
     assert_eq!(kinds(&alone), [ActorKind::Pedestrian]);
-    // Seen from 1.4 m over the ground, 28.25 m ahead: a pixel is 1/320.
+    // Camera 1.4 m above the ground, object 28.25 m ahead, focal length 320 pixels.
     let [along, _, across] = alone[0].covariance_m2.unwrap().map(f64::sqrt);
     let expected = 28.25 * 28.25 / 1.4 * math::hypot(2.0 / 320.0, 0.003);
     assert!((along - expected).abs() < 0.01 && (across - 28.25 / 160.0).abs() < 0.01, "{along} {across}");
-    // A covariance that a detector tells itself holds.
+    // A covariance reported by the detector takes precedence.
     let told = list(0, vec![DetectedBox { covariance_m2: Some([2.0, 0.5, 1.0]), ..camera.boxes[0] }]);
     assert_eq!(both(&told, &none)[0].covariance_m2, Some([2.0, 0.5, 1.0]));
     assert_eq!(fuse(&Sources::default(), &Params::default()), None);
 }
 
 #[test]
-fn without_a_picture_errors_tell_who_is_who() {
+fn fusion_pairs_boxes_by_their_errors_without_image_boxes() {
     let plain = |x, y| found(ActorKind::Pedestrian, x, y, 0.7);
-    // Errors of a camera are long: 3 m farther is the same, 3 m to the side is not.
+    // Camera errors are long in range: 3 m farther is the same object, 3 m to the side is not.
     for (at, is_one) in [([33.0, 0.0], true), ([30.0, 3.0], false)] {
         let (camera, lidar) = (list(0, vec![plain(at[0], at[1])]), list(0, vec![plain(30.0, 0.0)]));
         let sources =
@@ -136,14 +136,14 @@ fn without_a_picture_errors_tell_who_is_who() {
 }
 
 #[test]
-fn depth_says_the_distance_where_no_lidar_does() {
+fn fusion_takes_the_distance_from_depth_without_a_lidar() {
     let camera = list(40, vec![seen(ActorKind::Pedestrian, [21.75, 2.0], [26.0, 2.4], 0.7)]);
     let [left, top, right, bottom] = camera.boxes[0].image_px.unwrap();
     let mut depth = Image::new(320, 180, Encoding::DepthF32M);
     depth.stamp = Time::from_ms(40);
     let Pixels::DepthF32M(metres) = &mut depth.pixels else { panic!("it has depths") };
     for (k, metres) in metres.iter_mut().enumerate() {
-        // Half the size of the camera's image; the wall behind is 60 m away, some pixels know nothing.
+        // Half the size of the camera's image; the wall behind is 60 m away, and some pixels are invalid.
         let (u, v) = (2.0 * (k % 320) as f64 + 1.0, 2.0 * (k / 320) as f64 + 1.0);
         let is_on = (left..right).contains(&u) && (top..bottom).contains(&v);
         *metres = if k % 7 == 0 {
@@ -161,20 +161,20 @@ fn depth_says_the_distance_where_no_lidar_does() {
     let measured = at(Some(&depth));
     assert!(measured.pose.point().distance(Point2::new(21.75, 2.0)) < 0.15, "{measured:?}");
     assert!(measured.covariance_m2.unwrap()[0] < 0.3, "{measured:?}");
-    // An image of another instant, or one that is not whole, says nothing.
+    // An image of another instant, or with missing bytes, is ignored.
     depth.stamp = Time::from_ms(41);
     assert_eq!(at(Some(&depth)).pose, camera.boxes[0].pose);
     (depth.stamp, depth.width_px) = (Time::from_ms(40), 999);
     assert_eq!(at(Some(&depth)).pose, camera.boxes[0].pose);
 }
 
-/// A radar at the front of a car that drives at 10 m/s and turns.
+/// Radar at the front of a car that drives at 10 m/s and turns.
 fn echoes(scan: &RadarScan) -> Echoes<'_> {
     let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.2, ..EgoState::default() };
     Echoes { scan, ego, ego_from_radar: Pose2::new(3.5, 0.5, 0.1) }
 }
 
-/// The echo of something at a place in the ego frame that moves over ground.
+/// Echo of an object at a position in the ego frame with a velocity over ground.
 fn echo(at: [f64; 2], speed_mps: [f64; 2], snr_db: f64) -> RadarDetection {
     let way = [at[0] - 3.5, at[1] - 0.5];
     let range_m = math::hypot(way[0], way[1]);
@@ -185,7 +185,7 @@ fn echo(at: [f64; 2], speed_mps: [f64; 2], snr_db: f64) -> RadarDetection {
 }
 
 #[test]
-fn the_radar_says_how_fast_over_ground() {
+fn fusion_takes_the_speed_over_ground_from_the_radar() {
     let lidar = list(0, vec![found(ActorKind::Car, 40.0, 3.0, 0.9), found(ActorKind::Car, 40.0, -6.0, 0.8)]);
     let strong = echo([38.0, 3.0], [-8.0, 0.0], 20.0);
     let scan = RadarScan {
@@ -208,7 +208,7 @@ fn the_radar_says_how_fast_over_ground() {
 }
 
 #[test]
-fn the_radar_says_the_distance_where_the_ground_plane_guesses() {
+fn fusion_takes_the_distance_from_the_radar_instead_of_the_ground_plane() {
     let camera = list(0, vec![seen(ActorKind::Car, [45.0, 4.0], [52.0, 4.7], 0.8)]);
     let scan = RadarScan { stamp: Time::ZERO, detections: vec![echo([42.8, 4.0], [0.0, 0.0], 15.0)] };
     let sources =
@@ -221,7 +221,7 @@ fn the_radar_says_the_distance_where_the_ground_plane_guesses() {
 }
 
 #[test]
-fn a_place_is_told_once() {
+fn fusion_reports_each_position_once() {
     let camera = list(50, vec![seen(ActorKind::Pedestrian, [20.0, 3.0], [20.0, 3.0], 0.7)]);
     let lidar =
         list(0, vec![found(ActorKind::Pedestrian, 20.0, 3.0, 0.5), found(ActorKind::Car, 40.0, -8.0, 0.6)]);
@@ -238,8 +238,8 @@ fn a_place_is_told_once() {
 }
 
 #[test]
-fn boxes_of_an_older_instant_come_along() {
-    // The ego has driven 2 m and turned by 0.1 since the camera looked.
+fn fusion_moves_older_boxes_with_the_ego() {
+    // The ego has driven 2 m and turned by 0.1 rad since the camera image.
     let then = Pose2::new(100.0, 50.0, 1.0);
     let there = then.ahead(2.0);
     let now = Pose2::new(there.x_m, there.y_m, 1.1);
@@ -264,13 +264,13 @@ fn boxes_of_an_older_instant_come_along() {
 }
 
 #[test]
-fn parameters_out_of_their_range_are_told() {
+fn validate_rejects_parameters_out_of_range() {
     let told = Params { iou_min: 2.0, ..Params::default() }.validate().unwrap_err().to_string();
     assert_eq!(told, "`iou_min` is 2, expected 0.01 to 1");
 }
 
 #[test]
-fn of_ten_thousand_boxes_the_surest_count_and_a_lost_ego_leaves_nothing() {
+fn fusion_uses_only_the_highest_scoring_boxes_and_needs_a_finite_ego_pose() {
     let place = |k: u32| [5.0 + f64::from(k % 100), f64::from(k / 100) - 50.0];
     let boxes: Vec<DetectedBox> = (0..10_000)
         .map(|k| seen(ActorKind::Pedestrian, place(k), place(k), if k % 10 == 3 { 0.9 } else { 0.7 }))
@@ -284,7 +284,7 @@ fn of_ten_thousand_boxes_the_surest_count_and_a_lost_ego_leaves_nothing() {
     assert_eq!(fuse(&Sources { lidar: Some(lost), ..Sources::default() }, &Params::default()), None);
 }
 
-/// Boxes of any numbers.
+/// Boxes with arbitrary values.
 fn any_box() -> impl Strategy<Value = DetectedBox> {
     let number =
         prop_oneof![8 => -60.0..60.0_f64, 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(1e300)];
@@ -304,10 +304,10 @@ fn any_box() -> impl Strategy<Value = DetectedBox> {
 
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
-    /// Whatever comes: no object more than there are sound boxes and none less than the larger source has, each with a
-    /// place and a covariance, by falling score, and the same again.
+    /// For any input: at most as many objects as valid boxes and at least as many as the larger source has, each with a
+    /// position and a covariance, by falling score, and deterministic.
     #[test]
-    fn lists_are_sound_whatever_comes(
+    fn fused_lists_are_valid_for_any_input(
         camera in prop::collection::vec(any_box(), 0..8),
         lidar in prop::collection::vec(any_box(), 0..8),
         echoes in prop::collection::vec((0.0..80.0_f64, -1.0..1.0_f64, -30.0..30.0_f64), 0..8),
@@ -334,7 +334,7 @@ proptest! {
             };
             list.boxes.iter().filter(is_sound).count()
         };
-        // Errors at 1e300 m have no number, so what is there may stay or go.
+        // Covariances overflow at 1e300 m, so such objects may be kept or dropped.
         let most = sound(&camera, f64::INFINITY) + sound(&lidar, f64::INFINITY);
         let least = sound(&camera, 1e3).max(sound(&lidar, 1e3));
         prop_assert!((least..=most).contains(&told.boxes.len()), "{} {} {:?}", least, most, told);

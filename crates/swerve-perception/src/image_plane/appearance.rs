@@ -1,4 +1,4 @@
-//! What a box looks like, without a network: colours of its upper and its lower half, and gradients.
+//! Hand-crafted appearance descriptor of a box: colours of its upper and lower half, and gradients.
 
 use core::ops::Range;
 
@@ -6,30 +6,30 @@ use swerve_vision::channels::Luv;
 use swerve_vision::hog::{HogDetector, LinearHog};
 use swerve_vision::{Rgb, Stack};
 
-/// Size to which a box is brought, pixels, and in cells of the histograms of gradients.
+/// Size to which a box is resampled, pixels, and in cells of the gradient histograms.
 const WIDTH_PX: usize = 32;
 const HEIGHT_PX: usize = 64;
 const CELLS: [usize; 2] = [WIDTH_PX / 8, HEIGHT_PX / 8];
-/// Columns whose colours count: at the sides there is mostly something else.
+/// Columns used for colours; the sides mostly show background.
 const MIDDLE: Range<usize> = 6..26;
-/// Bins of L, u and v, and where they begin and end; what is beyond counts to the last ones.
+/// Bins of L, u and v, and their ranges; values outside count in the first or last bin.
 const BINS: [usize; 3] = [8, 8, 8];
 const ENDS: [[f32; 2]; 3] = [[0.0, 100.0], [-40.0, 80.0], [-60.0, 60.0]];
-/// What L, u and v are divided by in [`Luv`], after these were added.
+/// Scale and offset of L, u and v in [`Luv`].
 const LUV_SCALE: f32 = 270.0;
 const LUV_START: [f32; 3] = [0.0, 88.0, 134.0];
-/// A box that shows less than this of itself in either direction has no look, pixels.
+/// Smallest visible size of a box with a descriptor in either direction, pixels.
 const LEAST_PX: f64 = 4.0;
-/// Sums that run side by side, so that their order is one whatever the machine's vectors hold.
+/// Number of partial sums; fixes the order of summation for any vector width.
 const LANES: usize = 8;
 
-/// A description of length one.
+/// Appearance descriptor, a unit vector.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Look(Vec<f32>);
 
 impl Look {
-    /// 0 for the same, 1 for what has nothing in common: one less the mean of three likenesses, of the colours of the
-    /// upper and of the lower half (Bhattacharyya's coefficient) and of the gradients (cosine).
+    /// Distance of two descriptors, 0 for equal and 1 for orthogonal: one minus the mean of three similarities, of the
+    /// colours of the upper and of the lower half (Bhattacharyya coefficient) and of the gradients (cosine).
     pub fn distance(&self, other: &Self) -> f64 {
         let mut sums = [0.0_f32; LANES];
         for (a, b) in self.0.chunks(LANES).zip(other.0.chunks(LANES)) {
@@ -41,7 +41,7 @@ impl Look {
     }
 }
 
-/// Makes looks; it keeps its memory.
+/// Computes descriptors; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Appearance {
     gradients: HogDetector,
@@ -60,8 +60,7 @@ impl Default for Appearance {
 }
 
 impl Appearance {
-    /// What a box (left, top, right, bottom, pixels) looks like; none for one that shows nearly nothing of itself in the
-    /// image.
+    /// Descriptor of a box (left, top, right, bottom, pixels); `None` if almost nothing of it is inside the image.
     pub fn describe(&mut self, image: Rgb<'_>, box_px: [f64; 4]) -> Option<Look> {
         let [width, height] = [image.width() as f64, image.height() as f64];
         let [left, top, right, bottom] = box_px;
@@ -71,7 +70,7 @@ impl Appearance {
             right.clamp(0.0, width),
             bottom.clamp(0.0, height),
         ];
-        // Comparisons with what is no number are false.
+        // Comparisons with NaN are false.
         if !(cut[2] - cut[0] >= LEAST_PX && cut[3] - cut[1] >= LEAST_PX) {
             return None;
         }
@@ -89,7 +88,7 @@ impl Appearance {
         Some(Look(look))
     }
 
-    /// The box brought to one size: means over the pixels that each of the new ones covers, one at least.
+    /// Resamples the box: means over the pixels covered by each new pixel, at least one.
     fn cut_out(&mut self, image: Rgb<'_>, [left, top, right, bottom]: [f64; 4]) {
         let (columns, rows) = (
             |k| part(left, right, k, WIDTH_PX, image.width()),
@@ -108,7 +107,7 @@ impl Appearance {
         }
     }
 
-    /// Roots of the shares of each colour in some rows, of length one over the root of three.
+    /// Square roots of the colour shares in some rows, scaled to the norm one over the root of three.
     fn histogram(&self, rows: Range<usize>, look: &mut Vec<f32>) {
         let mut counts = [0_u16; BINS[0] * BINS[1] * BINS[2]];
         let total = (rows.len() * MIDDLE.len()) as f32;
@@ -118,7 +117,7 @@ impl Appearance {
                 let bin = |k: usize| {
                     let [begin, end] = ENDS[k];
                     let value = planes[k][x] * LUV_SCALE - LUV_START[k];
-                    // Truncation puts what is below the first bin into it.
+                    // Casting clamps negative values to the first bin.
                     (((value - begin) / (end - begin) * BINS[k] as f32) as usize).min(BINS[k] - 1)
                 };
                 counts[(bin(0) * BINS[1] + bin(1)) * BINS[2] + bin(2)] += 1;
@@ -128,7 +127,7 @@ impl Appearance {
     }
 }
 
-/// The pixels, one at least, that part `k` of `parts` between two edges covers.
+/// Pixels, at least one, covered by part `k` of `parts` between two edges.
 fn part(from: f64, to: f64, k: usize, parts: usize, size: usize) -> Range<usize> {
     let edge = |k: usize| from + (to - from) * k as f64 / parts as f64;
     let first = (edge(k).round() as usize).min(size - 1);

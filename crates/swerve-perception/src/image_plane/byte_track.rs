@@ -1,22 +1,22 @@
-//! ByteTrack (Zhang et al. 2022, arXiv 2110.06864): boxes of low scores are no new tracks, but they keep old ones.
+//! ByteTrack (Zhang et al. 2022, arXiv 2110.06864): boxes with low scores start no tracks but continue existing ones.
 
 use swerve_geom::{heaviest_pairs, image_iou};
 
 use super::motion::Motion;
 use super::{ImageDetection, ImageTrack, ImageTracker, surest_usable};
 
-/// What may be set. Scores are between 0 and 1; a detector with others is to be calibrated first.
+/// Parameters of ByteTrack. Scores are between 0 and 1; scores in another range must be calibrated first.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Params {
-    /// Above it a score is high.
+    /// Score above which a box is high.
     pub score_high: f64,
-    /// Above it, and below the former, a score is low; others are passed over.
+    /// Score above which a box is low, up to `score_high`; boxes below are ignored.
     pub score_low: f64,
-    /// Least score of a box that founds a track.
+    /// Smallest score of a box that starts a track.
     pub score_new: f64,
-    /// Cost, one less overlap times score, below which boxes of high score are paired.
+    /// Cost limit, one minus overlap times score, for pairing high boxes.
     pub cost_max: f64,
-    /// Frames without a box after which a track is kept.
+    /// Frames without a box after which a track ends.
     pub age_max: u64,
 }
 
@@ -26,16 +26,16 @@ impl Default for Params {
     }
 }
 
-/// Cost, one less overlap, below which boxes of low score are paired.
+/// Cost limit, one minus overlap, for pairing low boxes.
 const COST_MAX_LOW: f64 = 0.5;
 
-/// The same, with the score, of tracks that have been seen once.
+/// Cost limit, one minus overlap times score, for tracks seen once.
 const COST_MAX_NEW: f64 = 0.7;
 
-/// Tracks of which one is lost are the same if one less their overlap is below.
+/// Limit of one minus the overlap below which a lost and a tracked track are duplicates.
 const COST_SAME: f64 = 0.15;
 
-/// Follows boxes by their overlap, those of high scores first.
+/// Tracks boxes by overlap, high scores first.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct ByteTrack {
     params: Params,
@@ -46,7 +46,7 @@ pub struct ByteTrack {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum State {
-    /// Seen once, and not in the first frame.
+    /// Seen once, but not in the first frame.
     New,
     Tracked,
     Lost,
@@ -63,12 +63,12 @@ struct Followed {
 }
 
 impl ByteTrack {
-    /// Without any past.
+    /// Tracker without tracks.
     pub fn new(params: Params) -> Self {
         Self { params, ..Self::default() }
     }
 
-    /// Pairs the tracks of some states that have no box in this frame yet with boxes, and takes those out of `boxes`.
+    /// Pairs unmatched tracks of some states with boxes, and removes those from `boxes`.
     fn pair(&mut self, states: &[State], boxes: &mut Vec<&ImageDetection>, cost_max: f64, by_score: bool) {
         let free: Vec<usize> = (0..self.tracks.len())
             .filter(|&t| self.tracks[t].last_seen < self.frames && states.contains(&self.tracks[t].state))
@@ -78,7 +78,8 @@ impl ByteTrack {
             let track = self.tracks[t].edges();
             for (d, found) in boxes.iter().enumerate() {
                 let like = image_iou(track, found.box_px) * if by_score { found.score } else { 1.0 };
-                // To save the most below the limit is to cost the least if what stays alone costs half of the limit.
+                // Maximising the savings below the limit minimises the cost if an unpaired element costs half of the
+                // limit.
                 if 1.0 - like < cost_max {
                     weighed.push((k, d, cost_max - (1.0 - like)));
                 }
@@ -93,7 +94,7 @@ impl ByteTrack {
         boxes.retain(|_| !taken.next().unwrap_or(false));
     }
 
-    /// Of two that are nearly the same and of which one is lost, the one that has been followed for longer stays.
+    /// Removes the younger of a lost and a tracked track that nearly coincide.
     fn drop_doubles(&mut self) {
         let age = |track: &Followed| track.last_seen - track.founded;
         let mut is_double = vec![false; self.tracks.len()];
@@ -110,7 +111,7 @@ impl ByteTrack {
 }
 
 impl ImageTracker for ByteTrack {
-    /// Tracks that have a box in this frame, by identity.
+    /// Returns the tracks with a box in this frame, sorted by identity.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
         self.frames += 1;
         let params = self.params;

@@ -1,10 +1,10 @@
-//! DeepSORT (Wojke, Bewley and Paulus 2017, arXiv 1703.07402): boxes are taken for those whom they look like, as far as
-//! motion allows it, and whoever was seen last comes first.
+//! DeepSORT (Wojke, Bewley and Paulus 2017, arXiv 1703.07402): boxes are assigned by appearance within a motion gate,
+//! with priority to recently seen tracks.
 //!
-//! The scheme is the paper's: a gate of Mahalanobis distances, the matching cascade (listing 1), overlap for what that
-//! leaves, a gallery of the newest looks of each track. What a box looks like is [`Look`], made by hand instead of
-//! learned. Where nothing is known of looks the paper's other cost stands in for them: the Mahalanobis distance itself
-//! (equation 5 with λ = 1).
+//! The scheme is the paper's: a gate on Mahalanobis distances, the matching cascade (listing 1), overlap for the
+//! remaining boxes, and a gallery of the latest appearances of each track. The descriptor is [`Look`], hand-crafted
+//! instead of learned. Without descriptors the paper's other cost is used: the Mahalanobis distance itself (equation 5
+//! with λ = 1).
 
 use std::collections::VecDeque;
 
@@ -14,23 +14,23 @@ use super::appearance::Look;
 use super::motion::Motion;
 use super::{ImageDetection, ImageTrack, ImageTracker, surest_usable};
 
-/// What may be set.
+/// Parameters of DeepSORT.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Params {
-    /// Boxes with a lower score are passed over.
+    /// Score below which boxes are ignored.
     pub score_min: f64,
-    /// Squared Mahalanobis distance up to which a box may be a track's; 9.4877 holds 95 % of those that are
-    /// (chi-squared with four degrees of freedom).
+    /// Gate on the squared Mahalanobis distance; 9.4877 contains 95 % of correct pairs (chi-squared with four degrees
+    /// of freedom).
     pub gate: f64,
-    /// Distance of looks up to which a box may be a track's, 0 to 1. The paper's, for looks of a network: 0.2.
+    /// Largest appearance distance of a pair, 0 to 1. The paper uses 0.2 for network descriptors.
     pub look_max: f64,
-    /// One less overlap up to which what the cascade left may be a track's.
+    /// Largest value of one minus overlap for boxes not matched by the cascade.
     pub overlap_max: f64,
-    /// Frames in a row without a box after which a track is kept.
+    /// Consecutive frames without a box after which a track ends.
     pub age_max: u64,
-    /// Frames in a row with a box after which a track is reported.
+    /// Consecutive frames with a box after which a track is reported.
     pub hits_min: u64,
-    /// Looks that a track remembers (the paper's budget for the nearest neighbour).
+    /// Number of descriptors stored per track (the paper's nearest-neighbour budget).
     pub looks_max: usize,
 }
 
@@ -48,10 +48,10 @@ impl Default for Params {
     }
 }
 
-/// What a pair may cost more than the limit and still not be dearer than none: the limit itself is allowed.
+/// Margin that makes a pair whose cost equals the limit preferable to no pair.
 const OVER: f64 = 1e-5;
 
-/// Follows boxes by their looks and their motion.
+/// Tracks boxes by appearance and motion.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct DeepSort {
     params: Params,
@@ -67,24 +67,24 @@ struct Followed {
     hits: u64,
     unseen: u64,
     is_confirmed: bool,
-    /// The newest last.
+    /// Descriptors, the latest last.
     looks: VecDeque<Look>,
 }
 
-/// A box with its look, where it has one.
+/// Box with its descriptor, if any.
 struct Seen<'a> {
     found: &'a ImageDetection,
     look: Option<&'a Look>,
 }
 
 impl DeepSort {
-    /// Without any past.
+    /// Tracker without tracks.
     pub fn new(params: Params) -> Self {
         Self { params, ..Self::default() }
     }
 
-    /// Takes in the next frame, with what each box looks like, and gives the tracks that have a box in it, by identity.
-    /// Where there is no look at all motion decides; a box without one among others that have some is left to overlap.
+    /// Updates the tracks with the next frame and the descriptor of each box, and returns those with a box in it, by
+    /// identity. Without any descriptor, motion decides; if only some boxes have one, the others are paired by overlap.
     pub fn update_seen(&mut self, found: &[ImageDetection], looks: &[Option<Look>]) -> Vec<ImageTrack> {
         let has_looks = looks.iter().any(Option::is_some);
         let score_min = self.params.score_min;
@@ -111,7 +111,8 @@ impl DeepSort {
         told.map(|t| ImageTrack { id: t.id, box_px: t.motion.edges(), score: t.score }).collect()
     }
 
-    /// The cascade, those seen last first; then overlap, for tracks on probation and those seen a frame ago.
+    /// Matching cascade, most recently seen tracks first; then overlap, for unconfirmed tracks and those seen in the
+    /// previous frame.
     fn pair(&self, seen: &[Seen<'_>], has_looks: bool) -> Taken {
         let tracks = &self.tracks;
         let mut taken = Taken { of_track: vec![None; tracks.len()], is_taken: vec![false; seen.len()] };
@@ -133,20 +134,20 @@ impl DeepSort {
 }
 
 impl ImageTracker for DeepSort {
-    /// By motion alone.
+    /// Updates by motion alone.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
         self.update_seen(found, &[])
     }
 }
 
-/// Which track has which box.
+/// Assignment of boxes to tracks.
 struct Taken {
     of_track: Vec<Option<usize>>,
     is_taken: Vec<bool>,
 }
 
 impl Taken {
-    /// Pairs tracks with boxes that nobody has yet, at the least cost, where what stays alone costs half of the limit.
+    /// Pairs tracks with free boxes at the least cost, where an unpaired element costs half of the limit.
     fn pair(&mut self, tracks: &[usize], limit: f64, cost: impl Fn(usize, usize) -> Option<f64>) {
         let free: Vec<usize> = (0..self.is_taken.len()).filter(|d| !self.is_taken[*d]).collect();
         let mut weighed = Vec::new();
@@ -177,10 +178,10 @@ impl Followed {
         }
     }
 
-    /// Distance of a box by looks, or by motion where there are none; none beyond the gate.
+    /// Distance of a box by appearance, or by motion without descriptors; `None` outside the gate.
     fn distance(&self, seen: &Seen<'_>, gate: f64, has_looks: bool) -> Option<f64> {
         let moved = self.motion.squared_distance(seen.found.box_px);
-        // Not a number where a filter has lost its size.
+        // NaN if the filter's size has degenerated.
         if moved.is_nan() || moved > gate {
             return None;
         }

@@ -1,13 +1,13 @@
-//! The motion of a rectangle with deviations in proportion to its height (Wojke et al. 2017, section 2.1): what DeepSORT
-//! and ByteTrack follow.
+//! Motion model of a rectangle with standard deviations proportional to its height (Wojke et al. 2017, section 2.1),
+//! used by DeepSORT and ByteTrack.
 
 use super::{centred, edges};
 use crate::axis::Axis;
 
-/// Standard deviations of place and size over the height of the rectangle.
+/// Standard deviations of position and size relative to the height.
 const PLACE: f64 = 1.0 / 20.0;
 
-/// The same of their rates per frame.
+/// Standard deviations of their rates per frame relative to the height.
 const RATE: f64 = 1.0 / 160.0;
 
 /// Estimate of a rectangle and of its rates per frame.
@@ -18,7 +18,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// First seen as this rectangle.
+    /// Initial estimate from a rectangle.
     pub(super) fn founded(box_px: [f64; 4]) -> Self {
         let measured = shape(box_px);
         let (places, rates) =
@@ -26,7 +26,7 @@ impl Motion {
         Self { axes: core::array::from_fn(|k| Axis::new(measured[k], [places[k], rates[k]])) }
     }
 
-    /// One frame on.
+    /// Predicts the next frame.
     pub(super) fn predict(&mut self) {
         let height = self.axes[3].value;
         let (places, rates) = (variances(height, PLACE, 1e-2), variances(height, RATE, 1e-5));
@@ -35,12 +35,12 @@ impl Motion {
         }
     }
 
-    /// Takes it to keep its size from now on.
+    /// Sets the rate of the height to zero.
     pub(super) fn stop_growing(&mut self) {
         self.axes[3].rate = 0.0;
     }
 
-    /// Takes in a measured rectangle.
+    /// Updates with a measured rectangle.
     pub(super) fn update(&mut self, box_px: [f64; 4]) {
         let noise = self.noise();
         for ((axis, measured), variance) in self.axes.iter_mut().zip(shape(box_px)).zip(noise) {
@@ -48,7 +48,7 @@ impl Motion {
         }
     }
 
-    /// Squared distance of a measured rectangle, in standard deviations (Mahalanobis; four degrees of freedom).
+    /// Squared Mahalanobis distance of a measured rectangle (four degrees of freedom).
     pub(super) fn squared_distance(&self, box_px: [f64; 4]) -> f64 {
         let measured = self.axes.iter().zip(shape(box_px)).zip(self.noise());
         measured.map(|((axis, measured), variance)| axis.squared_distance(measured, variance)).sum()
@@ -65,13 +65,13 @@ impl Motion {
     }
 }
 
-/// Centre, aspect and height of a rectangle.
+/// Centre, aspect ratio and height of a rectangle.
 fn shape(box_px: [f64; 4]) -> [f64; 4] {
     let [x, y, width, height] = centred(box_px);
     [x, y, width / height, height]
 }
 
-/// Variances of a rectangle of this height: the deviations of the aspect are its own.
+/// Variances for a rectangle of this height; the aspect ratio has separate deviations.
 fn variances(height: f64, of_height: f64, of_aspect: f64) -> [f64; 4] {
     let square = |x: f64| x * x;
     let size = square(of_height * height);

@@ -5,23 +5,23 @@ use swerve_geom::{heaviest_pairs, image_iou};
 use super::{ImageDetection, ImageTrack, ImageTracker, centred, edges, surest_usable};
 use crate::axis::Axis;
 
-/// Variances of the first sight: of centre, area and aspect; of their rates, which nobody has seen yet.
+/// Initial variances: of centre, area and aspect ratio; of their unobserved rates.
 const FIRST: [f64; 2] = [10.0, 1e4];
 
-/// What a frame adds to the variances of value and rate: of the centre, of the area, of the aspect.
+/// Process noise per frame of value and rate: of the centre, of the area, of the aspect ratio.
 const NOISE: [[f64; 2]; 3] = [[1.0, 0.01], [1.0, 1e-4], [1.0, 0.0]];
 
-/// Variances of what is measured: of the centre; of area and aspect.
+/// Measurement variances: of the centre; of area and aspect ratio.
 const MEASURED: [f64; 2] = [1.0, 10.0];
 
-/// What may be set.
+/// Parameters of SORT.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Params {
-    /// Least overlap of a box with a track that it is taken for.
+    /// Smallest overlap of a box with its track.
     pub iou_min: f64,
-    /// Frames in a row without a box after which a track is kept.
+    /// Consecutive frames without a box after which a track ends.
     pub age_max: u64,
-    /// Frames in a row with a box after which a track is reported, but in the first this many frames.
+    /// Consecutive frames with a box after which a track is reported, except in this many frames at the start.
     pub hits_min: u64,
 }
 
@@ -31,7 +31,7 @@ impl Default for Params {
     }
 }
 
-/// Follows boxes by their overlap alone.
+/// Tracks boxes by overlap alone.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Sort {
     params: Params,
@@ -51,12 +51,12 @@ struct Followed {
 }
 
 impl Sort {
-    /// Without any past.
+    /// Tracker without tracks.
     pub fn new(params: Params) -> Self {
         Self { params, ..Self::default() }
     }
 
-    /// For each track the box that it takes.
+    /// Box of each track, if any.
     fn pair(&self, tracks: &[[f64; 4]], found: &[&ImageDetection]) -> Vec<Option<usize>> {
         let mut of = vec![None; tracks.len()];
         let mut edges = Vec::new();
@@ -74,8 +74,8 @@ impl Sort {
             degree.0[t] += 1;
             degree.1[d] += 1;
         }
-        // As there: where no two compete, what is near is a pair; else the pairs of the largest sum are asked for
-        // first, and those that are too far are dropped then.
+        // As in the reference: without competing pairs all near ones are paired; else the assignment with the largest
+        // sum is computed first and distant pairs are removed afterwards.
         if degree.0.iter().chain(&degree.1).all(|n| *n <= 1) {
             for &(t, d, _) in edges.iter().filter(near) {
                 of[t] = Some(d);
@@ -92,7 +92,7 @@ impl Sort {
 }
 
 impl ImageTracker for Sort {
-    /// Tracks that have a box in this frame, the newest first.
+    /// Returns the tracks with a box in this frame, newest first.
     fn update(&mut self, found: &[ImageDetection]) -> Vec<ImageTrack> {
         self.frames += 1;
         let found: Vec<&ImageDetection> = surest_usable(found).into_iter().map(|(_, found)| found).collect();
@@ -121,7 +121,7 @@ impl ImageTracker for Sort {
     }
 }
 
-/// Centre, area and aspect of a rectangle.
+/// Centre, area and aspect ratio of a rectangle.
 fn shape(box_px: [f64; 4]) -> [f64; 4] {
     let [x, y, width, height] = centred(box_px);
     [x, y, width * height, width / height]
@@ -157,7 +157,7 @@ impl Followed {
         self.streak += 1;
     }
 
-    /// Left, top, right, bottom; not finite where area or aspect have become negative.
+    /// Left, top, right, bottom; not finite if area or aspect ratio have become negative.
     fn edges(&self) -> [f64; 4] {
         let [x, y, area, aspect] = self.state.map(|axis| axis.value);
         let width = (area * aspect).sqrt();

@@ -11,7 +11,7 @@ fn ids(tracks: &[ImageTrack]) -> Vec<u64> {
     tracks.iter().map(|track| track.id).collect()
 }
 
-/// Rows of numbers by their first column, the frame.
+/// Rows of values, grouped by their first column, the frame.
 type Rows = BTreeMap<u64, Vec<Vec<f64>>>;
 
 fn rows(path: &Path) -> Rows {
@@ -23,8 +23,8 @@ fn rows(path: &Path) -> Rows {
     rows
 }
 
-/// What the authors' program makes of their detections: the share of its boxes that ours has too, under one identity
-/// for one of theirs, and no other boxes.
+/// Compares with the authors' program on their detections: the share of its boxes that we report too, with one identity
+/// for each of theirs, and no other boxes.
 #[test]
 fn sort_makes_the_tracks_of_its_authors() {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/mot15"));
@@ -76,7 +76,7 @@ fn sort_reports_after_three_sightings_and_forgets_after_two_frames() {
     for _ in 0..3 {
         assert_eq!(tracker.update(&[]), []);
     }
-    // The first sighting founds a track; the three after it are its streak.
+    // The first sighting starts a track; the three after it are its streak.
     let told: Vec<_> = (0..4).map(|k| ids(&tracker.update(&[at(f64::from(k), 0.9)]))).collect();
     assert_eq!(told, [vec![], vec![], vec![], vec![1]]);
     assert_eq!(tracker.update(&[]), []);
@@ -89,14 +89,14 @@ fn sort_reports_after_three_sightings_and_forgets_after_two_frames() {
 }
 
 #[test]
-fn byte_track_keeps_by_low_scores_whom_it_would_not_found_by_them() {
+fn byte_track_continues_but_does_not_start_tracks_with_low_scores() {
     let mut tracker = ByteTrack::default();
     assert_eq!(ids(&tracker.update(&[at(0.0, 0.9), at(300.0, 0.3)])), [1]);
     for k in 1..5 {
         let told = tracker.update(&[at(f64::from(k), 0.2), at(300.0, 0.3)]);
         assert_eq!(ids(&told), [1], "frame {k}");
     }
-    // Out of sight for as long as is allowed, and back under the old identity; one frame more, under a new one.
+    // Unseen for as long as allowed: the old identity is kept; one frame longer: a new one.
     for (unseen, expected) in [(30, vec![1]), (31, vec![])] {
         let mut tracker = tracker.clone();
         for _ in 0..unseen {
@@ -107,12 +107,12 @@ fn byte_track_keeps_by_low_scores_whom_it_would_not_found_by_them() {
 }
 
 #[test]
-fn byte_track_confirms_who_is_seen_twice_and_drops_doubles() {
+fn byte_track_confirms_tracks_seen_twice_and_drops_duplicates() {
     let mut tracker = ByteTrack::default();
     tracker.update(&[]);
     assert_eq!(tracker.update(&[at(0.0, 0.9), at(200.0, 0.55)]), [], "0.55 is high, but founds nothing");
     assert_eq!(ids(&tracker.update(&[at(0.0, 0.9)])), [1]);
-    // A single sighting is forgotten at once.
+    // A track seen once is dropped after one frame without a box.
     tracker.update(&[at(0.0, 0.9), at(400.0, 0.9)]);
     tracker.update(&[at(0.0, 0.9)]);
     tracker.update(&[at(0.0, 0.9), at(400.0, 0.9)]);
@@ -120,7 +120,7 @@ fn byte_track_confirms_who_is_seen_twice_and_drops_doubles() {
 }
 
 #[test]
-fn boxes_without_number_or_area_are_passed_over() {
+fn trackers_ignore_non_finite_and_empty_boxes() {
     let odd = [
         [f64::NAN, 0.0, 1.0, 1.0],
         [0.0, 0.0, f64::INFINITY, 1.0],
@@ -136,7 +136,7 @@ fn boxes_without_number_or_area_are_passed_over() {
 }
 
 #[test]
-fn of_ten_thousand_boxes_the_surest_count() {
+fn trackers_use_only_the_highest_scoring_boxes() {
     let place = |k: usize| [(k % 100) as f64 * 50.0, (k / 100) as f64 * 50.0];
     let crowd: Vec<ImageDetection> = (0..10_000)
         .map(|k| {
@@ -165,7 +165,7 @@ struct Case {
 }
 
 #[test]
-fn deep_sort_by_motion_makes_the_tracks_of_the_reference() {
+fn deep_sort_by_motion_matches_the_reference_implementation() {
     let text = include_str!("../../../../tests/reference/tracking/deep_sort.json");
     let cases: Vec<Case> = serde_json::from_str(text).unwrap();
     let mut boxes = 0;
@@ -190,7 +190,7 @@ fn deep_sort_by_motion_makes_the_tracks_of_the_reference() {
     assert!(boxes > 900, "{boxes}");
 }
 
-/// A person of 30 x 90 pixels before a wall, in clothes of two colours, in an image of 400 x 200.
+/// Image of 400 x 200 pixels with people of 30 x 90 pixels in clothes of two colours in front of a wall.
 fn street(people: &[(f64, [[u8; 3]; 2])]) -> Vec<u8> {
     let mut bytes = Vec::new();
     for (y, x) in (0..200).flat_map(|y| (0..400).map(move |x| (y, x))) {
@@ -211,7 +211,7 @@ fn person(left: f64) -> ImageDetection {
 }
 
 #[test]
-fn looks_of_the_same_are_near_and_of_others_far() {
+fn descriptors_of_the_same_person_are_closer_than_of_others() {
     let mut appearance = Appearance::default();
     let bytes = street(&[(20.0, RED), (120.0, GREEN), (250.3, RED)]);
     let image = swerve_vision::Rgb::new(400, 200, &bytes).unwrap();
@@ -227,9 +227,9 @@ fn looks_of_the_same_are_near_and_of_others_far() {
     assert!(appearance.describe(image, [-1e300, -1e300, 1e300, 1e300]).is_some());
 }
 
-/// Two who walk behind a pillar and come out of it the other way: motion mixes them up, looks do not.
+/// Two people who walk behind a pillar and turn back there: motion confuses them, appearance does not.
 #[test]
-fn who_turns_round_out_of_sight_is_known_by_looks() {
+fn deep_sort_identifies_people_by_appearance_after_occlusion() {
     let run = |with_looks: bool| {
         let (mut tracker, mut appearance) = (DeepSort::default(), Appearance::default());
         let (mut before, mut after) = (Vec::new(), Vec::new());
@@ -270,9 +270,9 @@ fn who_turns_round_out_of_sight_is_known_by_looks() {
 
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), cases: 64, ..Default::default() })]
-    /// Whatever comes: an identity has one box a frame, and boxes that are numbers.
+    /// For any input: each identity has at most one box per frame, and boxes are finite.
     #[test]
-    fn an_identity_is_in_a_frame_once(
+    fn identities_are_unique_within_a_frame(
         frames in proptest::collection::vec(proptest::collection::vec((0.0..300.0, 1.0..200.0, 0.0..1.0), 0..8), 1..30),
     ) {
         let mut tracker = DeepSort::default();

@@ -1,47 +1,49 @@
-//! Boxes round clusters: turned as their sides lie, and completed to the size of what they are taken for.
+//! Oriented boxes of clusters, completed to the size of a class.
 
 use core::f32::consts::FRAC_PI_2;
 
 use swerve_msg::ActorKind;
 
-/// Points that a fit looks at, at most: the outline of a car at 10 m has about so many columns.
+/// Most points used for a fit: about the number of columns on the outline of a car at 10 m.
 const FITTED_MAX: usize = 160;
-/// Points nearer to a side than this are on it, metres: about the noise of a range.
+/// Distance from a side within which points are on it, metres: about the range noise.
 const ON_SIDE_M: f32 = 0.05;
-/// Steps of the search for the heading, radians: over a quarter turn, then about the best.
+/// Step and number of steps of the heading search, radians: over a quarter turn, then around the best.
 const COARSE: (f32, i32) = (FRAC_PI_2 / 18.0, 18);
 const FINE: (f32, i32) = (FRAC_PI_2 / 90.0, 4);
-/// A heading this far from that of the road may be it, radians, where its fit is nearly as good.
+/// Largest difference of a heading from that of the road to be aligned with it, radians, and the closeness required
+/// relative to the best fit.
 const ALIGNED: (f32, f32) = (0.26, 0.75);
 
-/// A rectangle with the points of a cluster in it.
+/// Rectangle fitted to the points of a cluster.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Fit {
-    /// Of one of its axes, radians.
+    /// Heading of one of its axes, radians.
     pub(super) heading_rad: f32,
-    /// Cosine and sine of that.
+    /// Cosine and sine of the heading.
     pub(super) turn: [f32; 2],
-    /// Least and largest along that axis, then along the one to its left, metres from the origin.
+    /// Limits along that axis, then along the axis to its left, metres from the origin.
     pub(super) ends: [[f32; 2]; 2],
-    /// Mean of one over the distance to the nearer of two sides, with those on it counted as on its brim: 0 to 1.
+    /// Mean inverse distance of points to the nearer of two sides, normalised and limited to 1 for points on a side: 0
+    /// to 1.
     pub(super) closeness: f32,
 }
 
-/// What a class looks like.
+/// Geometric properties of a class.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Class {
     pub(super) kind: ActorKind,
-    /// Length and width that are taken where less is seen, metres.
+    /// Typical length and width, used where less is seen, metres.
     pub(super) usual_m: [f32; 2],
-    /// Length and width that one can have, metres.
+    /// Largest length and width, metres.
     pub(super) most_m: [f32; 2],
-    /// Height of its highest point that can be seen, metres.
+    /// Range of the height of the highest visible point, metres.
     pub(super) top_m: [f32; 2],
-    /// Standard deviation of the middle, as a share of what is not seen of its length or width.
+    /// Standard deviation of the centre, as a share of the unseen part of length or width.
     pub(super) hidden_share: f64,
 }
 
-/// The classes that clusters are taken for.
+/// Classes of clusters.
 pub(super) const CLASSES: [Class; 4] = [
     Class {
         kind: ActorKind::Car,
@@ -73,7 +75,7 @@ pub(super) const CLASSES: [Class; 4] = [
     },
 ];
 
-/// A rectangle on the ground.
+/// Rectangle on the ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Rectangle {
     pub(super) middle: [f32; 2],
@@ -82,15 +84,16 @@ pub(super) struct Rectangle {
     pub(super) heading_rad: f32,
     /// Length and width, metres.
     pub(super) size_m: [f32; 2],
-    /// The part of that which is seen, metres.
+    /// Visible part of length and width, metres.
     pub(super) seen_m: [f32; 2],
 }
 
-/// Standard deviation of the middle of what is seen, metres: ends lie between two points, people swing arms and legs.
+/// Standard deviation of the centre of the visible part, metres: edges lie between two points, and people swing arms
+/// and legs.
 const SEEN_NOISE_M: f64 = 0.07;
 
 impl Rectangle {
-    /// Covariance of its middle: xx, xy, yy in m². What was added may be wrong by a share of it.
+    /// Covariance of the centre: xx, xy, yy in m². The added part contributes a share of its size.
     pub(super) fn covariance_m2(&self, class: &Class) -> [f64; 3] {
         let [along, across] = [0, 1].map(|axis| {
             let added_m = class.hidden_share * f64::from(self.size_m[axis] - self.seen_m[axis]);
@@ -102,8 +105,8 @@ impl Rectangle {
     }
 }
 
-/// The rectangle whose sides the points lie nearest to (Zhang et al. 2017, algorithm 4: closeness), searched coarsely,
-/// then finely; along the road where that fits nearly as well.
+/// Fits the rectangle whose sides are closest to the points (Zhang et al. 2017, algorithm 4: closeness), by a coarse
+/// and a fine search; aligned with the road if that fits nearly as well.
 pub(super) fn fit(points: &[[f32; 4]], road_rad: Option<f32>) -> Fit {
     let step = points.len().div_ceil(FITTED_MAX).max(1);
     let at = |heading_rad: f32| judge(points, step, heading_rad);
@@ -120,7 +123,7 @@ pub(super) fn fit(points: &[[f32; 4]], road_rad: Option<f32>) -> Fit {
     if is_near && aligned.closeness > ALIGNED.1 * best.closeness { aligned } else { best }
 }
 
-/// An angle as it is between two axes: within an eighth of a turn.
+/// Angle modulo a quarter turn: within an eighth of a turn.
 pub(super) fn quarter(angle_rad: f32) -> f32 {
     angle_rad - (angle_rad / FRAC_PI_2).round() * FRAC_PI_2
 }
@@ -134,7 +137,7 @@ fn judge(points: &[[f32; 4]], step: usize, heading_rad: f32) -> Fit {
             *ends = [ends[0].min(at), ends[1].max(at)];
         }
     }
-    // Of each axis the end that more lies at, by the sum of distances.
+    // For each axis, select the side that is closer to more points, by the sum of distances.
     let mut sums = [[0.0_f32; 2]; 2];
     for point in points.iter().step_by(step) {
         for ((sums, ends), at) in sums.iter_mut().zip(&ends).zip(turned(point)) {
@@ -152,10 +155,11 @@ fn judge(points: &[[f32; 4]], step: usize, heading_rad: f32) -> Fit {
     Fit { heading_rad, turn: [cos, sin], ends, closeness: closeness / f32::max(count, 1.0) }
 }
 
-/// The rectangle of something of a class, with its length along one axis of a fit; `None` if it cannot be one.
+/// Rectangle of an object of a class, with its length along one axis of a fit; `None` if the cluster is too large for
+/// the class.
 ///
-/// What is seen is kept; what is missing is added on the side that the sensor does not see, on both where it faces the
-/// middle.
+/// The visible part is kept; the missing part is added on the side away from the sensor, or on both if the sensor faces
+/// the middle.
 pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 2]) -> Option<Rectangle> {
     let [cos, sin] = fit.turn;
     let from = [sensor[0] * cos + sensor[1] * sin, sensor[1] * cos - sensor[0] * sin];
@@ -169,7 +173,7 @@ pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 
         }
         let missing = (class.usual_m[which] - seen_m[which]).max(0.0);
         size_m[which] = seen_m[which] + missing;
-        // Seen from below its low end, all that is missing lies beyond the high one.
+        // For a sensor beyond the low end, all of the missing part is added at the high end.
         let share = ((low - from[axis]) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0)
             - ((from[axis] - high) / (high - low + 0.1) + 0.5).clamp(0.0, 1.0);
         let beyond = missing * 0.5 * (1.0 + share);
@@ -186,7 +190,7 @@ pub(super) fn complete(fit: &Fit, class: &Class, is_across: bool, sensor: [f32; 
 mod tests {
     use super::*;
 
-    /// Points on the two near sides of a rectangle that is seen from the origin.
+    /// Points on the two near sides of a rectangle seen from the origin.
     fn sides(middle: [f32; 2], heading_rad: f32, [length, width]: [f32; 2]) -> Vec<[f32; 4]> {
         let (sin, cos) = libm::sincosf(heading_rad);
         let back = |sign: f32, x: f32, y: f32| sign * (x * middle[0] + y * middle[1]) > 0.0;
@@ -202,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn headings_of_corners_are_found() {
+    fn fit_finds_the_heading_of_corners() {
         for k in 0..36_i32 {
             let heading = 0.087 * k as f32;
             let found = fit(&sides([12.0, 5.0], heading, [4.4, 1.8]), None);
@@ -213,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_is_added_beyond() {
+    fn complete_adds_the_hidden_part_away_from_the_sensor() {
         for (middle, heading, size) in [
             ([15.0, 4.0], 0.0_f32, [4.4_f32, 1.8_f32]),
             ([15.0, -4.0], 3.1, [4.4, 1.8]),
@@ -221,7 +225,7 @@ mod tests {
             ([10.0, 0.0], 0.0, [4.4, 1.8]),
         ] {
             let points: Vec<[f32; 4]> = sides(middle, heading, size);
-            // Only the near half of it.
+            // Only the near half of the points.
             let range = |p: &[f32; 4]| p[0] * p[0] + p[1] * p[1];
             let mut near = points.clone();
             near.sort_by(|a, b| range(a).total_cmp(&range(b)));
@@ -235,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_errors_of_a_box_grow_by_what_is_added_and_turn_with_it() {
+    fn covariance_grows_with_the_hidden_part_and_rotates_with_the_box() {
         let seen = |seen_m: [f32; 2], heading_rad: f32| {
             let (sin, cos) = libm::sincosf(heading_rad);
             let size_m = [4.4, 1.8];
@@ -257,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_is_no_car() {
+    fn complete_rejects_a_wall_as_a_car() {
         let points: Vec<[f32; 4]> = (0..100).map(|k| [10.0, 0.1 * k as f32, 0.5, 0.5]).collect();
         let fit = fit(&points, None);
         assert!(CLASSES.iter().all(|class| class.kind == ActorKind::Truck

@@ -1,58 +1,58 @@
-//! Clusters: what hangs together over the ground.
+//! Clusters: connected components of points above the ground.
 //!
-//! Connected components of the occupied cells of a grid, O(n) in points and cells. What is a step apart at one gap may
-//! be one thing or two; so components are taken at several gaps, from fine to coarse, and who scores their boxes
-//! chooses between a whole and its parts.
+//! Connected components of the occupied cells of a grid, O(n) in points and cells. Points a given gap apart may belong
+//! to one object or to two, so components are computed at several gaps, from fine to coarse, and the scores of their
+//! boxes choose between a whole and its parts.
 
 use super::ground::Bins;
 use super::points::Place;
 
-/// Side of a cell, metres.
+/// Side of a grid cell, metres.
 pub(super) const CELL_M: f32 = 0.2;
-/// Points higher over the ground than this join nothing, metres: tree crowns and the arms of lamps hang over cars.
+/// Height above the ground up to which points connect cells, metres: tree crowns and lamp arms overhang cars.
 const JOINED_M: f32 = 2.0;
-/// Points higher than this belong to nothing on the ground, metres.
+/// Height above the ground above which points are ignored, metres.
 const TOP_M: f32 = 4.5;
-/// Gaps that components bridge, in cells: the squared distance between two cells, at most.
+/// Gaps bridged by components: largest squared distance between two cells, in cells.
 const GAPS: [i32; 4] = [1, 2, 5, 13];
-/// Bounding boxes longer than this are of buildings, metres.
+/// Largest side of a cluster's bounding box, metres; larger ones are buildings.
 const LONGEST_M: f32 = 14.0;
 
-/// One cell that is occupied.
+/// Occupied grid cell.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     x: i32,
     y: i32,
-    /// Its points, in `Clusters::points`.
+    /// First of its points in `Clusters::points`.
     first: u32,
     count: u32,
-    /// The highest point over it, metres over the ground.
+    /// Height of its highest point above the ground, metres.
     top_m: f32,
 }
 
-/// What hangs together at some gap.
+/// Connected component at some gap.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Cluster {
     first: usize,
     count: usize,
-    /// Height of its highest point over the ground, metres.
+    /// Height of its highest point above the ground, metres.
     pub(super) top_m: f32,
 }
 
-/// Clusters of one sweep; keeps its memory for the next.
+/// Clusters of one sweep; reuses its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Clusters {
     cells_across: i32,
     points_min: usize,
-    /// For each cell of the grid its place in `cells` and one, or zero.
+    /// Index into `cells` plus one for each grid cell, or zero.
     grid: Vec<u32>,
-    /// Points on the ground, cell by cell.
+    /// Number of ground points of each grid cell.
     floor: Vec<u16>,
     cells: Vec<Cell>,
-    /// Points over the ground that can be joined, ordered by cell: place, and height over the ground.
+    /// Points above the ground that connect cells, sorted by cell: position, and height above the ground.
     points: Vec<[f32; 4]>,
     roots: Vec<u32>,
-    /// Number of the component of each root, from one.
+    /// Component number of each root, from one.
     numbers: Vec<u32>,
     bins: Bins,
     /// Points of all clusters.
@@ -79,7 +79,7 @@ impl Clusters {
         }
     }
 
-    /// The points of a cluster: place in the ego frame, and height over the ground, metres.
+    /// Points of a cluster: position in the ego frame, and height above the ground, metres.
     pub(super) fn of(&self, cluster: Cluster) -> &[[f32; 4]] {
         &self.members[cluster.first..cluster.first + cluster.count]
     }
@@ -110,7 +110,7 @@ impl Clusters {
         (within.contains(&x) && within.contains(&y)).then(|| (y * self.cells_across + x) as usize)
     }
 
-    /// Puts the points into cells.
+    /// Assigns the points to cells.
     fn occupy(&mut self, places: &[Place], over_m: &[f32]) {
         for cell in &self.cells {
             self.grid[(cell.y * self.cells_across + cell.x) as usize] = 0;
@@ -152,7 +152,7 @@ impl Clusters {
         self.bins = bins;
     }
 
-    /// Joins cells that are farther apart than one gap and no farther than another.
+    /// Joins cells with a squared distance above `beyond` and up to `gap`.
     fn join(&mut self, beyond: i32, gap: i32) {
         let reach = (1..).take_while(|k| k * k <= gap).last().unwrap_or(0);
         for dy in 0..=reach {
@@ -173,14 +173,14 @@ impl Clusters {
         }
     }
 
-    /// Adds the components of this gap to the clusters, but for those that were there at the gap before.
+    /// Adds the components of this gap to the clusters, except those already found at a finer gap.
     fn gather(&mut self, is_first: bool) {
         let count = self.cells.len();
         self.numbers.resize(count, 0);
         let mut components = 0;
         for k in 0..count as u32 {
             let root = root(&mut self.roots, k) as usize;
-            // Roots are the least of their components, so they come first.
+            // Roots are the smallest index of their component, so they come first.
             if root == k as usize {
                 components += 1;
                 self.numbers[root] = components;
@@ -215,7 +215,7 @@ impl Clusters {
             let begin = cell.first as usize;
             self.members.extend_from_slice(&self.points[begin..begin + cell.count as usize]);
         }
-        // Components of one set of points begin with the same one.
+        // Components with the same points have the same first point.
         let same = |other: &Cluster| other.count == count && self.members[other.first] == self.members[first];
         if self.found[..finer].iter().any(same) {
             self.members.truncate(first);
@@ -224,7 +224,8 @@ impl Clusters {
         }
     }
 
-    /// Points over and on the ground in a rectangle: its middle, the cosine and sine of its heading, half its sides.
+    /// Number of points above and on the ground in a rectangle, given by its centre, the cosine and sine of its
+    /// heading, and half its sides.
     pub(super) fn inside(&self, middle: [f32; 2], [cos, sin]: [f32; 2], half: [f32; 2]) -> [f32; 2] {
         let reach = [half[0] * cos.abs() + half[1] * sin.abs(), half[0] * sin.abs() + half[1] * cos.abs()];
         let shift = self.cells_across / 2;
@@ -250,7 +251,7 @@ impl Clusters {
     }
 }
 
-/// The root of a component; halves the way there.
+/// Root of a component, with path halving.
 fn root(roots: &mut [u32], mut k: u32) -> u32 {
     while roots[k as usize] != k {
         roots[k as usize] = roots[roots[k as usize] as usize];
@@ -263,7 +264,7 @@ fn root(roots: &mut [u32], mut k: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Points of a rectangle's outline, 0.1 m apart.
+    /// Points on a rectangle's outline, 0.1 m apart.
     fn outline(x: f32, y: f32, length: f32, width: f32) -> Vec<Place> {
         let (n, m) = ((length * 10.0) as i32, (width * 10.0) as i32);
         let along = (0..n).flat_map(|k| [[x + 0.1 * k as f32, y, 0.5], [x + 0.1 * k as f32, y + width, 0.5]]);
@@ -281,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_comes_with_its_parts_where_a_gap_may_be_one() {
+    fn clusters_include_the_parts_and_the_whole_across_a_gap() {
         let (car, near, far) =
             (outline(5.0, 2.0, 4.0, 1.8), outline(9.55, 2.0, 4.0, 1.8), outline(12.0, -8.0, 4.0, 1.8));
         assert_eq!(sizes(&car), [116]);
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn few_points_and_houses_are_no_clusters() {
+    fn clusters_exclude_few_points_and_buildings() {
         assert!(sizes(&outline(5.0, 2.0, 0.2, 0.1)[..4]).is_empty());
         assert!(sizes(&outline(-10.0, 2.0, 20.0, 1.8)).is_empty());
         assert!(sizes(&[]).is_empty());

@@ -1,4 +1,4 @@
-//! Ground: which points lie on it, and how high the others are over it.
+//! Ground segmentation: ground points, and the heights of other points above the ground.
 
 mod rays;
 mod zones;
@@ -8,23 +8,23 @@ use serde::{Deserialize, Serialize};
 
 use super::points::Place;
 
-/// How ground is told from what stands on it.
+/// Ground segmentation method.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Outwards along each of many rays, from point to point.
+    /// Ray by ray, outwards from point to point.
     #[default]
     Rays,
-    /// A plane in each patch of concentric zones.
+    /// Fitted plane in each patch of concentric zones.
     Zones,
 }
 
-/// Up to here over the ground a point still lies on it, metres: kerbs are ground, which are 0.12 m high.
+/// Height above the ground up to which a point is ground, metres; includes kerbs of 0.12 m.
 const STEP_M: f32 = 0.2;
-/// Steeper than this, as a tangent, no ground rises: 8 degrees.
+/// Largest slope of the ground, as a tangent: 8 degrees.
 const SLOPE: f32 = 0.14;
 
-/// Tells ground by one of the methods; keeps its memory from sweep to sweep.
+/// Segments ground by one of the methods; reuses its buffers between sweeps.
 #[derive(Clone, Debug)]
 pub struct Ground {
     memory: Memory,
@@ -37,7 +37,7 @@ enum Memory {
 }
 
 impl Ground {
-    /// For points within `reach_m` of the ego along each axis.
+    /// Segmentation of points within `reach_m` of the ego along each axis.
     pub fn new(method: Method, reach_m: f32) -> Self {
         let memory = match method {
             Method::Rays => Memory::Rays(rays::Rays::default()),
@@ -46,7 +46,7 @@ impl Ground {
         Self { memory }
     }
 
-    /// Writes for each point its height over the ground below it, metres; 0 for what is ground, or below it.
+    /// Writes the height of each point above the ground below it, metres; 0 for points on or below the ground.
     pub fn heights(&mut self, points: &[Place], over_m: &mut Vec<f32>) {
         over_m.clear();
         over_m.resize(points.len(), 0.0);
@@ -57,16 +57,16 @@ impl Ground {
     }
 }
 
-/// Things in the order of the bins that they are in: a counting sort.
+/// Elements grouped by bin: a counting sort.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bins {
-    /// Where each bin begins, and the end.
+    /// Start of each bin, and the end.
     starts: Vec<u32>,
     order: Vec<u32>,
 }
 
 impl Bins {
-    /// Sorts `count` things by bin; those of one bin keep their order.
+    /// Sorts `count` elements by bin; the sort is stable.
     pub(super) fn fill(&mut self, bins: usize, count: usize, bin_of: impl Fn(usize) -> usize) {
         self.starts.clear();
         self.starts.resize(bins + 2, 0);
@@ -85,7 +85,7 @@ impl Bins {
         }
     }
 
-    /// The things of a bin.
+    /// Elements of a bin.
     pub(super) fn of(&self, bin: usize) -> &[u32] {
         &self.order[self.starts[bin] as usize..self.starts[bin + 1] as usize]
     }
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bins_hold_what_is_theirs_in_order() {
+    fn bins_hold_their_elements_in_order() {
         let mut bins = Bins::default();
         for _ in 0..2 {
             bins.fill(3, 7, |k| [2, 0, 2, 0, 2, 2, 0][k]);
@@ -104,7 +104,7 @@ mod tests {
         }
     }
 
-    /// A road that rises by 4 %, with a kerb on the left, a wall ahead and a car on the right.
+    /// Road that rises by 4 %, with a kerb on the left, a wall ahead and a car on the right.
     fn street() -> (Vec<Place>, Vec<bool>) {
         let (mut points, mut is_ground) = (Vec::new(), Vec::new());
         for column in 0..720_i32 {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn both_methods_take_slopes_and_kerbs_for_ground_and_nothing_that_stands_on_it() {
+    fn ground_includes_slopes_and_kerbs_but_no_objects() {
         let (points, wanted) = street();
         for method in [Method::Rays, Method::Zones] {
             let mut over_m = Vec::new();
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_one_point_have_heights() {
+    fn ground_accepts_empty_and_single_point_sweeps() {
         for method in [Method::Rays, Method::Zones] {
             let mut ground = Ground::new(method, 40.0);
             let mut over_m = vec![1.0; 9];

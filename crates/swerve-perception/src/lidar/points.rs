@@ -1,22 +1,22 @@
-//! The points of a sweep in the ego frame at one instant.
+//! Points of a sweep in the ego frame at one instant.
 
 use swerve_geom::math;
 
 use super::Scan;
 
-/// A point in the ego frame at the sweep's stamp, metres: forward, left, up.
+/// Point in the ego frame at the sweep's stamp, metres: forward, left, up.
 pub type Place = [f32; 3];
 
-/// Points measured longer than this before or after the stamp are no part of the sweep, seconds.
+/// Largest time offset of a point from the stamp, seconds; others are ignored.
 const OFFSET_MAX_S: f32 = 1.0;
-/// Points deeper or higher than this are none, metres over the ground under the ego.
+/// Height range of points relative to the ground under the ego, metres; others are ignored.
 const Z_M: [f32; 2] = [-3.0, 8.0];
 
-/// The points that are within `reach_m` of the ego's origin along each axis and not on the ego itself, with the ego's
-/// way during the sweep taken out.
+/// Collects the points within `reach_m` of the ego's origin along each axis and not on the ego, compensated for the
+/// ego's motion during the sweep.
 ///
-/// The way is an arc at the measured speed and yaw rate. Of arrays of unlike lengths the points that all of them hold
-/// are taken; what is not finite is left out.
+/// The motion is an arc at the measured speed and yaw rate. If the arrays have different lengths, only the points in
+/// all of them are used; non-finite points are ignored.
 pub fn in_ego_frame(scan: &Scan<'_>, reach_m: f32, points: &mut Vec<Place>) {
     points.clear();
     let cloud = scan.cloud;
@@ -36,7 +36,7 @@ pub fn in_ego_frame(scan: &Scan<'_>, reach_m: f32, points: &mut Vec<Place>) {
     }
 }
 
-/// From the sensor at one instant to the ego at the stamp: rows of a rotation, and a displacement.
+/// Transform from the sensor at one instant to the ego at the stamp: rows of a rotation, and a translation.
 #[derive(Default)]
 struct Still([[f32; 4]; 3]);
 
@@ -62,7 +62,7 @@ impl Still {
     }
 }
 
-/// Which of `sectors` about the ego's origin a direction lies in: of nearly one width, without an arc tangent.
+/// Sector index of a direction from the ego's origin, of nearly equal widths, without an arc tangent.
 pub(super) fn sector(x: f32, y: f32, sectors: usize) -> usize {
     let sum = x.abs() + y.abs();
     let part = if sum > 0.0 { y / sum } else { 0.0 };

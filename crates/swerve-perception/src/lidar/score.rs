@@ -1,4 +1,4 @@
-//! How sure it is that a box is what it is taken for: boosted trees over a few numbers of its cluster.
+//! Score of a candidate box: boosted trees over features of its cluster.
 
 use core::fmt::Write as _;
 
@@ -7,9 +7,9 @@ use swerve_msg::ActorKind;
 
 use super::boxes::CLASSES;
 
-/// Numbers of a candidate that its score comes from.
+/// Number of features of a candidate.
 pub const FEATURES: usize = 16;
-/// What they are, by their places.
+/// Feature names, by index.
 pub const FEATURE_NAMES: [&str; FEATURES] = [
     "range_m",
     "points_ln",
@@ -28,41 +28,42 @@ pub const FEATURE_NAMES: [&str; FEATURES] = [
     "spread_m",
     "beyond_road_m",
 ];
-/// Splits of a tree: its root, then level by level.
+/// Splits of a tree: the root, then level by level.
 pub const SPLITS: usize = 7;
-/// Ends of a tree.
+/// Leaves of a tree.
 pub const LEAVES: usize = 8;
 
-/// A whole tree of three levels.
+/// Complete binary tree of three levels.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Tree {
-    /// Feature and threshold of each split: below it to the left. The two below split `k` are `2k + 1` and `2k + 2`.
+    /// Feature and threshold of each split; smaller values go left. The children of split `k` are
+    /// `2k + 1` and `2k + 2`.
     pub splits: [(u8, f32); SPLITS],
-    /// What each end adds to the logarithm of the odds, from left to right.
+    /// Contribution of each leaf to the log-odds, from left to right.
     pub leaves: [f32; LEAVES],
 }
 
-/// A sum of trees: the logarithm of the odds.
+/// Sum of trees: the log-odds of a class.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Ensemble {
-    /// What the sum begins with.
+    /// Initial value of the sum.
     pub bias: f32,
-    /// Summed in this order.
+    /// Trees, in the order of summation.
     pub trees: Vec<Tree>,
 }
 
-/// What tells objects: an ensemble for each class.
+/// Classifier of candidates: an ensemble for each class.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Model {
-    /// In the order of the classes.
+    /// Ensembles, in the order of the classes.
     pub classes: Vec<(ActorKind, Ensemble)>,
 }
 
-/// First words of a file of weights, and the version of its form.
+/// Header of a weights file: type and format version.
 const HEAD: &str = "swerve lidar objects 1";
 
 impl Tree {
-    /// Which end a candidate comes to.
+    /// Index of the leaf reached by a candidate.
     pub fn leaf(&self, features: &[f32; FEATURES]) -> usize {
         let mut at = 0;
         while at < SPLITS {
@@ -74,29 +75,29 @@ impl Tree {
 }
 
 impl Ensemble {
-    /// The logarithm of the odds.
+    /// Log-odds of a candidate.
     pub fn sum(&self, features: &[f32; FEATURES]) -> f32 {
         self.trees.iter().fold(self.bias, |sum, tree| sum + tree.leaves[tree.leaf(features)])
     }
 
-    /// The score, 0 to 1.
+    /// Score, 0 to 1.
     pub fn score(&self, features: &[f32; FEATURES]) -> f64 {
         1.0 / (1.0 + math::exp(-f64::from(self.sum(features))))
     }
 }
 
 impl Model {
-    /// The one that Swerve is shipped with: `swerve train lidar` made it.
+    /// Built-in model, created by `swerve train lidar`.
     pub fn shipped() -> Self {
         Self::parse(include_str!("weights.txt")).expect("the weights that are shipped are read in a test")
     }
 
-    /// The ensemble of a class.
+    /// Ensemble of a class.
     pub(super) fn of(&self, class: usize) -> &Ensemble {
         &self.classes[class].1
     }
 
-    /// As text: a head, remarks, then class by class its bias, and tree by tree its splits and leaves.
+    /// Serialises to text: a header, remarks, then for each class its bias, and for each tree its splits and leaves.
     pub fn text(&self, remarks: &[String]) -> String {
         let mut text = format!("{HEAD}\n");
         for remark in remarks {
@@ -118,10 +119,10 @@ impl Model {
         text
     }
 
-    /// Reads what [`text`](Self::text) writes.
+    /// Parses the output of [`text`](Self::text).
     ///
     /// # Errors
-    /// The first line that is not as expected, with its number from 1.
+    /// The first invalid line, with its number from 1.
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut classes: Vec<(ActorKind, Ensemble)> = Vec::new();
         if text.lines().next() != Some(HEAD) {
@@ -191,14 +192,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shipped_weights_are_read_and_written_alike() {
+    fn shipped_weights_survive_a_round_trip() {
         let model = Model::shipped();
         assert!(model.classes.iter().all(|(_, ensemble)| !ensemble.trees.is_empty()));
         assert_eq!(Model::parse(&model.text(&["a remark".into()])).as_ref(), Ok(&model));
     }
 
     #[test]
-    fn a_line_that_is_wrong_is_told() {
+    fn parse_reports_the_first_invalid_line() {
         let good = Model::shipped().text(&[]);
         let told = |text: &str| Model::parse(text).unwrap_err();
         assert_eq!(told("swerve lidar objects 2\n"), "line 1: expected `swerve lidar objects 1`");

@@ -6,7 +6,7 @@ use swerve_msg::LidarPoint;
 
 use super::*;
 
-/// Where the lidar sits, metres.
+/// Mounting position of the lidar, metres.
 const ROOF_M: [f64; 3] = [1.4, 0.0, 1.9];
 
 fn scan(cloud: &PointCloud) -> Scan<'_> {
@@ -15,7 +15,7 @@ fn scan(cloud: &PointCloud) -> Scan<'_> {
     Scan { cloud, ego_from_lidar, ego: EgoState::default(), own_m: [-1.0, 3.9, 1.0], route: None }
 }
 
-/// A box that stands in the scene: x, y, heading, length, width, height.
+/// Box in the scene: x, y, heading, length, width, height.
 type Block = [f64; 6];
 
 /// Cars ahead and beside, a person, and a house.
@@ -27,7 +27,7 @@ const SCENE: [Block; 5] = [
     [10.0, 16.0, 0.0, 24.0, 8.0, 6.0],
 ];
 
-/// The distance along a ray from the sensor to the ground or a block, metres.
+/// Distance along a ray from the sensor to the ground or a block, metres.
 fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
     let ground = if dz < -1e-6 { -ROOF_M[2] / dz } else { f64::INFINITY };
     SCENE.iter().fold(ground, |nearest, &[x, y, heading, length, width, height]| {
@@ -35,7 +35,7 @@ fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
         let (ox, oy) = (ROOF_M[0] - x, ROOF_M[1] - y);
         let from = [ox * cos + oy * sin, oy * cos - ox * sin, ROOF_M[2]];
         let way = [dx * cos + dy * sin, dy * cos - dx * sin, dz];
-        // Light goes through under cars.
+        // Light passes under cars.
         let bottom = if length < 1.0 { 0.0 } else { 0.25 };
         let slabs = [[-0.5 * length, 0.5 * length], [-0.5 * width, 0.5 * width], [bottom, height]];
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
@@ -47,7 +47,7 @@ fn range_m([dx, dy, dz]: [f64; 3]) -> f64 {
     })
 }
 
-/// A turn of 32 beams over the scene, seen from an ego that moves as it does at this speed and yaw rate.
+/// Sweep of 32 beams over the scene, from an ego with this speed and yaw rate.
 fn turn(speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
     let mut rng = Rng::keyed(7, "noise", &[]);
     let mut cloud = PointCloud { stamp: Time::from_ms(500), ..PointCloud::default() };
@@ -63,7 +63,7 @@ fn turn(speed_mps: f64, yaw_rate_radps: f64) -> PointCloud {
                 continue;
             }
             let [x, y, z] = [ROOF_M[0] + range * ca * ce, range * sa * ce, ROOF_M[2] + range * se];
-            // As it is from where the ego was then.
+            // Relative to the ego's pose at the time of the beam.
             let (sin, cos) = math::sin_cos(-yaw_rate_radps * offset_s);
             let (half_sin, half_cos) = math::sin_cos(0.5 * yaw_rate_radps * offset_s);
             let (x, y) = (x - speed_mps * offset_s * half_cos, y - speed_mps * offset_s * half_sin);
@@ -90,7 +90,7 @@ fn detect(objects: &mut LidarObjects, scan: &Scan<'_>) -> Detections {
 }
 
 #[test]
-fn cars_and_people_are_found_where_they_are_by_both_methods() {
+fn detector_finds_cars_and_people_with_both_ground_methods() {
     let cloud = turn(0.0, 0.0);
     for ground in [Method::Rays, Method::Zones] {
         let found = detect(&mut objects(Params { ground, ..Params::default() }), &scan(&cloud));
@@ -106,7 +106,7 @@ fn cars_and_people_are_found_where_they_are_by_both_methods() {
 }
 
 #[test]
-fn the_way_of_the_ego_during_a_sweep_is_taken_out() {
+fn points_are_compensated_for_ego_motion() {
     let (still, moved) = (turn(0.0, 0.0), turn(20.0, 0.4));
     let mut ego = EgoState { speed_mps: 20.0, yaw_rate_radps: 0.4, ..EgoState::default() };
     ego.stamp = moved.stamp;
@@ -120,7 +120,7 @@ fn the_way_of_the_ego_during_a_sweep_is_taken_out() {
 }
 
 #[test]
-fn a_known_way_turns_boxes_along_it() {
+fn boxes_are_aligned_with_a_known_route() {
     let cloud = turn(0.0, 0.0);
     let line = swerve_geom::Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(80.0, 0.0)]).unwrap();
     let borders = Borders::new(Border::constant(4.0), Border::constant(5.0));
@@ -132,7 +132,7 @@ fn a_known_way_turns_boxes_along_it() {
 }
 
 #[test]
-fn nothing_that_a_sweep_can_be_is_more_than_no_objects() {
+fn detector_accepts_degenerate_sweeps() {
     let good = turn(0.0, 0.0);
     let of = |points: Vec<[f32; 3]>| {
         let mut cloud = PointCloud::default();
@@ -157,7 +157,7 @@ fn nothing_that_a_sweep_can_be_is_more_than_no_objects() {
 }
 
 #[test]
-fn of_arrays_of_unlike_lengths_the_points_that_all_hold_are_taken() {
+fn detector_uses_only_complete_points_of_unequal_arrays() {
     let whole = turn(0.0, 0.0);
     let (mut cut, mut short) = (PointCloud { stamp: whole.stamp, ..PointCloud::default() }, whole.clone());
     (0..whole.len() - 3000).filter_map(|k| whole.get(k)).for_each(|point| cut.push(point));
@@ -167,7 +167,7 @@ fn of_arrays_of_unlike_lengths_the_points_that_all_hold_are_taken() {
 }
 
 #[test]
-fn many_points_are_taken() {
+fn detector_accepts_many_points() {
     let mut rng = Rng::keyed(3, "many", &[]);
     let mut cloud = PointCloud::default();
     for _ in 0..200_000 {
@@ -179,7 +179,7 @@ fn many_points_are_taken() {
 }
 
 #[test]
-fn sweeps_into_used_memory_allocate_nothing() {
+fn detector_allocates_nothing_after_the_first_sweep() {
     let cloud = turn(0.0, 0.0);
     for ground in [Method::Rays, Method::Zones] {
         let mut objects = objects(Params { ground, ..Params::default() });
@@ -190,15 +190,15 @@ fn sweeps_into_used_memory_allocate_nothing() {
     }
 }
 
-/// The same bytes on every machine: written down when the weights were made.
+/// Same digest on every machine; recorded when the weights were trained.
 #[test]
-fn a_sweep_has_its_objects() {
+fn detections_have_the_recorded_digest() {
     let found = detect(&mut objects(Params::default()), &scan(&turn(10.0, 0.1)));
     assert_eq!(digest_of(&found).to_string(), include_str!("digest.txt").trim());
 }
 
 #[test]
-fn parameters_out_of_range_are_told() {
+fn validate_rejects_parameters_out_of_range() {
     let told = |params: Params| LidarObjects::new(params).unwrap_err().to_string();
     assert_eq!(told(Params { reach_m: 1e4, ..Params::default() }), "`reach_m` is 10000, expected 5 to 200");
     assert_eq!(told(Params { points_min: 0, ..Params::default() }), "`points_min` is 0, expected 2 to 1000");
@@ -207,14 +207,14 @@ fn parameters_out_of_range_are_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn boxes_are_sound_whatever_the_points(
+    fn boxes_are_valid_for_any_points(
         points in prop::collection::vec((-30.0_f32..30.0, -30.0_f32..30.0, -2.5_f32..3.0, -0.2_f32..0.2), 0..400),
         speed_mps in -10.0_f64..40.0,
         zones: bool,
     ) {
         let mut cloud = PointCloud::default();
         for (x, y, z, time_offset_s) in points {
-            // Rounded, so that points share places and cells.
+            // Rounded, so that points share positions and cells.
             let place_m = [(x * 2.0).round() * 0.5, (y * 4.0).round() * 0.25, z];
             cloud.push(LidarPoint { place_m, time_offset_s, ..LidarPoint::default() });
         }

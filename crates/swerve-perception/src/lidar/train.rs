@@ -1,30 +1,30 @@
-//! Trees that tell objects, boosted (Friedman 2001, algorithm 5: two classes, logistic loss, with Newton's step in the
-//! leaves as in Chen and Guestrin 2016).
+//! Training of the score's trees by gradient boosting (Friedman 2001, algorithm 5: two classes, logistic loss, with
+//! Newton steps in the leaves as in Chen and Guestrin 2016).
 //!
-//! The same samples in the same order make the same bits: sums run in the order of the samples, ties go to the lower
+//! Deterministic for the same samples in the same order: sums follow the order of the samples; ties go to the lower
 //! feature, then the lower threshold.
 
 use swerve_geom::math;
 
 use super::score::{Ensemble, FEATURES, LEAVES, SPLITS, Tree};
 
-/// A candidate to learn from.
+/// Training candidate.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sample {
-    /// Its numbers.
+    /// Features of the candidate.
     pub features: [f32; FEATURES],
-    /// How far it is one, 0 to 1.
+    /// Label, 0 to 1; fractions for partial matches.
     pub truth: f32,
 }
 
-/// How trees are boosted.
+/// Parameters of the boosting.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Recipe {
-    /// How many trees.
+    /// Number of trees.
     pub trees: usize,
-    /// How much of its best step each takes.
+    /// Learning rate: share of each tree's Newton step.
     pub rate: f64,
-    /// Second derivatives of the loss in a leaf, at least: the larger, the more samples.
+    /// Smallest sum of second derivatives of the loss in a leaf; larger values require more samples.
     pub weight_min: f64,
 }
 
@@ -34,12 +34,12 @@ impl Default for Recipe {
     }
 }
 
-/// Thresholds of a feature that are tried, at most.
+/// Largest number of thresholds tried per feature.
 const THRESHOLDS: usize = 48;
-/// Added to the weight of a leaf, which draws it to zero.
+/// Regularisation added to the weight of a leaf.
 const RIDGE: f64 = 1.0;
 
-/// Boosts trees over samples.
+/// Trains an ensemble on samples.
 pub fn boost(samples: &[Sample], recipe: Recipe) -> Ensemble {
     let total: f64 = samples.iter().map(|sample| f64::from(sample.truth)).sum();
     let share = (total / samples.len().max(1) as f64).clamp(1e-3, 1.0 - 1e-3);
@@ -75,12 +75,12 @@ fn thresholds(samples: &[Sample]) -> Vec<Vec<f32>> {
     (0..FEATURES).map(of).collect()
 }
 
-/// For each feature how many thresholds a sample is not below.
+/// Bin of each feature: the number of thresholds that a sample is not below.
 fn binned(sample: &Sample, thresholds: &[Vec<f32>]) -> [u8; FEATURES] {
     core::array::from_fn(|f| thresholds[f].partition_point(|t| sample.features[f] >= *t) as u8)
 }
 
-/// A whole tree: each split is the one that gains most; where none gains, all go to the left.
+/// Grows a complete tree from the best splits; without a gain, all samples go left.
 fn grow(bins: &[[u8; FEATURES]], slopes: &[[f64; 2]], thresholds: &[Vec<f32>], recipe: Recipe) -> Tree {
     let mut tree = Tree { splits: [(0, f32::MAX); SPLITS], leaves: [0.0; LEAVES] };
     let mut at = vec![0_usize; bins.len()];
@@ -107,7 +107,7 @@ fn grow(bins: &[[u8; FEATURES]], slopes: &[[f64; 2]], thresholds: &[Vec<f32>], r
     tree
 }
 
-/// The feature and threshold that gain most among the samples of a node.
+/// Feature and threshold with the largest gain for the samples of a node.
 fn best_split(
     bins: &[[u8; FEATURES]],
     slopes: &[[f64; 2]],
@@ -146,7 +146,7 @@ mod tests {
     use swerve_core::Rng;
 
     #[test]
-    fn what_depends_on_two_numbers_together_is_learned() {
+    fn boosting_learns_an_interaction_of_two_features() {
         let mut rng = Rng::keyed(1, "boost", &[]);
         let mut draw = || {
             let features: [f32; FEATURES] = core::array::from_fn(|_| rng.uniform(0.0, 1.0) as f32);
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn without_samples_or_without_a_difference_nothing_is_believed() {
+    fn boosting_without_samples_or_differences_has_no_effect() {
         let empty = boost(&[], Recipe::default());
         let one = boost(&[Sample { features: [1.0; FEATURES], truth: 0.0 }; 50], Recipe::default());
         for ensemble in [empty, one] {

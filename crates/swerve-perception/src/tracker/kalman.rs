@@ -1,4 +1,4 @@
-//! A Kalman filter of a position in the plane with nearly constant velocity, and its smoother.
+//! Kalman filter of a position in the plane with nearly constant velocity, and its smoother.
 
 use std::collections::VecDeque;
 
@@ -6,19 +6,19 @@ use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 use swerve_core::Time;
 use swerve_geom::Point2;
 
-/// State: x and y in metres, their velocities in m/s (Bar-Shalom, Li and Kirubarajan 2001, section 6.2.2: white noise
-/// acceleration in continuous time).
+/// Filter with the state x and y in metres, and their velocities in m/s (Bar-Shalom, Li and Kirubarajan 2001, section
+/// 6.2.2: continuous white noise acceleration).
 #[derive(Clone, PartialEq, Debug)]
 pub(super) struct Filter {
-    /// One for each instant, the present one last.
+    /// Steps, one per instant, the latest last.
     steps: VecDeque<Step>,
 }
 
-/// The filter at one instant.
+/// Filter step at one instant.
 #[derive(Clone, PartialEq, Debug)]
 struct Step {
     at: Time,
-    /// Since the instant before, seconds.
+    /// Time since the previous instant, seconds.
     since_s: f64,
     predicted: Gauss,
     filtered: Gauss,
@@ -32,7 +32,7 @@ struct Gauss {
 }
 
 impl Gauss {
-    /// What becomes of it after a while of accelerations of this density, m²/s³.
+    /// Predicts by `dt_s` with acceleration noise of this spectral density, m²/s³.
     fn moved(&self, dt_s: f64, density: f64) -> Self {
         let f = transition(dt_s);
         let (a, b, c) = (dt_s * dt_s * dt_s / 3.0, 0.5 * dt_s * dt_s, dt_s);
@@ -47,12 +47,12 @@ impl Gauss {
     }
 }
 
-/// The position of a state.
+/// Measurement matrix: the position of a state.
 fn position() -> Matrix2x4<f64> {
     Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 }
 
-/// What becomes of a state.
+/// State transition matrix.
 fn transition(dt_s: f64) -> Matrix4<f64> {
     let mut f = Matrix4::identity();
     (f[(0, 2)], f[(1, 3)]) = (dt_s, dt_s);
@@ -60,7 +60,7 @@ fn transition(dt_s: f64) -> Matrix4<f64> {
 }
 
 impl Filter {
-    /// First measured at a position, moving nobody knows how.
+    /// Initial state at a measured position with unknown velocity of this standard deviation per component, m/s.
     pub(super) fn new(at: Time, measured: Vector2<f64>, covariance: Matrix2<f64>, speed_mps: f64) -> Self {
         let mean = Vector4::new(measured.x, measured.y, 0.0, 0.0);
         let mut p = Matrix4::identity() * (speed_mps * speed_mps);
@@ -70,7 +70,7 @@ impl Filter {
         Self { steps: [first].into() }
     }
 
-    /// Moves on; `density` is that of the acceleration, m²/s³.
+    /// Predicts to an instant; `density` is the spectral density of the acceleration, m²/s³.
     pub(super) fn predict(&mut self, at: Time, density: f64) {
         let last = self.last();
         let since_s = (at - last.at).as_secs();
@@ -78,8 +78,8 @@ impl Filter {
         self.steps.push_back(Step { at, since_s, predicted, filtered: predicted, is_measured: false });
     }
 
-    /// As if the velocity had changed all at once, with this deviation in m/s, right after the instant before. The way
-    /// before that is forgotten: it tells nothing of the way from there on.
+    /// Assumes a sudden velocity change with this standard deviation, m/s, right after the previous instant. Earlier
+    /// steps are dropped, as they carry no information on the motion after it.
     pub(super) fn jump(&mut self, change_mps: f64) {
         let predicted = self.expected(change_mps);
         self.steps.drain(..self.steps.len().saturating_sub(2));
@@ -88,7 +88,7 @@ impl Filter {
         }
     }
 
-    /// The present state as it is expected after such a change.
+    /// Predicted current state after such a change.
     fn expected(&self, change_mps: f64) -> Gauss {
         let dt_s = self.last().since_s;
         let (b, c) = (dt_s * change_mps * change_mps, change_mps * change_mps);
@@ -103,13 +103,13 @@ impl Filter {
         Gauss { mean, covariance: covariance + change }
     }
 
-    /// Takes in a measurement of the present position. Steps before the last `kept` measured ones are forgotten.
+    /// Updates with a measurement of the current position. Steps before the last `kept` measured ones are dropped.
     pub(super) fn update(&mut self, measured: Vector2<f64>, noise: Matrix2<f64>, kept: usize) {
         let step = self.steps.back_mut().expect("a filter starts with a step and keeps its last");
         let (h, Gauss { mean, covariance }) = (position(), step.predicted);
         let Some(inverse) = (h * covariance * h.transpose() + noise).try_inverse() else { return };
         let gain = covariance * h.transpose() * inverse;
-        // Joseph's form: stays symmetric and positive whatever is rounded.
+        // Joseph form: symmetric and positive definite despite rounding.
         let rest = Matrix4::identity() - gain * h;
         step.filtered = Gauss {
             mean: mean + gain * (measured - h * mean),
@@ -121,8 +121,8 @@ impl Filter {
         }
     }
 
-    /// Squared distance of a measurement from the present position, expected after a sudden change of the velocity of
-    /// this deviation in m/s, in standard deviations of their difference.
+    /// Squared Mahalanobis distance of a measurement from the predicted position, after a sudden velocity change with
+    /// this standard deviation, m/s.
     pub(super) fn squared_distance(
         &self,
         change_mps: f64,
@@ -135,14 +135,13 @@ impl Filter {
         Some((off.transpose() * inverse * off)[0])
     }
 
-    /// Present position and velocity.
+    /// Current position and velocity.
     pub(super) fn state(&self) -> (f64, f64, [f64; 2]) {
         let mean = self.last().filtered.mean;
         (mean[0], mean[1], [mean[2], mean[3]])
     }
 
-    /// The measured instants, oldest first, with the best estimate of each position under all measurements that are
-    /// kept.
+    /// Measured instants, oldest first, with the smoothed position of each given all stored measurements.
     pub(super) fn smoothed(&self) -> Vec<(Time, Point2)> {
         let mut after: Option<(&Step, Vector4<f64>)> = None;
         let mut way = Vec::with_capacity(self.steps.len());
@@ -178,9 +177,9 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
     use swerve_core::Rng;
 
-    /// Filter and smoother give what one least-squares problem over all steps gives.
+    /// Filter and smoother match the solution of one least-squares problem over all steps.
     #[test]
-    fn it_is_the_least_squares_solution() {
+    fn smoother_matches_the_least_squares_solution() {
         let mut rng = Rng::keyed(1, "kalman", &[]);
         let noise = Matrix2::new(0.3, 0.1, 0.1, 0.2);
         let instants = [0_i64, 50, 100, 170, 200, 300];
@@ -194,7 +193,8 @@ mod tests {
                 filter.update(measured[k], noise, 100);
             }
         }
-        // Unknowns: all states. Rows, each weighted by the inverse of its deviation: first velocity, motion, sightings.
+        // Unknowns: all states. Rows, each weighted by its inverse standard deviation: initial velocity, motion,
+        // measurements.
         let n = instants.len();
         let mut information = DMatrix::<f64>::zeros(4 * n, 4 * n);
         let mut right = DVector::<f64>::zeros(4 * n);
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn certainty_falls_unseen_and_rises_seen() {
+    fn covariance_grows_without_measurements_and_shrinks_with_them() {
         let noise = Matrix2::identity();
         let mut filter = Filter::new(Time::ZERO, Vector2::new(1.0, 2.0), noise, 3.0);
         let far = Vector2::new(4.0, 2.0);

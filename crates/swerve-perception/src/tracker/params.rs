@@ -1,58 +1,58 @@
-//! Parameters of the tracker.
+//! Parameters of the SORT tracker.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_all_within};
 use swerve_msg::ActorKind;
 
-/// How things of a kind move.
+/// Motion model of a group of object kinds.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
-    /// Standard deviation of each part of the velocity of one that is first seen, m/s.
+    /// Standard deviation of each velocity component of a new track, m/s.
     pub speed_mps: f64,
-    /// Spectral density of the acceleration, m²/s³: after a second without sight each part of the velocity has the
-    /// square root of this as additional deviation, m/s.
+    /// Spectral density of the acceleration, m²/s³: one second without a box adds its square root, in m/s, as standard
+    /// deviation of each velocity component.
     pub accel_density: f64,
-    /// Standard deviation of a sudden change of each part of the velocity, m/s: what tracks and boxes that found none
-    /// otherwise are tried with.
+    /// Standard deviation of a sudden change of each velocity component, m/s; used in a second attempt to pair
+    /// unmatched tracks and boxes.
     pub change_mps: f64,
 }
 
-/// Parameters of the tracker.
+/// Parameters of the SORT tracker.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Boxes with a lower score are ignored.
+    /// Score below which boxes are ignored, 0 to 1.
     pub score_min: f64,
-    /// Squared distance in standard deviations from which on a box is not taken for a track's; 9.21 holds 99 % of
-    /// those that are (chi-squared with two degrees of freedom).
+    /// Gate on the squared Mahalanobis distance of a box from a track; 9.21 contains 99 % of correct pairs (chi-squared
+    /// with two degrees of freedom).
     pub gate: f64,
-    /// Frames in which a track must have been seen to be reported. SORT: 3.
+    /// Number of frames with a box after which a track is reported. SORT: 3.
     pub hits_min: usize,
-    /// One that is not reported yet ends when it has not been seen for longer than this, seconds: zero asks for frames in
-    /// a row, as SORT does. Where lists come from sensors in turn, the period of the slowest.
+    /// Time without a box after which an unreported track ends, seconds. Zero requires boxes in consecutive frames, as
+    /// in SORT; if sensors report in turn, use the period of the slowest.
     pub probation_s: f64,
-    /// A reported track ends when it has not been seen for longer than this, seconds. SORT: one frame.
+    /// Time without a box after which a reported track ends, seconds. SORT: one frame.
     pub forget_after_s: f64,
-    /// Past positions reported, the present one included.
+    /// Number of positions in a track's reported history, including the current one.
     pub sightings_max: usize,
-    /// Least weight of a new box's size and heading; the first ones are averaged.
+    /// Smallest weight of a new box's size and heading; the first boxes are averaged.
     pub shape_gain: f64,
-    /// Standard deviation of a box's distance, metres.
+    /// Constant standard deviation of a box's distance, metres.
     pub range_noise_m: f64,
-    /// The same, as a share of the distance, on top.
+    /// Additional standard deviation of a box's distance, as a share of it.
     pub range_noise_share: f64,
-    /// Standard deviation of its bearing, radians.
+    /// Standard deviation of a box's bearing, radians.
     pub bearing_noise_rad: f64,
-    /// Standard deviation of its place in any direction, on top, metres: poses of the ego have errors too. With more,
-    /// velocities come later.
+    /// Additional isotropic standard deviation of a box's position, metres, for errors of the ego pose. Larger values
+    /// delay the velocity estimate.
     pub floor_noise_m: f64,
-    /// How people on foot and on bicycles move.
+    /// Motion model of pedestrians and cyclists.
     pub person: Motion,
-    /// How motor vehicles move.
+    /// Motion model of motor vehicles.
     pub vehicle: Motion,
-    /// How what cannot move moves.
+    /// Motion model of static objects.
     pub fixed: Motion,
 }
 
@@ -78,7 +78,7 @@ impl Default for Params {
 }
 
 impl Params {
-    /// How things of a kind move.
+    /// Motion model of a kind.
     pub fn motion(&self, kind: ActorKind) -> Motion {
         match kind {
             ActorKind::Pedestrian | ActorKind::Cyclist => self.person,
@@ -87,10 +87,10 @@ impl Params {
         }
     }
 
-    /// The first parameter outside its range.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// There is one.
+    /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let all = [
             ("score_min", self.score_min, [0.0, 1.0]),
@@ -103,7 +103,7 @@ impl Params {
             ("range_noise_m", self.range_noise_m, [0.0, 50.0]),
             ("range_noise_share", self.range_noise_share, [0.0, 1.0]),
             ("bearing_noise_rad", self.bearing_noise_rad, [0.0, 1.0]),
-            // Above zero, or a filter could become certain.
+            // Above zero, so that the covariance does not vanish.
             ("floor_noise_m", self.floor_noise_m, [1e-3, 10.0]),
             ("person.speed_mps", self.person.speed_mps, [1e-3, 100.0]),
             ("person.accel_density", self.person.accel_density, [1e-6, 1e3]),

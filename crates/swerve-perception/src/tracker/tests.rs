@@ -34,19 +34,19 @@ fn tracker(params: Params) -> Tracker {
 }
 
 #[test]
-fn a_track_is_reported_after_its_probation_and_ends_some_time_after_the_last_sight() {
+fn tracks_are_reported_after_probation_and_end_after_the_timeout() {
     let mut tracker = tracker(Params { hits_min: 3, forget_after_s: 0.1, ..Params::default() });
     let mut reported = |ms: i64, boxes| tracker.update(&frame(ms, boxes), origin()).tracks.len();
     let person = || vec![found(ActorKind::Pedestrian, 10.0, 1.0)];
     assert_eq!([reported(0, person()), reported(50, person()), reported(100, person())], [0, 0, 1]);
     assert_eq!([reported(150, vec![]), reported(200, vec![]), reported(250, vec![])], [1, 1, 0]);
-    // One on probation ends at its first absence.
+    // An unconfirmed track ends at the first frame without a box.
     assert_eq!([reported(300, person()), reported(350, vec![]), reported(400, person())], [0, 0, 0]);
     assert_eq!([reported(450, person()), reported(500, person())], [0, 1]);
 }
 
 #[test]
-fn velocity_and_history_are_those_of_the_motion_seen_from_a_car_that_turns() {
+fn tracks_estimate_velocity_and_history_from_a_turning_ego() {
     let mut tracker = tracker(Params::default());
     let mut tracks = TrackList::default();
     for k in 0..40 {
@@ -69,7 +69,7 @@ fn velocity_and_history_are_those_of_the_motion_seen_from_a_car_that_turns() {
 }
 
 #[test]
-fn two_that_cross_keep_their_identities_and_kinds_do_not_mix() {
+fn crossing_tracks_keep_identities_and_kinds() {
     let mut tracker = tracker(Params::default());
     let mut tracks = TrackList::default();
     for k in 0..60 {
@@ -90,7 +90,7 @@ fn two_that_cross_keep_their_identities_and_kinds_do_not_mix() {
 }
 
 #[test]
-fn what_is_old_unsure_or_no_number_changes_nothing() {
+fn tracker_ignores_old_low_scoring_and_non_finite_boxes() {
     let mut tracker = tracker(Params { hits_min: 1, ..Params::default() });
     let before = tracker.update(&frame(100, vec![found(ActorKind::Car, 10.0, 0.0)]), origin());
     assert_eq!(before.tracks.len(), 1);
@@ -112,7 +112,7 @@ fn what_is_old_unsure_or_no_number_changes_nothing() {
     );
 }
 
-/// What a tracker did to a truth that is known.
+/// Evaluation of a tracker against ground truth.
 #[derive(Default, Debug)]
 struct Score {
     matched: f64,
@@ -125,11 +125,11 @@ struct Score {
 }
 
 impl Score {
-    /// CLEAR MOT (Bernardin and Stiefelhagen 2008) with pairs up to 3 m apart.
+    /// Adds a frame to CLEAR MOT (Bernardin and Stiefelhagen 2008) with pairs up to 3 m apart.
     fn take(&mut self, truth: &[Obstacle], tracks: &TrackList) {
         let distance = |o: usize, t: usize| {
             let (o, t) = (&truth[o], &tracks.tracks[t]);
-            // A pair that was one before stays one.
+            // An existing pair is kept.
             let kept = if self.last.get(&o.id) == Some(&t.id) { -3.0 } else { 0.0 };
             let off = o.pose.point().distance(t.pose.point());
             if off < 3.0 { off + kept } else { f64::INFINITY }
@@ -153,7 +153,7 @@ impl Score {
     }
 }
 
-/// Six people who walk to and fro before a car that drives by at 8 m/s, seen by a detector of this difficulty.
+/// Six people who walk back and forth in front of a car driving at 8 m/s, seen by a detector of this error level.
 fn followed(difficulty: f64) -> Score {
     let params = detector::Params::of_error_level(Sensing::Camera, difficulty);
     let detector = Detector::new(params, None, 11, "detector").unwrap();
@@ -189,7 +189,7 @@ fn followed(difficulty: f64) -> Score {
 }
 
 #[test]
-fn a_perfect_detector_is_followed_without_a_fault() {
+fn tracker_makes_no_error_with_a_perfect_detector() {
     let score = followed(0.0);
     let rmse_m = (score.squares / score.matched).sqrt();
     let rmse_mps = (score.speed_squares / score.matched).sqrt();
@@ -198,7 +198,7 @@ fn a_perfect_detector_is_followed_without_a_fault() {
 }
 
 #[test]
-fn a_poor_detector_is_followed_less_well() {
+fn tracking_accuracy_falls_with_the_error_level() {
     let scores = [0.5, 1.0, 2.0].map(followed);
     let mota = scores.each_ref().map(Score::mota);
     let rmse_m = scores.each_ref().map(|s| (s.squares / s.matched).sqrt());
@@ -210,7 +210,7 @@ fn a_poor_detector_is_followed_less_well() {
 }
 
 #[test]
-fn who_stops_dead_stays_one_track_that_stands_at_once() {
+fn track_of_a_person_who_stops_keeps_its_identity_and_stops_too() {
     for (step_ms, range_m) in [(50_i32, 20.0), (50, 8.0), (120, 20.0), (200, 12.0)] {
         let mut tracker = tracker(Params::default());
         let stops = Time::from_ms(1000);
@@ -224,7 +224,7 @@ fn who_stops_dead_stays_one_track_that_stands_at_once() {
             }
             assert_eq!(tracks.iter().map(|t| t.id.0).collect::<Vec<_>>(), [1], "{step_ms} ms, at {ms} ms");
             let speed_mps = tracks[0].velocity_mps.y;
-            // Two frames tell that she stands, and a fifth of a second.
+            // The stop is detected within two frames and a fifth of a second.
             if stamp - stops >= Span::from_ms(200.max(2 * i64::from(step_ms))) {
                 assert!(speed_mps.abs() < 0.8, "{step_ms} ms, {range_m} m, at {ms} ms: {speed_mps} m/s");
             }
@@ -233,7 +233,7 @@ fn who_stops_dead_stays_one_track_that_stands_at_once() {
 }
 
 #[test]
-fn of_ten_thousand_boxes_the_surest_count() {
+fn tracker_uses_only_the_highest_scoring_boxes() {
     let mut tracker = tracker(Params::default());
     let at = |k: u32| found(ActorKind::Pedestrian, 5.0 + f64::from(k % 100), f64::from(k / 100));
     let boxes: Vec<DetectedBox> =
@@ -246,9 +246,9 @@ fn of_ten_thousand_boxes_the_surest_count() {
     assert!(told.tracks.iter().all(|track| tracker.score(track.id) == Some(0.9)));
 }
 
-/// A box that knows its errors is weighed by them: of two that contradict each other the surer one's place holds.
+/// A box with a covariance is weighted by it: of two contradicting boxes the more certain one prevails.
 #[test]
-fn a_covariance_of_its_own_weighs_a_box() {
+fn box_covariances_weight_the_update() {
     let place = |covariance_m2| {
         let mut tracker = tracker(Params { floor_noise_m: 0.01, ..Params::default() });
         let first = found(ActorKind::Static, 20.0, 0.0);
@@ -264,7 +264,7 @@ fn a_covariance_of_its_own_weighs_a_box() {
 }
 
 #[test]
-fn what_sensors_confirm_in_turn_stays_on_probation_through_the_lists_of_the_other() {
+fn probation_survives_lists_of_another_sensor() {
     let reported = |probation_s: f64| {
         let mut tracker = tracker(Params { hits_min: 2, probation_s, ..Params::default() });
         let person = || vec![found(ActorKind::Pedestrian, 10.0, 1.0)];

@@ -5,8 +5,8 @@ use super::*;
 
 const SIZE: [u32; 2] = [800, 600];
 
-/// An image of 800 x 600 pixels and 70 degrees, taken 1.35 m over the ground, grey but for the head of a light that
-/// stands so far ahead and to the left and shows this lamp.
+/// Grey image of 800 x 600 pixels and 70 degrees, from 1.35 m above the ground, with the head of a light at this
+/// position ahead and to the left, showing this lamp.
 fn image([ahead_m, left_m]: [f64; 2], lamp: Option<Lamp>) -> Image {
     let mut image = Image::new(SIZE[0], SIZE[1], Encoding::Rgb8);
     let (fx_px, quarter) = (571.26, core::f64::consts::FRAC_PI_2);
@@ -46,7 +46,7 @@ fn look(watch: &mut LightWatch, image: &Image) -> Vec<TrafficLight> {
 }
 
 #[test]
-fn a_light_is_told_where_the_map_has_it_and_where_nothing_has() {
+fn watch_reports_lights_with_and_without_a_map() {
     for lamp in Lamp::ALL {
         for ahead_m in [12.0, 15.0, 25.0, 40.0] {
             let image = image([ahead_m, -3.0], Some(lamp));
@@ -68,7 +68,7 @@ fn a_light_is_told_where_the_map_has_it_and_where_nothing_has() {
 }
 
 #[test]
-fn what_is_far_cut_or_turned_away_is_not_told_and_what_is_dark_is_unknown() {
+fn watch_omits_distant_clipped_and_averted_lights_and_reports_dark_ones_as_unknown() {
     let red = image([25.0, -3.0], Some(Lamp::Red));
     for (what, there) in [
         ("behind", place(-25.0, -3.0, 0.0)),
@@ -88,7 +88,7 @@ fn what_is_far_cut_or_turned_away_is_not_told_and_what_is_dark_is_unknown() {
 }
 
 #[test]
-fn a_light_that_was_found_is_followed_and_forgotten() {
+fn watch_tracks_and_forgets_lights_without_a_map() {
     let mut watch = LightWatch::new(Params::default(), Vec::new());
     for ahead_m in [30.0, 29.5, 29.0] {
         look(&mut watch, &image([ahead_m, -3.0], Some(Lamp::Red)));
@@ -101,7 +101,7 @@ fn a_light_that_was_found_is_followed_and_forgotten() {
 }
 
 #[test]
-fn images_that_cannot_be_looked_at_are_told() {
+fn watch_rejects_unsupported_images() {
     let mut watch = LightWatch::new(Params::default(), Vec::new());
     let mut told = |image: &Image| {
         let shot = Shot { image, ego: Pose2::default(), pitch_rad: 0.0, route: None };
@@ -119,7 +119,7 @@ fn images_that_cannot_be_looked_at_are_told() {
 }
 
 #[test]
-fn settings_out_of_their_range_are_told() {
+fn problems_lists_settings_out_of_range() {
     assert_eq!(Params::default().problems(), []);
     let wrong = Params { top_m: 0.5, within_m: f64::NAN, ..Params::default() };
     let told: Vec<String> = wrong.problems().into_iter().map(|(key, why)| format!("{key}: {why}")).collect();

@@ -2,38 +2,38 @@
 //!
 //! Dalal, Triggs: "Histograms of oriented gradients for human detection", CVPR 2005, in the form of Felzenszwalb,
 //! Girshick, McAllester, Ramanan: "Object detection with discriminatively trained part-based models", PAMI 2010,
-//! section 6.2, for gradients whose sign does not count: of each of the four blocks of two by two cells that a cell is
-//! in, its histogram is divided by the block's length and cut at 0.2. What the four make of an orientation is summed up,
-//! and so is what the orientations make of each.
+//! section 6.2, for unsigned gradients: a cell's histogram is divided by the norm of each of the four 2 x 2 blocks that
+//! contain the cell and clipped at 0.2. The results are summed over the four blocks for each orientation, and over the
+//! orientations for each block.
 
 use swerve_geom::simd::widest;
 
 use crate::channels::{CHANNELS, ORIENTATIONS};
 use crate::stack::Stack;
 
-/// Planes: one an orientation, one a block.
+/// Number of planes: one per orientation and one per block.
 pub(super) const PLANES: usize = ORIENTATIONS + 4;
-/// One unit of a feature where it is kept as a byte: no feature is above 0.4.
+/// Quantisation step of a feature stored as a byte; features are at most 0.4.
 pub(super) const STEP: f32 = 1.0 / 512.0;
 
-/// What a normalised number is cut at.
+/// Clipping limit of a normalised value.
 const CUT: f32 = 0.2;
-/// Added to a block's square, so that noise on an even ground is nothing.
+/// Added to a block's squared norm, so that noise on a uniform surface gives features near zero.
 const FLOOR: f32 = 1e-3;
-/// What the sum of a block's orientations is worth, as there: one over the root of 18.
+/// Weight of a block's sum over orientations, as in the paper: one over the root of 18.
 const TEXTURE: f32 = 0.2357;
 
-/// Makes blocks of channels; it keeps its memory.
+/// Computes block features from channels; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Blocks {
-    /// Of each cell the square of its histogram's length.
+    /// Squared norm of each cell's histogram.
     energies: Vec<f32>,
-    /// Of each corner between cells one over the length of the block around it.
+    /// Inverse norm of the block around each corner between cells.
     scales: Vec<f32>,
 }
 
 impl Blocks {
-    /// Fills the planes for cells with the planes of [`crate::channels`]; beyond an edge is what is at it.
+    /// Fills the planes from the cells of [`crate::channels`]; edge cells are repeated beyond the border.
     pub(super) fn fill(&mut self, cells: &Stack, into: &mut Stack) {
         let (width, height) = (cells.width(), cells.height());
         into.shape(PLANES, width, height);
@@ -49,7 +49,7 @@ impl Blocks {
         );
     }
 
-    /// Lengths of cells, then of blocks.
+    /// Computes the norms of cells, then of blocks.
     #[inline(always)]
     fn measure(&mut self, cells: &Stack) {
         let (width, height) = (cells.width(), cells.height());
@@ -71,7 +71,7 @@ impl Blocks {
         }
     }
 
-    /// One line of cells.
+    /// Computes one line of cells.
     #[inline(always)]
     fn line(&self, cells: &Stack, line: usize, into: &mut Stack) {
         let width = cells.width();
@@ -98,7 +98,7 @@ impl Blocks {
 mod tests {
     use super::*;
 
-    /// Cells of one orientation, as strong everywhere.
+    /// Cells with a single orientation of uniform strength.
     fn even(strength: f32) -> Stack {
         let mut cells = Stack::default();
         cells.shape(CHANNELS, 5, 4);
@@ -108,12 +108,12 @@ mod tests {
     }
 
     #[test]
-    fn a_histogram_is_the_same_for_any_contrast() {
+    fn block_features_are_invariant_to_contrast() {
         let (mut blocks, mut weak, mut strong) = (Blocks::default(), Stack::default(), Stack::default());
         blocks.fill(&even(0.3), &mut weak);
         blocks.fill(&even(3.0), &mut strong);
         assert_eq!(weak.planes(), PLANES);
-        // Each of the four blocks is twice as long as each of its cells: cut.
+        // Each block's norm is twice that of each of its cells, so the value is clipped.
         for (plane, expected) in [(0, 0.0), (2, 0.5 * 4.0 * CUT), (ORIENTATIONS + 3, TEXTURE * CUT)] {
             let near = |value: &f32| (value - expected).abs() < 1e-6;
             assert!(weak.plane(plane).iter().chain(strong.plane(plane)).all(near), "{plane}");
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_ground_has_none() {
+    fn uniform_cells_have_zero_block_features() {
         let mut into = Stack::default();
         Blocks::default().fill(&even(0.0), &mut into);
         assert!(into.numbers().iter().all(|value| *value == 0.0));

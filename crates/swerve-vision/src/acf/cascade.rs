@@ -1,24 +1,24 @@
-//! A soft cascade of trees over windows.
+//! Soft cascade of trees over windows.
 
 use super::Trees;
 use super::windows::Windows;
 use crate::channels::select;
 use crate::stack::Stack;
 
-/// A node of a tree on one level.
+/// Node of a tree, placed on one pyramid level.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    /// Of its feature, from the window's first cell.
+    /// Offset of its feature from the window's first cell.
     offset: u32,
     threshold: f32,
 }
 
-/// Windows of a line that are scored at once.
+/// Windows of a line that are scored together.
 const LANES: usize = 8;
-/// Deeper trees are climbed one by one: all nodes of a tree are looked at where several windows are.
+/// Deepest tree evaluated for several windows at once, which visits every node; deeper trees are traversed per window.
 const DEEPEST: usize = 3;
 
-/// Reports the windows that are not given up, with their scores; trees of any depth where `D` is 0.
+/// Reports the windows that the cascade does not reject, with their scores. `D` is the trees' depth, 0 for any.
 #[inline(always)]
 pub(super) fn scan<const D: usize>(
     trees: &Trees,
@@ -53,7 +53,7 @@ pub(super) fn scan<const D: usize>(
     }
 }
 
-/// The score of a window from one of its trees on, given up once it is at `reject` or below.
+/// Sums the trees' scores for one window; stops as soon as the sum is at most `reject`.
 #[inline(always)]
 fn climb<'a>(
     window: &[f32],
@@ -75,8 +75,8 @@ fn climb<'a>(
     score
 }
 
-/// Scores windows `S` columns apart, tree by tree, and reports those that are not given up: the same sums, term by term, as
-/// each has by itself.
+/// Scores windows `S` columns apart, tree by tree, and reports those that are not rejected. Each sum has the same terms
+/// in the same order as when a window is scored alone.
 #[inline(always)]
 fn side_by_side<'a, const D: usize, const S: usize>(
     windows: &[f32],
@@ -87,12 +87,12 @@ fn side_by_side<'a, const D: usize, const S: usize>(
     let mut scores = [0.0_f32; LANES];
     for (nodes, leaves) in trees {
         let values = leaves_of::<D, S>(nodes, leaves, windows);
-        // What is given up has no finite score any more, and adding to it changes nothing.
+        // A rejected window's score is negative infinity, so that later trees do not change it.
         scores = core::array::from_fn(|lane| {
             let score = scores[lane] + values[lane];
             select(score > reject, score, f32::NEG_INFINITY)
         });
-        // All lanes are looked at, as that takes one comparison of all of them and no branch for each.
+        // Folding over all lanes is one vector comparison; an early exit would branch for each lane.
         if !scores.iter().fold(false, |any, score| any | (*score > reject)) {
             return;
         }
@@ -102,7 +102,7 @@ fn side_by_side<'a, const D: usize, const S: usize>(
     }
 }
 
-/// The leaf of one tree that each of the windows comes to: from the leaves down to the root, each node keeps one of two.
+/// Leaf values of one tree for all windows: from the leaves up to the root, each node selects one of two values.
 #[inline(always)]
 fn leaves_of<const D: usize, const S: usize>(
     nodes: &[Node],
@@ -124,7 +124,7 @@ fn leaves_of<const D: usize, const S: usize>(
     values[0]
 }
 
-/// Where the features of the first so many trees are on a level, for windows of so many columns and lines.
+/// Computes the nodes of the first `most` trees for a level: feature offsets for windows of this size in cells.
 pub(super) fn placed(
     trees: &Trees,
     [columns, lines]: [usize; 2],

@@ -1,14 +1,14 @@
-//! Channels filtered so that neighbours no longer say the same (Nam, Dollár, Han 2014, section 4).
+//! Channel filters that decorrelate neighbouring pixels (Nam, Dollár, Han 2014, section 4).
 
 use crate::channels::{CHANNELS, halve};
 use crate::stack::Stack;
 
-/// Along a filter.
+/// Filter size along one axis.
 pub(super) const SIDE: usize = 5;
 
-/// Convolves every channel with its filters, zero beyond the edges, and halves the planes.
+/// Convolves every channel with its filters, with zero padding, and halves the planes.
 ///
-/// `filters` holds, filter after filter, `SIDE` x `SIDE` numbers for each channel; planes come out in that order.
+/// `filters` holds `SIDE` x `SIDE` coefficients for each channel, filter by filter; output planes have the same order.
 pub(super) fn decorrelate(cells: &Stack, filters: &[f32], filtered: &mut Vec<f32>, into: &mut Stack) {
     let (width, height) = (cells.width(), cells.height());
     into.shape(filters.len() / (SIDE * SIDE), width / 2, height / 2);
@@ -22,7 +22,7 @@ pub(super) fn decorrelate(cells: &Stack, filters: &[f32], filtered: &mut Vec<f32
     }
 }
 
-/// Adds one tap of a convolution.
+/// Adds one filter tap to a convolution.
 fn add(from: &[f32], width: usize, (tap, weight): (usize, f32), into: &mut [f32]) {
     let half = SIDE as isize / 2;
     let [down, across] = [tap / SIDE, tap % SIDE].map(|k| half - k as isize);

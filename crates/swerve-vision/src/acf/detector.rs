@@ -1,4 +1,4 @@
-//! Weights put to use on images of one size.
+//! Detector that applies weights to images of one size.
 
 use core::ops::Range;
 
@@ -16,30 +16,30 @@ use crate::image::Rgb;
 use crate::pyramid::{Pyramid, PyramidParams};
 use crate::stack::Stack;
 
-/// An image of another size than a scanner is for.
+/// Image size that differs from the scanner's.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Error)]
 #[error("an image of {} x {} pixels, expected {} x {}", found[0], found[1], expected[0], expected[1])]
 pub struct SizeError {
-    /// Width and height.
+    /// Width and height of the image.
     pub found: [usize; 2],
-    /// Those of the scanner.
+    /// Width and height that the scanner was built for.
     pub expected: [usize; 2],
 }
 
-/// A window that was not given up.
+/// Window that the cascade did not reject.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Which of the weights' models.
+    /// Index of the model in the weights.
     pub model: usize,
-    /// Which level of the pyramid.
+    /// Index of the pyramid level.
     pub level: usize,
-    /// Its first column and line of cells, padding counted.
+    /// First column and line of its cells, padding included.
     pub at: [usize; 2],
-    /// The sum of its trees, or of its template.
+    /// Sum of the trees or the template.
     pub score: f32,
 }
 
-/// Finds objects in images of one size; it keeps its memory.
+/// Detects objects in images of one size; reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Scanner {
     weights: Weights,
@@ -49,13 +49,13 @@ pub struct Scanner {
     pyramid: Pyramid,
     filtered: Vec<f32>,
     blocks: Blocks,
-    /// What is made of the cells of each level, where features are not these.
+    /// Features computed from each level's cells, unless the cells are the features.
     derived: Vec<Stack>,
     search: Search,
     candidates: Vec<Candidate>,
 }
 
-/// Where to look, and the memory that takes.
+/// Search areas and scratch buffers.
 #[derive(Clone, Debug, Default)]
 struct Search {
     everywhere: bool,
@@ -65,14 +65,14 @@ struct Search {
     nodes: Vec<Node>,
 }
 
-/// Around a box, objects are looked for up to so many times as large or as small, and with their middle off by such a
-/// share of its size.
+/// Search around a box: largest factor by which an object's size may differ from the box's, and largest offset of its
+/// centre as a fraction of the box size.
 const NEAR_SIZE: f64 = 1.4;
 const NEAR_SHARE: f64 = 0.35;
 
 impl Scanner {
-    /// For images of this width and height in pixels, on one of the weights' rungs. Where the rung asks for ground and
-    /// none is known, objects are looked for everywhere.
+    /// Scanner for images of this width and height in pixels, at one of the weights' rungs. If the rung requires a
+    /// ground plane and `ground` is `None`, the whole image is searched.
     pub fn new(weights: Weights, rung: Rung, size: [usize; 2], ground: Option<Ground>) -> Self {
         let ground = ground.filter(|_| rung.tolerance_rad.is_some());
         let fewest = |side: usize| {
@@ -112,25 +112,25 @@ impl Scanner {
         }
     }
 
-    /// What it looks with.
+    /// Weights of the detector.
     pub fn weights(&self) -> &Weights {
         &self.weights
     }
 
-    /// What is found in an image, the likeliest first.
+    /// Detects objects in an image, sorted by falling score.
     ///
     /// # Errors
-    /// Where the image is of another size.
+    /// If the image size differs from the scanner's.
     pub fn detect(&mut self, image: Rgb<'_>, found: &mut Vec<Detection>) -> Result<(), SizeError> {
         self.detect_all(image, found)?;
         suppress(found, self.weights.overlap.0, self.weights.overlap.1);
         Ok(())
     }
 
-    /// All boxes of an image that are not given up, also those that share most of their area, in no order.
+    /// Detects all boxes that are not rejected, unsorted and without suppression of overlapping boxes.
     ///
     /// # Errors
-    /// Where the image is of another size.
+    /// If the image size differs from the scanner's.
     pub fn detect_all(&mut self, image: Rgb<'_>, found: &mut Vec<Detection>) -> Result<(), SizeError> {
         self.fill(image)?;
         let mut candidates = core::mem::take(&mut self.candidates);
@@ -141,10 +141,10 @@ impl Scanner {
         Ok(())
     }
 
-    /// Takes in an image.
+    /// Computes the features of an image.
     ///
     /// # Errors
-    /// Where the image is of another size.
+    /// If the image size differs from the scanner's.
     pub fn fill(&mut self, image: Rgb<'_>) -> Result<(), SizeError> {
         let found = [image.width(), image.height()];
         if found != self.size {
@@ -163,7 +163,7 @@ impl Scanner {
         Ok(())
     }
 
-    /// All windows of the image taken in that are not given up: everywhere, or around the boxes of [`look_near`].
+    /// Collects all windows of the current image that are not rejected: everywhere, or near the boxes of [`look_near`].
     ///
     /// [`look_near`]: Self::look_near
     pub fn candidates(&mut self, found: &mut Vec<Candidate>) {
@@ -178,8 +178,8 @@ impl Scanner {
         self.search = search;
     }
 
-    /// Looks from now on around these boxes (left, top, width, height) alone: their middle may be off by a part of
-    /// their size, and so may be that. None to look everywhere.
+    /// Restricts the search to the surroundings of these boxes (left, top, width, height); an object's centre and size
+    /// may differ from the box by a fraction of its size. `None` searches everywhere.
     pub fn look_near(&mut self, boxes: Option<&[[f64; 4]]>) {
         self.search.everywhere = boxes.is_none();
         self.search.near.clear();
@@ -215,7 +215,7 @@ impl Scanner {
         }
     }
 
-    /// Which windows of a model are looked at on a level.
+    /// Fills in the windows of a model to score on a level.
     fn runs(&self, model: usize, level: usize, search: &mut Search) {
         let (places, stride) = (self.places(model, level), self.rung.stride);
         if search.everywhere {
@@ -226,8 +226,8 @@ impl Scanner {
         within(&search.areas, places, stride, &mut search.runs);
     }
 
-    /// Columns and lines where windows of a model begin whose object may be the one in a box; none on a level where it
-    /// would be too large or too small.
+    /// Start columns and lines of the model's windows that may contain the object of a box; `None` on a level where the
+    /// object would be too large or too small.
     fn area(&self, model: usize, level: usize, bbox: [f64; 4]) -> Option<[Range<usize>; 2]> {
         let (window, at) = (&self.weights.models[model], &self.pyramid.levels()[level]);
         let apart = bbox[3] * at.scale[1] / window.object_px[1];
@@ -245,7 +245,7 @@ impl Scanner {
         Some([range(0, 0.0, NEAR_SHARE * larger), range(1, at.top_px, NEAR_SHARE * bbox[3])])
     }
 
-    /// Where windows of a model can begin on a level: columns and lines of cells.
+    /// Start columns and lines, in cells, at which windows of a model fit on a level.
     pub fn places(&self, model: usize, level: usize) -> [Range<usize>; 2] {
         let model = &self.weights.models[model];
         let cells = self.cells(level);
@@ -266,7 +266,7 @@ impl Scanner {
         [columns, asked.start.min(lines.end)..asked.end.min(lines.end)]
     }
 
-    /// Left, top, width and height of a window's object in the image.
+    /// Left, top, width and height of a window's object in the image, pixels.
     pub fn bbox(&self, candidate: &Candidate) -> [f64; 4] {
         let (model, level) = (&self.weights.models[candidate.model], &self.pyramid.levels()[candidate.level]);
         let inset = self.inset_px(model);
@@ -275,8 +275,8 @@ impl Scanner {
         [start(0), start(1) + level.top_px, side(0), side(1)]
     }
 
-    /// The windows of a model whose object is nearest to a box: one on each of the two levels nearest in height, if any is
-    /// within a fifth of it.
+    /// Windows of a model nearest to a box: one on each of the two levels nearest in height, if the heights differ by
+    /// less than a factor of 1.2.
     pub fn around(&self, model: usize, bbox: [f64; 4]) -> Vec<Candidate> {
         let (window, inset) = (&self.weights.models[model], self.inset_px(&self.weights.models[model]));
         let apart = |level: usize| {
@@ -301,7 +301,7 @@ impl Scanner {
         levels.iter().take(2).filter_map(nearest).collect()
     }
 
-    /// The features of a window in units of [`Weights::feature_step`], a byte each.
+    /// Features of a window as bytes, in units of [`Weights::feature_step`].
     pub fn features(&self, candidate: &Candidate, into: &mut Vec<u8>) {
         let ([columns, lines], cells) =
             (self.weights.models[candidate.model].cells, self.cells(candidate.level));
@@ -314,7 +314,7 @@ impl Scanner {
         }
     }
 
-    /// How many levels there are.
+    /// Number of pyramid levels.
     pub fn levels(&self) -> usize {
         self.pyramid.levels().len()
     }
@@ -334,12 +334,12 @@ impl Scanner {
         }
     }
 
-    /// Pixels of a level's picture along a cell.
+    /// Size of a feature cell in pixels of the level's image.
     fn cell_px(&self) -> f64 {
         cell_px(&self.weights)
     }
 
-    /// From the first cell's corner to the object's, in pixels of the level's picture.
+    /// Offset from the corner of the window's first cell to the object's corner, in pixels of the level's image.
     fn inset_px(&self, model: &Model) -> [f64; 2] {
         let pad = pad(&self.weights);
         let of = |k: usize| {
@@ -350,13 +350,13 @@ impl Scanner {
     }
 }
 
-/// Pixels along a cell that features are taken from.
+/// Size of a feature cell in pixels.
 fn cell_px(weights: &Weights) -> f64 {
     let halved = if weights.filters.is_empty() { 1 } else { 2 };
     (weights.shrink * halved) as f64
 }
 
-/// Cells added around a level, so that an object at the edge has a whole window.
+/// Cells of padding around a level, so that windows fit around objects at the image border.
 fn pad(weights: &Weights) -> [usize; 2] {
     let around = |model: &Model, k: usize| {
         let px = model.cells[k] as f64 * cell_px(weights) - model.object_px[k];
@@ -365,14 +365,14 @@ fn pad(weights: &Weights) -> [usize; 2] {
     [0, 1].map(|k| weights.models.iter().map(|model| around(model, k)).max().unwrap_or(0))
 }
 
-/// Rows of the image that a model's windows on a level of that scale can cover.
+/// Image rows that a model's windows on a level of this scale can cover.
 fn rows_px(model: &Model, weights: &Weights, rung: &Rung, ground: Option<Ground>, scale: f64) -> Range<f64> {
     let (Some(ground), Some(tolerance_rad)) = (ground, rung.tolerance_rad) else {
         return f64::NEG_INFINITY..f64::INFINITY;
     };
     let box_px = model.object_px[1] / scale;
     let foot = ground.foot_rows(box_px, model.heights_m, tolerance_rad);
-    // Two cells more than the windows: what smoothing reaches.
+    // Plus two cells on each side, the extent of the smoothing.
     let around_px = (0.5 * (model.cells[1] as f64 * cell_px(weights) - model.object_px[1])
         + 2.0 * cell_px(weights))
         / scale;

@@ -1,22 +1,22 @@
-//! What a flat road tells of where objects can be.
+//! Constraint of a flat road on object positions in the image.
 
 use core::ops::Range;
 
-/// A camera above flat ground: an object that stands there is as high in the image as its foot is below the horizon,
-/// times its height over the camera's.
+/// Camera above flat ground: the ratio of an object's image height to the distance of its foot below the horizon equals
+/// the ratio of its height to the camera's.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Ground {
-    /// Row of the horizon.
+    /// Image row of the horizon, pixels.
     pub horizon_px: f64,
-    /// Pixels of a radian at the horizon: the focal length.
+    /// Focal length, pixels.
     pub focal_px: f64,
-    /// Of the camera above the ground.
+    /// Height of the camera above the ground, metres.
     pub height_m: f64,
 }
 
 impl Ground {
-    /// Rows where the foot can be of a box this high, if what is in it is between two heights and the horizon may be
-    /// off by an angle, either way.
+    /// Range of image rows for the foot of an object whose box is this high, for object heights between two bounds and
+    /// a horizon uncertain by `tolerance_rad` in either direction.
     pub fn foot_rows(&self, box_px: f64, heights_m: [f64; 2], tolerance_rad: f64) -> Range<f64> {
         let off_px = tolerance_rad * self.focal_px;
         let below = heights_m.map(|height_m| box_px * self.height_m / height_m);

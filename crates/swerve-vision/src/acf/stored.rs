@@ -1,21 +1,21 @@
-//! Models as they are stored: thresholds in a byte and leaves in two, where all are whole numbers of their units.
+//! Stored form of models: thresholds in one byte and leaves in two, if all are integer multiples of their units.
 
 use serde::{Deserialize, Serialize};
 
 use super::{Model, Scorer, Template, Trees};
 use crate::channels::CHANNELS;
 
-/// One unit of a threshold on a channel: a byte holds colour up to one, gradients up to two.
+/// Unit of a threshold on a channel: a byte covers colours up to 1 and gradients up to 2.
 pub const fn feature_step(channel: usize) -> f32 {
     if channel < 3 { 1.0 / 256.0 } else { 1.0 / 128.0 }
 }
 
-/// One unit of a leaf.
+/// Unit of a leaf value.
 pub const fn leaf_step() -> f32 {
     1.0 / 4096.0
 }
 
-/// A [`Model`].
+/// Stored form of a [`Model`].
 #[derive(Serialize, Deserialize)]
 pub(super) struct Stored {
     class: usize,
@@ -32,12 +32,12 @@ enum Form {
     Template(Template),
 }
 
-/// The unit of a feature's threshold.
+/// Unit of a feature's threshold.
 fn step(cells: [usize; 2], feature: u16) -> f32 {
     feature_step(usize::from(feature) / (cells[0] * cells[1]).max(1) % CHANNELS)
 }
 
-/// How many whole units a number is, if it is.
+/// Number of units, or `None` if it is not an integer in range.
 fn units<T: TryFrom<i32>>(number: f32, unit: f32) -> Option<T> {
     let units = number / unit;
     let whole = units == units.round() && units.abs() < 65536.0;
@@ -55,7 +55,7 @@ impl From<Model> for Stored {
     }
 }
 
-/// In whole units where all are.
+/// Stored form in integer units if all values allow it, else in floats.
 fn of_trees(cells: [usize; 2], trees: Trees) -> Form {
     let nodes = trees.features.iter().zip(&trees.thresholds);
     let thresholds = nodes.map(|(f, threshold)| units(*threshold, step(cells, *f))).collect::<Option<_>>();

@@ -1,20 +1,20 @@
-//! Of boxes that overlap, the best.
+//! Non-maximum suppression of overlapping boxes.
 
 use super::Detection;
 
-/// What an overlap is a share of.
+/// Reference area of an overlap.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, serde::Serialize, serde::Deserialize)]
 pub enum Overlap {
-    /// All that the two cover.
+    /// Union of the two boxes.
     Union,
-    /// The smaller of the two.
+    /// Smaller of the two boxes.
     Smaller,
 }
 
-/// Boxes beyond this are never looked at: many more than there can be objects.
+/// Boxes kept before suppression, by score; far more than there are objects.
 const KEPT_MAX: usize = 1000;
 
-/// Sorts by falling score and leaves out each that shares more than `most` with a better one of its class.
+/// Sorts by falling score and removes boxes that overlap a better one of their class by more than `most`.
 pub fn suppress(found: &mut Vec<Detection>, most: f64, of: Overlap) {
     found.sort_unstable_by(|a, b| {
         let boxes = a.bbox.iter().zip(&b.bbox).map(|(a, b)| a.total_cmp(b));
@@ -34,8 +34,8 @@ pub fn suppress(found: &mut Vec<Detection>, most: f64, of: Overlap) {
     found.truncate(kept);
 }
 
-/// Moves each of the boxes that were kept to the mean of all of its class that share more than `least` of the union with
-/// it, weighed by their scores, probabilities: a place between those that windows have.
+/// Moves each kept box to the mean of the boxes of its class whose intersection over union with it is above `least`,
+/// weighted by score (a probability).
 ///
 /// Gidaris, Komodakis: "Object detection via a multi-region and semantic segmentation-aware CNN model", ICCV 2015,
 /// section 4 (box voting).
@@ -53,12 +53,12 @@ pub fn vote(kept: &mut [Detection], all: &[Detection], least: f64) {
     }
 }
 
-/// The area that two boxes share, as a share of the union.
+/// Intersection over union of two boxes.
 pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     share(a, b, Overlap::Union)
 }
 
-/// The area that two boxes share, as a share of the union or of the smaller one.
+/// Intersection of two boxes as a fraction of their union or of the smaller one.
 pub fn share(a: [f64; 4], b: [f64; 4], of: Overlap) -> f64 {
     let side = |k: usize| (a[k] + a[k + 2]).min(b[k] + b[k + 2]) - a[k].max(b[k]);
     let shared = side(0).max(0.0) * side(1).max(0.0);

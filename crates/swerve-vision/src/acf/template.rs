@@ -1,23 +1,23 @@
-//! Linear templates over blocks of histograms: every window's sum, many windows at a time.
+//! Linear templates over blocks of histograms: the dot products of many windows at a time.
 
 use serde::{Deserialize, Serialize};
 
 use super::windows::Windows;
 
-/// Windows of neighbouring columns whose sums are kept side by side.
+/// Windows of neighbouring columns that are summed together.
 const LANES: usize = 32;
 
-/// Weights whose sum over a window's features is its score, as a support vector machine learns them.
+/// Linear classifier over a window's features, as trained by a support vector machine.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Template {
-    /// Of each feature: plane after plane, each row by row.
+    /// Weight of each feature: plane by plane, each row by row.
     pub weights: Vec<f32>,
     /// Added to the sum.
     pub offset: f32,
 }
 
 impl Template {
-    /// Reports the windows of so many columns and lines whose sum is above the least, with it.
+    /// Reports the windows whose score exceeds the threshold, with their scores.
     #[inline(always)]
     pub(super) fn scan(
         &self,
@@ -46,7 +46,7 @@ impl Template {
         }
     }
 
-    /// The sums of some windows beside each other, each added up in the same order.
+    /// Sums of neighbouring windows, each added up in the same order.
     #[inline(always)]
     fn sums<const N: usize>(
         &self,

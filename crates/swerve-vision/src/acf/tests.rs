@@ -6,7 +6,7 @@ use swerve_geom::simd::both;
 use super::*;
 use crate::{Rgb, shipped};
 
-/// A detector of bright squares of 8 pixels on dark ground: one tree over lightness in and around a window of 8 cells.
+/// Detector of bright 8-pixel squares on a dark background: one tree over lightness in and around a window of 8 cells.
 fn squares() -> Weights {
     let feature = |x: u16, y: u16| 8 * y + x;
     let features = [
@@ -18,7 +18,7 @@ fn squares() -> Weights {
         feature(4, 7),
         feature(4, 4),
     ];
-    // Left is dark: the middle is to be bright, its surroundings dark.
+    // The left child means dark: the middle must be bright and its surroundings dark.
     let leaf = |k: usize| if k == 4 { 2.0 } else { -2.0 };
     let trees = Trees {
         depth: 3,
@@ -58,7 +58,7 @@ fn squares() -> Weights {
     }
 }
 
-/// A dark image with bright squares: left, top, side.
+/// Dark image with bright squares given by left, top and side.
 fn image(width: usize, height: usize, bright: &[[usize; 3]]) -> Vec<u8> {
     let is_in = |x, y| bright.iter().any(|&[l, t, n]| (l..l + n).contains(&x) && (t..t + n).contains(&y));
     (0..width * height).flat_map(|k| [if is_in(k % width, k / width) { 220 } else { 10 }; 3]).collect()
@@ -78,7 +78,7 @@ fn found(
 }
 
 #[test]
-fn squares_are_found_where_they_are_at_any_size() {
+fn scanner_finds_squares_of_any_size() {
     let wanted = [[40, 30, 8], [90, 60, 16], [30, 90, 23]];
     let bytes = image(160, 140, &wanted);
     let found = found(&squares(), 1, [160, 140], &bytes, None);
@@ -90,8 +90,8 @@ fn squares_are_found_where_they_are_at_any_size() {
 }
 
 #[test]
-fn what_stands_on_no_ground_is_not_looked_for() {
-    // A camera 1 m up: what is 1 m high and stands on the ground reaches up to the horizon.
+fn scanner_ignores_objects_off_the_ground() {
+    // For a camera 1 m above the ground, a 1 m tall object on the ground reaches up to the horizon.
     let (on_ground, above) = ([40, 62, 16], [100, 30, 16]);
     let bytes = image(160, 140, &[on_ground, above]);
     let ground = Ground { horizon_px: 62.0, focal_px: 100.0, height_m: 1.0 };
@@ -107,7 +107,7 @@ fn what_stands_on_no_ground_is_not_looked_for() {
 }
 
 #[test]
-fn around_boxes_only_what_is_there_is_found() {
+fn look_near_restricts_detections_to_the_boxes() {
     let wanted = [[40, 30, 12], [90, 60, 16], [30, 90, 23]];
     let bytes = image(160, 140, &wanted);
     let mut scanner = Scanner::new(squares(), squares().rungs[1].clone(), [160, 140], None);
@@ -125,13 +125,13 @@ fn around_boxes_only_what_is_there_is_found() {
     assert_eq!(look(Some(&[])), [false; 3]);
     assert_eq!(look(Some(&[off(wanted[0])])), [true, false, false]);
     assert_eq!(look(Some(&[off(wanted[2]), off(wanted[1])])), [false, true, true]);
-    // Far too large, far away, or nowhere at all.
+    // Far too large, far away, or NaN.
     let senseless = [[30.0, 20.0, 60.0, 60.0], [1e300, -1e300, 12.0, 12.0], [f64::NAN; 4]];
     assert_eq!(look(Some(&senseless)), [false; 3]);
     assert_eq!(look(None), [true; 3]);
 }
 
-/// A detector by a template of any weights.
+/// Detector with a template of random weights.
 fn template(cells: [usize; 2]) -> Weights {
     let mut rng = Rng::keyed(3, "template", &[]);
     let count = blocks::PLANES * cells[0] * cells[1];
@@ -143,7 +143,7 @@ fn template(cells: [usize; 2]) -> Weights {
 }
 
 #[test]
-fn a_template_is_summed_up_over_each_window() {
+fn template_scores_are_dot_products_over_windows() {
     let bytes: Vec<u8> = (0..121 * 90 * 3).map(|k| (k * 37 % 91 + k / 363 * 53 % 83) as u8).collect();
     for stride in 1..4 {
         let weights = template([6, 5]);
@@ -178,7 +178,7 @@ fn a_template_is_summed_up_over_each_window() {
 }
 
 #[test]
-fn images_with_nothing_in_them_have_a_result() {
+fn scanner_accepts_uniform_and_empty_images() {
     let weights = squares();
     for (size, value) in
         [([0, 0], 0), ([1, 1], 255), ([7, 3], 0), ([1, 400], 9), ([64, 48], 0), ([64, 48], 255)]
@@ -190,7 +190,7 @@ fn images_with_nothing_in_them_have_a_result() {
             assert!(found.is_empty(), "{size:?} {value}: {found:?}");
         }
     }
-    // Others' detectors too, on what is all alike.
+    // Also the shipped detectors, on uniform images.
     for name in shipped::names() {
         let weights = shipped::detector(name).unwrap().unwrap();
         let found = found(&weights, weights.rungs.len() - 1, [140, 130], &[255; 140 * 130 * 3], None);
@@ -199,14 +199,14 @@ fn images_with_nothing_in_them_have_a_result() {
 }
 
 #[test]
-fn another_size_is_told() {
+fn scanner_rejects_images_of_another_size() {
     let mut scanner = Scanner::new(squares(), squares().rungs[1].clone(), [32, 24], None);
     let told = scanner.detect(Rgb::new(2, 1, &[0; 6]).unwrap(), &mut Vec::new()).unwrap_err().to_string();
     assert_eq!(told, "an image of 2 x 1 pixels, expected 32 x 24");
 }
 
 #[test]
-fn a_scanner_forgets_the_image_before() {
+fn scanner_keeps_no_state_of_the_previous_image() {
     let (one, other) = (image(96, 80, &[[20, 20, 12]]), image(96, 80, &[[60, 40, 9]]));
     let mut scanner = Scanner::new(squares(), squares().rungs[1].clone(), [96, 80], None);
     let mut look = |bytes: &[u8]| {
@@ -219,7 +219,7 @@ fn a_scanner_forgets_the_image_before() {
 }
 
 #[test]
-fn nothing_is_allocated_from_the_second_image_on() {
+fn scanner_allocates_nothing_after_the_first_image() {
     let weights = shipped::detector("street").unwrap().unwrap();
     let bytes = image(320, 240, &[[20, 20, 12], [100, 90, 40]]);
     let ground = Ground { horizon_px: 120.0, focal_px: 230.0, height_m: 1.35 };
@@ -233,7 +233,7 @@ fn nothing_is_allocated_from_the_second_image_on() {
 }
 
 #[test]
-fn weights_are_read_as_written() {
+fn weights_survive_a_round_trip() {
     let weights = squares();
     assert_eq!(Weights::read(&weights.write()).unwrap(), weights);
     let linear = template([6, 4]);
@@ -245,7 +245,7 @@ fn weights_are_read_as_written() {
 }
 
 #[test]
-fn what_is_wrong_with_weights_is_told() {
+fn invalid_weights_are_rejected_with_a_reason() {
     let good = squares().write();
     let told = |bytes: &[u8]| Weights::read(bytes).unwrap_err().to_string();
     assert_eq!(
@@ -262,7 +262,7 @@ fn what_is_wrong_with_weights_is_told() {
         assert!(told(&bad).starts_with("damaged weights"), "byte {k}");
         assert!(told(&good[..9 + rng.below(good.len() - 9)]).starts_with("damaged weights"));
     }
-    // Whole, but senseless.
+    // Well-formed, but with invalid content.
     let check = |change: fn(&mut Weights), expected: &str| {
         let mut weights = squares();
         change(&mut weights);

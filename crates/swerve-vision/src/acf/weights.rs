@@ -1,6 +1,6 @@
-//! What a detector has learnt, as a file.
+//! Detector weights and their file format.
 //!
-//! Trees that were trained here keep thresholds in a byte and leaves in two; other makers' keep them as they are.
+//! Trees trained here store thresholds in one byte and leaves in two; imported models keep their floats.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,122 +15,124 @@ pub use crate::weights_file::WeightsError;
 
 const FILE: WeightsFile = WeightsFile { of: "detector", magic: "SWERVDET", version: 2 };
 
-/// All that a detector has learnt, and how it is to be used.
+/// Trained models of a detector and their operating points.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Weights {
-    /// Where it comes from, in words.
+    /// Origin of the weights, free text.
     pub source: String,
-    /// Pixels along a cell.
+    /// Side of a cell, pixels.
     pub shrink: usize,
-    /// Powers of the scale that colour, magnitude and orientations fall with, negative.
+    /// Exponents of the power law by which colour, magnitude and orientations change with scale, negative.
     pub decay: [f32; 3],
-    /// Filters of each channel, none for ACF: filter after filter, channel after channel, five rows of five.
+    /// Filters of each channel, empty for ACF: filter by filter, channel by channel, five rows of five coefficients.
     pub filters: Vec<f32>,
-    /// Names of what is found.
+    /// Names of the object classes.
     pub classes: Vec<String>,
-    /// One or more for each class.
+    /// Models, one or more for each class.
     pub models: Vec<Model>,
-    /// Ways to use it, from fast to good.
+    /// Operating points, from fastest to most accurate.
     pub rungs: Vec<Rung>,
-    /// Boxes that share more than this with a better one are left out.
+    /// Overlap with a better box above which a box is suppressed.
     pub overlap: (f64, Overlap),
 }
 
-/// A window and what gives it a score.
+/// Detection window and its scorer.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(from = "Stored", into = "Stored")]
 pub struct Model {
-    /// Of the classes.
+    /// Index into the classes.
     pub class: usize,
-    /// Width and height of the window in cells, of halved planes where there are filters.
+    /// Width and height of the window in cells; cells of the halved planes if there are filters.
     pub cells: [usize; 2],
-    /// Width and height of the object in the middle of the window, in pixels.
+    /// Width and height of the object at the centre of the window, pixels.
     pub object_px: [f64; 2],
-    /// The smallest and the largest height that an object has, for ground that is known.
+    /// Smallest and largest object height, metres; used with a known ground plane.
     pub heights_m: [f64; 2],
-    /// What the score is the sum of.
+    /// Scorer of the window.
     pub scorer: Scorer,
 }
 
-/// What gives a window its score.
+/// Scoring function of a window.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Scorer {
-    /// Boosted trees, over channels.
+    /// Boosted trees over channels.
     Trees(Trees),
-    /// A linear template, over blocks of histograms of oriented gradients.
+    /// Linear template over blocks of histograms of oriented gradients.
     Template(Template),
 }
 
-/// What windows are described by.
+/// Features of a window.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Features {
-    /// The ten channels (ACF).
+    /// Ten channels (ACF).
     Channels,
-    /// These filtered and halved (LDCF).
+    /// Filtered and halved channels (LDCF).
     Decorrelated,
-    /// Histograms of oriented gradients, normalised by blocks (HOG).
+    /// Block-normalised histograms of oriented gradients (HOG).
     Blocks,
 }
 
-/// A way to use a detector.
+/// Operating point of a detector.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Rung {
-    /// What it goes by.
+    /// Name of the operating point.
     pub name: String,
-    /// 1 to look at the image twice as large, 0 as it is, -1 half as large.
+    /// First octave of the pyramid: 1 for the image at twice its size, 0 at its size, -1 at half its size.
     pub first_octave: i32,
-    /// Levels from one size to half of it.
+    /// Pyramid levels per octave.
     pub per_octave: usize,
-    /// Cells from one window to the next, across and down.
+    /// Cells between neighbouring windows, across and down.
     pub stride: usize,
-    /// How many trees of each model are asked, at most.
+    /// Largest number of trees evaluated per model.
     pub trees: usize,
-    /// A window whose score falls to this or below is given up.
+    /// Windows whose score falls to this value or below are rejected.
     pub reject: f32,
-    /// Of so many images one is searched whole, the others around tracks alone; 1 to search each whole.
+    /// One of this many images is searched completely, the others only around tracks; 1 searches every image
+    /// completely.
     pub whole_every: u32,
-    /// How far the horizon may be off if the camera is known and objects stand on the ground; none to look anywhere.
+    /// Uncertainty of the horizon, radians, if objects are expected on a known ground plane; `None` searches
+    /// everywhere.
     pub tolerance_rad: Option<f64>,
-    /// Of each class; none to give scores as they are.
+    /// Calibration of each class; empty to report raw scores.
     pub calibrations: Vec<Calibration>,
 }
 
 /// Probability of a score: the logistic function of `slope * score + offset` (Platt 1999).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Calibration {
-    /// How fast it rises.
+    /// Slope of the logistic function.
     pub slope: f64,
-    /// Of a score of zero.
+    /// Offset of the logistic function.
     pub offset: f64,
 }
 
 impl Calibration {
-    /// How likely a window of this score is right, 0 to 1.
+    /// Probability that a window of this score is correct, 0 to 1.
     pub fn probability(&self, score: f64) -> f64 {
         1.0 / (1.0 + swerve_geom::math::exp(-(self.slope * score + self.offset)))
     }
 }
 
 impl Weights {
-    /// Reads a file.
+    /// Parses a weights file.
     ///
     /// # Errors
-    /// Where it is none, or not whole.
+    /// If the file is not a weights file, is damaged, or has invalid content.
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
         let weights: Self = FILE.read(bytes)?;
         weights.check().map_err(WeightsError::Content)?;
         Ok(weights)
     }
 
-    /// The bytes of a file.
+    /// Serialises the weights to a file's bytes.
     ///
     /// # Panics
-    /// Never: what is stored is plain numbers and text.
+    /// Never: the weights are plain numbers and text.
     pub fn write(&self) -> Vec<u8> {
         FILE.write(self)
     }
 
-    /// Planes that features are taken from.
+    /// Number of feature planes.
     pub fn planes(&self) -> usize {
         match self.features() {
             Features::Channels => CHANNELS,
@@ -139,7 +141,7 @@ impl Weights {
         }
     }
 
-    /// One unit of a feature of a plane, where a byte holds it.
+    /// Quantisation step of a plane's features stored as bytes.
     pub fn feature_step(&self, plane: usize) -> f32 {
         match self.features() {
             Features::Channels | Features::Decorrelated => feature_step(plane % CHANNELS),
@@ -147,7 +149,7 @@ impl Weights {
         }
     }
 
-    /// Which plane of a picture is this one of its mirror image: gradients lean the other way.
+    /// Index of the plane that corresponds to this one in the mirrored image; gradient directions are mirrored.
     pub fn mirrored(&self, plane: usize) -> usize {
         let turned = |bin: usize| (ORIENTATIONS - bin) % ORIENTATIONS;
         let channel = |plane: usize| {
@@ -158,12 +160,12 @@ impl Weights {
             Features::Channels => channel(plane),
             Features::Decorrelated => plane / CHANNELS * CHANNELS + channel(plane % CHANNELS),
             Features::Blocks if plane < ORIENTATIONS => turned(plane),
-            // Left and right blocks change places.
+            // Left and right blocks are swapped.
             Features::Blocks => ORIENTATIONS + ((plane - ORIENTATIONS) ^ 1),
         }
     }
 
-    /// What all its models look at.
+    /// Features used by all of its models.
     pub(super) fn features(&self) -> Features {
         match self.models.first().map(|model| &model.scorer) {
             Some(Scorer::Template(_)) => Features::Blocks,

@@ -1,32 +1,32 @@
-//! Which windows of a level are looked at: all, or those around boxes.
+//! Windows of a level to score: all, or those near given boxes.
 
 use core::ops::Range;
 
 use crate::stack::Stack;
 
-/// A line of cells, and the columns in it where windows begin.
+/// Line of cells, and the range of start columns of windows in it.
 pub(super) type Run = (usize, Range<usize>);
 
-/// Some windows of a model on a level.
+/// Set of windows of a model on a level.
 pub(super) struct Windows<'a> {
-    /// The level's cells.
+    /// Cells of the level.
     pub(super) cells: &'a Stack,
-    /// Lines and columns.
+    /// Lines and start columns.
     pub(super) runs: &'a [Run],
-    /// Columns from one to the next.
+    /// Columns between neighbouring windows.
     pub(super) stride: usize,
-    /// Scores above this are reported.
+    /// Only scores above this value are reported.
     pub(super) reject: f32,
 }
 
-/// Fills in the runs of all windows that begin in these columns and lines, every `stride` lines.
+/// Fills in the runs of all windows that start in these columns and lines, every `stride` lines.
 pub(super) fn everywhere([columns, lines]: [Range<usize>; 2], stride: usize, runs: &mut Vec<Run>) {
     runs.clear();
     runs.extend(lines.step_by(stride).map(|line| (line, columns.clone())));
 }
 
-/// Fills in the runs of those windows alone that begin in one of some areas (columns, lines). They are among those of
-/// [`everywhere`], and each is there once.
+/// Fills in the runs of the windows that start in one of the areas (columns, lines). They are a subset of the windows
+/// of [`everywhere`], without duplicates.
 pub(super) fn within(
     areas: &[[Range<usize>; 2]],
     [columns, lines]: [Range<usize>; 2],
@@ -66,7 +66,7 @@ mod tests {
 
     use super::*;
 
-    /// Every window of the runs.
+    /// Start positions of all windows of the runs.
     fn each(runs: &[Run], stride: usize) -> Vec<[usize; 2]> {
         runs.iter().flat_map(|(line, columns)| columns.clone().step_by(stride).map(|c| [c, *line])).collect()
     }
@@ -74,7 +74,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn areas_hold_their_windows_once(
+        fn within_yields_each_window_of_its_areas_once(
             stride in 1_usize..4, first in 0_usize..3,
             areas in proptest::collection::vec((0_usize..40, 0_usize..12, 0_usize..30, 0_usize..9), 0..6),
         ) {

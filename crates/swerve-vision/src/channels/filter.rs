@@ -1,21 +1,21 @@
-//! Smoothing and resizing of planes.
+//! Smoothing and resampling of planes.
 
 use swerve_geom::simd::widest;
 
-/// Where index `k` lies in `0..n` when the picture is mirrored at its edges, again and again.
+/// Maps index `k` into `0..n` by repeated mirroring at the borders.
 fn mirrored(k: isize, n: usize) -> usize {
     let period = 2 * n as isize;
     let k = k.rem_euclid(period);
     (if k < n as isize { k } else { period - 1 - k }) as usize
 }
 
-/// Weights 1, 2, ..., R + 1, ..., 2, 1 over their sum.
+/// Triangle filter coefficient: 1, 2, ..., R + 1, ..., 2, 1 over their sum.
 fn triangle<const R: usize>(tap: usize) -> f32 {
     let weight = R + 1 - tap.abs_diff(R);
     weight as f32 / ((R + 1) * (R + 1)) as f32
 }
 
-/// Smooths a plane by a triangle of `R` pixels to each side, mirrored at the edges; `row` is scratch.
+/// Smooths a plane with a triangle filter of radius `R` pixels, mirrored at the borders; `row` is scratch.
 pub fn smooth<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row: &mut Vec<f32>) {
     row.resize(width + 2 * R, 0.0);
     widest(
@@ -45,7 +45,7 @@ fn smooth_rows<const R: usize>(from: &[f32], width: usize, into: &mut [f32], row
     }
 }
 
-/// The same along one row, which has `R` more numbers at each end.
+/// Smooths one row, which is padded by `R` values at each end.
 #[inline(always)]
 fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
     let width = out.len();
@@ -59,7 +59,7 @@ fn along<const R: usize>(row: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Halves a plane: the means of squares of two by two, an odd last row or column left out.
+/// Halves a plane by averaging squares of 2 x 2; an odd last row or column is dropped.
 pub fn halve(from: &[f32], width: usize, into: &mut [f32]) {
     let rows = from.chunks_exact(2 * width.max(1)).zip(into.chunks_exact_mut((width / 2).max(1)));
     widest(
@@ -75,18 +75,18 @@ pub fn halve(from: &[f32], width: usize, into: &mut [f32]) {
     );
 }
 
-/// Resizes planes of one size to one size: between the two nearest pixels along each axis.
+/// Bilinear resampler for planes of one size.
 #[derive(Clone, Debug, Default)]
 pub struct Resampler {
     from: [usize; 2],
     into: [usize; 2],
-    /// The left pixel of each column, and the right one's share.
+    /// Left pixel of each column, and the weight of the right one.
     columns: Vec<(u32, f32)>,
     row: Vec<f32>,
 }
 
 impl Resampler {
-    /// Takes in the sizes: width and height before and after. Nothing where they are as before.
+    /// Sets the sizes (width and height) before and after resampling; does nothing if they are unchanged.
     pub fn set(&mut self, from: [usize; 2], into: [usize; 2]) {
         if (self.from, self.into) != (from, into) {
             (self.from, self.into) = (from, into);
@@ -95,7 +95,7 @@ impl Resampler {
         }
     }
 
-    /// Resizes a plane, times `gain`.
+    /// Resamples a plane and multiplies it by `gain`.
     pub fn plane(&mut self, from: &[f32], gain: f32, into: &mut [f32]) {
         let [width, height] = self.from;
         if width == 0 || height == 0 {
@@ -105,7 +105,7 @@ impl Resampler {
             into.iter_mut().zip(from).for_each(|(out, value)| *out = value * gain);
             return;
         }
-        // One more, that the last column may have a right neighbour.
+        // One extra value, so that the last column has a right neighbour.
         self.row.resize(width + 1, 0.0);
         widest(
             #[inline(always)]
@@ -132,7 +132,7 @@ impl Resampler {
     }
 }
 
-/// The first of the two of `n` pixels around the middle of pixel `k` of `of`, and the second's share.
+/// First of the two source pixels (of `n`) around the centre of pixel `k` (of `of`), and the weight of the second.
 fn nearest(k: usize, of: usize, n: usize) -> (u32, f32) {
     let at = ((k as f32 + 0.5) * (n as f32 / of as f32) - 0.5).clamp(0.0, n.saturating_sub(1) as f32);
     let first = at as u32;

@@ -1,4 +1,4 @@
-//! CIE LUV of RGB that is taken as linear, each of the three between 0 and 1.
+//! Conversion of RGB to CIE LUV; the RGB is treated as linear, each colour between 0 and 1.
 
 use swerve_geom::math;
 use swerve_geom::simd::widest;
@@ -6,26 +6,27 @@ use swerve_geom::simd::widest;
 use crate::image::Rgb;
 use crate::stack::Stack;
 
-/// Steps of the table of lightness.
+/// Steps of the lightness table.
 const STEPS: usize = 1024;
-/// Entries: more than white, where the weights sum up to more than one, and any index has one once it is cut to it.
+/// Entries of the table: beyond white, as the luminance weights sum to more than one, and a power of two so that
+/// indices can be masked.
 const ENTRIES: usize = 2 * STEPS;
-/// The largest of L, u and v; they begin at 0, -88 and -134.
+/// Scale of L, u and v, which start at 0, -88 and -134.
 const LARGEST: f32 = 270.0;
-/// Red, green and blue of the primaries in X, Y, Z.
+/// X, Y, Z rows of the red, green and blue primaries.
 const XYZ: [[f32; 3]; 3] =
     [[0.430_574, 0.341_55, 0.178_325], [0.222_015, 0.706_655, 0.071_33], [0.020_183, 0.129_553, 0.939_18]];
-/// u' and v' of white.
+/// u' and v' of the white point.
 const WHITE: [f32; 2] = [0.197_833, 0.468_331];
 
-/// Makes LUV of colours: a table, and memory of one row.
+/// Converts colours to LUV, with a table and buffers of one row.
 #[derive(Clone, Debug)]
 pub struct Luv {
     /// Lightness by luminance.
     lightness: Box<[f32; ENTRIES]>,
     x: Vec<f32>,
     z: Vec<f32>,
-    /// Which entry of the table.
+    /// Table index.
     y: Vec<i32>,
 }
 
@@ -43,7 +44,7 @@ impl Default for Luv {
 }
 
 impl Luv {
-    /// L, u and v of some rows of an image, in three planes.
+    /// Computes L, u and v of some rows of an image, in three planes.
     pub fn compute(&mut self, image: Rgb<'_>, rows: core::ops::Range<usize>, into: &mut Stack) {
         let width = image.width();
         into.shape(3, width, rows.len());
@@ -84,7 +85,7 @@ impl Luv {
     }
 }
 
-/// A row of the first plane, and the same of a later one to be written.
+/// Row of the first plane, and the same row of a later plane, writable.
 #[inline(always)]
 fn two_rows(stack: &mut Stack, plane: usize, row: usize) -> (&[f32], &mut [f32]) {
     let (width, height) = (stack.width(), stack.height());

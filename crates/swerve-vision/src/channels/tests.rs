@@ -5,7 +5,7 @@ use swerve_geom::simd::both;
 use super::*;
 use crate::image::Rgb;
 
-/// Bytes of colours that change slowly, with an edge and some noise.
+/// Image bytes with slow gradients, an edge and some noise.
 fn picture(width: usize, height: usize, seed: u64) -> Vec<u8> {
     let mut rng = Rng::keyed(seed, "picture", &[]);
     let colour = |x: usize, y: usize, rng: &mut Rng| {
@@ -16,7 +16,7 @@ fn picture(width: usize, height: usize, seed: u64) -> Vec<u8> {
     (0..width * height).flat_map(|k| colour(k % width, k / width, &mut rng)).collect()
 }
 
-/// The definition, number by number, in `f64`: LUV, smoothing, gradient, normalisation, mean over cells.
+/// Reference implementation in `f64`, value by value: LUV, smoothing, gradient, normalisation, mean over cells.
 fn by_definition(bytes: &[u8], [width, height]: [usize; 2], shrink: usize) -> Vec<f64> {
     let at = |k: isize, n: usize| {
         let k = k.rem_euclid(2 * n as isize) as usize;
@@ -83,12 +83,12 @@ fn computed(bytes: &[u8], [width, height]: [usize; 2], shrink: usize) -> Stack {
 }
 
 #[test]
-fn channels_are_their_definition() {
+fn channels_match_the_reference() {
     for (size, shrink) in [([41, 30], 2), ([32, 27], 4), ([3, 2], 1), ([1, 9], 1)] {
         let bytes = picture(size[0], size[1], 3);
         let (found, expected) = (computed(&bytes, size, shrink), by_definition(&bytes, size, shrink));
         assert_eq!(found.numbers().len(), expected.len());
-        // Lightness comes from a table of 1024 steps, a step of which is up to 0.003 where it is dark.
+        // Lightness comes from a table of 1024 steps; a step is up to 0.003 in dark colours.
         let worst = found.numbers().iter().zip(&expected).map(|(a, b)| (f64::from(*a) - b).abs());
         let (sum, most) = worst.fold((0.0, 0.0_f64), |(sum, most), d| (sum + d, most.max(d)));
         assert!(
@@ -100,7 +100,7 @@ fn channels_are_their_definition() {
 }
 
 #[test]
-fn an_orientation_is_that_of_the_arc_tangent() {
+fn orientation_matches_the_arc_tangent() {
     for k in 0..3600 {
         let angle = core::f64::consts::TAU * f64::from(k) / 3600.0;
         let (sin, cos) = math::sin_cos(angle);
@@ -122,9 +122,9 @@ fn flat_images_of_any_size_have_no_edges() {
     assert_eq!(computed(&[], [0, 0], 2).numbers().len(), 0);
 }
 
-/// Also rows that are no multiple of a vector, and both ways of adding up cells.
+/// Includes row lengths that are not a multiple of the vector width, and both ways of summing cells.
 #[test]
-fn wide_instructions_change_no_bit() {
+fn channels_are_bit_identical_with_wide_vectors() {
     for (size, shrink) in [([97, 61], 2), ([64, 48], 4), ([5, 9], 1)] {
         let bytes = picture(size[0], size[1], 7);
         let [wide, narrow] = both(|| {
@@ -148,7 +148,7 @@ fn wide_instructions_change_no_bit() {
 }
 
 #[test]
-fn a_plane_of_the_size_it_has_stays_as_it_is() {
+fn resampler_preserves_a_plane_of_equal_size() {
     let mut resampler = Resampler::default();
     let (from, mut into) = ([0.25, 1.5, -0.0, 7.0, 1e-30, 3.0], [0.0; 6]);
     resampler.set([3, 2], [3, 2]);
@@ -157,7 +157,7 @@ fn a_plane_of_the_size_it_has_stays_as_it_is() {
 }
 
 #[test]
-fn the_same_bytes_as_on_every_machine() {
+fn channels_have_the_same_digest_on_every_machine() {
     let cells = computed(&picture(97, 61, 5), [97, 61], 2);
     let bits: Vec<u32> = cells.numbers().iter().map(|n| n.to_bits()).collect();
     assert_eq!(swerve_core::digest_of(&bits).to_string(), "ced40527038f6bb2");

@@ -1,32 +1,32 @@
 //! Histograms of oriented gradients in 31 planes (Felzenszwalb and others, PAMI 2010): 18 signed and 9 unsigned
-//! orientations, 4 energies. Cells are of 4 x 4 pixels.
+//! orientations, 4 energies. Cells have 4 x 4 pixels.
 
 use swerve_geom::math;
 use swerve_geom::simd::widest;
 
 use crate::Plane;
 
-/// Pixels of a cell's side.
+/// Side of a cell, pixels.
 pub(super) const CELL: usize = 4;
-/// Numbers of a cell; the last is 0.
+/// Values per cell; the last is 0.
 pub(super) const PLANES: usize = 32;
-/// Signed orientations.
+/// Number of signed orientations.
 const BINS: usize = 18;
 
-/// What pixels between the middles of four cells add to them (left above, right above, left below, right below), by
-/// orientation.
+/// Contributions of the pixels between four cell centres to those cells (top left, top right, bottom left, bottom
+/// right), by orientation.
 type Square = [[f32; 4]; BINS];
 
-/// Magnitudes of a cell by orientation; 0 beyond these.
+/// Magnitudes of a cell by orientation; zero beyond the 18 orientations.
 type Histogram = [f32; PLANES];
 
-/// The memory for histograms of patches.
+/// Buffers for computing the histograms of patches.
 #[derive(Clone, Debug)]
 pub(super) struct Fhog {
     directions: [[f32; 2]; BINS / 2],
-    /// Of each pixel of a square what it is worth to the four cells.
+    /// Weights of each pixel of a square for the four cells.
     weights: [[[f32; 4]; CELL]; CELL],
-    /// Magnitude and orientation of each pixel of a row.
+    /// Magnitude and orientation of the pixels of a row.
     gradients: (Vec<f32>, Vec<u32>),
     squares: Vec<Square>,
     histograms: Vec<Histogram>,
@@ -54,7 +54,7 @@ impl Fhog {
         }
     }
 
-    /// Gives each cell of a patch to `take`, with its column and row, but for those on the border.
+    /// Passes each cell of a patch to `take`, with its column and row, except for the border cells.
     pub(super) fn cells(&mut self, patch: &Plane<f32>, mut take: impl FnMut(usize, usize, &[f32; PLANES])) {
         widest(
             #[inline(always)]
@@ -77,7 +77,7 @@ impl Fhog {
         );
     }
 
-    /// Adds up the pixels of each square; the first begins half a cell before the patch.
+    /// Sums the pixels of each square; the first square starts half a cell before the patch.
     #[inline(always)]
     fn fill(&mut self, patch: &Plane<f32>, columns: usize) {
         const HALF: usize = CELL / 2;
@@ -107,7 +107,7 @@ impl Fhog {
         }
     }
 
-    /// Makes histograms of cells out of the four squares around the middle of each.
+    /// Combines the four squares around each cell centre into the cell's histogram.
     #[inline(always)]
     fn gather(&mut self, columns: usize, rows: usize) {
         self.histograms.resize(columns * rows, [0.0; PLANES]);
@@ -129,7 +129,7 @@ impl Fhog {
     }
 }
 
-/// Which of 18 directions a gradient has.
+/// Index of a gradient's direction, of 18.
 #[inline(always)]
 fn bin(directions: &[[f32; 2]; BINS / 2], dx: f32, dy: f32) -> u32 {
     let (mut best, mut found) = (0.0_f32, 0);
@@ -141,8 +141,7 @@ fn bin(directions: &[[f32; 2]; BINS / 2], dx: f32, dy: f32) -> u32 {
     if best < 0.0 { found + BINS as u32 / 2 } else { found }
 }
 
-/// The numbers of a cell, by what the energies around each of its corners make of it. More lanes than are used, so
-/// that they are whole vectors.
+/// Values of a cell, normalised by the energies around its corners. Arrays are padded to whole vectors.
 #[inline(always)]
 fn planes(histogram: &Histogram, norms: [f32; 4]) -> [f32; PLANES] {
     const HALF: usize = BINS / 2;

@@ -1,10 +1,10 @@
-//! Fourier transform of 32 complex numbers, radix 2, of many lines side by side: twiddles by `libm`, so the same bits
-//! on every machine.
+//! Radix-2 Fourier transform of 32 complex numbers, for many lines in parallel. Twiddle factors come from `libm`, so
+//! results are bit-identical on every machine.
 
 use swerve_geom::math;
 use swerve_geom::simd::widest;
 
-/// Real and imaginary parts, apart from each other.
+/// Real and imaginary parts in separate arrays.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Numbers {
     pub(super) re: Vec<f32>,
@@ -12,7 +12,7 @@ pub(super) struct Numbers {
 }
 
 impl Numbers {
-    /// So many real numbers, all 0.
+    /// Resizes to `count` zeros.
     pub(super) fn clear(&mut self, count: usize) {
         for part in [&mut self.re, &mut self.im] {
             part.clear();
@@ -21,10 +21,10 @@ impl Numbers {
     }
 }
 
-/// How many numbers are transformed.
+/// Length of the transform.
 pub(super) const COUNT: usize = 32;
 
-/// The roots of unity.
+/// Roots of unity.
 #[derive(Clone, Debug)]
 pub(super) struct Fourier([[f32; 2]; COUNT / 2]);
 
@@ -36,7 +36,8 @@ impl Fourier {
         }))
     }
 
-    /// Transforms lines of 32 numbers in place: the first number of each line, then the second of each, and so on.
+    /// Transforms lines of 32 numbers in place; stored interleaved: the first number of each line, then the second,
+    /// etc.
     pub(super) fn lines(&self, numbers: &mut Numbers) {
         widest(
             #[inline(always)]
@@ -44,7 +45,8 @@ impl Fourier {
         );
     }
 
-    /// Transforms squares of 32 x 32 numbers in place: the first number of each square, then the next of its row.
+    /// Transforms squares of 32 x 32 numbers in place; stored interleaved: the first number of each square, then the
+    /// next of its row.
     pub(super) fn squares(&self, numbers: &mut Numbers) {
         let row = numbers.re.len() / COUNT;
         widest(
@@ -87,7 +89,7 @@ impl Fourier {
     }
 }
 
-/// Real and imaginary parts of one number of each line.
+/// Real and imaginary parts of one element of each line.
 type Parts<'a> = (&'a mut [f32], &'a mut [f32]);
 
 #[inline(always)]

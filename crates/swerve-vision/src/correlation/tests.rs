@@ -38,7 +38,7 @@ fn as_dlib_on_its_frames() {
 }
 
 #[test]
-fn areas_that_are_none_are_told_and_images_of_nothing_are_stood() {
+fn tracker_rejects_invalid_areas_and_accepts_uniform_images() {
     for size in [(0, 0), (1, 1), (40, 30)] {
         let told = Correlation::new(&Plane::new(size.0, size.1), area([1.0, 1.0, 5.0, 5.0]));
         assert!(told.unwrap_err().to_string().contains("expected at least 8 x 8 pixels"));
@@ -54,7 +54,7 @@ fn areas_that_are_none_are_told_and_images_of_nothing_are_stood() {
 }
 
 #[test]
-fn every_processor_follows_to_the_same_bits() {
+fn tracking_is_bit_identical_with_wide_vectors() {
     let image = |shift: usize| {
         let level = |at: usize| ((at % 120 + shift) * 37 % 91 + at / 120 * 53 % 83) as u8;
         Plane::from_pixels(120, 90, (0..120 * 90).map(level).collect()).unwrap()

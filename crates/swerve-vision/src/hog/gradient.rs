@@ -1,30 +1,30 @@
-//! Gradients of an image and their shares in two of nine orientations.
+//! Image gradients, split between the nearest two of nine orientations.
 
 use swerve_geom::simd::widest;
 
 use super::BINS;
 use crate::channels::{orientation, select};
 
-/// Pixels that the image is continued by on each side, mirrored at its outermost ones.
+/// Padding of the image on each side, pixels, mirrored at the border pixels.
 pub(super) const PADDING_PX: usize = 8;
 
-/// The gradients of an image, padded.
+/// Gradients of an image, padded.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Gradients {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Of each pixel the lower of two orientations.
+    /// Lower of the two orientation bins of each pixel.
     pub(super) bins: Vec<u8>,
-    /// The gradient's length, as far as it is of that one, and of the next.
+    /// Shares of the gradient magnitude in the lower bin and the next one.
     pub(super) shares: [Vec<f32>; 2],
     roots: Roots,
     horizontal: Vec<f32>,
     vertical: Vec<f32>,
-    /// Three rows of roots, padded by one more pixel on each side.
+    /// Square roots of three rows, padded by one more pixel on each side.
     rows: [Vec<f32>; 3],
 }
 
-/// The square root of each byte.
+/// Square root of each byte value.
 #[derive(Clone, Debug)]
 struct Roots([f32; 256]);
 
@@ -34,7 +34,7 @@ impl Default for Roots {
     }
 }
 
-/// Where index `k` lies in `0..n` when the picture is mirrored at its first and last pixel.
+/// Maps index `k` into `0..n` by mirroring at the first and last pixel.
 fn mirrored(k: isize, n: usize) -> usize {
     let last = n as isize - 1;
     if last == 0 {
@@ -45,7 +45,7 @@ fn mirrored(k: isize, n: usize) -> usize {
 }
 
 impl Gradients {
-    /// Of an image of this width and height, three bytes a pixel.
+    /// Computes the gradients of an image of this width and height, three bytes per pixel.
     pub(super) fn compute(&mut self, rgb: &[u8], [width, height]: [usize; 2]) {
         (self.width, self.height) = (width + 2 * PADDING_PX, height + 2 * PADDING_PX);
         self.bins.resize(self.width * self.height, 0);
@@ -68,7 +68,7 @@ impl Gradients {
         }
     }
 
-    /// Orientations and shares of a row, of the three rows of roots around it.
+    /// Computes orientations and shares of one row from the three rows of roots around it.
     #[inline(always)]
     fn row(&mut self, y: usize) {
         self.differences();
@@ -80,7 +80,7 @@ impl Gradients {
         }
     }
 
-    /// Fills one of the three rows, colour after colour.
+    /// Fills one of the three rows of roots, colour by colour.
     fn roots(&mut self, rgb: &[u8], width: usize, row: usize, place: usize) {
         let padded = self.width + 2;
         self.rows[place].resize(3 * padded, 0.0);
@@ -99,7 +99,7 @@ impl Gradients {
         }
     }
 
-    /// The differences across each pixel of the row in the middle, of the colour where they are longest.
+    /// Computes the horizontal and vertical differences of the middle row for the colour with the longest gradient.
     #[inline(always)]
     fn differences(&mut self) {
         let (width, padded) = (self.width, self.width + 2);
@@ -119,14 +119,14 @@ impl Gradients {
     }
 }
 
-/// Splits a gradient's length between the two orientations nearest to it, whichever way it points along them: the lower
-/// of the two, and the shares.
+/// Splits a gradient's magnitude between the two nearest unsigned orientations: the lower bin, and both shares.
 #[inline(always)]
 fn shared(dx: f32, dy: f32) -> (u8, f32, f32) {
     let length = (dx * dx + dy * dy).sqrt();
-    // Six to half a turn there, nine here; the first is centred half a bin from the axis.
+    // `orientation` returns six units per half turn, here there are nine; the first bin is centred half a bin from the
+    // axis.
     let at = orientation(dx, dy) * (BINS as f32 / 6.0) + 0.5;
-    // Where one is the last bit, what is added is rounded to whole numbers, and the last bits count them.
+    // At this magnitude the last mantissa bit is one, so adding rounds to integers and the low bits hold the number.
     const ONES: f32 = 8_388_608.0;
     let snapped = (at - 0.5) + ONES;
     let rest = at - (snapped - ONES);

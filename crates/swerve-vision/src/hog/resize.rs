@@ -1,14 +1,14 @@
-//! Resizing of bytes between the two nearest pixels along each axis, in whole numbers: weights of 1/256, rounded once.
+//! Bilinear resizing of bytes in integers: weights of 1/256, rounded once.
 
 use swerve_geom::simd::widest;
 
 use crate::image::Rgb;
 
-/// Resizes images of two pixels at least along each side; it keeps its memory.
+/// Resizes images of at least two pixels along each side; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Resizer {
     columns: Vec<(u32, u16)>,
-    /// Two source rows at the new width, in 1/256, and which they are.
+    /// Two source rows resampled to the new width, in 1/256, and their row indices.
     rows: [Vec<u16>; 2],
     held: [usize; 2],
 }
@@ -44,7 +44,7 @@ impl Resizer {
         }
     }
 
-    /// Sees to it that a row is held.
+    /// Ensures that a slot holds a source row.
     fn hold(&mut self, place: usize, row: usize, image: Rgb<'_>) {
         if self.held[place] == row {
             return;
@@ -55,7 +55,7 @@ impl Resizer {
         for (out, &(first, share)) in into.as_chunks_mut::<3>().0.iter_mut().zip(&self.columns) {
             let pair = &from[3 * first as usize..][..6];
             for k in 0..3 {
-                // The one's share is 256 less the other's.
+                // The first weight is 256 minus the second.
                 let [one, other] = [pair[k], pair[k + 3]].map(u16::from);
                 out[k] = (one << 8).wrapping_add(share.wrapping_mul(other.wrapping_sub(one)));
             }
@@ -63,7 +63,8 @@ impl Resizer {
     }
 }
 
-/// The first of the two pixels of `n` around the middle of pixel `k` of `of`, and the other's share in 1/256.
+/// First of the two source pixels (of `n`) around the centre of pixel `k` (of `of`), and the weight of the second in
+/// 1/256.
 fn nearest(k: usize, of: usize, n: usize) -> (usize, u16) {
     let at = (k as f64 + 0.5) * (n as f64 / of as f64) - 0.5;
     if at <= 0.0 {

@@ -9,7 +9,7 @@ use crate::video::Video;
 #[derive(Deserialize)]
 struct Frame {
     frame: usize,
-    /// Left, top, width, height, sum.
+    /// Left, top, width, height, score.
     found: Vec<[f64; 5]>,
 }
 
@@ -38,14 +38,14 @@ fn people_are_found_where_opencv_finds_them() {
     assert!(all > 100 && same * 100 >= all * 98 && ours * 98 <= all * 100, "{same} of {all}, {ours} found");
 }
 
-/// A window with a bright bar in it, upright or level, at some place.
+/// Window with a bright bar at a given offset, vertical or horizontal.
 fn bar(upright: bool, place: usize) -> Vec<u8> {
     let is_in = |x: usize, y: usize| (10 + place..16 + place).contains(if upright { &x } else { &y });
     (0..32 * 32).flat_map(|k| [if is_in(k % 32, k / 32) { 200 } else { 40 }; 3]).collect()
 }
 
 #[test]
-fn trained_weights_find_what_they_were_trained_on() {
+fn hog_detects_the_shape_it_was_trained_on() {
     let cells = [4, 4];
     let features = LinearHog::features(cells);
     let empty = LinearHog { cells, weights: vec![0.0; features], offset: 0.0 };
@@ -62,7 +62,7 @@ fn trained_weights_find_what_they_were_trained_on() {
         svm::train(features, &samples, &positive, &svm::SvmParams { cost: 1.0, ..Default::default() });
     let weights = linear.weights.iter().map(|w| *w as f32).collect();
     let mut detector = HogDetector::new(LinearHog { cells, weights, offset: linear.offset as f32 });
-    // One upright bar of a window's height, far from a level one.
+    // One vertical bar of a window's height, far from a horizontal one.
     let is_bright = |x: usize, y: usize| {
         (44..50).contains(&x) && (32..64).contains(&y) || (100..132).contains(&x) && (45..51).contains(&y)
     };
@@ -75,7 +75,7 @@ fn trained_weights_find_what_they_were_trained_on() {
 }
 
 #[test]
-fn images_with_nothing_in_them_have_a_result() {
+fn hog_accepts_uniform_and_empty_images() {
     let (mut detector, mut found) = (HogDetector::new(LinearHog::people()), Vec::new());
     for (size, value) in [([0, 0], 0), ([1, 1], 9), ([63, 200], 255), ([64, 128], 0), ([100, 140], 255)] {
         let bytes = vec![value; size[0] * size[1] * 3];
@@ -86,7 +86,7 @@ fn images_with_nothing_in_them_have_a_result() {
 }
 
 #[test]
-fn every_processor_describes_a_window_by_the_same_bits() {
+fn hog_features_are_bit_identical_with_wide_vectors() {
     let bytes: Vec<u8> = (0..64 * 128 * 3).map(|k| (k * 37 % 91 + k / 192 * 53 % 83) as u8).collect();
     let [wide, narrow] = both(|| {
         let mut found = Vec::new();

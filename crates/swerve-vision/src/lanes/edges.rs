@@ -1,7 +1,7 @@
-//! Edges after Canny (PAMI 1986), and the two straight lines of a lane that most of them lie on (Hough).
+//! Canny edges (PAMI 1986), and the two straight lines of a lane that contain most of them (Hough).
 //!
-//! An edge steps aside towards its bright side by half the width of a mark: both edges of a mark then stand for its
-//! middle, and vote for one line.
+//! An edge is shifted towards its bright side by half the width of a mark, so that both edges of a mark coincide at its
+//! centre and vote for one line.
 
 use swerve_geom::math;
 
@@ -10,44 +10,45 @@ use super::level::LevelView;
 use super::{LaneSettings, Mark};
 use crate::Plane;
 
-/// Gradients, levels over 8 pixels of Sobel's sums: an edge has the higher one somewhere along it, and the lower one
-/// all along.
+/// Hysteresis thresholds of the gradient, Sobel sums (grey levels over 8 pixels): an edge reaches the higher one
+/// somewhere along it and the lower one everywhere.
 ///
-/// The higher one rises where the road is rough, until no more than this share of the pixels is above it.
+/// The higher threshold is raised on rough roads until at most this share of pixels exceeds it.
 const GRADIENT: [i32; 2] = [40, 90];
 const STEEP_SHARE: f64 = 0.03;
-/// Edges that rise more to the side than this share of their gradient are left out: lines of a lane go away from us.
+/// Smallest lateral share of an edge's gradient; lane lines run away from the camera.
 const ACROSS_MIN: f64 = 0.25;
-/// Directions of lines in the level view, from one side of upright to the other, and their step, radians.
+/// Number of line directions in the level view, symmetric about the vertical, and their step, radians.
 const ANGLES: usize = 141;
 const ANGLE_RAD: f64 = 0.0175;
-/// Distances of lines from where the horizon meets the middle, slopes, to each side, and their step.
+/// Largest distance of a line from the point where the horizon crosses the centre column, to each side, and step;
+/// slopes.
 const DISTANCE_MAX: f64 = 0.5;
 const DISTANCE: f64 = 0.004;
 const DISTANCES: usize = (2.0 * DISTANCE_MAX / DISTANCE) as usize;
-/// Votes of a line at the least, and the lines that are compared in pairs at the most.
+/// Fewest votes of a line, and most lines compared in pairs.
 const VOTES_MIN: u32 = 20;
 const LINES_MAX: usize = 24;
-/// What a pair loses at a pitch of three standard deviations, parts.
+/// Relative penalty of a pair at a pitch of three standard deviations.
 const PITCH_LOSS: f64 = 0.6;
-/// The heading of a lane at the most, radians.
+/// Largest heading of a lane relative to the ego, radians.
 const HEADING_MAX_RAD: f64 = 0.2;
-/// Where a straight line touches the curve that it was found in the place of, metres ahead.
+/// Distance ahead at which a straight line is tangent to the curve it approximates, metres.
 const TOUCH_M: f64 = 8.0;
-/// Curvatures that are tried to each side, and their step, 1/m.
+/// Curvatures tried on each side, and their step, 1/m.
 const CURVATURES: i32 = 2;
 const CURVATURE_1PM: f64 = 0.003;
-/// Pairs of lines that are looked into.
+/// Number of line pairs refined.
 const PAIRS: usize = 3;
 
-/// A finder of edges and lines, with its memory.
+/// Edge and line detector with its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
     settings: LaneSettings,
     smooth: Plane<i16>,
-    /// Sobel's sums to the right and downwards, and the root of the sum of their squares.
+    /// Sobel sums to the right and downwards, and their Euclidean norm.
     gradients: Vec<[i32; 3]>,
-    /// 1 an edge of the lower threshold, 2 one that is kept.
+    /// 1 for an edge above the lower threshold, 2 for an accepted edge.
     kinds: Vec<u8>,
     open: Vec<usize>,
     votes: Vec<u32>,
@@ -55,7 +56,7 @@ pub(super) struct Edges {
     turns: Vec<[f64; 2]>,
 }
 
-/// A straight line in the level view: `left = slope * down + start`.
+/// Straight line in the level view: `left = slope * down + start`.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     votes: u32,
@@ -78,7 +79,7 @@ impl Edges {
         }
     }
 
-    /// Finds edges, and what marks they would be of for a camera that looks down by `pitch_rad` more than it is mounted.
+    /// Detects edges and their mark centres, for a camera pitched down by `pitch_rad` relative to its mounting.
     pub(super) fn find(&mut self, view: &LevelView, pitch_rad: f64, mark_m: f64, into: &mut Vec<Mark>) {
         into.clear();
         let (width, height) = (view.pixels().width(), view.pixels().height());
@@ -103,7 +104,8 @@ impl Edges {
         }
     }
 
-    /// Smooths by 1 4 6 4 1 along rows and columns; what has no such neighbours stays zero.
+    /// Smooths with 1 4 6 4 1 along rows and columns; two columns at each border are zero, and two rows at each border
+    /// are smoothed along the row only.
     fn smoothed(&mut self, pixels: &Plane<i16>) {
         let (width, height) = (pixels.width(), pixels.height());
         self.smooth.reset(width, height);
@@ -117,7 +119,7 @@ impl Edges {
                 into[x] = weigh([from[x - 2], from[x - 1], from[x], from[x + 1], from[x + 2]]);
             }
         }
-        // Downwards in place: two rows above are kept as they were.
+        // In-place vertical pass: `above` keeps the two unsmoothed rows above.
         let smooth = self.smooth.pixels_mut();
         for x in 0..width {
             let mut above = [smooth[x], smooth[width + x]];
@@ -148,7 +150,7 @@ impl Edges {
         }
     }
 
-    /// The higher threshold.
+    /// Higher hysteresis threshold.
     fn steep(&self) -> i32 {
         let mut counts = [0_usize; 2048];
         self.gradients.iter().for_each(|[.., size]| counts[(*size as usize).min(2047)] += 1);
@@ -161,7 +163,7 @@ impl Edges {
         reached.map_or(GRADIENT[1], |size| GRADIENT[1].max(size as i32))
     }
 
-    /// Keeps what is the steepest across its edge, within what the camera sees.
+    /// Keeps local maxima across the edge (non-maximum suppression), within the camera's field of view.
     fn thin(&mut self, view: &LevelView, steep: i32) {
         let (width, height) = (self.smooth.width(), self.smooth.height());
         self.kinds.clear();
@@ -177,7 +179,7 @@ impl Edges {
                 if size < GRADIENT[0] {
                     continue;
                 }
-                // Of the eight neighbours, those that the gradient points to: tan 22.5 degrees is 0.414.
+                // Neighbour in the direction of the gradient, of eight; tan 22.5 degrees is 0.414.
                 let (a, d) = (across.abs() * 1000, down.abs() * 1000);
                 let step = match () {
                     () if d * 1000 < a * 414 => 1,
@@ -195,7 +197,7 @@ impl Edges {
         }
     }
 
-    /// Keeps what hangs on to what is kept.
+    /// Accepts weak edges connected to accepted ones.
     fn follow(&mut self, width: usize) {
         while let Some(at) = self.open.pop() {
             for around in [at - width, at, at + width].into_iter().flat_map(|row| [row - 1, row, row + 1]) {
@@ -207,8 +209,8 @@ impl Edges {
         }
     }
 
-    /// The roads between two straight lines that meet near the horizon, a lane apart, with the most votes, and the
-    /// curves that they touch.
+    /// Candidate roads: pairs of straight lines that meet near the horizon a lane width apart, with the most votes, and
+    /// the curves tangent to them.
     pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, into: &mut Vec<Road>) {
         self.vote(marks);
         self.peaks();
@@ -225,7 +227,7 @@ impl Edges {
         into.extend(best.into_iter().filter_map(|(_, road)| road).flat_map(bent));
     }
 
-    /// The road between two lines and the votes for it; none where they are no lane.
+    /// Road between two lines and its votes; `None` if they do not form a lane.
     fn between(&self, [left, right]: [&Line; 2], height_m: f64) -> Option<(f64, Road)> {
         let [narrow_m, wide_m] = self.settings.width_m;
         let width_m = (left.slope - right.slope) * height_m;
@@ -240,7 +242,7 @@ impl Edges {
         })
     }
 
-    /// Each mark votes for all lines through it.
+    /// Adds each mark's votes for all lines through it.
     fn vote(&mut self, marks: &[Mark]) {
         self.votes.clear();
         self.votes.resize(ANGLES * DISTANCES, 0);
@@ -256,7 +258,7 @@ impl Edges {
         }
     }
 
-    /// The lines with more votes than those around them, the most first.
+    /// Collects the local maxima of the votes, in falling order.
     fn peaks(&mut self) {
         self.lines.clear();
         for angle in 2..ANGLES - 2 {
@@ -277,7 +279,7 @@ impl Edges {
     }
 }
 
-/// The curves that a straight road touches.
+/// Curved roads tangent to a straight road.
 fn bent(straight: Road) -> impl Iterator<Item = Road> {
     (-CURVATURES..=CURVATURES).map(move |k| {
         let curvature_1pm = f64::from(k) * CURVATURE_1PM;

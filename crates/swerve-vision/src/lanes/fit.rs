@@ -1,75 +1,75 @@
-//! Both lines of a lane and the pitch, fitted jointly to the marks.
+//! Joint fit of both lane lines and the pitch to the marks.
 //!
-//! With `(x, y)` the place of a mark on the road, metres ahead of the camera and to its left, its residual is
-//! `y - (o + ψ x + c x² / 2)`: the offset `o` is a line's own, heading `ψ` and curvature `c` are the lane's, and place
-//! depends on the pitch. Weights are Tukey's, of a width that shrinks (IRLS; Huber, "Robust Statistics", 1981).
+//! For a mark at `(x, y)` on the road, metres ahead of the camera and to its left, the residual is
+//! `y - (o + ψ x + c x² / 2)`. The offset `o` is separate for each line; heading `ψ` and curvature `c` are shared;
+//! `(x, y)` depends on the pitch. Tukey weights with a shrinking width (IRLS; Huber, "Robust Statistics", 1981).
 
 use nalgebra::{Matrix3, Matrix5, SMatrix, Vector5};
 use swerve_geom::math;
 
 use super::{LaneLine, LaneSettings, Lanes, Mark};
 
-/// A lane seen from the camera.
+/// Lane relative to the camera.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Road {
     pub(super) pitch_rad: f64,
     pub(super) heading_rad: f64,
     pub(super) curvature_1pm: f64,
-    /// Of the left and the right line where the camera is, metres to its left.
+    /// Offsets of the left and right line at the camera, metres to its left.
     pub(super) offsets_m: [Option<f64>; 2],
 }
 
-/// A road as it fits the marks.
+/// Road fitted to the marks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fitted {
     pub(super) road: Road,
-    /// Of pitch, heading, curvature and both offsets.
+    /// Covariance of pitch, heading, curvature and both offsets.
     covariance: Matrix5<f64>,
-    /// How many marks are on its lines, those at the edge less.
+    /// Number of marks on its lines; marks near the gate count less.
     pub(super) support: f64,
 }
 
-/// More marks than this are no more to be learnt from.
+/// Number of marks above which they are subsampled.
 const MARKS_MAX: usize = 2000;
-/// Rounds, and what a mark may be off by in the first and at the end of them, metres.
+/// Iterations, and gate of a mark's residual in the first and last of them, metres.
 const ROUNDS: usize = 12;
 const GATE_M: [f64; 2] = [0.45, 0.18];
-/// How well a mark is known: across the road, metres, and in the image, pixels.
+/// Standard deviation of a mark: across the road, metres, and in the image, pixels.
 const DEVIATION_M: f64 = 0.04;
 const DEVIATION_PX: f64 = 0.7;
-/// Marks of neighbouring rows err alike: so many count as one.
+/// Marks that count as one, as errors of neighbouring rows are correlated.
 const ALIKE: f64 = 4.0;
-/// What headings and curvatures are before anything is seen: standard deviations, radians and 1/m.
+/// Prior standard deviations of heading and curvature, radians and 1/m.
 const HEADING_RAD: f64 = 0.2;
 const CURVATURE_1PM: f64 = 0.01;
-/// A line has marks over this length at the least, metres, and so many of them.
+/// Smallest length of a line, metres, and fewest marks on it.
 const LENGTH_M: f64 = 6.0;
 const MARKS: usize = 12;
-/// Between two strokes of a broken line at the most, metres.
+/// Longest gap between two strokes of a broken line, metres.
 const GAP_M: f64 = 14.0;
-/// Where a line begins, so many marks lie within this length, metres.
+/// Start of a line: this many marks within this length, metres.
 const TOGETHER: usize = 4;
 const TOGETHER_M: f64 = 1.0;
-/// Marks on a line are so many times as dense as those beside it, at the least.
+/// Smallest ratio of mark density on a line to that beside it.
 const DENSER: f64 = 2.5;
-/// How far from a line are those beside it, metres.
+/// Lateral distance range that counts as beside a line, metres.
 const BESIDE_M: [f64; 2] = [0.3, 0.75];
 
-/// A fit, with its memory.
+/// Fitter with its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     settings: LaneSettings,
-    /// Of the camera in the ego frame, metres.
+    /// Position of the camera in the ego frame, metres.
     camera_m: [f64; 3],
-    /// Distances of the marks on one line, metres.
+    /// Longitudinal distances of the marks on one line, metres.
     on_line: Vec<f64>,
 }
 
-/// What the marks say together: normal equations of pitch, heading, curvature and both offsets.
+/// Normal equations of pitch, heading, curvature and both offsets.
 struct Equations {
     matrix: Matrix5<f64>,
     side: Vector5<f64>,
-    /// Sum of the weighted squares of the residuals, and of the weights, in their deviations.
+    /// Sum of the weighted squared residuals, and of the weights times variance.
     squares: f64,
     weights: f64,
 }
@@ -79,7 +79,7 @@ impl Fit {
         Self { settings, camera_m, on_line: Vec::new() }
     }
 
-    /// The road that fits the marks, from a guess of it on.
+    /// Fits the road to the marks, starting from a guess.
     pub(super) fn refine(&self, guess: Road, marks: &[Mark], focal_px: f64) -> Fitted {
         let mut fitted = Fitted { road: guess, covariance: Matrix5::zeros(), support: 0.0 };
         for round in 0..ROUNDS {
@@ -122,7 +122,7 @@ impl Fit {
                 continue;
             }
             let weight = mark.weight() * (1.0 - out) * (1.0 - out) / variance;
-            // By the pitch, the mark's place moves: x towards the camera, y with it.
+            // With pitch a mark moves on the road: x towards the camera, and y in proportion.
             let slope = height_m / x;
             let closer = -x * (slope + 1.0 / slope);
             let by_pitch = -y / slope - (road.heading_rad + road.curvature_1pm * x) * closer;
@@ -136,7 +136,7 @@ impl Fit {
         sums
     }
 
-    /// What is known before any mark is seen; a line that nobody looks for stays where it is.
+    /// Prior; the offset of a missing line is held constant.
     fn before(&self, road: &Road) -> Equations {
         let information = |deviation: f64| ALIKE / (deviation * deviation);
         let free = |offset: Option<f64>| if offset.is_some() { 1e-6 } else { 1.0 };
@@ -152,7 +152,7 @@ impl Fit {
         Equations { matrix, side: -(matrix * at), squares: 0.0, weights: 0.0 }
     }
 
-    /// Whether a road is one that is looked for.
+    /// Returns true if the road's width, pitch and heading are within limits.
     pub(super) fn is_plausible(&self, road: &Road) -> bool {
         let [narrow_m, wide_m] = self.settings.width_m;
         let is_lane = match road.offsets_m {
@@ -165,7 +165,7 @@ impl Fit {
             && road.heading_rad.abs() <= HEADING_RAD
     }
 
-    /// The lines of the road that are there, in the ego frame.
+    /// Lines of the road with enough marks, in the ego frame.
     pub(super) fn lanes(&mut self, fitted: &Fitted, marks: &[Mark]) -> Lanes {
         let [left, right] = [0, 1].map(|k| self.line(fitted, k, marks));
         let pitch_rad = if left.is_some() || right.is_some() { fitted.road.pitch_rad } else { 0.0 };
@@ -176,7 +176,7 @@ impl Fit {
         let road = &fitted.road;
         let offset_m = road.offsets_m[line]?;
         let seen_m = self.seen(road, offset_m, marks)?;
-        // From the camera's place to the ego's origin.
+        // From the camera's position to the ego's origin.
         let [ahead_m, aside_m, _] = self.camera_m;
         let (heading, bend) = (road.heading_rad, 0.5 * road.curvature_1pm);
         let coefficients = [
@@ -196,7 +196,7 @@ impl Fit {
         })
     }
 
-    /// From where to where, metres ahead of the camera, a line was seen; none where what is there is no line.
+    /// Observed range of a line, metres ahead of the camera; `None` if the marks do not form a line.
     fn seen(&mut self, road: &Road, offset_m: f64, marks: &[Mark]) -> Option<[f64; 2]> {
         let turn: [f64; 2] = math::sin_cos(road.pitch_rad).into();
         let mut beside = 0;
@@ -211,7 +211,7 @@ impl Fit {
             }
         }
         self.on_line.sort_unstable_by(f64::total_cmp);
-        // A mark alone in front is the car's own nose.
+        // Isolated marks in front are on the ego's own bonnet.
         let nose = self.on_line.windows(TOGETHER).position(|few| few[TOGETHER - 1] - few[0] < TOGETHER_M)?;
         self.on_line.drain(..nose);
         let first = *self.on_line.first()?;

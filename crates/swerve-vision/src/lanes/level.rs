@@ -1,20 +1,21 @@
-//! The level view: an image without lens and mount.
+//! Level view: an image with lens distortion and mounting rotation removed.
 
 use swerve_geom::{Camera, Transform, Vector, math};
 
 use super::RoadCamera;
 use crate::{Plane, Rgb};
 
-/// Slope to the left and right beyond which nothing is looked at: 60 degrees.
+/// Largest slope to the left and right: 60 degrees.
 const LEFT_MAX: f64 = 1.7;
-/// Below the horizon by more than this slope is the car's own nose.
+/// Largest slope below the horizon; beyond it is the ego's own bonnet.
 const DOWN_MAX: f64 = 0.7;
-/// Share of a pixel in positions, bits.
+/// Fractional bits of pixel positions.
 const SHARE_BITS: u32 = 7;
 
-/// What a perfect camera in the place of the real one would see that looks straight ahead.
+/// Image of an ideal camera at the position of the real one that looks straight ahead.
 ///
-/// Its colour is red and green less blue, -255 to 510: as bright as grey on grey, and yellow paint on concrete stands out.
+/// Pixels hold red plus green minus blue, -255 to 510: grey keeps its brightness, and yellow paint stands out on
+/// concrete.
 #[derive(Clone, Debug)]
 pub(super) struct LevelView {
     height_m: f64,
@@ -22,15 +23,15 @@ pub(super) struct LevelView {
     left: f64,
     top: f64,
     lookups: Vec<Lookup>,
-    /// Of each row the columns that the real camera sees.
+    /// Range of columns seen by the real camera, for each row.
     seen: Vec<[usize; 2]>,
-    /// Rows of the image that are looked up.
+    /// Image rows that are read.
     rows: [usize; 2],
     colour: Plane<i16>,
     pixels: Plane<i16>,
 }
 
-/// Where a pixel comes from: its upper left neighbour of four, and the shares of the right and the lower ones.
+/// Source of a pixel: its upper left neighbour of four, and the weights of the right and lower ones.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lookup {
     at: u32,
@@ -39,7 +40,7 @@ struct Lookup {
 }
 
 impl LevelView {
-    /// Of what a camera sees of a road up to `reach_m`, whatever it pitches by up to `pitch_rad`.
+    /// View of a road up to `reach_m` ahead, for any pitch up to `pitch_rad`.
     pub(super) fn new(camera: &RoadCamera, pitch_rad: f64, reach_m: f64) -> Self {
         let height_m = camera.ego_from_camera.origin().coords.z;
         let focal_px = camera.focal_px[0].min(camera.size_px[0].max(64) as f64 * 2.0);
@@ -89,7 +90,7 @@ impl LevelView {
         self.seen.push(if seen[1] == 0 { [0, 0] } else { seen });
     }
 
-    /// Takes in an image of the camera.
+    /// Renders the view from a camera image.
     pub(super) fn look(&mut self, image: Rgb<'_>) {
         let (width, rows) = (image.width(), self.rows[0]..self.rows[1]);
         if rows.is_empty() {
@@ -107,7 +108,7 @@ impl LevelView {
         let colour = self.colour.pixels();
         for (into, lookup) in self.pixels.pixels_mut().iter_mut().zip(&self.lookups) {
             let at = lookup.at as usize;
-            // The last pixel has no neighbours; no lookup that is used begins there.
+            // The last pixel has no neighbours; no valid lookup starts there.
             let Some(below) = colour.get(at + width..at + width + 2) else { continue };
             let (right, lower) = (i32::from(lookup.right), i32::from(lookup.lower));
             let one = 1 << SHARE_BITS;
@@ -117,47 +118,47 @@ impl LevelView {
         }
     }
 
-    /// Of the camera over the road, metres.
+    /// Height of the camera above the road, metres.
     pub(super) fn height_m(&self) -> f64 {
         self.height_m
     }
 
-    /// Pixels for each unit of slope.
+    /// Pixels per unit of slope.
     pub(super) fn focal_px(&self) -> f64 {
         self.focal_px
     }
 
-    /// All of it.
+    /// Pixels of the view.
     pub(super) fn pixels(&self) -> &Plane<i16> {
         &self.pixels
     }
 
-    /// The columns of a row that were seen.
+    /// Range of columns of a row that were seen.
     pub(super) fn seen(&self, row: usize) -> [usize; 2] {
         self.seen[row]
     }
 
-    /// The slope downwards of a row's middle.
+    /// Downward slope at the centre of a row.
     pub(super) fn down(&self, row: f64) -> f64 {
         self.top + (row + 0.5) / self.focal_px
     }
 
-    /// The slope to the left of a column's middle.
+    /// Leftward slope at the centre of a column.
     pub(super) fn left(&self, column: f64) -> f64 {
         self.left - (column + 0.5) / self.focal_px
     }
 
-    /// The width of a mark in a row for a camera that looks down by `pitch_rad` more than it is mounted, pixels.
+    /// Width of a mark in a row, pixels, for a camera pitched down by `pitch_rad` relative to its mounting.
     pub(super) fn mark_px(&self, row: usize, pitch_rad: f64, mark_m: f64) -> f64 {
         (self.down(row as f64) + pitch_rad).max(0.0) * mark_m * self.focal_px / self.height_m
     }
 }
 
-/// From rays of the level view to pixels of the camera.
+/// Projection of rays of the level view to pixels of the camera.
 pub(super) struct Lens {
     camera: RoadCamera,
     camera_from_ego: Transform<Camera, swerve_geom::Ego>,
-    /// Beyond this the lens model bends rays back into the image: `r²`.
+    /// Squared radius beyond which the lens model folds rays back into the image.
     radius2_max: f64,
 }
 
@@ -169,8 +170,8 @@ impl Lens {
         Self { camera: *camera, camera_from_ego: camera.ego_from_camera.inverse(), radius2_max }
     }
 
-    /// Column and row, from the centre of the first pixel, of a ray that goes this much left and down for each metre
-    /// ahead; none where the image has not four pixels around it.
+    /// Column and row, from the centre of the first pixel, of the ray with these slopes left and down per metre ahead;
+    /// `None` unless the image has four pixels around it.
     pub(super) fn pixel(&self, [left, down]: [f64; 2]) -> Option<[f64; 2]> {
         let ray = (self.camera_from_ego * Vector::new(1.0, left, -down)).coords;
         let [x, y] = [ray.x / ray.z, ray.y / ray.z];

@@ -1,18 +1,18 @@
-//! Strips as wide as paint that are brighter than the road on both sides of them.
+//! Ridges: strips of paint width that are brighter than the road on both sides.
 
 use super::Mark;
 use super::level::LevelView;
 
-/// Brighter than both sides by this many levels, at the least.
+/// Smallest contrast with both sides, grey levels.
 const CONTRAST_MIN: f64 = 8.0;
-/// Strips of one row that are kept: the brightest.
+/// Most strips kept per row, by contrast.
 const OF_ROW_MAX: usize = 16;
-/// In wide rows of near road every so manieth is looked at: the width of a mark that takes one more, pixels.
+/// Rows are skipped where marks are wide, near the camera: one more row for each multiple of this width, pixels.
 const SKIP_PX: f64 = 12.0;
-/// Narrower marks are looked for as if they were as wide, pixels.
+/// Smallest width searched for, pixels; used for narrower marks too.
 const NARROWEST_PX: f64 = 2.0;
 
-/// A finder of such strips, with its memory.
+/// Ridge detector with its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ridges {
     sums: Vec<i32>,
@@ -21,7 +21,7 @@ pub(super) struct Ridges {
 }
 
 impl Ridges {
-    /// Finds strips as wide as a mark is for a camera that looks down by `pitch_rad` more than it is mounted.
+    /// Detects strips of the width of a mark, for a camera pitched down by `pitch_rad` relative to its mounting.
     pub(super) fn find(&mut self, view: &LevelView, pitch_rad: f64, mark_m: f64, into: &mut Vec<Mark>) {
         into.clear();
         let mut row = 0;
@@ -33,13 +33,13 @@ impl Ridges {
         }
     }
 
-    /// Finds those of one row, the brightest first.
+    /// Detects the strips of one row, in falling order of contrast.
     fn row(&mut self, view: &LevelView, row: usize, width_px: f64) {
         self.peaks.clear();
         let [first, end] = view.seen(row);
         let pixels = &view.pixels().row(row)[first..end];
         let width = (width_px.round() as usize).max(2);
-        // From the left: a strip of road, a mark, a strip of road; paint that is worn or wider has room between them.
+        // From the left: road, mark, road, with gaps between them for worn or wider paint.
         let gap = width / 4 + 1;
         let all = 3 * width + 2 * gap;
         if pixels.len() < all + 2 {
@@ -63,7 +63,7 @@ impl Ridges {
         self.peaks_of_row(width, |k| (view.left(middle + k), view.down(row as f64)));
     }
 
-    /// Takes the places that are the brightest around them.
+    /// Keeps the local maxima of the contrast.
     fn peaks_of_row(&mut self, width: usize, ray: impl Fn(f64) -> (f64, f64)) {
         let contrasts = &self.contrasts;
         let mut k = 1;
@@ -86,7 +86,7 @@ impl Ridges {
     }
 }
 
-/// Where a parabola through three numbers is highest, from the middle one on.
+/// Position of the maximum of a parabola through three values, relative to the middle one.
 fn top(before: f32, here: f32, after: f32) -> f64 {
     let bend = f64::from(before - 2.0 * here + after);
     if bend < 0.0 { 0.5 * f64::from(before - after) / bend } else { 0.0 }

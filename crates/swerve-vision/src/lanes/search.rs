@@ -1,48 +1,48 @@
-//! First guesses of the road: the pitch, heading and curvature under which marks line up.
+//! Initial guesses of the road: pitch, heading and curvature for which the marks align.
 //!
-//! Under the right ones all marks of one line have one offset from the ego's way, so the histogram of offsets is a few
-//! peaks; under others it is flat. How peaked it is: what stands out
-//! of its surroundings, to the power of 1.5, summed; squares would let one long line outvote all broken ones.
+//! For the right values all marks of a line have the same lateral offset, so the histogram of offsets has a few sharp
+//! peaks; for others it is flat. The score sums the excess of each bin over its surroundings to the power of 1.5; with
+//! squares, one long line would outvote all broken ones.
 
 use swerve_geom::math;
 
 use super::fit::Road;
 use super::{LaneSettings, Mark};
 
-/// Steps of the pitch to each side of the mount's, up to three standard deviations.
+/// Pitch steps on each side of the mounting, up to three standard deviations.
 const PITCHES: i32 = 9;
-/// Steps of the heading to each side, and their size, radians.
+/// Heading steps on each side, and their size, radians.
 const HEADINGS: i32 = 8;
 const HEADING_RAD: f64 = 0.0175;
-/// Steps of the curvature to each side, and their size, 1/m.
+/// Curvature steps on each side, and their size, 1/m.
 const CURVATURES: i32 = 4;
 const CURVATURE_1PM: f64 = 0.0025;
-/// Refinements, each by half a step.
+/// Number of refinements; each halves the step.
 const HALVINGS: u32 = 4;
-/// Offsets that are counted, to each side, metres, and the width of a bin.
+/// Largest offset in the histogram, to each side, and bin width, metres.
 const OFFSET_MAX_M: f64 = 6.0;
 const BIN_M: f64 = 0.2;
 const BINS: usize = (2.0 * OFFSET_MAX_M / BIN_M) as usize;
-/// What the score loses at the end of the range of pitch, heading and curvature each, parts.
+/// Relative penalty at the end of the range of pitch, heading and curvature, each.
 const LOSS: f64 = 0.4;
-/// A line of the lane has this share of the other's votes at the least, and this many.
+/// Smallest share of a line's votes relative to the other line's, and fewest votes.
 const SHARE_MIN: f64 = 0.1;
 const VOTES_MIN: f64 = 2.0;
-/// Marks beyond this number make the search slow and no better.
+/// Number of marks above which they are subsampled; more do not improve the search.
 const MARKS_MAX: usize = 1500;
 
-/// A search, with its memory.
+/// Search with its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Offsets {
     settings: LaneSettings,
-    /// Metres ahead, metres to the left, and weight of each mark under one pitch.
+    /// Metres ahead, metres to the left, and weight of each mark for one pitch.
     places: Vec<[f64; 3]>,
-    /// Offsets of the places, straightened by one curvature.
+    /// Lateral offsets of the marks with one curvature removed.
     straight: Vec<f64>,
     histogram: [f64; BINS],
 }
 
-/// Steps from the middle of the search, by its smallest step.
+/// Offset from the centre of the search, in the smallest steps.
 type Steps = [i32; 3];
 
 impl Offsets {
@@ -50,7 +50,7 @@ impl Offsets {
         Self { settings, places: Vec::new(), straight: Vec::new(), histogram: [0.0; BINS] }
     }
 
-    /// The roads under which the marks line up best: one of each curvature.
+    /// Roads for which the marks align best: one per curvature.
     pub(super) fn guess(&mut self, marks: &[Mark], height_m: f64, into: &mut Vec<Road>) {
         let whole = 1 << HALVINGS;
         let mut best = [(f64::NEG_INFINITY, [0; 3]); (2 * CURVATURES + 1) as usize];
@@ -79,7 +79,7 @@ impl Offsets {
         }
     }
 
-    /// The best around, by half a step and less.
+    /// Best neighbour, searched with successively halved steps.
     fn refine(&mut self, mut best: (f64, Steps), marks: &[Mark], height_m: f64) -> Steps {
         for halving in 1..=HALVINGS {
             let (step, around) = ((1 << HALVINGS) >> halving, best.1);
@@ -104,7 +104,7 @@ impl Offsets {
         3.0 * self.settings.pitch_deviation_rad * f64::from(steps) / f64::from(all)
     }
 
-    /// Puts the marks on the road.
+    /// Projects the marks onto the road.
     fn places(&mut self, marks: &[Mark], height_m: f64, pitch_rad: f64) {
         let turn: [f64; 2] = math::sin_cos(pitch_rad).into();
         let reach_m = self.settings.reach_m;
@@ -123,7 +123,7 @@ impl Offsets {
         self.straight.extend(self.places.iter().map(|[ahead, left, _]| left - half_1pm * ahead * ahead));
     }
 
-    /// How peaked the offsets are.
+    /// Score of the peaks of the offset histogram.
     fn score(&mut self, [pitch, heading, curvature]: Steps) -> f64 {
         let heading_rad = angle(heading);
         self.histogram = [0.0; BINS];
@@ -135,7 +135,8 @@ impl Offsets {
                 *count += weight;
             }
         }
-        // Grass and cars are dense everywhere, and a camera that looks further down makes all denser.
+        // Subtracts the surroundings: grass and cars are dense everywhere, and a camera pitched down further makes
+        // everything denser.
         let over =
             |near: &[f64]| (near[2] + near[3] - 0.5 * (near[0] + near[1] + near[4] + near[5])).max(0.0);
         let peaks: f64 = self.histogram.windows(6).map(over).map(|over| over * over.sqrt()).sum();
@@ -144,7 +145,7 @@ impl Offsets {
         peaks * (1.0 - LOSS * out.iter().map(|out| out * out).sum::<f64>()).max(0.0)
     }
 
-    /// The two peaks that are a lane apart, one on each side, with the most votes; else the one that has most.
+    /// Pair of peaks a lane width apart, one on each side, with the most votes; else the strongest single peak.
     fn lines(&self) -> [Option<f64>; 2] {
         let votes = |bin: usize| self.histogram[bin - 1] + self.histogram[bin];
         let is_peak = |bin: &usize| {
@@ -152,7 +153,7 @@ impl Offsets {
             let lower = |other: usize| votes(other) <= here;
             here >= VOTES_MIN && (*bin < 2 || lower(bin - 1)) && (*bin + 1 >= BINS || lower(bin + 1))
         };
-        // A bin and the one before it meet here.
+        // Boundary between a bin and the one before it.
         let offset_m = |bin: usize| bin as f64 * BIN_M - OFFSET_MAX_M;
         let peaks = || (1..BINS).filter(is_peak);
         let [narrow_m, wide_m] = self.settings.width_m;

@@ -1,4 +1,4 @@
-//! Lanes of rendered streets, against where their paint is.
+//! Lane detection in rendered streets, compared with the true positions of the paint.
 
 use swerve_camera::{Camera, CameraSpec, Frame, Intrinsics, Outputs, RenderOptions, Renderer, View, mount};
 use swerve_core::Rng;
@@ -9,17 +9,17 @@ use super::{LaneFinder, LaneLine, LaneSettings, Method, RoadCamera};
 use crate::Rgb;
 
 const FOV_RAD: f64 = 1.2217;
-/// Where the camera sits on the ego, metres, and how far down it looks, radians.
+/// Camera position on the ego, metres, and its downward pitch, radians.
 const AT_M: [f64; 3] = [1.6, 0.0, 1.35];
 const DOWN_RAD: f64 = 0.03;
-/// Ahead of the ego's origin, metres: where lines are compared.
+/// Distance ahead of the ego's origin at which lines are compared, metres.
 const AHEAD_M: f64 = 20.0;
-/// Widths of the lanes, metres: the middle line is broken, the right one is not.
+/// Width of the lanes, metres; the middle line is broken, the right one is solid.
 const LANE_M: f64 = 3.5;
 /// Standard deviation of the pitch, radians: half a degree.
 const PITCH_RAD: f64 = 0.008727;
 
-/// A street that turns left by this much for each metre, from the origin along +x.
+/// Street from the origin along +x with this curvature to the left, 1/m.
 fn street(weather: WeatherPreset, bend_1pm: f64) -> Scene {
     let at = |k: i32| {
         let s = 2.0 * f64::from(k);
@@ -38,11 +38,11 @@ fn street(weather: WeatherPreset, bend_1pm: f64) -> Scene {
     scene
 }
 
-/// Where a line `offset_m` to the left of the street's middle is, `AHEAD_M` ahead of an ego that is `d_m` to the left
-/// of it and turned left by `turn_rad`: metres to the ego's left.
+/// Lateral position, metres to the ego's left and `AHEAD_M` ahead, of a line `offset_m` to the left of the street's
+/// centre, for an ego that is `d_m` to the left of the centre and turned left by `turn_rad`.
 fn truth_m(bend_1pm: f64, offset_m: f64, d_m: f64, turn_rad: f64) -> f64 {
     let (sin, cos) = math::sin_cos(turn_rad);
-    // Along the ego's way to the side of AHEAD_M, until the distance from the street's middle is the line's.
+    // Along a lateral line AHEAD_M ahead of the ego, until the distance from the street's centre is the line's offset.
     let off = |y_m: f64| {
         let (x, y) = (AHEAD_M * cos - y_m * sin, d_m + AHEAD_M * sin + y_m * cos);
         let middle_m = match bend_1pm {
@@ -59,7 +59,7 @@ fn truth_m(bend_1pm: f64, offset_m: f64, d_m: f64, turn_rad: f64) -> f64 {
     low
 }
 
-/// Errors of lines over their own deviation: of all frames, those in which they were seen that far ahead.
+/// Errors of detected lines, in metres and in standard deviations, and the number of frames.
 #[derive(Default)]
 struct Errors {
     frames: usize,
@@ -76,14 +76,14 @@ impl Errors {
         }
     }
 
-    /// Root of the mean square, metres and deviations, and the share of frames.
+    /// RMS error in metres and in standard deviations, and the share of frames with a detection.
     fn figures(&self) -> [f64; 3] {
         let root = |all: &[f64]| (all.iter().map(|e| e * e).sum::<f64>() / all.len() as f64).sqrt();
         [root(&self.errors_m), root(&self.normal), self.errors_m.len() as f64 / self.frames as f64]
     }
 }
 
-/// Drives along a street with noise of place, heading and pitch.
+/// Drives along a street with noise in position, heading and pitch.
 fn drive(weather: WeatherPreset, bend_1pm: f64, method: Method, frames: i64) -> Errors {
     let scene = street(weather, bend_1pm);
     let intrinsics = Intrinsics::HorizontalFovRad(FOV_RAD);

@@ -4,8 +4,8 @@ use serde_json::Value;
 use super::*;
 use crate::samples::{Picture, real};
 
-/// The camera of the photographs: found with OpenCV from the chessboards beside them, or as wide for those that have
-/// none; height and pitch are such that lanes are 3.7 m wide and meet at the horizon.
+/// Camera of the photographs: calibrated with OpenCV from the accompanying chessboards, or with the same field of view
+/// if there are none; height and pitch are set such that lanes are 3.7 m wide and meet at the horizon.
 fn camera_of(image: &str) -> RoadCamera {
     let is_calibrated = image.contains("udacity");
     let pitch_deg: f64 = if is_calibrated { -1.5 } else { -2.5 };
@@ -26,7 +26,7 @@ fn finder(camera: RoadCamera, method: Method) -> LaneFinder {
     LaneFinder::new(camera, LaneSettings { method, ..LaneSettings::default() }).unwrap()
 }
 
-/// By how many columns a line misses a place of the image; none where it was not seen in that row.
+/// Distance, in columns, of a line from a pixel of the image; `None` if the line was not observed in that row.
 fn miss_px(line: &LaneLine, camera: &RoadCamera, pitch_rad: f64, [column, row]: [f64; 2]) -> Option<f64> {
     let [from, to] = line.seen_m;
     let places = (0..=4000).map(|k| from + (to - from) * f64::from(k) / 4000.0);
@@ -67,7 +67,7 @@ fn both_lines_of_real_roads_are_where_people_see_them() {
     println!("floor: lanes, both lines of the photographs, farthest from the eye's, px: {worst_px:.1} <= 16");
 }
 
-/// A road of grey with two lines of paint, seen without a lens; the noise is a hash of the place.
+/// Grey road with two painted lines, seen without lens distortion; the noise is a hash of the position.
 fn painted(camera: &RoadCamera, offsets_m: [f64; 2], pitch_rad: f64) -> Picture {
     let [width, height] = camera.size_px;
     let (height_m, focal) = (camera.ego_from_camera.origin().coords.z, camera.focal_px[0]);
@@ -93,7 +93,7 @@ fn level_camera(size_px: [usize; 2]) -> RoadCamera {
 }
 
 #[test]
-fn painted_lines_and_the_pitch_are_found() {
+fn finder_estimates_painted_lines_and_pitch() {
     let camera = level_camera([800, 600]);
     for pitch_rad in [-0.02, 0.0, 0.015] {
         let picture = painted(&camera, [1.4, -2.0], pitch_rad);
@@ -112,7 +112,7 @@ fn painted_lines_and_the_pitch_are_found() {
 }
 
 #[test]
-fn a_line_alone_is_a_line_and_the_other_is_none() {
+fn finder_reports_a_single_line() {
     let camera = level_camera([800, 600]);
     let picture = painted(&camera, [1.4, 100.0], 0.0);
     let lanes = finder(camera, Method::Ridge).find(picture.rgb()).unwrap();
@@ -120,7 +120,7 @@ fn a_line_alone_is_a_line_and_the_other_is_none() {
 }
 
 #[test]
-fn a_second_image_takes_no_memory_and_nothing_of_the_first() {
+fn finder_keeps_no_state_and_allocates_nothing_after_the_first_image() {
     let camera = level_camera([400, 300]);
     let pictures = [[1.4, -2.0], [2.0, -1.5]].map(|offsets_m| painted(&camera, offsets_m, 0.01));
     for method in Method::ALL {
@@ -133,7 +133,7 @@ fn a_second_image_takes_no_memory_and_nothing_of_the_first() {
 }
 
 #[test]
-fn images_of_nothing_have_no_lines() {
+fn finder_reports_no_lines_in_uniform_images() {
     for size_px in [[1, 1], [2, 500], [500, 2], [64, 48], [800, 600]] {
         for level in [0, 128, 255] {
             let bytes = vec![level; 3 * size_px[0] * size_px[1]];
@@ -147,7 +147,7 @@ fn images_of_nothing_have_no_lines() {
 }
 
 #[test]
-fn noise_has_no_lines() {
+fn finder_reports_no_lines_in_noise() {
     for seed in 0..8 {
         let mut rng = swerve_core::Rng::keyed(seed, "noise", &[]);
         let bytes: Vec<u8> = (0..3 * 800 * 600).map(|_| (128.0 + 30.0 * rng.normal()) as u8).collect();
@@ -160,7 +160,7 @@ fn noise_has_no_lines() {
 }
 
 #[test]
-fn what_cannot_be_looked_with_is_told() {
+fn finder_rejects_invalid_cameras_and_settings() {
     let fine = level_camera([64, 48]);
     let placed = |height_m, pitch_rad| RoadCamera::looking_ahead(height_m, pitch_rad);
     for (camera, expected) in [
@@ -202,7 +202,7 @@ fn what_cannot_be_looked_with_is_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
     #[test]
-    fn any_image_of_any_camera_has_lines_where_they_were_seen_or_none(
+    fn finder_reports_finite_lines_for_any_image_and_camera(
         (width, height) in (1_usize..120, 1_usize..90),
         bytes in proptest::collection::vec(any::<u8>(), 120 * 90 * 3),
         (fov_rad, height_m, pitch_rad) in (0.05_f64..2.8, 0.1_f64..5.0, -0.9_f64..0.9),

@@ -1,8 +1,8 @@
-//! Training of a forest over features of a byte each.
+//! Training of a random forest over byte-valued features.
 //!
 //! Breiman: "Random forests", 2001: each tree sees a random share of the samples, each node a random share of the
-//! features, and splits where the classes part best (Gini). Weights are whole numbers and histograms their sums, so that
-//! no order of adding shows; of equal splits the lower feature's is taken, then the lower threshold.
+//! features, and splits by the Gini criterion. Weights and histograms are integers, so the result does not depend on
+//! the order of summation; ties go to the lower feature, then the lower threshold.
 
 use std::collections::VecDeque;
 
@@ -11,42 +11,42 @@ use swerve_core::Rng;
 use super::weights::Tree;
 use super::{CLASSES, FEATURES};
 
-/// How trees are grown.
+/// Parameters of tree growing.
 #[derive(Clone, PartialEq, Debug)]
 pub struct ForestParams {
     /// Levels of nodes.
     pub depth: usize,
-    /// A node with less than this share of all weight is not split.
+    /// Share of the total weight below which a node is not split.
     pub least: f64,
-    /// A node is offered one of so many features.
+    /// One of this many features is offered to each node.
     pub one_of: usize,
-    /// Of all that is drawn.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 
-/// Cells to learn from.
+/// Training cells.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Samples {
-    /// Of each feature the bytes of all.
+    /// Bytes of all cells, feature by feature.
     columns: Vec<u8>,
-    /// Of each its class.
+    /// Class of each cell.
     labels: Vec<u8>,
-    /// Of each how much it counts.
+    /// Weight of each cell.
     weights: Vec<u32>,
 }
 
-/// Thresholds that a byte can be compared with.
+/// Number of values of a byte.
 const BINS: usize = 256;
 /// Weight of each class.
 type Mass = [u64; CLASSES];
 
-/// A node whose samples are still together.
+/// Node that is not yet split.
 struct Open {
     samples: Vec<u32>,
     depth: usize,
 }
 
-/// The best split so far.
+/// Best split so far.
 #[derive(Clone, Copy)]
 struct Split {
     purity: f64,
@@ -54,10 +54,10 @@ struct Split {
     threshold: u8,
 }
 
-/// Grows one tree of a forest, with leaves of so many classes; the number tells it from the others.
+/// Grows one tree of a forest with this number of classes; `number` is the tree's index and seeds its randomness.
 pub fn grow(samples: &Samples, classes: usize, params: &ForestParams, number: usize) -> Tree {
     let mut rng = Rng::keyed(params.seed, "tree", &[number as i64]);
-    // As many different ones as drawing with replacement brings.
+    // Expected share of distinct samples when drawing with replacement.
     let seen: Vec<u32> = (0..samples.labels.len() as u32).filter(|_| rng.unit() < 0.632).collect();
     let all: u64 = samples.mass(&seen).iter().sum();
     let least = (params.least * all as f64) as u64;
@@ -68,7 +68,7 @@ pub fn grow(samples: &Samples, classes: usize, params: &ForestParams, number: us
         let total: u64 = mass.iter().sum();
         let may_split = node.depth < params.depth && total >= least.max(1);
         let split = may_split.then(|| samples.split(&node.samples, params.one_of, &mut rng)).flatten();
-        // Two nodes for each that is split, and they are counted in two bytes.
+        // Each split adds two nodes, and node indices have two bytes.
         match split.filter(|split| split.purity > purity(&mass) && tree.thresholds.len() < 1 << 14) {
             Some(split) => {
                 let column = samples.column(split.feature);
@@ -90,7 +90,7 @@ pub fn grow(samples: &Samples, classes: usize, params: &ForestParams, number: us
     tree
 }
 
-/// The sum of the squares over the sum: highest where one class has all.
+/// Sum of squares over the sum: highest if one class has all the weight.
 fn purity(mass: &Mass) -> f64 {
     let total: u64 = mass.iter().sum();
     let squares: f64 = mass.iter().map(|mass| *mass as f64 * *mass as f64).sum();
@@ -98,10 +98,10 @@ fn purity(mass: &Mass) -> f64 {
 }
 
 impl Samples {
-    /// Of rows of [`FEATURES`] bytes, one for each label; labels are below [`CLASSES`].
+    /// Samples from rows of [`FEATURES`] bytes, one per label; labels are below [`CLASSES`].
     ///
     /// # Panics
-    /// Where they are not as many, or a label is none.
+    /// If the numbers of rows, labels and weights differ, or a label is out of range.
     pub fn new(rows: &[u8], labels: Vec<u8>, weights: Vec<u32>) -> Self {
         let count = labels.len();
         assert_eq!(
@@ -117,12 +117,12 @@ impl Samples {
         Self { columns, labels, weights }
     }
 
-    /// How many there are.
+    /// Number of samples.
     pub fn len(&self) -> usize {
         self.labels.len()
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no samples.
     pub fn is_empty(&self) -> bool {
         self.labels.is_empty()
     }
@@ -139,7 +139,7 @@ impl Samples {
         mass
     }
 
-    /// The best split by a random choice of features.
+    /// Best split over a random choice of features.
     fn split(&self, of: &[u32], one_of: usize, rng: &mut Rng) -> Option<Split> {
         let mut best: Option<Split> = None;
         let mut histogram = vec![[0; CLASSES]; BINS];
@@ -160,7 +160,7 @@ impl Samples {
     }
 }
 
-/// The threshold that parts the classes best, and how pure both sides are then.
+/// Purity and threshold of the split that separates the classes best.
 fn purest(histogram: &[Mass]) -> (f64, u8) {
     let mut above = [0; CLASSES];
     histogram.iter().for_each(|bin| above.iter_mut().zip(bin).for_each(|(sum, mass)| *sum += mass));

@@ -1,4 +1,4 @@
-//! What a forest asks of a cell: bytes of channels at four scales, and of where its ray goes.
+//! Features of a cell for the forest: channel bytes at four scales, and the direction of the cell's ray.
 
 use super::weights::Tree;
 use super::{CLASSES, TREES};
@@ -6,9 +6,9 @@ use crate::acf::{Ground, feature_step};
 use crate::channels::{CHANNELS, halve};
 use crate::stack::Stack;
 
-/// Scales, each half of the one before.
+/// Number of scales, each half of the one before.
 const LEVELS: usize = 4;
-/// Places around a cell, in cells of the scale.
+/// Positions around a cell, in cells of the scale.
 const PLACES: [[isize; 2]; 13] = [
     [0, 0],
     [-1, 0],
@@ -24,35 +24,35 @@ const PLACES: [[isize; 2]; 13] = [
     [0, -4],
     [0, 4],
 ];
-/// Cells that each scale is continued by on each side: the farthest place, and one where a scale has a cell less.
+/// Padding of each scale, in cells: the farthest position, plus one where a scale was rounded down.
 const PAD: usize = 5;
-/// Where a ray goes: up or down, left or right, and where it meets the ground.
+/// Values of a ray: slope down, slope to the right, and lateral position where it meets the ground.
 const RAY: usize = 3;
 pub(super) const FEATURES: usize = LEVELS * PLACES.len() * CHANNELS + RAY;
 
-/// A byte of slope is so much, either way from 128.
+/// Slope per unit of a byte; 128 is zero.
 const SLOPE_STEP: f64 = 1.0 / 170.0;
-/// The same of metres to the side.
+/// Metres to the side per unit of a byte; 128 is zero.
 const SIDE_STEP_M: f64 = 1.0 / 8.0;
 
-/// Bytes of one image's cells.
+/// Feature bytes of one image's cells.
 #[derive(Clone, Debug)]
 pub(super) struct Planes {
     cells: [usize; 2],
     levels: [Level; LEVELS],
-    /// All levels, padded, a cell's channels one after another; then the rays.
+    /// All levels, padded, with the channels of a cell contiguous; then the rays.
     bytes: Vec<u8>,
     rays: usize,
     stacks: [Stack; LEVELS],
 }
 
-/// Where a scale lies.
+/// Layout of one scale.
 #[derive(Clone, Copy, Debug, Default)]
 struct Level {
-    /// Times that it was halved.
+    /// Number of times it was halved.
     halvings: u32,
     size: [usize; 2],
-    /// Its first byte.
+    /// Index of its first byte.
     start: usize,
 }
 
@@ -61,13 +61,13 @@ impl Level {
         (self.size[0] + 2 * PAD) * CHANNELS
     }
 
-    /// The first byte of the cell that holds a cell of the finest scale.
+    /// First byte of the cell that contains a cell of the finest scale.
     fn base(&self, [x, y]: [usize; 2]) -> usize {
         self.start + ((y >> self.halvings) + PAD) * self.stride() + ((x >> self.halvings) + PAD) * CHANNELS
     }
 }
 
-/// A tree for one size of images.
+/// Tree with feature offsets for one image size.
 #[derive(Clone, Debug)]
 pub(super) struct Walk {
     nodes: Vec<Node>,
@@ -76,11 +76,11 @@ pub(super) struct Walk {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    /// From the cell's own byte to the one that is compared; of a leaf, which it is.
+    /// Offset from the cell's first byte to the compared byte; the leaf index for a leaf.
     offset: i32,
-    /// Where it goes on below the threshold; above, one further.
+    /// Index of the node to visit if the byte is below the threshold; otherwise the next one.
     lower: u16,
-    /// [`LEVELS`] for the ray, one more for a leaf.
+    /// Scale; [`LEVELS`] for the ray, one more for a leaf.
     level: u8,
     threshold: u8,
 }
@@ -88,14 +88,14 @@ struct Node {
 const LEAF: u8 = LEVELS as u8 + 1;
 
 impl Planes {
-    /// For images of so many cells across and down; what a ray is comes from the image's own size and camera.
+    /// Planes for this number of cells across and down; rays are computed from the image size and the camera.
     pub(super) fn new(cells: [usize; 2], size: [usize; 2], ground: Ground) -> Self {
         let mut levels = [Level { size: cells, ..Level::default() }; LEVELS];
         let mut end = 0;
         for k in 0..LEVELS {
             if k > 0 {
                 levels[k] = levels[k - 1];
-                // What cannot be halved stays as it is.
+                // A scale that cannot be halved is repeated.
                 if levels[k].size.iter().all(|side| *side > 1) {
                     levels[k].size = levels[k].size.map(|side| side / 2);
                     levels[k].halvings += 1;
@@ -115,7 +115,7 @@ impl Planes {
         self.cells
     }
 
-    /// Takes in the channels of an image.
+    /// Fills the feature bytes from the channels of an image.
     pub(super) fn fill(&mut self, cells: &Stack) {
         for k in 0..LEVELS {
             let level = self.levels[k];
@@ -126,13 +126,13 @@ impl Planes {
         }
     }
 
-    /// The first bytes of a cell at each scale, and of its ray.
+    /// First bytes of a cell at each scale, and of its ray.
     fn bases(&self, cell: [usize; 2]) -> [usize; LEVELS + 1] {
         let ray = self.rays + (cell[1] * self.cells[0] + cell[0]) * RAY;
         core::array::from_fn(|k| self.levels.get(k).map_or(ray, |level| level.base(cell)))
     }
 
-    /// Which scale a feature is of, and how far its byte is from the cell's own.
+    /// Scale of a feature, and the offset of its byte from the cell's first byte.
     fn place(&self, feature: usize) -> (u8, i32) {
         let (level, rest) = (feature / (PLACES.len() * CHANNELS), feature % (PLACES.len() * CHANNELS));
         let Some(own) = self.levels.get(level) else { return (LEVELS as u8, rest as i32) };
@@ -148,7 +148,7 @@ impl Planes {
         }));
     }
 
-    /// A tree with its features' places.
+    /// Resolves a tree's features to byte offsets.
     pub(super) fn walk(&self, tree: &Tree, classes: usize) -> Walk {
         let leaf = |own: &[u8]| core::array::from_fn(|class| own.get(class).copied().unwrap_or(0));
         let leaves = tree.leaves.chunks_exact(classes).map(leaf).collect();
@@ -169,7 +169,7 @@ impl Planes {
         Walk { nodes: tree.features.iter().map(node).collect(), leaves }
     }
 
-    /// What trees say of all cells, class after class.
+    /// Sums the trees' votes for all cells, class by class.
     pub(super) fn vote(&self, trees: &[Walk], votes: &mut Vec<u16>) {
         const { assert!(TREES * 255 <= u16::MAX as usize, "sums of votes fit") };
         let [columns, lines] = self.cells;
@@ -199,7 +199,7 @@ impl Walk {
     }
 }
 
-/// The same planes, halved where they are to have another size; an odd last row or column is left out.
+/// Copies the planes, or halves them if the size differs; an odd last row or column is dropped.
 fn resize(from: &Stack, [width, height]: [usize; 2], into: &mut Stack) {
     into.shape(CHANNELS, width, height);
     if from.width() == width && from.height() == height {
@@ -208,7 +208,7 @@ fn resize(from: &Stack, [width, height]: [usize; 2], into: &mut Stack) {
     (0..CHANNELS).for_each(|plane| halve(from.plane(plane), from.width(), into.plane_mut(plane)));
 }
 
-/// Bytes of all channels, cell by cell, the outermost repeated on all sides.
+/// Quantises all channels to bytes, cell by cell, with the edges repeated on all sides.
 fn pack(stack: &Stack, into: &mut [u8]) {
     let (width, height) = (stack.width(), stack.height());
     if width * height == 0 {
@@ -235,7 +235,8 @@ fn pack(stack: &Stack, into: &mut [u8]) {
     }
 }
 
-/// Slope down and to the right, and metres to the right where it meets the ground: 128 is none, 0 for no ground.
+/// Slopes down and to the right, and metres to the right where the ray meets the ground; 128 is zero, and 0 means that
+/// it does not meet the ground.
 fn ray([x, y]: [usize; 2], cells: [usize; 2], size: [usize; 2], ground: Ground) -> [u8; RAY] {
     let middle = |k: usize, axis: usize| (k as f64 + 0.5) * size[axis] as f64 / cells[axis] as f64;
     let right = (middle(x, 0) - 0.5 * size[0] as f64) / ground.focal_px;

@@ -6,7 +6,7 @@ use crate::shipped;
 const GROUND: Ground = Ground { horizon_px: 48.0, focal_px: 120.0, height_m: 1.4 };
 const SIZE: [usize; 2] = [160, 96];
 
-/// Grey ground, blue sky, and a red thing somewhere before them; with the places of their classes.
+/// Grey ground, blue sky and a red object in front; with the class index of each pixel.
 fn picture(number: i64) -> (Vec<u8>, Vec<u8>) {
     let mut rng = Rng::keyed(7, "picture", &[number]);
     let (left, top) = (rng.below(120), 30 + rng.below(30));
@@ -30,7 +30,7 @@ fn blank() -> Weights {
     Weights { source: "a test".into(), focal_px: GROUND.focal_px, classes: classes.into(), trees: vec![tree] }
 }
 
-/// A forest of four trees.
+/// Forest of four trees.
 fn learnt() -> Weights {
     let mut segmenter = Segmenter::new(blank(), SIZE, GROUND);
     let (mut rows, mut labels) = (Vec::new(), Vec::new());
@@ -56,7 +56,7 @@ fn labels(segmenter: &mut Segmenter, size: [usize; 2], rgb: &[u8]) -> Vec<u8> {
     labels
 }
 
-/// The share of pixels that are labelled as they are.
+/// Share of correctly labelled pixels.
 fn right(found: &[u8], classes: &[u8]) -> f64 {
     let ids = [7, 23, 26];
     let same = found.iter().zip(classes).filter(|(id, class)| **id == ids[usize::from(**class)]).count();
@@ -64,13 +64,13 @@ fn right(found: &[u8], classes: &[u8]) -> f64 {
 }
 
 #[test]
-fn pictures_that_were_not_learnt_are_labelled_by_any_camera() {
+fn segmenter_labels_unseen_images_at_any_focal_length() {
     let weights = learnt();
     for number in 100..106 {
         let (rgb, classes) = picture(number);
         let found = labels(&mut Segmenter::new(weights.clone(), SIZE, GROUND), SIZE, &rgb);
         assert!(right(&found, &classes) > 0.96, "{number}: {}", right(&found, &classes));
-        // The same seen with pixels half as large.
+        // The same image with pixels half as large.
         let size = SIZE.map(|px| px * 2);
         let double = |of: &[u8], each: usize| -> Vec<u8> {
             let at = |k: usize| (k / size[0] / 2 * SIZE[0] + k % size[0] / 2) * each;
@@ -84,7 +84,7 @@ fn pictures_that_were_not_learnt_are_labelled_by_any_camera() {
 }
 
 #[test]
-fn trees_are_the_same_bytes_again() {
+fn forest_training_is_deterministic() {
     let weights = learnt();
     let mut hasher = swerve_core::Hasher::new();
     hasher.bytes(&weights.write());
@@ -93,7 +93,7 @@ fn trees_are_the_same_bytes_again() {
 }
 
 #[test]
-fn a_walk_asks_what_describes_a_cell() {
+fn walk_compares_the_described_features() {
     let weights = learnt();
     let (rgb, _) = picture(3);
     let mut segmenter = Segmenter::new(weights.clone(), SIZE, GROUND);
@@ -122,7 +122,7 @@ fn a_walk_asks_what_describes_a_cell() {
 }
 
 #[test]
-fn images_with_nothing_in_them_have_a_result() {
+fn segmenter_accepts_uniform_and_empty_images() {
     let weights = shipped::segmentation("street").unwrap().unwrap();
     let ids: Vec<u8> = weights.classes.iter().map(|class| class.id).collect();
     for size in [[0, 0], [1, 1], [3, 200], [4, 4], [5, 9], [64, 33], [200, 6]] {
@@ -138,7 +138,7 @@ fn images_with_nothing_in_them_have_a_result() {
 }
 
 #[test]
-fn another_size_is_told() {
+fn segmenter_rejects_images_of_another_size() {
     let mut segmenter = Segmenter::new(blank(), [32, 24], GROUND);
     let told = segmenter.segment(Rgb::new(2, 1, &[0; 6]).unwrap(), &mut [0; 2]).unwrap_err().to_string();
     assert_eq!(told, "an image of 2 x 1 pixels, expected 32 x 24");
@@ -147,7 +147,7 @@ fn another_size_is_told() {
 }
 
 #[test]
-fn nothing_is_allocated_from_the_second_image_on() {
+fn segmenter_allocates_nothing_after_the_first_image() {
     let ((rgb, _), mut found) = (picture(1), vec![0; SIZE[0] * SIZE[1]]);
     for focal_px in [GROUND.focal_px, 100.0] {
         let mut segmenter = Segmenter::new(learnt(), SIZE, Ground { focal_px, ..GROUND });
@@ -158,7 +158,7 @@ fn nothing_is_allocated_from_the_second_image_on() {
 }
 
 #[test]
-fn what_is_wrong_with_weights_is_told() {
+fn invalid_forests_are_rejected_with_a_reason() {
     let weights = learnt();
     let good = weights.write();
     assert_eq!(Weights::read(&good).unwrap(), weights);
@@ -175,7 +175,7 @@ fn what_is_wrong_with_weights_is_told() {
         assert!(told(&bad).starts_with("damaged weights"), "byte {k}");
         assert!(told(&good[..9 + rng.below(good.len() - 9)]).starts_with("damaged weights"));
     }
-    // Whole, but senseless.
+    // Well-formed, but with invalid content.
     let check = |change: fn(&mut Weights), expected: &str| {
         let mut weights = learnt();
         change(&mut weights);

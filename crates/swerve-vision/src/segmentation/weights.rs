@@ -1,4 +1,4 @@
-//! What a forest has learnt, as a file.
+//! Weights of a segmentation forest and their file format.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,37 +7,37 @@ use crate::weights_file::{WeightsError, WeightsFile, ensure};
 
 const FILE: WeightsFile = WeightsFile { of: "segmentation", magic: "SWERVSEG", version: 1 };
 
-/// All that a segmentation has learnt.
+/// Trained forest of a segmentation.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Weights {
-    /// Where it comes from, in words.
+    /// Origin of the weights, free text.
     pub source: String,
-    /// Focal length of the images that it was learnt from; others are resized.
+    /// Focal length of the training images, pixels; other images are resized.
     pub focal_px: f64,
-    /// What pixels are told apart as; the last is all else.
+    /// Classes of pixels; the last one is everything else.
     pub classes: Vec<Class>,
-    /// The forest.
+    /// Trees of the forest.
     pub trees: Vec<Tree>,
 }
 
-/// What pixels are labelled as.
+/// Class of pixels.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Class {
-    /// What it goes by.
+    /// Name of the class.
     pub name: String,
-    /// In masks: an id of Cityscapes.
+    /// Id in masks, as in Cityscapes.
     pub id: u8,
 }
 
-/// A binary tree, level by level from the root: where a feature is below the threshold, it goes on at the first of the
-/// two nodes of its own.
+/// Binary tree, level by level from the root. If a feature is below the threshold, the walk continues at the first of
+/// the node's two children.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Tree {
-    /// Of each node one more than its feature; 0 for a leaf.
+    /// Feature index plus one of each node; 0 for a leaf.
     pub features: Vec<u16>,
-    /// Of each node that is no leaf.
+    /// Threshold of each inner node.
     pub thresholds: Vec<u8>,
-    /// Of each leaf the share of each class, in 1/255.
+    /// Share of each class at each leaf, in 1/255.
     pub leaves: Vec<u8>,
 }
 
@@ -53,7 +53,7 @@ impl Tree {
         )?;
         let known = |feature: &u16| usize::from(*feature) <= FEATURES;
         ensure(self.features.iter().all(known), "known features expected")?;
-        // Children come after their parents, so that every walk ends.
+        // Children must follow their parents, so that every walk terminates.
         let mut above = 0;
         let is_above = |(k, feature): (usize, &u16)| {
             let first = 2 * above + 1;
@@ -65,20 +65,20 @@ impl Tree {
 }
 
 impl Weights {
-    /// Reads a file.
+    /// Parses a weights file.
     ///
     /// # Errors
-    /// Where it is none, or not whole.
+    /// If the file is not a weights file, is damaged, or has invalid content.
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
         let weights: Self = FILE.read(bytes)?;
         weights.check().map_err(WeightsError::Content)?;
         Ok(weights)
     }
 
-    /// The bytes of a file.
+    /// Serialises the weights to a file's bytes.
     ///
     /// # Panics
-    /// Never: what is stored is plain numbers and text.
+    /// Never: the weights are plain numbers and text.
     pub fn write(&self) -> Vec<u8> {
         FILE.write(self)
     }

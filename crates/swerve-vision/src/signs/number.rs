@@ -1,4 +1,4 @@
-//! The number on a speed limit.
+//! Recognition of the number on a speed limit.
 
 use std::sync::LazyLock;
 
@@ -6,28 +6,28 @@ use swerve_geom::math;
 
 use crate::Rgb;
 
-/// Columns and rows that numbers are compared in.
+/// Columns and rows of the patch in which numbers are compared.
 const COLUMNS: usize = 26;
 const ROWS: usize = 16;
-/// Width of a digit and gap between digits, of its height.
+/// Width of a digit and gap between digits, as shares of the digit height.
 const DIGIT: f64 = 0.6;
 const GAP: f64 = 0.2;
-/// Half of a stroke's width.
+/// Half of the stroke width, as a share of the digit height.
 const STROKE: f64 = 0.08;
-/// Points of a digit's rounds.
+/// Number of points of a digit's arcs.
 const ROUND: usize = 16;
-/// Share of the brightest pixels that is white, whatever the light.
+/// Quantile of brightness taken as white, in any light.
 const WHITE: f64 = 0.75;
-/// Numbers are at least this dark, of white, or there is none.
+/// Smallest contrast of a number, as a share of white.
 const CONTRAST_MIN: f64 = 0.25;
-/// What a number is more like its drawing than like that of any other, at the least.
+/// Smallest lead of the best correlation over the next one.
 const LEAD_MIN: f64 = 0.02;
-/// Looks a cell along each axis.
+/// Samples per cell along each axis.
 const LOOKS: usize = 3;
 
 type Patch = [f64; COLUMNS * ROWS];
 
-/// A number as it would be drawn, its mean taken away, of length 1.
+/// Drawing of a number, with zero mean and unit norm.
 struct Drawing {
     number: u8,
     /// Width over height.
@@ -38,14 +38,14 @@ struct Drawing {
 static DRAWINGS: LazyLock<Vec<Drawing>> =
     LazyLock::new(|| (1..=13).map(|tens| Drawing::new(10 * tens)).collect());
 
-/// Reads numbers, with memory kept between them.
+/// Reads numbers; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reader {
     sorted: Vec<u8>,
 }
 
 impl Reader {
-    /// The limit written in dark within an ellipse, and its likeness to its drawing, up to 1.
+    /// Reads the dark number within an ellipse; returns it with its correlation, up to 1.
     pub(super) fn read(&mut self, image: Rgb<'_>, center: [f64; 2], size: [f64; 2]) -> Option<(u8, f64)> {
         let dark = self.darkness(image, center, size)?;
         let bounds = bounds(&dark, center, size)?;
@@ -53,7 +53,7 @@ impl Reader {
         let patch = normalised(patch(&dark, bounds))?;
         let likeness = |drawing: &Drawing| {
             let same: f64 = drawing.patch.iter().zip(&patch).map(|(a, b)| a * b).sum();
-            // Signs are turned away at most so far; another aspect is another number of digits.
+            // Tolerates the foreshortening of signs turned away; a larger difference means another number of digits.
             let off = math::ln(aspect / drawing.aspect).abs();
             (drawing.number, same - 0.3 * (off - 0.25).max(0.0))
         };
@@ -68,7 +68,7 @@ impl Reader {
         (best.1 - next >= LEAD_MIN).then_some(best)
     }
 
-    /// How dark pixels of an ellipse are, from white to the darkest of them; none where they are all alike.
+    /// Darkness of the pixels of an ellipse, from white (0) to black (1); `None` without contrast.
     fn darkness<'a>(
         &mut self,
         image: Rgb<'a>,
@@ -107,12 +107,12 @@ fn is_within(point: [f64; 2], center: [f64; 2], size: [f64; 2]) -> bool {
     x * x + y * y <= 1.0
 }
 
-/// Brightness by green and red, which the ring beside has one of alone.
+/// Brightness as the green channel, in which the red ring is dark.
 fn brightness(image: Rgb<'_>, x: usize, y: usize) -> u8 {
     image.row(y)[3 * x + 1]
 }
 
-/// Brightness between the middles of pixels.
+/// Bilinearly interpolated brightness.
 fn between(image: Rgb<'_>, x: f64, y: f64) -> f64 {
     let (x, y) = (x.clamp(0.0, image.width() as f64 - 1.0), y.clamp(0.0, image.height() as f64 - 1.0));
     let (column, row) = (x as usize, y as usize);
@@ -123,7 +123,7 @@ fn between(image: Rgb<'_>, x: f64, y: f64) -> f64 {
         + v * ((1.0 - u) * at(column, below) + u * at(right, below))
 }
 
-/// Left, top, right and bottom of what is dark within an ellipse, to a quarter of a pixel.
+/// Left, top, right and bottom of the dark pixels within an ellipse, to a quarter of a pixel.
 fn bounds(dark: &impl Fn(f64, f64) -> f64, center: [f64; 2], size: [f64; 2]) -> Option<[f64; 4]> {
     const STEP: f64 = 0.25;
     let steps = size.map(|size| (size / STEP).ceil() as usize);
@@ -137,7 +137,7 @@ fn bounds(dark: &impl Fn(f64, f64) -> f64, center: [f64; 2], size: [f64; 2]) -> 
             }
         }
     }
-    // A number takes more than a third of the disc's height.
+    // A number covers more than a third of the disc's height.
     (bounds[3] - bounds[1] > 0.33 * size[1] && bounds[2] - bounds[0] > 0.2 * size[0]).then_some(bounds)
 }
 
@@ -154,7 +154,7 @@ fn patch(dark: &impl Fn(f64, f64) -> f64, [left, top, right, bottom]: [f64; 4]) 
     patch
 }
 
-/// Without its mean, of length 1; none where all cells are alike.
+/// Patch with zero mean and unit norm; `None` if all cells are equal.
 fn normalised(mut patch: Patch) -> Option<Patch> {
     let mean = patch.iter().sum::<f64>() / patch.len() as f64;
     patch.iter_mut().for_each(|cell| *cell -= mean);
@@ -178,7 +178,7 @@ impl Drawing {
         let width = x - GAP;
         let ink = |x: f64, y: f64| {
             let nearest = lines.iter().map(|line| distance([x, y], line)).fold(f64::INFINITY, f64::min);
-            // A blur as that of an image in which a digit has nine rows.
+            // Blur like that of an image in which a digit has nine rows.
             (1.0 - (nearest - STROKE) / 0.06).clamp(0.0, 1.0)
         };
         let bounds = [-STROKE, -STROKE, width + STROKE, 1.0 + STROKE];
@@ -187,7 +187,7 @@ impl Drawing {
     }
 }
 
-/// The strokes of a digit in a box of width [`DIGIT`] and height 1, y down.
+/// Strokes of a digit in a box of width [`DIGIT`] and height 1, y down.
 fn strokes(digit: u8) -> Vec<Vec<[f64; 2]>> {
     let round = |[x, y]: [f64; 2], [rx, ry]: [f64; 2]| -> Vec<[f64; 2]> {
         let angle = |k: usize| core::f64::consts::TAU * k as f64 / ROUND as f64;
@@ -255,7 +255,7 @@ fn strokes(digit: u8) -> Vec<Vec<[f64; 2]>> {
     }
 }
 
-/// From a point to a stretch.
+/// Distance from a point to a line segment.
 fn distance([x, y]: [f64; 2], [[x0, y0], [x1, y1]]: &[[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (x1 - x0, y1 - y0);
     let along = (((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);

@@ -1,6 +1,6 @@
 use super::*;
 
-/// An image of one colour.
+/// Image of one colour.
 fn plain(width: usize, height: usize, rgb: [u8; 3]) -> Vec<u8> {
     rgb.iter().copied().cycle().take(3 * width * height).collect()
 }
@@ -12,13 +12,13 @@ fn found(width: usize, height: usize, bytes: &[u8]) -> Vec<Sign> {
 }
 
 #[test]
-fn images_without_a_sign_have_none() {
+fn finder_reports_no_sign_on_other_red_objects() {
     for (width, height) in [(0, 0), (1, 1), (40, 30)] {
         for rgb in [[0; 3], [255; 3], [255, 0, 0], [128; 3]] {
             assert_eq!(found(width, height, &plain(width, height, rgb)), [], "{width} x {height} of {rgb:?}");
         }
     }
-    // A red car's side: a box; a red ball: nothing is written on it; a ring with nothing in it.
+    // The side of a red car (a box), a red ball (no text), and an empty ring.
     let mut car = plain(60, 40, [90, 90, 95]);
     let mut ball = car.clone();
     let mut ring = car.clone();
@@ -34,7 +34,7 @@ fn images_without_a_sign_have_none() {
             ring[3 * k..3 * k + 3].copy_from_slice(if away > 12.0 { &red } else { &[220; 3] });
         }
     }
-    // A house of red bricks with a white window: as full as an octagon, and of another shape.
+    // A red brick house with a white window: fills its box like an octagon, but has another shape.
     let mut house = plain(60, 40, [90, 90, 95]);
     for k in 0..60 * 40 {
         let (x, y) = (k % 60, k / 60);
@@ -57,9 +57,9 @@ fn images_without_a_sign_have_none() {
     assert_eq!(again.count_total, 0);
 }
 
-/// Random images are searched to their end.
+/// Searches random images without a panic.
 #[test]
-fn noise_is_searched() {
+fn finder_accepts_noise() {
     let mut rng = swerve_core::Rng::keyed(1, "noise", &[]);
     for size in [1, 7, 64] {
         let bytes: Vec<u8> = (0..3 * size * size).map(|_| (256.0 * rng.unit()) as u8).collect();

@@ -1,8 +1,9 @@
-//! Census codes: what stays of a neighbourhood when brightness and contrast may differ between two cameras.
+//! Census codes: a description of a neighbourhood that is invariant to brightness and contrast differences between two
+//! cameras.
 //!
-//! Centre-symmetric (Spangenberg, Langner and Rojas, CAIP 2013): of a window of 7 x 7 pixels each of the 24 pairs
-//! that mirror each other in its centre gives one bit, whether the first is the brighter one. Half of the bits of a
-//! plain census of that window, and no pixel has a say in all of them.
+//! Centre-symmetric (Spangenberg, Langner and Rojas, CAIP 2013): each of the 24 pairs of opposite pixels of a 7 x 7
+//! window gives one bit, set if the first is brighter. This is half of the bits of a plain census of that window, and
+//! no pixel influences all of them.
 
 use swerve_geom::simd::widest;
 
@@ -12,15 +13,15 @@ use crate::Plane;
 pub(super) const WIDTH: usize = 7;
 /// Rows of the window.
 pub(super) const HEIGHT: usize = 7;
-/// Bits of a code, so the most that two codes differ by.
+/// Bits of a code, and therefore the largest distance of two codes.
 pub(super) const BITS: u8 = 24;
-/// Bytes of a code; each is kept in an array of its own, so that sixteen are compared at once.
+/// Bytes of a code; each is stored in a separate array, so that sixteen are compared at once.
 const BYTES: usize = 3;
 
 const REACH_X: usize = WIDTH / 2;
 const REACH_Y: usize = HEIGHT / 2;
 
-/// The codes of an image, row by row.
+/// Codes of an image, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Census {
     stride: usize,
@@ -29,13 +30,13 @@ pub(super) struct Census {
 }
 
 impl Census {
-    /// Computes the codes of the image of the left camera, in the order of its columns.
+    /// Computes the codes of the left image, in column order.
     pub(super) fn left(&mut self, image: &Plane<u8>) {
         self.compute(image, 0);
     }
 
-    /// Computes the codes of the image of the right camera: each row from its last column to its first, and then
-    /// `more` times the first, so that candidates of growing disparity lie one behind the other.
+    /// Computes the codes of the right image: each row from its last column to its first, then `more` copies of the
+    /// first, so that candidates of growing disparity are contiguous.
     pub(super) fn right(&mut self, image: &Plane<u8>, more: usize) {
         self.compute(image, more);
         let width = image.width();
@@ -64,7 +65,7 @@ impl Census {
         );
     }
 
-    /// The codes of one row.
+    /// Computes the codes of one row.
     #[inline(always)]
     fn compare(&mut self, y: usize, width: usize) {
         for bit in 0..usize::from(BITS) {
@@ -78,7 +79,7 @@ impl Census {
         }
     }
 
-    /// The image with its border repeated around it, so that every pixel has a whole window.
+    /// Copies the image with its border repeated, so that every pixel has a full window.
     fn frame(&mut self, image: &Plane<u8>) {
         let (width, height) = (image.width(), image.height());
         self.framed.reset(width + WIDTH - 1, height + HEIGHT - 1);
@@ -96,8 +97,8 @@ impl Census {
     }
 }
 
-/// Writes how many bits each pixel of row `y` of the left image differs by from its candidates: as many numbers for
-/// each pixel as there are disparities, one behind the other.
+/// Writes the Hamming distances of each pixel of row `y` of the left image to its candidates: contiguous, one per
+/// disparity for each pixel.
 #[inline(always)]
 pub(super) fn costs(left: &Census, right: &Census, y: usize, costs: &mut [u8]) {
     let (left_row, right_row, width) = (left.row(y), right.row(y), left.stride);
@@ -125,8 +126,8 @@ fn lanes<const N: usize>(code: [u8; BYTES], [p, q, r]: [&[[u8; N]]; BYTES], dist
     }
 }
 
-/// How many bits of three bytes are set: they are added bit by bit first, then the bits of the two sums, each with
-/// its weight; all of it on bytes alone, for which there are the most lanes.
+/// Number of set bits of three bytes: a bitwise full adder, then the weighted bit counts of both sums. Uses bytes only,
+/// which have the most vector lanes.
 #[inline(always)]
 fn count([a, b, c]: [u8; BYTES]) -> u8 {
     let (ones, twos) = (a ^ b ^ c, (a & b) | (c & (a ^ b)));
@@ -143,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bits_are_counted() {
+    fn count_matches_the_number_of_set_bits() {
         let mut word = 1_u32;
         for _ in 0..20_000 {
             word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -154,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_code_keeps_nothing_of_brightness_and_contrast() {
+    fn codes_are_invariant_to_brightness_and_contrast() {
         let at = |x: usize, y: usize| ((x * 37 + y * 91 + x * y * 13) % 100) as u8;
         let pixels = |change: &dyn Fn(u8) -> u8| {
             let all = (0..20 * 12).map(|at_pixel| change(at(at_pixel % 20, at_pixel / 20))).collect();

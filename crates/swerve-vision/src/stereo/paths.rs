@@ -1,23 +1,24 @@
-//! Costs summed along straight paths: what makes semi-global matching of single pixels' costs.
+//! Aggregation of pixel costs along straight paths in semi-global matching.
 
 use super::census::{self, Census};
 
-/// What a path asks of a change of disparity between neighbours, in bits of the census.
+/// Penalties for a change of disparity between neighbours on a path, in census bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Penalties {
-    /// For a change by one.
+    /// Penalty of a change by one.
     pub(super) small: u8,
-    /// For any larger change: with the largest cost a third of a byte at most, so that three paths' sum is one.
+    /// Penalty of any larger change; with the largest cost at most a third of a byte, so that the sum of three paths
+    /// fits one.
     pub(super) large: u8,
 }
 
-/// The paths that come into a row from the row before it, from straight ahead or from a neighbouring column.
+/// Paths that enter a row from the row before it, straight or diagonally.
 ///
-/// Costs of a pixel lie between two bytes that no minimum takes; before the first and after the last pixel there is
-/// one with no costs, where paths begin.
+/// Costs of a pixel are enclosed by two bytes of the largest value, which no minimum selects. Before the first and
+/// after the last pixel there is one with zero costs, where paths start.
 #[derive(Clone, Debug, Default)]
 struct FromRow {
-    /// Which column of the row before: `x + shift - 1`.
+    /// Shift of the source column in the row before: `x + shift - 1`.
     shift: usize,
     before: Lane,
     here: Lane,
@@ -41,26 +42,26 @@ impl Lane {
         }
     }
 
-    /// Pixel by pixel, without the first and the last, which are none.
+    /// Costs pixel by pixel, without the two padding pixels.
     #[inline(always)]
     fn pixels(&self, stride: usize) -> core::slice::ChunksExact<'_, u8> {
         self.costs[stride..self.costs.len() - stride].chunks_exact(stride)
     }
 }
 
-/// Paths that go through an image row by row, in either direction; sums of up to three of them are bytes.
+/// Paths that traverse an image row by row, in either direction; sums of up to three of them are bytes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Paths {
     disparities: usize,
     width: usize,
     from_row: Vec<FromRow>,
-    /// Forward and backward.
+    /// Forward and backward paths.
     along: [Lane; 2],
     costs: Vec<u8>,
 }
 
 impl Paths {
-    /// Begins paths for images of this width; `diagonal` besides those along columns.
+    /// Starts paths for images of this width; `diagonal` adds diagonal paths to the vertical ones.
     pub(super) fn begin(&mut self, width: usize, disparities: usize, diagonal: bool) {
         (self.width, self.disparities) = (width, disparities);
         let shifts: &[usize] = if diagonal { &[1, 0, 2] } else { &[1] };
@@ -74,7 +75,7 @@ impl Paths {
         self.costs.resize(width * disparities, 0);
     }
 
-    /// Sums the paths that come into row `y` from the row that this was called for before.
+    /// Sums the paths that enter row `y` from the row of the previous call.
     #[inline(always)]
     pub(super) fn enter_row(
         &mut self,
@@ -100,14 +101,14 @@ impl Paths {
         }
     }
 
-    /// Adds the two paths along the row that [`Paths::enter_row`] was called for last to what it gave, and to what it
-    /// gave for the row the other way.
+    /// Adds the two paths along the row of the last [`Paths::enter_row`] call to its sums and to the sums of the same
+    /// row in the opposite direction.
     #[inline(always)]
     pub(super) fn along_row(&mut self, penalties: Penalties, [a, b]: [&[u8]; 2], sums: &mut [i16]) {
         let (n, stride) = (self.disparities, self.disparities + 2);
         let [forward, backward] = &mut self.along;
         let mut leasts = [0; 2];
-        // Neither waits for the other.
+        // The two directions are independent.
         for index in 0..self.width {
             let (x, back) = (index, self.width - 1 - index);
             let (before, here) = forward.costs[x * stride..].split_at_mut(stride);
@@ -124,10 +125,10 @@ impl Paths {
     }
 }
 
-/// One pixel of a path (Hirschmüller, PAMI 2008, equation 13): its costs, and the cheapest way on from the pixel
-/// before, less the least cost there. Returns the least of it.
+/// Advances a path by one pixel (Hirschmüller, PAMI 2008, equation 13): its cost plus the cheapest transition from the
+/// pixel before, minus the lowest cost there. Returns the lowest new cost.
 ///
-/// Bytes alone, of which a vector has the most, in arrays, which are vectors without a rest.
+/// Uses bytes only, which have the most vector lanes, in arrays that are whole vectors.
 #[inline(always)]
 fn step(costs: &[u8], (before, least_before): (&[u8], u8), penalties: Penalties, here: &mut [u8]) -> u8 {
     let n = costs.len();
@@ -152,7 +153,7 @@ fn step(costs: &[u8], (before, least_before): (&[u8], u8), penalties: Penalties,
     all
 }
 
-/// Disparities at once; the rest are sixteens.
+/// Disparities per step; the remainder is processed in sixteens.
 const WIDE: usize = 32;
 const NARROW: usize = 16;
 
@@ -179,7 +180,7 @@ fn lanes<const N: usize>(
     path
 }
 
-/// Adds a path to the sums of a pixel, or begins them with it.
+/// Adds a path to the sums of a pixel, or initialises them.
 #[inline(always)]
 fn add(path: &[u8], sums: &mut [u8], more: bool) {
     for (sums, path) in sums.as_chunks_mut::<NARROW>().0.iter_mut().zip(path.as_chunks::<NARROW>().0) {
@@ -191,7 +192,7 @@ fn add(path: &[u8], sums: &mut [u8], more: bool) {
     }
 }
 
-/// Sums of a pixel. The first two are of up to three paths each, the others of one.
+/// Sums of a pixel; the first two inputs sum up to three paths each, the others one.
 #[inline(always)]
 fn sum([a, b, c, d]: [&[u8]; 4], sums: &mut [i16]) {
     let [a, b, c, d] = [a, b, c, d].map(|part| part.as_chunks::<NARROW>().0);
@@ -209,7 +210,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_by_hand() {
+    fn step_matches_a_hand_calculation() {
         let penalties = Penalties { small: 2, large: 5 };
         let padded = |before: [u8; 3], least| {
             let (mut all, mut here) = ([99; 18], [255; 18]);
@@ -220,9 +221,9 @@ mod tests {
             assert_eq!((here[0], here[17]), (255, 255));
             ([here[1], here[2], here[3]], found)
         };
-        // From 0 with a small change, from itself, and from 0 with a small change again.
+        // From 0 by a small change, from itself, and from 0 by a small change again.
         assert_eq!(padded([4, 0, 9], 0), ([3, 2, 5], 2));
-        // The third is out of reach of a small change.
+        // A small change does not reach the third.
         assert_eq!(padded([0, 9, 9], 0), ([1, 4, 8], 1));
     }
 }

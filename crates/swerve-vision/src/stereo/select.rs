@@ -1,20 +1,20 @@
-//! The disparity of each pixel of a row from its sums, as far as it can be told.
+//! Selection of the disparity of each pixel of a row from its sums.
 
-/// What is asked of a disparity.
+/// Acceptance criteria of a disparity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Demands {
-    /// Any other disparity, but for the two beside it, costs more by this share at least, percent.
+    /// Margin by which the sum of any other disparity, except the two neighbours, must be larger, percent.
     pub(super) uniqueness_percent: i32,
-    /// What the two images may differ by, pixels.
+    /// Largest difference between both images' disparities, pixels.
     pub(super) left_right_px: usize,
 }
 
-/// What pixels of a row have in common with their counterparts.
+/// Best matches of the pixels of a row in both images.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Matches {
-    /// The best disparity of each pixel of the left image, and its sum.
+    /// Best disparity of each pixel of the left image, and its sum.
     left: Vec<(usize, i16)>,
-    /// Of those that lead to a pixel of the right image the one of the least sum.
+    /// Disparity with the least sum of those that lead to each pixel of the right image.
     right: Vec<(usize, i16)>,
 }
 
@@ -35,7 +35,7 @@ impl Matches {
     }
 }
 
-/// Writes the disparities of a row, NaN where there is none that meets the demands.
+/// Writes the disparities of a row, NaN where no disparity meets the criteria.
 #[inline(always)]
 pub(super) fn row(sums: &[i16], matches: &mut Matches, demands: Demands, into: &mut [f32]) {
     let disparities = sums.len() / into.len();
@@ -43,7 +43,7 @@ pub(super) fn row(sums: &[i16], matches: &mut Matches, demands: Demands, into: &
     for (x, (sums, into)) in sums.chunks_exact(disparities).zip(into).enumerate() {
         let best = matches.left[x].0;
         let seen = best <= x && matches.right[x - best].0.abs_diff(best) <= demands.left_right_px;
-        // At either end nobody knows what lies beyond.
+        // The costs beyond either end of the range are unknown.
         let inside = best > 0 && best + 1 < disparities;
         *into = match seen && inside && is_unique(sums, best, demands.uniqueness_percent) {
             true => best as f32 + between([sums[best - 1], sums[best], sums[best + 1]]),
@@ -52,10 +52,10 @@ pub(super) fn row(sums: &[i16], matches: &mut Matches, demands: Demands, into: &
     }
 }
 
-/// Where the first of the least sums is, and that sum.
+/// Index of the first of the least sums, and that sum.
 #[inline(always)]
 fn least_at(sums: &[i16]) -> (usize, i16) {
-    // The sum, and then the disparity, in one number.
+    // Sum and disparity are packed into one integer.
     let mut key = i32::MAX;
     for (disparity, &sum) in (0..).zip(sums) {
         key = key.min(i32::from(sum) << 8 | disparity);
@@ -63,8 +63,8 @@ fn least_at(sums: &[i16]) -> (usize, i16) {
     ((key & 0xff) as usize, (key >> 8) as i16)
 }
 
-/// Whether none but the best and the two beside it comes near to the best sum: as many are below the limit as of these
-/// three.
+/// Returns true if only the best disparity and its two neighbours are near the best sum: as many sums are below the
+/// limit as among these three.
 #[inline(always)]
 fn is_unique(sums: &[i16], best: usize, percent: i32) -> bool {
     let least = i32::from(sums[best]) * 100;
@@ -79,10 +79,10 @@ fn is_unique(sums: &[i16], best: usize, percent: i32) -> bool {
     count(sums) == count(&sums[best - 1..=best + 1])
 }
 
-/// Where between two pixels the least cost lies, from -0.5 to 0.5: two lines of opposite slope through three costs.
+/// Sub-pixel position of the least cost, from -0.5 to 0.5: two lines of opposite slope through three costs.
 ///
-/// Off by up to 0.2 px all the same (a test shows it). Costs that count bits fall and rise like lines; a parabola would draw the result to whole pixels (Shimizu and
-/// Okutomi, ICCV 2001).
+/// The error is still up to 0.2 px, as a test shows. Costs that count bits change linearly; a parabola would pull the
+/// result towards whole pixels (Shimizu and Okutomi, ICCV 2001).
 fn between([before, least, after]: [i16; 3]) -> f32 {
     let steeper = before.max(after) - least;
     if steeper == 0 { 0.0 } else { 0.5 * f32::from(before - after) / f32::from(steeper) }
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_meet_between_pixels() {
+    fn between_interpolates_linearly() {
         for (costs, expected) in
             [([5, 3, 5], 0.0), ([5, 3, 3], 0.5), ([3, 3, 5], -0.5), ([7, 3, 5], 0.25), ([3, 3, 3], 0.0)]
         {
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_unique_inside_and_seen_by_both_is_told() {
+    fn row_keeps_unique_consistent_disparities_inside_the_range() {
         const FAR: i16 = 100;
         let mut matches = Matches::default();
         let mut told = |sums: &[[i16; 4]; 4]| {
@@ -114,11 +114,11 @@ mod tests {
         let clear = [FAR, 1, FAR, FAR];
         assert!(told(&[blank; 4]).iter().all(|d| d.is_nan()));
         assert_eq!(told(&[blank, blank, clear, blank])[2], 1.0);
-        // Another as good, at an end of the range, beyond the image's border.
+        // Another one as good, at an end of the range, or beyond the image border.
         assert!(told(&[blank, blank, blank, [FAR, 1, FAR, 1]])[3].is_nan());
         assert!(told(&[blank, blank, [1, FAR, FAR, FAR], blank])[2].is_nan());
         assert!(told(&[clear, blank, blank, blank])[0].is_nan());
-        // Two that lead to one pixel of the right image: the better one has it.
+        // Two that lead to the same pixel of the right image: only the better one is kept.
         let both = told(&[blank, blank, [FAR, FAR, 9, FAR], [FAR, FAR, FAR, FAR]]);
         assert_eq!(both[2], 2.0);
         let sums = [[FAR; 5], [FAR; 5], [FAR, FAR, 9, FAR, FAR], [FAR, FAR, FAR, 1, FAR]].concat();

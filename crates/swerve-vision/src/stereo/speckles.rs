@@ -1,17 +1,17 @@
-//! Small patches of disparity that hang together with nothing: mostly wrong.
+//! Removal of small isolated patches of disparity, which are mostly wrong.
 
 use crate::Plane;
 
-/// Memory of the filter.
+/// Speckle filter with its buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Speckles {
     seen: Vec<bool>,
-    /// Places of the patch at hand, those that still are to be looked around at its end.
+    /// Pixels of the current patch; those at its end are still to be expanded.
     patch: Vec<usize>,
 }
 
 impl Speckles {
-    /// Takes out patches of fewer than `pixels` pixels; neighbours belong to one patch where they differ by at most
+    /// Removes patches of fewer than `pixels` pixels; neighbours belong to one patch if they differ by at most
     /// `range_px`.
     pub(super) fn remove(&mut self, disparities: &mut Plane<f32>, pixels: usize, range_px: f32) {
         let (width, height) = (disparities.width(), disparities.height());
@@ -46,7 +46,7 @@ impl Speckles {
                 Some(at + width).filter(|&below| below < pixels.len()),
             ];
             for other in around.into_iter().flatten() {
-                // False where the neighbour is NaN.
+                // False if the neighbour is NaN.
                 if !self.seen[other] && (pixels[other] - pixels[at]).abs() <= range_px {
                     self.seen[other] = true;
                     self.patch.push(other);
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_patches_go() {
+    fn small_patches_are_removed() {
         const N: f32 = f32::NAN;
         let before = [1.0, 1.5, N, 7.0, 9.0, 2.0, N, 7.5, N, 2.5, N, 3.0];
         let after = [1.0, 1.5, N, N, N, 2.0, N, N, N, 2.5, N, N];

@@ -6,7 +6,7 @@ use swerve_geom::simd::both;
 use super::*;
 use crate::samples::{Picture, real};
 
-/// Texture that no two places share, smooth enough to be looked up between pixels.
+/// Non-repeating texture, smooth enough for interpolation between pixels.
 fn texture(x: f64, y: f64) -> f64 {
     let noise =
         |x: f64, y: f64, key: i64| swerve_core::Rng::keyed(7, "texture", &[key, x as i64, y as i64]).unit();
@@ -18,7 +18,7 @@ fn texture(x: f64, y: f64) -> f64 {
     })
 }
 
-/// A plane upright before two cameras, `disparity` pixels apart.
+/// Image pair of a fronto-parallel plane at this disparity, pixels.
 fn wall(disparity: f64) -> [Plane<u8>; 2] {
     const SIZE: (usize, usize) = (160, 60);
     [0.0, disparity].map(|shift| {
@@ -36,7 +36,7 @@ fn matched(settings: StereoSettings, [left, right]: &[Plane<u8>; 2]) -> Plane<f3
 
 #[test]
 fn distances_to_a_wall() {
-    // 571 px of focal length and 0.5 m of base.
+    // Focal length 571 px, baseline 0.5 m.
     for (paths, depth_m, most) in [
         (PathCount::Four, 20.0, 0.02),
         (PathCount::Eight, 20.0, 0.02),
@@ -68,7 +68,7 @@ fn disparities_do_not_lock_to_whole_pixels() {
 }
 
 #[test]
-fn a_pair_that_is_none_is_told() {
+fn matcher_rejects_mismatched_pairs_and_invalid_settings() {
     let mut stereo = Stereo::new(StereoSettings::default()).unwrap();
     let mut told = |left: (usize, usize), right: (usize, usize)| {
         let (left, right) = (Plane::new(left.0, left.1), Plane::new(right.0, right.1));
@@ -91,7 +91,7 @@ fn a_pair_that_is_none_is_told() {
 }
 
 #[test]
-fn images_of_nothing_have_no_disparity() {
+fn uniform_images_have_no_disparity() {
     for level in [0, 128, 255] {
         for size in [(7, 7), (40, 30)] {
             let image = Plane::from_pixels(size.0, size.1, vec![level; size.0 * size.1]).unwrap();
@@ -102,7 +102,7 @@ fn images_of_nothing_have_no_disparity() {
 }
 
 #[test]
-fn a_second_pair_takes_no_memory_and_nothing_of_the_first() {
+fn matcher_keeps_no_state_and_allocates_nothing_after_the_first_pair() {
     let [left, right] = wall(14.3);
     for paths in [PathCount::Four, PathCount::Eight] {
         let settings = StereoSettings { paths, ..StereoSettings::default() };
@@ -117,7 +117,7 @@ fn a_second_pair_takes_no_memory_and_nothing_of_the_first() {
 }
 
 #[test]
-fn every_processor_finds_the_same_bits() {
+fn disparities_are_bit_identical_with_wide_vectors() {
     for disparities in [64, 80] {
         let settings = StereoSettings { disparities, ..StereoSettings::default() };
         let bits = || {
@@ -129,12 +129,12 @@ fn every_processor_finds_the_same_bits() {
     }
 }
 
-/// Disparities as they truly are, NaN where nobody knows.
+/// True disparities, NaN where unknown.
 fn truth(folder: &Path, pair: &str) -> Vec<f32> {
     let (file, from) = match pair {
         "motorcycle" => {
             let archive = std::fs::read(folder.join("middlebury_motorcycle/motorcycle_disp.npz")).unwrap();
-            // One member: 30 bytes, the name, the extra field, then the deflated numbers.
+            // Single member: 30 bytes, the name, the extra field, then the deflated numbers.
             let length = |at: usize| usize::from(u16::from_le_bytes([archive[at], archive[at + 1]]));
             let member = &archive[30 + length(26) + length(28)..];
             let inflated = match miniz_oxide::inflate::decompress_to_vec(member) {
@@ -169,7 +169,7 @@ fn images(folder: &Path, pair: &str) -> [Plane<u8>; 2] {
     names.map(|name| Picture::read(&folder.join(name)).gray())
 }
 
-/// Share of known pixels that were told, and of these the share that is wrong by more than 2 pixels.
+/// Share of known pixels that have a disparity, and the share of these with an error above 2 pixels.
 fn figures(found: &Plane<f32>, truth: &[f32]) -> (f64, f64) {
     let known = truth.iter().filter(|d| !d.is_nan()).count() as f64;
     let errors = found.pixels().iter().zip(truth).map(|(f, t)| (f - t).abs()).filter(|e| !e.is_nan());

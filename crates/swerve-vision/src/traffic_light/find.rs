@@ -1,47 +1,47 @@
-//! Heads of traffic lights in a whole image: looked at where a map has them, or found by colour and shape.
+//! Traffic light heads in an image: classified at known map positions, or detected by colour and shape.
 
 use super::{COLUMNS, Lamp, lit_within, vote_of};
 use crate::Rgb;
 use crate::regions::{Region, Regions};
 
-/// A head of three lamps that stand above each other, one of them lit.
+/// Head with three lamps in a column, one of them lit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Head {
     /// The lit lamp.
     pub lamp: Lamp,
     /// Left, top, right and bottom edge, pixels.
     pub edges_px: [f64; 4],
-    /// How sure that is, 0 to 1: the lamp's share of all votes, times the share of the rest that is dark.
+    /// Confidence, 0 to 1: the lamp's share of all votes times the dark share of the housing.
     pub score: f64,
 }
 
-/// A known head is looked at with so much of its surroundings, widths and heights.
+/// Size of the crop around a known head, relative to the head.
 const AROUND: f64 = 1.5;
-/// Lamps are looked for from this size on, pixels.
+/// Smallest lamp, pixels.
 const LAMP_MIN_PX: usize = 3;
-/// Vote of a pixel of a lit lamp, at the least: where it is searched for, and where one is known to be.
+/// Smallest vote of a pixel of a lit lamp: when searching, and at a known head.
 const VOTE_MIN: f64 = 0.25;
 const SHINES_MIN: f64 = 0.1;
-/// Width over height of a lit lamp; hoods hide a part of its top.
+/// Range of width over height of a lit lamp; hoods hide part of its top.
 const ASPECT: [f64; 2] = [0.6, 1.8];
-/// Share of its box that a disc fills, at the least: 0.785 less what its edge loses.
+/// Smallest share of its box that a disc fills: 0.785 minus losses at its edge.
 const FILLED_MIN: f64 = 0.6;
-/// Height and width of a head, diameters of its lamps.
+/// Height and width of a head, in lamp diameters.
 const HEAD: [f64; 2] = [3.5, 1.2];
-/// Most of a lamp's brightness that its housing has: hard rain veils what is black.
+/// Largest brightness of a housing relative to its lamp; heavy rain brightens black.
 const DARK: f64 = 0.6;
-/// Share of a housing that is dark, and the score, at the least.
+/// Smallest dark share of a housing, and smallest score.
 const SURE: [f64; 2] = [0.7, 0.5];
 
-/// Looks at a part of an image, with memory kept between images.
+/// Classifies lights in parts of an image; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Looker {
     bytes: Vec<u8>,
 }
 
 impl Looker {
-    /// [`lit`](super::lit) of the head between left, top, right and bottom edge, pixels, with what is around it: places are
-    /// never exact. None where that is not in the image, or nothing in it shines.
+    /// Lit lamp ([`lit`](super::lit)) of the head between left, top, right and bottom edge, pixels, with a margin for
+    /// position errors. `None` if the head is outside the image or no pixel shines.
     pub fn lit(&mut self, image: Rgb<'_>, [left, top, right, bottom]: [f64; 4]) -> Option<(Lamp, f64)> {
         let more = 0.5 * (AROUND - 1.0);
         let (across, down) = (more * (right - left), more * (bottom - top));
@@ -63,7 +63,7 @@ impl Looker {
     }
 }
 
-/// Finds heads, with memory kept between images.
+/// Detects heads; reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct LightFinder {
     regions: Regions,
@@ -71,8 +71,8 @@ pub struct LightFinder {
 }
 
 impl LightFinder {
-    /// Appends the heads in an image, from the top to the bottom: bright discs of a lamp's colour in a dark housing,
-    /// where that lamp should be.
+    /// Appends the heads in an image, from top to bottom: bright discs of a lamp's colour at that lamp's position in a
+    /// dark housing.
     pub fn find(&mut self, image: Rgb<'_>, found: &mut Vec<Head>) {
         self.regions.find(image, |rgb| shines(rgb, VOTE_MIN), LAMP_MIN_PX);
         for region in self.regions.regions() {
@@ -85,7 +85,7 @@ impl LightFinder {
     }
 }
 
-/// The head around a lamp, if that is one: of the lamps that it may be, the one that is surest.
+/// Head around a lit region: the most confident of the possible lamps; `None` if there is no head.
 fn head(image: Rgb<'_>, regions: &Regions, region: &Region, looker: &mut Looker) -> Option<Head> {
     let (mut votes, mut filled, mut bright) = ([0.0; 3], 0_usize, 0_u32);
     for y in region.top..region.bottom {
@@ -106,7 +106,7 @@ fn head(image: Rgb<'_>, regions: &Regions, region: &Region, looker: &mut Looker)
     heads.max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// The head around a lamp of this kind and brightness.
+/// Head around a lamp of this type and brightness.
 fn head_of(
     image: Rgb<'_>,
     region: &Region,
@@ -114,7 +114,7 @@ fn head_of(
     looker: &mut Looker,
 ) -> Option<Head> {
     let (width, height) = (region.width() as f64, region.height() as f64);
-    // A hood hides the top of a lamp, nothing its sides.
+    // A hood hides the top of a lamp but not its sides.
     let [tall, wide] = HEAD.map(|diameters| diameters * width.max(height));
     let (left, top) =
         (region.left as f64 + 0.5 * (width - wide), region.top as f64 + 0.5 * height - lamp.place() * tall);
@@ -130,10 +130,10 @@ fn head_of(
     is_sure.then_some(Head { lamp, edges_px, score })
 }
 
-/// Of the pixels of a head that are not near its lit lamp, those that are not as bright as this.
+/// Share of a head's pixels away from its lit lamp that are darker than `bright`.
 fn dark_share(crop: Rgb<'_>, lamp: Lamp, bright: f64) -> f64 {
     let (mut dark, mut all) = (0_usize, 0_usize);
-    // Beside these is what stands behind the head.
+    // The margins show the background.
     let [from, to] = COLUMNS.map(|part| (part * crop.width() as f64).round() as usize);
     for y in 0..crop.height() {
         let place = (y as f64 + 0.5) / crop.height() as f64;
@@ -146,12 +146,12 @@ fn dark_share(crop: Rgb<'_>, lamp: Lamp, bright: f64) -> f64 {
     if all == 0 { 0.0 } else { dark as f64 / all as f64 }
 }
 
-/// The brightest of a pixel's colours.
+/// Largest of a pixel's colour values.
 fn brightness(rgb: &[u8]) -> u32 {
     rgb.iter().copied().map(u32::from).max().unwrap_or(0)
 }
 
-/// Whether a pixel is like one of a lit lamp by at least so much.
+/// Returns true if a pixel's vote for any lamp is at least `least`.
 fn shines(rgb: &[u8], least: f64) -> bool {
     let (lamps, vote) = vote_of(rgb);
     !lamps.is_empty() && vote >= least

@@ -1,7 +1,7 @@
 use super::*;
 use crate::samples::{Picture, real};
 
-/// A dark head with one bright disc.
+/// Dark head with one bright disc.
 fn head(lamp: Lamp, [width, height]: [usize; 2]) -> Vec<u8> {
     let colour = [[20, 230, 120], [240, 190, 30], [235, 40, 30]][lamp as usize];
     let middle = [0.5 * width as f64, lamp.place() * height as f64];
@@ -13,7 +13,7 @@ fn head(lamp: Lamp, [width, height]: [usize; 2]) -> Vec<u8> {
 }
 
 #[test]
-fn drawn_heads_of_all_sizes() {
+fn lit_classifies_drawn_heads_of_all_sizes() {
     for lamp in Lamp::ALL {
         for size in [[3, 9], [5, 12], [20, 50], [80, 200]] {
             let bytes = head(lamp, size);
@@ -52,7 +52,7 @@ fn real_crops() {
 }
 
 #[test]
-fn crops_of_nothing_show_no_lamp() {
+fn uniform_crops_show_no_lamp() {
     for level in [0, 128, 255] {
         for (width, height) in [(0, 0), (1, 1), (1, 9), (9, 1), (20, 50)] {
             let bytes = vec![level; 3 * width * height];
@@ -62,7 +62,7 @@ fn crops_of_nothing_show_no_lamp() {
     assert_eq!(lit(Rgb::new(1, 1, &[230, 190, 30]).unwrap()), Some((Lamp::Yellow, 1.0)));
 }
 
-/// What is shown after each frame: a letter a frame, `.` for none.
+/// State after each frame: one letter per frame, `.` for unknown.
 fn shown(seen: &str) -> String {
     let mut light = Light::default();
     let lamp = |letter| Lamp::ALL.into_iter().find(|lamp| lamp.name().starts_with(letter));
@@ -70,7 +70,7 @@ fn shown(seen: &str) -> String {
 }
 
 #[test]
-fn lights_change_as_they_may_and_not_for_a_frame() {
+fn light_changes_only_in_order_and_after_confirmation() {
     for (what, seen, expected) in [
         ("a cycle", "gggggyyyyrrrrrgggg", "..gggggyyyyrrrrrgg"),
         ("flicker", "rrrrgrrggrrr", "..rrrrrrrrrr"),
@@ -84,7 +84,7 @@ fn lights_change_as_they_may_and_not_for_a_frame() {
 }
 
 #[test]
-fn no_memory_is_taken() {
+fn lit_allocates_nothing() {
     let bytes = head(Lamp::Red, [20, 50]);
     let crop = Rgb::new(20, 50, &bytes).unwrap();
     assert_eq!(allocation_counter::measure(|| assert!(lit(crop).is_some())).count_total, 0);

@@ -1,4 +1,4 @@
-//! Eight pixels at a time: numbers, vectors, and the triangles that are seen in them.
+//! Eight pixels at a time: numbers, vectors, and the triangles they show.
 
 use wide::{f32x4, f32x8};
 
@@ -27,19 +27,19 @@ pub(super) fn mix8(a: V, b: V, t: F) -> V {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
 
-/// Planes and numbers of the triangles and surfaces of eight pixels.
+/// Planes and parameters of the triangles and surfaces of eight pixels.
 pub(super) struct Lanes {
     pub(super) planes: [F; 20],
     pub(super) numbers: [F; 16],
     pub(super) texture: [u32; 8],
-    /// Of any of them.
+    /// Union of the flags.
     pub(super) flags: u32,
-    /// One texture in all, and one mip level is near enough.
+    /// True if all have the same texture and similar mip levels.
     pub(super) same: bool,
 }
 
 impl Lanes {
-    /// Value of a plane, by its number.
+    /// Value of a plane, by its index.
     pub(super) fn at(&self, plane: usize, x: F, y: F) -> F {
         let p = &self.planes[3 * plane..3 * plane + 3];
         p[0] * x + (p[1] * y + p[2])
@@ -54,7 +54,7 @@ impl Lanes {
     }
 }
 
-/// Turns eight rows into columns of eight.
+/// Transposes eight rows into columns of eight.
 pub(super) fn columns<const N: usize>(rows: [&[f32; N]; 8]) -> [F; N] {
     let mut out = [F::ZERO; N];
     for block in 0..N / 4 {
@@ -85,14 +85,14 @@ pub(super) fn splats<const N: usize>(numbers: &[f32; N]) -> [F; N] {
     out
 }
 
-/// The triangle that filled the last eight pixels, ready for the next eight.
+/// Lanes of the triangle that filled the last eight pixels, for reuse in the next eight.
 pub(in crate::cpu) struct TriangleCache {
     pub(super) id: u32,
     pub(super) lanes: Lanes,
 }
 
 impl TriangleCache {
-    /// None yet.
+    /// Empty cache.
     pub(in crate::cpu) fn new() -> Self {
         let lanes =
             Lanes { planes: [F::ZERO; 20], numbers: [F::ZERO; 16], texture: [0; 8], flags: 0, same: true };

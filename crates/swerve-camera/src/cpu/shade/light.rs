@@ -1,4 +1,4 @@
-//! Light: of sun, sky, ground and lamps, mirrored and through fog.
+//! Light of sun, sky, ground and lamps; reflection and fog.
 
 use swerve_scene::vector::scale;
 
@@ -6,30 +6,30 @@ use super::lanes::{F, V, clamp01, dot8, mix8, splat, splat3};
 use super::{PixelRays, Shading};
 use crate::frontend::light::Environment;
 
-/// Polish of surfaces, and what they can mirror.
+/// Gloss of a surface, and the visibility of the sources that it reflects.
 #[derive(Clone, Copy)]
 pub(in crate::cpu) struct Gloss {
     /// 1 for a mirror, 0 for matt.
     pub(in crate::cpu) polish: F,
     /// Mirror reflectance at normal incidence.
     pub(in crate::cpu) specular: F,
-    /// Share of the sun that is seen.
+    /// Visible share of the sun.
     pub(in crate::cpu) sharp: F,
-    /// Share of the sky that is open.
+    /// Visible share of the sky.
     pub(in crate::cpu) open: F,
 }
 
-/// Reflection of the light of lamps by a surface.
+/// Response of a surface to the light of lamps.
 #[derive(Clone, Copy)]
 pub(in crate::cpu) struct Lit {
-    /// 1 for what shines back into head lamps.
+    /// 1 for retro-reflective surfaces.
     pub(in crate::cpu) retro: F,
     /// 1 for rough ground.
     pub(in crate::cpu) ground: F,
 }
 
 impl Shading<'_> {
-    /// Light that a polished surface mirrors, and its share of all light.
+    /// Reflected light of a polished surface, and its share of all light.
     pub(in crate::cpu) fn mirror(&self, normal: V, direction: V, facing: F, gloss: &Gloss) -> (V, F) {
         let environment = self.environment;
         let Gloss { polish, specular, sharp, open } = *gloss;
@@ -57,8 +57,8 @@ impl Shading<'_> {
         ([0, 1, 2].map(|k| seen[k] * share + sun[k] * glint * fresnel), share)
     }
 
-    /// Adds the light of lamps. Ground scatters what comes along it as if from this cosine at least: its grains stand up
-    /// into the light, so that head lamps show it farther than a smooth surface.
+    /// Adds the light of lamps. The ground scatters grazing light as if from a minimum cosine, since its grains face
+    /// the light, so head lamps illuminate it farther than a smooth surface.
     pub(in crate::cpu) fn add_lamps(
         &self,
         rays: &PixelRays,
@@ -80,7 +80,7 @@ impl Shading<'_> {
             let beam = clamp01((cone - splat(lamp.cos_outer)) * splat(lamp.over_fall));
             let cosine = (dot8(to, normal) * over).fast_max(along);
             let fade = clamp01(F::ONE - square * splat(1.0 / (lamp.range * lamp.range)));
-            // A lamp has a size: near it the light no longer grows with the inverse square.
+            // A lamp has a finite size: close to it the light does not follow the inverse square.
             let spread = F::ONE / (square + splat(9.0));
             let strength = beam * beam * fade * spread * (cosine + of.retro * splat(2.5));
             for (light, intensity) in light.iter_mut().zip(lamp.intensity) {
@@ -90,13 +90,13 @@ impl Shading<'_> {
     }
 }
 
-/// Share of the light that fog lets through: Beer's law; exp(-x) by its series in the denominator.
+/// Transmittance of fog by Beer's law; exp(-x) is approximated by the reciprocal of its series.
 #[inline]
 pub(in crate::cpu) fn through_fog(x: F) -> F {
     F::ONE / (F::ONE + x * (F::ONE + x * (splat(0.5) + x * (splat(1.0 / 6.0) + x * splat(1.0 / 24.0)))))
 }
 
-/// Light on a surface from sun, sky and ground; `sun` is the cosine times the share that is seen.
+/// Light on a surface from sun, sky and ground; `sun` is the cosine times the visible share.
 #[inline]
 pub(in crate::cpu) fn daylight(environment: &Environment, normal: V, sun: F, open: F) -> V {
     let up = (normal[2] * splat(0.5) + splat(0.5)) * open;
@@ -108,7 +108,7 @@ pub(in crate::cpu) fn daylight(environment: &Environment, normal: V, sun: F, ope
     })
 }
 
-/// How stains and water change ground: tone of its colour, how wet it is, how much of a puddle.
+/// Effect of stains and water on ground: tone of its colour, wetness, share of puddle.
 #[inline]
 pub(in crate::cpu) fn ground_tone(environment: &Environment, stain: F, up: F, ground: F) -> [F; 3] {
     let wet = ground * splat(environment.wetness);

@@ -1,4 +1,4 @@
-//! Look-ups: textures, shadow maps.
+//! Look-ups in textures and shadow maps.
 
 use wide::i32x8;
 
@@ -6,7 +6,7 @@ use super::Shading;
 use super::lanes::{F, V, clamp01, dot8, splat, splat3};
 use crate::frontend::{shadow, texture};
 
-/// Largest whole number that is not above `x`, for moderate `x`.
+/// Floor of `x`, for moderate `x`.
 fn floor(x: F) -> (i32x8, F) {
     let whole = x.fast_trunc_int();
     let back = whole.round_float();
@@ -16,10 +16,10 @@ fn floor(x: F) -> (i32x8, F) {
 }
 
 impl Shading<'_> {
-    /// Value of a texture between 0 and 1, with the mip level for a footprint in texels squared; with the
-    /// level of the first for `all` if they have one texture and much the same footprint.
+    /// Texture value between 0 and 1, at the mip level for a footprint in squared texels. If `all`, the level of the
+    /// first pixel is used for all: same texture and similar footprints.
     pub(in crate::cpu) fn sample(&self, base: &[u32; 8], all: bool, u: F, v: F, footprint: F) -> F {
-        // Half the exponent, rounded up, is the level.
+        // The level is half the exponent, rounded up.
         let level = |footprint: f32| ((footprint.clamp(1.0, 60_000.0).to_bits() >> 23) - 126) >> 1;
         let side = |level: u32| f32::from_bits((127 + 8 - level) << 23);
         let limit = splat(2.0e4);
@@ -59,7 +59,7 @@ impl Shading<'_> {
         unpack(i32x8::from(words), tu, tv)
     }
 
-    /// Share of the sky that is open over points near the ground.
+    /// Visible share of the sky for points near the ground.
     pub(super) fn open_sky(&self, point: V, height: F) -> F {
         let near = clamp01(F::ONE - height * splat(1.0 / 0.7));
         if !near.simd_gt(F::ZERO).any() {
@@ -82,10 +82,10 @@ impl Shading<'_> {
         inside.select(F::ONE - unpack(i32x8::from(words), tx, ty) * near, F::ONE)
     }
 
-    /// Share of the sun that is seen, filtered over two by two texels.
+    /// Visible share of the sun, filtered over two by two texels.
     pub(super) fn sunshine(&self, point: V, normal: V) -> F {
         let maps = self.maps;
-        // Off the surface by a texel, so that it does not shadow itself.
+        // Offset from the surface by a texel, to avoid self-shadowing.
         let point = [0, 1, 2].map(|k| point[k] + normal[k] * splat(0.09));
         let along = |k: usize| dot8(splat3(maps.axes[k]), point);
         let half = 0.5 * shadow::SIDE as f32 - 0.5;

@@ -1,4 +1,4 @@
-//! Where things are in the image.
+//! Positions of objects in the image.
 
 use super::*;
 
@@ -15,7 +15,7 @@ fn pixel_box(frame: &Frame, id: u32) -> Option<[f64; 4]> {
 }
 
 #[test]
-fn the_depth_of_a_plane_is_its_closed_form() {
+fn depth_of_a_plane_matches_its_closed_form() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let mesh = scene.meshes.add(flat(500.0));
     scene.add_static(instance(mesh, [0.0; 3], 0.3, SemanticClass::Road));
@@ -26,7 +26,7 @@ fn the_depth_of_a_plane_is_its_closed_form() {
     for row in 0..120 {
         for column in 0..160 {
             let [_, y] = camera.ray([f64::from(column) + 0.5, f64::from(row) + 0.5]);
-            // The ray falls by sin(pitch) + y cos(pitch) per unit of depth.
+            // The ray descends by sin(pitch) + y cos(pitch) per unit of depth.
             let fall = swerve_geom::math::sin(pitch) + y * swerve_geom::math::cos(pitch);
             let depth = f64::from(frame.depth_m[(row * 160 + column) as usize]);
             if fall > 0.01 {
@@ -42,7 +42,7 @@ fn the_depth_of_a_plane_is_its_closed_form() {
 }
 
 #[test]
-fn ids_and_classes_are_those_of_the_nearest() {
+fn ids_and_classes_are_those_of_the_nearest_surface() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let block = scene.meshes.model(Kind::Block, 0);
     scene.add_static(Instance::new(&block, 10.0, 0.0, 0.0).with_id(7));
@@ -55,7 +55,7 @@ fn ids_and_classes_are_those_of_the_nearest() {
         (frame.instance[k], frame.semantic[k], frame.depth_m[k])
     };
     assert_eq!(at(80, 60), (7, SemanticClass::Static as u8, 9.5));
-    // Beside the block (1 m wide, 8 pixels) the car behind it stands out, with its own id and depth.
+    // Beside the block (1 m wide, 8 pixels) the car behind it is visible, with its own id and depth.
     let beside = (0..160).map(|c| at(c, 60)).filter(|(id, ..)| *id == 70_000);
     let (count, right) = beside.fold((0, 0), |(count, right), (_, class, depth)| {
         (count + 1, right + u32::from(class == SemanticClass::Car as u8 && depth > 11.0 && depth < 17.0))
@@ -65,7 +65,7 @@ fn ids_and_classes_are_those_of_the_nearest() {
     assert!(at(80, 5).2.is_infinite());
 }
 
-/// Bounds of points as a camera sees them.
+/// Bounds of points in a camera's image.
 fn seen_box(
     camera: &Camera,
     pose: &Pose,
@@ -124,7 +124,7 @@ fn projected_boxes_enclose_the_pixels_of_their_instance() {
 }
 
 #[test]
-fn images_of_any_size_are_parts_of_larger_ones() {
+fn images_of_any_size_match_crops_of_larger_ones() {
     let scene = town(WeatherPreset::ClearNoon, 3, 40.0);
     let matrix = Intrinsics::Matrix([[90.0, 0.0, 60.0], [0.0, 95.0, 40.0], [0.0, 0.0, 1.0]]);
     let sized = |width: u32, height: u32| {
@@ -140,7 +140,7 @@ fn images_of_any_size_are_parts_of_larger_ones() {
             let of =
                 |frame: &Frame, k: usize| (frame.depth_m[k].to_bits(), frame.semantic[k], frame.instance[k]);
             assert_eq!(of(&part, k), of(&full, whole), "{width} x {height}: {k}");
-            // Neighbours in a group of eight share a mip level, so only whole groups are the same colours.
+            // Neighbours in a group of eight share a mip level, so only whole groups have equal colours.
             if k % width < width / 8 * 8 {
                 assert_eq!(part.rgb[3 * k..3 * k + 3], full.rgb[3 * whole..3 * whole + 3]);
             }
@@ -151,7 +151,7 @@ fn images_of_any_size_are_parts_of_larger_ones() {
 #[test]
 fn surfaces_through_the_camera_have_no_holes() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
-    // A ground of ten thousand triangles with crooked corners, below, beside and behind the camera.
+    // Ground of ten thousand triangles with irregular corners, below, beside and behind the camera.
     let mut draws = Draws::new(5, 5);
     let mut parts = MeshParts { materials: vec![Material::default()], ..MeshParts::default() };
     let side = 71_u32;
@@ -183,17 +183,17 @@ fn surfaces_through_the_camera_have_no_holes() {
 }
 
 #[test]
-fn an_orthographic_camera_shows_a_map_to_scale() {
+fn orthographic_camera_renders_a_map_to_scale() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let ground = scene.meshes.add(flat(400.0));
     scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
-    // 4.8 m along x and 2 m along y, 1.5 m high: 24 x 10 pixels, wherever it stands.
+    // 4.8 m along x and 2 m along y, 1.5 m high: 24 x 10 pixels at any position.
     let model = scene.meshes.model_sized(Kind::Block, Size::from_m(4.8, 2.0, 1.5), 0);
     scene.dynamics.push(Instance::new(&model, 112.0, 46.0, 0.0).with_id(7));
     scene.dynamics.push(Instance::new(&model, 93.0, 56.0, 0.0).with_id(8));
     let camera = small(|s| s.intrinsics = Intrinsics::OrthographicMPerPx(0.2));
     assert!(camera.is_orthographic());
-    // From 40 m above, the top of the image is where the car looks.
+    // From 40 m above; the top of the image is the car's heading.
     let pose = looking([100.0, 50.0, 40.0], core::f64::consts::FRAC_PI_2, 0.0);
     let frame = shot(&scene, &View::new(&camera, pose));
     assert_eq!(pixel_box(&frame, 7), Some([95.0, 0.0, 105.0, 12.0]));
@@ -207,7 +207,7 @@ fn an_orthographic_camera_shows_a_map_to_scale() {
     let p = pose.inverse() * Point::new(93.0 + 2.4, 56.0 - 1.0, 1.5);
     let [column, row] = camera.project(p).unwrap();
     assert!((column - 55.0).abs() < 1e-9 && (row - 83.0).abs() < 1e-9, "{column} {row}");
-    // What is nearer than the near plane or behind the far end is not there.
+    // Objects nearer than the near plane or beyond the far plane are not visible.
     let cut =
         small(|s| (s.intrinsics, s.near_m, s.far_m) = (Intrinsics::OrthographicMPerPx(0.2), 10.0, 39.0));
     let frame = shot(&scene, &View::new(&cut, pose));
@@ -221,7 +221,7 @@ fn an_orthographic_camera_shows_a_map_to_scale() {
 }
 
 #[test]
-fn a_walk_is_seen() {
+fn walking_pedestrian_changes_the_image() {
     let camera = small(|_| {});
     let at_phase = |phase: u8| {
         let mut scene = Scene::new(WeatherPreset::ClearNoon);

@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn every_weather_looks_different() {
+fn weathers_give_different_images() {
     let camera = small(|_| {});
     let mut scene = town(WeatherPreset::ClearNoon, 1, 60.0);
     let mut renderer = renderer(1);
@@ -44,15 +44,14 @@ fn blur_and_rolling_shutters_show_motion_and_leave_ids_sharp() {
         let hits: Vec<usize> = (0..160).filter(|c| frame.instance[row * 160 + c] == 1).collect();
         hits.iter().sum::<usize>() as f64 / hits.len() as f64
     };
-    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the middles of the slabs at 24 and 88, 64 rows
-    // apart, 5.7.
+    // 20 m/s at 7.5 m are 10.7 pixels over all rows; between the centres of the slabs at 24 and 88, 64 rows apart, 5.7.
     let lean = middle(&rolling, 90) - middle(&rolling, 30);
     let upright = middle(&sharp, 90) - middle(&sharp, 30);
     assert!(upright.abs() < 0.01 && (lean - 5.7).abs() < 1.1, "{lean}");
 }
 
 #[test]
-fn a_hidden_instance_keeps_its_shadow() {
+fn hidden_instance_keeps_its_shadow() {
     let mut scene = Scene::new(WeatherPreset::ClearNoon);
     let ground = scene.meshes.add(flat(100.0));
     scene.add_static(instance(ground, [0.0; 3], 0.0, SemanticClass::Road));
@@ -104,14 +103,14 @@ fn noise_has_its_size_and_follows_seed_and_frame() {
         a.rgb.iter().zip(&b.rgb).map(|(a, b)| f64::from(*b) - f64::from(*a)).collect();
     let mean = differences.iter().sum::<f64>() / differences.len() as f64;
     let deviation = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
-    // The tone curve makes 0.01 of full scale about 6 of 255 at this grey; its bend moves the mean a little.
+    // The tone curve maps 0.01 of full scale to about 6 of 255 at this grey; its curvature shifts the mean slightly.
     assert!(mean.abs() < 1.0 && (4.0..9.0).contains(&deviation), "{mean} {deviation}");
     let later = shot(&scene, &View { frame: 1, ..View::new(&noisy, pose) });
     assert!(later.rgb != b.rgb && later.depth_m == b.depth_m);
     assert!(shot(&scene, &View::new(&noisy, pose)) == b);
 }
 
-/// Mean of the pixels of an instance, 0 to 255.
+/// Mean pixel value of an instance, 0 to 255.
 fn mean_of(frame: &Frame, id: u32) -> f64 {
     let pixels = frame.rgb.chunks_exact(3).zip(&frame.instance).filter(|(_, of)| **of == id);
     let (sum, n) = pixels.fold((0.0, 0.0), |(sum, n), (p, _)| {
@@ -121,10 +120,10 @@ fn mean_of(frame: &Frame, id: u32) -> f64 {
     sum / n
 }
 
-/// A night without street lamps: 4 m ahead of the lamps and beside the lane, where a wide beam is needed; 25 m ahead, where
-/// UN Regulation 112 asks for as much light as street lamps give; and 60 m, the range of low beams.
+/// Night without street lamps: 4 m ahead of the lamps and beside the lane, where a wide beam is needed; 25 m ahead,
+/// where UN Regulation 112 requires as much light as street lamps give; and 60 m, the range of low beams.
 #[test]
-fn head_lamps_light_people_before_them() {
+fn head_lamps_light_people_in_front_of_them() {
     let camera = small(|s| (s.width_px, s.height_px) = (800, 600));
     let view = View::new(&camera, looking([-0.5, 0.0, 1.3], 0.0, 0.0));
     let image = |lit: bool, [x, y]: [f64; 2]| {
@@ -145,14 +144,14 @@ fn head_lamps_light_people_before_them() {
     }
 }
 
-/// The road between a car that comes towards the camera and the camera.
+/// Road between the camera and an oncoming car.
 #[test]
-fn the_lamps_of_an_oncoming_car_light_the_road() {
+fn oncoming_head_lamps_light_the_road() {
     let camera = small(|_| {});
     let view = View::new(&camera, looking([0.0, -2.0, 4.0], 0.15, 0.0));
     let road = |lit: bool| {
         let mut scene = Scene::new(WeatherPreset::ClearNight);
-        // Grey as asphalt, and rough.
+        // Grey and rough, like asphalt.
         let asphalt = Material { is_ground: true, ..Material::matt([0.1; 3], 0.2) };
         let parts = MeshParts { materials: vec![asphalt], ..flat_parts(200.0) };
         let ground = scene.meshes.add(Mesh::new(parts).unwrap());
@@ -163,7 +162,7 @@ fn the_lamps_of_an_oncoming_car_light_the_road() {
             scene.lights.extend(swerve_scene::Light::head_lamps(&body, 0.0, 0.7));
         }
         let frame = shot(&scene, &view);
-        // From 20 to 36 m: 4 to 20 m before the lamps.
+        // From 20 to 36 m: 4 to 20 m in front of the lamps.
         let near = |d: &f32| (20.0..36.0).contains(d);
         let pixels = frame.rgb.chunks_exact(3).zip(&frame.depth_m).filter(|(_, d)| near(d));
         let brightest = pixels.map(|(p, _)| p[1]).max();

@@ -1,14 +1,14 @@
-//! Depth from a rendered pair of cameras against the depth that was rendered.
+//! Stereo depth from a rendered camera pair, compared with the rendered depth.
 
 use swerve_vision::stereo::{Stereo, StereoSettings};
 use swerve_vision::{Plane, Rgb};
 
 use super::*;
 
-/// Between the two cameras.
+/// Baseline of the cameras.
 const BASE_M: f64 = 0.5;
 
-/// Median share by which the depths that stereo finds are off, of pixels that are between two distances, and how many.
+/// Median relative error of stereo depth for pixels between two distances, and their number.
 fn median_error(pairs: &[(f32, f32)], [near_m, far_m]: [f32; 2]) -> (f32, usize) {
     let within = pairs.iter().filter(|(truth_m, _)| (near_m..far_m).contains(truth_m));
     let mut errors: Vec<f32> = within.map(|(truth_m, found_m)| (found_m / truth_m - 1.0).abs()).collect();
@@ -28,7 +28,7 @@ fn stereo_finds_the_rendered_depth() {
     let mut stereo = Stereo::new(StereoSettings::default()).unwrap();
     let (mut pairs, mut disparities) = (Vec::new(), Plane::default());
     for x_m in [-60.0, -30.0, 0.0, 30.0] {
-        // The left one is farther to the left: +y.
+        // The left camera is farther to the left: +y.
         let shots = [0.5 * BASE_M, -0.5 * BASE_M].map(|left_m| {
             let pose = looking([x_m, -1.9 + left_m, 1.45], 0.0, 0.0);
             shot(&scene, &View::new(&camera, pose))

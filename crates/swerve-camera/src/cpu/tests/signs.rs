@@ -1,11 +1,11 @@
-//! Signs as `swerve_vision` reads them from our images.
+//! Recognition of rendered signs by `swerve_vision`.
 
 use swerve_vision::Rgb;
 use swerve_vision::signs::{Meaning, SignFinder};
 
 use super::*;
 
-/// A sign beside a street, 7 to 16 m away: how often it is read rightly, and wrongly, of four times.
+/// Numbers of correct and wrong readings of a sign beside a street at four distances from 7 to 16 m.
 fn read(kind: Kind, expected: Meaning, weather: WeatherPreset) -> [usize; 2] {
     let camera = Camera::new(CameraSpec {
         width_px: 800,
@@ -35,7 +35,7 @@ fn read(kind: Kind, expected: Meaning, weather: WeatherPreset) -> [usize; 2] {
 }
 
 #[test]
-fn signs_are_read_from_our_images() {
+fn sign_finder_reads_rendered_signs() {
     let speeds = [30, 50, 80].map(|kmh| (Kind::SpeedSign { kmh }, Meaning::SpeedLimit(kmh)));
     for (kind, meaning) in speeds.into_iter().chain([(Kind::StopSign, Meaning::Stop)]) {
         for weather in [WeatherPreset::ClearNoon, WeatherPreset::SoftRainSunset] {

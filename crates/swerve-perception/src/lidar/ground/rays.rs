@@ -1,19 +1,19 @@
-//! Ground by rays: outwards, from point to point (Himmelsbach et al. 2010, section III; the ray ground filter of
-//! Autoware has the same form).
+//! Ray-based ground segmentation, outwards from point to point (Himmelsbach et al. 2010, section III; Autoware's ray
+//! ground filter is similar).
 
 use super::super::points::{Place, sector};
 use super::{Bins, SLOPE, STEP_M};
 
-/// Rays about the ego.
+/// Number of rays around the ego.
 const RAYS: usize = 720;
-/// What ground may rise beyond the last sight of it, as a tangent, and at most, metres.
+/// Possible rise of the ground beyond its last observed point, as a tangent, and its limit, metres.
 const UNSEEN: (f32, f32) = (0.05, 0.3);
 
-/// Ground by rays.
+/// Ray-based ground segmentation.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rays {
     bins: Bins,
-    /// Of one ray the distances, as bits that sort as they do, and the points.
+    /// Squared distances of a ray's points, as bits that sort like the values, and the point indices.
     ray: Vec<(u32, u32)>,
 }
 
@@ -32,8 +32,8 @@ impl Rays {
     }
 }
 
-/// Walks along one ray. The ground rises no more than its greatest slope over the way between two points on it, however
-/// many lie above each other: nothing that stands upright is climbed.
+/// Walks along one ray. The ground height changes by at most the largest slope times the distance between two ground
+/// points, regardless of how many points are stacked: vertical surfaces are not climbed.
 fn walk(ray: &[(u32, u32)], points: &[Place], over_m: &mut [f32]) {
     let (mut ground_r, mut ground_z) = (0.0_f32, 0.0_f32);
     for &(squared, k) in ray {

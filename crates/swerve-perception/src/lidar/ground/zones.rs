@@ -1,28 +1,28 @@
-//! Ground by patches of concentric zones, a plane in each (the idea of Lim, Oh and Myung 2021, Patchwork).
+//! Zone-based ground segmentation: a plane in each patch of concentric zones (after Lim, Oh and Myung 2021, Patchwork).
 //!
-//! Patches grow with the distance, as the gaps between points do. In each a plane is fitted to the lowest points, then
-//! to those near that plane, three times. Other than there the plane is a least-squares one of height over place, drawn
-//! softly to that of the patch further in, and instead of likelihoods a patch has to continue that one: what starts
-//! higher stands on the ground.
+//! Patches grow with the distance, like the gaps between points. In each patch a plane is fitted to the lowest points,
+//! then to those near that plane, three times. Unlike in Patchwork the plane is a least-squares fit of height over
+//! position, regularised towards the plane of the next inner patch, and instead of likelihoods a patch must continue
+//! that plane: a patch that starts higher is an object on the ground.
 
 use super::super::points::{Place, sector};
 use super::{Bins, SLOPE, STEP_M};
 
-/// Rings and sectors of each zone.
+/// Number of rings, and sectors per ring, of each zone.
 const ZONES: [(usize, usize); 4] = [(2, 16), (4, 32), (4, 54), (4, 32)];
-/// Where zones end, as a share of the whole way out.
+/// Outer radius of each zone, as a share of the range.
 const ENDS: [f32; 4] = [0.13, 0.32, 0.56, 1.0];
-/// Lowest points that say how high seeds are, and how far over their mean those end, metres.
+/// Number of lowest points whose mean height defines the seeds, and height of the seeds above that mean, metres.
 const SEEDS: (usize, f32) = (20, 0.125);
-/// Points this near to a plane make the next one, metres.
+/// Distance from a plane within which points contribute to the next fit, metres.
 const NEAR_M: f32 = 0.15;
-/// Fewer points make no plane.
+/// Fewest points of a fit.
 const POINTS_MIN: usize = 10;
 const ROUNDS: usize = 3;
-/// Weight of the plane further in, in points.
+/// Weight of the inner patch's plane, in points.
 const PRIOR: f32 = 3.0;
 
-/// Height of the ground: at the middle of the patch, and its slopes along x and y.
+/// Ground plane of a patch: height at its centre, and slopes along x and y.
 #[derive(Clone, Copy, Debug, Default)]
 struct Plane {
     middle: [f32; 2],
@@ -30,11 +30,11 @@ struct Plane {
     slope: [f32; 2],
 }
 
-/// Ground by zones.
+/// Zone-based ground segmentation.
 #[derive(Clone, Debug)]
 pub(super) struct Zones {
     reach_m: f32,
-    /// Ring by ring: number of sectors, first patch, outer radius in metres.
+    /// Number of sectors, first patch and outer radius in metres of each ring.
     rings: Vec<(usize, usize, f32)>,
     patches: usize,
     bins: Bins,
@@ -90,7 +90,7 @@ impl Plane {
     }
 }
 
-/// The ground of a patch; that further in, moved on, where there is none of its own.
+/// Ground plane of a patch; the extrapolated inner plane if the patch has no valid plane.
 fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> Plane {
     if of.is_empty() {
         return inner;
@@ -103,7 +103,7 @@ fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> P
         return moved;
     }
     lowest.clear();
-    // What lies far below the ground is seen in a mirror.
+    // Points far below the ground are mirror reflections.
     lowest.extend(of.iter().map(|&k| points[k as usize][2]).filter(|z| *z > moved.z - 1.0));
     if lowest.len() < POINTS_MIN {
         return moved;
@@ -126,10 +126,10 @@ fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> P
     if steepest <= SLOPE && steps <= STEP_M + 0.1 { fitted } else { moved }
 }
 
-/// The plane of least squares in height, with some weight on an expected one.
+/// Least-squares plane in height, regularised towards an expected one.
 fn least_squares(places: impl Iterator<Item = Place>, expected: Plane) -> Plane {
     let [mx, my] = expected.middle;
-    // Sums over x, y and height as they differ from what is expected.
+    // Sums over x, y and height relative to the expected plane.
     let (mut n, mut s) = (PRIOR, [0.0_f32; 8]);
     for place in places {
         let (x, y, z) = (place[0] - mx, place[1] - my, place[2] - expected.at(place));
@@ -139,7 +139,7 @@ fn least_squares(places: impl Iterator<Item = Place>, expected: Plane) -> Plane 
         }
     }
     let [x, y, z] = [s[0] / n, s[1] / n, s[2] / n];
-    // Slopes as if some points lay a metre out on the expected plane.
+    // Regularises the slopes by points one metre out on the expected plane.
     let (xx, xy, yy) = (s[3] + PRIOR - n * x * x, s[4] - n * x * y, s[5] + PRIOR - n * y * y);
     let (xz, yz) = (s[6] - n * x * z, s[7] - n * y * z);
     let whole = xx * yy - xy * xy;

@@ -1,4 +1,4 @@
-//! Published detectors on a real video, whose frames are those of the sequence PETS09-S2L1.
+//! Published detectors on a real video, the sequence PETS09-S2L1.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use swerve_eval::{AveragePrecision, Found, Recalls};
 use crate::acf::{Detection, Overlap, Rung, Scanner, Weights, iou};
 use crate::{Rgb, shipped, video::Video};
 
-/// Boxes of the frames, as their authors detected them.
+/// Reference boxes of the frames, as published with the sequence.
 fn truth() -> Vec<(usize, [f64; 4])> {
     let path = Path::new(crate::video::ROOT).join("../shared/data/mot15/det/PETS09-S2L1.csv");
     let text = std::fs::read_to_string(path).unwrap();
@@ -18,7 +18,7 @@ fn truth() -> Vec<(usize, [f64; 4])> {
     text.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())).map(line).collect()
 }
 
-/// Average precision at an overlap of one half over the frames.
+/// Average precision over the frames at an overlap of one half.
 fn average_precision(weights: Weights, rung: Rung, video: &Video) -> f64 {
     let weights = Weights { overlap: (0.5, Overlap::Union), ..weights };
     let mut scanner = Scanner::new(weights, rung, video.size, None);
@@ -44,7 +44,7 @@ fn published_models_find_the_people_of_pets() {
         let of = |rung: &Rung| (rung.name.clone(), average_precision(weights.clone(), rung.clone(), &video));
         let found: Vec<(String, f64)> = weights.rungs.iter().map(of).collect();
         println!("{name}: {found:.3?}");
-        // The last sees people who are half as high as the window.
+        // The last rung detects people of half the window's height.
         let (rung, value) = found.last().unwrap();
         println!("floor: {name}, rung {rung}, AP50 on vtest.avi: {value:.3} >= {least}");
         assert!(found.len() > 4 && *value >= least, "{name}: {value:.3}, expected at least {least}");
