@@ -140,13 +140,13 @@ mod tests {
     }
 
     #[test]
-    fn the_digest_of_a_value_is_the_same_on_any_machine() {
+    fn digest_of_a_value_is_the_same_on_any_machine() {
         let value = (-1_i64, 2.5_f32, "swerve", [Some('x'), None], vec![(1_u16, false)]);
         assert_eq!(digest_of(&value).to_string(), "137bcd1e013822cf");
     }
 
     #[test]
-    fn a_digest_prints_sixteen_digits() {
+    fn digest_prints_sixteen_digits() {
         assert_eq!(Digest(0xab).to_string(), "00000000000000ab");
     }
 }

@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn projected_pose_takes_the_branch_of_its_direction_at_a_crossing() {
-        // Three quarters of a circle to the left, then straight across the beginning at a right angle.
+        // Three quarters of a circle to the left, then straight across the start at a right angle.
         let line = line(&[(40.0, 0.0), (0.75 * TAU * 20.0, 0.05), (60.0, 0.0)]);
         let crossing_s_m = 40.0 + 0.75 * TAU * 20.0 + 20.0;
         let at = Pose2::new(20.0, 0.3, -core::f64::consts::FRAC_PI_2);

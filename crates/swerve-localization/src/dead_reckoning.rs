@@ -140,7 +140,7 @@ pub struct Turned {
 
 /// Assumed duration of the first scan, seconds.
 const FIRST_TURN_S: f64 = 0.1;
-/// Gap after which a scan is treated as the first, because the motion in between is no longer stored, seconds.
+/// Gap after which a scan is treated as the first, seconds: the motion over a longer gap is taken as unknown.
 const GAP_S: f64 = 0.5;
 /// Number of pieces per scan: the turn rate of a car changes within one.
 const PIECES: i64 = 8;

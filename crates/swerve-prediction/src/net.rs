@@ -1,7 +1,7 @@
 //! Small neural nets: matrices, automatic differentiation, Adam, and weight files.
 //!
-//! All computations are in `f32`, summed in a fixed order by one thread, with exponentials from `libm` or, for inference
-//! of recurrent units, a polynomial: the same bits on every machine. Rows are examples, columns their features.
+//! All computations are in `f32`, summed in a fixed order by one thread, with exponentials from `libm` or, for
+//! inference of recurrent units, a polynomial: the same bits on every machine. Rows are examples, columns features.
 
 mod adam;
 mod file;

@@ -124,7 +124,7 @@ pub enum Trigger {
     },
     /// A time since the start of the run has elapsed.
     Time {
-        /// Seconds.
+        /// Time since the start of the run, seconds.
         at_s: f64,
     },
     /// The centre of `who` has reached `s_m` along the road.
@@ -142,7 +142,7 @@ pub enum Trigger {
 pub enum Motion {
     /// Remain at rest.
     Wait {
-        /// Seconds.
+        /// Duration, seconds.
         for_s: f64,
     },
     /// Walk straight, facing the direction of motion.
@@ -186,7 +186,7 @@ pub enum Direction {
     Back,
 }
 
-/// Course of a drive.
+/// Course of a [`Motion::Drive`] leg.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Along {
