@@ -1,4 +1,4 @@
-//! Digests: one number that two equal runs share.
+//! Digests: 64-bit fingerprints; equal runs have equal digests.
 
 mod form;
 
@@ -26,7 +26,7 @@ impl fmt::Debug for Digest {
     }
 }
 
-/// Takes in numbers, bytes and values and gives their [`Digest`].
+/// Hashes numbers, bytes and serializable values to a [`Digest`].
 #[derive(Clone, Default)]
 pub struct Hasher {
     xxh: Xxh3,
@@ -38,29 +38,29 @@ impl Hasher {
         Self::default()
     }
 
-    /// Takes in bytes as they are.
+    /// Hashes bytes as they are.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.xxh.update(bytes);
     }
 
-    /// Takes in one number.
+    /// Hashes one number, as eight little-endian bytes.
     pub fn number(&mut self, n: u64) {
         self.xxh.update(&n.to_le_bytes());
     }
 
-    /// Takes in a value through its serialized form (fixed-width words), without storing that form whole.
+    /// Hashes the serialized form of a value (fixed-width words) without storing the whole form.
     ///
-    /// Floats count by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload.
+    /// Floats are hashed by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload.
     ///
     /// # Panics
-    /// When the value's `Serialize` refuses: a bug of the type.
+    /// If the value's `Serialize` returns an error, which is a bug in the type.
     pub fn value<T: Serialize + ?Sized>(&mut self, value: &T) {
         let mut form = Form::after(core::mem::take(&mut self.xxh));
         form.take_in(value);
         self.xxh = form.spilled();
     }
 
-    /// The digest of all that was taken in so far.
+    /// Digest of everything hashed so far.
     pub fn digest(&self) -> Digest {
         Digest(self.xxh.digest())
     }
@@ -72,7 +72,7 @@ impl fmt::Debug for Hasher {
     }
 }
 
-/// The digest of one value: the same as that of a [`Hasher`] which took in this value alone.
+/// Digest of one value: equal to that of a [`Hasher`] that hashed this value only.
 ///
 /// # Panics
 /// As [`Hasher::value`].
@@ -86,7 +86,7 @@ pub fn digest_of<T: Serialize + ?Sized>(value: &T) -> Digest {
 mod tests {
     use super::*;
 
-    /// A sequence that does not say how long it is.
+    /// A sequence that does not report its length.
     struct Uncounted(Vec<u64>);
 
     impl Serialize for Uncounted {
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_values_share_a_digest_and_one_bit_tells() {
+    fn equal_values_share_a_digest_and_one_bit_changes_it() {
         assert_eq!(digest_of(&(1.0_f64, "a")), digest_of(&(1.0_f64, "a")));
         assert_ne!(digest_of(&1.0_f64), digest_of(&f64::from_bits(1.0_f64.to_bits() + 1)));
     }
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn floats_count_by_their_bits_and_lengths_tell_sequences_apart() {
+    fn floats_are_hashed_by_their_bits_and_sequences_with_their_lengths() {
         assert_ne!(digest_of(&0.0_f64), digest_of(&-0.0_f64));
         let other_nan = f64::from_bits(f64::NAN.to_bits() ^ 1);
         assert_eq!(digest_of(&f64::NAN), digest_of(&f64::NAN));
@@ -140,13 +140,13 @@ mod tests {
     }
 
     #[test]
-    fn the_digest_of_a_value_is_the_same_on_any_machine() {
+    fn digest_of_a_value_is_the_same_on_any_machine() {
         let value = (-1_i64, 2.5_f32, "swerve", [Some('x'), None], vec![(1_u16, false)]);
         assert_eq!(digest_of(&value).to_string(), "137bcd1e013822cf");
     }
 
     #[test]
-    fn a_digest_prints_sixteen_digits() {
+    fn digest_prints_sixteen_digits() {
         assert_eq!(Digest(0xab).to_string(), "00000000000000ab");
     }
 }

@@ -1,6 +1,6 @@
-//! Vocabulary that every other crate shares: time, seeded random numbers, digests, parameter errors.
+//! Vocabulary shared by all other crates: time, seeded random numbers, digests, parameter errors.
 //!
-//! Absences: no thread, no file, no clock, no maths beyond integers and the normal distribution.
+//! Excluded: threads, files, clocks, maths beyond integers and the normal distribution.
 
 mod digest;
 pub mod param;

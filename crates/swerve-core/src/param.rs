@@ -1,17 +1,17 @@
-//! Parameters in their ranges: the one error of every algorithm whose parameters can be wrong.
+//! Range checks of parameters, with one error type for all algorithms.
 
 use std::borrow::Cow;
 use std::fmt;
 
-/// A parameter that nothing can be made with.
+/// A parameter with an invalid value.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 #[error("`{key}` is {value}, expected {expected}")]
 pub struct ParamError {
-    /// Dotted key from the top of the parameters.
+    /// Dotted key from the root of the parameters.
     pub key: Cow<'static, str>,
-    /// The value that was given.
+    /// The invalid value.
     pub value: ParamValue,
-    /// The values that are allowed, as in `0 to 100`.
+    /// Allowed values, as in `0 to 100`.
     pub expected: Cow<'static, str>,
 }
 
@@ -20,7 +20,7 @@ pub struct ParamError {
 pub enum ParamValue {
     /// A number, in the unit that the key names.
     Number(f64),
-    /// Something else, described.
+    /// Any other value, as text.
     Text(String),
 }
 
@@ -55,7 +55,7 @@ impl From<&str> for ParamValue {
 }
 
 impl ParamValue {
-    /// The number, if it is one.
+    /// The number, or `None` for text.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Number(x) => Some(*x),
@@ -67,7 +67,7 @@ impl ParamValue {
 impl fmt::Display for ParamValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // Unlike `{}`, this takes to exponents before the digits run into the hundreds.
+            // Unlike `{}`, `{:?}` switches to exponents before the digits run into the hundreds.
             Self::Number(x) => {
                 let digits = format!("{x:?}");
                 f.write_str(digits.strip_suffix(".0").unwrap_or(&digits))
@@ -77,10 +77,10 @@ impl fmt::Display for ParamValue {
     }
 }
 
-/// Refuses a parameter unless `holds` (which a comparison with not-a-number does not).
+/// Requires that `holds` is true (comparisons with NaN are false).
 ///
 /// # Errors
-/// It does not hold, or the value is a number that is not finite.
+/// If it is not, or if the value is a number that is not finite.
 pub fn require(
     key: impl Into<Cow<'static, str>>,
     value: impl Into<ParamValue>,
@@ -94,29 +94,29 @@ pub fn require(
     Err(ParamError { key: key.into(), value, expected: expected.into() })
 }
 
-/// Refuses a parameter that is not from `low` to `high`, both included.
+/// Requires a parameter from `low` to `high`, both included.
 ///
 /// # Errors
-/// The value is outside, or NaN.
+/// If the value is outside, or NaN.
 pub fn require_within(
     key: impl Into<Cow<'static, str>>,
     value: f64,
     [low, high]: [f64; 2],
 ) -> Result<(), ParamError> {
-    // The message is made only where it is needed: planners check their parameters in every call.
+    // The message is formatted only on failure: planners check their parameters in every call.
     if (low..=high).contains(&value) {
         return Ok(());
     }
     Err(ParamError { key: key.into(), value: value.into(), expected: format!("{low} to {high}").into() })
 }
 
-/// Key, value and range of a parameter: the ends of the range are included.
+/// Key, value and range (ends included) of a parameter.
 pub type Ranged = (&'static str, f64, [f64; 2]);
 
-/// Refuses the first parameter of a table that is outside its range.
+/// Requires that all parameters of a table are within their ranges; reports the first that is not.
 ///
 /// # Errors
-/// A value is outside its range, or NaN.
+/// If a value is outside its range, or NaN.
 pub fn require_all_within(table: &[Ranged]) -> Result<(), ParamError> {
     table.iter().try_for_each(|&(key, value, range)| require_within(key, value, range))
 }
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_says_key_value_and_range() {
+    fn error_states_key_value_and_range() {
         let said = |result: Result<(), ParamError>| result.unwrap_err().to_string();
         assert_eq!(said(require_within("share", 1.5, [0.0, 1.0])), "`share` is 1.5, expected 0 to 1");
         assert_eq!(said(require_within("gain", f64::NAN, [0.5, 2.0])), "`gain` is NaN, expected 0.5 to 2");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_is_let_through_if_it_is_finite() {
+    fn require_accepts_finite_values_for_which_the_condition_holds() {
         assert_eq!(require_within("a", 1.0, [0.0, 1.0]), Ok(()));
         assert!(require("a", f64::INFINITY, true, "finite").is_err());
         assert!(require_within("a", f64::NAN, [0.0, 1.0]).is_err());

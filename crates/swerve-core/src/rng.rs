@@ -1,4 +1,4 @@
-//! Seeded random numbers that do not depend on the order of drawing.
+//! Seeded random numbers that are independent of the order of drawing.
 
 use rand::{Rng as _, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -6,16 +6,16 @@ use xxhash_rust::xxh3::Xxh3;
 
 /// A random number generator keyed by a seed and a list of names and numbers.
 ///
-/// Two places that draw under different keys never influence each other, so neither the order of
-/// execution nor the number of threads shows in a result. The same key gives the same numbers on any
-/// machine: integer arithmetic, square roots and `libm` only.
+/// Draws under different keys never influence each other, so neither the order of execution nor the number of threads
+/// affects a result. The same key gives the same numbers on any machine: integer arithmetic, square roots and `libm`
+/// only.
 #[derive(Clone, Debug)]
 pub struct Rng {
     pcg: Pcg64Mcg,
 }
 
 impl Rng {
-    /// The generator for `key` under `seed`.
+    /// Generator for `name` and `key` under `seed`.
     pub fn keyed(seed: u64, name: &str, key: &[i64]) -> Self {
         let mut hash = Xxh3::with_seed(seed);
         hash.update(name.as_bytes());
@@ -25,7 +25,7 @@ impl Rng {
         Self { pcg: Pcg64Mcg::from_seed(hash.digest128().to_le_bytes()) }
     }
 
-    /// The next 64 random bits.
+    /// Next 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.pcg.next_u64()
     }
@@ -35,12 +35,12 @@ impl Rng {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Uniform in `[low, high)`; `low` when the range is empty.
+    /// Uniform in `[low, high)`; `low` if the range is empty.
     pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in `0..n`; 0 when `n` is 0.
+    /// Uniform in `0..n`; 0 if `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.bits()) * n as u128) >> 64) as usize
     }
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_key_alone_decides() {
+    fn numbers_depend_on_seed_name_and_key_only() {
         let draw = |seed, name, key: &[i64]| Rng::keyed(seed, name, key).bits();
         assert_eq!(draw(1, "lidar", &[5]), draw(1, "lidar", &[5]));
         assert_ne!(draw(1, "lidar", &[5]), draw(2, "lidar", &[5]));

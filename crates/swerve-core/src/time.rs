@@ -5,18 +5,18 @@ use core::ops::{Add, AddAssign, Mul, Sub, SubAssign};
 
 use serde::{Deserialize, Serialize};
 
-/// A point of run time: integer nanoseconds since the run started.
+/// An instant of the run: integer nanoseconds since its start.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Time(i64);
 
-/// A length of time in integer nanoseconds; may be negative.
+/// A duration in integer nanoseconds; may be negative.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Span(i64);
 
 impl Time {
-    /// The start of the run.
+    /// Start of the run.
     pub const ZERO: Self = Self(0);
     /// Before every instant.
     pub const MIN: Self = Self(i64::MIN);
@@ -38,12 +38,12 @@ impl Time {
         self.0
     }
 
-    /// Seconds since the start of the run, for arithmetic and display; never to be stored in a message.
+    /// Seconds since the start of the run, for arithmetic and display; not for storage in messages.
     pub fn as_secs(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
-    /// `self + span`, staying at the ends of the range instead of overflowing.
+    /// `self + span`, clamped to the representable range.
     #[must_use]
     pub const fn saturating_add(self, span: Span) -> Self {
         Self(self.0.saturating_add(span.0))
@@ -51,9 +51,9 @@ impl Time {
 }
 
 impl Span {
-    /// No time at all.
+    /// Zero duration.
     pub const ZERO: Self = Self(0);
-    /// The longest span.
+    /// The longest representable span.
     pub const MAX: Self = Self(i64::MAX);
 
     /// A span of `ns` nanoseconds.
@@ -71,8 +71,8 @@ impl Span {
         Self(ms * 1_000_000)
     }
 
-    /// A span of `secs` seconds, rounded to the nearest nanosecond; not-a-number gives zero,
-    /// and what does not fit stays at the ends of the range.
+    /// A span of `secs` seconds, rounded to the nearest nanosecond; NaN gives zero, and values out of range are
+    /// clamped.
     pub fn from_secs(secs: f64) -> Self {
         Self((secs * 1e9).round() as i64)
     }
@@ -172,7 +172,7 @@ impl fmt::Debug for Time {
 impl fmt::Display for Span {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{:.3}", self.as_ms());
-        // No decimals that say nothing.
+        // Trailing zeros are dropped.
         write!(f, "{} ms", text.trim_end_matches('0').trim_end_matches('.'))
     }
 }
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_span_is_told_without_decimals_that_say_nothing() {
+    fn span_prints_without_trailing_zeros() {
         let told = [50_000_000, 33_300_000, 0, -1_500_000, 1_234].map(|ns| Span::from_ns(ns).to_string());
         assert_eq!(told, ["50 ms", "33.3 ms", "0 ms", "-1.5 ms", "0.001 ms"]);
     }
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn adding_to_the_last_instant_stays_there() {
+    fn saturating_add_stays_at_the_last_instant() {
         assert_eq!(Time::MAX.saturating_add(Span::from_ms(1)), Time::MAX);
     }
 }

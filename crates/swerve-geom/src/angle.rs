@@ -1,8 +1,8 @@
-//! Angles wrap in one place.
+//! Wrapping of angles.
 
 use core::f64::consts::{PI, TAU};
 
-/// The same direction in `(-pi, pi]`.
+/// Wraps an angle to `(-pi, pi]`.
 pub fn wrap_angle(angle_rad: f64) -> f64 {
     if -PI < angle_rad && angle_rad <= PI {
         return angle_rad;
@@ -11,7 +11,7 @@ pub fn wrap_angle(angle_rad: f64) -> f64 {
     if wrapped <= -PI { wrapped + TAU } else { wrapped }
 }
 
-/// The turn in `(-pi, pi]` that leads from heading `from_rad` to heading `to_rad`; positive to the left.
+/// Turn in `(-pi, pi]` from heading `from_rad` to heading `to_rad`; positive to the left.
 pub fn angle_between(from_rad: f64, to_rad: f64) -> f64 {
     wrap_angle(to_rad - from_rad)
 }
@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wraps_to_the_half_open_circle() {
+    fn angles_wrap_to_the_half_open_circle() {
         for (angle, want) in
             [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU, 0.0), (-0.5 * PI, -0.5 * PI)]
         {

@@ -1,19 +1,19 @@
-//! Areas of rectangles on the ground: what two share, and what lies around both.
+//! Areas of rectangles on the ground: intersection and convex hull of two.
 
 use crate::{Obb, Point2};
 
-/// Corners of an intersection of two rectangles: at most eight.
+/// Largest number of corners of the intersection of two rectangles.
 const CORNERS_MAX: usize = 8;
 
-/// Area that two rectangles share, m²: one, corner by corner, cut by each side of the other (Sutherland and Hodgman
-/// 1974). Zero where a number is not finite.
+/// Intersection area of two rectangles, m²: the corners of one are clipped by each side of the other (Sutherland and
+/// Hodgman 1974). Zero if an input is not finite.
 pub fn shared_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
     let mut polygon = Vec::with_capacity(CORNERS_MAX);
     polygon.extend(a.corners());
     let cutter = b.corners();
     for k in 0..4 {
         let (from, side) = (cutter[k], cutter[(k + 1) % 4] - cutter[k]);
-        // Corners go round counter-clockwise: inside is to the left.
+        // Corners are in counter-clockwise order: inside is to the left.
         let inside = |p: Point2<F>| side.cross(p - from);
         let mut rest = Vec::with_capacity(CORNERS_MAX);
         for (i, &p) in polygon.iter().enumerate() {
@@ -33,8 +33,7 @@ pub fn shared_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
     if doubled.is_finite() { (0.5 * doubled).max(0.0) } else { 0.0 }
 }
 
-/// Area of the smallest convex outline around two rectangles, m² (Andrew's monotone chain, 1979). Not finite where a
-/// number is not.
+/// Area of the convex hull of two rectangles, m² (Andrew's monotone chain, 1979). Not finite if an input is not.
 pub fn hull_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
     let mut corners = [a.corners(), b.corners()].concat();
     corners.sort_unstable_by(|p, q| p.x_m.total_cmp(&q.x_m).then(p.y_m.total_cmp(&q.y_m)));
@@ -43,7 +42,7 @@ pub fn hull_area_m2<F: Copy>(a: &Obb<F>, b: &Obb<F>) -> f64 {
     below + chain_area_m2(last, corners.iter().rev().copied())
 }
 
-/// Area between a straight line from the first point to the last and the convex chain to its right.
+/// Area between the straight line from the first point to the last and the convex chain to its right.
 fn chain_area_m2<F: Copy>(first: Point2<F>, points: impl Iterator<Item = Point2<F>>) -> f64 {
     let mut chain: Vec<Point2<F>> = Vec::with_capacity(2 * CORNERS_MAX);
     for point in points {
@@ -68,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn areas_match_closed_forms() {
         let at = rectangle(0.0, 0.0, 0.0);
         for (other, shared, hull) in [
             (at, 8.0, 8.0),
@@ -85,7 +84,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn the_outline_holds_both_and_does_not_depend_on_their_order(
+        fn hull_contains_both_rectangles_in_either_order(
             x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, g in -3.0..3.0,
         ) {
             let (a, b) = (rectangle(0.0, 0.0, g), rectangle(x, y, h));

@@ -1,10 +1,10 @@
-//! Who goes with whom so that the pairs weigh most.
+//! Maximum-weight matching of rows to columns.
 
-/// Pairs (row, column), rows increasing, whose sum of weights is the largest that a pairing can have.
+/// Pairs (row, column) with the largest possible sum of weights, in increasing order of rows.
 ///
-/// `edges` are (row, column, weight > 0), each pair once; what has no edge is never paired. Optimal in `f64` without
-/// rounding of weights, the same on every machine. Rows and columns that no path of edges joins are solved apart, each
-/// by shortest augmenting paths (Jonker and Volgenant 1987), cubic in the size of the part.
+/// `edges` are (row, column, weight > 0), each pair once; rows and columns without an edge between them are never
+/// paired. Optimal in `f64` without rounding of weights, and the same on every machine. Connected components are
+/// solved separately by shortest augmenting paths (Jonker and Volgenant 1987), cubic in the size of the component.
 pub fn heaviest_pairs(rows: usize, columns: usize, edges: &[(usize, usize, f64)]) -> Vec<(usize, usize)> {
     let mut parts = Parts((0..rows + columns).collect());
     for &(row, column, _) in edges {
@@ -23,7 +23,7 @@ pub fn heaviest_pairs(rows: usize, columns: usize, edges: &[(usize, usize, f64)]
     pairs
 }
 
-/// Disjoint sets: the parent of each member, the root's own.
+/// Disjoint sets: the parent of each member; a root is its own parent.
 struct Parts(Vec<usize>);
 
 impl Parts {
@@ -41,7 +41,7 @@ impl Parts {
     }
 }
 
-/// One part, as a dense matrix of costs in which no edge costs nothing.
+/// Solves one component as a dense cost matrix in which a missing edge costs zero.
 fn solve(edges: &[(usize, usize, f64)], pairs: &mut Vec<(usize, usize)>) {
     let sorted = |of: fn(&(usize, usize, f64)) -> usize| {
         let mut ids: Vec<usize> = edges.iter().map(of).collect();
@@ -65,9 +65,9 @@ fn solve(edges: &[(usize, usize, f64)], pairs: &mut Vec<(usize, usize)>) {
     }
 }
 
-/// The row of each column in the cheapest pairing of all rows; at most as many rows as columns.
+/// Row of each column in the cheapest assignment of all rows; requires at most as many rows as columns.
 fn cheapest(cost: &[f64], rows: usize, columns: usize) -> Vec<Option<usize>> {
-    // The last column is a place to start from: the row to be placed sits there.
+    // The extra last column is the start of each augmenting path: it holds the row to be assigned.
     let mut row_of: Vec<Option<usize>> = vec![None; columns + 1];
     let (mut row_price, mut column_price) = (vec![0.0; rows], vec![0.0; columns + 1]);
     let mut before = vec![columns; columns];
@@ -113,7 +113,7 @@ fn cheapest(cost: &[f64], rows: usize, columns: usize) -> Vec<Option<usize>> {
 mod tests {
     use super::*;
 
-    /// The largest weight over all pairings, by trying them all.
+    /// Largest weight over all pairings, by brute force.
     fn most(weights: &[Vec<f64>], row: usize, taken: &mut Vec<bool>) -> f64 {
         let Some(own) = weights.get(row) else { return 0.0 };
         let mut best = most(weights, row + 1, taken);
@@ -128,8 +128,8 @@ mod tests {
     }
 
     #[test]
-    fn no_other_pairing_weighs_more() {
-        // A linear congruential generator (Knuth's constants): this crate has no other.
+    fn heaviest_pairs_match_brute_force() {
+        // A linear congruential generator (Knuth's constants): this crate does not depend on one.
         let mut state = 7_u64;
         let mut next = move || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

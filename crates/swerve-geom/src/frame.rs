@@ -7,27 +7,27 @@ use core::ops::{Add, Mul, Neg, Sub};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// The map: x east, y north, z up, fixed to the ground.
+/// Map frame: x east, y north, z up, fixed to the ground.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Map;
 
-/// The odometry frame (ROS REP 105 `odom`): the ego moves through it without jumps, and it drifts over the map.
+/// Odometry frame (`odom` in ROS REP 105): the ego moves through it without jumps, and it drifts relative to the map.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Odom;
 
-/// The ego vehicle: x forward, y left, z up, origin at the centre of the rear axle on the ground.
+/// Ego frame: x forward, y left, z up, origin at the centre of the rear axle on the ground.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Ego;
 
-/// A lidar: x forward, y left, z up, origin at its optical centre.
+/// Lidar frame: x forward, y left, z up, origin at the optical centre.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Lidar;
 
-/// A camera: x right, y down, z forward along the optical axis.
+/// Camera frame: x right, y down, z forward along the optical axis.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Camera;
 
-/// A place in frame `F`, in metres.
+/// A position in frame `F`, metres.
 #[derive(Serialize, Deserialize)]
 #[serde(bound = "", transparent)]
 pub struct Point<F> {
@@ -50,7 +50,7 @@ pub struct Vector<F> {
 macro_rules! plain_value {
     ($name:ident) => {
         impl<F> $name<F> {
-            /// From components.
+            /// Creates one from its components.
             pub fn new(x: f64, y: f64, z: f64) -> Self {
                 Self { coords: Vector3::new(x, y, z), frame: PhantomData }
             }
@@ -139,7 +139,7 @@ impl<F> Vector<F> {
     }
 }
 
-/// Takes coordinates in `From` to coordinates in `To`; read `to_from`.
+/// Transforms coordinates in `From` to coordinates in `To`; read `to_from`.
 ///
 /// ```compile_fail
 /// use swerve_geom::{Ego, Lidar, Map, Transform};
@@ -173,13 +173,13 @@ impl<To, From> fmt::Debug for Transform<To, From> {
 }
 
 impl<To, From> Transform<To, From> {
-    /// From the pose of the `From` frame's origin in `To` and its orientation.
+    /// Creates a transform from the origin of `From` in `To` and its orientation.
     pub fn new(origin: Point<To>, rotation: UnitQuaternion<f64>) -> Self {
         let isometry = Isometry3::from_parts(Translation3::from(origin.coords), rotation);
         Self { isometry, frames: PhantomData }
     }
 
-    /// From the origin of `From` in `To` and roll, pitch, yaw (z-y-x order, radians).
+    /// Creates a transform from the origin of `From` in `To` and roll, pitch, yaw (z-y-x order, radians).
     pub fn from_roll_pitch_yaw(origin: Point<To>, roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> Self {
         let half = |angle: f64| crate::math::sin_cos(0.5 * angle);
         let ((sr, cr), (sp, cp), (sy, cy)) = (half(roll_rad), half(pitch_rad), half(yaw_rad));
@@ -192,22 +192,22 @@ impl<To, From> Transform<To, From> {
         Self::new(origin, UnitQuaternion::new_normalize(quaternion))
     }
 
-    /// The origin of `From`, in `To`.
+    /// Origin of `From` in `To`.
     pub fn origin(&self) -> Point<To> {
         Point::from_coords(self.isometry.translation.vector)
     }
 
-    /// The orientation of `From` in `To`.
+    /// Orientation of `From` in `To`.
     pub fn rotation(&self) -> UnitQuaternion<f64> {
         self.isometry.rotation
     }
 
-    /// The same without its frames.
+    /// The isometry without its frames.
     pub fn isometry(&self) -> Isometry3<f64> {
         self.isometry
     }
 
-    /// The other direction.
+    /// The inverse transform.
     pub fn inverse(&self) -> Transform<From, To> {
         Transform { isometry: self.isometry.inverse(), frames: PhantomData }
     }
@@ -252,7 +252,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn there_and_back(x in -50.0..50.0, y in -50.0..50.0, roll in -1.0..1.0, pitch in -1.0..1.0, yaw in -3.0..3.0) {
+        fn inverse_transform_and_euler_angles_round_trip(x in -50.0..50.0, y in -50.0..50.0, roll in -1.0..1.0, pitch in -1.0..1.0, yaw in -3.0..3.0) {
             let map_from_ego: Transform<Map, Ego> =
                 Transform::from_roll_pitch_yaw(Point::new(x, y, 0.3), roll, pitch, yaw);
             let p = Point::<Ego>::new(1.0, -2.0, 0.5);
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_reads_left_to_right() {
+    fn transform_chain_applies_from_right_to_left() {
         let map_from_ego: Transform<Map, Ego> = Transform::from_roll_pitch_yaw(
             Point::new(10.0, 0.0, 0.0),
             0.0,

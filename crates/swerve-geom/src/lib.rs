@@ -1,16 +1,15 @@
-//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines,
-//! pairs.
+//! Geometry with frames as types: points, vectors, poses and transforms, oriented boxes, polylines, assignment.
 //!
-//! **Frames** are zero-sized markers ([`Map`], [`Ego`], [`Lidar`], [`Camera`]). A transform is named and
-//! typed `to_from`: `map_from_ego: Transform<Map, Ego>`; adjacent frames of a product must match, so a
-//! wrong chain does not compile. What the types cannot tell: *which* camera, and *which* instant; the ego
-//! frame at two instants is one type.
+//! **Frames** are zero-sized markers ([`Map`], [`Ego`], [`Lidar`], [`Camera`]). A transform is named and typed
+//! `to_from`: `map_from_ego: Transform<Map, Ego>`; adjacent frames of a product must match, so a wrong chain does not
+//! compile. The types do not distinguish *which* camera or *which* instant: the ego frame at two instants is one
+//! type.
 //!
 //! **Conventions**: metres, radians, right-handed, z up. Map: east-north-up. Ego: x forward, y left,
 //! origin at the centre of the rear axle on the ground. Camera: x right, y down, z forward.
 //!
-//! **Arithmetic**: trigonometry goes through [`math`] (`libm`), loops for wide vector instructions through
-//! [`simd`], so that results are the same bits on every machine. Absences: no parry, no rapier, no glam.
+//! **Arithmetic**: trigonometry goes through [`math`] (`libm`), loops for wide vector instructions through [`simd`],
+//! so that results are the same bits on every machine. Excluded: parry, rapier, glam.
 
 mod angle;
 mod area;

@@ -1,29 +1,29 @@
-//! The place of a moving pose along a line that may meet itself.
+//! Position of a moving pose along a line that may cross or touch itself.
 
 use crate::{FrenetPoint, Point2, Polyline, Pose2};
 
-/// Reach of the search around the previous place beyond the distance moved, metres.
+/// Search radius around the previous position beyond twice the distance moved, metres.
 const REACH_M: f64 = 15.0;
 
-/// Places farther than this from the line are checked against the whole line, metres.
+/// Lateral offset above which the whole line is searched, metres.
 const FAR_M: f64 = 15.0;
 
 /// Tracks a pose along a line: continuous where the line closes or crosses itself.
 ///
-/// Each place is searched for near the previous one. The first, and one after a jump away from the line, is the nearest
-/// place of the whole line with the direction of the pose ([`Polyline::project_pose`]).
+/// Each position is searched for near the previous one. The first position, and one after a jump away from the line,
+/// is the nearest on the whole line whose direction matches the pose ([`Polyline::project_pose`]).
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct LineTracker {
     last: Option<(f64, Point2)>,
 }
 
 impl LineTracker {
-    /// A tracker that starts near arc length `s_m`, with the pose at `point`.
+    /// Creates a tracker that starts near arc length `s_m`, with the pose at `point`.
     pub fn starting_at(s_m: f64, point: Point2) -> Self {
         Self { last: Some((s_m, point)) }
     }
 
-    /// The place of `pose` along `line`, given that of the previous call.
+    /// Position of `pose` along `line`, given that of the previous call.
     pub fn locate(&mut self, line: &Polyline, pose: Pose2) -> FrenetPoint {
         let point = pose.point();
         let near = self.last.map(|(s_m, before)| {
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
     use crate::math;
 
-    /// Points every metre or so along segments of (length, curvature), from the origin along x.
+    /// Points about every metre along segments of (length, curvature), from the origin along x.
     fn line(segments: &[(f64, f64)]) -> Polyline {
         let mut pose = Pose2::new(0.0, 0.0, 0.0);
         let mut points = vec![pose.point()];
@@ -70,7 +70,7 @@ mod tests {
         Polyline::new(&points).unwrap()
     }
 
-    /// Follows poses `d_m` beside the line every `step_m`; the largest error of arc length and offset.
+    /// Follows poses `d_m` beside the line every `step_m`; returns the largest error of arc length and offset.
     fn worst(line: &Polyline, d_m: f64, step_m: f64) -> f64 {
         let mut tracker = LineTracker::default();
         let steps = (line.length() / step_m) as usize;
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn places_are_continuous_on_roads_that_close_or_cross() {
+    fn positions_are_continuous_on_roads_that_close_or_cross() {
         let radius_m = 25.0;
         let turn = |share: f64| (share * TAU * radius_m, 1.0 / radius_m);
         let back = |share: f64| (share * TAU * radius_m, -1.0 / radius_m);
@@ -97,7 +97,7 @@ mod tests {
         ] {
             let line = line(&segments);
             for (d_m, step_m) in [(0.0, 0.1), (1.2, 0.5), (-1.2, 5.0), (0.4, 12.0)] {
-                // A polyline of 1 m chords has the arc's places within a few centimetres.
+                // The arc is approximated by 1 m chords, within a few centimetres.
                 let worst_m = worst(&line, d_m, step_m);
                 assert!(worst_m < 0.1, "{segments:?} {d_m}: {worst_m}");
             }
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_place_anywhere_would_leap_on_a_closed_road() {
+    fn tracker_stays_on_its_lap_where_projection_finds_the_first() {
         let line = line(&[(15.0, 0.0), (2.0 * TAU * 25.0, 0.04)]);
         let s_m = 15.0 + TAU * 25.0 + 40.0;
         let there = line.at(s_m).pose;
@@ -115,8 +115,8 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_has_the_place_with_its_direction_where_roads_cross() {
-        // Three quarters of a circle to the left, then straight across the beginning at a right angle.
+    fn projected_pose_takes_the_branch_of_its_direction_at_a_crossing() {
+        // Three quarters of a circle to the left, then straight across the start at a right angle.
         let line = line(&[(40.0, 0.0), (0.75 * TAU * 20.0, 0.05), (60.0, 0.0)]);
         let crossing_s_m = 40.0 + 0.75 * TAU * 20.0 + 20.0;
         let at = Pose2::new(20.0, 0.3, -core::f64::consts::FRAC_PI_2);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_is_found_again() {
+    fn tracker_recovers_after_a_jump() {
         let line = line(&[(400.0, 0.0)]);
         let mut tracker = LineTracker::starting_at(10.0, Point2::new(300.0, 0.0));
         let place = tracker.locate(&line, Pose2::new(300.0, 1.0, 0.0));

@@ -1,7 +1,7 @@
-//! Elementary functions with the same bits on every machine: `libm` in software, behind one name each.
+//! Elementary functions with the same bits on every machine: thin wrappers around `libm`.
 //!
-//! The standard library's versions call the platform's C library, which picks code by processor.
-//! Square roots, absolute values and rounding are exact in hardware and need no wrapper.
+//! The functions of the standard library call the platform's C library, which selects code by processor. Square
+//! roots, absolute values and rounding are exact in hardware and need no wrapper.
 
 /// Sine.
 pub fn sin(x: f64) -> f64 {
@@ -43,7 +43,7 @@ pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
-/// Length of the vector `(x, y)`: the plain square root, for values far from the ends of the range.
+/// Length of the vector `(x, y)`: a plain square root, without protection against overflow or underflow.
 pub fn hypot(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }

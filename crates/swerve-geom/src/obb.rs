@@ -17,12 +17,12 @@ pub struct Obb<F = Map> {
 }
 
 impl<F: Copy> Obb<F> {
-    /// A rectangle of the given full length and width around `center`.
+    /// Creates a rectangle of the given full length and width around `center`.
     pub const fn new(center: Pose2<F>, length_m: f64, width_m: f64) -> Self {
         Self { center, half_length_m: 0.5 * length_m, half_width_m: 0.5 * width_m }
     }
 
-    /// The axis-aligned rectangle between two corners.
+    /// Creates the axis-aligned rectangle between two corners.
     pub fn axis_aligned(x_min_m: f64, y_min_m: f64, x_max_m: f64, y_max_m: f64) -> Self {
         let center = Pose2::new(0.5 * (x_min_m + x_max_m), 0.5 * (y_min_m + y_max_m), 0.0);
         Self::new(center, x_max_m - x_min_m, y_max_m - y_min_m)
@@ -47,12 +47,12 @@ impl<F: Copy> Obb<F> {
         [c + ahead + left, c - ahead + left, c - ahead - left, c + ahead - left]
     }
 
-    /// Radius of the smallest circle around the centre that holds the rectangle.
+    /// Radius of the circumscribed circle.
     pub fn radius(&self) -> f64 {
         math::hypot(self.half_length_m, self.half_width_m)
     }
 
-    /// Whether `point` lies inside or on the border.
+    /// Returns true if `point` is inside or on the border.
     pub fn contains(&self, point: Point2<F>) -> bool {
         let local: Point2<F> = self.center.to_local(point);
         local.x_m.abs() <= self.half_length_m && local.y_m.abs() <= self.half_width_m
@@ -66,7 +66,7 @@ impl<F: Copy> Obb<F> {
         math::hypot(dx, dy)
     }
 
-    /// Whether the two rectangles share a point (separating axis theorem).
+    /// Returns true if the two rectangles share a point (separating axis theorem).
     pub fn overlaps(&self, other: &Self) -> bool {
         let between = other.center.point() - self.center.point();
         let (a, b) = (self.center.direction(), other.center.direction());
@@ -78,21 +78,21 @@ impl<F: Copy> Obb<F> {
             .all(|axis| between.dot(axis).abs() <= reach(self, a, axis) + reach(other, b, axis))
     }
 
-    /// Distance between the two rectangles, metres; zero when they share a point.
+    /// Distance between the two rectangles, metres; zero if they share a point.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.overlaps(other) {
             return 0.0;
         }
-        // Of two convex polygons apart, one of the two nearest points is a corner.
+        // For two disjoint convex polygons, one of the two nearest points is a corner.
         let nearest = |of: &Self, to: &Self| {
             of.corners().into_iter().map(|c| to.distance_to_point(c)).fold(f64::INFINITY, f64::min)
         };
         nearest(self, other).min(nearest(other, self))
     }
 
-    /// Time until `other`, which moves at `relative_mps` as seen from this rectangle, first touches it, seconds; zero where
-    /// it does already, `None` where it never will. Neither turns. They are apart as long as they are along one of their
-    /// four axes (separating axis theorem).
+    /// Time until `other`, moving at `relative_mps` relative to this rectangle, first touches it, seconds; zero if it
+    /// does already, `None` if it never will. Neither rotates. They are disjoint while their projections on one of
+    /// their four axes are (separating axis theorem).
     pub fn time_to_contact_s(&self, other: &Self, relative_mps: Vector2<F>) -> Option<f64> {
         let between = other.center.point() - self.center.point();
         let (a, b) = (self.center.direction(), other.center.direction());
@@ -105,7 +105,7 @@ impl<F: Copy> Obb<F> {
         entry_s(slabs)
     }
 
-    /// As [`time_to_contact_s`](Self::time_to_contact_s), with a circle.
+    /// As [`time_to_contact_s`](Self::time_to_contact_s), for a circle.
     pub fn time_to_circle_s(
         &self,
         center: Point2<F>,
@@ -115,7 +115,7 @@ impl<F: Copy> Obb<F> {
         let (ahead, between) = (self.center.direction(), center - self.center.point());
         let along = (between.dot(ahead), relative_mps.dot(ahead));
         let across = (between.dot(ahead.left()), relative_mps.dot(ahead.left()));
-        // The rectangle grown by the radius has round corners: it is two rectangles and four circles.
+        // The rectangle grown by the radius has round corners: it is the union of two rectangles and four circles.
         let slab = |(distance_m, speed_mps): (f64, f64), reach_m: f64| (distance_m, speed_mps, reach_m);
         let rectangles = [(radius_m, 0.0), (0.0, radius_m)].map(|(length_m, width_m)| {
             entry_s([slab(along, self.half_length_m + length_m), slab(across, self.half_width_m + width_m)])
@@ -128,7 +128,8 @@ impl<F: Copy> Obb<F> {
     }
 }
 
-/// When a point is first within all slabs, each given by its distance, its speed and the slab's half width; from now on.
+/// Earliest time from now at which a point is within all slabs, seconds. A slab is the point's distance from its
+/// centre, the point's speed and the half width.
 fn entry_s<const N: usize>(slabs: [(f64, f64, f64); N]) -> Option<f64> {
     let (mut enter_s, mut leave_s) = (0.0_f64, f64::INFINITY);
     for (distance_m, speed_mps, reach_m) in slabs {
@@ -145,7 +146,7 @@ fn entry_s<const N: usize>(slabs: [(f64, f64, f64); N]) -> Option<f64> {
     (enter_s <= leave_s).then_some(enter_s)
 }
 
-/// When a point that moves is first within `radius_m` of the origin; from now on.
+/// Earliest time from now at which a moving point is within `radius_m` of the origin, seconds.
 fn time_to_radius_s((x, y): (f64, f64), (vx, vy): (f64, f64), radius_m: f64) -> Option<f64> {
     let beyond = x * x + y * y - radius_m * radius_m;
     if beyond <= 0.0 {
@@ -166,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_forms() {
+    fn distances_match_closed_forms() {
         assert_eq!(obb(0.0, 0.0, 0.0).distance(&obb(6.0, 0.0, 0.0)), 2.0);
         assert_eq!(obb(0.0, 0.0, 0.0).distance(&obb(0.0, 5.0, 0.0)), 3.0);
         assert!((obb(0.0, 0.0, 0.0).distance(&obb(7.0, 5.0, 0.0)) - 18f64.sqrt()).abs() < 1e-12);
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn contact_comes_after_gap_over_closing_speed() {
+    fn time_to_contact_is_gap_over_closing_speed() {
         let still = obb(0.0, 0.0, 0.0);
         let time = |b: &Obb, x, y| still.time_to_contact_s(b, Vector2::new(x, y));
         assert_eq!(time(&obb(24.0, 0.0, 0.0), -10.0, 0.0), Some(2.0));
@@ -184,24 +185,24 @@ mod tests {
         assert_eq!(time(&obb(24.0, 2.1, 0.0), -10.0, 0.0), None);
         assert_eq!(time(&obb(24.0, 0.0, 0.0), 10.0, 0.0), None);
         assert_eq!(time(&obb(3.0, 0.0, 0.0), 10.0, 0.0), Some(0.0));
-        // From the side: 12 m off with half widths and lengths of 1 and 2 m between.
+        // From the side, 12 m away: half width of 1 m and half length of 2 m between.
         let crossing = obb(0.0, -12.0, core::f64::consts::FRAC_PI_2);
         let time_s = time(&crossing, 0.0, 3.0).unwrap();
         assert!((time_s - 3.0).abs() < 1e-12, "{time_s}");
-        // It comes from the side and is past before it is there.
+        // It approaches from the side and has passed before contact.
         assert_eq!(time(&crossing, 3.0, 3.0), None);
     }
 
     #[test]
-    fn a_circle_meets_sides_at_their_distance_and_corners_later() {
+    fn circle_touches_a_side_at_its_distance_and_a_corner_later() {
         let still = obb(0.0, 0.0, 0.0);
         let time = |x, y, vx| still.time_to_circle_s(Point2::new(x, y), 0.5, Vector2::new(vx, 0.0));
-        // To the front at 2 m, and past the side at 1.5 m.
+        // The front is at 2 m. The side is touched up to 1.5 m across: a circle at 1.6 m passes.
         assert_eq!(time(12.5, 0.0, -5.0), Some(2.0));
         assert_eq!(time(12.5, 1.6, -5.0), None);
         assert_eq!(time(12.5, 0.0, 5.0), None);
         assert_eq!(time(2.4, 0.0, 5.0), Some(0.0));
-        // At 1.3 m across it touches the corner (2, 1) from 0.4 m ahead of it: 0.5 is 0.3 and 0.4.
+        // At 1.3 m across it touches the corner (2, 1) from 0.4 m ahead: 0.3² + 0.4² = 0.5².
         let time_s = time(12.4, 1.3, -5.0).unwrap();
         assert!((time_s - 2.0).abs() < 1e-12, "{time_s}");
     }
@@ -209,7 +210,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn at_the_time_to_contact_the_distance_ends(
+        fn distance_is_zero_at_the_time_to_contact_and_positive_before(
             x in -9.0..9.0, y in -9.0..9.0, h in -3.0..3.0, vx in -5.0..5.0, vy in -5.0..5.0,
         ) {
             let (still, other, moves) = (obb(0.0, 0.0, 0.4), obb(x, y, h), Vector2::new(vx, vy));
@@ -239,7 +240,7 @@ mod tests {
         ) {
             let (a, b) = (obb(0.0, 0.0, g), obb(x, y, h));
             prop_assert!((a.distance(&b) - b.distance(&a)).abs() < 1e-9);
-            // Against a brute-force sampling of both borders.
+            // Compared with brute-force sampling of both borders.
             let border = |o: &Obb| -> Vec<Point2> {
                 let c = o.corners();
                 (0..4).flat_map(|i| (0..40).map(move |k| c[i] + (c[(i + 1) % 4] - c[i]) * (f64::from(k) / 40.0))).collect()

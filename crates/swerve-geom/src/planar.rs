@@ -76,29 +76,29 @@ copies!(Vector2, x, y);
 copies!(Pose2, x_m, y_m, heading_rad);
 
 impl<F> Point2<F> {
-    /// From coordinates in metres.
+    /// Creates a point from coordinates in metres.
     pub const fn new(x_m: f64, y_m: f64) -> Self {
         Self { x_m, y_m, frame: PhantomData }
     }
 
-    /// Distance to `other` in metres.
+    /// Distance to `other`, metres.
     pub fn distance(self, other: Self) -> f64 {
         (self - other).norm()
     }
 
-    /// Whether both coordinates are finite.
+    /// Returns true if both coordinates are finite.
     pub fn is_finite(self) -> bool {
         self.x_m.is_finite() && self.y_m.is_finite()
     }
 }
 
 impl<F> Vector2<F> {
-    /// From components.
+    /// Creates a vector from its components.
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y, frame: PhantomData }
     }
 
-    /// The unit vector at `heading_rad`.
+    /// Unit vector at `heading_rad`.
     pub fn from_heading(heading_rad: f64) -> Self {
         let (sin, cos) = math::sin_cos(heading_rad);
         Self::new(cos, sin)
@@ -119,12 +119,12 @@ impl<F> Vector2<F> {
         self.x * other.x + self.y * other.y
     }
 
-    /// z component of the vector product: positive when `other` lies to the left.
+    /// z component of the cross product: positive if `other` is to the left.
     pub fn cross(self, other: Self) -> f64 {
         self.x * other.y - self.y * other.x
     }
 
-    /// The vector turned a quarter to the left.
+    /// The vector rotated a quarter turn to the left.
     #[must_use]
     pub fn left(self) -> Self {
         Self::new(-self.y, self.x)
@@ -137,22 +137,22 @@ impl<F> Vector2<F> {
 }
 
 impl<F> Pose2<F> {
-    /// From a position in metres and a heading in radians, which is wrapped.
+    /// Creates a pose from a position in metres and a heading in radians, which is wrapped.
     pub fn new(x_m: f64, y_m: f64, heading_rad: f64) -> Self {
         Self { x_m, y_m, heading_rad: wrap_angle(heading_rad), frame: PhantomData }
     }
 
-    /// The position.
+    /// Position.
     pub const fn point(self) -> Point2<F> {
         Point2::new(self.x_m, self.y_m)
     }
 
-    /// The unit vector of the heading.
+    /// Unit vector of the heading.
     pub fn direction(self) -> Vector2<F> {
         Vector2::from_heading(self.heading_rad)
     }
 
-    /// A point given in the frame that sits at this pose (x ahead, y left), in `F`.
+    /// Transforms a point from the local frame at this pose (x ahead, y left) to `F`.
     pub fn from_local<L>(self, local: Point2<L>) -> Point2<F> {
         let (sin, cos) = math::sin_cos(self.heading_rad);
         Point2::new(
@@ -161,7 +161,7 @@ impl<F> Pose2<F> {
         )
     }
 
-    /// A point of `F` in the frame that sits at this pose (x ahead, y left).
+    /// Transforms a point of `F` to the local frame at this pose (x ahead, y left).
     pub fn to_local<L>(self, point: Point2<F>) -> Point2<L> {
         let (sin, cos) = math::sin_cos(self.heading_rad);
         let (dx, dy) = (point.x_m - self.x_m, point.y_m - self.y_m);
@@ -175,7 +175,7 @@ impl<F> Pose2<F> {
         Self { x_m: point.x_m, y_m: point.y_m, ..self }
     }
 
-    /// Whether all three numbers are finite.
+    /// Returns true if all three numbers are finite.
     pub fn is_finite(self) -> bool {
         self.point().is_finite() && self.heading_rad.is_finite()
     }
@@ -239,7 +239,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn local_and_back(x in -99.0..99.0, y in -99.0..99.0, h in -9.0..9.0, px in -99.0..99.0, py in -99.0..99.0) {
+        fn local_coordinates_round_trip(x in -99.0..99.0, y in -99.0..99.0, h in -9.0..9.0, px in -99.0..99.0, py in -99.0..99.0) {
             let pose = Pose2::<Map>::new(x, y, h);
             let p = Point2::<Map>::new(px, py);
             let local: Point2<Ego> = pose.to_local(p);
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn left_is_positive() {
+    fn left_is_positive_in_local_frames_and_cross_products() {
         let pose = Pose2::<Map>::new(1.0, 1.0, 0.0);
         let local: Point2<Ego> = pose.to_local(Point2::new(3.0, 2.5));
         assert_eq!((local.x_m, local.y_m), (2.0, 1.5));

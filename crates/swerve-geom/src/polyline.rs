@@ -16,7 +16,7 @@ pub struct Polyline {
     curvature_1pm: Vec<f64>,
 }
 
-/// A line at one arc length.
+/// A point of the line with its direction and curvature.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct PolylinePoint {
     /// Arc length from the first point, metres.
@@ -27,7 +27,7 @@ pub struct PolylinePoint {
     pub curvature_1pm: f64,
 }
 
-/// A place in the Frenet frame of a line.
+/// A position in the Frenet frame of a line.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct FrenetPoint {
     /// Arc length of the nearest point of the line, metres.
@@ -36,21 +36,21 @@ pub struct FrenetPoint {
     pub d_m: f64,
 }
 
-/// Why points do not make a line.
+/// Error of constructing a line from points.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum PolylineError {
-    /// Fewer than two points that differ.
+    /// Fewer than two distinct points.
     #[error("a line needs at least two points that differ")]
     TooShort,
-    /// A coordinate is infinite or not a number.
+    /// A coordinate is infinite or NaN.
     #[error("point {0} of the line is not finite")]
     NotFinite(usize),
-    /// More points than a line sampled anew may have.
+    /// The line is too long to be resampled.
     #[error("the line is {length_m:e} m long: expected at most {max_m:e} m")]
     TooLong {
         /// Length through the points, metres.
         length_m: f64,
-        /// Length at the most, metres.
+        /// Largest length, metres.
         max_m: f64,
     },
 }
@@ -58,17 +58,17 @@ pub enum PolylineError {
 /// Cosine of the largest angle between a pose and a line that runs in its direction.
 const ALONG_COS: f64 = 0.5;
 
-/// Places farther than the nearest by more are not considered for a pose, metres.
+/// Branches farther from a pose than the nearest by more than this are ignored, metres.
 const BRANCHES_M: f64 = 5.0;
 
-/// Places of a line that differ less in their distance are equally near, metres.
+/// Distances of branches that differ by less than this count as equal, metres.
 const EQUALLY_NEAR_M: f64 = 0.5;
 
-/// Points of a line sampled anew, at the most: 250 km at every quarter of a metre.
+/// Largest number of samples of a resampled line: 250 km at every quarter of a metre.
 const SAMPLES_MAX: f64 = 1e6;
 
 impl Polyline {
-    /// A line through `points`; of repeated points one is kept.
+    /// Creates a line through `points`; repeated points are merged.
     pub fn new(points: &[Point2]) -> Result<Self, PolylineError> {
         if let Some(bad) = points.iter().position(|p| !p.is_finite()) {
             return Err(PolylineError::NotFinite(bad));
@@ -96,8 +96,8 @@ impl Polyline {
         Ok(Self { points: kept, s_m, heading_rad, curvature_1pm })
     }
 
-    /// A line through `points`, sampled anew every `step_m` along a natural cubic spline over arc length,
-    /// so that heading and curvature are continuous where the points are sparse. At most a million samples.
+    /// Creates a line through `points`, resampled every `step_m` along a natural cubic spline over arc length, so
+    /// that heading and curvature are continuous where the points are sparse. At most a million samples.
     pub fn smooth(points: &[Point2], step_m: f64) -> Result<Self, PolylineError> {
         let coarse = Self::new(points)?;
         if coarse.length() > step_m * SAMPLES_MAX {
@@ -124,7 +124,7 @@ impl Polyline {
         self.s_m[self.s_m.len() - 1]
     }
 
-    /// The points of the line.
+    /// Vertices of the line.
     pub fn points(&self) -> &[Point2] {
         &self.points
     }
@@ -134,7 +134,7 @@ impl Polyline {
         self.at_in(self.segment(s_m), s_m)
     }
 
-    /// As [`at`](Self::at), for many arc lengths that do not decrease: each is looked for from the one before it on.
+    /// As [`at`](Self::at), for a non-decreasing sequence of arc lengths: each search starts at the previous segment.
     pub fn at_each(&self, s_m: impl IntoIterator<Item = f64>) -> impl Iterator<Item = PolylinePoint> {
         let mut i = 0;
         s_m.into_iter().map(move |s_m| {
@@ -143,7 +143,7 @@ impl Polyline {
         })
     }
 
-    /// At `s_m`, which segment `i` holds.
+    /// Evaluates the line at `s_m` within segment `i`.
     fn at_in(&self, i: usize, s_m: f64) -> PolylinePoint {
         let (a, b) = (self.points[i], self.points[i + 1]);
         let length = self.s_m[i + 1] - self.s_m[i];
@@ -157,26 +157,26 @@ impl Polyline {
         PolylinePoint { s_m, pose: Pose2::new(point.x_m, point.y_m, heading), curvature_1pm }
     }
 
-    /// The point of the map at `frenet`: `d_m` to the left of the line at `s_m`.
+    /// Map position of `frenet`: `d_m` to the left of the line at `s_m`.
     pub fn to_map(&self, frenet: FrenetPoint) -> Point2 {
         let on_line = self.at(frenet.s_m).pose;
         on_line.point() + on_line.direction().left() * frenet.d_m
     }
 
-    /// The nearest place of the line to `point`, over all of it.
+    /// Projects `point` onto the nearest position of the whole line.
     pub fn project(&self, point: Point2) -> FrenetPoint {
         self.project_between(point, 0, self.points.len() - 1)
     }
 
-    /// As [`project`](Self::project), looking only at arc lengths within `reach_m` of `near_s_m`.
+    /// As [`project`](Self::project), restricted to arc lengths within `reach_m` of `near_s_m`.
     pub fn project_near(&self, point: Point2, near_s_m: f64, reach_m: f64) -> FrenetPoint {
         let first = self.segment(near_s_m - reach_m);
         let last = self.segment(near_s_m + reach_m) + 1;
         self.project_between(point, first, last)
     }
 
-    /// The places beside `point` within `reach_m` of `near_s_m`: one on each stretch of the line that comes near and goes away
-    /// again, or begins or ends there.
+    /// Projections of `point` within `reach_m` of `near_s_m`: one on each stretch of the line on which the distance
+    /// from the point has a local minimum, ends included.
     pub fn places_near(
         &self,
         point: Point2,
@@ -186,8 +186,9 @@ impl Polyline {
         self.branches(point, self.segment(near_s_m - reach_m), self.segment(near_s_m + reach_m) + 1)
     }
 
-    /// The nearest place to a pose among those where the line runs in its direction, within 60 degrees; of places
-    /// about equally near the first. Without any about as near as the nearest of all, that one.
+    /// Projects a pose onto the nearest position at which the line runs in its direction, within 60 degrees. Among
+    /// positions that are about equally near, the first is taken. If none is about as near as the nearest of all,
+    /// that one is returned.
     pub fn project_pose(&self, pose: Pose2) -> FrenetPoint {
         let (point, direction) = (pose.point(), pose.direction());
         let nearest = self.project(point);
@@ -206,7 +207,7 @@ impl Polyline {
             if !runs_along(first) {
                 continue;
             }
-            // The nearest place of each branch: a stretch of the line that stays near.
+            // Nearest position of each branch: a stretch of the line that stays near.
             for place in self.branches(point, first, i) {
                 let is_beside = place.d_m.abs() <= nearest.d_m.abs() + BRANCHES_M;
                 if is_beside && best.is_none_or(|best| place.d_m.abs() < best.d_m.abs() - EQUALLY_NEAR_M) {
@@ -217,7 +218,8 @@ impl Polyline {
         best.unwrap_or(nearest)
     }
 
-    /// The nearest place of each part of the segments from `first` to `last` whose distance from `point` has a minimum.
+    /// Nearest position of each part of the segments from `first` to `last` whose distance from `point` has a
+    /// minimum.
     fn branches(&self, point: Point2, first: usize, last: usize) -> impl Iterator<Item = FrenetPoint> {
         let distance_m = move |i: usize| self.project_between(point, i, i + 1).d_m.abs();
         let mut i = first;
@@ -251,7 +253,7 @@ impl Polyline {
             let (along, to) = (b - a, point - a);
             let length_squared = along.norm_squared();
             let raw = to.dot(along) / length_squared;
-            // The end segments reach on, so that places before and beyond the line keep a meaning.
+            // The end segments are extended, so that positions before and beyond the line are defined.
             let low = if i == 0 { f64::NEG_INFINITY } else { 0.0 };
             let high = if i == end { f64::INFINITY } else { 1.0 };
             let t = raw.clamp(low, high);
@@ -267,13 +269,13 @@ impl Polyline {
         best
     }
 
-    /// Index of the segment that holds `s_m`; the end segments also hold what lies beyond them.
+    /// Index of the segment that contains `s_m`; the end segments also cover arc lengths beyond them.
     fn segment(&self, s_m: f64) -> usize {
         let after = self.s_m.partition_point(|&s| s <= s_m);
         after.saturating_sub(1).min(self.points.len() - 2)
     }
 
-    /// As [`segment`](Self::segment), where it is segment `i` or one a little further on.
+    /// As [`segment`](Self::segment), searched forward from segment `i`.
     fn segment_from(&self, mut i: usize, s_m: f64) -> usize {
         if s_m < self.s_m[i] {
             return self.segment(s_m);
@@ -285,8 +287,8 @@ impl Polyline {
     }
 }
 
-/// Heading at each point: of the one segment at the ends, between the two segments elsewhere
-/// (weighted, so that the nearer neighbour counts more).
+/// Heading at each point: that of the end segment at the ends, elsewhere interpolated between the two adjacent
+/// segments (weighted, so that the shorter one counts more).
 fn headings(points: &[Point2], s_m: &[f64]) -> Vec<f64> {
     let segment: Vec<f64> = points.windows(2).map(|p| (p[1] - p[0]).heading()).collect();
     let last = segment.len() - 1;
@@ -302,7 +304,7 @@ fn headings(points: &[Point2], s_m: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Curvature at each point: change of heading over arc length, centred where there are two neighbours.
+/// Curvature at each point: change of heading over arc length, by central differences where there are two neighbours.
 fn curvatures(heading_rad: &[f64], s_m: &[f64]) -> Vec<f64> {
     let last = s_m.len() - 1;
     (0..s_m.len())
@@ -331,12 +333,12 @@ fn spline_moments(s: &[f64], y: &[f64]) -> Vec<f64> {
     m
 }
 
-/// A place within segment `i` of cubic splines that share their knots.
+/// Interpolation weights at a position within segment `i` of cubic splines with common knots.
 struct Between {
     i: usize,
     /// Length of the segment.
     h: f64,
-    /// Weights of the values at the segment's ends, and of the moments there.
+    /// Weights of the values and of the moments at the segment's ends.
     values: [f64; 2],
     moments: [f64; 2],
 }
@@ -371,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arc_has_its_curvature_and_heading() {
+    fn arc_has_its_curvature_and_heading() {
         let line = Polyline::new(&arc(0.01)).unwrap();
         let at = line.at(10.0);
         assert!((at.curvature_1pm - 0.05).abs() < 1e-4, "{at:?}");
@@ -379,14 +381,14 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_sampled_anew_up_to_a_bound() {
+    fn smooth_line_is_resampled_up_to_a_largest_length() {
         let far = |x_m| Polyline::smooth(&[Point2::new(0.0, 0.0), Point2::new(x_m, 0.0)], 0.25);
         assert_eq!(far(2e5).unwrap().points().len(), 800_001);
         assert_eq!(far(1e54), Err(PolylineError::TooLong { length_m: 1e54, max_m: 2.5e5 }));
     }
 
     #[test]
-    fn a_smooth_line_through_sparse_points_keeps_the_arc() {
+    fn smooth_line_through_sparse_points_keeps_the_arc() {
         let line = Polyline::smooth(&arc(0.15), 0.25).unwrap();
         for s in [5.0, 10.0, 15.0, 20.0] {
             let p = line.at(s).pose.point();
@@ -397,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn frenet_and_back() {
+    fn frenet_coordinates_round_trip() {
         let line = Polyline::new(&arc(0.01)).unwrap();
         for (s_m, d_m) in [(3.0, 1.5), (12.0, -2.0), (25.0, 0.0)] {
             let there = line.to_map(FrenetPoint { s_m, d_m });
@@ -409,14 +411,14 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_go_on_straight() {
+    fn line_continues_straight_beyond_its_ends() {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(10.0, 0.0)]).unwrap();
         assert_eq!(line.project(Point2::new(-5.0, 2.0)), FrenetPoint { s_m: -5.0, d_m: 2.0 });
         assert_eq!(line.at(14.0).pose, Pose2::new(14.0, 0.0, 0.0));
     }
 
     #[test]
-    fn looked_for_from_the_one_before_is_the_same_place() {
+    fn at_each_agrees_with_at() {
         let line = Polyline::new(&arc(0.05)).unwrap();
         let places = [-3.0, -1.0, 0.0, 0.4, 5.0, 5.0, 12.3, 29.0, 31.0, 400.0, 7.0];
         let each: Vec<PolylinePoint> = line.at_each(places).collect();
@@ -424,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn too_few_points_and_nan_are_rejected() {
         assert_eq!(Polyline::new(&[]), Err(PolylineError::TooShort));
         assert_eq!(Polyline::new(&[Point2::new(1.0, 1.0); 3]), Err(PolylineError::TooShort));
         assert_eq!(

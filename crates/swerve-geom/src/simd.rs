@@ -1,7 +1,9 @@
-//! Hot loops for the widest vector instructions of the processor that runs them, with the same bits on every one.
+//! Hot loops compiled for the widest vector instructions of the running processor, with the same bits on every
+//! processor.
 //!
-//! What is compiled for any x86-64 processor has 16 bytes at once. Hot loops are therefore compiled twice, and the
-//! processor is asked (AVX2: 32 bytes). They do the same operations on the same numbers, nothing fused or reordered.
+//! Code compiled for any x86-64 processor uses 16-byte vectors. Hot loops are therefore compiled twice, and the
+//! version is selected at run time (AVX2: 32 bytes). Both do the same operations on the same numbers, with nothing
+//! fused or reordered.
 
 use std::cell::Cell;
 
@@ -9,16 +11,16 @@ use pulp::Arch;
 
 thread_local!(static IS_NARROW: Cell<bool> = const { Cell::new(false) });
 
-/// Does work, compiled for what this processor has. That reaches as far as it is inlined: a closure marked so, and of
-/// what it calls the small or marked.
+/// Runs `work` compiled for this processor. This applies only to inlined code: closures marked `#[inline(always)]`,
+/// and callees that are small or marked.
 #[inline(always)]
 pub fn widest<R>(work: impl FnOnce() -> R) -> R {
     let arch = if IS_NARROW.get() { Arch::Scalar } else { Arch::new() };
     arch.dispatch(work)
 }
 
-/// What some work gives on this thread as it is, and as a processor without wide instructions does it: the same, as
-/// tests of [`widest`] loops hold.
+/// Results of `work` on this thread as selected for this processor, and as on a processor without wide instructions.
+/// Tests of [`widest`] loops check that they are equal.
 pub fn both<R>(mut work: impl FnMut() -> R) -> [R; 2] {
     [false, true].map(|is_narrow| {
         IS_NARROW.set(is_narrow);
@@ -33,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn work_is_done_once_each_way_and_one_of_them_is_narrow() {
+    fn both_runs_the_work_once_wide_and_once_narrow() {
         let mut times = 0;
         let told = both(|| {
             times += 1;

@@ -1,34 +1,34 @@
-//! Point clouds with an origin in their midst.
+//! Point clouds relative to an origin at their median.
 //!
-//! Surveyed clouds have coordinates of 5,000 km (UTM). About an origin that far away a turn by a millionth of a degree and a
-//! shift by 0.1 m are almost the same motion, and scan matching cannot separate them. Moved to the median of its points in
-//! double precision, a cloud is registered with the same accuracy anywhere.
+//! Surveyed clouds have coordinates of up to 5,000 km (UTM). About an origin that far away, a rotation by a millionth
+//! of a degree and a translation by 0.1 m are almost the same motion, and scan matching cannot separate them. A cloud
+//! moved to the median of its points in double precision is registered with the same accuracy anywhere.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 
-/// Points relative to an origin in their midst.
+/// Points relative to an origin at their median.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Centred {
     /// Median of the points along each axis, metres in the frame of the cloud.
     pub origin_m: Vector3<f64>,
-    /// Points of the cloud minus the origin, metres, in their order.
+    /// Points of the cloud minus the origin, metres, in the order of the cloud.
     pub points: Vec<Vector3<f64>>,
 }
 
 impl Centred {
-    /// Moves a cloud to its median. Points that are not finite have no part in the median.
+    /// Moves a cloud to its median. Points that are not finite are ignored for the median.
     pub fn new(cloud: &[Vector3<f64>]) -> Self {
         let origin_m = Vector3::from([0, 1, 2].map(|axis| median(cloud, axis)));
         Self { origin_m, points: cloud.iter().map(|point| point - origin_m).collect() }
     }
 
-    /// Pose of this cloud in `target`, of clouds as they are moved, from that of the clouds as they were.
+    /// Converts a pose of the original cloud in the original `target` to one between the centred clouds.
     pub fn pose_in(&self, target: &Self, pose: &Isometry3<f64>) -> Isometry3<f64> {
         let place = pose.rotation * self.origin_m + pose.translation.vector - target.origin_m;
         Isometry3::from_parts(Translation3::from(place), pose.rotation)
     }
 
-    /// Reverses [`Self::pose_in`].
+    /// Inverse of [`Self::pose_in`].
     pub fn pose_of(&self, target: &Self, centred: &Isometry3<f64>) -> Isometry3<f64> {
         let place = centred.translation.vector + target.origin_m - centred.rotation * self.origin_m;
         Isometry3::from_parts(Translation3::from(place), centred.rotation)
@@ -53,10 +53,10 @@ mod tests {
     use crate::ndt::{self, Limits};
     use crate::voxels::{VoxelMap, VoxelSums, coarser};
 
-    /// A UTM place: easting, northing and height, metres.
+    /// A position in UTM: easting, northing and height, metres.
     const FAR_M: [f64; 3] = [691_000.0, 5_335_000.0, 520.0];
 
-    /// Error of the match at the middle of the source, metres and degrees, of clouds moved to `origin_m`.
+    /// Registration error at the origin of the source, metres and degrees, for clouds moved to `origin_m`.
     fn error(origin_m: Vector3<f64>) -> [f64; 2] {
         let turn = crate::eskf::exp(&Vector3::new(0.0, 0.0, 0.07));
         let truth = Isometry3::from_parts(Vector3::new(0.7, -0.4, 0.0).into(), turn);
@@ -73,7 +73,7 @@ mod tests {
         let scan = downsampled(&source.points, 0.25);
         let found = ndt::align(&[&maps[0], &maps[1]], &scan, &guess, &Limits::default()).unwrap();
         let found = source.pose_of(&target, &found.map_from_scan);
-        // The truth is of clouds at the origin: p + o goes to truth(p) + o.
+        // The truth is between clouds at the origin: p + o maps to truth(p) + o.
         let middle = source.origin_m;
         let wanted = truth.transform_point(&(middle - origin_m).into()).coords + origin_m;
         let off_m = (found.transform_point(&middle.into()).coords - wanted).norm();

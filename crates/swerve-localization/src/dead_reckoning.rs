@@ -1,5 +1,5 @@
-//! How a car moved in the last seconds, by its wheels and gyroscopes: what straightens a lidar's turn, and where the next one
-//! is looked for.
+//! Short-term dead reckoning by wheels and gyroscopes, used to deskew lidar scans and as the initial guess of scan
+//! matching.
 
 use std::collections::VecDeque;
 
@@ -9,35 +9,35 @@ use swerve_core::{Span, Time};
 use crate::eskf::{exp, unit};
 use crate::sweep::Sweep;
 
-/// How far back it is known, and how far a reading is taken on.
+/// Duration of the stored path, and longest extrapolation from a reading.
 const KEPT: Span = Span::from_ms(3000);
 const AHEAD_S: f64 = 0.2;
 
-/// What says how a car moves.
+/// Sensor reading for dead reckoning.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Reading {
-    /// Speed of the rear axle by the wheels, m/s.
+    /// Speed of the rear axle from the wheels, m/s.
     Wheels(f64),
-    /// Turn rate about the ego's axes, rad/s.
+    /// Angular rate about the ego's axes, rad/s.
     Gyro([f64; 3]),
 }
 
-/// The ego origin's way since its start.
+/// Path of the ego origin since its start.
 #[derive(Clone, Debug)]
 pub struct DeadReckoning {
-    /// Where it was at each reading, in the frame of the start.
+    /// Pose at each reading, in the frame of the start.
     way: VecDeque<(Time, Isometry3<f64>)>,
     speed_mps: f64,
     gyro_radps: Vector3<f64>,
 }
 
 impl DeadReckoning {
-    /// Standing, at the origin of its frame.
+    /// Creates one at rest at the origin of its frame.
     pub fn new() -> Self {
         Self { way: VecDeque::new(), speed_mps: 0.0, gyro_radps: Vector3::zeros() }
     }
 
-    /// Takes a reading. What no car has is passed over, and so is what is older than the newest.
+    /// Processes a reading. Readings beyond the limits of a car, and those older than the newest, are ignored.
     pub fn take(&mut self, stamp: Time, reading: Reading) {
         match reading {
             Reading::Wheels(speed_mps) if speed_mps.abs() <= 150.0 => {
@@ -57,12 +57,12 @@ impl DeadReckoning {
         }
     }
 
-    /// Speed of the rear axle, m/s, as it was told last.
+    /// Latest speed of the rear axle, m/s.
     pub fn speed_mps(&self) -> f64 {
         self.speed_mps
     }
 
-    /// Begins with the first speed: so it went before, too.
+    /// Starts with the first speed, which is extrapolated backwards as well.
     fn begin(&mut self, stamp: Time, speed_mps: f64) {
         self.speed_mps = speed_mps;
         let before = stamp - Span::from_secs(AHEAD_S);
@@ -71,7 +71,7 @@ impl DeadReckoning {
         self.way.push_back((stamp, now));
     }
 
-    /// Goes on to a stamp; not to one before the newest.
+    /// Advances to a stamp; returns false if the stamp is before the newest.
     fn advance(&mut self, stamp: Time) -> bool {
         let Some(&(last, _)) = self.way.back() else { return false };
         if stamp <= last {
@@ -84,7 +84,7 @@ impl DeadReckoning {
         true
     }
 
-    /// Where it is after the newest reading, for as long as that may hold.
+    /// Pose extrapolated from the newest reading, limited to the longest extrapolation.
     fn ahead(&self, at: Time) -> Isometry3<f64> {
         let Some(&(last, pose)) = self.way.back() else { return Isometry3::identity() };
         let dt_s = (at - last).as_secs().clamp(0.0, AHEAD_S);
@@ -103,7 +103,7 @@ impl DeadReckoning {
         moved_on(&from, &(between.translation.vector * share), &exp(&coords))
     }
 
-    /// The motion between two instants, in the ego frame at the first; none before the first reading.
+    /// Motion between two instants, in the ego frame at the first; `None` before the first speed.
     pub fn between(&self, from: Time, to: Time) -> Option<Isometry3<f64>> {
         (!self.way.is_empty()).then(|| self.at(from).inverse() * self.at(to))
     }
@@ -115,43 +115,43 @@ impl Default for DeadReckoning {
     }
 }
 
-/// How a lidar on a car moves, turn by turn.
+/// Motion of a lidar on a car, scan by scan.
 #[derive(Clone, Debug)]
 pub struct LidarMotion {
-    /// That of the car.
+    /// Dead reckoning of the car.
     pub car: DeadReckoning,
     ego_from_lidar: Isometry3<f64>,
-    /// End of the turn before.
+    /// End of the previous scan.
     last: Option<Time>,
 }
 
-/// How a lidar moved.
+/// Motion of a lidar over one scan.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Turned {
-    /// Over the time that offsets of points are shares of.
+    /// Motion over the period to which the time offsets of points refer.
     pub sweep: Sweep,
-    /// That time, seconds.
+    /// Duration of that period, seconds.
     pub period_s: f64,
-    /// The same as a whole, in the frame at its begin.
+    /// Total motion over the scan, in the frame at its start.
     pub over_turn: Isometry3<f64>,
-    /// Whether there was no turn right before it, at whose end it began.
+    /// True if the scan does not directly follow a previous one.
     pub is_first: bool,
 }
 
-/// How long the first turn is taken to be, seconds.
+/// Assumed duration of the first scan, seconds.
 const FIRST_TURN_S: f64 = 0.1;
-/// After a longer time than this without one a turn is as the first: how the car moved meanwhile is not known by then, seconds.
+/// Gap after which a scan is treated as the first, seconds: the motion over a longer gap is taken as unknown.
 const GAP_S: f64 = 0.5;
-/// Pieces that a turn is taken in: a car's turn rate changes within one.
+/// Number of pieces per scan: the turn rate of a car changes within one.
 const PIECES: i64 = 8;
 
 impl LidarMotion {
-    /// Of a lidar that sits there.
+    /// Creates one for a lidar mounted at this pose.
     pub fn new(ego_from_lidar: Isometry3<f64>) -> Self {
         Self { car: DeadReckoning::new(), ego_from_lidar, last: None }
     }
 
-    /// A turn that ends at an instant; none where that is no later than the end of the one before.
+    /// Motion over a scan that ends at an instant; `None` unless that is later than the end of the previous scan.
     pub fn turn(&mut self, end: Time) -> Option<Turned> {
         let last = self.last;
         if last.is_some_and(|last| end <= last) {
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_arc_is_gone_along_and_what_no_car_does_is_passed_over() {
+    fn dead_reckoning_follows_an_arc_and_ignores_implausible_readings() {
         let mut reckoning = DeadReckoning::new();
         let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
         assert!(reckoning.between(at(0), at(100)).is_none());
@@ -200,12 +200,12 @@ mod tests {
         let exact = [20.0 * math::sin(0.2), 20.0 * (1.0 - math::cos(0.2))];
         let found = moved.translation.vector;
         assert!((found.x - exact[0]).abs() < 1e-3 && (found.y - exact[1]).abs() < 1e-3, "{found}");
-        // A silent sensor moves nothing on for ever.
+        // If sensors fall silent, the extrapolation ends after 0.2 s.
         let far = reckoning.between(at(1000), at(60_000)).unwrap().translation.vector.norm();
         assert!((far - 2.0).abs() < 0.01, "{far}");
     }
     #[test]
-    fn it_went_before_the_first_reading_as_it_goes_then() {
+    fn first_speed_is_extrapolated_backwards() {
         let mut reckoning = DeadReckoning::new();
         let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
         reckoning.take(at(0), Reading::Gyro([0.0; 3]));
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lidar_on_the_roof_swings_with_the_car() {
+    fn lidar_on_the_roof_swings_with_the_car() {
         let mount = Isometry3::from_parts(Translation3::new(2.0, 0.0, 1.8), UnitQuaternion::identity());
         let mut motion = LidarMotion::new(mount);
         let at = |ms: i64| Time::ZERO + Span::from_ms(ms);
@@ -226,7 +226,7 @@ mod tests {
         }
         assert!(motion.turn(at(100)).unwrap().is_first);
         let turned = motion.turn(at(200)).unwrap();
-        // A tenth of a radian about the rear axle, two metres behind it.
+        // A rotation by 0.1 rad about the rear axle, two metres behind the lidar.
         let moved = turned.over_turn.translation.vector;
         let exact = [2.0 * (math::cos(0.1) - 1.0), 2.0 * math::sin(0.1)];
         assert!((moved.x - exact[0]).abs() < 1e-6 && (moved.y - exact[1]).abs() < 1e-6, "{moved}");

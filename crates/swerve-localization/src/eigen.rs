@@ -1,11 +1,12 @@
-//! Eigenvalues and inverses of small symmetric matrices, by Jacobi's rotations: sums, products and roots in one order.
+//! Eigenvalues and inverses of small symmetric matrices by Jacobi rotations: sums, products and roots in a fixed
+//! order.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Sweeps after which it stands: each squares what is left, and six leave nothing.
+/// Maximum number of sweeps: convergence is quadratic, and six usually suffice.
 const SWEEPS: usize = 12;
 
-/// Eigenvalues, and the eigenvector of each as a column, in no order that means anything.
+/// Eigenvalues, and the eigenvectors as columns, in unspecified order.
 pub(crate) fn symmetric<const N: usize>(of: &SMatrix<f64, N, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
     let (mut a, mut vectors) = (*of, SMatrix::<f64, N, N>::identity());
     for _ in 0..SWEEPS {
@@ -40,7 +41,7 @@ pub(crate) fn symmetric<const N: usize>(of: &SMatrix<f64, N, N>) -> (SVector<f64
     (a.diagonal(), vectors)
 }
 
-/// `V diag(of) Vᵀ`.
+/// `V diag(values) Vᵀ`.
 pub(crate) fn composed<const N: usize>(
     values: &SVector<f64, N>,
     vectors: &SMatrix<f64, N, N>,
@@ -54,7 +55,7 @@ pub(crate) fn composed<const N: usize>(
     })
 }
 
-/// What solves `a x = b`, for a symmetric positive `a`; none where it is not.
+/// Solution of `a x = b` for a symmetric positive definite `a`; `None` if it is not positive definite.
 pub(crate) fn solved<const N: usize>(a: &SMatrix<f64, N, N>, b: &SVector<f64, N>) -> Option<SVector<f64, N>> {
     let (mut a, mut x) = (*a, *b);
     for k in 0..N {

@@ -1,8 +1,8 @@
-//! The error-state Kalman filter: 15 states of motion, the offset of satellite fixes (2) and the scale of the wheels (1).
+//! Error-state Kalman filter: 15 states of motion, the offset of satellite fixes (2) and the scale of the wheels (1).
 //!
-//! The nominal state is of the inertial unit in the map; the error of the attitude is local (`R = R̂ exp(δθ)`), as in
-//! Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sections 5 to 7. Updates are in Joseph's form
-//! with the reset of the error after them. Products of matrices run in one fixed order: the same bits on every machine.
+//! The nominal state is that of the inertial unit in the map; the attitude error is local (`R = R̂ exp(δθ)`), as in
+//! Solà, "Quaternion kinematics for the error-state Kalman filter", 2017, sections 5 to 7. Updates use the Joseph
+//! form, followed by the reset of the error. Matrix products use one fixed order: the same bits on every machine.
 
 use nalgebra::{Matrix3, Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
 use swerve_geom::math;
@@ -11,8 +11,8 @@ use crate::params::Params;
 
 /// Number of error states.
 pub const STATES: usize = 18;
-/// Place of each error among them: position, velocity, attitude, biases of accelerometers and of gyroscopes, offset of
-/// the fixes east and north, scale of the wheels.
+/// Index of each error: position, velocity, attitude, accelerometer biases, gyroscope biases, offset of the fixes
+/// east and north, wheel scale.
 pub(crate) const POSITION: usize = 0;
 pub(crate) const VELOCITY: usize = 3;
 pub(crate) const ATTITUDE: usize = 6;
@@ -24,35 +24,35 @@ pub(crate) const SCALE: usize = 17;
 /// Covariance of the error.
 pub type Covariance = SMatrix<f64, STATES, STATES>;
 
-/// What is taken for true, at the inertial unit.
+/// Nominal state, at the inertial unit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Nominal {
-    /// In the map, metres.
+    /// Position in the map, metres.
     pub position_m: Vector3<f64>,
-    /// In the map, m/s.
+    /// Velocity in the map, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// From the vehicle's axes to the map's.
+    /// Rotation from the vehicle's axes to the map's.
     pub attitude: UnitQuaternion<f64>,
-    /// What the accelerometers read too much, m/s².
+    /// Accelerometer biases, m/s²: measured minus true.
     pub accel_bias_mps2: Vector3<f64>,
-    /// What the gyroscopes read too much, rad/s.
+    /// Gyroscope biases, rad/s: measured minus true.
     pub gyro_bias_radps: Vector3<f64>,
-    /// How far fixes lie east and north of where the antenna is, metres.
+    /// Offset of fixes from the antenna's true position, east and north, metres.
     pub offset_m: [f64; 2],
-    /// What wheels tell over the true speed, less 1.
+    /// Ratio of measured to true wheel speed, minus 1.
     pub wheel_scale: f64,
 }
 
-/// What came of a measurement.
+/// Result of a measurement update.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Innovation {
-    /// Its square over its covariance: chi-square distributed.
+    /// Normalised innovation squared; chi-square distributed.
     pub nis: f64,
-    /// Whether it passed the gate, and the state follows it.
+    /// True if it passed the gate and the state was updated.
     pub accepted: bool,
 }
 
-/// One measurement, linearised: `residual = measured - expected`, `rows` its derivatives by the error states.
+/// A linearised measurement: `residual = measured - expected`, `rows` is its Jacobian by the error states.
 pub(crate) struct Linear<const M: usize> {
     pub(crate) residual: SVector<f64, M>,
     pub(crate) rows: SMatrix<f64, M, STATES>,
@@ -62,14 +62,14 @@ pub(crate) struct Linear<const M: usize> {
 /// The filter: nominal state and covariance of its error.
 #[derive(Clone, Debug)]
 pub struct Eskf {
-    /// What is taken for true.
+    /// Nominal state.
     pub nominal: Nominal,
     /// Covariance of the error.
     pub covariance: Covariance,
 }
 
 impl Eskf {
-    /// Moves on by `dt_s` under a specific force and a turn rate, both as measured and taken as constant.
+    /// Propagates by `dt_s` with a specific force and a turn rate, both as measured and taken as constant.
     pub fn predict(
         &mut self,
         params: &Params,
@@ -81,7 +81,7 @@ impl Eskf {
         let force = accel_mps2 - n.accel_bias_mps2;
         let rotation = n.attitude.to_rotation_matrix().into_inner();
         let accel = rotation * force - Vector3::new(0.0, 0.0, params.gravity_mps2);
-        // The paper's Jacobian has the acceleration in the map where the specific force of the vehicle belongs.
+        // The paper's Jacobian uses the acceleration in the map instead of the specific force in the vehicle frame.
         let turned_by = match params.gravity_free_jacobian {
             false => -skew(&force),
             true => -skew(&accel) * rotation,
@@ -90,8 +90,9 @@ impl Eskf {
         self.step(params, &Motion { rotation, accel, turned_by, turned_rad, by_unit: true }, dt_s);
     }
 
-    /// Moves on by `dt_s` under an acceleration (m/s²) and a turn rate (rad/s) along and about the vehicle's axes that are
-    /// not of the inertial unit: gravity and the unit's biases have no part in them, and are not learnt from what follows.
+    /// Propagates by `dt_s` with an acceleration (m/s²) and a turn rate (rad/s) along and about the vehicle's axes
+    /// that are not from the inertial unit: gravity and the unit's biases are not involved, and later updates do not
+    /// estimate the biases from this step.
     pub(crate) fn predict_without_unit(
         &mut self,
         params: &Params,
@@ -152,7 +153,7 @@ impl Eskf {
                 p[(VELOCITY + i, VELOCITY + j)] += velocity[(i, j)];
             }
             p[(ATTITUDE + j, ATTITUDE + j)] += square(params.gyro_noise[j]) * dt_s;
-            // A turn by an angle is off by the scale's share of it: of the square of that, what is not below it up to 2 rad.
+            // The error of a turn is `gyro_scale` times its angle; up to 2 rad, 2·|angle| bounds the angle squared.
             p[(ATTITUDE + j, ATTITUDE + j)] += 2.0 * square(params.gyro_scale) * turned_rad[j].abs();
             p[(ACCEL_BIAS + j, ACCEL_BIAS + j)] += square(params.accel_bias_walk) * dt_s;
             p[(GYRO_BIAS + j, GYRO_BIAS + j)] += square(params.gyro_bias_walk) * dt_s;
@@ -164,7 +165,7 @@ impl Eskf {
         symmetrise(p);
     }
 
-    /// Follows a measurement, where its innovation's square is at most `gate`.
+    /// Updates the state by a measurement if its normalised innovation squared is at most `gate`.
     pub(crate) fn update<const M: usize>(
         &mut self,
         linear: &Linear<M>,
@@ -183,7 +184,7 @@ impl Eskf {
             return Innovation { nis, accepted: false };
         }
         let gain = across * inverse;
-        // (I - KH) P (I - KH)ᵀ + K R Kᵀ, the products with I - KH written as what they take away.
+        // (I - KH) P (I - KH)ᵀ + K R Kᵀ, with the products by I - KH expanded as subtractions.
         let once = self.covariance - gain * across.transpose();
         let twice = once - (once * linear.rows.transpose()) * gain.transpose();
         self.covariance = twice + gain * linear.noise * gain.transpose();
@@ -192,14 +193,14 @@ impl Eskf {
         Innovation { nis, accepted: true }
     }
 
-    /// Moves an error from the error state to the nominal one, and the error's frame with it.
+    /// Injects an error into the nominal state, and resets the error's frame.
     fn inject(&mut self, error: &SVector<f64, STATES>, degrees: bool) {
         let part = |from: usize| Vector3::new(error[from], error[from + 1], error[from + 2]);
         let n = &mut self.nominal;
         n.position_m += part(POSITION);
         n.velocity_mps += part(VELOCITY);
         let turn = part(ATTITUDE);
-        // The paper's correction hands radians over as degrees.
+        // The paper's correction converts the angles as if they were degrees.
         let applied = if degrees { turn * (core::f64::consts::PI / 180.0) } else { turn };
         n.attitude = unit(n.attitude * exp(&applied));
         n.accel_bias_mps2 += part(ACCEL_BIAS);
@@ -214,7 +215,7 @@ impl Eskf {
         p.fixed_columns_mut::<3>(ATTITUDE).copy_from(&columns);
     }
 
-    /// Whether every number of it is finite and no variance negative.
+    /// Returns true if all numbers are finite and no variance is negative.
     pub fn is_sound(&self) -> bool {
         let n = &self.nominal;
         let numbers = n.position_m.iter().chain(&n.velocity_mps).chain(n.attitude.coords.iter());
@@ -223,24 +224,24 @@ impl Eskf {
     }
 }
 
-/// What moves the nominal state.
+/// Motion that propagates the nominal state.
 struct Motion {
-    /// From the vehicle's axes to the map's, before.
+    /// Rotation from the vehicle's axes to the map's, before the step.
     rotation: Matrix3<f64>,
-    /// In the map, m/s².
+    /// Acceleration in the map, m/s².
     accel: Vector3<f64>,
-    /// Acceleration along the vehicle's axes by the error of the attitude, m/s².
+    /// Derivative of the acceleration along the vehicle's axes by the attitude error, m/s².
     turned_by: Matrix3<f64>,
-    /// About the vehicle's axes, radians.
+    /// Rotation about the vehicle's axes, radians.
     turned_rad: Vector3<f64>,
-    /// Whether the inertial unit measured it, with its biases.
+    /// True if the inertial unit measured it, with its biases.
     by_unit: bool,
 }
 
-/// The transition of one step, by its blocks that are not those of the identity.
+/// Transition matrix of one step: its blocks that differ from the identity.
 struct Step {
     dt_s: f64,
-    /// The same for biases of the inertial unit, 0 without it.
+    /// Step for the biases of the inertial unit; 0 without it.
     bias_dt_s: f64,
     velocity_by_attitude: Matrix3<f64>,
     velocity_by_bias: Matrix3<f64>,
@@ -249,8 +250,8 @@ struct Step {
 }
 
 impl Step {
-    /// `F P Fᵀ`: the same change of rows, then of columns. `P` is symmetric, so both are changes of columns with a
-    /// transposition between them.
+    /// `F P Fᵀ`: the same linear combination of rows, then of columns. `P` is symmetric, so both are done on columns
+    /// with a transposition in between.
     fn spread(&self, p: &mut Covariance) {
         self.change_columns(p);
         p.transpose_mut();
@@ -261,7 +262,7 @@ impl Step {
     fn change_columns(&self, p: &mut Covariance) {
         let columns = p.as_mut_slice().as_chunks_mut::<STATES>().0;
         for i in 0..3 {
-            // Each needs the old ones of those behind it.
+            // Position columns are updated first: they need the old velocity columns.
             let velocity = columns[VELOCITY + i];
             add(&mut columns[POSITION + i], &velocity, self.dt_s);
         }
@@ -289,7 +290,7 @@ fn add(to: &mut [f64; STATES], what: &[f64; STATES], times: f64) {
     to.iter_mut().zip(what).for_each(|(to, x)| *to += times * x);
 }
 
-/// The mean of a matrix and its transpose.
+/// Replaces a matrix by the mean of itself and its transpose.
 fn symmetrise(p: &mut Covariance) {
     for j in 0..STATES {
         for i in 0..j {
@@ -300,9 +301,9 @@ fn symmetrise(p: &mut Covariance) {
     }
 }
 
-/// The inverse of a covariance of one to three numbers.
+/// Inverse of a 1x1 to 3x3 covariance; `None` if it is not positive definite.
 fn inverted<const M: usize>(spread: &SMatrix<f64, M, M>) -> Option<SMatrix<f64, M, M>> {
-    // By elimination without pivots: the diagonal of a covariance is positive at every step, or it is none.
+    // Gauss-Jordan elimination without pivoting: the pivots of a positive definite matrix are positive.
     let (mut left, mut right) = (*spread, SMatrix::<f64, M, M>::identity());
     for k in 0..M {
         let pivot = left[(k, k)];
@@ -324,12 +325,12 @@ fn inverted<const M: usize>(spread: &SMatrix<f64, M, M>) -> Option<SMatrix<f64, 
     Some(right)
 }
 
-/// The matrix of the cross product.
+/// Cross-product matrix of a vector.
 pub(crate) fn skew(v: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -v.z, v.y, v.z, 0.0, -v.x, -v.y, v.x, 0.0)
 }
 
-/// The rotation by a vector: along its axis, by its length.
+/// Exponential map: rotation about the vector's axis by its length, radians.
 pub(crate) fn exp(v: &Vector3<f64>) -> UnitQuaternion<f64> {
     let angle = v.dot(v).sqrt();
     if angle.is_nan() || angle <= 1e-12 {
@@ -340,25 +341,25 @@ pub(crate) fn exp(v: &Vector3<f64>) -> UnitQuaternion<f64> {
     unit_of(Quaternion::new(cos, k * v.x, k * v.y, k * v.z))
 }
 
-/// The length of the rotation between two attitudes, radians.
+/// Angle of the rotation between two attitudes, radians.
 pub fn angle_between(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let between = a.inverse() * b;
     let v = between.coords.xyz();
     2.0 * math::atan2(v.dot(&v).sqrt(), between.coords.w.abs())
 }
 
-/// Roll, pitch and yaw in turn, about z, then y, then x.
+/// Attitude from roll, pitch and yaw, rotated about z, then y, then x.
 pub fn from_euler(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> UnitQuaternion<f64> {
     exp(&(Vector3::z() * yaw_rad)) * exp(&(Vector3::y() * pitch_rad)) * exp(&(Vector3::x() * roll_rad))
 }
 
-/// The heading: the direction of the x axis on the ground, radians.
+/// Heading: direction of the x axis on the ground, radians.
 pub fn yaw_rad(attitude: &UnitQuaternion<f64>) -> f64 {
     let forward = attitude.to_rotation_matrix().into_inner().column(0).into_owned();
     math::atan2(forward.y, forward.x)
 }
 
-/// The same rotation with its length, which products wear away, set to 1 again.
+/// Normalises a rotation, whose length drifts with repeated products.
 pub(crate) fn unit(q: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     unit_of(q.into_inner())
 }

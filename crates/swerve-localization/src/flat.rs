@@ -1,4 +1,4 @@
-//! The map's plane about its origin on Earth.
+//! Local tangent plane of the map about its geodetic origin.
 
 use swerve_geom::math;
 
@@ -6,20 +6,21 @@ use swerve_geom::math;
 const EQUATOR_M: f64 = 6_378_137.0;
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
 
-/// Where on Earth the map's origin lies: latitude and longitude in degrees, height above the ellipsoid in metres.
+/// Geodetic position of the map's origin: latitude and longitude in degrees, height above the ellipsoid in metres.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Origin {
-    /// Degrees north.
+    /// Latitude, degrees north.
     pub latitude_deg: f64,
-    /// Degrees east.
+    /// Longitude, degrees east.
     pub longitude_deg: f64,
-    /// Above the ellipsoid, metres.
+    /// Height above the ellipsoid, metres.
     pub altitude_m: f64,
 }
 
 impl Origin {
-    /// East, north and up of a fix from here, metres, on a flat map with the radii of curvature at the origin: right to
-    /// 0.1 m at a kilometre. Nothing for what is no place on Earth or is further than 100 km from the origin.
+    /// Converts a fix to east, north and up from the origin, metres, on a flat map with the radii of curvature at the
+    /// origin: accurate to 0.1 m at one kilometre. `None` for invalid latitudes and for positions more than 100 km
+    /// from the origin along an axis.
     pub fn east_north_up_m(
         &self,
         latitude_deg: f64,
@@ -31,7 +32,7 @@ impl Origin {
         let root = (1.0 - eccentricity_squared * sin * sin).sqrt();
         let across_m = EQUATOR_M / root + self.altitude_m;
         let along_m = EQUATOR_M * (1.0 - eccentricity_squared) / (root * root * root) + self.altitude_m;
-        // Over the date line the short way round.
+        // The shorter way across the date line.
         let turn = longitude_deg - self.longitude_deg;
         let turn = turn - 360.0 * (turn / 360.0).round();
         let place = [

@@ -1,24 +1,24 @@
-//! A grid of cubes over space in which only those that hold something have a place.
+//! Sparse grid of cubes.
 //!
-//! Cubes are found by a hash of their indices, and are never walked through in its order: they stand in the order in which
-//! they were first met, or in that of their indices.
+//! Cubes are found by a hash of their indices but never iterated in hash order: they are stored in the order of
+//! insertion, or sorted by index.
 
 use nalgebra::Vector3;
 
-/// Indices of a cube along x, y and z.
+/// Cube indices along x, y and z.
 pub(crate) type Index = [i32; 3];
 
-/// Largest index: cubes of 1 cm reach as far as coordinates anywhere on Earth (UTM's northings are below 10,000 km), and an
-/// index beside it still fits its type.
+/// Largest index: cubes of 1 cm cover coordinates anywhere on Earth (UTM northings are below 10,000 km), and indices
+/// of neighbours still fit the type.
 pub(crate) const REACH: i32 = (1 << 30) - 1;
 
-/// Content of the cubes that have one.
+/// Sparse grid: content of the occupied cubes.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid<T> {
     size_m: f64,
     per_m: f64,
     cells: Vec<(Index, T)>,
-    /// Places in `cells` plus 1, 0 for none; its length is a power of two.
+    /// Indices into `cells` plus 1, 0 for empty slots; the length is a power of two.
     table: Vec<u32>,
 }
 
@@ -31,7 +31,7 @@ impl<T> Grid<T> {
         self.size_m
     }
 
-    /// The cube of a point; none of one that is no number or too far away.
+    /// Cube of a point; `None` if the point is not finite or too far away.
     #[inline(always)]
     pub(crate) fn index(&self, at: [f64; 3]) -> Option<Index> {
         let [x, y, z] = [at[0] * self.per_m, at[1] * self.per_m, at[2] * self.per_m];
@@ -40,7 +40,7 @@ impl<T> Grid<T> {
         is_within.then(|| [floor(x), floor(y), floor(z)])
     }
 
-    /// The middle of a cube.
+    /// Centre of a cube.
     pub(crate) fn middle(&self, index: Index) -> Vector3<f64> {
         Vector3::from(index.map(|i| (f64::from(i) + 0.5) * self.size_m))
     }
@@ -61,18 +61,18 @@ impl<T> Grid<T> {
         slot
     }
 
-    /// What a cube holds.
+    /// Content of a cube.
     pub(crate) fn get(&self, index: Index) -> Option<&T> {
         Some(&self.cells[self.place(index)?].1)
     }
 
-    /// Where a cube that holds something stands in [`cells`](Self::cells).
+    /// Index of an occupied cube in [`cells`](Self::cells).
     #[inline(always)]
     pub(crate) fn place(&self, index: Index) -> Option<usize> {
         (self.table[self.slot(index)] as usize).checked_sub(1)
     }
 
-    /// What a cube holds, made now where it held nothing.
+    /// Content of a cube, created if the cube was empty.
     pub(crate) fn entry(&mut self, index: Index, make: impl FnOnce() -> T) -> &mut T {
         let mut slot = self.slot(index);
         if self.table[slot] == 0 {
@@ -95,12 +95,12 @@ impl<T> Grid<T> {
         }
     }
 
-    /// Those that hold something, in the order in which they were met.
+    /// Occupied cubes, in the order of insertion.
     pub(crate) fn cells(&self) -> &[(Index, T)] {
         &self.cells
     }
 
-    /// Keeps those that are wanted.
+    /// Keeps only the cubes for which `wanted` returns true.
     pub(crate) fn retain(&mut self, mut wanted: impl FnMut(Index, &T) -> bool) {
         let before = self.cells.len();
         self.cells.retain(|(index, what)| wanted(*index, what));
@@ -110,14 +110,15 @@ impl<T> Grid<T> {
     }
 }
 
-/// The whole number below, of one that an `i32` holds.
+/// Floor of a number within the range of `i32`.
 #[inline(always)]
 fn floor(x: f64) -> i32 {
     let towards_0 = x as i32;
     towards_0 - i32::from(f64::from(towards_0) > x)
 }
 
-/// Points with at most one in each cube of `size_m`: the mean of those that are in it. Points that are no numbers are none.
+/// Downsamples a cloud to at most one point per cube of edge `size_m`: the mean of the points in it. Points that are
+/// not finite are dropped.
 pub fn downsampled(points: &[Vector3<f64>], size_m: f64) -> Vec<Vector3<f64>> {
     let mut grid = Grid::<(Vector3<f64>, f64)>::new(size_m);
     for point in points {

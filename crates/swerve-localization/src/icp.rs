@@ -1,4 +1,4 @@
-//! Scan matching point to point, with a map of points in cubes.
+//! Point-to-point ICP with a map of points in cubes.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -7,7 +7,7 @@ use crate::eskf::{exp, unit};
 use crate::grid::Grid;
 use crate::ndt::Matrix6;
 
-/// Points that are kept of the world: so many of each cube, none near another.
+/// Map of points: a limited number per cube, with a minimum distance between the points of a cube.
 #[derive(Clone, Debug)]
 pub struct PointMap {
     grid: Grid<Vec<Vector3<f64>>>,
@@ -16,13 +16,13 @@ pub struct PointMap {
 }
 
 impl PointMap {
-    /// Without a point: cubes of `size_m` with at most `per_cube` points.
+    /// Creates an empty map of cubes of edge `size_m` with at most `per_cube` points each.
     pub fn new(size_m: f64, per_cube: usize) -> Self {
         let apart_m = size_m / (per_cube.max(1) as f64).sqrt();
         Self { grid: Grid::new(size_m), per_cube, apart_m }
     }
 
-    /// Adds those of points of the map for which there is room.
+    /// Adds points, in map coordinates, as far as there is room in their cubes.
     pub fn add<'a>(&mut self, points: impl IntoIterator<Item = &'a Vector3<f64>>) {
         let near_m2 = self.apart_m * self.apart_m;
         for point in points {
@@ -35,19 +35,19 @@ impl PointMap {
         }
     }
 
-    /// Forgets cubes further away than this.
+    /// Removes cubes farther than `distance_m` from a position.
     pub fn forget_beyond(&mut self, from: &Vector3<f64>, distance_m: f64) {
         self.grid.retain(|_, cube| {
             cube.first().is_some_and(|point| (point - from).norm_squared() < distance_m * distance_m)
         });
     }
 
-    /// Whether it has no point.
+    /// Returns true if it has no points.
     pub fn is_empty(&self) -> bool {
         self.grid.cells().is_empty()
     }
 
-    /// The nearest point within a distance of at most the size of a cube, and the square of its distance.
+    /// Nearest point within `within_m`, which must be at most the edge of a cube, and its squared distance.
     fn nearest(&self, at: &Vector3<f64>, within_m: f64) -> Option<(Vector3<f64>, f64)> {
         let index = self.grid.index(at.data.0[0])?;
         let mut nearest = None;
@@ -69,21 +69,21 @@ impl PointMap {
     }
 }
 
-/// What came of a match.
+/// Result of a registration.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Fitted {
-    /// From the scan's frame to the map's.
+    /// Transform from the scan's frame to the map's.
     pub map_from_scan: Isometry3<f64>,
-    /// Steps.
+    /// Number of iterations.
     pub iterations: u32,
-    /// Whether the last step was a short one.
+    /// True if the last step was below 1e-4.
     pub converged: bool,
-    /// Share of the points that have a near one.
+    /// Share of the scan's points with a correspondence.
     pub overlap: f64,
 }
 
-/// Matches a scan from a guess of the pose with points within `within_m`, those `kernel_m` apart weighing a quarter (Geman
-/// and McClure's weights).
+/// Registers a scan from an initial pose with map points within `within_m`; the Geman-McClure kernel gives pairs that
+/// are `kernel_m` apart a quarter of the weight. `None` with fewer than six correspondences or a singular system.
 pub fn align(
     map: &PointMap,
     scan: &[Vector3<f64>],

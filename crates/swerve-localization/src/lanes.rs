@@ -1,50 +1,50 @@
-//! Four numbers at once, by operations whose bits are the same on every processor.
+//! Vectors of four numbers, with operations whose bits are the same on every processor.
 
 use core::ops::{Add, AddAssign, Mul, Sub};
 
-/// Numbers that go together.
+/// Number of lanes.
 pub(crate) const LANES: usize = 4;
 
-/// Some numbers at once.
+/// A vector of four numbers.
 #[derive(Clone, Copy, Default, Debug)]
 pub(crate) struct Lanes([f64; LANES]);
 
 impl Lanes {
-    /// The same in each.
+    /// The same number in each lane.
     #[inline(always)]
     pub(crate) fn all(x: f64) -> Self {
         Self([x; LANES])
     }
 
-    /// Those of a row from a place on.
+    /// Loads four numbers of a row from an index on.
     #[inline(always)]
     pub(crate) fn of<const N: usize>(row: &[f64; N], from: usize) -> Self {
         Self([row[from], row[from + 1], row[from + 2], row[from + 3]])
     }
 
-    /// Puts them into a row.
+    /// Stores the lanes to a row.
     #[inline(always)]
     pub(crate) fn put<const N: usize>(self, row: &mut [f64; N], from: usize) {
         row[from..from + LANES].copy_from_slice(&self.0);
     }
 
-    /// All of them together, pair by pair.
+    /// Sum of all lanes, added pairwise.
     #[inline(always)]
     pub(crate) fn sum(self) -> f64 {
         let [a, b, c, d] = self.0;
         (a + b) + (c + d)
     }
 
-    /// Exponential function of numbers up to 0, off by 1e-11 of its value at most; 0 of those not above `least`, which is
-    /// itself above -700, and of what is no number.
+    /// Exponential function for numbers up to 0, with a relative error of at most 1e-11; 0 for numbers up to `least`,
+    /// which must be above -700, and for NaN.
     ///
     /// `x = k ln 2 + f` with a whole `k`; `exp f` is a polynomial, and `2^k` is added to the exponent's bits.
     #[inline(always)]
     pub(crate) fn exp_above(self, least: f64) -> Self {
-        // Half of it is added to what is to be rounded to a whole number, which then stands in the last bits.
+        // Adding this rounds to a whole number, which is then in the last bits of the mantissa.
         const ROUND: f64 = 6_755_399_441_055_744.0;
         const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
-        // 1/n!, from the tenth down.
+        // 1/n! for n from 9 down to 0.
         const TAYLOR: [f64; 10] = [
             1.0 / 362_880.0,
             1.0 / 40_320.0,
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exponentials_are_near_those_of_libm_and_end_below() {
+    fn exponential_agrees_with_libm_and_is_zero_below_its_least() {
         for k in 0..20_000 {
             let x = [0.0, 0.3, 0.5, 0.9].map(|part| -0.001 * (f64::from(k) + part));
             let found = Lanes(x).exp_above(-20.0);

@@ -1,26 +1,27 @@
-//! Lateral velocity of a car: by its inertial unit in a swerve, by the slip of its tyres in a steady turn.
+//! Lateral velocity of a car: from its inertial unit in a swerve, from tyre slip in a steady turn.
 //!
-//! The estimate of a filter is mostly an error of the heading, and jumps with every correction; this has neither.
+//! The lateral velocity of a localization filter mostly reflects its heading error and jumps with every correction;
+//! this estimate has neither problem.
 
 use swerve_core::Time;
 use swerve_geom::math;
 
-/// Slip angle of the rear axle for each m/s² of lateral acceleration, radians. Assumed: a tyre whose lateral force grows by 22
-/// times its load for each radian, as that of the simulated car (`sim.vehicle.tyre.lateral.stiffness`).
+/// Slip angle of the rear axle per m/s² of lateral acceleration, radians. Assumed: a tyre whose lateral force grows
+/// by 22 times its load per radian, as that of the simulated car (`sim.vehicle.tyre.lateral.stiffness`).
 const SLIP_RAD_PER_MPS2: f64 = 1.0 / (22.0 * G_MPS2);
 
-/// Roll of the body for each m/s² of lateral acceleration, radians. Assumed: 3.5 degrees at the acceleration of gravity.
+/// Roll of the body per m/s² of lateral acceleration, radians. Assumed: 3.5 degrees at the acceleration of gravity.
 const ROLL_RAD_PER_MPS2: f64 = 0.0062;
 
 const G_MPS2: f64 = 9.81;
 
-/// The integrals of the unit's readings drift: they are led to the steady turn with this time constant, seconds.
+/// Time constant with which the integrals of the readings, which drift, decay to the steady turn, seconds.
 const DRIFTS_S: f64 = 1.0;
 
-/// The tail of a car goes out no faster than this, m/s²: more is noise.
+/// Largest rate of change of the lateral velocity, m/s²; larger values are noise.
 const GAIN_MAX_MPS2: f64 = 8.0;
 
-/// Longest step, seconds: after a longer one nothing is known.
+/// Longest step, seconds; after a longer gap the estimate restarts from the steady turn.
 const STEP_MAX_S: f64 = 0.2;
 
 /// Lateral velocity of the rear axle in a steady turn, m/s; to the left.
@@ -31,20 +32,20 @@ pub fn steady_mps(speed_mps: f64, yaw_rate_radps: f64) -> f64 {
 /// Motion of a car at one instant.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct LateralMotion {
-    /// Acceleration of the inertial unit to the left, gravity taken out, m/s².
+    /// Acceleration of the inertial unit to the left, gravity removed, m/s².
     pub lateral_mps2: f64,
-    /// Turn rate about the ego's x axis, rad/s.
+    /// Angular rate about the ego's x axis, rad/s.
     pub roll_radps: f64,
-    /// Turn rate about its z axis, rad/s.
+    /// Angular rate about the ego's z axis, rad/s.
     pub yaw_radps: f64,
     /// Speed of the rear axle, m/s.
     pub speed_mps: f64,
 }
 
-/// The lateral velocity of the ego origin, on the ground below the rear axle.
+/// Lateral velocity of the ego origin, on the ground below the rear axle.
 #[derive(Clone, Debug)]
 pub struct LateralVelocity {
-    /// The unit's place ahead of the origin and above it, metres.
+    /// Position of the unit ahead of and above the origin, metres.
     ahead_m: f64,
     up_m: f64,
     before: Option<(Time, LateralMotion)>,
@@ -53,12 +54,12 @@ pub struct LateralVelocity {
 }
 
 impl LateralVelocity {
-    /// By a unit at this place in the ego frame, metres.
+    /// Creates an estimator for a unit at this position in the ego frame, metres.
     pub fn new([ahead_m, _, up_m]: [f64; 3]) -> Self {
         Self { ahead_m, up_m, before: None, unit_mps: 0.0 }
     }
 
-    /// Goes on to an instant; the lateral velocity of the origin then, m/s to the left.
+    /// Advances to an instant. Returns the lateral velocity of the origin, m/s to the left.
     pub fn take(&mut self, stamp: Time, moves: LateralMotion) -> f64 {
         let LateralMotion { roll_radps, yaw_radps, speed_mps, .. } = moves;
         let turned_mps = yaw_radps * self.ahead_m;
@@ -76,7 +77,7 @@ impl LateralVelocity {
     }
 }
 
-/// The lateral acceleration of a unit whose readings have a share of gravity, as the body rolls.
+/// Roll of the body, by which gravity is removed from the lateral reading of an inertial unit.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct RollEstimate {
     before: Option<Time>,
@@ -84,8 +85,8 @@ pub struct RollEstimate {
 }
 
 impl RollEstimate {
-    /// Goes on to an instant with its specific force to the left (m/s²) and turn rate about the x axis (rad/s). Returns the
-    /// acceleration to the left, m/s².
+    /// Advances to an instant with the specific force to the left (m/s²) and the angular rate about the x axis
+    /// (rad/s). Returns the acceleration to the left, m/s².
     pub fn take(&mut self, stamp: Time, force_mps2: f64, roll_radps: f64) -> f64 {
         let steady_rad = ROLL_RAD_PER_MPS2 * force_mps2;
         let dt_s = self.before.replace(stamp).map(|before| (stamp - before).as_secs());
@@ -97,7 +98,7 @@ impl RollEstimate {
     }
 }
 
-/// An integral after a step, led to what it is in a steady turn.
+/// Integral after a step, decayed towards its value in a steady turn.
 fn led(integral: f64, steady: f64, dt_s: f64) -> f64 {
     steady + (integral - steady) * math::exp(-dt_s / DRIFTS_S)
 }
@@ -111,12 +112,12 @@ mod tests {
     const SPEED_MPS: f64 = 18.0;
     const AT_M: [f64; 3] = [1.3, 0.0, 0.5];
 
-    /// Yaw rate and its derivative, in a swerve of a second.
+    /// Yaw rate and its derivative in a swerve of one second.
     fn yaw(t: f64) -> (f64, f64) {
         (0.2 * (1.0 - math::cos(2.0 * t)), 0.4 * math::sin(2.0 * t))
     }
 
-    /// RollEstimate, its rate and the lateral velocity with its derivative.
+    /// Roll angle and its rate.
     fn roll(t: f64) -> (f64, f64) {
         (0.02 * (1.0 - math::cos(2.0 * t)), 0.04 * math::sin(2.0 * t))
     }
@@ -130,13 +131,13 @@ mod tests {
     }
 
     #[test]
-    fn a_swerve_is_felt_before_it_is_a_steady_turn() {
+    fn swerve_is_measured_before_it_becomes_a_steady_turn() {
         let (mut lateral_velocity, mut rolls) = (LateralVelocity::new(AT_M), RollEstimate::default());
         let (mut off_mps, mut steady_off_mps): (f64, f64) = (0.0, 0.0);
         for step in 0..=50 {
             let t = 0.01 * f64::from(step);
             let ((yaw_radps, yaw_radps2), (roll_rad, roll_radps), (_, mps2)) = (yaw(t), roll(t), lateral(t));
-            // The unit: the origin's acceleration, the turn about it, the roll; what is read has a share of gravity.
+            // Reading of the unit: acceleration of the origin, rotation about it, roll, and a share of gravity.
             let roll_radps2 = 0.08 * math::cos(2.0 * t);
             let unit_mps2 = mps2 + SPEED_MPS * yaw_radps + yaw_radps2 * AT_M[0] - roll_radps2 * AT_M[2];
             let stamp = Time::ZERO + Span::from_secs(t);
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_unit_is_off_by_does_not_add_up() {
+    fn bias_of_a_unit_does_not_accumulate() {
         let (mut lateral_velocity, mut rolls) = (LateralVelocity::new(AT_M), RollEstimate::default());
         let mut take = |ms: i64, force_mps2: f64, yaw_radps: f64| {
             let stamp = Time::from_ms(ms);
@@ -158,15 +159,15 @@ mod tests {
         };
         let found = (0..6000).map(|step| take(10 * step, 0.02, 0.0)).last().unwrap();
         assert!(found.abs() < 0.03, "{found}");
-        // A steady turn: the slip of its tyres.
+        // A steady turn: the lateral velocity is that of tyre slip.
         let (yaw_radps, roll_rad) = (0.2, ROLL_RAD_PER_MPS2 * SPEED_MPS * 0.2);
         let force_mps2 = SPEED_MPS * yaw_radps + G_MPS2 * roll_rad;
         let found = (6000..7000).map(|step| take(10 * step, force_mps2, yaw_radps)).last().unwrap();
         assert!((found - steady_mps(SPEED_MPS, yaw_radps)).abs() < 0.03, "{found}");
-        // After a gap it starts again.
+        // After a gap the estimate restarts.
         let found = take(100_000, 3.0, 0.0);
         assert!(found.abs() < 1e-12, "{found}");
-        // A unit of nothing but noise: a tenth of a second of it is no swerve.
+        // Pure noise for a tenth of a second is not taken for a swerve.
         let most = (1..=10).map(|k| take(100_000 + 10 * k, if k < 6 { 60.0 } else { -60.0 }, 0.0).abs());
         assert!(most.fold(0.0, f64::max) < 0.45);
     }

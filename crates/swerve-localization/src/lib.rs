@@ -1,11 +1,11 @@
-//! Localization: where the vehicle is, how it stands and moves, and how sure that is.
+//! Localization: pose and velocity of the vehicle, with their uncertainty.
 //!
-//! [`Eskf`] is the filter, [`Localizer`] what stands around it: start, gates, constraints of a car, measurements that come
-//! late, modes. [`flat`] puts a satellite fix on the map.
+//! [`Eskf`] is the filter. [`Localizer`] adds initialisation, gating, vehicle constraints, late measurements and
+//! modes. [`flat`] projects satellite fixes onto the map.
 //!
-//! Absences: no engine, no simulator, no file, no clock, no truth, no message type. No memory is asked for once a
-//! [`Localizer`] is made. No product of large matrices from nalgebra: it picks instructions by the processor, and bits
-//! with them.
+//! Excluded: engine, simulator, files, clocks, ground truth, message types. A [`Localizer`] allocates no memory after
+//! construction. Products of large matrices do not use nalgebra, which selects instructions, and thereby bits, by
+//! processor.
 
 pub mod centred;
 pub mod dead_reckoning;

@@ -1,13 +1,13 @@
-//! A filter that takes measurements in any order: what comes late is put where its stamp says, and what came after it is
-//! taken again.
+//! A filter that accepts measurements in any order: a late one is inserted at its stamp, and those after it are
+//! filtered again.
 //!
 //! ```text
 //! measurements by stamp   |base|--a--b--c--(late)--d--e
 //! states after them             1  2  3            5' 6'   re-filtered from the late one on
 //! ```
 //!
-//! The state after a measurement depends on those of earlier stamps alone, and of equal stamps in one order that their
-//! contents give. So every order of arrival within `horizon_s` ends with the same bits.
+//! The state after a measurement depends only on measurements of earlier stamps, and on those of equal stamps in an
+//! order given by their contents. Any order of arrival within `horizon_s` therefore gives the same bits.
 
 mod bridge;
 mod fold;
@@ -25,131 +25,133 @@ use crate::params::Params;
 use fold::Fold;
 pub use unit::UnitHealth;
 
-/// What a sensor says.
+/// A sensor measurement.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Sensed {
-    /// Specific force (m/s²) and turn rate (rad/s) along and about the vehicle's axes.
+    /// Specific force (m/s²) and angular rate (rad/s) along and about the vehicle's axes.
     Imu {
-        /// Acceleration less gravity.
+        /// Acceleration minus gravity.
         accel_mps2: [f64; 3],
-        /// Turn rate.
+        /// Angular rate.
         gyro_radps: [f64; 3],
     },
-    /// A satellite fix, on the map.
+    /// Satellite fix in map coordinates.
     Fix {
         /// East, north, up, metres.
         at_m: [f64; 3],
-        /// Standard deviation of each, without what the offset state stands for.
+        /// Standard deviation of each, without the common offset that the filter estimates.
         sigma_m: [f64; 3],
     },
-    /// A place of the inertial unit by other means than satellites.
+    /// Position of the inertial unit from a source other than satellites.
     Place {
-        /// In the map, metres.
+        /// Position in the map, metres.
         at_m: [f64; 3],
-        /// Standard deviation of each.
+        /// Standard deviation of each coordinate.
         sigma_m: [f64; 3],
     },
-    /// Place and heading of the ego origin by matching what is around with a map.
+    /// Position and heading of the ego origin from map matching.
     Pose {
-        /// In the map, metres.
+        /// Position in the map, metres.
         at_m: [f64; 3],
         /// Heading, radians.
         heading_rad: f64,
-        /// Covariance of the place on the ground: xx, xy, yy, m². A direction that the match did not see has a large one.
+        /// Covariance of the position on the ground: xx, xy, yy, m². Large along directions that the match does not
+        /// constrain.
         covariance_m2: [f64; 3],
         /// Standard deviations of height (m) and heading (rad).
         sigma: [f64; 2],
     },
-    /// Odometry of the wheels.
+    /// Wheel odometry.
     Wheels {
-        /// Speed of the rear axle, the mean since the reading before, m/s.
+        /// Speed of the rear axle, averaged since the previous reading, m/s.
         speed_mps: f64,
-        /// Curvature of the way by the steering angle, 1/m, positive to the left; none where it is not measured.
+        /// Path curvature from the steering angle, 1/m, positive to the left; `None` if it is not measured.
         curvature_1pm: Option<f64>,
     },
 }
 
-/// A kind of measurement that innovations are counted for.
+/// A kind of measurement for which innovations are counted.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Source {
     /// Satellite fixes.
     Fix,
-    /// Places by other means, and those of poses.
+    /// Positions from other sources, including those of poses.
     Place,
     /// Headings of poses.
     Heading,
-    /// Speed by the wheels.
+    /// Speed from the wheels.
     Wheels,
-    /// Neither to the side nor up.
+    /// Constraint: no lateral or vertical velocity of the rear axle.
     NonHolonomic,
-    /// Standing.
+    /// Constraint: the vehicle is at rest.
     Standing,
 }
 
-/// Innovations of one source.
+/// Innovation statistics of one source.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Tally {
-    /// How many were taken.
+    /// Accepted measurements.
     pub taken: u64,
-    /// How many were refused.
+    /// Refused measurements.
     pub refused: u64,
-    /// Sum of the squares of those that were taken, each over its covariance.
+    /// Sum of the normalised innovations squared of accepted measurements.
     pub nis_sum: f64,
-    /// Refused in a row by now.
+    /// Consecutive refusals up to now.
     pub refused_in_a_row: u32,
-    /// Moving average of the squares per number, refused ones included: 1 where the filter knows how good it is.
+    /// Moving average of the normalised innovation squared per degree of freedom, refused ones included: 1 for a
+    /// consistent filter.
     pub recent_nis: f64,
 }
 
-/// What became of a measurement.
+/// Result of passing a measurement to the localizer.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Taken {
     /// It is the newest.
     InOrder,
-    /// It came late, and what came after it was taken again.
+    /// It was late, and the measurements after it were filtered again.
     Late,
-    /// It is older than what is kept.
+    /// It is older than the stored history.
     TooLate,
-    /// It is no measurement: a number that is not finite, or one that no sensor has.
+    /// It is invalid: a number is not finite or outside the range of the sensor.
     Nonsense,
 }
 
-/// How good a pose is.
+/// Quality of a pose.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Mode {
-    /// Fixes come and are believed.
+    /// Fixes are received and accepted.
     Good,
-    /// By inertia and wheels alone for now, or by fixes and wheels without inertia, or fixes are contested.
+    /// Dead reckoning without fixes, fixes and wheels without the inertial unit, or contested fixes.
     Coasting,
-    /// Not to be driven by: not started, too uncertain, or in contradiction with the sensors.
+    /// Unusable for driving: not initialised, too uncertain, or inconsistent with the sensors.
     #[default]
     Lost,
 }
 
-/// Where the ego origin is, and how sure that is.
+/// Pose and velocity of the ego origin, with covariances.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Estimate {
     /// Instant that this describes.
     pub stamp: Time,
     /// Ego origin in the map, metres.
     pub position_m: Vector3<f64>,
-    /// From the ego's axes to the map's.
+    /// Rotation from the ego's axes to the map's.
     pub attitude: UnitQuaternion<f64>,
     /// Heading, radians.
     pub heading_rad: f64,
     /// Velocity of the ego origin along the ego's axes, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// Acceleration at the inertial unit along the ego's axes, gravity taken out, m/s².
+    /// Acceleration at the inertial unit along the ego's axes, gravity removed, m/s².
     pub accel_mps2: Vector3<f64>,
-    /// Turn rate about the ego's x axis, rad/s.
+    /// Angular rate about the ego's x axis, rad/s.
     pub roll_rate_radps: f64,
-    /// Turn rate about the ego's z axis, rad/s.
+    /// Angular rate about the ego's z axis, rad/s.
     pub yaw_rate_radps: f64,
     /// Covariance of x (m), y (m) and heading (rad).
     pub covariance: Matrix3<f64>,
     /// Covariance of the position, m².
     pub position_covariance: Matrix3<f64>,
-    /// How good it is.
+    /// Quality of the pose.
     pub mode: Mode,
 }
 
@@ -162,22 +164,22 @@ impl Estimate {
     }
 }
 
-/// A state of the inertial unit that is known beforehand.
+/// A known initial state of the inertial unit.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Initial {
-    /// In the map, metres.
+    /// Position in the map, metres.
     pub position_m: Vector3<f64>,
-    /// In the map, m/s.
+    /// Velocity in the map, m/s.
     pub velocity_mps: Vector3<f64>,
-    /// From the vehicle's axes to the map's.
+    /// Rotation from the vehicle's axes to the map's.
     pub attitude: UnitQuaternion<f64>,
-    /// Standard deviations of each axis of the three: metres, m/s, radians.
+    /// Standard deviations per axis of position (m), velocity (m/s) and attitude (rad).
     pub sigma: [f64; 3],
 }
 
 impl Initial {
-    /// A car on level ground with its ego origin at x and y (m) and a heading (rad), at a speed by its wheels (m/s), with
-    /// the deviations of each axis of the place (m) and of the heading (rad).
+    /// State of a car on level ground, with its ego origin at x and y (m), a heading (rad) and a wheel speed (m/s).
+    /// `sigma` is the standard deviation of the position per axis (m) and of the heading (rad).
     pub fn level(params: &Params, pose: [f64; 3], speed_mps: f64, sigma: [f64; 2]) -> Self {
         let ([x_m, y_m, heading_rad], [place_m, turn_rad]) = (pose, sigma);
         let attitude = crate::eskf::from_euler(0.0, 0.0, heading_rad);
@@ -190,10 +192,10 @@ impl Initial {
     }
 }
 
-/// Standard deviation of a speed by wheels whose scale is not known yet, m/s.
+/// Standard deviation of a wheel speed while the wheel scale is unknown, m/s.
 const ROLLING_MPS: f64 = 0.3;
 
-/// One measurement in its place.
+/// A measurement in the history.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Entry {
     pub(crate) stamp: Time,
@@ -201,7 +203,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Order among equal stamps: the inertial unit first, then by contents.
+    /// Sort key: stamp, then kind with the inertial unit first, then contents.
     fn key(&self) -> (Time, u8, [u64; 9]) {
         let rank = match self.what {
             Sensed::Imu { .. } => 0,
@@ -229,7 +231,7 @@ impl Sensed {
         }
     }
 
-    /// Whether a sensor on a road can say this.
+    /// Returns true if the measurement is within the range of a sensor on a road vehicle.
     pub fn is_sound(&self) -> bool {
         let within = |of: [f64; 3], most: f64| of.iter().all(|x| x.abs() <= most);
         match *self {
@@ -249,47 +251,48 @@ impl Sensed {
     }
 }
 
-/// Most measurements that are kept: a second of all sensors at their fastest.
+/// Largest number of stored measurements: one second of all sensors at their highest rates.
 const KEPT: usize = 2048;
 
-/// The filter and what it may have to take again.
+/// The filter with a history of measurements that can be filtered again.
 #[derive(Clone, Debug)]
 pub struct Localizer {
     params: Params,
-    /// The state before the first of `entries`.
+    /// State before the first of `entries`.
     base: Fold,
-    /// Stamp of the newest that went into `base`.
+    /// Stamp of the newest measurement in `base`.
     base_stamp: Option<Time>,
     entries: VecDeque<Entry>,
-    /// The state after each of `entries`.
+    /// State after each of `entries`.
     states: VecDeque<Fold>,
     too_late: u64,
     nonsense: u64,
 }
 
 impl Localizer {
-    /// One that waits for its first fix. `heading` is what is known of the heading beforehand and its standard
-    /// deviation, radians: of a car that stands on its lane that of the lane. Without one it starts in motion.
+    /// Creates a localizer that waits for its first fix. `heading` is a known initial heading and its standard
+    /// deviation, radians, such as that of the lane for a parked car. Without it the localizer initialises from the
+    /// course while moving.
     ///
     /// # Errors
-    /// A parameter that is out of its range.
+    /// If a parameter is out of its range.
     pub fn new(params: Params, heading: Option<[f64; 2]>) -> Result<Self, ParamError> {
         params.validate()?;
         Ok(Self::with(params, Fold::waiting(heading)))
     }
 
-    /// One that goes on from a known state of `stamp`.
+    /// Creates a localizer that continues from a known state at `stamp`.
     ///
     /// # Errors
-    /// A parameter that is out of its range.
+    /// If a parameter is out of its range.
     pub fn starting_at(params: Params, stamp: Time, initial: &Initial) -> Result<Self, ParamError> {
         params.validate()?;
         let fold = Fold::started(&params, stamp, initial);
         Ok(Self { base_stamp: Some(stamp), ..Self::with(params, fold) })
     }
 
-    /// Tells the heading and its standard deviation, radians, to one that has not started yet: where the lane is known only
-    /// with the first fix. Without effect on one that has taken a fix.
+    /// Sets the heading and its standard deviation, radians, before initialisation, for lanes that are known only
+    /// with the first fix. Has no effect after a fix has been accepted.
     pub fn suppose_heading(&mut self, heading: [f64; 2]) {
         self.base.suppose_heading(heading);
         self.states.iter_mut().for_each(|state| state.suppose_heading(heading));
@@ -300,7 +303,7 @@ impl Localizer {
         Self { params, base, base_stamp: None, entries, states, too_late: 0, nonsense: 0 }
     }
 
-    /// Takes a measurement, whenever it comes.
+    /// Processes a measurement, in any order of stamps.
     pub fn take(&mut self, stamp: Time, what: Sensed) -> Taken {
         if !what.is_sound() {
             self.nonsense += 1;
@@ -325,14 +328,15 @@ impl Localizer {
         if behind == 0 { Taken::InOrder } else { Taken::Late }
     }
 
-    /// Whether it is older than what can be taken again: by the newest stamp, so that the order of arrival does not show.
+    /// Returns true if a stamp is before the stored history. Based on the newest stamp, so that the order of arrival
+    /// has no effect.
     fn is_too_late(&self, stamp: Time) -> bool {
         let newest = self.entries.back().map(|entry| entry.stamp).or(self.base_stamp);
         let by_horizon = newest.is_some_and(|newest| newest - stamp > Span::from_secs(self.params.horizon_s));
         by_horizon || self.base_stamp.is_some_and(|base| stamp < base)
     }
 
-    /// Puts what is beyond the horizon to the base.
+    /// Moves measurements beyond the horizon into the base state.
     fn forget(&mut self) {
         let Some(newest) = self.entries.back().map(|entry| entry.stamp) else { return };
         let horizon = Span::from_secs(self.params.horizon_s);
@@ -347,12 +351,12 @@ impl Localizer {
         }
     }
 
-    /// The newest estimate; none before there was a start.
+    /// Latest estimate; `None` before initialisation.
     pub fn estimate(&self) -> Option<Estimate> {
         self.newest().estimate(&self.params)
     }
 
-    /// The newest estimate carried on to an instant after it, as if no measurement came.
+    /// Latest estimate propagated to a later instant without measurements.
     pub fn estimate_at(&self, at: Time) -> Option<Estimate> {
         let mut fold = self.newest().clone();
         fold.filter()?;
@@ -366,22 +370,22 @@ impl Localizer {
         self.newest().unit.health(&self.params, at.unwrap_or(Time::ZERO))
     }
 
-    /// How good the newest estimate is.
+    /// Quality of the latest estimate.
     pub fn mode(&self) -> Mode {
         self.estimate().map_or(Mode::Lost, |estimate| estimate.mode)
     }
 
-    /// The filter itself, once it has started.
+    /// The filter; `None` before initialisation.
     pub fn filter(&self) -> Option<&crate::Eskf> {
         self.newest().filter()
     }
 
-    /// Innovations of a source so far.
+    /// Innovation statistics of a source.
     pub fn tally(&self, source: Source) -> Tally {
         self.newest().tally(source)
     }
 
-    /// Measurements that were not taken: those that came too late, and those that were none.
+    /// Number of dropped measurements: too late, and invalid.
     pub fn dropped(&self) -> [u64; 2] {
         [self.too_late, self.nonsense]
     }

@@ -1,4 +1,4 @@
-//! A file of a voxel map, in tiles: what is near is found without reading the rest.
+//! Voxel map files, in tiles, so that a region can be located without reading the rest.
 //!
 //! ```text
 //! "SWERVEVX"  version u32  tiles u32  resolution_m f64  tile_m f64
@@ -7,80 +7,81 @@
 //! digest u64: FNV-1a over all before it
 //! ```
 //!
-//! The least byte is first. A map has one form: what is read and written again is the same bytes.
+//! All numbers are little-endian. A map has a unique form: reading and writing it again gives the same bytes.
 
 use thiserror::Error;
 
 use crate::grid::REACH;
 use crate::voxels::{POINTS_MIN, Voxel};
 
-/// What a file begins with.
+/// First bytes of a file.
 const MAGIC: &[u8; 8] = b"SWERVEVX";
-/// Version that is written and read.
+/// Version of the format.
 pub const VERSION: u32 = 1;
 /// Edge of a tile, in voxels.
 const TILE_VOXELS: i32 = 64;
-/// Ground is looked for so far to each side, metres.
+/// Half the edge of the square that is searched for the ground, metres.
 const GROUND_M: f64 = 3.0;
 const HEAD: usize = 32;
 const TILE: usize = 12;
 const VOXEL: usize = 52;
 const DIGEST: usize = 8;
 
-/// A map as a file has it.
+/// Content of a voxel map file.
 #[derive(Clone, PartialEq, Debug)]
 pub struct MapFile {
     /// Edge of a voxel, metres.
     pub resolution_m: f64,
-    /// Those with a surface, in the order of [`MapFile::new`].
+    /// Voxels with a surface, sorted as by [`MapFile::new`].
     voxels: Vec<Voxel>,
 }
 
-/// Why bytes are no map.
+/// Error of reading a map.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum MapError {
-    /// It begins otherwise.
+    /// The first bytes are different.
     #[error("expected a voxel map of Swerve: it begins otherwise")]
     Magic,
-    /// Another version.
+    /// The version is not supported.
     #[error(
         "expected a voxel map of version {VERSION}, found version {0}: build it again with `swerve map build`"
     )]
     Version(u32),
-    /// Shorter or longer than its header says.
+    /// The length does not match the header.
     #[error("truncated or damaged: its header makes {expected} bytes, it has {found}")]
     Length {
-        /// Bytes by the header.
+        /// Length according to the header, bytes.
         expected: u64,
-        /// Bytes there are.
+        /// Actual length, bytes.
         found: u64,
     },
-    /// The digest is another one.
+    /// The digest does not match the contents.
     #[error("damaged: its digest is {expected:016x}, that of its bytes {found:016x}")]
     Digest {
-        /// In the file.
+        /// Digest in the file.
         expected: u64,
-        /// Of the bytes.
+        /// Digest of the contents.
         found: u64,
     },
-    /// The digest holds, but what is in it is no map.
+    /// The digest matches, but the contents are invalid.
     #[error("no map: {0}")]
     Content(&'static str),
 }
 
 impl MapFile {
-    /// A map of these voxels.
+    /// Creates a map of these voxels.
     pub fn new(resolution_m: f64, mut voxels: Vec<Voxel>) -> Self {
         voxels.sort_unstable_by_key(|voxel| (tile(voxel), voxel.index));
         Self { resolution_m, voxels }
     }
 
-    /// The voxels, tile by tile.
+    /// Voxels, tile by tile.
     pub fn voxels(&self) -> &[Voxel] {
         &self.voxels
     }
 
-    /// Height of the ground at a place: of the lowest surface near it; none where there is none.
+    /// Height of the ground at a position: that of the lowest surface within 3 m along each axis; `None` if there is
+    /// none.
     pub fn ground_m(&self, [x_m, y_m]: [f64; 2]) -> Option<f64> {
         let at = |index: i32, mean_m: f32| (f64::from(index) + 0.5) * self.resolution_m + f64::from(mean_m);
         let near = self.voxels.iter().filter_map(|Voxel { index, mean_m, .. }| {
@@ -96,7 +97,7 @@ impl MapFile {
         self.voxels.chunk_by(|a, b| tile(a) == tile(b)).count()
     }
 
-    /// The bytes of its file.
+    /// Serializes the map to the bytes of its file.
     pub fn write(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         let tiles: Vec<_> = self.voxels.chunk_by(|a, b| tile(a) == tile(b)).collect();
@@ -119,10 +120,10 @@ impl MapFile {
         bytes
     }
 
-    /// The map that a file's bytes are.
+    /// Parses the bytes of a map file.
     ///
     /// # Errors
-    /// Another version, too few bytes or too many, a flipped bit, contents that no map has.
+    /// If the version is different, the length is wrong, the digest does not match, or the contents are invalid.
     pub fn read(bytes: &[u8]) -> Result<Self, MapError> {
         if bytes.len() < MAGIC.len() || bytes[..MAGIC.len()] != *MAGIC {
             return Err(MapError::Magic);
@@ -137,7 +138,7 @@ impl MapFile {
         let tiles = u32::from_le_bytes(head.take().ok_or_else(short)?);
         let resolution_m = f64::from_le_bytes(head.take().ok_or_else(short)?);
         let tile_m = f64::from_le_bytes(head.take().ok_or_else(short)?);
-        // Bytes are counted before anything is made of them: a count may be of any size.
+        // The length is checked before memory is allocated: a count may have any value.
         let places: u64 = HEAD as u64 + u64::from(tiles) * TILE as u64;
         let mut expected = places + DIGEST as u64;
         if found < expected {
@@ -182,7 +183,7 @@ impl MapFile {
     }
 }
 
-/// The tile of a voxel.
+/// Tile of a voxel.
 fn tile(voxel: &Voxel) -> [i32; 2] {
     [0, 1].map(|axis| voxel.index[axis].div_euclid(TILE_VOXELS))
 }
@@ -200,7 +201,7 @@ fn voxel(from: &mut Cursor<'_>) -> Option<Voxel> {
     Some(Voxel { index, count, mean_m, covariance_m2 })
 }
 
-/// Whether points in a cube can have these moments.
+/// Returns true if points in a cube can have these moments.
 fn is_sound(voxel: &Voxel, resolution_m: f64) -> bool {
     let within = |x: &f32, most: f64| f64::from(*x).abs() <= most;
     voxel.index.iter().all(|i| i.unsigned_abs() <= REACH.unsigned_abs())
@@ -214,7 +215,7 @@ fn digest(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, step)
 }
 
-/// Bytes from the front.
+/// Reads bytes from the front.
 struct Cursor<'a>(&'a [u8]);
 
 impl Cursor<'_> {

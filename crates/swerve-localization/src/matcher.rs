@@ -1,7 +1,8 @@
-//! A lidar followed on a map, turn by turn, from a rough guess or from none.
+//! Localization of a lidar on a map, scan by scan, from a rough initial pose or a global search.
 //!
-//! A turn is straightened by what wheels and gyroscopes say of it, and matched from where they say it is. At the start, and
-//! again after turns that did not match, poses are drawn around the guess; the likeliest of them are climbed from.
+//! A scan is deskewed by the motion from wheels and gyroscopes, and matched from the pose that they predict.
+//! Initially, and after several scans without a match, poses are sampled around the guess, and the most likely ones
+//! are refined.
 
 use nalgebra::{Isometry3, Vector3};
 use swerve_core::Rng;
@@ -13,54 +14,54 @@ use crate::ndt::{self, Limits, Matched};
 use crate::sweep::Sweep;
 use crate::voxels::{VoxelMap, coarser};
 
-/// A scan has a point of each cube of this size, metres, and at most so many points.
+/// Edge of the cubes to which a scan is downsampled, metres, and largest number of points after that.
 const THIN_M: f64 = 1.0;
 const POINTS_MAX: usize = 20_000;
-/// Fewer are no scan.
+/// Smallest number of points of a valid scan.
 const POINTS_MIN: usize = 50;
-/// Points that drawn poses are compared by.
+/// Number of points by which sampled poses are compared.
 const FEW: usize = 400;
-/// Poses that are climbed from.
+/// Largest number of sampled poses that are refined.
 const CLIMBED: usize = 12;
-/// They are at least so far from each other, metres or radians.
+/// Minimum distance between these poses, metres or radians.
 const APART: [f64; 2] = [0.7, 0.15];
-/// Least share of the points on surfaces of the map, and their least mean likelihood, of a match.
+/// Acceptance of a match: smallest share of points on surfaces of the map, and their smallest mean likelihood.
 const OVERLAP_MIN: f64 = 0.6;
 const LIKELIHOOD_MIN: f64 = 0.3;
-/// A match further from where it was looked for is another place that looks alike, metres and radians.
+/// Largest distance of a match from the prediction, metres and radians; farther ones are at similar-looking places.
 const TRUSTED: [f64; 2] = [1.0, 0.1];
-/// Turns without a match in a row after which poses are drawn again.
+/// Consecutive scans without a match after which poses are sampled again.
 const PATIENCE: u32 = 5;
-/// What is not known after those, metres and radians.
+/// Standard deviations of that search, metres and radians.
 const ASTRAY: [f64; 2] = [1.5, 0.1];
 
-/// Where a lidar may be.
+/// A prior pose of a lidar with its uncertainty.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Guess {
-    /// From the lidar's frame to the map's.
+    /// Transform from the lidar's frame to the map's.
     pub map_from_lidar: Isometry3<f64>,
-    /// Standard deviation of east and of north, metres.
+    /// Standard deviation of the position east and north, metres.
     pub sigma_m: f64,
-    /// Standard deviation of the heading, radians; from 2 on it may be any.
+    /// Standard deviation of the heading, radians; from 2 on, headings are sampled uniformly.
     pub sigma_rad: f64,
-    /// Poses that are drawn.
+    /// Number of sampled poses.
     pub particles: u32,
 }
 
-/// A lidar on a map.
+/// Tracks a lidar on a map.
 #[derive(Clone, Debug)]
 pub struct Matcher {
-    /// The coarsest first.
+    /// The map at several resolutions, the coarsest first.
     levels: [VoxelMap; 3],
     seed: u64,
     at: Guess,
     searches: i64,
-    /// Turns without a match in a row; none before the first match.
+    /// Consecutive scans without a match; `None` before the first match.
     missed: Option<u32>,
 }
 
 impl Matcher {
-    /// One that is to look around a guess at first.
+    /// Creates a matcher that first searches around a guess.
     pub fn new(map: &MapFile, seed: u64, guess: Guess) -> Self {
         let level = |factor: i32| {
             let resolution_m = map.resolution_m * f64::from(factor);
@@ -69,29 +70,30 @@ impl Matcher {
         Self { levels: [level(4), level(2), level(1)], seed, at: guess, searches: 0, missed: None }
     }
 
-    /// Forgets where it is: at the next turn it looks around a guess, as a new one does.
+    /// Resets the matcher: with the next scan it searches around the guess, as a new one does.
     pub fn begin_at(&mut self, guess: Guess) {
         (self.at, self.searches, self.missed) = (guess, 0, None);
     }
 
-    /// Where others know it to be: at the next turn it looks there, with poses drawn by that deviation.
+    /// Sets a pose from another source: with the next scan the matcher searches there, with the standard deviations
+    /// of the prior.
     pub fn suppose_at(&mut self, prior: Guess) {
         (self.at, self.missed) = (prior, None);
     }
 
-    /// Where it is, or is taken to be.
+    /// Latest matched or predicted pose.
     pub fn pose(&self) -> Isometry3<f64> {
         self.at.map_from_lidar
     }
 
-    /// Whether the last turns matched.
+    /// Returns true if one of the last scans matched.
     pub fn is_found(&self) -> bool {
         self.missed.is_some_and(|turns| turns < PATIENCE)
     }
 
-    /// The next turn, of points in the lidar's frame at the instant of each and the share of the turn from its end, -1 to 0;
-    /// how the lidar moved over it, and how since the end of the turn before. None where it does not match: then it is taken
-    /// to be where the motion leads.
+    /// Processes a scan of points in the lidar's frame at the instant of each, with that instant as a share of the
+    /// scan from its end, -1 to 0. `over_turn` is the motion over the scan, `since_last` the motion since the end of
+    /// the previous scan. Returns `None` without a match; the pose is then the predicted one.
     pub fn take(
         &mut self,
         points: &[(Vector3<f64>, f64)],
@@ -123,7 +125,7 @@ impl Matcher {
                 off.translation.vector.norm() < TRUSTED[0] && off.rotation.vector().norm() < 0.5 * TRUSTED[1]
             };
             let [_, middle, fine] = &self.levels;
-            // Most turns are where they are looked for: the fine map alone says so.
+            // Most scans match at the predicted pose: the fine map alone suffices.
             let at_once = ndt::align(&[fine], scan, &guess, &Limits::default());
             let found = at_once.filter(is_match).filter(near);
             return found.or_else(|| {
@@ -147,7 +149,7 @@ fn is_match(found: &Matched) -> bool {
     found.overlap >= OVERLAP_MIN && found.likelihood >= LIKELIHOOD_MIN
 }
 
-/// A pose with a rotation of length 1; none where it is none.
+/// Pose with a normalised rotation; `None` if it is not finite.
 fn sound(pose: Isometry3<f64>) -> Option<Isometry3<f64>> {
     let rotation = unit(pose.rotation);
     let numbers = pose.translation.vector.iter().chain(rotation.coords.iter());
@@ -159,7 +161,7 @@ fn are_near(a: &Isometry3<f64>, b: &Isometry3<f64>) -> bool {
     off.translation.vector.norm() < APART[0] && off.rotation.vector().norm() < 0.5 * APART[1]
 }
 
-/// The best match of a scan among those from poses drawn around a guess, which is one of them.
+/// Best match of a scan from poses sampled around a guess, the guess included.
 fn search(levels: &[VoxelMap; 3], scan: &[Vector3<f64>], around: &Guess, rng: &mut Rng) -> Option<Matched> {
     let [coarse, middle, fine] = levels;
     let few: Vec<_> = scan.iter().step_by(scan.len().div_ceil(FEW).max(1)).copied().collect();
@@ -179,13 +181,13 @@ fn search(levels: &[VoxelMap; 3], scan: &[Vector3<f64>], around: &Guess, rng: &m
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut chosen: Vec<&Isometry3<f64>> = Vec::new();
     for (_, pose) in &scored {
-        // Neighbours climb to the same place.
+        // Neighbouring poses converge to the same place.
         if chosen.len() < CLIMBED && chosen.iter().all(|other| !are_near(other, pose)) {
             chosen.push(pose);
         }
     }
     let climbed = chosen.into_iter().filter_map(|pose| {
-        // A few points lead to the place, all of them find it.
+        // A subset of the points finds the place, and all points refine it.
         let near = ndt::align(&[coarse, middle, fine], &few, pose, &Limits::default())?;
         ndt::align(&[fine], scan, &near.map_from_scan, &Limits::default())
     });

@@ -1,9 +1,9 @@
-//! Scan matching with a map of normal distributions: the pose at which a scan's points are the likeliest.
+//! Scan matching with a map of normal distributions (NDT): finds the pose at which a scan is most likely.
 //!
-//! The score of a pose is `Σ -d₁ exp(-d₂/2 rᵀ Σ⁻¹ r)` over the points, `r` from the mean of the cube that the point is
-//! in (DIRECT1), or of that and the six beside it (DIRECT7). It is climbed by Newton's steps with the positive part of the
-//! Hessian, damped after Levenberg where a step does not climb. Source: Magnusson, "The three-dimensional
-//! normal-distributions transform", 2009, chapter 6.
+//! The score of a pose is `Σ -d₁ exp(-d₂/2 rᵀ Σ⁻¹ r)` over the points, with `r` relative to the mean of the cube that
+//! contains the point (DIRECT1), or of that cube and its six neighbours (DIRECT7). It is maximised by Newton steps
+//! with the positive part of the Hessian, with Levenberg damping when a step fails. Source: Magnusson, "The
+//! three-dimensional normal-distributions transform", 2009, chapter 6.
 
 mod score;
 
@@ -15,46 +15,47 @@ use crate::eskf::{exp, unit};
 use crate::voxels::VoxelMap;
 use score::{Score, Shape};
 
-/// Numbers of a pose: place, then turn, both along the map's axes.
+/// Degrees of freedom of a pose: translation, then rotation, both along the map's axes.
 const DOF: usize = 6;
-/// A matrix over them.
+/// Matrix over the degrees of freedom.
 pub type Matrix6 = SMatrix<f64, DOF, DOF>;
 type Vector6 = SVector<f64, DOF>;
 
-/// Lever that makes metres of radians where both are compared.
+/// Lever arm by which radians are converted to metres for comparison.
 const LEVER_M: f64 = 10.0;
-/// A direction of which the points together say less than this per point, 1/m², is not seen.
+/// Directions with less information per point than this, 1/m², are unobservable.
 const UNSEEN_PER_M2: f64 = 0.25;
-/// Deviation along a direction that is not seen, metres.
+/// Standard deviation along unobservable directions, metres.
 const UNSEEN_M: f64 = 10.0;
-/// On all maps but the last about so many points are matched, to this share of a cube's edge.
+/// Approximate number of points matched on all maps but the last, and the convergence limit there as a share of the
+/// edge of a cube.
 const ROUGH_POINTS: usize = 1500;
 const ROUGH_END: f64 = 0.01;
-/// A step is so many times as long as Newton's at most.
+/// Largest factor by which a Newton step is lengthened.
 const STRIDE_MOST: f64 = 2.5;
-/// Neighbouring points err together: as many count as one.
+/// Errors of neighbouring points are correlated: this many count as one.
 const ALIKE: f64 = 30.0;
 
-/// Which cubes a point is compared with.
+/// Cubes that a point is compared with.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Neighbours {
-    /// The one that it is in.
+    /// The cube that contains the point.
     #[default]
     Direct1,
-    /// That and the six that share a side with it.
+    /// That cube and the six that share a side with it.
     Direct7,
 }
 
-/// How long it goes on.
+/// Limits of the optimisation.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Limits {
-    /// Which cubes a point is compared with.
+    /// Cubes that a point is compared with.
     pub neighbours: Neighbours,
-    /// Most steps on each map.
+    /// Largest number of steps on each map.
     pub iterations: u32,
-    /// Longest step, metres, and ten times that many radians.
+    /// Largest translation of a step, metres; in radians, a tenth of it.
     pub step_m: f64,
-    /// A shorter step is the last, metres, and a tenth of that many radians.
+    /// Convergence limit of a step, metres; in radians, a tenth of it.
     pub end_m: f64,
 }
 
@@ -64,31 +65,31 @@ impl Default for Limits {
     }
 }
 
-/// What came of a match.
+/// Result of a registration.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Matched {
-    /// From the scan's frame to the map's.
+    /// Transform from the scan's frame to the map's.
     pub map_from_scan: Isometry3<f64>,
-    /// Times that the score was computed.
+    /// Number of evaluations of the score.
     pub iterations: u32,
-    /// Whether the last step was a short one.
+    /// True if it converged before the largest number of steps.
     pub converged: bool,
-    /// Share of the points that lie in a cube with a surface.
+    /// Share of the points in cubes with a surface.
     pub overlap: f64,
-    /// Mean likelihood of those, 1 at most.
+    /// Mean likelihood of these points, at most 1.
     pub likelihood: f64,
-    /// Covariance of place (m) and turn (rad) along the map's axes.
+    /// Covariance of translation (m) and rotation (rad) along the map's axes.
     pub covariance: Matrix6,
-    /// Smallest eigenvalue of the Hessian per point, 1/m², turns as metres on a lever of 10 m.
+    /// Smallest eigenvalue of the Hessian per point, 1/m², with rotations as metres on a lever of 10 m.
     pub min_eigenvalue_per_m2: f64,
-    /// Directions that are not seen, of six.
+    /// Number of unobservable directions, of six.
     pub degenerate: u32,
 }
 
 /// Agreement of a scan with a map at a pose.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Agreement {
-    /// Points in a cube with a surface.
+    /// Number of points in cubes with a surface.
     pub hits: u32,
     /// Their share of all points.
     pub overlap: f64,
@@ -96,15 +97,15 @@ pub struct Agreement {
     pub likelihood: f64,
     /// Smallest eigenvalue of the Hessian per point, 1/m², with rotations as metres on a lever of 10 m.
     pub min_eigenvalue_per_m2: f64,
-    /// Directions of the pose that the surfaces leave open, of six.
+    /// Number of directions of the pose that the surfaces do not constrain, of six.
     pub degenerate: u32,
-    /// Least share, over all directions of the pose, of the information that the scan has on itself, as far as it is above
-    /// or below any surface of the map. At a wrong place much of a scan may be on surfaces, as its ground is, but not the
-    /// surfaces that determine the place.
+    /// Smallest share, over all directions of the pose, of the information that the scan has about itself, restricted
+    /// to points above or below surfaces of the map. At a wrong place much of a scan can be on surfaces, such as its
+    /// ground points, but not on the surfaces that determine the place.
     pub informed: f64,
 }
 
-/// Agreement of a scan with a map at a pose, however the pose was found; `None` without a point on a surface.
+/// Agreement of a scan with a map at a pose from any source; `None` if no point is on a surface.
 pub fn agreement(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -> Option<Agreement> {
     let score_on = |map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>| {
         Shape::new(map.resolution_m()).score::<true>(map, scan, 1, pose, Neighbours::Direct1)
@@ -112,7 +113,7 @@ pub fn agreement(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -
     let score = score_on(map, scan, pose);
     let hits = f64::from(score.hits);
     let (_, min_eigenvalue_per_m2, degenerate) = spread(&score.hessian, hits)?;
-    // The same axes and levers as on the map. What lies beyond the map is not missed there.
+    // Same axes and levers as on the map. Points outside the columns of the map are ignored.
     let turned: Vec<_> = scan.iter().map(|point| pose.rotation * point).collect();
     let own_map = VoxelMap::of_points(map.resolution_m(), &turned);
     let columns = map.columns();
@@ -132,8 +133,8 @@ pub fn agreement(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -
     })
 }
 
-/// Least eigenvalue of a Hessian over another one of `points`, without directions in which that other one has nothing; 0
-/// where it has nothing at all.
+/// Smallest eigenvalue of a Hessian relative to another one of `points`, without directions in which the other has no
+/// information; 0 if it has none at all.
 fn informed(hessian: &Matrix6, own: &Matrix6, points: f64) -> f64 {
     let [hessian, own] = [hessian, own].map(|of| scaled(of, points));
     let (values, vectors) = eigen::symmetric(&own);
@@ -143,7 +144,7 @@ fn informed(hessian: &Matrix6, own: &Matrix6, points: f64) -> f64 {
                 if values[j] < UNSEEN_PER_M2 { 0.0 } else { vectors[(i, j)] / values[j].sqrt() }
             },
         );
-    // Sums in one order on every machine.
+    // Fixed order of summation on every machine.
     let product = |a: &Matrix6, b: &Matrix6| {
         Matrix6::from_fn(|i, j| (0..DOF).fold(0.0, |sum, k| sum + a[(i, k)] * b[(k, j)]))
     };
@@ -153,17 +154,17 @@ fn informed(hessian: &Matrix6, own: &Matrix6, points: f64) -> f64 {
     (0..DOF).filter(|k| is_seen(*k)).map(|k| shares[k]).reduce(f64::min).unwrap_or(0.0)
 }
 
-/// A Hessian per point, 1/m², turns as metres on a lever.
+/// Hessian per point, 1/m², with rotations as metres on a lever.
 fn scaled(hessian: &Matrix6, points: f64) -> Matrix6 {
     let scale = |i: usize| if i < 3 { 1.0 } else { 1.0 / LEVER_M };
     Matrix6::from_fn(|i, j| hessian[(i, j)] * scale(i) * scale(j) / points)
 }
 
-/// Matches a scan with maps, the coarsest first, from a guess of the pose. Points that are no numbers count as none;
-/// nothing matches an empty scan or map.
+/// Registers a scan on maps, the coarsest first, from an initial pose. Points that are not finite are ignored;
+/// returns `None` for an empty scan or map.
 ///
-/// Turns are about the scan's origin, so that is to be near the points, as a lidar is; [`crate::centred`] moves clouds of
-/// other origins.
+/// Rotations are about the scan's origin, which should therefore be near the points, as for a lidar;
+/// [`crate::centred`] prepares clouds with other origins.
 pub fn align(
     maps: &[&VoxelMap],
     scan: &[Vector3<f64>],
@@ -201,18 +202,18 @@ pub fn align(
     })
 }
 
-/// How likely a scan is at a pose: a sum over its points, of which only comparisons mean something.
+/// Likelihood of a scan at a pose, as a sum over its points: only comparisons are meaningful.
 pub(crate) fn likelihood(map: &VoxelMap, scan: &[Vector3<f64>], pose: &Isometry3<f64>) -> f64 {
     Shape::new(map.resolution_m()).score::<false>(map, scan, 1, pose, Neighbours::Direct1).value
 }
 
-/// One map of several, and what of the scan is matched with it how well.
+/// One resolution of the map, with the points and the convergence limit used on it.
 struct Level<'a> {
     map: &'a VoxelMap,
     scan: &'a [Vector3<f64>],
-    /// Every so many points one is taken.
+    /// One of this many points is used.
     every: usize,
-    /// A shorter step is the last.
+    /// Convergence limit of a step, metres.
     end_m: f64,
 }
 
@@ -252,7 +253,7 @@ impl Level<'_> {
                 damping = (100.0 * damping).max(0.1);
                 stride = Stride::default();
             }
-            // Short of the top by less, what steps up or down is points that go over to another cube.
+            // Below this limit, changes of the score are due to points that move to another cube.
             let is_near = length_m(&step) < if climbs { self.end_m } else { 10.0 * self.end_m };
             if is_near || damping > 100.0 || (climbs && gain < 1e-5 * score.value) {
                 return Some((pose, score, true));
@@ -262,11 +263,11 @@ impl Level<'_> {
     }
 }
 
-/// How much longer than Newton's a step is made. The positive part of the Hessian is too large a one, so that each step
-/// ends short of the top by the same share; what the step before left of itself says by how much.
+/// Lengthening of Newton steps. The positive part of the Hessian overestimates it, so that each step covers only a
+/// share of the distance to the maximum; that share is estimated from the previous step.
 #[derive(Default)]
 struct Stride {
-    /// The step before: Newton's, and what was made of it.
+    /// Previous Newton step, and the step that was taken.
     before: Option<(Vector6, Vector6)>,
 }
 
@@ -283,7 +284,7 @@ impl Stride {
     }
 }
 
-/// Product of two steps, turns as metres on a lever.
+/// Scalar product of two steps, with rotations as metres on a lever.
 fn inner(a: &Vector6, b: &Vector6) -> f64 {
     let of = |from: usize| a[from] * b[from] + a[from + 1] * b[from + 1] + a[from + 2] * b[from + 2];
     of(0) + LEVER_M * LEVER_M * of(3)
@@ -299,7 +300,7 @@ fn moved(pose: &Isometry3<f64>, step: &Vector6) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(place), unit(turn))
 }
 
-/// Covariance by the Hessian, its least eigenvalue per point, and how many directions are not seen.
+/// Covariance from the Hessian, its smallest eigenvalue per point, and the number of unobservable directions.
 fn spread(hessian: &Matrix6, hits: f64) -> Option<(Matrix6, f64, u32)> {
     let scale = |i: usize| if i < 3 { 1.0 } else { 1.0 / LEVER_M };
     let (values, vectors) = eigen::symmetric(&scaled(hessian, hits));
@@ -317,7 +318,7 @@ fn spread(hessian: &Matrix6, hits: f64) -> Option<(Matrix6, f64, u32)> {
     (least.is_finite() && covariance.iter().all(|x| x.is_finite())).then_some((covariance, least, degenerate))
 }
 
-/// The pose of a matrix of four rows; none where that turns nothing by a rotation.
+/// Pose of a 4x4 matrix by rows; `None` if it is not a rigid transform.
 pub fn pose_of(rows: &[f64; 16]) -> Option<Isometry3<f64>> {
     let turn = Matrix3::from_fn(|i, j| rows[4 * i + j]);
     let place = Vector3::new(rows[3], rows[7], rows[11]);

@@ -1,13 +1,14 @@
-//! Arrays of numbers as NumPy keeps them: `.npz`, which is a zip archive of `.npy` arrays.
+//! NumPy archives of numeric arrays: `.npz`, a zip archive of `.npy` arrays.
 //!
-//! Read are archives of up to 256 MiB of numbers in `f4`, `f8`, `i4`, `i8`, `u1` or `b1`, stored or deflated, row by row.
+//! Supports archives of up to 256 MiB of numbers in `f4`, `f8`, `i4`, `i8`, `u1` or `b1`, stored or deflated, in C
+//! order.
 
 use std::collections::BTreeMap;
 
-/// Most bytes of all arrays together.
+/// Largest total size of the arrays, bytes.
 const MOST_BYTES: usize = 256 << 20;
 
-/// Why a file is no archive of arrays: which member, and what is wrong with it.
+/// Error of reading an archive, with the affected member.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{at}: {what}")]
 pub struct NpzError {
@@ -15,17 +16,17 @@ pub struct NpzError {
     what: String,
 }
 
-/// An array of numbers, row by row.
+/// An array of numbers in C order.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Array {
     /// Length of each dimension.
     pub shape: Vec<usize>,
-    /// The numbers.
+    /// Elements.
     pub values: Vec<f64>,
 }
 
 impl Array {
-    /// The rows of an array of two dimensions with `N` columns; none where it is another.
+    /// Rows of a two-dimensional array with `N` columns; `None` for other shapes.
     pub fn rows<const N: usize>(&self) -> Option<&[[f64; N]]> {
         (self.shape.len() == 2 && self.shape[1] == N).then(|| self.values.as_chunks::<N>().0)
     }
@@ -35,10 +36,10 @@ fn wrong(at: &str, what: impl Into<String>) -> NpzError {
     NpzError { at: at.to_owned(), what: what.into() }
 }
 
-/// The arrays of an archive, by name without `.npy`.
+/// Reads the arrays of an archive, by name without `.npy`.
 ///
 /// # Errors
-/// What is wrong with the archive, or with which of its arrays.
+/// The first error of the archive, with the affected array.
 pub fn read(bytes: &[u8]) -> Result<BTreeMap<String, Array>, NpzError> {
     let (mut at, count) = directory(bytes)?;
     let (mut arrays, mut left) = (BTreeMap::new(), MOST_BYTES);
@@ -59,10 +60,10 @@ fn number<const N: usize>(bytes: &[u8], at: usize) -> Option<usize> {
     Some(read.iter().rev().fold(0, |n, byte| n << 8 | usize::from(*byte)))
 }
 
-/// Where the central directory starts and how many members it lists.
+/// Start of the central directory, and its number of members.
 fn directory(bytes: &[u8]) -> Result<(usize, usize), NpzError> {
     let none = || wrong("archive", "no zip archive: expected an `.npz` file as NumPy writes it");
-    // At the end, before a comment of at most 64 KiB.
+    // The end record is at the end, before a comment of at most 64 KiB.
     let first = bytes.len().saturating_sub(22 + 0xffff);
     let last = bytes.len().checked_sub(22).ok_or_else(none)?;
     let at = (first..=last).rev().find(|&at| bytes[at..].starts_with(b"PK\x05\x06")).ok_or_else(none)?;
@@ -85,7 +86,7 @@ struct Member {
 }
 
 impl Member {
-    /// The one that the directory lists at `at`, which moves on to the next.
+    /// Reads the directory entry at `at`, which advances to the next.
     fn read(bytes: &[u8], at: &mut usize) -> Result<Self, NpzError> {
         let cut = || wrong("archive", "its directory is cut off");
         let entry = bytes.get(*at..).filter(|rest| rest.starts_with(b"PK\x01\x02")).ok_or_else(cut)?;
@@ -127,7 +128,7 @@ impl Member {
     }
 }
 
-/// The checksum of zip archives.
+/// CRC-32 as used by zip archives.
 fn crc32(bytes: &[u8]) -> u32 {
     let table: [u32; 256] = core::array::from_fn(|i| {
         (0..8).fold(i as u32, |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
@@ -135,7 +136,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc: u32, byte| crc >> 8 ^ table[usize::from(crc as u8 ^ byte)])
 }
 
-/// An array of an `.npy` file.
+/// Parses an `.npy` file.
 fn array(bytes: &[u8]) -> Result<Array, String> {
     let cut = || "cut off".to_owned();
     if !bytes.starts_with(b"\x93NUMPY") {
@@ -161,7 +162,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     Ok(Array { shape, values })
 }
 
-/// What stands behind a key of the head.
+/// Text after a key of the header.
 fn value<'a>(head: &'a str, key: &str) -> Option<&'a str> {
     head.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start())
 }

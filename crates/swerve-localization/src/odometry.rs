@@ -1,8 +1,8 @@
-//! The way of a lidar by its own points, without a map beforehand.
+//! Lidar odometry without a map.
 //!
-//! Each turn is straightened by the motion of the one before, matched point to point with the points of those before, and
-//! added to them. How far points may be from their neighbours follows how far the motion was from what was expected.
-//! Source: Vizzo and others, "KISS-ICP", IEEE RA-L 2023.
+//! Each scan is deskewed by the motion of the previous one, registered point to point with the points of earlier
+//! scans, and added to them. The largest distance of correspondences adapts to the deviation of the motion from its
+//! prediction. Source: Vizzo and others, "KISS-ICP", IEEE RA-L 2023.
 
 use nalgebra::{Isometry3, Vector3};
 use swerve_geom::math;
@@ -12,37 +12,37 @@ use crate::eskf;
 use crate::icp::{self, PointMap};
 use crate::sweep::{RANGE_M, Sweep};
 
-/// Edge of a cube of the map, metres, and most points in it.
+/// Edge of a cube of the map, metres, and largest number of points in it.
 const CUBE_M: f64 = 1.0;
 const PER_CUBE: usize = 20;
-/// Deviation from the expected motion before any is known, metres; a smaller one than the second tells nothing.
+/// Initial deviation from the predicted motion, metres; and the value below which deviations are ignored.
 const DEVIATION_M: [f64; 2] = [2.0, 0.1];
-/// Fewer points are no turn.
+/// Smallest number of points of a valid scan.
 const POINTS_MIN: usize = 50;
 const ITERATIONS: u32 = 50;
 
-/// A lidar on its way.
+/// Lidar odometry with a local map.
 #[derive(Clone, Debug)]
 pub struct Odometry {
     map: PointMap,
     pose: Isometry3<f64>,
-    /// Motion over the last turn, in the frame at its begin.
+    /// Motion over the last scan, in the frame at its start.
     motion: Isometry3<f64>,
-    /// Sum of squared deviations, m², and how many.
+    /// Sum of squared deviations, m², and their number.
     deviation: (f64, f64),
 }
 
-/// What became of a turn.
+/// Result of processing a scan.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Turned {
-    /// The lidar is here at the end of the turn, in the frame of its first one.
+    /// Pose of the lidar at the end of the scan, in the frame of the first scan.
     At(Isometry3<f64>),
-    /// Too few points, or none near those before: it goes on as it went.
+    /// Predicted pose: there are too few points, or none near those of earlier scans.
     Unmatched(Isometry3<f64>),
 }
 
 impl Turned {
-    /// Where it is, matched or not.
+    /// Pose, registered or predicted.
     pub fn pose(&self) -> Isometry3<f64> {
         let (Self::At(pose) | Self::Unmatched(pose)) = self;
         *pose
@@ -50,7 +50,7 @@ impl Turned {
 }
 
 impl Odometry {
-    /// At the start of a way.
+    /// Creates one at the start of a path.
     pub fn new() -> Self {
         let still = Isometry3::identity();
         let deviation = (DEVIATION_M[0] * DEVIATION_M[0], 1.0);
@@ -58,16 +58,16 @@ impl Odometry {
         Self { map, pose: still, motion: still, deviation }
     }
 
-    /// The next turn: points in the lidar's frame at the instant of each, and the share of the turn from its end,
-    /// -1 to 0. It is expected to move as over the turn before; where it is not at rest at first, use
-    /// [`take_moved`](Self::take_moved): on flat ground two smeared turns look as if nothing moved.
+    /// Processes a scan: points in the lidar's frame at the instant of each, with that instant as a share of the scan
+    /// from its end, -1 to 0. The motion is predicted as constant. If the lidar moves initially, use
+    /// [`take_moved`](Self::take_moved): on flat ground, two distorted scans look as if nothing moved.
     pub fn take(&mut self, points: &[(Vector3<f64>, f64)]) -> Turned {
         let motion = self.motion;
         self.take_moved(points, &Sweep::steady(&motion), &motion)
     }
 
-    /// The same where it is known by other means about how the lidar moved over the turn, and since the turn before: wheels
-    /// and gyroscopes.
+    /// As [`take`](Self::take), with the motion over the scan and since the previous scan from another source, such
+    /// as wheels and gyroscopes.
     pub fn take_moved(
         &mut self,
         points: &[(Vector3<f64>, f64)],
@@ -128,7 +128,7 @@ impl Default for Odometry {
     }
 }
 
-/// The same with a rotation of length 1.
+/// Pose with a normalised rotation.
 fn normal(pose: Isometry3<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(pose.translation, eskf::unit(pose.rotation))
 }

@@ -1,88 +1,91 @@
-//! What a localizer knows of its sensors and of the car.
+//! Parameters of a localizer: sensors and vehicle.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_all_within, require_within};
 
-/// How long a reading of the inertial unit holds.
+/// Interpolation of readings of the inertial unit.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Hold {
-    /// Until the next one: it is a mean over the time that follows its stamp.
+    /// A reading applies until the next one: it is a mean over the time after its stamp.
     Previous,
-    /// Up to the next one the mean of both counts: each is of an instant.
+    /// Between two readings their mean applies: each is instantaneous.
     #[default]
     Mean,
 }
 
-/// Sensors, constraints and limits. Deviations are standard deviations; 0 switches off what they belong to.
+/// Parameters of sensors, constraints and limits. Deviations are standard deviations; 0 disables the associated
+/// model.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// How long a reading of the inertial unit holds.
+    /// Interpolation of readings of the inertial unit.
     pub hold: Hold,
-    /// What the accelerometer's z reads at rest, m/s².
+    /// Reading of the accelerometer's z axis at rest, m/s².
     pub gravity_mps2: f64,
-    /// Noise of the accelerometers along x, y, z, m/s²/√Hz: of each reading over the root of the rate.
+    /// Noise density of the accelerometers along x, y, z, m/s²/√Hz: the deviation of a reading over the root of the
+    /// rate.
     pub accel_noise: [f64; 3],
-    /// Noise of the gyroscopes about x, y, z, rad/s/√Hz.
+    /// Noise density of the gyroscopes about x, y, z, rad/s/√Hz.
     pub gyro_noise: [f64; 3],
-    /// Bias of each accelerometer at the start, m/s².
+    /// Initial deviation of the bias of each accelerometer, m/s².
     pub accel_bias_mps2: f64,
-    /// Walk of that bias, m/s² per root second.
+    /// Random walk of the accelerometer biases, m/s² per root second.
     pub accel_bias_walk: f64,
-    /// Bias of each gyroscope at the start, rad/s.
+    /// Initial deviation of the bias of each gyroscope, rad/s.
     pub gyro_bias_radps: f64,
-    /// Walk of that bias, rad/s per root second.
+    /// Random walk of the gyroscope biases, rad/s per root second.
     pub gyro_bias_walk: f64,
-    /// Error of the gyroscopes' scale, as a share. It is no state: turns of up to two radians make the attitude as
-    /// uncertain as it can.
+    /// Scale error of the gyroscopes, as a share. It is not estimated: turns of up to two radians increase the
+    /// attitude's uncertainty by its largest effect.
     pub gyro_scale: f64,
-    /// Offset of fixes east and north, metres: what all of them have in common.
+    /// Common offset of all fixes, east and north, metres.
     pub offset_m: f64,
-    /// Time over which that offset is forgotten, seconds; 0 for never.
+    /// Correlation time of the offset of fixes, seconds; 0 for constant.
     pub offset_time_s: f64,
-    /// Scale of the wheels at the start, as a share: a millimetre of tread is 0.003.
+    /// Initial deviation of the wheel scale, as a share: one millimetre of tread is 0.003.
     pub wheel_scale: f64,
-    /// Walk of that scale, per root second.
+    /// Random walk of the wheel scale, per root second.
     pub wheel_scale_walk: f64,
-    /// Noise of the speed by the wheels as a mean over `wheel_span_s`, m/s; 0 where no wheels are read.
+    /// Noise of the wheel speed as a mean over `wheel_span_s`, m/s; 0 to ignore the wheels.
     pub wheel_noise_mps: f64,
-    /// Time over which readings of the wheels are taken together, seconds: encoders count whole teeth.
+    /// Time over which wheel readings are averaged, seconds: encoders count whole teeth.
     pub wheel_span_s: f64,
-    /// Place of the inertial unit in the ego frame, metres.
+    /// Position of the inertial unit in the ego frame, metres.
     pub imu_at_m: [f64; 3],
-    /// Place of the satellite antenna in the ego frame, metres; of the point that fixes are told for.
+    /// Position of the satellite antenna in the ego frame, metres: the reference point of fixes.
     pub antenna_at_m: [f64; 3],
-    /// A car's rear axle moves neither to the side nor up, but for this, m/s; 0 to not suppose that.
+    /// Deviation of the lateral and vertical velocity of the rear axle from zero, m/s; 0 disables the constraint.
     pub non_holonomic_mps: f64,
-    /// The angle at which the rear axle slips, as a deviation, radians per m/s² of lateral acceleration.
+    /// Deviation of the slip angle of the rear axle, radians per m/s² of lateral acceleration.
     pub slip_rad_per_mps2: f64,
-    /// How often that is supposed, seconds.
+    /// Period of the vehicle constraints, seconds.
     pub constraint_period_s: f64,
-    /// While the wheels stand, the car does, but for this, m/s; 0 to not suppose that.
+    /// Deviation of the velocity from zero while the wheels are at rest, m/s; 0 disables the constraint.
     pub zero_velocity_mps: f64,
-    /// The wheels stand when they told nothing else for this long, seconds.
+    /// Time with zero wheel speed after which the vehicle is taken to be at rest, seconds.
     pub standing_s: f64,
-    /// Measurements whose innovation only one in this many sound ones has are refused (10, 100 or 1000); 0 refuses none.
+    /// Gate of innovations: a measurement is refused if only one in this many valid ones would exceed its innovation
+    /// (10, 100 or 1000); 0 refuses none.
     pub gate_one_in: u32,
-    /// How late a measurement may come, seconds.
+    /// Largest delay of a measurement, seconds.
     pub horizon_s: f64,
-    /// Without a reading of the inertial unit for longer than this it is silent, seconds. Steering angle, wheels and fixes
-    /// carry the pose then; without one of them the vehicle is lost.
+    /// Time without a reading after which the inertial unit is silent, seconds. Steering angle, wheels and fixes then
+    /// carry the pose; without one of them the pose is lost.
     pub imu_timeout_s: f64,
-    /// Without an accepted fix for longer than this it is coasting, seconds.
+    /// Time without an accepted fix after which the mode is coasting, seconds.
     pub coasting_after_s: f64,
-    /// Places that are refused for this long, and agree with each other, are believed in the place of the filter, seconds:
-    /// reflections of satellite signals last for less.
+    /// Time after which refused positions that agree with each other replace the filter's, seconds: reflections of
+    /// satellite signals are shorter.
     pub believed_after_s: f64,
-    /// Above this deviation of the position, along the worst direction, it is lost, metres.
+    /// Deviation of the position along its worst direction above which the pose is lost, metres.
     pub lost_sigma_m: f64,
-    /// Deviation of roll and pitch at a start in motion, radians.
+    /// Deviation of roll and pitch when starting in motion, radians.
     pub level_rad: f64,
-    /// The paper's first error: corrections of the attitude are in degrees where radians are meant.
+    /// First error of the paper: attitude corrections in radians are applied as if they were degrees.
     pub degrees_error: bool,
-    /// The paper's second error: the velocity follows the attitude by the acceleration without gravity.
+    /// Second error of the paper: the Jacobian of velocity by attitude uses the acceleration without gravity.
     pub gravity_free_jacobian: bool,
 }
 
@@ -125,8 +128,8 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The filter of the paper's Pylot: 9 states with Q = 0.5 dt² of accelerations and turn rates, read every `period_s`,
-    /// and nothing supposed of the car. Its errors are switches of their own.
+    /// Filter of Pylot as in the paper: 9 states, Q = 0.5 dt² of accelerations and turn rates, readings every
+    /// `period_s`, and no vehicle constraints. Its errors are separate switches.
     ///
     /// Source: `pylot/localization/localization_operator.py`.
     pub fn paper(period_s: f64) -> Self {
@@ -149,10 +152,10 @@ impl Params {
         }
     }
 
-    /// Variance of a coordinate of a fix that Pylot's filter takes for granted, m².
+    /// Variance of each coordinate of a fix in Pylot's filter, m².
     pub const PAPER_FIX_M2: f64 = 0.1;
 
-    /// The largest square of an innovation of `dof` numbers (1 to 3) that is taken: a quantile of chi-square.
+    /// Largest accepted normalised innovation squared of `dof` numbers (1 to 3): a quantile of chi-square.
     pub(crate) fn gate(&self, dof: usize) -> f64 {
         let quantiles = match self.gate_one_in {
             0 => return f64::INFINITY,
@@ -163,10 +166,10 @@ impl Params {
         quantiles[dof - 1]
     }
 
-    /// Whether a localizer can be made with them.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
-    /// The first that is out of its range.
+    /// The first parameter that is out of its range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let axes = |key: &'static str, of: [f64; 3], most: f64| {
             of.into_iter().try_for_each(|x| require_within(key, x, [0.0, most]))

@@ -1,47 +1,47 @@
-//! Points of PLY files: ASCII, binary little-endian and binary big-endian, with any further elements and properties, lists
-//! among them. Lines of the header end with LF, CR LF or CR.
+//! Reader of points in PLY files: ASCII, binary little-endian and binary big-endian, with arbitrary additional
+//! elements and properties, lists included. Header lines end with LF, CR LF or CR.
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
-/// Most points of a file: those of a scan, not of a town.
+/// Largest number of points of a file.
 pub const POINTS_MAX: usize = 20_000_000;
-/// Longest header, bytes.
+/// Largest length of the header, bytes.
 const HEADER_MAX: usize = 1 << 16;
 
-/// Reasons why bytes are not a point cloud.
+/// Error of reading a point cloud.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum PlyError {
-    /// Not a header of PLY.
+    /// The header is missing.
     #[error("expected a PLY file: its first line is `ply`, and its header ends with a line `end_header`")]
     NoHeader,
-    /// A line of the header.
+    /// A line of the header is invalid.
     #[error("line {line}: expected {expected}, found `{found}`")]
     Header {
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
-        /// Expected text.
+        /// Expected content.
         expected: &'static str,
-        /// The line.
+        /// Content of the line.
         found: String,
     },
-    /// A coordinate is not among the properties.
+    /// A coordinate is missing among the properties.
     #[error("element vertex: expected properties x, y and z with a number each, `{0}` is missing")]
     NoCoordinate(&'static str),
-    /// The file ends early.
+    /// The file is truncated.
     #[error("truncated: the header announces {expected} points, the file ends in point {found}")]
     Truncated {
-        /// Points by the header.
+        /// Number of points in the header.
         expected: usize,
-        /// Whole ones, from 0.
+        /// Number of complete points in the file.
         found: usize,
     },
-    /// A line of a point.
+    /// A value of a point is not a number.
     #[error("point {0}: expected a number for each property")]
     NoNumber(usize),
 }
 
-/// Type of a number.
+/// Numeric type of a property.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Kind {
     I8,
@@ -79,7 +79,7 @@ impl Kind {
     }
 }
 
-/// A property: one number, or a list after its length.
+/// A property: one number, or a list preceded by its length.
 #[derive(Clone, Copy)]
 enum Shape {
     One(Kind),
@@ -98,17 +98,17 @@ enum Form {
     BigEndian,
 }
 
-/// The header.
+/// Parsed header.
 struct Layout {
     form: Form,
     /// Elements before the vertices.
     before: Vec<Element>,
     vertices: Element,
-    /// Its length, bytes.
+    /// Length of the header, bytes.
     header: usize,
 }
 
-/// The points of a file, in its order; coordinates that are not finite stay as they are.
+/// Reads the points of a file in order; coordinates that are not finite are kept.
 ///
 /// # Errors
 /// The first error in the header or in a point.
@@ -139,20 +139,20 @@ pub fn read(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, PlyError> {
     Ok(points)
 }
 
-/// Reasons why a row ends early.
+/// Error within a row.
 enum End {
     Truncated,
     NoNumber,
 }
 
-/// Numbers in the order of the file.
+/// Reader of numbers in the order of the file.
 trait Numbers {
-    /// Goes to the next row, of one element each.
+    /// Advances to the next row, which holds one element.
     fn next_row(&mut self) -> Result<(), End>;
     fn number(&mut self, kind: Kind) -> Result<f64, End>;
-    /// Checks that a row is over.
+    /// Checks that the row has no further numbers.
     fn end_row(&mut self) -> Result<(), End>;
-    /// Passes over all of an element.
+    /// Skips all rows of an element.
     fn skip(&mut self, element: &Element) -> Option<()>;
 }
 
@@ -246,7 +246,7 @@ impl Numbers for Binary<'_> {
     }
 }
 
-/// A line for each row; empty lines are passed over.
+/// Reader of text with one line per row; empty lines are skipped.
 struct Text<'a, R> {
     rows: R,
     row: &'a [u8],
@@ -275,10 +275,10 @@ impl<'a, R: Iterator<Item = &'a [u8]>> Numbers for Text<'a, R> {
     }
 }
 
-/// The lines of a header, with the number of each from 1 and the byte after it.
+/// Lines of a header, each with its number from 1 and the offset after it.
 fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, usize, &[u8])> {
     let head = &bytes[..bytes.len().min(HEADER_MAX)];
-    // The first line shows how all of them end: after `\r` alone, a binary body may begin with any byte.
+    // The first line determines the line ending: after `\r` alone, a binary body may begin with any byte.
     let end = head.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(0);
     let ending: &[u8] = match head.get(end..) {
         Some([b'\r', b'\n', ..]) => b"\r\n",

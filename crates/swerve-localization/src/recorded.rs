@@ -1,8 +1,8 @@
-//! A recorded drive with its truth, and how well a localizer does on it.
+//! Evaluation of a localizer on a recorded drive with ground truth.
 //!
-//! The arrays are those of the CARLA log of the University of Toronto's course: `imu_f` and `imu_w` (specific force and
-//! turn rate), `gnss` and `lidar` (places), each with `.data` and `.t`, and the truth `gt.p_init`, `gt.v`, `gt.r_init`
-//! (position, velocity, roll-pitch-yaw) at the instants of the inertial unit.
+//! The arrays are those of the CARLA log of the University of Toronto's course: `imu_f` and `imu_w` (specific force
+//! and turn rate), `gnss` and `lidar` (positions), each with `.data` and `.t`, and the truth `gt.p_init`, `gt.v`,
+//! `gt.r_init` (position, velocity, roll-pitch-yaw) at the stamps of the inertial unit.
 
 use std::collections::BTreeMap;
 
@@ -15,25 +15,26 @@ use crate::localizer::{Estimate, Initial, Localizer, Sensed, Source};
 use crate::npz::Array;
 use crate::params::{Hold, Params};
 
-/// From the lidar's axes to the inertial unit's, and its place there, metres: the course's calibration.
+/// Rotation from the lidar's axes to the inertial unit's, and the lidar's position there, metres: calibration of the
+/// course.
 const LIDAR_TURN: [[f64; 3]; 3] =
     [[0.99376, -0.09722, 0.05466], [0.09971, 0.99401, -0.04475], [-0.04998, 0.04992, 0.9975]];
 const LIDAR_AT_M: [f64; 3] = [0.5, 0.1, 0.5];
-/// Standard deviation of each coordinate by the lidar, metres.
+/// Standard deviation of each coordinate from the lidar, metres.
 const LIDAR_SIGMA_M: f64 = 0.5;
-/// And of a fix where it is known.
+/// Standard deviation of each coordinate of a fix, metres.
 const FIX_SIGMA_M: f64 = 0.1;
 
 /// Settings for a recorded drive.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Preset {
-    /// All sensors, noises as they are, and what is known of a car.
+    /// All sensors, with calibrated noise and vehicle constraints.
     Best,
-    /// Pylot's filter on fixes and the inertial unit alone.
+    /// Pylot's filter, with fixes and inertial unit only.
     Paper,
 }
 
-/// A drive.
+/// A recorded drive.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     imu: Vec<(Time, [f64; 3], [f64; 3])>,
@@ -43,43 +44,44 @@ pub struct Recorded {
     velocity_mps: Vector3<f64>,
 }
 
-/// How well a localizer did.
+/// Errors and consistency of a localizer on a drive.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct Report {
-    /// Estimates that were compared.
+    /// Number of compared estimates.
     pub samples: usize,
-    /// Root mean square of the error on the ground, metres.
+    /// Root mean square of the horizontal error, metres.
     pub rmse_2d_m: f64,
-    /// The same in space.
+    /// Root mean square of the error in three dimensions, metres.
     pub rmse_3d_m: f64,
-    /// Largest error in space, metres.
+    /// Largest error in three dimensions, metres.
     pub largest_m: f64,
-    /// Root mean square of the angle between attitudes, degrees.
+    /// Root mean square of the angle between true and estimated attitude, degrees.
     pub attitude_deg: f64,
-    /// Mean square of the error in position over its covariance: 3 for a filter that knows how good it is.
+    /// Mean normalised estimation error squared of the position: 3 for a consistent filter.
     pub nees: f64,
-    /// Share of those inside the two-sided 95 % bounds.
+    /// Share of estimates within the two-sided 95 % bounds.
     pub nees_in_95: f64,
-    /// The same of innovations, by what was measured: mean (as many as it has numbers), taken, refused.
+    /// Innovation statistics by sensor: mean normalised square (its number of coordinates for a consistent filter),
+    /// accepted, refused.
     pub nis: BTreeMap<&'static str, Nis>,
 }
 
 /// Innovations of one source.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub struct Nis {
-    /// Mean square over the covariance.
+    /// Mean normalised innovation squared.
     pub mean: f64,
-    /// Measurements that were taken.
+    /// Number of accepted measurements.
     pub taken: u64,
-    /// Measurements that were refused.
+    /// Number of refused measurements.
     pub refused: u64,
 }
 
 impl Recorded {
-    /// The drive of these arrays.
+    /// Creates a drive from these arrays.
     ///
     /// # Errors
-    /// Which array is missing or has another shape.
+    /// The first array that is missing or has the wrong shape.
     pub fn new(arrays: &BTreeMap<String, Array>) -> Result<Self, String> {
         let get = |key: &str| arrays.get(key).ok_or_else(|| format!("no array `{key}`"));
         let rows = |key: &str| {
@@ -90,7 +92,7 @@ impl Recorded {
         let stamped = |key: &str| -> Result<Vec<(Time, [f64; 3])>, String> {
             let stamps = &get(&format!("{key}.t"))?.values;
             let data = rows(&format!("{key}.data"))?;
-            // The log has stamps behind the last reading, which belong to nothing.
+            // The log has surplus stamps after the last reading.
             if stamps.len() < data.len() {
                 return Err(format!("`{key}.t` has {} stamps for {} rows", stamps.len(), data.len()));
             }
@@ -116,23 +118,23 @@ impl Recorded {
         Ok(Self { imu, fixes: stamped("gnss")?, places, truth, velocity_mps: Vector3::from(velocity) })
     }
 
-    /// Mean time between two readings of the inertial unit, seconds.
+    /// Mean period of the inertial unit, seconds.
     pub fn period_s(&self) -> f64 {
         let (first, last) = (self.imu[0].0, self.imu[self.imu.len() - 1].0);
         (last - first).as_secs() / (self.imu.len() - 1) as f64
     }
 
-    /// What a preset knows of this drive's sensors.
+    /// Parameters of a preset for this drive's sensors.
     pub fn params(&self, preset: Preset) -> Params {
         let paper = Params { gravity_mps2: -9.81, ..Params::paper(self.period_s()) };
         match preset {
             Preset::Paper => paper,
             Preset::Best => Params {
-                // By the readings less the truth: 0.06, 0.54, 0.04 m/s² and 0.1 rad/s at 200 Hz.
+                // From readings minus truth: 0.06, 0.54, 0.04 m/s² and 0.1 rad/s at 200 Hz.
                 hold: Hold::Previous,
                 accel_noise: [0.0045, 0.038, 0.003],
                 gyro_noise: [0.007_07; 3],
-                // The car slides by half a metre per second where it turns hard.
+                // The car slides at 0.5 m/s in hard turns.
                 non_holonomic_mps: 0.3,
                 gate_one_in: 1000,
                 ..paper
@@ -140,10 +142,10 @@ impl Recorded {
         }
     }
 
-    /// Drives a localizer through it, from the true start.
+    /// Runs a localizer on the drive, starting from the true state.
     ///
     /// # Errors
-    /// A parameter that is out of its range.
+    /// If a parameter is out of its range.
     pub fn run(&self, params: Params, preset: Preset) -> Result<Report, swerve_core::ParamError> {
         let (position_m, [roll, pitch, yaw]) = self.truth[0];
         let attitude = from_euler(roll, pitch, yaw);
@@ -180,7 +182,7 @@ fn instant(t_s: f64, key: &str) -> Result<Time, String> {
     }
 }
 
-/// Errors so far.
+/// Accumulated errors.
 #[derive(Default)]
 struct Score {
     samples: usize,
@@ -205,7 +207,7 @@ impl Score {
         let inverse: Matrix3<f64> = estimate.position_covariance.try_inverse().unwrap_or_default();
         let nees = error.dot(&(inverse * error));
         self.nees += nees;
-        // Quantiles 2.5 % and 97.5 % of chi-square with three degrees of freedom.
+        // 2.5 % and 97.5 % quantiles of chi-square with three degrees of freedom.
         self.inside += usize::from((0.216..=9.348).contains(&nees));
     }
 

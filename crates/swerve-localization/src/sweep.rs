@@ -1,19 +1,19 @@
-//! A turn of a lidar that moves meanwhile, as if it had been at rest at the end.
+//! Deskewing of lidar scans: transforms points to the lidar's frame at the end of the scan.
 
 use nalgebra::{Isometry3, Vector3};
 use swerve_geom::math;
 
-/// Nearer points are of the vehicle, further ones few.
+/// Range of the points used, metres: nearer ones may be on the vehicle, farther ones are sparse.
 pub(crate) const RANGE_M: [f64; 2] = [2.0, 100.0];
 
-/// How a lidar moved over a turn: in pieces of equal times, at the speeds and turn rates of each.
+/// Motion of a lidar over a scan, in pieces of equal duration with constant velocity and angular rate.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Sweep {
-    /// In the order of time.
+    /// Pieces in the order of time.
     pieces: Vec<Piece>,
 }
 
-/// One piece: where the lidar was at its end, in the frame at the end of the turn, and how it got there.
+/// One piece: the lidar's pose at its end, in the frame at the end of the scan, and its motion.
 #[derive(Clone, PartialEq, Debug)]
 struct Piece {
     end_from_here: Isometry3<f64>,
@@ -21,12 +21,13 @@ struct Piece {
 }
 
 impl Sweep {
-    /// At the same speed and turn rate all the time.
+    /// Constant velocity and angular rate over the scan.
     pub fn steady(motion: &Isometry3<f64>) -> Self {
         Self { pieces: vec![Piece { end_from_here: Isometry3::identity(), twist: Twist::new(motion) }] }
     }
 
-    /// Through poses at equal times from its begin to its end, in any one frame; fewer than two are no motion.
+    /// Interpolates poses at equal intervals from start to end of the scan, in any common frame; fewer than two give
+    /// no motion.
     pub fn through(poses: &[Isometry3<f64>]) -> Self {
         let Some(end) = poses.last().filter(|_| poses.len() > 1) else {
             return Self::steady(&Isometry3::identity());
@@ -38,8 +39,9 @@ impl Sweep {
         Self { pieces: poses.windows(2).map(piece).collect() }
     }
 
-    /// The points of a turn in the lidar's frame at its end: each is given in the frame at its own instant, with that as a
-    /// share of the turn from its end, -1 to 0. Points that are near, far or no numbers are left out.
+    /// Transforms the points of a scan to the lidar's frame at its end. Each is given in the frame at its own
+    /// instant, with that instant as a share of the scan from its end, -1 to 0. Points that are too near, too far or
+    /// not finite are dropped.
     pub fn straightened(&self, points: &[(Vector3<f64>, f64)]) -> Vec<Vector3<f64>> {
         points
             .iter()
@@ -61,12 +63,12 @@ impl Sweep {
     }
 }
 
-/// A motion of which points are moved by shares, at the speeds and turn rates of the whole.
+/// A motion that is applied to points in part, at constant velocity and angular rate.
 #[derive(Clone, PartialEq, Debug)]
 struct Twist {
     way: Vector3<f64>,
     turn: Vector3<f64>,
-    /// Square of its length.
+    /// Squared length of `turn`.
     square: f64,
 }
 
@@ -79,7 +81,8 @@ impl Twist {
         Self { way: motion.translation.vector, turn, square: turn.dot(&turn) }
     }
 
-    /// By Rodrigues' formula, sine and cosine as series: of turns below a radian they are exact to 1e-6 of their share.
+    /// Applies a share of the motion, by Rodrigues' formula with series for sine and cosine: for turns below one
+    /// radian, the relative error is 1e-6.
     fn moved(&self, point: &Vector3<f64>, share: f64) -> Vector3<f64> {
         let (turn, square) = (self.turn * share, self.square * share * share);
         let sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0));
@@ -101,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_in_pieces_is_the_same_as_at_once() {
+    fn motion_in_pieces_equals_a_steady_one() {
         let poses: Vec<_> = (0..=8).map(|k| pose(0.25 * f64::from(k), 0.0)).collect();
         let [many, once] = [Sweep::through(&poses), Sweep::steady(&pose(2.0, 0.0))];
         for k in 0..=100 {
@@ -112,8 +115,8 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_rate_that_grows_is_followed() {
-        // From rest to 0.6 rad/s in a turn of 0.1 s: 0.03 rad in all.
+    fn growing_turn_rate_is_followed_piecewise() {
+        // From rest to 0.6 rad/s in a scan of 0.1 s: 0.03 rad in total.
         let angle = |t: f64| 0.5 * 6.0 * t * t;
         let poses: Vec<_> = (0..=8).map(|k| pose(0.0, angle(0.0125 * f64::from(k)))).collect();
         let seen = |share: f64| {
@@ -132,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_point_is_left_out() {
+    fn invalid_near_and_far_points_are_dropped() {
         let still = Sweep::through(&[]);
         let points = [[f64::NAN, 0.0, 0.0], [0.5, 0.0, 0.0], [500.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
         let kept = still.straightened(&points.map(|point| (Vector3::from(point), f64::NAN)));

@@ -1,4 +1,4 @@
-//! A map of normal distributions: of each cube of space how many points are in it, their mean and their covariance.
+//! Map of normal distributions: number, mean and covariance of the points in each cube.
 
 use std::collections::BTreeSet;
 
@@ -7,17 +7,17 @@ use nalgebra::{Matrix3, Vector3};
 use crate::eigen;
 use crate::grid::{Grid, Index};
 
-/// A cube with fewer points says nothing of the surface in it.
+/// Smallest number of points for which a cube has a surface.
 pub const POINTS_MIN: u32 = 6;
 
-/// An eigenvalue of a covariance is at least this share of the largest one.
+/// Smallest eigenvalue of a covariance, as a share of the largest one.
 const FLATNESS: f64 = 0.01;
 
-/// A deviation above this share of a cube's edge is how far its points spread, not how well the surface is known: those of
-/// a wall through the whole cube have 0.29 along it.
+/// Standard deviation, as a share of a cube's edge, above which it reflects the extent of the points rather than the
+/// accuracy of the surface: along a wall through the whole cube it is 0.29.
 const SPREAD: f64 = 0.2;
 
-/// Sums over the points of a cube, from its middle.
+/// Sums over the points of a cube, relative to its centre.
 #[derive(Clone, Copy, Debug, Default)]
 struct Moments {
     count: u32,
@@ -25,32 +25,32 @@ struct Moments {
     squares: Matrix3<f64>,
 }
 
-/// What is known of a cube. Numbers of single precision, as a file of the map has them.
+/// Statistics of a cube, in single precision as in map files.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Voxel {
-    /// Which along x, y and z: it begins at this times the resolution.
+    /// Indices along x, y and z: the cube starts at this times the resolution.
     pub index: [i32; 3],
-    /// Points.
+    /// Number of points.
     pub count: u32,
-    /// Their mean from the middle of the cube, metres.
+    /// Mean relative to the centre of the cube, metres.
     pub mean_m: [f32; 3],
-    /// Their covariance xx, xy, xz, yy, yz, zz, m².
+    /// Covariance xx, xy, xz, yy, yz, zz, m².
     pub covariance_m2: [f32; 6],
 }
 
-/// Points on their way to a map.
+/// Accumulates points for a map.
 #[derive(Clone, Debug)]
 pub struct VoxelSums {
     grid: Grid<Moments>,
 }
 
 impl VoxelSums {
-    /// Without a point, with cubes of this size.
+    /// Creates an empty map with cubes of this size.
     pub fn new(resolution_m: f64) -> Self {
         Self { grid: Grid::new(resolution_m) }
     }
 
-    /// Adds a point of the map; what is no number is none.
+    /// Adds a point in map coordinates; points that are not finite are ignored.
     pub fn add(&mut self, at: &Vector3<f64>) {
         let Some(index) = self.grid.index(at.data.0[0]) else { return };
         let from_middle = at - self.grid.middle(index);
@@ -60,7 +60,7 @@ impl VoxelSums {
         moments.squares += from_middle * from_middle.transpose();
     }
 
-    /// The cubes that have enough points, in the order of their indices.
+    /// Cubes with enough points, sorted by index.
     pub fn voxels(&self) -> Vec<Voxel> {
         let enough = self.grid.cells().iter().filter(|(_, moments)| moments.count >= POINTS_MIN);
         let mut voxels: Vec<_> = enough.map(|(index, moments)| voxel(*index, moments)).collect();
@@ -82,30 +82,30 @@ fn voxel(index: Index, moments: &Moments) -> Voxel {
     }
 }
 
-/// The surface in a cube: its mean in the map, and the inverse of its covariance (xx, xy, xz, yy, yz, zz).
+/// Surface in a cube: mean in the map, and inverse of the covariance (xx, xy, xz, yy, yz, zz).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) mean: [f64; 3],
     pub(crate) inverse: [f64; 6],
 }
 
-/// A map to match scans with.
+/// A map for scan matching.
 #[derive(Clone, Debug)]
 pub struct VoxelMap {
     surfaces: Grid<Surface>,
-    /// Of each the inverse without directions in which the points only spread.
+    /// Inverse covariance of each surface without the directions in which the points only spread.
     known: Vec<[f64; 6]>,
 }
 
 impl VoxelMap {
-    /// Of cubes of this size, as [`VoxelSums::voxels`] tells them or a file does.
+    /// Creates a map from cubes of this size, from [`VoxelSums::voxels`] or a file.
     pub fn new<'a>(resolution_m: f64, voxels: impl IntoIterator<Item = &'a Voxel>) -> Self {
         let mut map = Self { surfaces: Grid::new(resolution_m), known: Vec::new() };
         voxels.into_iter().for_each(|voxel| map.add(voxel));
         map
     }
 
-    /// Adds a cube that is not there yet; not one whose points are all one.
+    /// Adds a cube unless it is present already or all of its points coincide.
     fn add(&mut self, voxel: &Voxel) {
         let middle = self.surfaces.middle(voxel.index);
         let mean = (middle + Vector3::from(voxel.mean_m.map(f64::from))).data.0[0];
@@ -117,7 +117,7 @@ impl VoxelMap {
         }
     }
 
-    /// Of points.
+    /// Creates a map from points.
     pub fn of_points<'a>(resolution_m: f64, points: impl IntoIterator<Item = &'a Vector3<f64>>) -> Self {
         let mut sums = VoxelSums::new(resolution_m);
         points.into_iter().for_each(|point| sums.add(point));
@@ -134,12 +134,12 @@ impl VoxelMap {
         self.surfaces.cells().len()
     }
 
-    /// Whether there is nothing to match with.
+    /// Returns true if there is no surface.
     pub fn is_empty(&self) -> bool {
         self.surfaces.cells().is_empty()
     }
 
-    /// Columns along z in which there is a surface, as indices along x and y.
+    /// Columns along z with a surface, as indices along x and y.
     pub(crate) fn columns(&self) -> BTreeSet<[i32; 2]> {
         self.surfaces.cells().iter().map(|([x, y, _], _)| [*x, *y]).collect()
     }
@@ -149,7 +149,7 @@ impl VoxelMap {
         self.surfaces.index(at)
     }
 
-    /// Which surface a cube has.
+    /// Index of the surface in a cube.
     #[inline(always)]
     pub(crate) fn surface(&self, index: Index) -> Option<usize> {
         self.surfaces.place(index)
@@ -166,7 +166,7 @@ impl VoxelMap {
     }
 }
 
-/// Cubes `factor` times as long, of those of a finer map.
+/// Merges cubes into cubes with edges `factor` times as long.
 pub fn coarser(voxels: &[Voxel], resolution_m: f64, factor: i32) -> Vec<Voxel> {
     let (fine, mut grid) =
         (Grid::<()>::new(resolution_m), Grid::<Moments>::new(resolution_m * f64::from(factor)));
@@ -184,8 +184,8 @@ pub fn coarser(voxels: &[Voxel], resolution_m: f64, factor: i32) -> Vec<Voxel> {
     VoxelSums { grid }.voxels()
 }
 
-/// The inverse of a covariance whose eigenvalues are clamped, and what of it is of directions with less than a deviation;
-/// none where all points are one.
+/// Inverse of a covariance with clamped eigenvalues, and its part along directions with a standard deviation below
+/// `spread_m`; `None` if all points coincide.
 fn inverses([xx, xy, xz, yy, yz, zz]: [f64; 6], spread_m: f64) -> Option<[[f64; 6]; 2]> {
     let (values, vectors) = eigen::symmetric(&Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
     let largest = values[0].max(values[1]).max(values[2]);

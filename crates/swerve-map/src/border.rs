@@ -3,11 +3,10 @@
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2};
 
-/// A border beside a line: how far it is from the line, as a function of arc length.
+/// A border beside a line: its distance from the line as a function of arc length.
 ///
-/// It is constant, or linear between stations and constant before the first and beyond the last. Two stations of
-/// one arc length are a step; at the step the second counts. In text it is a number, or a list of
-/// `[s_m, distance_m]`.
+/// Constant, or linear between stations and constant before the first and beyond the last. Two stations at the same
+/// arc length form a step, at which the second applies. Its text form is a number, or a list of `[s_m, distance_m]`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(try_from = "Text", into = "Text")]
 pub struct Border(Form);
@@ -15,7 +14,7 @@ pub struct Border(Form);
 #[derive(Clone, PartialEq, Debug)]
 enum Form {
     Constant(f64),
-    /// At least two.
+    /// At least two stations.
     Linear(Vec<Station>),
 }
 
@@ -28,21 +27,21 @@ pub struct Station {
     pub distance_m: f64,
 }
 
-/// Why stations do not make a border.
+/// Error of constructing a border from stations.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum BorderError {
-    /// There is none.
+    /// The list of stations is empty.
     #[error("a border needs a distance at one station at least")]
     Empty,
-    /// A number is infinite or not a number.
+    /// A number is infinite or NaN.
     #[error("station {0} of the border is not finite")]
     NotFinite(usize),
-    /// A station lies before the one that it follows, or is the third of one arc length.
+    /// A station is before its predecessor, or is the third at one arc length.
     #[error("station {0} of the border does not lie beyond the one before it")]
     Order(usize),
 }
 
-/// The text form.
+/// Text form of a border.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Text {
@@ -75,15 +74,16 @@ impl From<Border> for Text {
 }
 
 impl Border {
-    /// The same distance everywhere, metres.
+    /// Creates a border at the same distance everywhere, metres.
     pub const fn constant(distance_m: f64) -> Self {
         Self(Form::Constant(distance_m))
     }
 
-    /// Linear between these stations; constant if there is one, or all have one distance.
+    /// Creates a border that is linear between these stations; constant if there is only one, or all have the same
+    /// distance.
     ///
     /// # Errors
-    /// No station, a number that is not finite, or stations that are not in order.
+    /// If there is no station, a number is not finite, or the stations are not in order.
     pub fn linear(stations: &[Station]) -> Result<Self, BorderError> {
         let Some(first) = stations.first() else { return Err(BorderError::Empty) };
         if let Some(bad) = stations.iter().position(|x| !(x.s_m.is_finite() && x.distance_m.is_finite())) {
@@ -102,7 +102,7 @@ impl Border {
         Ok(Self(Form::Linear(stations.to_vec())))
     }
 
-    /// Its distance from the line at arc length `s_m`, metres.
+    /// Distance from the line at arc length `s_m`, metres.
     #[inline]
     pub fn at(&self, s_m: f64) -> f64 {
         match &self.0 {
@@ -111,7 +111,7 @@ impl Border {
         }
     }
 
-    /// The stations between which it is linear; none if it is constant.
+    /// Stations of a linear border; empty for a constant one.
     pub fn stations(&self) -> &[Station] {
         match &self.0 {
             Form::Constant(_) => &[],
@@ -119,17 +119,17 @@ impl Border {
         }
     }
 
-    /// Its largest distance from the line, metres.
+    /// Largest distance from the line, metres.
     pub fn max_m(&self) -> f64 {
         self.distances().fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Its smallest distance from the line, metres.
+    /// Smallest distance from the line, metres.
     pub fn min_m(&self) -> f64 {
         self.distances().fold(f64::INFINITY, f64::min)
     }
 
-    /// Its smallest distance from the line over the arc lengths from the first to the second, metres.
+    /// Smallest distance from the line over the given range of arc lengths, metres.
     pub fn min_between_m(&self, [from_m, to_m]: [f64; 2]) -> f64 {
         let within = self.stations().iter().filter(|x| from_m < x.s_m && x.s_m <= to_m);
         within.map(|x| x.distance_m).fold(self.at(from_m).min(self.at(to_m)), f64::min)
@@ -143,7 +143,7 @@ impl Border {
         constant.into_iter().chain(self.stations().iter().map(|x| x.distance_m))
     }
 
-    /// This border moved outwards by the distance of `other` where it is.
+    /// Sum of two borders: this one moved outwards by the distance of `other` at each arc length.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         if let (Form::Constant(a), Form::Constant(b)) = (&self.0, &other.0) {
@@ -154,7 +154,7 @@ impl Border {
         at.sort_by(f64::total_cmp);
         at.dedup();
         for s_m in at {
-            // At a step of either, what is before it and what is from it on.
+            // At a step of either border: the sums just before it and from it on.
             let before = self.before(s_m) + other.before(s_m);
             let from = self.at(s_m) + other.at(s_m);
             if before != from {
@@ -165,15 +165,15 @@ impl Border {
         Self(Form::Linear(stations))
     }
 
-    /// The distance just before `s_m`.
+    /// Distance just before `s_m`.
     fn before(&self, s_m: f64) -> f64 {
         let stations = self.stations();
         let first = stations.partition_point(|x| x.s_m < s_m);
         stations.get(first).filter(|x| x.s_m == s_m).map_or_else(|| self.at(s_m), |x| x.distance_m)
     }
 
-    /// This border seen from a line on which arc length `s` of this one is at `begin_m + scale * s`. A negative
-    /// scale turns it round.
+    /// The border relative to a line on which arc length `s` of this one is at `begin_m + scale * s`. A negative
+    /// scale reverses it.
     #[must_use]
     pub(crate) fn along(&self, begin_m: f64, scale: f64) -> Self {
         match &self.0 {
@@ -189,7 +189,7 @@ impl Border {
         }
     }
 
-    /// One border after the other, each from the arc length beside it to that of the next.
+    /// Concatenates borders, each from the arc length beside it to that of the next.
     pub(crate) fn joined(parts: &[(f64, Self)], end_m: f64) -> Self {
         let mut stations: Vec<Station> = Vec::new();
         for (k, (begin_m, border)) in parts.iter().enumerate() {
@@ -211,7 +211,7 @@ impl Border {
     }
 }
 
-/// The distance at `s_m`, linear between the stations.
+/// Distance at `s_m`, interpolated linearly between the stations.
 fn between(stations: &[Station], s_m: f64) -> f64 {
     let next = stations.partition_point(|x| x.s_m <= s_m);
     if next == 0 || next == stations.len() {
@@ -221,7 +221,7 @@ fn between(stations: &[Station], s_m: f64) -> f64 {
     a.distance_m + (b.distance_m - a.distance_m) * ((s_m - a.s_m) / (b.s_m - a.s_m))
 }
 
-/// The borders to both sides of a line.
+/// The borders on both sides of a line.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Borders {
     #[serde(rename = "left_m")]
@@ -237,59 +237,59 @@ impl Default for Borders {
 }
 
 impl Borders {
-    /// Borders at these distances to the left and to the right.
+    /// Creates borders at these distances to the left and to the right.
     pub const fn new(left: Border, right: Border) -> Self {
         Self { left, right }
     }
 
-    /// The same distances everywhere, metres.
+    /// Creates borders at the same distances everywhere, metres.
     pub const fn constant(left_m: f64, right_m: f64) -> Self {
         Self::new(Border::constant(left_m), Border::constant(right_m))
     }
 
-    /// The border to the left of the line.
+    /// Border to the left of the line.
     pub fn left(&self) -> &Border {
         &self.left
     }
 
-    /// The border to the right of the line.
+    /// Border to the right of the line.
     pub fn right(&self) -> &Border {
         &self.right
     }
 
-    /// From the line to the left border at arc length `s_m`, metres.
+    /// Distance from the line to the left border at arc length `s_m`, metres.
     #[inline]
     pub fn left_m(&self, s_m: f64) -> f64 {
         self.left.at(s_m)
     }
 
-    /// From the line to the right border at arc length `s_m`, metres (positive).
+    /// Distance from the line to the right border at arc length `s_m`, metres (positive).
     #[inline]
     pub fn right_m(&self, s_m: f64) -> f64 {
         self.right.at(s_m)
     }
 
-    /// The larger of the two distances where it is largest, metres.
+    /// Largest distance of either border from the line, metres.
     pub fn farthest_m(&self) -> f64 {
         self.left.max_m().max(self.right.max_m())
     }
 
-    /// How far a place is from the nearer border, measured across the line, metres; negative outside.
+    /// Distance of a point from the nearer border, measured across the line, metres; negative outside.
     #[inline]
     pub fn room_m(&self, place: FrenetPoint) -> f64 {
         (self.left_m(place.s_m) - place.d_m).min(place.d_m + self.right_m(place.s_m))
     }
 
-    /// Whether a place is between the borders or on one of them.
+    /// Returns true if a point is between the borders or on one of them.
     pub fn contains(&self, place: FrenetPoint) -> bool {
         self.room_m(place) >= 0.0
     }
 
-    /// How far the worst place of an outline is from the nearer border, measured across the line, metres;
-    /// negative outside. `project` gives the place of a point along the line.
+    /// Smallest distance of an outline from the nearer border, measured across the line, metres; negative outside.
+    /// `project` projects a map point onto the line.
     ///
-    /// Between borders of constant distance that is one of its corners. Where a border comes nearer and goes away
-    /// again the worst place can be on a side of the outline, beside a station of the border: these count too.
+    /// Between borders of constant distance, the minimum is at a corner. Where a border approaches and recedes again,
+    /// it can be on a side of the outline, beside a station of the border: these points are checked too.
     pub fn margin_m(&self, corners: [Point2; 4], project: impl Fn(Point2) -> FrenetPoint) -> f64 {
         let places = corners.map(&project);
         let mut margin_m = places.into_iter().fold(f64::INFINITY, |m, place| m.min(self.room_m(place)));
@@ -306,7 +306,8 @@ impl Borders {
         margin_m
     }
 
-    /// Whether [`margin_m`](Self::margin_m) is at least `needed_m`: the first corner that is nearer to a border says no.
+    /// Returns true if [`margin_m`](Self::margin_m) is at least `needed_m`; stops at the first corner that is too
+    /// near.
     pub fn keeps(
         &self,
         corners: [Point2; 4],
@@ -332,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_linear_between_stations_and_constant_beyond() {
+    fn border_is_linear_between_stations_and_constant_beyond() {
         let b = border(&[(10.0, 2.0), (20.0, 4.0), (20.0, 3.0), (30.0, 1.0)]);
         for (s_m, distance_m) in [
             (-5.0, 2.0),
@@ -353,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_stations_are_rejected() {
         let linear = |pairs: &[(f64, f64)]| {
             let stations: Vec<_> =
                 pairs.iter().map(|&(s_m, distance_m)| Station { s_m, distance_m }).collect();
@@ -368,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_a_number_or_a_list_of_stations() {
+    fn border_text_is_a_number_or_a_list_of_stations() {
         let text = |b: &Border| serde_json::to_string(b).unwrap();
         let varying = border(&[(0.0, 2.0), (50.0, 3.5)]);
         assert_eq!(text(&Border::constant(6.0)), "6.0");
@@ -380,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_joins_and_turns_are_those_of_the_functions() {
+    fn border_sums_joins_and_reversals_agree_with_the_functions() {
         let a = border(&[(0.0, 1.0), (10.0, 2.0), (10.0, 5.0), (20.0, 5.0)]);
         let b = border(&[(5.0, 0.5), (15.0, 1.5)]);
         let (sum, turned) = (a.plus(&b), a.along(20.0, -1.0));
@@ -398,8 +399,8 @@ mod tests {
     }
 
     #[test]
-    fn a_post_beside_the_door_is_seen_though_all_corners_are_free() {
-        // The right border comes to 1 m at s = 20 and is 3 m away 1 m before and after.
+    fn margin_detects_a_narrowing_between_the_corners() {
+        // The right border is at 1 m at s = 20, and at 3 m from 1 m before and after.
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(40.0, 0.0)]).unwrap();
         let right = border(&[(19.0, 3.0), (20.0, 1.0), (21.0, 3.0)]);
         let borders = Borders::new(Border::constant(5.0), right);
@@ -415,7 +416,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
         #[test]
-        fn the_margin_is_the_smallest_over_the_whole_outline(
+        fn margin_is_the_smallest_over_the_whole_outline(
             x in 5.0..55.0, y in -2.0..2.0, h in -3.0..3.0, narrow in 0.5..4.0, at in 15.0..45.0,
         ) {
             let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(60.0, 0.0)]).unwrap();
@@ -433,7 +434,7 @@ mod tests {
                 let plain_m = plain.margin_m(corners, |p| line.project(p));
                 prop_assert_eq!(plain.keeps(corners, needed, |p| line.project(p)), plain_m >= needed);
             }
-            // Borders here change by up to 2.5 m a metre, samples are 1 cm apart.
+            // The borders change by up to 2.5 m per metre; samples are 1 cm apart.
             prop_assert!(margin <= smallest + 1e-9 && margin >= smallest - 0.05, "{margin} {smallest}");
         }
     }

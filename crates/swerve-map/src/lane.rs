@@ -10,36 +10,36 @@ use crate::Borders;
 #[serde(transparent)]
 pub struct LaneId(pub u32);
 
-/// Use that a lane is made for.
+/// Intended use of a lane.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LaneKind {
-    /// Motor vehicles drive here.
+    /// Motor vehicles.
     #[default]
     Driving,
-    /// Paved ground beside a lane: may be driven on to make way.
+    /// Paved ground beside a lane, which may be used to give way.
     Shoulder,
     /// Bicycles.
     Cycling,
-    /// People on foot.
+    /// Pedestrians.
     Walking,
-    /// Vehicles stand here.
+    /// Parked vehicles.
     Parking,
 }
 
 impl LaneKind {
-    /// Whether a car may use the ground: its own lane, its neighbours', the shoulder.
+    /// Returns true if a car may drive on it: driving lanes and shoulders.
     pub fn is_drivable(self) -> bool {
         matches!(self, Self::Driving | Self::Shoulder)
     }
 }
 
-/// A lane that shares a border with another one from end to end.
+/// A lane that shares a border with another lane along its whole length.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Neighbour {
-    /// The lane beside.
+    /// The adjacent lane.
     pub lane: LaneId,
-    /// Whether it runs the other way.
+    /// True if it runs in the opposite direction.
     #[serde(default)]
     pub opposite: bool,
 }
@@ -47,15 +47,15 @@ pub struct Neighbour {
 /// A strip of ground with a direction.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Lane {
-    /// Identity.
+    /// Identity in the map.
     pub id: LaneId,
-    /// Use.
+    /// Intended use.
     pub kind: LaneKind,
     /// Centre line, in the direction of travel.
     pub line: Polyline,
-    /// Its own borders beside the centre line.
+    /// Borders of the lane beside the centre line.
     pub borders: Borders,
-    /// Highest speed that is allowed, m/s; `None`: none is known.
+    /// Speed limit, m/s; `None` if unknown.
     #[serde(default)]
     pub speed_limit_mps: Option<f64>,
     /// The lane beyond the left border.
@@ -64,13 +64,13 @@ pub struct Lane {
     /// The lane beyond the right border.
     #[serde(default)]
     pub right: Option<Neighbour>,
-    /// Lanes that go on where this one ends.
+    /// Lanes that continue from the end of this one.
     #[serde(default)]
     pub successors: Vec<LaneId>,
 }
 
 impl Lane {
-    /// A driving lane without neighbours, successors or speed limit.
+    /// Creates a driving lane without neighbours, successors or speed limit.
     pub const fn new(id: LaneId, line: Polyline, borders: Borders) -> Self {
         Self {
             id,
@@ -84,14 +84,14 @@ impl Lane {
         }
     }
 
-    /// The place of `point` along the lane if it is on it: between its ends and between its borders, or on them.
+    /// Position of `point` along the lane if it is between its ends and borders, or on them.
     pub fn place_of(&self, point: Point2) -> Option<FrenetPoint> {
         let place = self.line.project(point);
         let along = 0.0 <= place.s_m && place.s_m <= self.line.length();
         (along && self.borders.contains(place)).then_some(place)
     }
 
-    /// Distance between its borders at arc length `s_m`, metres.
+    /// Distance between the borders at arc length `s_m`, metres.
     pub fn width_m(&self, s_m: f64) -> f64 {
         self.borders.left_m(s_m) + self.borders.right_m(s_m)
     }

@@ -1,49 +1,49 @@
-//! Maps.
+//! Lane maps.
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Point2};
 
 use crate::{Lane, LaneId, Neighbour};
 
-/// Ends and beginnings of lanes that follow one another may be this far apart, metres.
+/// Largest gap between the end of a lane and the start of its successor, metres.
 const JOINT_M: f64 = 0.1;
 
-/// Lanes that fit together. In text it is the list of its lanes.
+/// A consistent set of lanes. Its text form is the list of lanes.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Lane>", into = "Vec<Lane>")]
 pub struct Map {
     /// Ordered by identity.
     lanes: Vec<Lane>,
-    /// For each lane the rectangle along the axes that holds it.
+    /// Axis-aligned bounding box of each lane.
     bounds: Vec<Bounds>,
-    /// For each lane those that it goes on from, ordered by identity.
+    /// Predecessors of each lane, ordered by identity.
     predecessors: Vec<Vec<LaneId>>,
 }
 
-/// A lane and a place along it.
+/// A lane and a position along it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LanePlace {
     /// The lane.
     pub lane: LaneId,
-    /// The place along its centre line.
+    /// Position along its centre line.
     pub place: FrenetPoint,
 }
 
-/// Why lanes do not make a map.
+/// Error of constructing a map from lanes.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum MapError {
-    /// Two lanes have one identity.
+    /// Two lanes have the same identity.
     #[error("lane {} is there twice", .0.0)]
     Twice(LaneId),
-    /// A neighbour or successor is not there.
+    /// A neighbour or successor is not in the map.
     #[error("lane {} names lane {}, which is not there", .lane.0, .named.0)]
     Missing {
         /// The lane.
         lane: LaneId,
-        /// The name that is not there.
+        /// Identity that is missing.
         named: LaneId,
     },
-    /// A neighbour does not have the lane on the side that it is on.
+    /// The neighbour does not list the lane on the matching side.
     #[error("lane {} has lane {} beside it, but not the other way round", .lane.0, .neighbour.0)]
     OneSided {
         /// The lane.
@@ -51,7 +51,7 @@ pub enum MapError {
         /// Its neighbour.
         neighbour: LaneId,
     },
-    /// A successor begins elsewhere.
+    /// The start of a successor is not at the end of the lane.
     #[error("lane {} begins {gap_m:.2} m from where lane {} ends", .successor.0, .lane.0)]
     Gap {
         /// The lane.
@@ -61,12 +61,12 @@ pub enum MapError {
         /// Distance between the two, metres.
         gap_m: f64,
     },
-    /// The left border is to the right of the right one.
+    /// The left border is to the right of the right border.
     #[error("the borders of lane {} cross at {s_m:.1} m", .lane.0)]
     Width {
         /// The lane.
         lane: LaneId,
-        /// Where along it, metres.
+        /// Arc length along the lane, metres.
         s_m: f64,
     },
 }
@@ -78,7 +78,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// Around the lane and all that is between its borders.
+    /// Bounds of the lane between its borders.
     fn around(lane: &Lane) -> Self {
         let ends = |f: fn(f64, f64) -> f64, first: f64| {
             let points = lane.line.points().iter();
@@ -116,11 +116,10 @@ impl From<Map> for Vec<Lane> {
 }
 
 impl Map {
-    /// A map of these lanes, in any order.
+    /// Creates a map of these lanes, in any order.
     ///
-    /// # Errors
-    /// The first of: an identity twice, a name of a lane that is not there, a neighbour on one side only, a
-    /// successor that begins elsewhere, borders that cross.
+    /// The first of: a duplicate identity, a reference to a missing lane, a neighbour on one side only, a successor
+    /// that starts elsewhere, borders that cross.
     pub fn new(mut lanes: Vec<Lane>) -> Result<Self, MapError> {
         lanes.sort_by_key(|lane| lane.id);
         if let Some(two) = lanes.windows(2).find(|two| two[0].id == two[1].id) {
@@ -145,7 +144,7 @@ impl Map {
         for (is_left, neighbour) in [(true, lane.left), (false, lane.right)] {
             let Some(Neighbour { lane: id, opposite }) = neighbour else { continue };
             let other = named(id)?;
-            // What is to the left of the one has it to the right, or to its own left if it runs the other way.
+            // A lane to the left has this one to its right, or to its left if it runs the other way.
             let back = if is_left == opposite { other.left } else { other.right };
             if back != Some(Neighbour { lane: lane.id, opposite }) {
                 return Err(MapError::OneSided { lane: lane.id, neighbour: id });
@@ -171,12 +170,12 @@ impl Map {
         &self.lanes
     }
 
-    /// The lane of this identity.
+    /// Lane with this identity.
     pub fn lane(&self, id: LaneId) -> Option<&Lane> {
         self.index(id).map(|index| &self.lanes[index])
     }
 
-    /// The lanes that this one goes on from, ordered by identity.
+    /// Lanes that have this one as a successor, ordered by identity.
     pub fn predecessors(&self, id: LaneId) -> &[LaneId] {
         self.index(id).map_or(&[], |index| &self.predecessors[index])
     }
@@ -185,14 +184,14 @@ impl Map {
         self.lanes.binary_search_by_key(&id, |lane| lane.id).ok()
     }
 
-    /// The lanes that a point is on, ordered by identity: several where lanes cross, merge or share a border.
+    /// Lanes that contain a point, ordered by identity: several where lanes cross, merge or share a border.
     pub fn at(&self, point: Point2) -> impl Iterator<Item = LanePlace> + '_ {
         let near = self.lanes.iter().zip(&self.bounds).filter(move |(_, b)| b.distance_m(point) == 0.0);
         near.filter_map(move |(lane, _)| lane.place_of(point).map(|place| LanePlace { lane: lane.id, place }))
     }
 
-    /// The lane whose centre line is nearest to a point, however far away that is; of equal ones the first.
-    /// `None` only in a map without lanes.
+    /// Lane with the nearest centre line to a point, at any distance; the first of equally near ones. `None` only for
+    /// a map without lanes.
     pub fn nearest(&self, point: Point2) -> Option<LanePlace> {
         let mut nearest: Option<(f64, LanePlace)> = None;
         for (lane, bounds) in self.lanes.iter().zip(&self.bounds) {
@@ -201,7 +200,7 @@ impl Map {
                 continue;
             }
             let place = lane.line.project(point);
-            // The line goes on straight beyond its ends; the lane does not.
+            // The line is extended straight beyond its ends; the lane is not.
             let on_lane = lane.line.at(place.s_m.clamp(0.0, lane.line.length())).pose.point();
             let distance_m = on_lane.distance(point);
             if distance_m < reach_m {

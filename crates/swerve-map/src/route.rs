@@ -1,20 +1,20 @@
-//! Routes: ways over lanes.
+//! Routes over lanes.
 
 use serde::{Deserialize, Serialize};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, PolylineError};
 
 use crate::{Border, Borders, Lane, LaneId, Map, Neighbour};
 
-/// The way that the ego is to go, and the ground that it may use.
+/// Route of the ego, with the borders of the drivable ground.
 ///
-/// Its line is the centre of the lanes that it goes over; the borders beside it are those of the ground that may
-/// be driven on, neighbouring lanes included.
+/// Its line is the centre line of its lanes. The borders beside it are those of the drivable ground, neighbouring
+/// lanes included.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Route {
     line: Polyline,
     #[serde(flatten)]
     borders: Borders,
-    /// Borders of the lanes that it goes over; `None`: all of the ground is one lane.
+    /// Borders of its lanes; `None` if all of the ground is one lane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     lane: Option<Borders>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -26,23 +26,23 @@ pub struct Route {
 pub struct Stretch {
     /// The lane.
     pub lane: LaneId,
-    /// Where along the route it begins, metres.
+    /// Start of the stretch along the route, metres.
     pub begin_m: f64,
-    /// Highest speed that is allowed on it, m/s; `None`: none is known.
+    /// Speed limit on it, m/s; `None` if unknown.
     #[serde(default)]
     pub speed_limit_mps: Option<f64>,
 }
 
-/// Why lanes do not make a route.
+/// Error of constructing a route from lanes.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 pub enum RouteError {
-    /// There is none.
+    /// The list of lanes is empty.
     #[error("a route needs one lane at least")]
     Empty,
     /// A lane is not on the map.
     #[error("lane {} is not on the map", .0.0)]
     Unknown(LaneId),
-    /// A lane does not go on from the one before it.
+    /// A lane is not a successor of the one before it.
     #[error("lane {} does not go on from lane {}", .to.0, .from.0)]
     NoSuccessor {
         /// The lane before.
@@ -50,32 +50,34 @@ pub enum RouteError {
         /// The lane.
         to: LaneId,
     },
-    /// The lanes' lines together are none.
+    /// The lanes have no common line.
     #[error(transparent)]
     Line(#[from] PolylineError),
 }
 
 impl Route {
-    /// A way along `line` between `borders`, on no map.
+    /// Creates a route along `line` between `borders`, without a map.
     pub const fn new(line: Polyline, borders: Borders) -> Self {
         Self { line, borders, lane: None, stretches: Vec::new() }
     }
 
-    /// The same way in a lane with these borders: the drivable ground beyond them is not the ego's lane.
+    /// The same route in a lane with these borders: drivable ground beyond them is not in the ego's lane.
     #[must_use]
     pub fn in_lane(self, lane: Borders) -> Self {
         Self { lane: Some(lane), ..self }
     }
 
-    /// A way along `line` with the same ground to its left and right (positive) everywhere, metres; on no map.
+    /// Creates a route along `line` with constant drivable ground to its left and right (positive), metres; without a
+    /// map.
     pub const fn uniform(line: Polyline, left_m: f64, right_m: f64) -> Self {
         Self::new(line, Borders::constant(left_m, right_m))
     }
 
-    /// The way over these lanes of `map`, each a successor of the one before, with all drivable ground beside.
+    /// Creates the route over these lanes of `map`, each a successor of the one before, with all drivable ground
+    /// beside them.
     ///
     /// # Errors
-    /// No lane, a lane that is not on the map or does not follow, or lanes without length.
+    /// If there is no lane, a lane is not on the map or not a successor, or the lanes have no length.
     pub fn along(map: &Map, lanes: &[LaneId]) -> Result<Self, RouteError> {
         let lane = |&id: &LaneId| map.lane(id).ok_or(RouteError::Unknown(id));
         let lanes = lanes.iter().map(lane).collect::<Result<Vec<&Lane>, _>>()?;
@@ -84,7 +86,7 @@ impl Route {
             return Err(RouteError::NoSuccessor { from: two[0].id, to: two[1].id });
         }
         let mut points: Vec<Point2> = first.line.points().to_vec();
-        // Where lanes join, the end of the one stands for the beginning of the next.
+        // At joints, the end of a lane replaces the start of the next.
         lanes[1..].iter().for_each(|lane| points.extend(&lane.line.points()[1..]));
         let (mut stretches, mut left, mut right) = (Vec::new(), Vec::new(), Vec::new());
         let (mut own_left, mut own_right) = (Vec::new(), Vec::new());
@@ -104,7 +106,7 @@ impl Route {
         Ok(Self { line: Polyline::new(&points)?, borders, lane, stretches })
     }
 
-    /// The same way with less ground on either side, by `by_m` metres.
+    /// The same route with the ground narrowed by `by_m` metres on either side.
     #[must_use]
     pub fn narrowed(&self, by_m: f64) -> Self {
         let less = Border::constant(-by_m);
@@ -112,69 +114,69 @@ impl Route {
         Self { borders, ..self.clone() }
     }
 
-    /// The centre line of the lanes that it goes over.
+    /// Centre line of its lanes.
     pub fn line(&self) -> &Polyline {
         &self.line
     }
 
-    /// The borders of the drivable ground beside the line.
+    /// Borders of the drivable ground beside the line.
     pub fn borders(&self) -> &Borders {
         &self.borders
     }
 
-    /// The borders of the ego's lane beside the line: those of the drivable ground where no lane is known.
+    /// Borders of the ego's lane beside the line; those of the drivable ground if no lane is known.
     pub fn lane(&self) -> &Borders {
         self.lane.as_ref().unwrap_or(&self.borders)
     }
 
-    /// The lanes that it goes over, in order; none for a route on no map.
+    /// Lanes of the route in order; empty for a route without a map.
     pub fn stretches(&self) -> &[Stretch] {
         &self.stretches
     }
 
-    /// The lane at arc length `s_m`: beyond the ends the first or last; `None` for a route on no map.
+    /// Lane at arc length `s_m`, the first or last beyond the ends; `None` for a route without a map.
     pub fn stretch_at(&self, s_m: f64) -> Option<&Stretch> {
         let next = self.stretches.partition_point(|x| x.begin_m <= s_m);
         self.stretches.get(next.max(1) - 1)
     }
 
-    /// Drivable ground to the left of the line at arc length `s_m`, metres (positive).
+    /// Width of the drivable ground to the left of the line at arc length `s_m`, metres (positive).
     pub fn left_m(&self, s_m: f64) -> f64 {
         self.borders.left_m(s_m)
     }
 
-    /// Drivable ground to the right of the line at arc length `s_m`, metres (positive).
+    /// Width of the drivable ground to the right of the line at arc length `s_m`, metres (positive).
     pub fn right_m(&self, s_m: f64) -> f64 {
         self.borders.right_m(s_m)
     }
 
-    /// The place of `point` along the route: the nearest of all.
+    /// Projects `point` onto the nearest position of the whole route.
     pub fn project(&self, point: Point2) -> FrenetPoint {
         self.line.project(point)
     }
 
-    /// As [`project`](Self::project), looking only at arc lengths within `reach_m` of `near_s_m`.
+    /// As [`project`](Self::project), restricted to arc lengths within `reach_m` of `near_s_m`.
     pub fn project_near(&self, point: Point2, near_s_m: f64, reach_m: f64) -> FrenetPoint {
         self.line.project_near(point, near_s_m, reach_m)
     }
 
-    /// The point of the map at a place along the route.
+    /// Map position of a point along the route.
     pub fn unproject(&self, place: FrenetPoint) -> Point2 {
         self.line.to_map(place)
     }
 
-    /// How far the worst place of an outline is inside the drivable ground, measured across the line, metres;
+    /// Smallest distance of an outline from the border of the drivable ground, measured across the line, metres;
     /// negative outside.
     pub fn margin_m(&self, outline: &Obb) -> f64 {
         self.borders.margin_m(outline.corners(), |point| self.project(point))
     }
 }
 
-/// How far the ground beside a lane may be driven on: to the outer borders of its drivable neighbours.
+/// Borders of the drivable ground beside a lane: the outer borders of its drivable neighbours.
 fn drivable(map: &Map, lane: &Lane) -> Borders {
     let side = |own: &Border, to_left: bool| {
         let mut border = own.clone();
-        // From lane to lane outwards; who has gone over to the other direction goes on to its right.
+        // Walks outwards lane by lane; in a lane of the opposite direction, outwards is on the other side.
         let (mut from, mut left) = (lane, to_left);
         for _ in 0..map.lanes().len() {
             let beside = if left { from.left } else { from.right };

@@ -1,8 +1,9 @@
-//! Nets that are trained on four of the five sets of ETH and UCY and judged on the fifth.
+//! Trains nets on four of the five sets of ETH and UCY, and evaluates them on the fifth.
 //!
-//! `cargo run --release -p swerve-prediction --example people -- FOLDER RECIPE 1..5`, with the folder of the eight files, a
-//! recipe such as `people_one.toml` beside this file, and the first seed and the last. With `pairs` after them two sets are
-//! left out at once and each is judged: a recipe for set A is chosen by what those without A come to on the others.
+//! `cargo run --release -p swerve-prediction --example people -- FOLDER RECIPE 1..5`, with the folder of the eight
+//! files, a recipe such as `people_one.toml` beside this file, and the first and last seed. With `pairs`, two sets
+//! are left out at once and each is evaluated: a recipe for set A is selected by the results on the other sets of
+//! nets trained without A.
 #![allow(clippy::print_stdout, reason = "a program that tells figures")]
 
 use std::ops::RangeInclusive;
@@ -32,15 +33,15 @@ const FILES: [&str; 8] = [
     "uni_examples",
 ];
 
-/// What a net is, how it learns, and from what.
+/// Architecture, training parameters and training data of a net.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Recipe {
     net: Shape,
     learning: Learning,
-    /// So many examples of each file at most: crowds are thinned out.
+    /// Largest number of examples per file, by which crowds are thinned out.
     of_each: usize,
-    /// Speeds at which recordings are played to it, backwards where negative.
+    /// Playback speeds of the recordings for training; negative speeds play backwards.
     #[serde(default = "once")]
     played: Vec<f64>,
 }
@@ -111,7 +112,7 @@ fn told(figures: [f64; 5]) -> String {
     figures.map(|one| format!("{one:.3}")).join(" ")
 }
 
-/// How many windows, and means over them.
+/// Number of windows, and mean metrics over them.
 fn judged<'a>(weights: &Weights, recordings: impl Iterator<Item = &'a Recording>) -> (usize, [f64; 5]) {
     let (mut count, mut sums) = (0, [0.0; 5]);
     for recording in recordings {

@@ -1,7 +1,8 @@
-//! Kalman filters over one actor's sightings: several models of motion at once, each weighed by how well it foretold them
-//! (interacting multiple models: Blom and Bar-Shalom 1988).
+//! Kalman filters over one actor's sightings, with several motion models weighted by their likelihood (interacting
+//! multiple models: Blom and Bar-Shalom 1988).
 //!
-//! Position, velocity and acceleration along each axis of the map; both axes are filtered alike and apart.
+//! States are position, velocity and acceleration along each axis of the map; both axes are filtered independently by
+//! the same model.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
@@ -11,56 +12,56 @@ use crate::past::Past;
 type Vector = [f64; 3];
 type Matrix = [[f64; 3]; 3];
 
-/// How a model has an actor move.
+/// Motion model of an actor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) enum Motion {
-    /// The velocity dies away with this time constant, seconds.
+    /// The velocity decays with this time constant, seconds.
     Fading(f64),
-    /// The acceleration dies away with this time constant, seconds (Singer 1970).
+    /// The acceleration decays with this time constant, seconds (Singer 1970).
     Turning(f64),
 }
 
-/// A model, and how far it is from what actors do.
+/// A motion model with its process noise and transition parameters.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Model {
     pub(crate) motion: Motion,
-    /// Density of the white acceleration, m²/s³; under [`Motion::Turning`] of the jerk, m²/s⁵.
+    /// Spectral density of the white acceleration, m²/s³; of the jerk for [`Motion::Turning`], m²/s⁵.
     pub(crate) density: f64,
-    /// Share of actors that begin so.
+    /// Prior probability of the model.
     pub(crate) prior: f64,
-    /// How long an actor goes on so, seconds.
+    /// Mean time for which an actor follows the model, seconds.
     pub(crate) dwell_s: f64,
 }
 
-/// A model's mean and covariance along one axis.
+/// Mean and covariance of a model along one axis.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Axis {
     pub(crate) mean: Vector,
     pub(crate) covariance: Matrix,
 }
 
-/// What a model makes of the past.
+/// State estimate of one model.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Belief {
-    /// The model's share, 0 to 1.
+    /// Probability of the model, 0 to 1.
     pub(crate) weight: f64,
-    /// Along x and along y.
+    /// Estimates along x and along y.
     pub(crate) axes: [Axis; 2],
 }
 
-/// A model's step: all but the corner of its transition, row by row, and the noise that comes on it.
+/// A model's step: the non-trivial elements of its transition matrix by rows, and its process noise.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Step {
-    /// From velocity and acceleration to the place, and those two on.
+    /// Coefficients of velocity and acceleration for the position, then for the velocity.
     place: [f64; 2],
     speed: [f64; 2],
     gain: f64,
-    /// Covariance above and on the diagonal: 00, 01, 02, 11, 12, 22.
+    /// Upper triangle of the process noise covariance: 00, 01, 02, 11, 12, 22.
     noise: [f64; 6],
 }
 
 impl Model {
-    /// Over `dt_s`.
+    /// Discretises the model over `dt_s`.
     pub(crate) fn step(&self, dt_s: f64) -> Step {
         let (t, q) = (dt_s, self.density);
         let (t2, t3) = (t * t, t * t * t);
@@ -81,7 +82,7 @@ impl Model {
                     place: [t, tau_s * (t - gained)],
                     speed: [1.0, gained],
                     gain: left,
-                    // White jerk over a step that is short beside the time constant.
+                    // White jerk over a step that is short compared with the time constant.
                     noise: [
                         q * t3 * t2 / 20.0,
                         q * t2 * t2 / 8.0,
@@ -96,13 +97,13 @@ impl Model {
     }
 }
 
-/// A covariance by what is above and on its diagonal.
+/// Symmetric matrix of its upper triangle.
 fn symmetric([a, b, c, d, e, f]: [f64; 6]) -> Matrix {
     [[a, b, c], [b, d, e], [c, e, f]]
 }
 
 impl Axis {
-    /// Moved on.
+    /// Propagates the estimate by a step.
     pub(crate) fn on(&self, step: &Step) -> Self {
         let Step { place: [f01, f02], speed: [f11, f12], gain: f22, noise: q } = *step;
         let (m, p) = (&self.mean, &self.covariance);
@@ -120,19 +121,20 @@ impl Axis {
         Self { mean, covariance }
     }
 
-    /// With a sighting of variance `r` taken in; how many deviations it was off, squared, and what these were, squared.
+    /// Updates by a sighting of variance `r`; also returns the normalised innovation squared and the innovation
+    /// variance.
     fn corrected(&self, place_m: f64, r: f64) -> (Self, [f64; 2]) {
         let p = &self.covariance;
         let (off, s) = (place_m - self.mean[0], p[0][0] + r);
         let gain = [p[0][0] / s, p[0][1] / s, p[0][2] / s];
         let mean = [0, 1, 2].map(|i| self.mean[i] + gain[i] * off);
         let left = |i: usize, j: usize| p[i][j] - gain[i] * p[0][j];
-        // Of the place itself in a form that does not lose digits.
+        // The variance of the position is computed in a form without cancellation.
         let covariance = symmetric([gain[0] * r, left(0, 1), left(0, 2), left(1, 1), left(1, 2), left(2, 2)]);
         (Self { mean, covariance }, [off * off / s, s])
     }
 
-    /// The normal distribution with a mixture's mean and covariance.
+    /// Normal distribution with the mean and covariance of a mixture.
     fn mixed(parts: &[(f64, Self)]) -> Self {
         let mut mean = [0.0; 3];
         for (w, part) in parts {
@@ -156,19 +158,19 @@ impl Axis {
 }
 
 impl Belief {
-    /// Where it is.
+    /// Position estimate.
     pub(crate) fn point(&self) -> Point2 {
         Point2::new(self.axes[0].mean[0], self.axes[1].mean[0])
     }
 
-    /// Along both axes: 1 for the velocity, 2 for the acceleration.
+    /// Derivative of the position along both axes: 1 for the velocity, 2 for the acceleration.
     pub(crate) fn derivative(&self, order: usize) -> Vector2 {
         Vector2::new(self.axes[0].mean[order], self.axes[1].mean[order])
     }
 }
 
-/// What the models make of a past, at the instant of its last sighting; `sigma_m` is what a sighting is off by and
-/// `speed_sigma_mps` how fast such actors are.
+/// Filters the sightings of a past; the estimates are for the instant of the last one. `sigma_m` is the standard
+/// deviation of a sighting, and `speed_sigma_mps` that of the initial speed.
 pub(crate) fn believe(past: &Past, models: &[Model], sigma_m: f64, speed_sigma_mps: f64) -> Vec<Belief> {
     let first = past.sightings[0];
     let alone = past.sightings.len() == 1;
@@ -195,11 +197,11 @@ pub(crate) fn believe(past: &Past, models: &[Model], sigma_m: f64, speed_sigma_m
     beliefs
 }
 
-/// What all models do from one sighting to the next: the same as long as these are equally far apart.
+/// Steps of all models between two sightings, reused while the interval is the same.
 struct Steps {
     dt_s: f64,
     steps: Vec<Step>,
-    /// Share of those who go on so.
+    /// Probability that the model does not change.
     stay: Vec<f64>,
 }
 
@@ -210,7 +212,7 @@ impl Steps {
         Self { dt_s, steps, stay: models.iter().map(stay).collect() }
     }
 
-    /// Share of those who did as model `from` has it and now do as `to`.
+    /// Transition probability from model `from` to model `to`.
     fn share(&self, from: usize, to: usize) -> f64 {
         match from == to {
             true => self.stay[from],
@@ -219,10 +221,10 @@ impl Steps {
     }
 }
 
-/// Models at most.
+/// Largest number of models.
 const MODELS: usize = 3;
 
-/// One sighting: beliefs are mixed by who may have become what, moved on, corrected and weighed.
+/// Processes one sighting: the estimates are mixed by transition probabilities, propagated, updated and weighted.
 fn take_in(beliefs: &mut [Belief], steps: &Steps, (place, r): (Point2, f64)) {
     let count = beliefs.len().min(MODELS);
     let before: [Belief; MODELS] = core::array::from_fn(|k| beliefs[k.min(count - 1)]);

@@ -1,4 +1,4 @@
-//! Tracks from lists of obstacles whose identities are known.
+//! Tracks from lists of obstacles with known identities.
 
 use std::collections::BTreeMap;
 
@@ -7,14 +7,14 @@ use swerve_core::{Span, Time};
 use swerve_geom::Pose2;
 use swerve_msg::{ActorId, Obstacle, ObstacleList, Sighting, Track, TrackList};
 
-/// How much of the past is kept.
+/// Extent of the stored history.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HistoryParams {
-    /// Sightings kept per obstacle, the present one included; at least 1. Pylot's default is 10.
+    /// Number of sightings kept per obstacle, the present one included; at least 1. Pylot's default is 10.
     pub sightings_max: usize,
-    /// An obstacle that has not been seen for longer than this is dropped, seconds. Larger values bridge
-    /// longer occlusions, and keep ghosts longer.
+    /// Time without a sighting after which an obstacle is dropped, seconds. Larger values bridge longer occlusions,
+    /// and keep ghosts longer.
     pub forget_after_s: f64,
 }
 
@@ -24,7 +24,7 @@ impl Default for HistoryParams {
     }
 }
 
-/// The past sightings of everything seen lately.
+/// Histories of all recently seen obstacles.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct History {
     params: HistoryParams,
@@ -32,7 +32,7 @@ pub struct History {
     tracks: BTreeMap<ActorId, TrackedObstacle>,
 }
 
-/// One obstacle as last seen, and where it was before.
+/// Latest state of an obstacle, and its past sightings.
 #[derive(Clone, PartialEq, Debug)]
 struct TrackedObstacle {
     last: Obstacle,
@@ -40,17 +40,17 @@ struct TrackedObstacle {
 }
 
 impl History {
-    /// Without any past.
+    /// Creates an empty history.
     pub fn new(params: HistoryParams) -> Self {
         Self { params, ..Self::default() }
     }
 
-    /// Takes in what was seen at one instant and returns all live tracks, ordered by identity.
+    /// Adds the obstacles seen at one instant, and returns all live tracks, ordered by identity.
     ///
-    /// Velocity is the reported one. A track that is not in `seen` but not yet forgotten keeps its history
-    /// and is moved on from its last sighting with its last velocity, so that its pose describes the stamp.
-    /// A list that is not newer than the one before changes nothing. Obstacles that cannot be on a road
-    /// ([`Obstacle::is_plausible`]) are ignored, and so are repeats of an identity.
+    /// The velocity is the reported one. A track that is missing in `seen` but not yet dropped keeps its history and
+    /// is extrapolated from its last sighting with its last velocity, so that its pose is valid at the stamp. A list
+    /// that is not newer than the previous one is ignored. Implausible obstacles ([`Obstacle::is_plausible`]) and
+    /// repeated identities are ignored.
     pub fn update(&mut self, seen: &ObstacleList) -> TrackList {
         let newest = self.newest.unwrap_or(Time::MIN);
         if seen.stamp > newest {
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_the_newest_sightings_oldest_first() {
+    fn history_keeps_the_newest_sightings_oldest_first() {
         let mut history = History::new(HistoryParams { sightings_max: 3, ..Default::default() });
         let mut tracks = TrackList::default();
         for k in 0..5 {
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unseen_track_moves_on_and_is_then_forgotten() {
+    fn unseen_track_is_extrapolated_then_dropped() {
         let mut history = History::new(HistoryParams { forget_after_s: 0.1, ..Default::default() });
         history.update(&list(0, vec![person(1, 10.0), person(2, 0.0)]));
         let tracks = history.update(&list(100, vec![person(2, 0.2)]));
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_within_the_limit_keeps_the_history() {
+    fn gap_within_the_limit_keeps_the_history() {
         let mut history = History::new(HistoryParams::default());
         history.update(&list(0, vec![person(1, 0.0)]));
         history.update(&list(50, vec![]));
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_list_a_repeat_and_bad_numbers_change_nothing() {
+    fn older_lists_repeats_and_invalid_numbers_are_ignored() {
         let mut history = History::new(HistoryParams::default());
         let before = history.update(&list(100, vec![person(1, 0.0), person(1, 7.0), person(2, f64::NAN)]));
         assert_eq!(before.tracks.len(), 1);

@@ -1,22 +1,22 @@
-//! The intelligent driver model.
+//! Intelligent driver model (IDM).
 //! Source: Treiber, Hennecke and Helbing, "Congested traffic states", Physical Review E 62 (2000), equations 3 and 4.
 
-/// Gap at a stand, metres.
+/// Gap at standstill, metres.
 pub(crate) const STAND_GAP_M: f64 = 2.0;
 
-/// Who drives.
+/// Parameters of a driver.
 pub(crate) struct Driver {
     /// Largest acceleration, m/s².
     pub(crate) gain_mps2: f64,
-    /// Comfortable braking, m/s².
+    /// Comfortable deceleration, m/s².
     pub(crate) brake_mps2: f64,
-    /// Gap in time that is kept, seconds.
+    /// Desired time gap, seconds.
     pub(crate) headway_s: f64,
 }
 
 impl Driver {
-    /// The acceleration at a speed, where `free_mps` is wanted on a free road, by the gap to whoever is next and how fast
-    /// that is, m/s².
+    /// Acceleration at a speed, m/s². `free_mps` is the desired speed on a free road, `next` the gap to the lead (m)
+    /// and its speed (m/s).
     pub(crate) fn acceleration_mps2(&self, speed_mps: f64, free_mps: f64, next: Option<(f64, f64)>) -> f64 {
         let v = speed_mps;
         let ratio = v / free_mps;

@@ -1,88 +1,88 @@
-//! Lanes as drivers go on over them: a map with stop lines, and the ways that lead on from each lane.
+//! Lane graph for predictors: a map with stop lines, and the lane sequences that start at each lane.
 
 use std::collections::BTreeMap;
 
 use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, angle_between};
 use swerve_map::{Lane, LaneId, Map, MapError};
 
-/// How far ahead ways are told apart, metres: as far as anybody drives within a horizon, and those before him.
+/// Distance ahead up to which lane sequences are followed, metres: beyond the travel of any vehicle within a horizon.
 const REACH_M: f64 = 150.0;
-/// Lanes of one way and ways from one lane at most: lanes that follow themselves lead nowhere new.
+/// Largest number of lanes in a sequence, and of sequences from one lane; both bound cyclic maps.
 const LANES_MAX: usize = 32;
 const WAYS_MAX: usize = 16;
-/// Maps end where the ground does not: who is this far beyond the end of a lane without successor, or before the beginning
-/// of one without predecessor, is on it still, metres.
+/// Lanes without a successor or predecessor are extended by this, metres, because maps end where the road does not.
 const BEYOND_M: f64 = 150.0;
-/// Beyond ends a lane goes on in the direction of its last metres, so many: its very last are drawn by hand.
+/// The direction of an extension is that of this last part of the lane, metres, because hand-drawn ends are
+/// inaccurate.
 const END_M: f64 = 20.0;
-/// Who is this far beside a lane is on it too, metres.
+/// Lateral tolerance for a position to be on a lane, metres.
 const BESIDE_M: f64 = 1.0;
 
-/// Bounds of lanes are drawn by hand: their curvature is that over twice this length, metres.
+/// Half of the length over which curvature is averaged, metres, because hand-drawn bounds are inaccurate.
 const BEND_M: f64 = 5.0;
 
-/// A line that drivers stop at.
+/// A line at which vehicles stop.
 #[derive(Clone, PartialEq, Debug)]
 pub struct StopLine {
     /// The lane that it crosses.
     pub lane: LaneId,
-    /// Where along it, metres.
+    /// Position along the lane, metres.
     pub at_m: f64,
-    /// Identities of the lights that tell when, in order; none where only a sign does.
+    /// Ids of the traffic lights that apply to it, in order; empty for a sign only.
     pub lights: Vec<u32>,
 }
 
-/// Lanes, their stop lines, and the ways over them.
+/// Lanes, their stop lines, and the sequences over them.
 #[derive(Clone, PartialEq, Debug)]
 pub struct LaneGraph {
     map: Map,
-    /// Ordered by lane, then by place.
+    /// Sorted by lane, then by position.
     stops: Vec<StopLine>,
-    /// By the lane's place in the map.
+    /// Extended lanes, by lane index in the map.
     reaches: Vec<Reach>,
-    /// By the lane's place in the map: all that begin with it.
+    /// Lane sequences from each lane, by lane index in the map.
     ways: Vec<Vec<LaneWay>>,
 }
 
-/// A lane as far as it counts.
+/// A lane with its extensions.
 #[derive(Clone, PartialEq, Debug)]
 struct Reach {
-    /// With what is beyond its ends.
+    /// Centre line with extensions.
     line: Polyline,
-    /// How much of that is before it begins, metres.
+    /// Length of the extension before the lane, metres.
     before_m: f64,
-    /// The rectangle that holds it.
+    /// Bounding box.
     low: Point2,
     high: Point2,
 }
 
-/// A lane and those after it, as one line.
+/// A sequence of lanes as one line.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct LaneWay {
-    /// Places in the map, and where along the line each begins, metres.
+    /// Lane indices in the map, and the start of each along the line, metres.
     pub(crate) lanes: Vec<(usize, f64)>,
     pub(crate) line: Polyline,
-    /// Stop lines: where along the line, metres, and the lane's place in the map.
+    /// Stop lines: position along the line, metres, and index of the lane in the map.
     pub(crate) stops: Vec<(f64, usize)>,
-    /// How much it turns on the lanes after the first, radians.
+    /// Total turning on the lanes after the first, radians.
     pub(crate) turn_rad: f64,
-    /// Every [`BEND_M`], 1/m.
+    /// Curvature at intervals of [`BEND_M`], 1/m.
     curvatures_1pm: Vec<f64>,
 }
 
-/// Where something is on a lane, along the line with what is beyond its ends.
+/// A position on a lane, along its extended line.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Spot {
-    /// The lane's place in the map.
+    /// Index of the lane in the map.
     pub(crate) lane: usize,
     pub(crate) at: FrenetPoint,
 }
 
 impl LaneGraph {
-    /// The ways over these lanes, with these lines to stop at.
+    /// Builds the sequences over these lanes, with these stop lines.
     ///
     /// # Errors
-    /// A stop line of a lane that is not there.
+    /// If a stop line refers to a missing lane.
     pub fn new(map: Map, mut stops: Vec<StopLine>) -> Result<Self, MapError> {
         if let Some(stray) = stops.iter().find(|stop| map.lane(stop.lane).is_none()) {
             return Err(MapError::Missing { lane: stray.lane, named: stray.lane });
@@ -99,12 +99,12 @@ impl LaneGraph {
         Ok(Self { map, stops, reaches, ways })
     }
 
-    /// Its lanes.
+    /// The map.
     pub fn map(&self) -> &Map {
         &self.map
     }
 
-    /// Its stop lines, ordered by lane.
+    /// Stop lines, sorted by lane.
     pub fn stops(&self) -> &[StopLine] {
         &self.stops
     }
@@ -113,13 +113,13 @@ impl LaneGraph {
         &self.ways[lane]
     }
 
-    /// Identities of the lights before the end of a lane.
+    /// Ids of the traffic lights of a lane's stop lines.
     pub(crate) fn lights(&self, lane: usize) -> impl Iterator<Item = u32> {
         let id = self.map.lanes()[lane].id;
         self.stops.iter().filter(move |stop| stop.lane == id).flat_map(|stop| stop.lights.iter().copied())
     }
 
-    /// All lanes that a point is on, or nearly.
+    /// Positions of a point on all lanes that contain it, within the lateral tolerance.
     pub(crate) fn spots(&self, point: Point2) -> Vec<Spot> {
         let near = self.map.lanes().iter().zip(&self.reaches).enumerate();
         near.filter(|(_, (_, reach))| reach.has(point))
@@ -133,12 +133,12 @@ impl LaneGraph {
             .collect()
     }
 
-    /// The lane at a place.
+    /// Pose of the lane's line at a position.
     pub(crate) fn pose(&self, spot: &Spot) -> Pose2 {
         self.reaches[spot.lane].line.at(spot.at.s_m).pose
     }
 
-    /// Whether a place is between the ends of its lane.
+    /// Returns true if a position is between the ends of its lane.
     pub(crate) fn is_between_ends(&self, spot: &Spot) -> bool {
         let s_m = spot.at.s_m - self.reaches[spot.lane].before_m;
         (0.0..=self.map.lanes()[spot.lane].line.length()).contains(&s_m)
@@ -177,14 +177,14 @@ impl Reach {
     }
 }
 
-/// A point beyond the end of a line, in the direction to there from a place on it.
+/// Extends a line beyond the end at `end_m`, in the direction from `from_m` to it.
 fn beyond(line: &Polyline, end_m: f64, from_m: f64) -> Point2 {
     let [end, from] = [end_m, from_m.clamp(0.0, line.length())].map(|s_m| line.at(s_m).pose.point());
     let off = end - from;
     end + off * (BEYOND_M / off.norm().max(1e-6))
 }
 
-/// All that lanes lead on to from one, as far as ways are told apart.
+/// All lane sequences from one lane, up to the limits.
 fn chains(map: &Map, place: &BTreeMap<LaneId, usize>, first: usize) -> Vec<Vec<usize>> {
     let (mut open, mut found) = (vec![vec![first]], Vec::new());
     while let Some(lanes) = open.pop().filter(|_| found.len() < WAYS_MAX) {
@@ -193,7 +193,7 @@ fn chains(map: &Map, place: &BTreeMap<LaneId, usize>, first: usize) -> Vec<Vec<u
         if next.is_empty() || after_m >= REACH_M || lanes.len() >= LANES_MAX {
             found.push(lanes);
         } else {
-            // The first successor is looked at first.
+            // The first successor is followed first.
             let on = |id: &LaneId| lanes.iter().copied().chain([place[id]]).collect();
             open.extend(next.iter().rev().map(on));
         }
@@ -201,13 +201,13 @@ fn chains(map: &Map, place: &BTreeMap<LaneId, usize>, first: usize) -> Vec<Vec<u
     found
 }
 
-/// How much a line turns, whichever way, radians.
+/// Total turning of a line in either direction, radians.
 fn turn(line: &Polyline) -> f64 {
     let headings: Vec<f64> = line.points().windows(2).map(|two| (two[1] - two[0]).heading()).collect();
     headings.windows(2).map(|two| angle_between(two[0], two[1]).abs()).sum()
 }
 
-/// How a line turns around a place, 1/m.
+/// Mean curvature of a line around a position, 1/m.
 fn bend_1pm(line: &Polyline, s_m: f64) -> f64 {
     let heading_rad = |s_m: f64| line.at(s_m).pose.heading_rad;
     angle_between(heading_rad(s_m - BEND_M), heading_rad(s_m + BEND_M)) / (2.0 * BEND_M)
@@ -219,7 +219,7 @@ impl LaneWay {
         let (mut lanes, mut lines, mut turn_rad, mut begin_m) = (Vec::new(), Vec::new(), 0.0, 0.0);
         for (n, &k) in chain.iter().enumerate() {
             let (lane, reach) = (&map.lanes()[k], &reaches[k]);
-            // Where lanes join, the end of the one stands for the beginning of the next.
+            // At joints, the end of a lane replaces the start of the next.
             points.extend(&reach.line.points()[usize::from(n > 0)..]);
             let of_lane = stops.iter().filter(|stop| stop.lane == lane.id);
             lines.extend(of_lane.map(|stop| (begin_m + reach.before_m + stop.at_m, k)));
@@ -233,7 +233,7 @@ impl LaneWay {
         Self { lanes, line, stops: lines, turn_rad, curvatures_1pm }
     }
 
-    /// Its curvature, 1/m; none beyond its ends.
+    /// Curvature, 1/m; zero beyond the ends.
     pub(crate) fn curvature_1pm(&self, s_m: f64) -> f64 {
         let k = (s_m / BEND_M).round();
         if k < 0.0 { 0.0 } else { self.curvatures_1pm.get(k as usize).copied().unwrap_or(0.0) }

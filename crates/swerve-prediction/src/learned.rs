@@ -1,5 +1,5 @@
-//! Predictors that are learnt: small nets after MultiPath (Chai et al. 2019), MFP (Tang and Salakhutdinov 2019) and R2P2
-//! (Rhinehart et al. 2018), reduced to tens of thousands of weights and to what tracks tell: no map, no image.
+//! Learned predictors: small nets after MultiPath (Chai et al. 2019), MFP (Tang and Salakhutdinov 2019) and R2P2
+//! (Rhinehart et al. 2018), reduced to tens of thousands of weights and to tracks as input, without map or image.
 
 mod mfp;
 mod multipath;
@@ -17,50 +17,50 @@ pub use train::{Example, Learning, LearningError, Progress, examples, train};
 
 use crate::net::{Gru, Layer, Matrix, Node, Shapes, Tape};
 
-/// Which net.
+/// Architecture of a net.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
-    /// Anchors with offsets and spreads, all at once.
+    /// Anchors with offsets and covariances, in a single pass.
     Multipath,
-    /// Hidden modes, unrolled step by step, everybody minding the others of the same mode.
+    /// Latent modes, unrolled step by step, with attention to the other actors of the same mode.
     Mfp,
-    /// A policy of one step, whose noise makes samples of known density.
+    /// A one-step policy whose noise yields samples of known density.
     R2p2,
 }
 
-/// What a net's paths are told beside.
+/// Baseline to which the paths of a net are relative.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Beside {
-    /// Going straight on with the last steps' pace.
+    /// Straight motion at the pace of the last steps.
     #[default]
     Straight,
-    /// The likeliest path of the three filters of [`PredictorName::Imm`](crate::PredictorName::Imm).
+    /// Likeliest path of the three filters of [`PredictorName::Imm`](crate::PredictorName::Imm).
     Imm,
 }
 
-/// What a net is made of.
+/// Hyperparameters of a net.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Which net.
+    /// Architecture.
     pub model: Model,
-    /// Modes; of `r2p2` the samples beside the path without noise.
+    /// Number of modes; for `r2p2` the samples beside the path without noise.
     pub modes: usize,
-    /// Numbers of a hidden layer.
+    /// Width of the hidden layers.
     pub hidden: usize,
-    /// Steps ahead.
+    /// Number of predicted steps.
     pub steps: usize,
-    /// Between two steps, of the past and ahead, ms.
+    /// Step of the past and of the prediction, ms.
     pub step_ms: u32,
-    /// What paths are told beside; not of `r2p2`, whose steps go on from the one before.
+    /// Baseline of the paths; unused by `r2p2`, whose steps are relative to the previous one.
     #[serde(default)]
     pub beside: Beside,
 }
 
 impl Shape {
-    /// What is out of range.
+    /// Checks the ranges; the error names the first invalid number.
     pub(crate) fn check(&self) -> Result<(), String> {
         let within = |name: &str, found: usize, [low, high]: [usize; 2]| {
             let fits = (low..=high).contains(&found);
@@ -75,7 +75,7 @@ impl Shape {
         within("step_ms", self.step_ms as usize, [50, 2000])
     }
 
-    /// How many anchors, of how many numbers each.
+    /// Number of anchors, and numbers per anchor.
     pub(crate) fn anchors(&self) -> [usize; 2] {
         match self.model {
             Model::Multipath => [self.modes, 2 * self.steps],
@@ -88,15 +88,15 @@ impl Shape {
     }
 }
 
-/// One way on, in the actor's own frame and scale.
+/// A predicted path in the actor's frame and scale.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Way {
     pub(crate) probability: f32,
-    /// Place and covariance xx, xy, yy after each step.
+    /// Position and covariance xx, xy, yy after each step.
     pub(crate) places: Vec<([f32; 2], [f32; 3])>,
 }
 
-/// The layers of a net.
+/// Layers of a net.
 #[derive(Debug)]
 pub(crate) enum Net {
     Multipath(multipath::Layers),
@@ -122,7 +122,7 @@ impl Net {
 }
 
 impl Weights {
-    /// How everybody who is seen may go on.
+    /// Predicts paths of all observed actors.
     pub(crate) fn ways(&self, sights: &[Sight]) -> Vec<Vec<Way>> {
         if sights.is_empty() {
             return Vec::new();
@@ -135,15 +135,15 @@ impl Weights {
     }
 }
 
-/// A deviation that is expected of a net before it has learnt, after so many steps: its logarithm, in the scale.
+/// Logarithm of the initial standard deviation after `step` + 1 steps, in scaled units.
 fn ln_sigma(step: usize) -> f32 {
     libm::logf(0.03 + 0.06 * (step + 1) as f32)
 }
 
-/// What is left of a pace after a step: nobody goes straight on for ever.
+/// Decay of the pace per step for straight motion.
 const LEFT: f32 = 0.99;
 
-/// Where who goes on as was expected is after so many steps: straight, or as filters have it.
+/// Baseline position after `step` + 1 steps: straight motion, or the filters' prediction.
 fn straight_on(sight: &Sight, step: usize) -> [f32; 2] {
     if let Some(at) = sight.expected.get(step) {
         return *at;
@@ -156,13 +156,13 @@ fn straight_on(sight: &Sight, step: usize) -> [f32; 2] {
     sight.pace().map(|one| one * far)
 }
 
-/// Numbers of the past of each, a row each.
+/// Features of the past of each actor, one row each.
 fn pasts(sights: &[&Sight]) -> Matrix {
     let rows = sights.iter().flat_map(|sight| sight.own.iter().copied().chain([sight.wheels]));
     Matrix::new(sights.len(), 2 * (PAST - 1) + 1, rows.collect())
 }
 
-/// What is told of somebody near: how far away, how fast relative to oneself, whether on wheels, and how close.
+/// Number of features of a nearby actor: relative position and velocity, on wheels or not, and proximity.
 const NEAR: usize = 6;
 
 fn near_row(at: [f32; 2], relative: [f32; 2], wheels: f32) -> [f32; NEAR] {
@@ -170,7 +170,7 @@ fn near_row(at: [f32; 2], relative: [f32; 2], wheels: f32) -> [f32; NEAR] {
     [0.3 * at[0], 0.3 * at[1], 2.0 * relative[0], 2.0 * relative[1], wheels, 1.0 / (0.3 + far)]
 }
 
-/// What a unit remembers of each one's past.
+/// Encodes each actor's past by a recurrent unit.
 fn remembered(tape: &mut Tape<'_>, sights: &[&Sight], past: &Gru) -> Node {
     let mut memory = tape.given(Matrix::zeros(sights.len(), past.size()));
     for k in 0..PAST - 1 {
@@ -181,7 +181,7 @@ fn remembered(tape: &mut Tape<'_>, sights: &[&Sight], past: &Gru) -> Node {
     memory
 }
 
-/// The largest answers of a layer about those who are near each.
+/// Encodes the nearby actors of each actor: maximum over the outputs of a layer.
 fn minded_near(tape: &mut Tape<'_>, sights: &[&Sight], layer: Layer) -> Node {
     let (near, groups) = nears(sights);
     let near = tape.given(near);
@@ -190,7 +190,7 @@ fn minded_near(tape: &mut Tape<'_>, sights: &[&Sight], layer: Layer) -> Node {
     tape.largest(near, &groups)
 }
 
-/// Everybody near, a row each, and whose rows are whose.
+/// Features of all nearby actors, one row each, and the range of rows of each actor.
 fn nears(sights: &[&Sight]) -> (Matrix, Vec<core::ops::Range<usize>>) {
     let (mut values, mut groups, mut rows) = (Vec::new(), Vec::new(), 0);
     for sight in sights {

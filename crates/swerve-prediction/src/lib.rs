@@ -1,10 +1,10 @@
-//! From what was seen to what will happen.
+//! Prediction of the motion of road users from their tracks.
 //!
-//! [`History`] keeps the past sightings of each obstacle and hands out tracks; [`linear`] turns tracks into
-//! time-indexed predictions, which [`road`] bends as the road does; [`forecast`] has more predictors, whose forecasts have
-//! modes and spreads; [`lanes`] is what vehicles keep to; [`recorded`] reads recorded tracks to judge them by. All poses
-//! are in the map frame and describe the centre of a footprint.
-//! Absences: no engine, no simulator, no files, no clock: time is what the stamps say.
+//! [`History`] stores the past sightings of each obstacle and provides tracks; [`linear`] extrapolates tracks to
+//! time-indexed predictions, which [`road`] bends along the road; [`forecast`] has further predictors, whose
+//! forecasts have modes and covariances; [`lanes`] is the lane graph for vehicles; [`recorded`] reads recorded tracks
+//! for evaluation. All poses are in the map frame and refer to the centre of a footprint. Excluded: engine,
+//! simulator, files, clocks; time is given by stamps only.
 
 mod filter;
 mod history;

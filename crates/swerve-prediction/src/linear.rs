@@ -1,9 +1,8 @@
-//! Everything goes on as it went: straight lines fitted to past positions.
+//! Linear extrapolation: straight lines fitted to past positions.
 //!
 //! Pylot (arXiv 2104.07830, prediction) fits `x(t)` and `y(t)` by least squares over the last positions and
-//! extrapolates. It takes the sensor period for the time between them and the ego's frame for the space;
-//! here the stamps of the sightings and the map are used, so that a missed frame or a turning ego does not
-//! bend the lines.
+//! extrapolates. It assumes the sensor period as the interval, and uses the ego frame. Here the stamps of the
+//! sightings and the map frame are used, so that a missed frame or a turning ego does not distort the lines.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,43 +11,45 @@ use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
-/// Treatment of an obstacle that was seen only once.
+/// Treatment of an obstacle with a single sighting.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SingleSighting {
-    /// It goes on with its reported velocity.
+    /// Extrapolate with its reported velocity.
     #[default]
     Velocity,
-    /// It stays where it is, as in Pylot.
+    /// Keep it at its position, as in Pylot.
     Static,
 }
 
-/// Slower than this an outline is turned as it was seen, m/s: errors of both poses make a standing vehicle seem to move at
-/// some decimetres a second in any direction, and a truck that lay across its lane would fill the next one.
+/// Speed below which the reported heading of an outline is kept, m/s. Errors of both poses make a vehicle at rest
+/// seem to move at some decimetres per second in any direction, and a truck predicted across its lane would block the
+/// next one.
 pub(crate) const HEADING_SPEED_MPS: f64 = 0.5;
 
-/// A motion or a deceleration counts from this many of its standard errors on.
+/// Significance of a motion or a deceleration, in standard errors.
 const DEVIATIONS: f64 = 3.0;
 
 /// Parameters of the linear predictor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Past positions that are fitted, the present one included. More smooth better and lag more. Pylot: 5.
+    /// Number of past positions that are fitted, the present one included. More of them smooth better and lag more.
+    /// Pylot: 5.
     pub past_steps: usize,
-    /// Poses predicted after the present one. Pylot: 40.
+    /// Number of poses predicted after the present one. Pylot: 40.
     pub future_steps: usize,
     /// Time between predicted poses, seconds. Pylot: its sensor period, 0.05.
     pub step_s: f64,
-    /// Below this speed the heading is the reported one, else the direction of motion, m/s.
+    /// Speed below which the heading is the reported one, m/s; above, it is the direction of motion.
     pub heading_speed_min_mps: f64,
     /// Treatment of an obstacle with one sighting.
     pub single_sighting: SingleSighting,
-    /// Sightings over this time are searched for braking, seconds: a vehicle that brakes is predicted to go on braking
-    /// until it stops. 0: everything keeps its speed, as in Pylot.
+    /// Time over which sightings are searched for braking, seconds: a vehicle that brakes is predicted to continue
+    /// braking until it stops. 0: all obstacles keep their speed, as in Pylot.
     pub brake_window_s: f64,
-    /// An actor that is reported slower than this stands, unless its sightings show a significant motion, m/s. 0: the fitted
-    /// velocity is always extrapolated, as in Pylot.
+    /// Reported speed below which an actor is taken to be at rest unless its sightings show a significant motion,
+    /// m/s. 0: the fitted velocity is always extrapolated, as in Pylot.
     pub rest_speed_mps: f64,
 }
 
@@ -67,7 +68,7 @@ impl Default for Params {
 }
 
 impl Params {
-    /// The first parameter outside its range, if there is one.
+    /// Checks all parameters; the error names the first one that is out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("past_steps", self.past_steps as f64, [1.0, 1000.0]),
@@ -80,10 +81,10 @@ impl Params {
     }
 }
 
-/// The expected motion of every track, in the map frame; `path[0]` of each describes the list's stamp.
+/// Predicts the motion of every track in the map frame; `path[0]` of each is the pose at the list's stamp.
 ///
-/// Tracks without a sighting are taken as seen once, at their present pose; those that cannot be on a road are
-/// left out ([`Track::is_plausible`]).
+/// Tracks without a sighting are treated as having one, at their present pose; implausible ones are dropped
+/// ([`Track::is_plausible`]).
 pub fn predict(tracks: &TrackList, params: &Params) -> PredictionList {
     let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
     let predictions = plausible.map(|track| predict_track(track, tracks.stamp, params)).collect();
@@ -116,17 +117,17 @@ fn predict_track(track: &Track, stamp: Time, params: &Params) -> Prediction {
     Prediction { id: track.id, kind: track.kind, extent: track.extent, probability: 1.0, path }
 }
 
-/// A motion at constant velocity.
+/// Motion at constant velocity.
 #[derive(Clone, Copy)]
 struct Line {
-    /// Where it is at the stamp.
+    /// Position at the stamp.
     point: Point2,
     velocity_mps: Vector2,
 }
 
 impl Line {
-    /// The straight motion with the least sum of squared distances to `sightings`, evaluated at `stamp`.
-    /// `None` for fewer than two instants.
+    /// Least-squares fit of a straight motion to `sightings`, evaluated at `stamp`. `None` for fewer than two
+    /// instants.
     fn fit(sightings: &[Sighting], stamp: Time) -> Option<Self> {
         let n = sightings.len() as f64;
         let (mut t_mean, mut x_mean, mut y_mean) = (0.0, 0.0, 0.0);

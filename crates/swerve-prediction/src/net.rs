@@ -1,7 +1,7 @@
-//! Small nets: matrices, what is computed with them and its gradients, Adam, and files of weights.
+//! Small neural nets: matrices, automatic differentiation, Adam, and weight files.
 //!
-//! All in `f32`, summed in a fixed order by one thread, exponentials from `libm`: the same bits on every machine. Rows are
-//! examples, columns their numbers.
+//! All computations are in `f32`, summed in a fixed order by one thread, with exponentials from `libm` or, for
+//! inference of recurrent units, a polynomial: the same bits on every machine. Rows are examples, columns features.
 
 mod adam;
 mod file;
@@ -22,11 +22,11 @@ pub(crate) use tape::{Node, Tape};
 
 use swerve_core::Rng;
 
-/// A linear layer: where its weights lie in a net's list, and its bias after them.
+/// A linear layer: index of its weights in a net's list; its bias follows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layer(usize);
 
-/// A gated recurrent unit (Cho et al. 2014): both gates at once, and what is new.
+/// A gated recurrent unit (Cho et al. 2014): both gates in one layer, and the candidate state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gru {
     gates: Layer,
@@ -34,38 +34,38 @@ pub(crate) struct Gru {
     size: usize,
 }
 
-/// Lists what a net is made of: shapes in the order of its file.
+/// Collects the shapes of a net's matrices, in the order of its file.
 #[derive(Default)]
 pub(crate) struct Shapes(Vec<[usize; 2]>);
 
 impl Gru {
-    /// Numbers that it remembers.
+    /// Size of the state.
     pub(crate) fn size(&self) -> usize {
         self.size
     }
 }
 
 impl Shapes {
-    /// A layer from `inputs` to `outputs` numbers.
+    /// Adds a layer from `inputs` to `outputs` numbers.
     pub(crate) fn layer(&mut self, inputs: usize, outputs: usize) -> Layer {
         self.0.extend([[inputs, outputs], [1, outputs]]);
         Layer(self.0.len() - 2)
     }
 
-    /// A unit that remembers `size` numbers.
+    /// Adds a recurrent unit with a state of `size` numbers.
     pub(crate) fn gru(&mut self, inputs: usize, size: usize) -> Gru {
         let gates = self.layer(inputs + size, 2 * size);
         Gru { gates, new: self.layer(inputs + size, size), size }
     }
 
-    /// The shapes.
+    /// Collected shapes.
     pub(crate) fn list(self) -> Vec<[usize; 2]> {
         self.0
     }
 }
 
-/// Weights drawn before training: those of each layer with a deviation of one over the root of its inputs (He et al.
-/// 2015), a tenth of that in the last, biases zero.
+/// Initial weights: normal with standard deviation √(2/inputs) per layer (He et al. 2015), a tenth of that in the
+/// last layer; biases are zero.
 pub(crate) fn drawn(shapes: &[[usize; 2]], seed: u64) -> Vec<Matrix> {
     let one = |(k, [rows, columns]): (usize, &[usize; 2])| {
         let mut rng = Rng::keyed(seed, "weights", &[k as i64]);

@@ -1,4 +1,4 @@
-//! Predictors by name: each turns tracks into ways in which their actors may go on.
+//! Predictors by name: each turns tracks into forecasts with modes.
 
 mod along_road;
 #[cfg(test)]
@@ -26,41 +26,41 @@ use crate::past::Past;
 
 pub use truth::{Telling, Told, foretold};
 
-/// Predictors by name.
+/// Name of a predictor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PredictorName {
-    /// The paper's straight line through the last five sightings.
+    /// Straight line through the last five sightings, as in the paper.
     #[default]
     Linear,
-    /// On with the velocity of the last half second.
+    /// Constant velocity of the last half second.
     ConstantVelocity,
-    /// A Kalman filter over position and a velocity that slowly dies away.
+    /// Kalman filter over position and a slowly decaying velocity.
     Kalman,
-    /// A Kalman filter over position, velocity and acceleration; turn and acceleration die away within a second.
+    /// Kalman filter over position, velocity and acceleration; turn rate and acceleration decay within a second.
     Ctra,
-    /// Three filters at once, weighed by how well they foretold the past: going on, turning, stopping. Three modes.
+    /// Three filters weighted by their likelihood on the past: cruising, turning, stopping. Three modes.
     Imm,
-    /// People push each other off (Helbing and Molnár 1995).
+    /// Social forces: pedestrians repel each other (Helbing and Molnár 1995).
     SocialForce,
-    /// Everybody takes half of the care that nobody touches anybody (van den Berg et al. 2011).
+    /// Reciprocal collision avoidance: each of two takes half of the avoidance (van den Berg et al. 2011).
     Orca,
-    /// Vehicles keep to the lane and their distance (Treiber's intelligent driver model), or brake: two modes. People go
-    /// on or stop.
+    /// Vehicles follow their lane and keep their distance (Treiber's intelligent driver model), or brake: two modes.
+    /// Pedestrians continue or stop.
     LaneIdm,
-    /// A net after MultiPath (Chai et al. 2019), reduced: anchors with offsets and spreads, all at once.
+    /// Net after MultiPath (Chai et al. 2019), reduced: anchors with offsets and covariances, in a single pass.
     Multipath,
-    /// A net after multiple futures prediction (Tang and Salakhutdinov 2019), reduced: hidden modes, unrolled step by step
-    /// for everybody at once.
+    /// Net after multiple futures prediction (Tang and Salakhutdinov 2019), reduced: latent modes, unrolled step by
+    /// step for all actors at once.
     Mfp,
-    /// A net after R2P2 (Rhinehart et al. 2018), reduced: a policy of one step, whose noise makes samples.
+    /// Net after R2P2 (Rhinehart et al. 2018), reduced: a one-step policy whose noise yields samples.
     R2p2,
-    /// What will happen, where somebody tells it ([`foretold`]): for experiments.
+    /// Future ground truth, if it is provided ([`foretold`]): for experiments.
     Truth,
 }
 
 impl PredictorName {
-    /// All that foretell from tracks alone, in the order of this list.
+    /// All predictors that use tracks only, in the order of the enum.
     pub const ALL: [Self; 11] = [
         Self::Linear,
         Self::ConstantVelocity,
@@ -75,12 +75,12 @@ impl PredictorName {
         Self::R2p2,
     ];
 
-    /// Without a model of deceleration: the present speed is kept.
+    /// Returns true for predictors without a model of deceleration: they keep the present speed.
     fn knows_no_braking(self) -> bool {
         matches!(self, Self::ConstantVelocity | Self::Kalman | Self::SocialForce | Self::Orca)
     }
 
-    /// As it is written in configurations.
+    /// Name in configurations.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",
@@ -99,17 +99,17 @@ impl PredictorName {
     }
 }
 
-/// Which instants are predicted: the list's stamp and `steps` after it.
+/// Predicted instants: the list's stamp and `steps` after it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Horizon {
-    /// Poses after the present one.
+    /// Number of poses after the present one.
     pub steps: usize,
-    /// Between two of them.
+    /// Interval between poses.
     pub step: Span,
 }
 
 impl Horizon {
-    /// The first part outside its range, if there is one.
+    /// Checks both fields; the error names the first one that is out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("steps", self.steps as f64, [1.0, 10_000.0]),
@@ -117,56 +117,57 @@ impl Horizon {
         ])
     }
 
-    /// The instants, the stamp first.
+    /// Predicted instants, the stamp first.
     fn instants(&self, stamp: Time) -> impl Iterator<Item = Time> {
         let step = self.step;
         (0..=self.steps as i64).map(move |k| stamp + step * k)
     }
 }
 
-/// What drivers keep to, as far as it is known.
+/// Road geometry that vehicles follow, as far as it is known.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Ground<'a> {
-    /// Nothing: straight ahead is the lane.
+    /// Unknown: vehicles drive straight ahead.
     #[default]
     Open,
-    /// One road, along which everybody keeps his offset, either way.
+    /// A single road, along which road users keep their lateral offset, in either direction.
     Road(&'a Route),
-    /// Lanes, and the ways over them.
+    /// A lane graph.
     Lanes(&'a LaneGraph),
 }
 
 impl<'a> Ground<'a> {
-    /// A road, if there is one.
+    /// [`Ground::Road`] if there is a road, else [`Ground::Open`].
     pub fn road(road: Option<&'a Route>) -> Self {
         road.map_or(Self::Open, Self::Road)
     }
 
-    /// Lanes, if there are any.
+    /// [`Ground::Lanes`] if there are lanes, else [`Ground::Open`].
     pub fn lanes(lanes: Option<&'a LaneGraph>) -> Self {
         lanes.map_or(Self::Open, Self::Lanes)
     }
 }
 
-/// One actor's track beside what of its past can be gone by.
+/// A track with its usable past.
 pub(crate) struct Seen<'a> {
     pub(crate) track: &'a Track,
     pub(crate) past: Past,
 }
 
-/// Everybody who can be on a road.
+/// Plausible tracks with their pasts.
 pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
     let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
     plausible.map(|track| Seen { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
-/// How every track may go on, in the map frame.
+/// Forecasts the motion of every track, in the map frame.
 ///
-/// [`PredictorName::LaneIdm`] keeps to `ground`. On [`Ground::Road`] all others predict vehicles that drive along the road
-/// in its coordinates, without the modes that leave its ground, and those without a model of deceleration predict that
-/// braking vehicles brake on to a stop; no other ground changes them.
-/// Tracks know nothing of [`PredictorName::Truth`], which goes on as [`PredictorName::ConstantVelocity`] here. Tracks that cannot be on a road ([`Track::is_plausible`]) are left out. Covariances are those of people on foot and of
-/// vehicles as recorded (docs/prediction.md), not of these actors.
+/// [`PredictorName::LaneIdm`] follows `ground`. On [`Ground::Road`], all others predict vehicles that drive along the
+/// road in its coordinates, without the modes that leave its ground, and those without a model of deceleration
+/// predict that braking vehicles brake to a stop; other grounds have no effect on them. [`PredictorName::Truth`] has
+/// no ground truth here and equals [`PredictorName::ConstantVelocity`]. Implausible tracks ([`Track::is_plausible`])
+/// are dropped. Covariances are those of recorded pedestrians and vehicles (docs/prediction.md), not of the
+/// individual actors.
 pub fn forecast(
     name: PredictorName,
     tracks: &TrackList,
@@ -182,7 +183,7 @@ pub fn forecast(
     }
 }
 
-/// The forecasts in the coordinates in which the tracks are.
+/// Forecasts in the coordinates of the tracks.
 fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> ForecastList {
     let stamp = tracks.stamp;
     let seen = seen(tracks);
@@ -204,17 +205,17 @@ fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground:
     ForecastList { stamp, forecasts, joint: name == PredictorName::Mfp }
 }
 
-/// As [`PredictorName::Imm`].
+/// Forecasts of [`PredictorName::Imm`].
 pub(crate) fn imm(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     filters::forecasts(seen, stamp, horizon, filters::IMM)
 }
 
-/// The weights that a predictor is shipped with, if it is one that has learnt.
+/// Shipped weights of a learned predictor; `None` for others.
 pub fn shipped(name: PredictorName) -> Option<&'static Weights> {
     learned::shipped(name)
 }
 
-/// Forecasts by weights other than the shipped ones, otherwise as by [`forecast`].
+/// As [`forecast`], with weights other than the shipped ones.
 pub fn forecast_by(
     weights: &Weights,
     tracks: &TrackList,

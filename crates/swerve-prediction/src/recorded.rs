@@ -1,4 +1,4 @@
-//! Recorded tracks in files, and the windows of them that predictors are judged by.
+//! Recorded tracks from files, and the windows on which predictors are evaluated.
 
 mod lanelets;
 mod made;
@@ -19,97 +19,97 @@ pub use lanelets::commonroad_lanelets;
 pub use made::{made, made_finely};
 pub use written::{StepError, commonroad_text};
 
-/// Frames between two rows of one person in the files of ETH and UCY, and what they are taken for, seconds.
+/// Frames between two rows of a person in the files of ETH and UCY, and the assumed interval, seconds.
 const ETH_UCY_FRAMES: i64 = 10;
 const ETH_UCY_STEP_S: f64 = 0.4;
-/// Between two rows of CommonRoad's recorded scenarios, seconds.
+/// Interval between two rows of CommonRoad's recorded scenarios, seconds.
 const COMMONROAD_STEP_S: f64 = 0.1;
 const HEAD: &str = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps";
-/// A move shorter than this tells no heading, metres.
+/// Shortest displacement that defines a heading, metres.
 const HARDLY_M: f64 = 0.1;
-/// Frames count at most this far from zero.
+/// Largest absolute frame number.
 const FRAME_MAX: f64 = 1e9;
-/// Largest coordinate, metres: UTM's northings end at 10,000 km.
+/// Largest coordinate, metres: UTM northings end at 10,000 km.
 const PLACE_MAX_M: f64 = 1e7;
 
-/// Why a text is no recording: the line, counted from 1, and what is wrong with it.
+/// Error of reading a recording, with the line.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("{line}: {what}")]
 pub struct RecordedError {
-    /// Counted from 1.
+    /// Line number, from 1.
     pub line: usize,
-    /// What is wrong, and what was expected.
+    /// Error, with the expected content.
     pub what: String,
 }
 
-/// One actor as recorded.
+/// A recorded actor.
 #[derive(Clone, PartialEq, Debug)]
 pub struct RecordedTrack {
     /// Identity within its recording.
     pub id: ActorId,
-    /// What it is.
+    /// Kind of actor.
     pub kind: ActorKind,
     /// Size.
     pub extent: Extent,
-    /// Step and place, at increasing steps.
+    /// Steps and positions, at increasing steps.
     pub samples: Vec<(i64, Point2)>,
 }
 
-/// Tracks of one scene, in the scene's own map frame.
+/// Tracks of one scene, in the scene's map frame.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recording {
-    /// Between two steps.
+    /// Interval between two steps.
     pub step: Span,
-    /// Ordered by identity.
+    /// Tracks, ordered by identity.
     pub tracks: Vec<RecordedTrack>,
-    /// Lanes below them, where these are known.
+    /// Lane graph of the scene, if known.
     pub lanes: Option<Arc<LaneGraph>>,
 }
 
-/// An actor who is seen throughout a window.
+/// An actor that is observed throughout a window.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Window {
-    /// Who it is.
+    /// Identity.
     pub id: ActorId,
-    /// Places after the present, one for each step.
+    /// Positions after the present, one for each step.
     pub truth: Vec<Point2>,
 }
 
-/// A present instant: everybody who is there, and who of them is there for long enough to be judged.
+/// A present instant: all actors, and those that are observed for long enough to be evaluated.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Scene {
-    /// With the past that is without a gap, at most as long as is observed.
+    /// Tracks with their past up to the last gap, at most as long as the protocol observes.
     pub tracks: TrackList,
-    /// Ordered by identity.
+    /// Evaluated actors, ordered by identity.
     pub windows: Vec<Window>,
 }
 
-/// Who is judged, after how many sightings and for how many steps.
+/// Evaluation protocol: lengths of past and future, and selection of actors.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Protocol {
-    /// Sightings up to the present, which is one of them; at least 1.
+    /// Number of sightings up to and including the present; at least 1.
     pub observe: usize,
-    /// Steps after it; at least 1.
+    /// Number of predicted steps; at least 1.
     pub predict: usize,
-    /// A window begins at every so many sightings of a track; at least 1.
+    /// Number of sightings between the starts of a track's windows; at least 1.
     pub stride: usize,
-    /// Fewest steps after the present that are judged, where a track ends before `predict` are over.
+    /// Smallest number of evaluated steps, for tracks that end before `predict` steps.
     pub predict_min: usize,
-    /// Fewest actors that are judged at one instant, else nobody is.
+    /// Smallest number of evaluated actors at an instant; instants with fewer are skipped.
     pub actors_min: usize,
 }
 
 impl Protocol {
-    /// Everybody who is there for all of it, as Trajectron++ takes them.
+    /// Protocol for actors that are observed throughout, as in Trajectron++.
     pub fn whole(observe: usize, predict: usize) -> Self {
         Self { observe, predict, stride: 1, predict_min: predict, actors_min: 1 }
     }
 }
 
-/// The text of a file, which may be packed by gzip (RFC 1952): at most 512 MiB.
+/// Decodes the text of a file, which may be compressed by gzip (RFC 1952): at most 512 MiB.
 ///
 /// # Errors
-/// What is wrong with the bytes.
+/// If the bytes are not valid gzip or UTF-8, or the text is too long.
 pub fn text(bytes: Vec<u8>) -> Result<String, String> {
     const MOST_BYTES: usize = 512 << 20;
     let plain = match bytes.starts_with(&[0x1f, 0x8b]) {
@@ -125,7 +125,7 @@ pub fn text(bytes: Vec<u8>) -> Result<String, String> {
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
-/// What follows the head of a gzip file.
+/// Data after the header of a gzip file.
 fn deflated(bytes: &[u8]) -> Option<&[u8]> {
     let ([_, _, 8, flags, ..], mut rest) = (bytes, bytes.get(10..)?) else { return None };
     if flags & 4 != 0 {
@@ -144,7 +144,7 @@ fn wrong(line: usize, what: impl Display) -> RecordedError {
     RecordedError { line, what: what.to_string() }
 }
 
-/// A finite number within `most` of zero.
+/// Parses a finite number within `most` of zero.
 fn number(line: usize, name: &str, word: &str, most: f64) -> Result<f64, RecordedError> {
     match word.trim().parse() {
         Ok(number) if f64::abs(number) <= most => Ok(number),
@@ -154,7 +154,7 @@ fn number(line: usize, name: &str, word: &str, most: f64) -> Result<f64, Recorde
     }
 }
 
-/// A whole number, which may be written `780.0`.
+/// Parses a whole number, which may be written as `780.0`.
 fn whole(line: usize, name: &str, word: &str, most: f64) -> Result<i64, RecordedError> {
     let number = number(line, name, word, most)?;
     match number.fract() == 0.0 {
@@ -170,11 +170,11 @@ fn identity(line: usize, name: &str, word: &str) -> Result<ActorId, RecordedErro
         .map_err(|_| wrong(line, format!("{name}: expected no negative number, found `{id}`")))
 }
 
-/// People from a text of ETH or UCY as it is passed on for predictors: `frame person x y`, parted by blanks, in metres,
-/// 10 frames for 0.4 s (the recording `eth` in truth had 0.667 s between them).
+/// Reads pedestrians from a text of ETH or UCY in the form distributed for prediction: `frame person x y`, separated
+/// by blanks, in metres, 10 frames per 0.4 s (the recording `eth` actually has 0.667 s).
 ///
 /// # Errors
-/// The first line that is none, or a person who is twice at one instant.
+/// The first invalid line, or a person that occurs twice at one instant.
 pub fn eth_ucy(text: &str) -> Result<Recording, RecordedError> {
     let person = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
     let mut tracks = Tracks::default();
@@ -197,12 +197,12 @@ pub fn eth_ucy(text: &str) -> Result<Recording, RecordedError> {
     Ok(tracks.into_recording(ETH_UCY_STEP_S))
 }
 
-/// Vehicles and people from CommonRoad's recorded scenarios as rows of
-/// `scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps`, after a line with these names: a recording for
-/// each scenario, in the order of their names.
+/// Reads vehicles and pedestrians of CommonRoad's recorded scenarios from rows of
+/// `scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps`, after a header with these names: one
+/// recording per scenario, ordered by name.
 ///
 /// # Errors
-/// The first line that is none, or an actor who is twice at one instant.
+/// The first invalid line, or an actor that occurs twice at one instant.
 pub fn commonroad_csv(text: &str) -> Result<BTreeMap<String, Recording>, RecordedError> {
     let mut rows = text.lines().enumerate();
     if rows.next().map(|(_, head)| head.trim()) != Some(HEAD) {
@@ -244,7 +244,7 @@ fn kind_of(line: usize, word: &str) -> Result<ActorKind, RecordedError> {
     })
 }
 
-/// Tracks as their rows come.
+/// Accumulates rows to tracks.
 #[derive(Default)]
 struct Tracks(BTreeMap<ActorId, (ActorKind, Extent, BTreeMap<i64, Point2>)>);
 
@@ -272,7 +272,7 @@ impl Tracks {
 }
 
 impl Recording {
-    /// Every instant at which somebody is judged, in order.
+    /// All instants with an evaluated actor, in order.
     pub fn scenes(&self, protocol: &Protocol) -> Vec<Scene> {
         let mut judged: BTreeMap<i64, Vec<Window>> = BTreeMap::new();
         for track in &self.tracks {
@@ -291,7 +291,7 @@ impl Recording {
             .collect()
     }
 
-    /// Everybody at one step.
+    /// Tracks of all actors at one step.
     fn tracks_at(&self, step: i64, protocol: &Protocol) -> TrackList {
         let tracks = self.tracks.iter().filter_map(|track| track.at(step, protocol.observe, self.step));
         TrackList { stamp: Time::ZERO + self.step * step, tracks: tracks.collect() }
@@ -299,18 +299,18 @@ impl Recording {
 }
 
 impl Recording {
-    /// The same at another speed, where it is negative also backwards: what happened in `speed` steps happens in one, and
-    /// places between two steps lie on a straight line. Steps around a gap are left out. `speed` is not zero.
+    /// The recording at another speed, backwards if it is negative: `speed` steps become one, with positions
+    /// interpolated between steps. Steps within a gap are dropped. `speed` must not be zero.
     pub fn played(&self, speed: f64) -> Self {
         let tracks =
             self.tracks.iter().map(|track| track.played(speed)).filter(|one| !one.samples.is_empty());
-        // Lanes have a direction, which who drives backwards does not keep to.
+        // Lanes are directed, and actors that drive backwards violate that.
         Self { step: self.step, tracks: tracks.collect(), lanes: None }
     }
 }
 
 impl RecordedTrack {
-    /// As [`Recording::played`] has it.
+    /// As [`Recording::played`].
     fn played(&self, speed: f64) -> Self {
         let ends = [self.samples.first(), self.samples.last()]
             .map(|end| end.map_or(0.0, |end| end.0 as f64 / speed));
@@ -328,13 +328,13 @@ impl RecordedTrack {
         Self { samples: steps.filter_map(sample).collect(), ..self.clone() }
     }
 
-    /// How many samples after `from` follow each other without a gap, at most `most`.
+    /// Number of consecutive samples after `from` without a gap, at most `most`.
     fn run(&self, from: usize, most: usize) -> usize {
         let follows = |k: &usize| self.samples[from + k].0 == self.samples[from].0 + *k as i64;
         (1..=most).take_while(follows).count()
     }
 
-    /// Indices of the samples at which it is judged.
+    /// Indices of the samples at which it is evaluated.
     fn presents(&self, protocol: &Protocol) -> impl Iterator<Item = usize> {
         let (observe, least) =
             (protocol.observe.max(1), protocol.observe.max(1) - 1 + protocol.predict_min.max(1));
@@ -344,7 +344,7 @@ impl RecordedTrack {
             .map(move |first| first + observe - 1)
     }
 
-    /// As the tracker would tell it at `step`, if it is there then.
+    /// Track as a tracker would report it at `step`; `None` if the actor is absent.
     fn at(&self, step: i64, observe: usize, span: Span) -> Option<Track> {
         let present = self.samples.binary_search_by_key(&step, |(at, _)| *at).ok()?;
         let first = present.saturating_sub(observe.max(1) - 1);
@@ -357,7 +357,7 @@ impl RecordedTrack {
         let (last, before) = (history[history.len() - 1], history.iter().rev().nth(1));
         let velocity_mps =
             before.map_or(Vector2::default(), |before| (last.point - before.point) * (1.0 / span.as_secs()));
-        // Who stands is turned as it came.
+        // An actor at rest keeps the heading of its last motion.
         let mut moved = self.samples[..=present].iter().rev().map(|(_, place)| last.point - *place);
         let heading_rad = moved.find(|way| way.norm() > HARDLY_M).map_or(0.0, Vector2::heading);
         let pose = Pose2::new(last.point.x_m, last.point.y_m, heading_rad);

@@ -1,33 +1,34 @@
-//! Who drives along the road goes on along it.
+//! Bends predictions of road users along the road that they follow.
 //!
-//! A straight line leads what comes round a bend through the lanes beside its own. Where a road user moves along the road
-//! at his place, either way, the same line is drawn in the road's own coordinates (Frenet: arc length and offset, as
-//! Werling et al. 2010, section II): the speed along the road stays, the one across it dies away within a second, which
-//! is what keeping a lane or changing to the next one comes to. A vehicle whose side is then in the ego's lane goes on to its
-//! centre. An oncoming vehicle that crosses the line of the ego's lane steers back from there on: lane changes into oncoming
-//! traffic are not expected. People on foot go where they go.
+//! In a bend, straight extrapolation crosses the lanes beside a vehicle's own. For a road user that moves along the
+//! road, in either direction, the same line is drawn in road coordinates (Frenet: arc length and offset, as Werling
+//! et al. 2010, section II). The speed along the road is kept, and the lateral speed decays within a second, which
+//! models both lane keeping and a change to the next lane. A vehicle whose side is then in the ego's lane continues
+//! to its centre. An oncoming vehicle that crosses the line of the ego's lane steers back from there: lane changes
+//! into oncoming traffic are not expected. Pedestrians are not affected.
 
 use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, PredictedPose, Prediction, Route};
 
-/// Slower than this nobody is told to drive along the road, m/s.
+/// Smallest speed of a motion along the road, m/s.
 const SPEED_MIN_MPS: f64 = 1.0;
-/// Who moves along the road moves within this of its heading, radians.
+/// Largest angle between a motion along the road and the road's heading, radians.
 const ALONG_RAD: f64 = 0.5;
-/// He is on it, or this far beside, metres.
+/// Largest distance beside the road's ground for a motion along it, metres.
 const BESIDE_M: f64 = 1.0;
-/// Time in which what is left of the speed across the road falls to a third, seconds.
+/// Time constant with which the lateral speed decays, seconds.
 pub(crate) const SETTLES_S: f64 = 1.0;
-/// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is called firm.
+/// Lateral acceleration of an oncoming vehicle that steers back to its lane, m/s². Source: assumed; 2 m/s² is
+/// regarded as firm.
 const CORRECTS_MPS2: f64 = 3.0;
 
-/// Slower than this across nobody changes lanes, m/s.
+/// Smallest lateral speed of a lane change, m/s.
 const MERGES_MPS: f64 = 0.3;
-/// A vehicle comes over with its side so far over the line, metres.
+/// Distance of a vehicle's side beyond the line from which it changes lanes, metres.
 const OVER_LINE_M: f64 = 0.2;
 
-/// Bends predictions of any shape of those who drive along the way: what they do along and across their first direction is
-/// done along and across the road.
+/// Bends predictions of any shape for road users that follow the route: motion along and across their initial
+/// direction becomes motion along and across the road.
 pub fn follow(predictions: &mut [Prediction], route: &Route) {
     for prediction in predictions.iter_mut().filter(|one| one.kind != ActorKind::Pedestrian) {
         let [first, second, ..] = prediction.path[..] else { continue };
@@ -39,7 +40,8 @@ fn mean_velocity_mps(from: &PredictedPose, to: &PredictedPose) -> Vector2 {
     (to.pose.point() - from.pose.point()) * (1.0 / (to.at - from.at).as_secs())
 }
 
-/// The place of who moves along the road: where roads cross, that on the road along which they move.
+/// Position of a road user on the road; where the road crosses itself, on the stretch along which the road user
+/// moves.
 pub(crate) fn place_of(route: &Route, point: Point2, velocity_mps: Vector2) -> FrenetPoint {
     let nearest = route.project(point);
     if velocity_mps.norm() < SPEED_MIN_MPS || is_along(route, nearest, velocity_mps) {
@@ -51,26 +53,27 @@ pub(crate) fn place_of(route: &Route, point: Point2, velocity_mps: Vector2) -> F
     along.min_by(|a, b| a.d_m.abs().total_cmp(&b.d_m.abs())).unwrap_or(nearest)
 }
 
-/// True of a motion along the road at this place, in either direction.
+/// Returns true for a motion along the road at this position, in either direction.
 fn is_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> bool {
     let off_rad = angle_between(route.line().at(place.s_m).pose.heading_rad, velocity_mps.heading());
     off_rad.abs().min(core::f64::consts::PI - off_rad.abs()) < ALONG_RAD
 }
 
-/// True of a place on the ground of the road, or close beside it.
+/// Returns true for a position on the ground of the road, or close beside it.
 pub(crate) fn is_on(route: &Route, FrenetPoint { s_m, d_m }: FrenetPoint) -> bool {
     (-route.right_m(s_m) - BESIDE_M..=route.left_m(s_m) + BESIDE_M).contains(&d_m)
 }
 
-/// A metre of the road at this place in metres of its line, for who moves along it; none for everybody else.
+/// Length at this position's offset per metre of the road's line, `1 - curvature · d`, for a road user that moves along
+/// the road; `None` for others.
 pub(crate) fn share_along(route: &Route, place: FrenetPoint, velocity_mps: Vector2) -> Option<f64> {
-    // Nearer to the middle of the bend than to its line a way along it has no length.
+    // Near the centre of a bend, motion along the road is undefined.
     let share = 1.0 - route.line().at(place.s_m).curvature_1pm * place.d_m;
     let moves = velocity_mps.norm() >= SPEED_MIN_MPS && is_along(route, place, velocity_mps);
     (moves && is_on(route, place) && share >= 0.1).then_some(share)
 }
 
-/// `mean_mps` is the mean velocity from the first pose to one after it.
+/// Bends one prediction; `mean_mps` is the mean velocity from the first pose to a later one.
 fn bend(
     prediction: &mut Prediction,
     route: &Route,
@@ -97,21 +100,21 @@ fn bend(
     }
 }
 
-/// End of a motion across the road.
+/// Settling of a lateral motion.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Settling {
-    /// Time in which what is left of the speed across falls to a third, seconds; infinite where it stays.
+    /// Time constant with which the lateral speed decays, seconds; infinite if it is kept.
     time_s: f64,
-    /// Largest way to the right and to the left, metres.
+    /// Largest displacement to the right and to the left, metres.
     most_m: [f64; 2],
 }
 
 impl Settling {
-    /// For a road user with the given speeds along the road and to its left, m/s.
+    /// Settling for a road user with the given speeds along the road and to its left, m/s.
     ///
-    /// A motion across settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, seen along the route, steers
-    /// back once its side is over the line of the ego's lane, which takes another v² / 2a. A vehicle that comes over into
-    /// the ego's lane, by that line or from the edge of the road, goes on to its centre.
+    /// A lateral motion settles with [`SETTLES_S`]. An oncoming vehicle that drifts to the right, as seen along the
+    /// route, steers back once its side is over the line of the ego's lane, which takes another v² / 2a. A vehicle
+    /// that moves into the ego's lane, across that line or from the edge of the road, continues to its centre.
     pub(crate) fn of(
         route: &Route,
         place: FrenetPoint,
@@ -124,7 +127,7 @@ impl Settling {
             .unwrap_or(Self { time_s: SETTLES_S, most_m: [f64::INFINITY; 2] })
     }
 
-    /// The same for an oncoming vehicle that drifts to the right; `None` for others.
+    /// Settling of an oncoming vehicle that drifts to the right; `None` for others.
     pub(crate) fn of_stray(
         route: &Route,
         FrenetPoint { s_m, d_m }: FrenetPoint,
@@ -141,7 +144,7 @@ impl Settling {
         Some(Self { time_s: SETTLES_S.min(right_max_m / -left_mps), most_m: [right_max_m, f64::INFINITY] })
     }
 
-    /// The same for a vehicle whose settled motion has its side in the ego's lane; `None` for others.
+    /// Settling of a vehicle whose settled motion has its side in the ego's lane; `None` for others.
     fn of_merge(
         route: &Route,
         FrenetPoint { s_m, d_m }: FrenetPoint,
@@ -161,7 +164,7 @@ impl Settling {
         merges.then_some(Self { time_s: f64::INFINITY, most_m: [d_m.max(0.0), (-d_m).max(0.0)] })
     }
 
-    /// Way to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.
+    /// Displacement to the left within `ahead_s`, metres; `free_m` is that of the unsettled motion.
     pub(crate) fn moved_m(&self, free_m: f64, ahead_s: f64) -> f64 {
         if ahead_s <= 0.0 {
             return free_m;
@@ -182,7 +185,7 @@ mod tests {
     use swerve_map::Borders;
     use swerve_msg::{ActorId, Extent};
 
-    /// A bend to the left of 50 m about (0, 50).
+    /// A bend to the left of 50 m radius about (0, 50).
     fn bend() -> Route {
         let at = |k: i32| {
             let (sin, cos) = math::sin_cos(0.02 * f64::from(k));
@@ -202,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn cars_keep_their_lane_and_people_and_crossers_their_line() {
+    fn vehicles_keep_their_lane_and_pedestrians_and_crossing_cars_their_line() {
         let route = bend();
         // In the oncoming lane, half way round, along the road and against it.
         let from = route.unproject(FrenetPoint { s_m: 50.0, d_m: 4.0 });
@@ -214,7 +217,7 @@ mod tests {
             for (k, at) in bent[0].path.iter().enumerate() {
                 let place = route.project(at.pose.point());
                 assert!((place.d_m - 4.0).abs() < 0.02, "{kind:?} {k}: {place:?}");
-                // The lane inside of the bend is 46 m from its middle: the way along the line is longer.
+                // The inner lane has a radius of 46 m: the distance along the line is longer.
                 let s_m = 50.0 + speed_mps * 0.1 * k as f64 * 50.0 / 46.0;
                 assert!((place.s_m - s_m).abs() < 0.1, "{kind:?} {k}: {place:?}");
                 let heading = if speed_mps < 0.0 { along * -1.0 } else { along }.heading();
@@ -232,9 +235,9 @@ mod tests {
         assert_eq!(kept, lines);
     }
 
-    /// East to (60, 0), three quarters of a circle to the left, and south across its beginning at (40, 0).
+    /// East to (60, 0), three quarters of a circle to the left, and south across its start at (40, 0).
     #[test]
-    fn on_a_road_that_crosses_itself_the_stretch_that_is_driven_along_counts() {
+    fn position_at_a_self_crossing_is_on_the_stretch_of_the_motion() {
         let circle = (0..=47).map(|k| {
             let (sin, cos) = math::sin_cos(0.1 * f64::from(k));
             Point2::new(60.0 + 20.0 * sin, 20.0 - 20.0 * cos)
@@ -242,20 +245,22 @@ mod tests {
         let ends = [Point2::new(40.0, 20.0), Point2::new(40.0, -60.0)];
         let points: Vec<Point2> = [Point2::new(0.0, 0.0)].into_iter().chain(circle).chain(ends).collect();
         let route = Route::uniform(Polyline::new(&points).unwrap(), 3.6, 1.8);
-        // 1 m from the line of the stretch to the east, 1.5 m from that of its own, to the south or to the north.
+        // 1 m from the line of the eastbound stretch, 1.5 m from that of the southbound stretch; driven southbound
+        // and northbound.
         let point = Point2::new(41.5, 1.0);
         assert!((route.project(point).s_m - 41.5).abs() < 1e-9);
         for south_mps in [6.0, -6.0] {
             let place = place_of(&route, point, Vector2::new(0.0, -south_mps));
             assert!(place.s_m > 160.0 && (place.d_m - 1.5).abs() < 0.01, "{place:?}");
         }
-        // Across both of them, and at rest: the nearest.
+        // At an angle to both stretches, and at rest: the nearest.
         for velocity_mps in [Vector2::new(5.0, 5.0), Vector2::new(0.0, -0.1)] {
             assert_eq!(place_of(&route, point, velocity_mps), route.project(point));
         }
     }
 
-    /// Along the road as far as along the straight line, by the length of the arc at the offset, and beside it as before.
+    /// The distance along the road is that along the straight line, scaled by the arc length at the offset; the
+    /// offset is kept.
     #[test]
     fn constant_speed_and_braking_are_bent_along_the_road() {
         let route = bend();
@@ -286,8 +291,9 @@ mod tests {
         assert!((way_m - (9.2 * 3.0 - 1.5 * 9.0) * 50.0 / 46.0).abs() < 0.1, "{way_m}");
     }
 
-    /// An oncoming car of 2 m drifts with 1.5 m/s towards the ego's lane, 4 m wide. Over the line it steers back with 3 m/s²
-    /// and settles 1.5² / 6 = 0.375 m further. At 4.5 m its side is 1.5 m beside the line, the way of a settling lane change.
+    /// An oncoming car of 2 m width drifts with 1.5 m/s towards the ego's lane of 4 m. Over the line it steers back
+    /// with 3 m/s² and settles 1.5² / 6 = 0.375 m further. At 4.5 m its side is 1.5 m beside the line, the distance
+    /// of a settling lane change.
     #[test]
     fn oncoming_vehicle_over_the_line_steers_back() {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
@@ -306,15 +312,16 @@ mod tests {
         for (from_m, to_m) in [(2.5, 2.5 - 0.375), (3.0, 3.0 - 0.375), (3.5, 3.0 - 0.375), (4.5, 3.0)] {
             assert!((ends(from_m, -4.0) - to_m).abs() < 1e-6, "{from_m}: {}", ends(from_m, -4.0));
         }
-        // On the right of the ego's lane.
+        // To the right of the centre of the ego's lane.
         assert!((ends(-0.5, -4.0) + 2.0).abs() < 1e-6);
         // Along the route: over the line it changes into the ego's lane, beside it (4.5 - 1 - 1.5 = 2 m) it settles.
         assert!(ends(3.0, 4.0).abs() < 1e-6 && (ends(4.5, 4.0) - 3.0).abs() < 1e-6);
     }
 
-    /// From the edge, 2.6 m to the right of the line, with 0.5 m/s to the left: a car of 2 m has its side in the lane.
+    /// From the edge, 2.6 m to the right of the line, with 0.5 m/s to the left: the side of a car of 2 m is in the
+    /// lane.
     #[test]
-    fn vehicle_that_pulls_out_goes_on_to_the_centre_of_the_lane() {
+    fn vehicle_that_pulls_out_continues_to_the_centre_of_the_lane() {
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap();
         let route = Route::uniform(line, 6.0, 4.0).in_lane(Borders::constant(2.0, 2.0));
         let offset_m = |kind: ActorKind, left_mps: f64, k: usize| {
@@ -326,13 +333,13 @@ mod tests {
         for k in 0..=30 {
             assert!((offset_m(ActorKind::Car, 0.5, k) - (-2.6 + 0.05 * k as f64)).abs() < 1e-9, "{k}");
         }
-        // To the centre and no further; slower, and on a bicycle, the motion across settles.
+        // It does not pass the centre; at a lower speed, and for a cyclist, the lateral motion settles.
         assert!(offset_m(ActorKind::Car, 1.0, 30).abs() < 1e-9);
         assert!(offset_m(ActorKind::Car, 0.25, 30) < -2.35 && offset_m(ActorKind::Cyclist, 0.5, 30) < -2.1);
     }
 
     #[test]
-    fn a_change_of_lane_comes_to_an_end() {
+    fn lane_change_settles() {
         let route = bend();
         let at = route.line().at(10.0).pose;
         let mut bent =

@@ -1,4 +1,4 @@
-//! Checks that no single value allows: geometry, and what refers to what.
+//! Checks that span several values of a scenario: geometry and references.
 
 use swerve_geom::{Obb, Polyline, math};
 use swerve_msg::ActorKind;
@@ -7,7 +7,7 @@ use swerve_vehicle::Shape;
 use crate::draw::EGO_START_M;
 use crate::{Actor, Scenario, Subject, Trigger};
 
-/// Problems of a scenario whose values are each in range, as (key, message).
+/// Problems of a scenario whose single values are in range, as (key, message).
 pub(crate) fn problems(scenario: &Scenario) -> Vec<(String, String)> {
     let mut found = Vec::new();
     if !scenario.road.is_line() {
@@ -68,7 +68,7 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
         let message = format!("the ego starts {outside_m:.2} m outside the drivable ground");
         found.push(("ego".to_owned(), message));
     }
-    // A seed moves the start along the road by up to this much.
+    // A seed shifts the start along the road by up to this distance.
     let drawn = Obb { half_length_m: footprint.half_length_m + EGO_START_M, ..footprint };
     for actor in scenario.actors.iter().filter(|actor| actor.distance_to(route.line(), &drawn) == 0.0) {
         let inside = actor.distance_to(route.line(), &footprint) == 0.0;
@@ -80,11 +80,11 @@ fn start(scenario: &Scenario, shape: &Shape, found: &mut Vec<(String, String)>) 
     }
 }
 
-/// So many actors that start inside others are listed one by one.
+/// Largest number of overlapping actors that are reported one by one.
 const OVERLAPS_MAX: usize = 100;
 
-/// Actors that can be pushed must not start inside one another: physics would throw them apart. Of each the first other
-/// one is reported.
+/// Movable actors must not overlap at the start: the physics engine would push them apart. For each actor only the
+/// first overlap is reported.
 fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     let line = scenario.road.line();
     let overlaps = overlaps(scenario, &line);
@@ -97,7 +97,7 @@ fn actors(scenario: &Scenario, found: &mut Vec<(String, String)>) {
     }
 }
 
-/// Actors that start inside earlier ones, each with the first of these.
+/// Actors that overlap earlier ones at the start, each with the first of these.
 fn overlaps(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
     let mut first: Vec<Option<usize>> = vec![None; scenario.actors.len()];
     near(scenario, line, |i, other| {
@@ -111,13 +111,13 @@ fn overlaps(scenario: &Scenario, line: &Polyline) -> Vec<(usize, usize)> {
 fn is_inside(scenario: &Scenario, line: &Polyline, i: usize, other: usize) -> bool {
     let (actor, other) = (&scenario.actors[i], &scenario.actors[other]);
     let both_fixed = actor.kind == ActorKind::Static && other.kind == ActorKind::Static;
-    // Of two round bodies the box of one is taken, which is larger than it.
+    // For two round bodies, one is replaced by its box, which contains it.
     let (round, square) = if actor.is_round() { (actor, other) } else { (other, actor) };
     let rectangle = square.extent.footprint(square.pose(line));
     !both_fixed && round.distance_to(line, &rectangle) == 0.0
 }
 
-/// Pairs of actors, the later one first, that are so near along x that they could touch.
+/// Pairs of actors, the later one first, that are near enough along x to touch.
 fn near(scenario: &Scenario, line: &Polyline, mut pair: impl FnMut(usize, usize)) {
     let reach = |(i, actor): (usize, &Actor)| {
         let at = actor.extent.footprint(actor.pose(line));

@@ -1,22 +1,22 @@
-//! All that a seed varies about a scenario: here and nowhere else.
+//! Everything about a scenario that depends on the seed.
 //!
-//! | what | range | where it is drawn |
+//! | quantity | range | drawn by |
 //! |---|---|---|
 //! | ego start along the road | ±0.5 m | [`Scenario::drawn`] |
 //! | ego speed (start and target) | ±0.2 m/s | [`Scenario::drawn`] |
 //! | distance of each distance trigger | ±0.25 m | [`Scenario::drawn`] |
 //! | phase of each sensor | whole world steps within its period | [`sensor_phase`] |
-//! | sensor noise and bias | each sensor's own | the sensor, keyed by (seed, sensor, stamp) |
+//! | sensor noise and bias | per sensor | the sensor, keyed by (seed, sensor, stamp) |
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Rng, Span};
 
 use crate::{Scenario, Trigger};
 
-/// Changes that a seed made in a scenario.
+/// Random changes to a scenario.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Draws {
-    /// The seed.
+    /// Seed of the draws.
     pub seed: u64,
     /// Added to the ego's start along the road, metres.
     pub ego_start_m: f64,
@@ -31,9 +31,9 @@ const EGO_SPEED_MPS: f64 = 0.2;
 const TRIGGER_M: f64 = 0.25;
 
 impl Scenario {
-    /// This scenario as `seed` varies it; the draws are in [`draws`](Self::draws). A scenario that carries
-    /// draws already is returned as it is. Each number is keyed by (seed, what, which), so that adding an
-    /// actor changes no other draw. Start and target speed stay at least 0, and a standing start stays one.
+    /// The scenario as varied by `seed`; the draws are in [`draws`](Self::draws). A scenario with draws is returned
+    /// unchanged. Each number is keyed by (seed, quantity, index), so that adding an actor changes no other draw.
+    /// Start and target speed are clamped at 0, and a start at standstill remains one.
     #[must_use]
     pub fn drawn(&self, seed: u64) -> Self {
         let mut drawn = self.clone();
@@ -62,8 +62,8 @@ impl Scenario {
     }
 }
 
-/// When a sensor first fires: a whole number of world steps in `[0, period)`, so that each of its stamps is
-/// an instant at which the world has a state. Zero for a period below one step.
+/// Phase of a sensor: a whole number of world steps in `[0, period)`, so that each of its stamps is an instant at
+/// which the world has a state. Zero for a period below one step.
 pub fn sensor_phase(seed: u64, sensor: &str, period: Span, world_step: Span) -> Span {
     if world_step.ns() <= 0 || period.ns() < world_step.ns() {
         return Span::ZERO;
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_fill_their_ranges_and_show_in_the_result() {
+    fn draws_fill_their_ranges_and_are_applied() {
         let nominal = scenario();
         let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
         for seed in 0..2000 {
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_gives_the_same_draws_and_another_actor_changes_none() {
+    fn draws_depend_on_the_seed_but_not_on_other_actors() {
         let nominal = scenario();
         assert_eq!(nominal.drawn(7), nominal.drawn(7));
         assert_ne!(nominal.drawn(7), nominal.drawn(8));
@@ -136,13 +136,13 @@ mod tests {
             ab += (draws.ego_start_m / 0.5) * (draws.ego_speed_mps / 0.2) / n;
             ac += (draws.ego_start_m / 0.5) * (draws.trigger_m[1] / 0.25) / n;
         }
-        // Products of independent uniforms on ±1 have deviation 1/3: the mean of n stays within 4 sigma.
+        // Products of independent uniforms on ±1 have standard deviation 1/3: the mean of n stays within 4 sigma.
         let bound = 4.0 / 3.0 / f64::sqrt(n);
         assert!(ab.abs() < bound && ac.abs() < bound, "{ab} {ac}");
     }
 
     #[test]
-    fn a_standing_start_stays_one() {
+    fn standing_start_remains_a_standing_start() {
         let mut nominal = scenario();
         nominal.ego.start_speed_mps = Some(0.0);
         assert!((0..50).all(|seed| nominal.drawn(seed).ego.start_speed() == 0.0));

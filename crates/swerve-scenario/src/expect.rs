@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use swerve_msg::truth::Verdict;
 
-/// A metric of a run that a scenario can put bounds on.
+/// A metric of a run for which a scenario can set bounds.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
@@ -25,13 +25,13 @@ pub enum Metric {
     ComfortShare,
     /// Smallest distance of the ego's outline to the edge of the drivable ground, metres.
     RoadMarginM,
-    /// Stop lines that the ego's front went over at a red light.
+    /// Number of stop lines that the ego's front crossed at a red light.
     RedLightsPassed,
     /// Least time to collision, seconds.
     MinTtcS,
     /// Least time headway to the lead in the own lane, seconds.
     MinHeadwayS,
-    /// Way with part of the outline outside the own lane, metres.
+    /// Distance driven with part of the outline outside the own lane, metres.
     DistanceOverLineM,
     /// Time with part of the outline to the left of the own lane, seconds.
     TimeInOncomingLaneS,
@@ -40,7 +40,7 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// All of them.
+    /// All metrics.
     pub const ALL: [Self; 16] = [
         Self::MinDistanceM,
         Self::ImpactSpeedMps,
@@ -60,8 +60,9 @@ impl Metric {
         Self::SpeedOverTargetMps,
     ];
 
-    /// Whether a run without this metric is within a bound: one that hits nothing within how fast it may hit, one that
-    /// closes in on nobody, or follows nobody, within how near in time it may come.
+    /// Returns true if a run without this metric satisfies a bound: a run without a collision satisfies upper bounds
+    /// on collision speeds; a run without a conflict, or without a lead, satisfies lower bounds on time to collision
+    /// and headway.
     fn is_kept_without(self, bound: &Bound) -> bool {
         match self {
             Self::ImpactSpeedMps | Self::ClosingSpeedMps => bound.min.is_none_or(|min| min <= 0.0),
@@ -70,7 +71,7 @@ impl Metric {
         }
     }
 
-    /// The name in scenario files.
+    /// Name in scenario files.
     pub fn name(self) -> &'static str {
         match self {
             Self::MinDistanceM => "min_distance_m",
@@ -96,7 +97,7 @@ impl Metric {
 /// Lowest and highest value allowed for a metric.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Bound {
-    /// Which metric.
+    /// The bounded metric.
     pub metric: Metric,
     /// Lowest value allowed.
     pub min: Option<f64>,
@@ -104,27 +105,28 @@ pub struct Bound {
     pub max: Option<f64>,
 }
 
-/// Verdict and bounds that are expected of a run.
+/// Expected verdict of a run, and bounds on its metrics.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Expectation {
-    /// The pipeline that this is expected of; `None`: any that has no entry of its own.
+    /// Pipeline that this applies to; `None`: any that has no entry of its own.
     pub pipeline: Option<String>,
-    /// How the run goes.
+    /// Expected verdict.
     pub verdict: Verdict,
     /// Bounds on its metrics.
     pub bounds: Vec<Bound>,
 }
 
 impl Expectation {
-    /// What to call the expected verdict of a run that came to this one, where the name of old stands for it.
+    /// Note on a verdict that has been renamed: the present name of this run's verdict, if an outdated name for it is
+    /// expected.
     pub fn renamed(&self, verdict: Verdict) -> Option<String> {
         let is_old = verdict != self.verdict && verdict.old_name() == self.verdict;
         is_old.then(|| format!("[expect] verdict `{}`: such a run is called `{verdict}` now", self.verdict))
     }
 
-    /// The same of a run that the ego ended at rest, for a reason that lies in itself and that it names: its pose is too
-    /// uncertain for the lane. It has to be safe and comfortable as expected until then; how fast it ends, and when, is not
-    /// the scenario's any more. A collision that is expected is not.
+    /// The expectation for a run that the ego ended at standstill because its pose was too uncertain for the lane.
+    /// Until then the run must be as safe and comfortable as expected; bounds on end speed and duration are dropped,
+    /// and so are those on the speed of a collision.
     #[must_use]
     pub fn until_stop(&self) -> Self {
         let of_end = |bound: &Bound| matches!(bound.metric, Metric::EndSpeedMps | Metric::DurationS);
@@ -133,11 +135,11 @@ impl Expectation {
         Self { verdict: Verdict::Stopped, bounds, ..self.clone() }
     }
 
-    /// In what way a run differs from what is expected; empty when it is as expected. `value` gives the
-    /// metrics of the run, `None` for one that it does not have, which breaks its bound. Exceptions: a run that hits nothing
-    /// is within every upper bound on how fast it may hit; one that is never on the way to a collision, or has no lead, is
-    /// within every lower bound on time to collision and headway. A red light that is passed breaks every expectation
-    /// without a bound on [`Metric::RedLightsPassed`].
+    /// Deviations of a run from the expectation; empty if there are none. `value` returns a metric of the run, or
+    /// `None` if the run does not have it, which violates its bound. Exceptions: a run without a collision satisfies
+    /// upper bounds on collision speeds; a run that is never on a collision course, or has no lead, satisfies lower
+    /// bounds on time to collision and headway. A passed red light violates any expectation without a bound on
+    /// [`Metric::RedLightsPassed`].
     pub fn broken_by(&self, verdict: Verdict, value: impl Fn(Metric) -> Option<f64>) -> Vec<String> {
         let mut broken = Vec::new();
         if verdict != self.verdict && verdict.old_name() != self.verdict {
@@ -152,7 +154,7 @@ impl Expectation {
                 None if bound.metric.is_kept_without(bound) => {}
                 None => broken.push(format!("{name} is bounded, but the run has none")),
                 Some(value) => {
-                    // What rounding leaves of nothing is nothing.
+                    // Rounded to 1e-6, and -0 to 0.
                     let shown = (value * 1e6).round() / 1e6 + 0.0;
                     if let Some(min) = bound.min.filter(|&min| value.is_nan() || value < min) {
                         broken.push(format!("expected {name} of at least {min}, got {shown}"));
@@ -172,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_broken_bound_is_named() {
+    fn broken_bounds_are_all_named() {
         let bound = |metric, min, max| Bound { metric, min, max };
         let expectation = Expectation {
             pipeline: None,
@@ -227,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_for_the_pose_is_as_safe_as_expected_but_ends_elsewhere() {
+    fn stop_for_an_uncertain_pose_keeps_bounds_except_those_on_the_end() {
         let bound = |metric, min, max| Bound { metric, min, max };
         let bounds = vec![
             bound(Metric::EndSpeedMps, Some(11.0), None),
@@ -252,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn red_light_passed_is_not_as_expected_unless_bounded() {
+    fn passed_red_light_breaks_an_expectation_unless_bounded() {
         let mut expectation = Expectation { pipeline: None, verdict: Verdict::Completed, bounds: Vec::new() };
         let passed = |n: f64| move |metric| (metric == Metric::RedLightsPassed).then_some(n);
         assert_eq!(expectation.broken_by(Verdict::Completed, passed(0.0)), Vec::<String>::new());

@@ -1,11 +1,11 @@
-//! Scenarios: the text form (TOML) in, a checked [`Scenario`] out, or every problem of the file at once.
+//! Scenarios: parses the text form (TOML) to a checked [`Scenario`], or reports every problem of the file at once.
 //!
-//! A scenario is a road, where the ego starts and ends, the other actors with what sets them off and how they
-//! move, and what is expected of the run. Places are given along the road: `s` metres from its start, `d`
-//! metres to the left of the centre line of the ego's lane. **All places of vehicles, the ego's too, are of
-//! the centre of their outline.** [`Scenario::drawn`] applies all that a seed varies, and nothing else does.
+//! A scenario has a road, the start and goal of the ego, the other actors with their triggers and motions, and the
+//! expected result of the run. Positions are given along the road: `s` metres from its start, `d` metres to the left
+//! of the centre line of the ego's lane. **All vehicle positions, including the ego's, refer to the centre of the
+//! outline.** [`Scenario::drawn`] is the only function that applies the variations of a seed.
 //!
-//! **The text form**, with every key (`?`: may be left out; lengths in metres, angles in radians):
+//! **Text form**, with all keys (`?`: optional; lengths in metres, angles in radians):
 //!
 //! ```toml
 //! name = "person_crossing"
@@ -21,12 +21,12 @@
 //! [[road.light]]                                      # ? traffic lights for the ego's lane
 //! name = "crossing"
 //! stop_s_m = 38.0                                     # the stop line
-//! s_m = 40.0                                          # ? where it stands: 2 m behind the stop line
+//! s_m = 40.0                                          # ? position of the mast: 2 m behind the stop line
 //! d_m = -3.0                                          # ? 1 m to the right of the drivable ground
 //! green_s = 12.0                                      # green, then yellow, then red, and again
 //! yellow_s = 3.0                                      # ?
 //! red_s = 10.0
-//! offset_s = 8.0                                      # ? 0; how far into that it is at the start
+//! offset_s = 8.0                                      # ? 0; time into the cycle at the start of the run
 //!
 //! [ego]
 //! s_m = 0.0                                           # ?
@@ -67,7 +67,7 @@
 //! impact_speed_mps = { min = 2.0, max = 9.0 }
 //! ```
 //!
-//! Absences: no physics, no clock; the only file it opens is the one that [`Scenario::read`] is given.
+//! Excluded: physics, clocks; the only file that is opened is the one passed to [`Scenario::read`].
 
 mod check;
 mod draw;

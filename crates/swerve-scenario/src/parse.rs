@@ -1,4 +1,4 @@
-//! From TOML to a [`Scenario`].
+//! Conversion of TOML to a [`Scenario`].
 
 mod actor;
 mod expect;
@@ -10,24 +10,24 @@ use swerve_text::{Document, Problems, Range, Reading, TableReader, list, nearest
 
 use crate::{EgoStart, End, Road, Scenario, Segment, Standstill, TrafficLight, check};
 
-/// Places along and across the road, metres.
+/// Positions along and across the road, metres.
 const PLACE: Range = Range::between(-100_000.0, 100_000.0);
 /// Speeds, m/s.
 const SPEED: Range = Range::between(0.0, 100.0);
-/// Moving speeds, m/s.
+/// Speeds above zero, m/s.
 const MOVING: Range = Range::between(0.01, 100.0);
-/// Ways and distances, metres.
+/// Path lengths and distances, metres.
 const WAY: Range = Range::between(0.001, 100_000.0);
-/// Lengths of time, seconds.
+/// Durations, seconds.
 const DURATION: Range = Range::between(0.001, 86_400.0);
-/// A light whose place is not given stands this far behind its stop line, metres.
+/// Default distance of a traffic light behind its stop line, metres.
 const LIGHT_BEHIND_STOP_M: f64 = 2.0;
-/// And this far to the right of the drivable ground, metres.
+/// Default distance of a traffic light to the right of the drivable ground, metres.
 const LIGHT_BESIDE_ROAD_M: f64 = 1.0;
 /// Angles, radians.
 const ANGLE: Range = Range::between(-6.3, 6.3);
 
-/// Actors of a scenario: a state of the world holds all of them, and a log all states.
+/// Largest number of actors: a state of the world contains all of them, and a log all states.
 const ACTORS_MAX: usize = 20_000;
 
 /// Reads and checks a whole document.
@@ -37,7 +37,7 @@ pub(crate) fn scenario(document: &Document) -> Result<Scenario, Problems> {
     reading.into_problems().or(scenario)
 }
 
-/// What a scenario is called by: in titles, tables and data sets.
+/// Valid scenario names, as used in titles, tables and data sets.
 const NAME: &str = "a name of letters, digits, spaces, underscores and hyphens";
 
 fn is_name(name: &str) -> bool {
@@ -45,7 +45,7 @@ fn is_name(name: &str) -> bool {
     !name.is_empty() && name.trim() == name && name.chars().all(is_plain)
 }
 
-/// A description may have several lines.
+/// Valid descriptions, which may have several lines.
 const DESCRIPTION: &str = "a text that is not blank, without control characters but for ends of lines";
 
 fn is_description(text: &str) -> bool {
@@ -98,7 +98,7 @@ fn road(top: &TableReader<'_>) -> Road {
     road.right_m = table.number_or("right_m", 0.5 * road.lane_width_m, Range::between(0.05, 100.0));
     road.friction = table.number_or("friction", road.friction, Range::between(0.01, 4.0));
     for segment in table.tables("segments", |_| None) {
-        // Zero is let through here: that the whole has no length is one clear problem of its own.
+        // Zero is accepted here: a road without length is reported as one problem.
         let length_m = segment.number("length_m", Range::between(0.0, 100_000.0));
         let curvature_1pm = segment.number_or("curvature_1pm", 0.0, Range::between(-0.2, 0.2));
         segment.finish();
@@ -118,7 +118,7 @@ fn road(top: &TableReader<'_>) -> Road {
     road
 }
 
-/// The traffic lights of a road that is drivable `right_m` to the right of the lane's centre.
+/// Traffic lights of a road that is drivable up to `right_m` to the right of the lane's centre.
 fn lights(road: &TableReader<'_>, right_m: f64) -> Vec<TrafficLight> {
     let tables = road.tables("light", |light| light.text_if_any("name"));
     let names: Vec<String> = tables.iter().map(|light| light.text("name")).collect();
@@ -205,7 +205,7 @@ fn unique(tables: &[TableReader<'_>], names: &[String]) {
     }
 }
 
-/// What to say about a name that is no actor's.
+/// Message for a name that matches no actor.
 fn unknown_actor(name: &str, names: &[String], ego_too: bool) -> String {
     let known = names.iter().map(String::as_str).chain(ego_too.then_some("ego"));
     let known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();

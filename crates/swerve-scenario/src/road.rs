@@ -4,64 +4,64 @@ use swerve_geom::{FrenetPoint, Point2, Polyline, math};
 use swerve_map::{Borders, Lane, LaneId, LaneKind, Map, Neighbour};
 use swerve_msg::{RoadLine, Route, Signal};
 
-/// The road, as a chain of straight and circular pieces from the map's origin, heading along +x.
+/// A road as a chain of straight and circular segments from the map's origin, heading along +x.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Road {
-    /// The pieces of the centre line of the ego's lane. Never empty.
+    /// Segments of the centre line of the ego's lane. Never empty.
     pub segments: Vec<Segment>,
     /// Width of the ego's lane, metres.
     pub lane_width_m: f64,
-    /// Drivable ground to the left of the lane's centre, metres (positive).
+    /// Width of the drivable ground to the left of the lane's centre, metres (positive).
     pub left_m: f64,
-    /// Drivable ground to the right of the lane's centre, metres (positive).
+    /// Width of the drivable ground to the right of the lane's centre, metres (positive).
     pub right_m: f64,
-    /// Coefficient of friction of the surface.
+    /// Friction coefficient of the surface.
     pub friction: f64,
     /// Traffic lights for the ego's lane, in file order.
     #[serde(default)]
     pub lights: Vec<TrafficLight>,
 }
 
-/// One piece of road.
+/// One segment of the road.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Segment {
-    /// Its length, metres.
+    /// Length, metres.
     pub length_m: f64,
-    /// Its curvature, 1/m; zero is straight, positive turns left.
+    /// Curvature, 1/m; zero is straight, positive turns left.
     pub curvature_1pm: f64,
 }
 
-/// A traffic light with a stop line. It is green, yellow and red in turn, for ever.
+/// A traffic light with a stop line. It cycles through green, yellow and red.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct TrafficLight {
     /// Unique name.
     pub name: String,
-    /// Where it stands along the road, metres.
+    /// Position along the road, metres.
     pub s_m: f64,
-    /// The same across the road, metres; positive to the left of the lane's centre.
+    /// Position across the road, metres; positive to the left of the lane's centre.
     pub d_m: f64,
-    /// Its stop line along the road, metres; it goes across the drivable ground.
+    /// Position of its stop line along the road, metres; the line spans the drivable ground.
     pub stop_s_m: f64,
-    /// How long it is green, seconds.
+    /// Duration of green, seconds.
     pub green_s: f64,
-    /// How long it is yellow then, seconds.
+    /// Duration of yellow, seconds.
     pub yellow_s: f64,
-    /// How long it is red then, seconds.
+    /// Duration of red, seconds.
     pub red_s: f64,
-    /// How far into its cycle, which begins with green, it is at the start of the run, seconds.
+    /// Time into its cycle, which begins with green, at the start of the run, seconds.
     pub offset_s: f64,
 }
 
 impl TrafficLight {
-    /// The signal that it shows at `instant`. Each phase holds its first instant and not its last, to the nanosecond.
+    /// Signal at `instant`. Each phase includes its first instant and excludes its end, to the nanosecond.
     pub fn signal(&self, instant: Time) -> Signal {
         self.phase(instant).0
     }
 
-    /// The signal that it shows at `instant`, and for how long it has.
+    /// Signal at `instant`, and the time since it changed.
     pub fn phase(&self, instant: Time) -> (Signal, Span) {
         let [green, yellow, red] = [self.green_s, self.yellow_s, self.red_s].map(|s| Span::from_secs(s).ns());
-        // A checked light has a cycle; one that is not checked stands at its first phase.
+        // A checked light has a cycle; an unchecked one without durations stays red.
         let cycle = (green + yellow + red).max(1);
         let into = (instant.ns() + Span::from_secs(self.offset_s).ns()).rem_euclid(cycle);
         let (signal, since) = match into {
@@ -73,34 +73,34 @@ impl TrafficLight {
     }
 }
 
-/// Height of the pavements on either side of the drivable ground, metres.
+/// Height of the pavements on both sides of the drivable ground, metres.
 pub const KERB_M: f64 = 0.12;
-/// Width of the kerbstone, over which feet are lifted, metres.
+/// Width of the kerbstone, over which the ground rises to the pavement, metres.
 const KERBSTONE_M: f64 = 0.16;
 /// Width of a pavement behind its kerbstone, metres.
 pub const PAVEMENT_M: f64 = 2.5;
 
-/// Borders nearer to each other than this are one line, metres.
+/// Borders nearer to each other than this are merged to one line, metres.
 const ONE_LINE_M: f64 = 0.05;
 
-/// Distance between the points of a curved road, metres: at 20 m radius they are 6 mm off the arc.
+/// Point spacing on curved roads, metres: at 20 m radius the chords are within 6 mm of the arc.
 const STEP_M: f64 = 1.0;
 
 impl Road {
-    /// Length of its centre line, metres.
+    /// Length of the centre line, metres.
     pub fn length_m(&self) -> f64 {
         self.segments.iter().map(|s| s.length_m).sum()
     }
 
-    /// The centre line: two points when all is straight, else one at most every metre, on the arcs.
+    /// Centre line: two points if the road is straight, else points on the arcs, at most 1 m apart.
     ///
     /// # Panics
-    /// When the road has no length, which a checked scenario excludes.
+    /// If the road has no length, which a checked scenario excludes.
     pub fn line(&self) -> Polyline {
         Polyline::new(&self.points()).expect("a checked road has a length")
     }
 
-    /// Whether its pieces make a line: they have a length, and do not all end where they began.
+    /// Returns true if its segments form a line: they have a length, and do not all end where they began.
     pub(crate) fn is_line(&self) -> bool {
         Polyline::new(&self.points()).is_ok()
     }
@@ -123,16 +123,16 @@ impl Road {
         points
     }
 
-    /// Height of the ground so far to the left of the lane's centre, metres: the drivable ground and what lies behind
-    /// the pavements are the map plane.
+    /// Height of the ground at `d_m` to the left of the lane's centre, metres. The drivable ground and the ground
+    /// behind the pavements are in the map plane.
     pub fn ground_m(&self, d_m: f64) -> f64 {
         let beyond_m = (d_m - self.left_m).max(-self.right_m - d_m);
         let is_paved = beyond_m > 0.0 && beyond_m < KERBSTONE_M + PAVEMENT_M;
         if is_paved { KERB_M * (beyond_m / KERBSTONE_M).min(1.0) } else { 0.0 }
     }
 
-    /// Its lines and where they are, metres to the left of the lane's centre, from right to left: the edges of
-    /// the drivable ground, and the borders of the ego's lane where the ground goes on beyond them.
+    /// Road lines and their offsets to the left of the lane's centre, metres, from right to left: the edges of the
+    /// drivable ground, and the borders of the ego's lane if the ground extends beyond them.
     pub fn lines(&self) -> Vec<(RoadLine, f64)> {
         let half_m = 0.5 * self.lane_width_m;
         let mut lines = vec![(RoadLine::RightEdge, -self.right_m)];
@@ -146,7 +146,7 @@ impl Road {
         lines
     }
 
-    /// The way along the ego's lane, with the drivable limits as the scenario gives them.
+    /// Route along the ego's lane, with the drivable limits of the scenario.
     ///
     /// # Panics
     /// As [`line`](Self::line).
@@ -157,9 +157,9 @@ impl Road {
     }
 
     /// The road as a map: the ego's lane, [`EGO_LANE`](Self::EGO_LANE), and beside it lanes of the same width and
-    /// direction as far as the drivable ground goes; where less than a lane is left, it is a shoulder.
+    /// direction up to the edge of the drivable ground; a remainder narrower than a lane is a shoulder.
     ///
-    /// The route along the ego's lane over this map is [`route`](Self::route) but for the last bits of its borders.
+    /// The route along the ego's lane over this map equals [`route`](Self::route) except for rounding of its borders.
     ///
     /// # Panics
     /// As [`line`](Self::line).
@@ -174,10 +174,10 @@ impl Road {
         Map::new(lanes).expect("lanes side by side fit together")
     }
 
-    /// The ego's lane on its map; those to the left of it and then those to the right follow.
+    /// The ego's lane on its map; lanes to its left follow, then those to its right.
     pub const EGO_LANE: LaneId = LaneId(1);
 
-    /// Adds the lanes to one side of the first, from it outwards up to `limit_m` from its centre.
+    /// Adds the lanes on one side of the first, outwards up to `limit_m` from its centre.
     fn add_lanes_beside(&self, lanes: &mut Vec<Lane>, line: &Polyline, sign: f64, limit_m: f64) {
         let (mut inner_m, mut inside) = (0.5 * self.lane_width_m, 0);
         while inner_m < limit_m - ONE_LINE_M {
@@ -201,7 +201,7 @@ impl Road {
     }
 }
 
-/// The line `d_m` to the left of another one; `None` where a bend is too narrow for it.
+/// Parallel line `d_m` to the left of a line; `None` if a bend is too tight for it.
 fn beside(line: &Polyline, d_m: f64) -> Option<Polyline> {
     let mut s_m = 0.0;
     let mut last = line.points()[0];
@@ -213,10 +213,10 @@ fn beside(line: &Polyline, d_m: f64) -> Option<Polyline> {
     Polyline::new(&points.collect::<Vec<_>>()).ok()
 }
 
-/// The point `s_m` along an arc that starts at `from`.
+/// Point at `s_m` along an arc that starts at `from`.
 fn arc(from: Point2, heading_rad: f64, curvature_1pm: f64, s_m: f64) -> Point2 {
     let turn = curvature_1pm * s_m;
-    // Length of the chord over that of the arc: sin(x)/x of half the turn.
+    // Ratio of chord to arc length: sin(x)/x of half the turn.
     let half = 0.5 * turn;
     let chord = if half.abs() < 1e-9 { s_m } else { s_m * math::sin(half) / half };
     let (sin, cos) = math::sin_cos(heading_rad + half);
@@ -234,19 +234,19 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_the_edges_and_the_borders_of_the_lane_within() {
+    fn road_lines_are_the_edges_and_the_lane_borders_between_them() {
         let mut road = road(&[(100.0, 0.0)]);
         let (right, lane_left, left) = (RoadLine::RightEdge, RoadLine::LaneLeft, RoadLine::LeftEdge);
         assert_eq!(road.lines(), [(right, -2.0), (lane_left, 2.0), (left, 6.0)]);
         (road.left_m, road.right_m) = (2.0, 3.0);
         assert_eq!(road.lines(), [(right, -3.0), (RoadLine::LaneRight, -2.0), (left, 2.0)]);
-        // A lane that is wider than the drivable ground has no border within it.
+        // A lane wider than the drivable ground has no border within it.
         road.lane_width_m = 8.0;
         assert_eq!(road.lines(), [(right, -3.0), (left, 2.0)]);
     }
 
     #[test]
-    fn the_map_has_lanes_as_far_as_the_ground_goes() {
+    fn map_has_lanes_up_to_the_edge_of_the_ground() {
         let mut road = road(&[(40.0, 0.0), (60.0, 0.01)]);
         // 2 m to the left of the ego's lane: a shoulder. 10 m to its right: two lanes and a shoulder.
         (road.left_m, road.right_m) = (4.0, 12.0);
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn the_route_is_that_over_its_map() {
+    fn route_agrees_with_that_over_the_map() {
         for (left_m, right_m) in [(6.0, 2.0), (5.3, 3.7), (1.5, 2.0), (9.1, 12.7)] {
             let road = Road { left_m, right_m, ..road(&[(40.0, 0.0), (60.0, 0.01)]) };
             let (stated, over_map) = (road.route(), Route::along(&road.map(), &[Road::EGO_LANE]).unwrap());
@@ -278,7 +278,7 @@ mod tests {
             for s_m in [0.0, 50.0, 99.0] {
                 assert!((stated.left_m(s_m) - over_map.left_m(s_m)).abs() < 1e-12);
                 assert!((stated.right_m(s_m) - over_map.right_m(s_m)).abs() < 1e-12);
-                // The ego's lane is two metres to either side, or as far as the ground goes.
+                // The ego's lane is 2 m wide on either side, limited by the drivable ground.
                 for route in [&stated, &over_map] {
                     assert_eq!(route.lane().left_m(s_m), left_m.min(2.0));
                     assert_eq!(route.lane().right_m(s_m), right_m.min(2.0));
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_light_is_green_yellow_and_red_in_turn_to_the_nanosecond() {
+    fn traffic_light_cycles_through_its_signals_to_the_nanosecond() {
         let light = TrafficLight {
             name: "light".into(),
             s_m: 50.0,
@@ -318,14 +318,14 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_road_is_two_points() {
+    fn straight_road_has_two_points() {
         let line = road(&[(100.0, 0.0), (80.0, 0.0)]).line();
         assert_eq!(line.points().len(), 2);
         assert_eq!(line.length(), 180.0);
     }
 
     #[test]
-    fn a_quarter_circle_to_the_left_ends_one_radius_ahead_and_to_the_left() {
+    fn quarter_circle_ends_one_radius_ahead_and_to_the_left() {
         let quarter = 50.0 * core::f64::consts::FRAC_PI_2;
         let line = road(&[(30.0, 0.0), (quarter, 0.02), (10.0, 0.0)]).line();
         let end = line.points()[line.points().len() - 1];

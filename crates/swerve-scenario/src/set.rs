@@ -1,4 +1,4 @@
-//! Single keys of a scenario set from outside: `--set actor.person.speed_mps=4`, an axis of a study.
+//! Assignments to single keys of a scenario: `--set actor.person.speed_mps=4`, or an axis of a study.
 
 use swerve_text::{Document, Problem, Problems, did_you_mean, list, nearest};
 use toml::{Table, Value};
@@ -8,13 +8,13 @@ use crate::Scenario;
 /// A dotted key and its value.
 type Set = (String, Value);
 
-/// Assignments in two: those of the scenario, those of the configuration.
+/// Splits assignments into those of the scenario and those of the configuration.
 pub fn split_sets(sets: &[Set]) -> (Vec<Set>, Vec<Set>) {
     sets.iter().cloned().partition(|(key, _)| is_scenario_key(key))
 }
 
-/// Whether a key belongs to the scenario and not to the configuration: one of a table that scenarios alone have, or
-/// `scenario.KEY`.
+/// Returns true if a key belongs to the scenario rather than the configuration: it is in a table that only scenarios
+/// have, or is `scenario.KEY`.
 pub fn is_scenario_key(key: &str) -> bool {
     matches!(key.split('.').next(), Some("actor" | "end" | "expect" | "road" | "scenario"))
 }
@@ -22,13 +22,14 @@ pub fn is_scenario_key(key: &str) -> bool {
 impl Scenario {
     /// As [`parse`](Self::parse), with single keys changed.
     ///
-    /// `actor.person.d_m` is a key of the actor `person`; where it has none of that name, the only one of that name
-    /// within its tables is meant: `actor.person.speed_mps` for `actor.person.motion.0.walk.speed_mps`. Keys of
-    /// tables that a configuration has too are named from `scenario` on: `scenario.ego.end_m`. Entries of arrays are named by their place, from 0, or by
-    /// their name. The text of the result is that of the scenario with the changes in it.
+    /// `actor.person.d_m` is a key of the actor `person`. If the actor has no such key, the only key of that name
+    /// within its tables is set: `actor.person.speed_mps` sets `actor.person.motion.0.walk.speed_mps`. Keys of tables
+    /// that also exist in configurations are prefixed with `scenario`: `scenario.ego.end_m`. Array elements are
+    /// addressed by index, from 0, or by name. The text of the result is that of the scenario with the changes
+    /// applied.
     ///
     /// # Errors
-    /// All problems of the text; if it has none, those of the keys that are set.
+    /// All problems of the text; if there are none, those of the assigned keys.
     pub fn parse_with(file: &str, text: &str, sets: &[Set]) -> Result<Self, Problems> {
         let document = Document::parse(file, text)?;
         let plain = crate::parse::scenario(&document)?;
@@ -56,8 +57,8 @@ impl Scenario {
     }
 }
 
-/// Of an unknown key of an actor, what is nearest of all keys that there are within the actor: `actor.person.speed_mps` is
-/// one although it stands in a motion.
+/// Replaces the suggestion for an unknown key of an actor by the nearest of all keys within the actor, nested ones
+/// such as `speed_mps` of a motion included.
 fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
     let parts: Vec<&str> = key.strip_prefix("scenario.").unwrap_or(key).split('.').collect();
     let ["actor", name, last] = parts[..] else { return message };
@@ -66,7 +67,7 @@ fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
     let mut names = Vec::new();
     names_within(actor, &mut names);
     names.retain(|name| *name != last);
-    // The reader offers what the actor itself may have, whether it is there or not.
+    // The parser suggests the keys that an actor may have, present or not.
     let offered = message.split('"').skip(1).step_by(2);
     match nearest(last, names.into_iter().chain(offered)) {
         Some(near) => format!("unknown key; did you mean \"{near}\"?"),
@@ -74,7 +75,7 @@ fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
     }
 }
 
-/// The names of all keys within a value.
+/// Collects the names of all keys within a value.
 fn names_within<'t>(value: &'t Value, names: &mut Vec<&'t str>) {
     match value {
         Value::Table(table) => table.iter().for_each(|(name, inner)| {
@@ -90,7 +91,7 @@ fn of_set(key: &str, message: String) -> Problem {
     Problem { file: "--set".to_owned(), line: None, key: key.to_owned(), message }
 }
 
-/// Sets a value; where it stands then, as problems of a scenario name it: `actor.person.motion[0].walk.speed_mps`.
+/// Sets a value. Returns its path in the notation of scenario problems: `actor.person.motion[0].walk.speed_mps`.
 fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
     let mut parts: Vec<String> = key.split('.').map(str::to_owned).collect();
     if parts[0] == "scenario" {
@@ -147,7 +148,7 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
     Ok(place)
 }
 
-/// The entry of an array that has this place or name.
+/// The array element with this index or name.
 fn entry<'a>(array: &'a Value, name: &str) -> Result<(usize, Option<&'a Value>), String> {
     let entries = array.as_array().map_or(&[][..], Vec::as_slice);
     let names: Vec<&str> =
@@ -166,7 +167,7 @@ fn entry<'a>(array: &'a Value, name: &str) -> Result<(usize, Option<&'a Value>),
     }
 }
 
-/// The paths to all keys of this name in tables within a table.
+/// Collects the paths to all keys of this name in tables within a table.
 fn within(table: &Table, name: &str, path: &mut Vec<String>, found: &mut Vec<Vec<String>>) {
     for (key, value) in table {
         path.push(key.clone());
@@ -223,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_is_set_where_it_stands() {
+    fn assignment_sets_the_addressed_key() {
         let base = Scenario::parse("two.toml", TEXT).unwrap();
         type Change = fn(&mut Scenario);
         let cases: [(&str, Change); 6] = [
@@ -245,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn the_only_key_of_a_name_within_an_actor_is_found() {
+    fn short_key_sets_the_only_nested_key_of_that_name() {
         for (short, long) in [
             ("actor.person.speed_mps=4", "actor.person.motion.1.walk.speed_mps=4"),
             ("actor.person.within_m=9", "actor.person.trigger.distance.within_m=9"),
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_set_is_told() {
+    fn invalid_assignments_are_reported() {
         for (set, part) in [
             ("actor.persn.d_m=5", "--set: actor.persn.d_m: there is no \"persn\"; did you mean \"person\"?"),
             (
@@ -279,7 +280,7 @@ mod tests {
             ("actor.person.sped=1", "--set: actor.person.sped: unknown key"),
             ("actor.person.sped_mps=3", "unknown key; did you mean \"speed_mps\"?"),
             ("actor.person.withn_m=3", "unknown key; did you mean \"within_m\"?"),
-            // Not there yet, but a key of actors.
+            // Absent from this actor, but a valid key of actors.
             ("actor.person.headng_rad=1", "unknown key; did you mean \"heading_rad\"?"),
             ("actor.person.q=1", "unknown key; expected one of \"d_m\""),
             ("actor.person=1", "--set: actor.person: expected"),

@@ -1,18 +1,18 @@
-//! The serialized form that a digest is taken of: fixed-width little-endian words, which cost a store each.
+//! Serialized form that digests are computed from: fixed-width little-endian words, each written with one store.
 //!
 //! | value | bytes |
 //! |---|---|
-//! | integer, `char`, float | its own width, little-endian; a float by its bits |
-//! | `bool` | one, 0 or 1 |
-//! | string, bytes | length in eight bytes, then themselves |
-//! | option | one, 0 or 1, then the value if any |
-//! | sequence, map | their number in eight bytes, then the elements |
-//! | the same of a number not known before | before each element a one, after the last a zero, a byte each |
-//! | tuple, struct, unit, newtype | the parts, nothing added; a field left out as one byte of ones |
-//! | variant | its index in four bytes, then the parts |
+//! | integer, `char`, float | native width, little-endian; a float by its bits |
+//! | `bool` | one byte, 0 or 1 |
+//! | string, bytes | length in eight bytes, then the bytes |
+//! | option | one byte, 0 or 1, then the value if any |
+//! | sequence, map | element count in eight bytes, then the elements |
+//! | sequence or map of unknown length | the byte 1 before each element, the byte 0 after the last |
+//! | tuple, struct, unit, newtype | the fields, nothing added; a skipped field is the byte 0xff |
+//! | variant | index in four bytes, then the fields |
 //!
-//! Floats count by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload. The form is
-//! the same on any machine; formats that differ for people do not apply (`is_human_readable` is false).
+//! Floats are hashed by their bits: 0.0 and -0.0 differ, and so do NaNs of different sign or payload. The form is the
+//! same on any machine; human-readable variants of types are not used (`is_human_readable` is false).
 
 use core::fmt;
 
@@ -21,14 +21,14 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::Digest;
 
-/// What a form is collected in before it is hashed: most messages fit, and are hashed at once.
+/// Size of the buffer that a form is collected in, bytes: most messages fit and are hashed at once.
 const FORM_MAX: usize = 256;
 
-/// A serialized form on its way to its digest.
+/// A serialized form that is being hashed.
 pub(super) struct Form {
     bytes: [u8; FORM_MAX],
     len: usize,
-    /// Takes in what does not fit; absent as long as all fits.
+    /// Hasher for data beyond the buffer; `None` while everything fits.
     rest: Option<Box<Xxh3>>,
 }
 
@@ -37,7 +37,7 @@ impl Form {
         Self { bytes: [0; FORM_MAX], len: 0, rest: None }
     }
 
-    /// The form of what follows after all that `xxh` took in.
+    /// A form whose bytes follow those that `xxh` has hashed.
     pub(super) fn after(xxh: Xxh3) -> Self {
         Self { rest: Some(Box::new(xxh)), ..Self::new() }
     }
@@ -52,7 +52,7 @@ impl Form {
         if self.len + N > FORM_MAX {
             self.spill();
         }
-        // One store, however little is inlined here: a copy of slices may be a call.
+        // A single store even with little inlining: copying slices may be a function call.
         if let Some(room) = self.bytes.get_mut(self.len..).and_then(<[u8]>::first_chunk_mut) {
             *room = word;
         }
@@ -83,8 +83,8 @@ impl Form {
         self.rest.map(|rest| *rest).unwrap_or_default()
     }
 
-    /// The digest of all that was taken in. By reference: to move the bytes costs more than to hash a small form;
-    /// and inlined, so that the length of a plain type's form is known where it is hashed.
+    /// Digest of everything taken in. By reference, because moving the bytes costs more than hashing a small form;
+    /// inlined, so that the form's length is known at compile time for plain types.
     #[inline(always)]
     pub(super) fn digest(&mut self) -> Digest {
         if self.rest.is_none() { Digest(xxh3_64(&self.bytes[..self.len])) } else { self.long_digest() }
@@ -97,7 +97,7 @@ impl Form {
     }
 }
 
-/// What a type's `Serialize` said when it refused.
+/// Error of a type's `Serialize`.
 #[derive(Debug)]
 pub(super) struct Refused(String);
 
@@ -115,7 +115,7 @@ impl ser::Error for Refused {
     }
 }
 
-/// The parts of something; those whose number is not known before are marked one by one.
+/// Parts of a compound value; elements of a sequence of unknown length are marked one by one.
 pub(super) struct Parts<'a> {
     form: &'a mut Form,
     marked: bool,

@@ -13,7 +13,7 @@ fn filter() -> Eskf {
     Eskf { nominal, covariance: Covariance::identity() }
 }
 
-/// The error of `a` against `b`, as the filter has it.
+/// Error of `a` relative to `b`, in the filter's error states.
 fn error(a: &Nominal, b: &Nominal) -> [f64; STATES] {
     let turn = b.attitude.inverse() * a.attitude;
     let [p, v, o] = [a.position_m - b.position_m, a.velocity_mps - b.velocity_mps, turn.coords.xyz() * 2.0];
@@ -28,9 +28,9 @@ fn error(a: &Nominal, b: &Nominal) -> [f64; STATES] {
     all
 }
 
-/// The spread of a small error over a step is what the nominal states do: central differences.
+/// Compares the covariance propagation with central differences of the nominal step.
 #[test]
-fn the_transition_is_the_derivative_of_the_step() {
+fn transition_is_the_derivative_of_the_nominal_step() {
     let quiet = Params {
         accel_noise: [0.0; 3],
         gyro_noise: [0.0; 3],
@@ -61,16 +61,17 @@ fn the_transition_is_the_derivative_of_the_step() {
             numeric[(i, k)] = (plus[i] - minus[i]) / (2.0 * h);
         }
     }
-    // From a unit covariance, the spread is the transition by its own transpose.
+    // From a unit covariance, the propagated covariance is F Fᵀ.
     let spread = numeric * numeric.transpose();
-    // What is of second order in the time is left out: half a step of acceleration in the position, of turn in the bias.
+    // Terms of second order in dt are neglected in F: half of the acceleration step in position, of the turn in the
+    // bias.
     let worst = (spread - middle.covariance).amax();
     assert!(worst < 10.0 * dt_s * dt_s, "{worst}");
 }
 
-/// The update is that of the textbook's Joseph form, product by product.
+/// Compares the update with the textbook Joseph form.
 #[test]
-fn the_update_is_josephs() {
+fn update_matches_the_joseph_form() {
     let mut filter = filter();
     for k in 0..50 {
         filter.predict(
@@ -97,7 +98,7 @@ fn the_update_is_josephs() {
 }
 
 #[test]
-fn what_is_no_number_or_too_far_is_refused() {
+fn update_rejects_nan_and_outliers() {
     let still = filter();
     let mut rows = SMatrix::<f64, 1, STATES>::zeros();
     rows[(0, 0)] = 1.0;
@@ -110,7 +111,7 @@ fn what_is_no_number_or_too_far_is_refused() {
 }
 
 #[test]
-fn angles_are_what_they_say() {
+fn yaw_and_angle_between_recover_known_rotations() {
     let attitude = from_euler(0.1, -0.2, 1.3);
     assert!((yaw_rad(&attitude) - 1.3).abs() < 1e-12);
     assert!((angle_between(&attitude, &(attitude * exp(&Vector3::new(0.0, 0.3, 0.4)))) - 0.5).abs() < 1e-12);

@@ -1,4 +1,4 @@
-//! How a filter moves on without an inertial unit: by wheels and steering angle.
+//! Propagation without an inertial unit: by wheels and steering angle.
 
 use nalgebra::{Matrix3, Vector3};
 use swerve_geom::math;
@@ -7,20 +7,21 @@ use super::fold::Fold;
 use crate::eskf::{ATTITUDE, VELOCITY};
 use crate::params::Params;
 
-/// Noise of a vehicle without an inertial unit: m/s²/√Hz as hard as a car can brake, slide and bounce, rad/s/√Hz as far as it
-/// rolls and pitches, and as hard as it can turn where no steering angle is known either.
+/// Process noise without an inertial unit. Accelerations in m/s²/√Hz: braking, sliding and bumps at their hardest;
+/// rotations in rad/s/√Hz: roll and pitch, and yaw at its hardest for the case that the steering angle is unknown
+/// too.
 const BLIND_ACCEL: [f64; 3] = [5.0, 2.0, 1.0];
 const BLIND_ROLL: f64 = 0.03;
 const BLIND_YAW: f64 = 0.5;
-/// Error of the yaw rate by the steering angle: rad/s, and as a share (understeer, and the play of the gear). It lasts for about a
-/// second.
+/// Error of the yaw rate from the steering angle: absolute in rad/s, and as a share (understeer and steering play).
+/// Its correlation time is about one second.
 const STEERED_RADPS: f64 = 0.02;
 const STEERED_SHARE: f64 = 0.1;
-/// A steering angle or a speed by the wheels holds for this long, seconds.
+/// A steering angle or a wheel speed is valid for this long, seconds.
 const WHEELS_HOLD_S: f64 = 0.4;
 
 impl Fold {
-    /// Opens what a noisy unit spoilt before it was known to be one.
+    /// Inflates velocity and attitude variances by the noise that a noisy unit added before it was detected.
     pub(super) fn open_leaked(&mut self, params: &Params) {
         let [velocity, attitude] = self.unit.leaked(params);
         for axis in 0..3 {
@@ -29,12 +30,13 @@ impl Fold {
         }
     }
 
-    /// Moves on without an inertial unit: as fast as now, along the circle that the front wheels lead on, and not sure of either.
+    /// Propagates without an inertial unit: at constant speed along the circle given by the steering angle, with
+    /// large process noise.
     pub(super) fn bridge(&mut self, params: &Params, dt_s: f64) {
         let steered = self.steered_radps();
         let rate_radps = steered.unwrap_or(0.0);
         let yaw_noise = match steered {
-            // Wheels that stand turn nobody.
+            // At standstill the car does not turn.
             Some(_) if self.wheels.standing_since.is_some() => 0.0,
             Some(rate) => core::f64::consts::SQRT_2 * math::hypot(STEERED_RADPS, STEERED_SHARE * rate),
             None => BLIND_YAW,
@@ -46,14 +48,14 @@ impl Fold {
         self.filter.predict_without_unit(&blind, &accel, &turn, dt_s);
     }
 
-    /// Yaw rate by the steering angle at the speed of the wheels, rad/s; none without a fresh angle.
+    /// Yaw rate from the steering angle at the wheel speed, rad/s; `None` without a recent angle.
     pub(super) fn steered_radps(&self) -> Option<f64> {
         let (stamp, curvature_1pm) = self.wheels.curvature_1pm?;
         let is_fresh = (self.at - stamp).as_secs() <= WHEELS_HOLD_S;
         is_fresh.then(|| curvature_1pm * self.speed_mps())
     }
 
-    /// Goes on along both ways by odometry: the steering angle stands in for the unit that is not used.
+    /// Advances both odometry paths: the steering angle replaces an inertial unit that is not used.
     pub(super) fn go(&mut self, dt_s: f64) {
         let speed_mps = self.speed_mps();
         let gyro_radps = self.imu.map_or(0.0, |imu| imu.gyro_radps.z - self.filter.nominal.gyro_bias_radps.z);
@@ -64,7 +66,7 @@ impl Fold {
         }
     }
 
-    /// Speed by the wheels while they are heard, else the filter's, m/s.
+    /// Speed from the wheels while their readings are recent, else from the filter, m/s.
     pub(super) fn speed_mps(&self) -> f64 {
         let is_heard = self.wheels.last.is_some_and(|last| (self.at - last).as_secs() <= WHEELS_HOLD_S);
         if is_heard { self.wheels.speed_mps } else { self.axle_mps().x }
@@ -77,7 +79,7 @@ impl Fold {
         }
     }
 
-    /// Acceleration along the ego's axes: by the unit, or what keeps the car on its circle.
+    /// Acceleration along the ego's axes: from the unit, or centripetal on the car's circle.
     pub(super) fn accel_mps2(&self, params: &Params, rotation: &Matrix3<f64>) -> Vector3<f64> {
         let Some(imu) = self.imu.filter(|_| !self.is_bridging) else {
             return Vector3::new(0.0, self.turn_radps().z * self.axle_mps().x, 0.0);

@@ -1,4 +1,4 @@
-//! The state after a row of measurements in the order of their stamps.
+//! Filter state after a sequence of measurements in the order of their stamps.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use swerve_core::{Span, Time};
@@ -15,15 +15,15 @@ use crate::eskf::{
 };
 use crate::params::{Hold, Params};
 
-/// How long a slip of the rear axle lasts, seconds: as long as a manoeuvre.
+/// Duration of a slip of the rear axle, seconds: that of a manoeuvre.
 const SLIP_LASTS_S: f64 = 0.5;
-/// A car has its heading for this way, metres.
+/// Distance over which a heading known beforehand remains valid, metres.
 const HEADING_HOLDS_M: f64 = 2.0;
 
-/// A refused fix among the first few may be right, and the start wrong.
+/// Until this many fixes are accepted, a refused one restarts the initialisation.
 const TRIED_FIXES: u64 = 3;
 
-/// One reading of the inertial unit.
+/// A reading of the inertial unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reading {
     stamp: Time,
@@ -31,55 +31,55 @@ pub(super) struct Reading {
     pub(super) gyro_radps: Vector3<f64>,
 }
 
-/// The wheels, and what the filter moved meanwhile.
+/// Wheel readings, and the distance that the filter moved in the meantime.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Wheels {
-    /// Stamp of the newest reading, and of the one that `wheel_m` counts from.
+    /// Stamp of the newest reading, and of the one at which `wheel_m` starts.
     pub(super) last: Option<Time>,
     since: Option<Time>,
     wheel_m: f64,
     filter_m: f64,
     pub(super) standing_since: Option<Time>,
-    /// Speed as reported last, m/s, and the curvature of the way by the steering angle with its instant, 1/m.
+    /// Latest reported speed, m/s, and path curvature from the steering angle with its instant, 1/m.
     pub(super) speed_mps: f64,
     pub(super) curvature_1pm: Option<(Time, f64)>,
 }
 
-/// Filter and all that goes with it.
+/// The filter with its initialisation, sensor health and statistics.
 #[derive(Clone, Debug)]
 pub(super) struct Fold {
-    /// What is gathered for a start; none once it has started.
+    /// Measurements collected for initialisation; `None` once it is done.
     start: Option<Start>,
-    /// What is known of the heading beforehand.
+    /// Heading known beforehand and its standard deviation, radians.
     heading: Option<[f64; 2]>,
     pub(super) filter: Eskf,
-    /// True after a start from a known state: measurements that contradict it are no reason to begin anew.
+    /// True after a start from a known state: contradicting measurements then cause no restart.
     is_known: bool,
     /// Instant of the filter's state.
     pub(super) at: Time,
-    /// The newest reading of a unit that was sound.
+    /// Latest reading of the unit while it was sound.
     pub(super) imu: Option<Reading>,
     pub(super) unit: Unit,
-    /// Whether it moves on without the inertial unit.
+    /// True while it propagates without the inertial unit.
     pub(super) is_bridging: bool,
     pub(super) wheels: Wheels,
-    /// The way by wheels and gyroscope, and by wheels and steering angle.
+    /// Odometry paths by wheels and gyroscope, and by wheels and steering angle.
     pub(super) ways: [Way; 2],
-    /// The newest satellite fixes, and the newest places by other means.
+    /// Latest satellite fixes, and latest positions from other sources.
     pub(super) fixes: [Fixes; 2],
-    /// Places that were accepted since the filter was last aligned anew, and when that was.
+    /// Positions accepted since the filter was last realigned, and the time of that.
     pub(super) confirmed: u32,
     pub(super) realigned: Option<Time>,
-    /// When the car was last supposed to be one.
+    /// Time of the last vehicle constraint.
     constrained: Time,
-    /// When a place was accepted last, and of which source.
+    /// Time and source of the last accepted position.
     pub(super) last_fix: Option<Time>,
     pub(super) fixed_by: Source,
     tallies: [Tally; 6],
 }
 
 impl Fold {
-    /// Before there is a fix.
+    /// State before the first fix.
     pub(super) fn waiting(heading: Option<[f64; 2]>) -> Self {
         Self {
             start: Some(Start::default()),
@@ -102,7 +102,7 @@ impl Fold {
         }
     }
 
-    /// In a known state.
+    /// Starts from a known state.
     pub(super) fn started(params: &Params, at: Time, initial: &Initial) -> Self {
         let filter = Begin::from(initial).filter(params);
         Self { start: None, is_known: true, filter, at, constrained: at, ..Self::waiting(None) }
@@ -120,7 +120,7 @@ impl Fold {
         self.tallies[source as usize]
     }
 
-    /// The next measurement, not before the last.
+    /// Processes the next measurement, whose stamp must not be before the last.
     pub(super) fn take(&mut self, params: &Params, entry: &Entry) {
         if let Sensed::Imu { accel_mps2, gyro_radps } = entry.what {
             let stands = self.wheels.standing_since.is_some();
@@ -165,7 +165,7 @@ impl Fold {
         self.start = None;
     }
 
-    /// Waits for fixes to begin again. The heading that was known beforehand is that of the place where it was known.
+    /// Restarts the initialisation. A heading known beforehand is kept only near the place where it was valid.
     fn restart(&mut self) {
         let heading = self.heading.filter(|_| self.ways[0].length_m() < HEADING_HOLDS_M);
         let Self { imu, unit, ways, .. } = *self;
@@ -182,7 +182,7 @@ impl Fold {
         }
     }
 
-    /// Moves the filter on to a stamp, by the last reading of the inertial unit for as long as that may hold.
+    /// Propagates the filter to a stamp, by the latest reading of the inertial unit as long as that is valid.
     pub(super) fn advance(&mut self, params: &Params, stamp: Time, what: Option<&Sensed>) {
         let dt_s = (stamp - self.at).as_secs();
         if dt_s <= 0.0 {
@@ -212,7 +212,7 @@ impl Fold {
         self.go(dt_s);
     }
 
-    /// Velocity of the rear axle along the ego's axes, m/s; the lever arm is that of the newest parameters.
+    /// Velocity of the inertial unit along the ego's axes, m/s, without the lever arm to the rear axle.
     pub(super) fn axle_mps(&self) -> Vector3<f64> {
         let n = &self.filter.nominal;
         n.attitude.inverse() * n.velocity_mps
@@ -241,13 +241,13 @@ impl Fold {
     fn place(&mut self, params: &Params, stamp: Time, at_m: [f64; 3], sigma_m: [f64; 3]) {
         let linear = self.position(at_m, sigma_m, &Vector3::zeros());
         let accepted = self.followed(params, Source::Place, &linear, Some(stamp));
-        // Of the inertial unit: as good a point of the car as any, for a few seconds.
+        // This is the position of the inertial unit, which serves as well as the ego origin for a few seconds.
         let judged =
             Judged { stamp, source: Source::Place, at_m, sigma_m: sigma_m[0].max(sigma_m[1]), accepted };
         self.question(params, &judged);
     }
 
-    /// Place of the ego origin, then its heading.
+    /// Updates by the position of the ego origin, then by its heading.
     fn pose(
         &mut self,
         params: &Params,
@@ -270,7 +270,7 @@ impl Fold {
         self.followed(params, Source::Heading, &linear, None);
     }
 
-    /// The place of a point `lever` from the inertial unit.
+    /// Linearises the position of a point at `lever` from the inertial unit.
     fn position(&self, at_m: [f64; 3], sigma_m: [f64; 3], lever: &Vector3<f64>) -> Linear<3> {
         let n = &self.filter.nominal;
         let rotation = n.attitude.to_rotation_matrix().into_inner();
@@ -281,7 +281,7 @@ impl Fold {
         Linear { residual: Vector3::from(at_m) - n.position_m - rotation * lever, rows, noise }
     }
 
-    /// Velocity of the rear axle along the ego's axes, and its derivatives.
+    /// Velocity of the rear axle along the ego's axes, and its Jacobian.
     fn axle(&self, params: &Params) -> (Vector3<f64>, SMatrix<f64, 3, STATES>) {
         let n = &self.filter.nominal;
         let lever = -Vector3::from(params.imu_at_m);
@@ -294,7 +294,7 @@ impl Fold {
         (along + self.turn_radps().cross(&lever), rows)
     }
 
-    /// One more reading of the wheels; a measurement when there is time enough in them.
+    /// Processes a wheel reading; updates the filter once the readings span `wheel_span_s`.
     fn wheels(&mut self, params: &Params, stamp: Time, speed_mps: f64, curvature_1pm: Option<f64>) {
         if params.wheel_noise_mps <= 0.0 {
             return;
@@ -305,19 +305,19 @@ impl Fold {
         let Wheels { last, since, .. } = self.wheels;
         self.wheels.last = Some(stamp);
         self.wheels.standing_since = (speed_mps == 0.0).then(|| self.wheels.standing_since.unwrap_or(stamp));
-        // The first reading's own time is not known, and so not what the filter moved in it.
+        // The first reading covers an unknown period, so it is not compared with the filter's motion.
         let (Some(last), Some(since)) = (last, since) else {
             self.wheels = Wheels { since: Some(stamp), filter_m: 0.0, wheel_m: 0.0, ..self.wheels };
             return;
         };
         self.wheels.wheel_m += speed_mps * (stamp - last).as_secs();
         let span_s = (stamp - since).as_secs();
-        // Half a reading less: spans of decimal fractions are whole numbers of readings.
+        // Half a reading less, so that rounding of stamps does not delay the update by a reading.
         if span_s + 0.5 * (stamp - last).as_secs() < params.wheel_span_s || span_s <= 0.0 {
             return;
         }
         let (now, all) = self.axle(params);
-        // The lever arm adds nothing to the mean of the forward speed but its turn about z.
+        // The lever arm affects the mean forward speed only through the turn about z.
         let lever_mps = now.x - self.axle_mps().x;
         let mean_mps = self.wheels.filter_m / span_s + lever_mps;
         let scale = 1.0 + self.filter.nominal.wheel_scale;
@@ -331,7 +331,7 @@ impl Fold {
         self.followed(params, Source::Wheels, &linear, None);
     }
 
-    /// What is supposed of a car, from time to time.
+    /// Applies the vehicle constraints periodically.
     fn constrain(&mut self, params: &Params, stamp: Time) {
         if (stamp - self.constrained).as_secs() < params.constraint_period_s {
             return;
@@ -345,21 +345,21 @@ impl Fold {
         }
     }
 
-    /// The rear axle moves along the car.
+    /// Non-holonomic constraint: the rear axle moves only along the vehicle.
     fn roll(&mut self, params: &Params) {
         let (velocity, all) = self.axle(params);
         let slip_mps = params.slip_rad_per_mps2 * self.turn_radps().z * velocity.x * velocity.x;
         let square = |x: f64| x * x;
         let usual = square(params.non_holonomic_mps);
         let mut noise = SMatrix::<f64, 2, 2>::identity() * usual;
-        // It lasts: many readings of one slip say no more than a few.
+        // The slip persists, so repeated updates during one slip add little information.
         noise[(0, 0)] += square(slip_mps) * (2.0 * SLIP_LASTS_S / params.constraint_period_s).max(1.0);
         let residual = [-velocity.y, -velocity.z].into();
         let linear = Linear { residual, rows: all.fixed_rows::<2>(1).into_owned(), noise };
         self.followed(params, Source::NonHolonomic, &linear, None);
     }
 
-    /// The car stands: neither moves nor turns.
+    /// Zero-velocity constraint: the car neither moves nor turns.
     fn stand(&mut self, params: &Params) {
         let mut rows = SMatrix::<f64, 3, STATES>::zeros();
         rows.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&Matrix3::identity());
@@ -371,7 +371,7 @@ impl Fold {
         };
         let mut rows = SMatrix::<f64, 3, STATES>::zeros();
         rows.fixed_view_mut::<3, 3>(0, GYRO_BIAS).copy_from(&Matrix3::identity());
-        // One reading of a unit that is read a hundred times a second.
+        // A single reading of a unit that is read at 100 Hz.
         let noise = Vector3::from(params.gyro_noise.map(|d| (100.0 * d * d).max(1e-12)));
         let residual = imu.gyro_radps - self.filter.nominal.gyro_bias_radps;
         let linear = Linear { residual, rows, noise: Matrix3::from_diagonal(&noise) };
@@ -387,7 +387,8 @@ impl Fold {
     ) -> bool {
         let before_mps = self.axle_mps().x;
         let innovation = self.filter.update(linear, params.gate(M), params.degrees_error);
-        // What the speed was off by now it was since the wheels were last looked at: they correct it once.
+        // The corrected speed error has existed since the last wheel update; without this the wheels would correct it
+        // again.
         let counted = self.wheels.since.map_or(0.0, |since| (self.at - since).as_secs());
         self.wheels.filter_m += (self.axle_mps().x - before_mps) * counted;
         let tally = &mut self.tallies[source as usize];
@@ -398,7 +399,7 @@ impl Fold {
         innovation.accepted
     }
 
-    /// What is to be told of it.
+    /// Current estimate; `None` before initialisation.
     pub(super) fn estimate(&self, params: &Params) -> Option<Estimate> {
         let filter = self.filter()?;
         let n = &filter.nominal;
@@ -434,7 +435,7 @@ fn spread(p: &Covariance, rotation: &Matrix3<f64>, lever: &Vector3<f64>) -> (Mat
     (pick([0, 1, 2]), pick([0, 1, 3]))
 }
 
-/// First of the states that a start gives variances of its own.
+/// First indices of the states whose variances are given by the initial state.
 pub(super) const KNOWN: [usize; 3] = [POSITION, VELOCITY, ATTITUDE];
-/// Those whose variances are the sensors'.
+/// First indices of the states whose variances are given by the sensor parameters.
 pub(super) const LEARNT: [usize; 4] = [ACCEL_BIAS, GYRO_BIAS, OFFSET, SCALE];

@@ -1,5 +1,5 @@
-//! From the first measurements to a state: level by gravity where the car stands, heading by what is known beforehand or
-//! by the course between two fixes.
+//! Initialisation from the first measurements: roll and pitch from gravity at rest, heading from prior knowledge or
+//! from the course between two fixes.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use swerve_core::Time;
@@ -10,24 +10,24 @@ use super::{Entry, Initial, Sensed};
 use crate::eskf::{Covariance, Eskf, Nominal, from_euler};
 use crate::params::Params;
 
-/// A course is one above this speed, m/s.
+/// Lowest speed for a course from two fixes, m/s.
 const COURSE_MPS: f64 = 2.0;
-/// And where it is known to this, radians.
+/// Largest standard deviation of a course, radians.
 const COURSE_RAD: f64 = 0.15;
-/// Fixes further apart than this are no chord of an arc, seconds.
+/// Largest time between two fixes of a course, as the chord of an arc, seconds.
 const CHORD_S: f64 = 5.0;
-/// Slower than this stands, m/s.
+/// Largest speed that counts as standstill, m/s.
 const STANDSTILL_MPS: f64 = 0.05;
 
-/// A state to begin with, and how sure each of its nine numbers is.
+/// An initial state and the standard deviations of its nine numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Begin {
     pub(super) position_m: Vector3<f64>,
     pub(super) velocity_mps: Vector3<f64>,
     pub(super) attitude: UnitQuaternion<f64>,
-    /// Standard deviations: position (without the offset of fixes), velocity, attitude.
+    /// Standard deviations of position (without the offset of fixes), velocity and attitude.
     pub(super) sigma: [[f64; 3]; 3],
-    /// Whether the position is by a fix, and so off by what all fixes are.
+    /// True if the position is from a fix, and so includes the common offset of fixes.
     pub(super) by_fix: bool,
 }
 
@@ -52,7 +52,7 @@ impl From<&Initial> for Begin {
 }
 
 impl Begin {
-    /// The filter that begins so.
+    /// Creates the filter with this initial state.
     pub(super) fn filter(&self, params: &Params) -> Eskf {
         let mut covariance = Covariance::zeros();
         for (from, sigma) in KNOWN.into_iter().zip(self.sigma) {
@@ -67,7 +67,7 @@ impl Begin {
             }
         }
         if self.by_fix {
-            // As far as the fix is off to the east, the position is.
+            // Position and fix offset are correlated: the position has the error of the fix.
             for i in 0..2 {
                 let (p, o) = (KNOWN[0] + i, LEARNT[2] + i);
                 let common = params.offset_m * params.offset_m;
@@ -89,7 +89,7 @@ impl Begin {
     }
 }
 
-/// A fix, and how far the car turned since.
+/// A fix, and the car's turn since then.
 #[derive(Clone, Copy, Debug)]
 struct Anchor {
     stamp: Time,
@@ -98,7 +98,7 @@ struct Anchor {
     turned_rad: f64,
 }
 
-/// What is gathered.
+/// Measurements collected for initialisation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Start {
     accel_sum_mps2: Vector3<f64>,
@@ -109,7 +109,7 @@ pub(super) struct Start {
 }
 
 impl Start {
-    /// One more measurement; with the last that it takes, where to begin.
+    /// Processes a measurement; returns the initial state once it is determined.
     pub(super) fn take(
         &mut self,
         params: &Params,
@@ -153,7 +153,7 @@ impl Start {
         at_m: [f64; 3],
         sigma_m: [f64; 3],
     ) -> Option<Begin> {
-        // It has to be levelled, and moved on from here.
+        // At least one inertial reading is required for levelling and propagation.
         self.last_turn?;
         let course = self.anchor.and_then(|anchor| course(&anchor, stamp, at_m, sigma_m));
         let [yaw, yaw_sigma] = match (heading, course) {
@@ -178,7 +178,7 @@ impl Start {
         })
     }
 
-    /// Roll, pitch and their deviation: by gravity at rest, else those of a level road.
+    /// Roll, pitch and their standard deviation: from gravity at rest, else those of a level road.
     fn level(&self, params: &Params) -> (f64, f64, f64) {
         let rests = self.wheels_mps.is_some_and(|speed| speed.abs() <= STANDSTILL_MPS) && self.readings > 0;
         if !rests {
@@ -191,7 +191,7 @@ impl Start {
     }
 }
 
-/// What two fixes say of the motion between them.
+/// Course and speed between two fixes.
 #[derive(Clone, Copy)]
 struct Course {
     yaw_rad: f64,
@@ -210,11 +210,11 @@ fn course(anchor: &Anchor, stamp: Time, at_m: [f64; 3], sigma_m: [f64; 3]) -> Op
     let sigma_m = math::hypot(anchor.sigma_m, sigma_m[0].max(sigma_m[1]));
     let sure = way_m > COURSE_MPS * dt_s && sigma_m <= COURSE_RAD * way_m;
     sure.then(|| Course {
-        // The tangent at the end of an arc is off the chord by half of the turn.
+        // The tangent at the end of an arc differs from the chord by half of the turn.
         yaw_rad: math::atan2(dy, dx) + 0.5 * anchor.turned_rad,
         sigma_rad: sigma_m / way_m + 0.1 * anchor.turned_rad.abs(),
         speed_mps: way_m / dt_s,
-        // It may brake or speed up meanwhile, at 1 m/s².
+        // Allows for acceleration or braking at 1 m/s² in between.
         speed_sigma_mps: sigma_m / dt_s + 0.5 * dt_s,
     })
 }

@@ -4,8 +4,8 @@ use swerve_geom::math;
 
 use super::*;
 
-/// A car on a winding way at a steady speed, its inertial unit 1.4 m ahead of the rear axle, read at 100 Hz, its wheels
-/// and fixes at 10 Hz.
+/// A car on a winding path at constant speed, with its inertial unit 1.4 m ahead of the rear axle, read at 100 Hz,
+/// and wheels and fixes at 10 Hz.
 struct Drive {
     params: Params,
     rng: Rng,
@@ -15,7 +15,7 @@ struct Drive {
     accel_bias: [f64; 3],
     gyro_bias: [f64; 3],
     scale: f64,
-    /// Whether the steering angle is measured.
+    /// True if the steering angle is measured.
     steers: bool,
 }
 
@@ -44,14 +44,14 @@ impl Drive {
         }
     }
 
-    /// Heading, its rate and the rate of that.
+    /// Heading and its first and second derivative.
     fn turn(t_s: f64) -> [f64; 3] {
         let (amplitude, rate) = (0.4, 0.3);
         let (sin, cos) = math::sin_cos(rate * t_s);
         [amplitude * sin, amplitude * rate * cos, -amplitude * rate * rate * sin]
     }
 
-    /// The rear axle each 10 ms.
+    /// Positions of the rear axle every 10 ms.
     fn way(&self, seconds: usize) -> Vec<[f64; 2]> {
         let (mut at, dt) = ([0.0; 2], 1e-3);
         let mut way = vec![at];
@@ -65,7 +65,7 @@ impl Drive {
         way
     }
 
-    /// What its sensors say in this time.
+    /// Sensor measurements over this time.
     fn measured(&mut self, seconds: usize) -> Vec<(Time, Sensed)> {
         let way = self.way(seconds);
         let (mut all, mut offset_m) = (Vec::new(), self.offset_m);
@@ -96,7 +96,7 @@ impl Drive {
         all
     }
 
-    /// A reading of the wheels on a curve.
+    /// A wheel reading on a curve.
     fn wheels(&self, curvature_1pm: f64, noise_mps: f64) -> Sensed {
         let speed_mps = self.speed_mps * (1.0 + self.scale) + noise_mps;
         Sensed::Wheels { speed_mps, curvature_1pm: self.steers.then_some(curvature_1pm) }
@@ -120,19 +120,19 @@ fn error_m(estimate: &Estimate, at: [f64; 2]) -> [f64; 2] {
     [estimate.position_m.x - at[0], estimate.position_m.y - at[1]]
 }
 
-/// Nothing supposed of the car: the drive above is a better one than a filter may suppose.
+/// Parameters without vehicle constraints, which the simulated car satisfies better than the filter may assume.
 fn plain() -> Params {
     Params { non_holonomic_mps: 0.0, zero_velocity_mps: 0.0, gate_one_in: 0, ..Params::default() }
 }
 
-/// A correction of the speed by a fix is not made once more by wheels that were compared with the speed before it.
+/// A speed correction by a fix must not be applied again by wheels that were compared with the earlier speed.
 #[test]
-fn a_start_at_a_wrong_speed_settles_and_refuses_nothing() {
+fn start_at_a_wrong_speed_settles_without_refusals() {
     for seed in 0..100 {
         let mut rng = Rng::keyed(seed, "straight on", &[]);
         let params = Params { offset_m: 0.0, ..Params::default() };
         let mut localizer = Localizer::new(params, Some([0.0, 0.09])).unwrap();
-        // Wheels count whole teeth.
+        // Encoders count whole teeth.
         let (phase, mut before) = (rng.uniform(0.0, 1.0), None);
         for ms in (0..3000).step_by(5) {
             let stamp = Time::ZERO + Span::from_ms(ms);
@@ -162,10 +162,10 @@ fn a_start_at_a_wrong_speed_settles_and_refuses_nothing() {
     }
 }
 
-/// Over 50 seeds, with the offset of fixes, the biases and the wheels' scale drawn as the filter supposes; the offset holds, or
-/// wanders.
+/// Over 50 seeds, with fix offset, biases and wheel scale drawn as the filter assumes; the offset is constant or
+/// drifts.
 #[test]
-fn it_knows_how_good_it_is() {
+fn filter_is_consistent_over_many_drives() {
     for offset_time_s in [0.0, 5.0] {
         let (mut nees, mut nis, mut square) = (0.0, [0.0; 2], 0.0);
         for seed in 0..50 {
@@ -193,10 +193,10 @@ fn it_knows_how_good_it_is() {
     }
 }
 
-/// Without an offset: not worse than a tenth above the limit of fixes with 0.5 m and accelerometers with 0.05 m/s² at
-/// 100 Hz, 0.079 m along each axis; the filter needs 8 s to come there.
+/// Without a fix offset: within a tenth of the limit for fixes with 0.5 m and accelerometers with 0.05 m/s² at 100
+/// Hz, 0.079 m along each axis; the filter converges within 8 s.
 #[test]
-fn it_is_as_good_as_its_sensors() {
+fn filter_is_as_accurate_as_its_sensors_allow() {
     let params = Params {
         offset_m: 0.0,
         wheel_noise_mps: 0.0,
@@ -229,9 +229,9 @@ fn it_is_as_good_as_its_sensors() {
     assert!(rms < 1.1 * 0.079, "{rms}");
 }
 
-/// Ten seconds without fixes at 14 m/s, then 30: root mean square of the largest errors over seeds, beyond what it was.
+/// 10 s and 30 s without fixes at 14 m/s: root mean square of the errors at the end over seeds.
 #[test]
-fn an_outage_is_bridged_by_wheels_and_gyroscopes() {
+fn wheels_and_gyroscopes_bridge_an_outage_of_fixes() {
     for (gap_s, most_m) in [(10, 0.6), (30, 2.0)] {
         let mut square = 0.0;
         for seed in 0..20 {
@@ -257,9 +257,9 @@ fn an_outage_is_bridged_by_wheels_and_gyroscopes() {
     }
 }
 
-/// Fixes 60 m off for 8 s are refused, and those after them are taken.
+/// Fixes that are 60 m off for 8 s are refused, and later ones accepted.
 #[test]
-fn a_spike_of_fixes_is_refused() {
+fn spike_of_fixes_is_refused() {
     let mut largest_m: f64 = 0.0;
     for seed in 0..10 {
         let mut drive = Drive::new(seed, Params { offset_m: 0.0, ..Params::default() });
@@ -284,7 +284,7 @@ fn a_spike_of_fixes_is_refused() {
 }
 
 #[test]
-fn it_starts_in_motion_by_the_course() {
+fn localizer_starts_in_motion_from_the_course() {
     let mut drive = Drive::new(3, Params { offset_m: 0.0, ..Params::default() });
     let mut localizer = Localizer::new(drive.params, None).unwrap();
     for (stamp, what) in drive.measured(20) {
@@ -299,7 +299,7 @@ fn it_starts_in_motion_by_the_course() {
 }
 
 #[test]
-fn it_starts_at_rest_on_a_slope_and_stays_there() {
+fn localizer_starts_at_rest_on_a_slope_and_stays_there() {
     let params = Params { imu_at_m: [LEVER_M, 0.0, 0.0], ..Params::default() };
     let mut localizer = Localizer::new(params, Some([0.5, 0.05])).unwrap();
     let up = from_euler_inverse(0.02, -0.05) * 9.81;
@@ -318,14 +318,14 @@ fn it_starts_at_rest_on_a_slope_and_stays_there() {
     assert!(estimate.velocity_mps.norm() < 0.01 && (estimate.position_m.x - 5.0).abs() < 0.1);
 }
 
-/// The direction of up in a car with this roll and pitch.
+/// Upward direction in the frame of a car with this roll and pitch.
 fn from_euler_inverse(roll: f64, pitch: f64) -> Vector3<f64> {
     crate::eskf::from_euler(roll, pitch, 0.0).inverse() * Vector3::z()
 }
 
-/// A fix in another hemisphere at the start is found out by those that come after it.
+/// A first fix that is 100 km away is refuted by those after it.
 #[test]
-fn a_wrong_start_is_started_again() {
+fn wrong_start_causes_a_restart() {
     let mut drive = Drive::new(5, Params::default());
     let mut localizer = drive.localizer();
     let mut first = true;
@@ -342,7 +342,7 @@ fn a_wrong_start_is_started_again() {
 }
 
 #[test]
-fn an_inertial_unit_that_stops_is_lost_and_comes_back() {
+fn pose_is_lost_while_the_inertial_unit_is_silent_and_recovers() {
     let mut drive = Drive::new(6, Params::default());
     let mut localizer = drive.localizer();
     for (stamp, what) in drive.measured(12) {
@@ -358,7 +358,7 @@ fn an_inertial_unit_that_stops_is_lost_and_comes_back() {
     assert_eq!(localizer.mode(), Mode::Good);
 }
 
-/// All bits of a localizer's newest state.
+/// Bits of all numbers of a localizer's latest state.
 fn bits(localizer: &Localizer) -> Vec<u64> {
     let filter = localizer.filter().expect("it has started");
     let n = &filter.nominal;
@@ -370,9 +370,9 @@ fn bits(localizer: &Localizer) -> Vec<u64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Each measurement comes up to half a second late, equal stamps in any order: the same bits as in order.
+    /// Each measurement arrives up to half a second late, and equal stamps in any order: the same bits as in order.
     #[test]
-    fn the_order_of_arrival_does_not_show(seed in 0_u64..1000, late_ms in 1_i64..490) {
+    fn order_of_arrival_does_not_change_the_state(seed in 0_u64..1000, late_ms in 1_i64..490) {
         let mut drive = Drive::new(seed, Params::default());
         let measured = drive.measured(3);
         let mut in_order = drive.localizer();
@@ -393,9 +393,9 @@ proptest! {
         prop_assert_eq!(in_order.tally(Source::Fix), mixed.tally(Source::Fix));
     }
 
-    /// Whatever the sensors say, and with stamps that go anywhere: a finite estimate that knows when it is lost.
+    /// Arbitrary sensor values and stamps: the estimate is finite, or its mode is `Lost`.
     #[test]
-    fn nonsense_is_survived(
+    fn localizer_survives_arbitrary_measurements(
         events in proptest::collection::vec((0_u8..5, -2_000_i64..20_000, any::<[f64; 6]>(), any::<bool>()), 1..80),
     ) {
         let mut drive = Drive::new(1, Params::default());

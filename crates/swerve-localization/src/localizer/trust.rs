@@ -1,7 +1,7 @@
-//! Whether filter or sensor is wrong where they disagree, and how good the pose is.
+//! Decides between filter and sensor when they disagree, and rates the pose.
 //!
-//! One refused place questions the place. Places that are refused again and again, while they agree with each other and with
-//! odometry, question the filter: it is aligned with them anew.
+//! A single refused position is taken for an outlier. Positions that are refused repeatedly, while they agree with
+//! each other and with odometry, contradict the filter, which is then realigned with them.
 
 use nalgebra::Vector3;
 use swerve_core::{Span, Time};
@@ -15,24 +15,28 @@ use super::{Estimate, Mode, Source, Tally};
 use crate::eskf::{Innovation, from_euler, yaw_rad};
 use crate::params::Params;
 
-/// Places refused in a row that question the filter.
+/// Consecutive refusals after which the filter is questioned.
 const REFUSED: u32 = 3;
-/// Places accepted in a row that confirm it again.
+/// Accepted positions after which a realigned filter is confirmed.
 pub(super) const CONFIRMED: u32 = 3;
-/// A heading by refused fixes that differs from the filter's by so many deviations, and by so much (radians), refutes it.
+/// A heading from refused fixes refutes the filter's if it differs by this many standard deviations and by this much
+/// (radians).
 const HEADING_SIGMAS: f64 = 5.0;
 const HEADING_RAD: f64 = 0.15;
-/// It takes so many of them.
+/// Consecutive refusals that such a refutation requires.
 const TURNED: u32 = 5;
-/// A heading by fixes that is less sure than this is none: the car stands, or hardly moves, radians.
+/// Largest standard deviation of a usable heading from fixes, radians; it is larger at standstill or very low speed.
 const COURSE_RAD: f64 = 0.15;
-/// Aligned anew twice within this time, the filter goes astray by its inertial unit, which then rests for as long.
+/// If the filter is realigned twice within this time, its inertial unit is taken to be at fault and not used for as
+/// long.
 const RELAPSE: Span = Span::from_ms(5000);
-/// Innovations over which their consistency is averaged.
+/// Number of innovations over which consistency is averaged.
 const WINDOW: f64 = 10.0;
-/// A refused one counts no more than this per number, so that the average forgets it within a second.
+/// A normalised square counts for at most this per degree of freedom, so that the average forgets outliers within a
+/// second.
 const CLIPPED: f64 = 5.0;
-/// Average squares above this per number are no chance: for ten fixes one window in 10,000 of a consistent filter.
+/// Averages above this per degree of freedom are inconsistent: for ten fixes, one window in 10,000 of a consistent
+/// filter.
 const INCONSISTENT: f64 = 2.2;
 
 impl Tally {
@@ -51,7 +55,7 @@ impl Tally {
     }
 }
 
-/// A place that the filter followed or refused.
+/// A position that the filter accepted or refused.
 pub(super) struct Judged {
     pub(super) stamp: Time,
     pub(super) source: Source,
@@ -61,7 +65,7 @@ pub(super) struct Judged {
 }
 
 impl Fold {
-    /// Takes note of a place, and aligns the filter anew where its refusal is the filter's fault.
+    /// Records a position, and realigns the filter if the refusals are due to the filter.
     pub(super) fn question(&mut self, params: &Params, judged: &Judged) {
         let Judged { stamp, source, at_m: [x_m, y_m, up_m], sigma_m, accepted } = *judged;
         let lever_m = if source == Source::Fix { params.antenna_at_m } else { [0.0; 3] };
@@ -79,22 +83,23 @@ impl Fold {
         }
     }
 
-    /// Where the ego is by places that the filter refuses without a reason in them; with the odometry that they fit.
+    /// Pose of the ego from positions that the filter refuses without fault of their own, with the index of the
+    /// odometry path that they fit.
     fn refuted(&self, params: &Params, stamp: Time, source: Source) -> Option<(Aligned, usize)> {
         let fixes = &self.fixes[usize::from(source != Source::Fix)];
         let (refused, lasted) = fixes.refused(stamp);
-        // Another source may have confirmed the filter meanwhile.
+        // Another source may have confirmed the filter in the meantime.
         let is_confirmed = self.last_fix.is_some_and(|last| last > stamp - lasted);
         if refused < REFUSED || is_confirmed {
             return None;
         }
-        // The refused ones go on from the accepted ones without a jump: so does the car.
+        // The refused positions continue the accepted ones without a jump, as the car does.
         let is_course = |(found, _): &(Aligned, usize)| found.heading_sigma_rad <= COURSE_RAD;
         let linked = fixes.reaches_back().then(|| fixes.aligned(&self.ways)).flatten().filter(is_course);
         if linked.is_some() {
             return linked;
         }
-        // They jumped, or nothing was heard for long. A reflection moves places, but does not turn the way.
+        // They jumped, or none were received for long. A reflection shifts positions, but does not rotate the path.
         let yaw = yaw_rad(&self.filter()?.nominal.attitude);
         let alone = fixes.aligned_since(&self.ways).filter(is_course);
         let is_turned = |found: &Aligned| {
@@ -104,7 +109,7 @@ impl Fold {
         alone.filter(|(found, _)| is_turned(found) || lasted.as_secs() >= params.believed_after_s)
     }
 
-    /// Begins anew from a place and heading on the ground, at a height.
+    /// Restarts from a position and heading on the ground, at a height.
     fn realign(&mut self, params: &Params, stamp: Time, found: &Aligned, (up_m, by_fix): (f64, bool)) {
         let attitude = from_euler(0.0, 0.0, found.heading_rad);
         let speed_mps = self.speed_mps();
@@ -126,17 +131,17 @@ impl Fold {
         (self.confirmed, self.realigned) = (0, Some(stamp));
     }
 
-    /// How good an estimate is.
+    /// Quality of an estimate.
     pub(super) fn mode(&self, params: &Params, estimate: &Estimate) -> Mode {
         let health = self.unit.health(params, estimate.stamp);
         let since_fix = self.last_fix.map(|last| (estimate.stamp - last).as_secs());
         let is_fixed = since_fix.is_some_and(|s| s <= params.coasting_after_s);
-        // Without the unit it takes steering angle and places together to know the heading.
+        // Without the unit, the heading is observable only with both steering angle and positions.
         let is_carried = health == UnitHealth::Sound || (self.steered_radps().is_some() && is_fixed);
         let tally = |source: Source| self.tally(source);
         let is_contested = self.is_contested(estimate.stamp);
         let wheels = tally(Source::Wheels).refused_in_a_row >= REFUSED;
-        // What is no number is lost, too.
+        // False for NaN.
         let is_sure = estimate.sigma_m() <= params.lost_sigma_m;
         let is_sound = self.filter().is_some_and(crate::Eskf::is_sound);
         let is_consistent = tally(self.fixed_by).recent_nis <= INCONSISTENT;
@@ -154,7 +159,7 @@ impl Fold {
         }
     }
 
-    /// Whether places of some source are refused again and again, and no other source confirms the filter.
+    /// Returns true if positions of some source are refused repeatedly, and no other source confirms the filter.
     fn is_contested(&self, now: Time) -> bool {
         self.fixes.iter().any(|fixes| {
             let (refused, lasted) = fixes.refused(now);

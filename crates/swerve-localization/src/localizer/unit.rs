@@ -1,28 +1,28 @@
-//! Health of the inertial unit by the signature of its own readings.
+//! Health of the inertial unit by the signature of its readings.
 //!
-//! A frozen unit repeats readings bit for bit although it never did before. The noise of a unit shows in second differences
-//! of its readings, from which steady and evenly changing motion drops out: for white noise of variance σ² their variance
-//! is 6σ² (von Neumann et al., "The mean square successive difference", 1941, does so with first differences). Squares are
-//! clipped before they are averaged: a bump in the road is large once, noise nearly always.
+//! A frozen unit repeats readings bit for bit after never having done so. The noise of a unit is measured in second
+//! differences of its readings, which cancel steady and uniformly changing motion: for white noise of variance σ²
+//! their variance is 6σ² (von Neumann et al., "The mean square successive difference", 1941, uses first differences).
+//! Squares are clipped before they are averaged: a bump in the road gives one large square, noise gives many.
 
 use nalgebra::Vector3;
 use swerve_core::Time;
 
 use crate::params::Params;
 
-/// Readings in a row that all differ, after which a repeated one is suspicious.
+/// Consecutive distinct readings after which a repetition is suspicious.
 const LIVELY: u32 = 20;
-/// Repetitions in a row that a live unit does not produce.
+/// Consecutive repetitions that a working unit does not produce.
 const REPEATS: u32 = 2;
-/// Readings over which the noise is averaged.
+/// Number of readings over which the noise is averaged.
 const SPAN: f64 = 8.0;
-/// A square over its variance counts no more than this in the average.
+/// Upper limit of a normalised square in the average.
 const CLIPPED: f64 = 9.0;
-/// Above the first average a unit is noisy, until it is below the second again.
+/// A unit becomes noisy if the average exceeds the first, and recovers below the second.
 const NOISY: [f64; 2] = [6.5, 3.0];
-/// Readings until a noisy unit is known as such.
+/// Number of readings until a noisy unit is detected.
 const UNTIL_NOISY: f64 = 12.0;
-/// Vibration of a car on a rough road, as a deviation: m/s² and rad/s. A unit that measures it is sound.
+/// Vibration of a car on a rough road, as a standard deviation: m/s² and rad/s. Readings with it are sound.
 const VIBRATION: [f64; 2] = [1.0, 0.02];
 
 /// Condition of the inertial unit.
@@ -35,9 +35,9 @@ pub enum UnitHealth {
     Frozen,
     /// Its noise is far above the model.
     Noisy,
-    /// There are no readings.
+    /// No readings are received.
     Silent,
-    /// The filter went astray with it again and again.
+    /// The filter diverged with it repeatedly.
     Doubted,
 }
 
@@ -46,19 +46,20 @@ pub enum UnitHealth {
 struct Triple {
     last: Vector3<f64>,
     difference: Vector3<f64>,
-    /// Readings in a row that differ from the one before, and that do not.
+    /// Consecutive readings that differ from the one before, and that do not.
     varied: u32,
     repeated: u32,
-    /// Whether readings once all differed for long enough.
+    /// True once enough consecutive readings were distinct.
     is_lively: bool,
-    /// Averages of the squares over their variance, as they are and clipped.
+    /// Averages of the normalised squares, unclipped and clipped.
     average: f64,
     clipped: f64,
     is_noisy: bool,
 }
 
 impl Triple {
-    /// `variance` is that of the noise of a reading, vibration included.
+    /// Processes a reading. `variance` is that of the reading's noise, vibration included; `known` counts the
+    /// readings before it since the last gap.
     fn take(&mut self, reading: &Vector3<f64>, variance: f64, known: u32) {
         match *reading == self.last {
             true => (self.repeated, self.varied) = (self.repeated.saturating_add(1), 0),
@@ -77,27 +78,28 @@ impl Triple {
         self.is_noisy = self.clipped > NOISY[usize::from(self.is_noisy)];
     }
 
-    /// Whether it repeats itself, and before never did.
+    /// Returns true if it repeats readings, after never having done so.
     fn is_frozen(&self) -> bool {
         self.is_lively && self.repeated >= REPEATS
     }
 }
 
-/// What the readings of a unit say of the unit.
+/// Condition of the unit as estimated from its readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unit {
     accel: Triple,
     gyro: Triple,
     known: u32,
     last: Option<Time>,
-    /// Time between the newest two readings, seconds.
+    /// Time between the latest two readings, seconds.
     period_s: f64,
-    /// Not used before this instant.
+    /// The unit is not used before this instant.
     doubted_until: Option<Time>,
 }
 
 impl Unit {
-    /// One more reading. At standstill a quantised unit may well repeat itself; one that was frozen before stays so.
+    /// Processes a reading. At standstill a quantised unit may repeat readings without fault; one that was frozen
+    /// before remains so.
     pub(super) fn take(
         &mut self,
         params: &Params,
@@ -111,7 +113,7 @@ impl Unit {
             return;
         }
         let was_frozen = self.is_frozen();
-        // Across a gap there is no difference of neighbours.
+        // Differences across a gap are not used.
         if since_s > params.imu_timeout_s {
             self.known = 0;
         } else {
@@ -126,12 +128,12 @@ impl Unit {
         }
     }
 
-    /// Does not use it before an instant.
+    /// Excludes the unit until an instant.
     pub(super) fn doubt(&mut self, until: Time) {
         self.doubted_until = Some(until);
     }
 
-    /// How long a reading holds, seconds: some are late or lost on every bus.
+    /// Validity of a reading, seconds: on any bus some are late or lost.
     pub(super) fn hold_s(&self, params: &Params) -> f64 {
         match self.period_s > 0.0 {
             true => (3.0 * self.period_s).min(params.imu_timeout_s),
@@ -139,7 +141,7 @@ impl Unit {
         }
     }
 
-    /// Its condition at an instant.
+    /// Condition at an instant.
     pub(super) fn health(&self, params: &Params, at: Time) -> UnitHealth {
         let is_silent = self.last.is_none_or(|last| (at - last).as_secs() > params.imu_timeout_s);
         if is_silent {
@@ -159,7 +161,7 @@ impl Unit {
         self.accel.is_frozen() || self.gyro.is_frozen()
     }
 
-    /// Variances of the noise of a reading with vibration: accelerations and turn rates, along the worst axis.
+    /// Noise variances of a reading, vibration included: accelerations and turn rates, along the worst axis.
     fn variances(&self, params: &Params) -> [f64; 2] {
         let of = |density: [f64; 3], vibration: f64| {
             let worst = density.into_iter().fold(0.0, f64::max);
@@ -168,7 +170,7 @@ impl Unit {
         [of(params.accel_noise, VIBRATION[0]), of(params.gyro_noise, VIBRATION[1])]
     }
 
-    /// What the noise of a unit did to velocity (m²/s²) and attitude (rad²) before it was known, as variances.
+    /// Variances that the unit's noise added to velocity (m²/s²) and attitude (rad²) before it was detected.
     pub(super) fn leaked(&self, params: &Params) -> [f64; 2] {
         let [accel, gyro] = self.variances(params);
         let of = |triple: &Triple, variance: f64| match triple.is_noisy {

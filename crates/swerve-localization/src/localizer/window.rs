@@ -1,26 +1,26 @@
-//! Whether the newest fixes agree with each other and with how the car moved: what decides between filter and sensor when
+//! Consistency of the latest fixes with each other and with odometry, which decides between filter and sensor when
 //! they disagree.
 //!
-//! Fixes of the last seconds are laid over the way by odometry with the rotation and translation that fit best (least squares
-//! in the plane: Umeyama, "Least-squares estimation of transformation parameters", 1991, with the scale left out). The
-//! filter's place and heading have no part in it.
+//! The fixes of the last seconds are aligned with the odometry path by the best rotation and translation (least
+//! squares in the plane: Umeyama, "Least-squares estimation of transformation parameters", 1991, without scale). The
+//! filter's position and heading are not used.
 
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 
-/// Fixes that are kept, and for how long.
+/// Number of stored fixes, and their largest age.
 const KEPT: usize = 12;
 const AGE: Span = Span::from_ms(4000);
-/// Between two that are kept; more often than that they add little.
+/// Minimum time between stored fixes; a higher rate adds little information.
 const APART: Span = Span::from_ms(95);
-/// Error of odometry over a window, as a share of the way.
+/// Error of odometry over a window, as a share of the distance.
 const DRIFT: f64 = 0.02;
-/// The same between two neighbours, of which one may be at the end of a bend and the other before it.
+/// The same between two neighbouring fixes, which may be on both sides of a bend.
 const STEP_DRIFT: f64 = 0.05;
-/// No residual of a consistent window is larger, in standard deviations.
+/// Largest residual of a consistent window, in standard deviations.
 const OUTLIER: f64 = 3.5;
 
-/// The way by wheels and yaw rate since the start, on the ground: east, north, heading.
+/// Odometry path on the ground since the start: east, north, heading.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Way {
     at_m: [f64; 2],
@@ -29,7 +29,7 @@ pub(super) struct Way {
 }
 
 impl Way {
-    /// Goes on.
+    /// Advances along an arc.
     pub(super) fn go(&mut self, forward_m: f64, turned_rad: f64) {
         let (sin, cos) = math::sin_cos(self.heading_rad + 0.5 * turned_rad);
         self.at_m = [self.at_m[0] + forward_m * cos, self.at_m[1] + forward_m * sin];
@@ -37,12 +37,12 @@ impl Way {
         self.length_m += forward_m.abs();
     }
 
-    /// Length of it, metres.
+    /// Length of the path, metres.
     pub(super) fn length_m(&self) -> f64 {
         self.length_m
     }
 
-    /// A point beside it, in the frame of the way: `lever_m` is forward and to the left.
+    /// Position of a point at `lever_m` (forward, left) from the path's end, in the frame of the path.
     fn beside(&self, lever_m: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = math::sin_cos(self.heading_rad);
         let [x, y] = lever_m;
@@ -50,31 +50,31 @@ impl Way {
     }
 }
 
-/// One fix of the window.
+/// A fix of the window.
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
     stamp: Time,
     fix_m: [f64; 2],
     sigma_m: f64,
-    /// Where the antenna was in the frame of each way: by the gyroscope, by the steering.
+    /// Position of the antenna in the frame of each path: by gyroscope, by steering angle.
     antenna_m: [[f64; 2]; 2],
     length_m: f64,
 }
 
-/// The newest fixes of one source, and how many of them in a row the filter refused.
+/// Latest fixes of one source, and the number of consecutive refusals by the filter.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fixes {
     kept: [Kept; KEPT],
     count: usize,
-    /// Refused in a row, and since when.
+    /// Number of consecutive refusals, and the time of the first.
     refused: u32,
     since: Option<Time>,
 }
 
-/// A place and heading that fixes agree upon.
+/// Position and heading that the fixes agree upon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Aligned {
-    /// Of the ego origin.
+    /// Position of the ego origin.
     pub(super) at_m: [f64; 2],
     pub(super) sigma_m: f64,
     pub(super) heading_rad: f64,
@@ -82,7 +82,7 @@ pub(super) struct Aligned {
 }
 
 impl Fixes {
-    /// One more fix of a point `lever_m` from the ego origin.
+    /// Adds a fix of a point at `lever_m` from the ego origin.
     pub(super) fn take(&mut self, stamp: Time, fix: ([f64; 2], f64), ways: &[Way; 2], lever_m: [f64; 2]) {
         if self.count > 0 && stamp - self.kept[self.count - 1].stamp < APART {
             return;
@@ -97,7 +97,7 @@ impl Fixes {
         self.count += 1;
     }
 
-    /// The filter followed the newest one, or did not.
+    /// Records whether the filter accepted the latest fix.
     pub(super) fn judge(&mut self, stamp: Time, accepted: bool) {
         match accepted {
             true => (self.refused, self.since) = (0, None),
@@ -108,17 +108,17 @@ impl Fixes {
         }
     }
 
-    /// Refused in a row, and for how long by now.
+    /// Number of consecutive refusals, and their duration up to `now`.
     pub(super) fn refused(&self, now: Time) -> (u32, Span) {
         (self.refused, self.since.map_or(Span::ZERO, |since| now - since))
     }
 
-    /// Where all fixes of the window say the ego is, in spite of whether they were followed.
+    /// Pose of the ego by all fixes of the window, accepted or refused.
     pub(super) fn aligned(&self, ways: &[Way; 2]) -> Option<(Aligned, usize)> {
         fitted(&self.kept[..self.count], ways)
     }
 
-    /// The same by those that were refused alone.
+    /// Pose of the ego by the refused fixes only.
     pub(super) fn aligned_since(&self, ways: &[Way; 2]) -> Option<(Aligned, usize)> {
         let since = self.since?;
         let kept = &self.kept[..self.count];
@@ -126,19 +126,19 @@ impl Fixes {
         fitted(&kept[first..], ways)
     }
 
-    /// Whether the window has fixes from before the refusals.
+    /// Returns true if the window has at least two fixes from before the refusals.
     pub(super) fn reaches_back(&self) -> bool {
         let before = |since: Time| self.kept[..self.count].iter().filter(|kept| kept.stamp < since).count();
         self.since.is_some_and(|since| before(since) >= 2)
     }
 }
 
-/// By the first of both ways that fits; which one it was goes with it.
+/// Fits the first path that is consistent with the fixes; also returns its index.
 fn fitted(kept: &[Kept], ways: &[Way; 2]) -> Option<(Aligned, usize)> {
     (0..2).find_map(|which| Some((fit(kept, which, &ways[which])?, which)))
 }
 
-/// The rotation and translation of one way onto the fixes, where these are consistent with it.
+/// Fits rotation and translation of one path to the fixes; `None` if they are inconsistent.
 fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
     let count = kept.len() as f64;
     if kept.len() < 3 {
@@ -175,7 +175,7 @@ fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
         }
         chi_square += off_m * off_m / (sigma_m * sigma_m);
     }
-    // Its mean and 3.3 deviations: only one in a thousand consistent windows has more.
+    // Mean plus 3.3 standard deviations: one in a thousand consistent windows exceeds it.
     let freedom = 2.0 * count - 3.0;
     if chi_square > freedom + 3.3 * (2.0 * freedom).sqrt() {
         return None;
@@ -192,7 +192,7 @@ fn fit(kept: &[Kept], which: usize, way: &Way) -> Option<Aligned> {
     })
 }
 
-/// Whether two neighbours are further from each other than odometry and noise explain.
+/// Returns true if two neighbouring fixes are farther apart than odometry and noise explain.
 fn is_jump(pair: &[Kept], which: usize, turned: &dyn Fn([f64; 2]) -> [f64; 2]) -> bool {
     let [before, after] = [&pair[0], &pair[1]];
     let went = |i: usize| after.antenna_m[which][i] - before.antenna_m[which][i];

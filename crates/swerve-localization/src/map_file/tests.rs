@@ -23,7 +23,7 @@ fn map_at([east, north]: [f64; 2]) -> MapFile {
 }
 
 #[test]
-fn a_map_is_read_as_it_was_written() {
+fn map_is_read_as_written() {
     let map = map();
     assert!(map.tiles() == 16 && map.voxels().len() > 1500, "{} {}", map.tiles(), map.voxels().len());
     let bytes = map.write();
@@ -35,7 +35,7 @@ fn a_map_is_read_as_it_was_written() {
 }
 
 #[test]
-fn a_map_at_utm_coordinates_has_the_same_surfaces() {
+fn map_at_utm_coordinates_has_the_same_surfaces() {
     let (here, there) = (map(), map_at([691_200.0, 5_335_040.0]));
     assert_eq!(here.voxels().len(), there.voxels().len());
     for (a, b) in here.voxels().iter().zip(there.voxels()) {
@@ -43,14 +43,14 @@ fn a_map_at_utm_coordinates_has_the_same_surfaces() {
             (a.index[0] + 691_200, a.index[1] + 5_335_040, a.count),
             (b.index[0], b.index[1], b.count)
         );
-        // At 5,335 km a double has steps of 1e-9 m.
+        // At 5,335 km the resolution of a double is 1e-9 m.
         assert!(a.mean_m.iter().zip(b.mean_m).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
     }
     assert_eq!(MapFile::read(&there.write()), Ok(there));
 }
 
 #[test]
-fn a_bit_flipped_anywhere_is_one_error() {
+fn flipped_bit_anywhere_is_one_error() {
     let mut bytes = map().write();
     for at in (0..bytes.len()).step_by(97).chain(0..64) {
         for bit in [0, 7] {
@@ -64,7 +64,7 @@ fn a_bit_flipped_anywhere_is_one_error() {
 }
 
 #[test]
-fn what_is_cut_or_of_another_version_is_told_so() {
+fn truncated_files_and_other_versions_are_reported() {
     let bytes = map().write();
     for len in (0..bytes.len()).step_by(101).chain(0..80) {
         let told = MapFile::read(&bytes[..len]);
@@ -77,9 +77,9 @@ fn what_is_cut_or_of_another_version_is_told_so() {
     assert_eq!(MapFile::read(&newer), Err(MapError::Version(2)));
 }
 
-/// The digest holds, the contents do not.
+/// The digest matches, the contents are invalid.
 #[test]
-fn a_whole_file_with_impossible_voxels_is_refused() {
+fn intact_file_with_impossible_voxels_is_rejected() {
     let good = map();
     let change = |change: fn(&mut MapFile)| {
         let mut map = good.clone();

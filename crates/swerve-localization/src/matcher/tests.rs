@@ -32,7 +32,7 @@ fn off(matcher: &Matcher, truth: &Isometry3<f64>) -> [f64; 2] {
 }
 
 #[test]
-fn a_way_is_followed_from_a_rough_start_and_taken_up_after_a_gap() {
+fn matcher_tracks_from_a_rough_start_and_recovers_after_a_gap() {
     let points = yard(false);
     let map = map(&points);
     let still = Isometry3::identity();
@@ -42,7 +42,7 @@ fn a_way_is_followed_from_a_rough_start_and_taken_up_after_a_gap() {
         let truth = pose(0.2 * f64::from(k), 0.0, 0.01 * f64::from(k));
         let moved = if k == 0 { still } else { last.inverse() * truth };
         last = truth;
-        // Wheels are 2 % off; in between there is nothing to be seen.
+        // Odometry has a scale error of 2 %; some scans in between are empty.
         let told = Isometry3::from_parts((moved.translation.vector * 1.02).into(), moved.rotation);
         let blind = (10..18).contains(&k);
         let seen = if blind { Vec::new() } else { turn(&points, &truth) };
@@ -59,7 +59,7 @@ fn a_way_is_followed_from_a_rough_start_and_taken_up_after_a_gap() {
 }
 
 #[test]
-fn it_finds_its_place_without_a_heading_and_by_the_same_bits_each_time() {
+fn global_search_without_a_heading_finds_the_same_bits_each_time() {
     let points = yard(false);
     let map = map(&points);
     let truth = pose(3.0, -1.0, 2.2);
@@ -76,7 +76,7 @@ fn it_finds_its_place_without_a_heading_and_by_the_same_bits_each_time() {
 }
 
 #[test]
-fn starts_two_metres_and_five_degrees_off_come_back() {
+fn starts_two_metres_and_five_degrees_off_converge() {
     let points = yard(false);
     let map = map(&points);
     let (truth, still) = (pose(1.0, -0.5, 0.3), Isometry3::identity());
@@ -94,7 +94,7 @@ fn starts_two_metres_and_five_degrees_off_come_back() {
 }
 
 #[test]
-fn bad_scans_match_nothing_and_spoil_nothing() {
+fn invalid_scans_do_not_match_and_leave_the_matcher_intact() {
     let points = yard(false);
     let map = map(&points);
     let still = Isometry3::identity();
@@ -111,7 +111,7 @@ fn bad_scans_match_nothing_and_spoil_nothing() {
     let no_motion = Isometry3::translation(f64::NAN, 0.0, 0.0);
     assert!(matcher.take(&turn(&points, &truth), &Sweep::steady(&no_motion), &no_motion).is_none());
     assert!(matcher.take(&turn(&points, &truth), &Sweep::steady(&still), &still).is_some());
-    // Two million points in a cloud of a few metres, and one that fills all of the lidar's range: both end.
+    // Two million points within a few metres: processing terminates.
     let place = |k: u32| {
         let at = |times: u32| f64::from(k.wrapping_mul(times) % 1000) * 0.008 - 4.0;
         (Vector3::new(at(7919), at(104_729), at(1_299_709)), -0.5)
@@ -121,10 +121,10 @@ fn bad_scans_match_nothing_and_spoil_nothing() {
     assert!(matcher.pose().translation.vector.norm() < 3.0);
 }
 
-/// Nothing was seen over a way of eight metres and half a turn of a quarter circle, of which odometry knows nothing: the pose of
-/// others, half a metre and three degrees off, finds the place with the first turn. Without it the place is not found.
+/// After a gap of eight metres and 0.8 rad without scans or odometry, an external pose that is 0.5 m and three
+/// degrees off leads to a match with the first scan. Without it there is no match.
 #[test]
-fn a_pose_of_others_finds_the_place_at_once_after_a_gap() {
+fn external_pose_relocalizes_the_matcher_after_a_gap() {
     let points = yard(false);
     let map = map(&points);
     let still = Isometry3::identity();

@@ -1,6 +1,6 @@
-//! Score of a pose, with gradient and Hessian: points are looked up one by one; what they say is summed in lanes.
+//! Score of a pose with gradient and Hessian: points are looked up one by one, and their terms summed in lanes.
 //!
-//! There are as many lanes whatever the processor has, and each sum has its own order: the same bits everywhere.
+//! The number of lanes is the same on all processors, and each sum has a fixed order: the same bits everywhere.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use swerve_geom::math;
@@ -10,14 +10,14 @@ use super::{Matrix6, Neighbours, Vector6};
 use crate::lanes::{LANES, Lanes};
 use crate::voxels::VoxelMap;
 
-/// Share of points that are of nothing in the map.
+/// Assumed share of outliers among the points.
 const OUTLIERS: f64 = 0.55;
-/// Exponents from here down count as nothing.
+/// Exponents from here down are taken as zero weight.
 const LEAST_EXPONENT: f64 = -20.0;
-/// Pairs of a point and a surface that are taken together, and most of one point.
+/// Number of pairs of point and surface that are processed together, and largest number of pairs per point.
 const BLOCK: usize = 64;
 const OF_ONE: usize = 7;
-/// Cubes that share a side with one.
+/// Offsets of the cubes that share a side with a cube.
 const BESIDE: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
 /// Score and derivatives at a pose.
@@ -29,7 +29,7 @@ pub(super) struct Score {
     pub(super) likelihood: f64,
 }
 
-/// The shape of a point's score, which goes with the size of the cubes.
+/// Parameters of a point's score, which depend on the size of the cubes.
 pub(super) struct Shape {
     height: f64,
     width: f64,
@@ -45,7 +45,8 @@ impl Shape {
         Self { height: -height, width: -2.0 * math::ln(half / height) }
     }
 
-    /// Score and derivatives over every `every`-th point; the Hessian of what is known of the surfaces alone where `KNOWN`.
+    /// Score and derivatives over every `every`-th point. With `KNOWN`, the Hessian only includes directions in which
+    /// the position of the surfaces is known.
     pub(super) fn score<const KNOWN: bool>(
         &self,
         map: &VoxelMap,
@@ -65,24 +66,24 @@ impl Shape {
 
 /// A point of a scan.
 struct Point {
-    /// In the map, metres.
+    /// Position in the map, metres.
     at: [f64; 3],
-    /// From the scan's origin, along the map's axes.
+    /// Offset from the scan's origin, along the map's axes.
     lever: [f64; 3],
 }
 
-/// Pairs of a point and a surface, a number of each in a row.
+/// Pairs of a point and a surface, as structure of arrays.
 struct Pairs {
     len: usize,
-    /// The point from the mean of the surface, metres.
+    /// Offset of the point from the mean of the surface, metres.
     off: [[f64; BLOCK]; 3],
-    /// The point from the scan's origin, along the map's axes.
+    /// Offset of the point from the scan's origin, along the map's axes.
     lever: [[f64; BLOCK]; 3],
     inverse: [[f64; BLOCK]; 6],
-    /// What makes the Hessian, where that is not the inverse.
+    /// Matrix for the Hessian, if that is not the inverse.
     known: [[f64; BLOCK]; 6],
     weight: [f64; BLOCK],
-    /// Whether the point is that of the pair before.
+    /// True if the point is the same as in the previous pair.
     is_same: [bool; BLOCK],
 }
 
@@ -97,7 +98,7 @@ impl Pairs {
         is_same: [false; BLOCK],
     };
 
-    /// Adds the pair of a point and the surface in a cube, if there is one.
+    /// Adds the pair of a point and the surface in a cube. Returns false if the cube has none.
     #[inline(always)]
     fn push<const KNOWN: bool>(
         &mut self,
@@ -121,7 +122,7 @@ impl Pairs {
         true
     }
 
-    /// Fills the last lanes with what weighs nothing.
+    /// Pads the last lanes with pairs of zero weight.
     #[inline(always)]
     fn fill(&mut self) {
         for k in self.len..self.len.next_multiple_of(LANES) {
@@ -149,7 +150,7 @@ struct Sums {
     turn: [Lanes; 6],
     hits: u32,
     likelihood: f64,
-    /// The likeliest pair of the point that is taken.
+    /// Largest weight so far of the current point.
     best: f64,
 }
 
@@ -189,7 +190,7 @@ impl Sums {
         self.likelihood += self.best;
     }
 
-    /// Adds what the pairs say, and empties them.
+    /// Adds the terms of the pairs, and clears them.
     #[inline(always)]
     fn add<const KNOWN: bool>(&mut self, pairs: &mut Pairs) {
         pairs.fill();
@@ -245,7 +246,8 @@ impl Sums {
         self.place[3] += yy;
         self.place[4] += yz;
         self.place[5] += zz;
-        // A times the derivative of the point by the turn, -[lever]×, row by row; then [lever]× of the columns of that.
+        // A times the derivative of the point by the rotation, -[lever]×, row by row; then [lever]× times its
+        // columns.
         let row = |p: Lanes, q: Lanes, s: Lanes| [s * uy - q * uz, p * uz - s * ux, q * ux - p * uy];
         let mixed = [row(xx, xy, xz), row(xy, yy, yz), row(xz, yz, zz)];
         let [x, y, z] = mixed;

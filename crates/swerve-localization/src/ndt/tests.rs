@@ -10,7 +10,7 @@ use crate::grid::downsampled;
 use crate::voxels::{VoxelMap, VoxelSums, coarser};
 use crate::{icp, ply};
 
-/// The inside of a yard: ground, two walls at a right angle and a post, with noise; the walls along x alone where `is_open`.
+/// Inside of a yard: ground, two pairs of walls at a right angle, with noise; only the walls along x if `is_open`.
 pub(crate) fn yard(is_open: bool) -> Vec<Vector3<f64>> {
     let mut rng = Rng::keyed(7, "yard", &[]);
     let mut points = Vec::new();
@@ -32,7 +32,7 @@ fn pose(x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Vector3::new(x, y, 0.0).into(), exp(&Vector3::new(0.0, 0.0, yaw)))
 }
 
-/// The points as seen from a pose, downsampled.
+/// Points as seen from a pose, downsampled.
 fn scan(points: &[Vector3<f64>], from: &Isometry3<f64>) -> Vec<Vector3<f64>> {
     let inverse = from.inverse();
     let seen: Vec<_> = points
@@ -45,7 +45,7 @@ fn scan(points: &[Vector3<f64>], from: &Isometry3<f64>) -> Vec<Vector3<f64>> {
 }
 
 #[test]
-fn the_pose_is_found_again() {
+fn registration_recovers_the_pose() {
     let points = yard(false);
     let mut sums = VoxelSums::new(1.0);
     points.iter().for_each(|point| sums.add(point));
@@ -66,13 +66,13 @@ fn the_pose_is_found_again() {
 }
 
 #[test]
-fn wide_instructions_change_no_bit() {
+fn registration_has_the_same_bits_with_wide_instructions() {
     let points = yard(false);
     let maps = [2.0, 1.0].map(|size_m| VoxelMap::of_points(size_m, &points));
     let scan = scan(&points, &pose(0.4, -0.4, 0.03));
     for neighbours in [Neighbours::Direct1, Neighbours::Direct7] {
         let limits = Limits { neighbours, ..Limits::default() };
-        // As many points as do not fill the last lanes.
+        // Counts that leave the last lanes partly filled.
         for count in [1000, 1001, 1002, 1003] {
             let [wide, narrow] = both(|| {
                 align(&[&maps[0], &maps[1]], &scan[..count], &pose(0.0, 0.0, 0.0), &limits)
@@ -84,7 +84,7 @@ fn wide_instructions_change_no_bit() {
 }
 
 #[test]
-fn along_bare_walls_nothing_is_seen() {
+fn direction_along_bare_walls_is_unobservable() {
     let points = yard(true);
     let map = VoxelMap::of_points(1.0, &points);
     let scan: Vec<_> = scan(&points, &pose(0.0, 0.0, 0.0)).into_iter().filter(|p| p.x.abs() < 12.0).collect();
@@ -97,7 +97,7 @@ fn along_bare_walls_nothing_is_seen() {
 }
 
 #[test]
-fn what_is_no_scan_matches_nothing() {
+fn empty_and_invalid_scans_match_nothing() {
     let map = VoxelMap::of_points(1.0, &yard(false));
     let nowhere = Vector3::new(f64::NAN, 0.0, f64::INFINITY);
     for scan in [vec![], vec![nowhere; 100], vec![Vector3::new(1e30, 0.0, 0.0)]] {
@@ -109,10 +109,10 @@ fn what_is_no_scan_matches_nothing() {
     assert!(align(&[], &yard(false), &pose(0.0, 0.0, 0.0), &Limits::default()).is_none());
 }
 
-/// Two sweeps of a street, half a metre apart, against the pose that comes with them.
-/// Golden: that pose, and small_gicp's VGICP on the same pair, 0.020 m and 0.383° from it.
+/// Two sweeps of a street, half a metre apart, compared with their reference pose. Golden: that pose; VGICP of
+/// small_gicp is 0.020 m and 0.383° from it on the same pair.
 #[test]
-fn sweeps_of_a_street_match_as_their_reference_says() {
+fn street_sweeps_match_their_reference_pose() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .ancestors()
         .map(|folder| folder.join("shared/data/localization/registration_pair"))

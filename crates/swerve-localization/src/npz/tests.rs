@@ -24,7 +24,7 @@ fn npz(data: &[u8], deflated: bool) -> Vec<u8> {
 }
 
 #[test]
-fn arrays_are_read_packed_or_not() {
+fn stored_and_deflated_arrays_are_read() {
     let numbers = [1.5_f64, -2.0, f64::MAX, 0.0, 5.0, 6.0];
     let data: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
     for deflated in [false, true] {
@@ -38,7 +38,7 @@ fn arrays_are_read_packed_or_not() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn invalid_archives_are_reported() {
     let told = |bytes: &[u8]| read(bytes).unwrap_err().to_string();
     let good = npz(&npy("<f8", "(1,)", &[0; 8]), false);
     assert_eq!(told(b"text"), "archive: no zip archive: expected an `.npz` file as NumPy writes it");
@@ -52,7 +52,7 @@ fn what_is_wrong_is_told() {
 
 proptest! {
     #[test]
-    fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200), at in 0_usize..400, deflated: bool) {
+    fn reader_never_panics_on_arbitrary_bytes(bytes in proptest::collection::vec(any::<u8>(), 0..200), at in 0_usize..400, deflated: bool) {
         let _any = read(&bytes);
         let mut file = npz(&npy("<f8", "(2, 2)", &[1; 32]), deflated);
         let at = at % file.len();

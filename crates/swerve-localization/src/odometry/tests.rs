@@ -5,7 +5,7 @@ use swerve_geom::math;
 use super::{Odometry, Turned};
 use crate::eskf::exp;
 
-/// A street with houses set back by turns, and posts: surfaces in the map.
+/// Surfaces of a street with alternately set-back houses, in the map.
 fn street() -> Vec<Vector3<f64>> {
     let mut rng = Rng::keyed(11, "street", &[]);
     let mut points = Vec::new();
@@ -24,14 +24,15 @@ fn street() -> Vec<Vector3<f64>> {
     points
 }
 
-/// A lidar 1.8 m up at 14 m/s with a winding heading, at an instant.
+/// Pose of a lidar 1.8 m above ground at 14 m/s with a varying heading.
 fn pose(t_s: f64) -> Isometry3<f64> {
     let yaw = 0.05 * math::sin(0.8 * t_s);
     let place = Vector3::new(14.0 * t_s, 0.6 * math::sin(0.5 * t_s), 1.8);
     Isometry3::from_parts(place.into(), exp(&Vector3::new(0.0, 0.0, yaw)))
 }
 
-/// A turn that ends at an instant: some points of the street, each seen from where the lidar was then, with 2 cm of noise.
+/// A scan that ends at an instant: points of the street, each as seen from the lidar at its own instant, with 2 cm of
+/// noise.
 fn turn(street: &[Vector3<f64>], end_s: f64, rng: &mut Rng) -> Vec<(Vector3<f64>, f64)> {
     let mut points = Vec::new();
     for _ in 0..30_000 {
@@ -47,7 +48,7 @@ fn turn(street: &[Vector3<f64>], end_s: f64, rng: &mut Rng) -> Vec<(Vector3<f64>
 }
 
 #[test]
-fn a_street_of_a_hundred_metres_is_measured_by_its_houses() {
+fn odometry_drifts_less_than_half_a_percent_along_a_street() {
     let (street, mut rng) = (street(), Rng::keyed(1, "turns", &[]));
     let (mut odometry, mut end) = (Odometry::new(), Isometry3::identity());
     for k in 0..=72 {
@@ -63,7 +64,7 @@ fn a_street_of_a_hundred_metres_is_measured_by_its_houses() {
 }
 
 #[test]
-fn a_turn_without_points_is_gone_over() {
+fn odometry_continues_after_scans_without_points() {
     let (street, mut rng) = (street(), Rng::keyed(2, "turns", &[]));
     let mut odometry = Odometry::new();
     let nothing = odometry.take(&[]);

@@ -18,7 +18,7 @@ fn binary() -> Vec<u8> {
     bytes
 }
 
-/// A header with a list among the vertices' properties and an element before them; then the body in a byte order.
+/// A header with a list among the properties of vertices and an element before them, and the body in a byte order.
 fn with_lists(form: &str, ending: &str, is_big: bool) -> Vec<u8> {
     let header = [
         "ply",
@@ -70,7 +70,7 @@ fn with_lists(form: &str, ending: &str, is_big: bool) -> Vec<u8> {
 }
 
 #[test]
-fn all_forms_hold_the_same_points() {
+fn all_formats_give_the_same_points() {
     let points = [Vector3::new(691_000.25, 5_335_000.125, -3.0), Vector3::new(1e3, 2.5, 4.0)];
     for ending in ["\n", "\r\n", "\r"] {
         for (form, is_big) in [("ascii", false), ("binary_little_endian", false), ("binary_big_endian", true)]
@@ -87,7 +87,7 @@ fn all_forms_hold_the_same_points() {
 }
 
 #[test]
-fn counts_beyond_the_file_end_at_once() {
+fn counts_beyond_the_file_are_rejected_without_delay() {
     for count in ["4294967296", "18446744073709551615"] {
         for property in ["uchar a", "list uint double a"] {
             let text = TEXT.replace(
@@ -107,14 +107,14 @@ fn counts_beyond_the_file_end_at_once() {
 }
 
 #[test]
-fn text_and_bytes_are_the_same_points() {
+fn ascii_and_binary_files_give_the_same_points() {
     let points = read(TEXT.as_bytes()).expect("it is a cloud");
     assert_eq!(points, [Vector3::new(1.5, -2.0, 3.0), Vector3::new(4.0, 5.0, 60.0)]);
     assert_eq!(read(&binary()).expect("it is a cloud"), points);
 }
 
 #[test]
-fn what_is_wrong_is_told_in_one_line() {
+fn invalid_files_are_reported() {
     let bytes = binary();
     let cases: [(Vec<u8>, &str); 7] = [
         (b"plz\n".to_vec(), "expected a PLY file"),
@@ -135,7 +135,7 @@ fn what_is_wrong_is_told_in_one_line() {
 }
 
 #[test]
-fn every_beginning_of_a_file_is_refused() {
+fn truncated_files_are_rejected_at_any_length() {
     let bytes = binary();
     for len in 0..bytes.len() {
         let told = read(&bytes[..len]);

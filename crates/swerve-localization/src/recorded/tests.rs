@@ -3,7 +3,7 @@ use std::path::Path;
 use super::*;
 use crate::npz;
 
-/// The CARLA log, where it is at hand.
+/// The CARLA log, if available.
 fn log(name: &str) -> Option<Recorded> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .ancestors()
@@ -17,10 +17,10 @@ fn log(name: &str) -> Option<Recorded> {
     Some(Recorded::new(&arrays).unwrap())
 }
 
-/// Position on the ground on p1 under Pylot's settings: its algebra corrected, its first error, both.
-/// Golden: an independent filter in Python with a global error of the attitude, 0.255, 0.288 and 0.776 m.
+/// Horizontal error on p1 with Pylot's settings: with its errors corrected, with the first error, with both. Golden:
+/// an independent filter in Python with a global attitude error, 0.255, 0.288 and 0.776 m.
 #[test]
-fn the_papers_filter_and_what_its_errors_cost() {
+fn paper_preset_reproduces_the_errors_of_the_reference_filter() {
     let Some(drive) = log("p1.npz") else { return };
     let expected = [(false, false, 0.255, 1.32), (true, false, 0.288, 1.94), (true, true, 0.776, 2.12)];
     for (degrees_error, gravity_free_jacobian, rmse_2d_m, attitude_deg) in expected {
@@ -31,10 +31,11 @@ fn the_papers_filter_and_what_its_errors_cost() {
     }
 }
 
-/// The second drive has 5.6 s without any place, in which the car turns at 13 m/s with 1.25 rad/s and slides at 1.5 m/s to
-/// the side: what is left there is the gyroscope's noise. Without what is supposed of a car it is 0.65 m, at most 4.4 m.
+/// The second drive has 5.6 s without positions, in which the car turns at 13 m/s with 1.25 rad/s and slides at 1.5
+/// m/s to the side: the remaining error is due to gyroscope noise. Without vehicle constraints the error is 0.65 m,
+/// at most 4.4 m.
 #[test]
-fn the_best_filter_keeps_its_bounds() {
+fn best_preset_keeps_its_error_bounds() {
     for (name, rmse_2d_m, largest_m) in [("p1.npz", 0.16, 0.6), ("p3.npz", 0.38, 1.8)] {
         let Some(drive) = log(name) else { continue };
         let report = drive.run(drive.params(Preset::Best), Preset::Best).unwrap();
@@ -44,7 +45,7 @@ fn the_best_filter_keeps_its_bounds() {
 }
 
 #[test]
-fn arrays_that_are_no_drive_are_told() {
+fn invalid_arrays_are_reported() {
     let array = |rows: usize| Array { shape: vec![rows, 3], values: vec![0.0; rows * 3] };
     let stamps = |n: usize| Array { shape: vec![n], values: (0..n).map(|k| k as f64 * 0.01).collect() };
     let whole = || -> BTreeMap<String, Array> {

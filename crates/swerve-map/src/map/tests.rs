@@ -14,7 +14,7 @@ fn beside(lane: u32, opposite: bool) -> Option<Neighbour> {
     Some(Neighbour { lane: LaneId(lane), opposite })
 }
 
-/// A street with a lane each way, 1 and 2, and a lane 3 that 1 goes on to.
+/// A street with a lane in each direction, 1 and 2, and a lane 3, the successor of 1.
 fn street() -> Vec<Lane> {
     vec![
         Lane { successors: vec![LaneId(3)], left: beside(2, true), ..lane(1, &[(0.0, 0.0), (100.0, 0.0)]) },
@@ -44,17 +44,17 @@ fn lanes_are_found_by_identity_and_by_point() {
 }
 
 #[test]
-fn the_nearest_lane_is_that_of_the_nearest_centre_line_between_its_ends() {
+fn nearest_lane_has_the_nearest_centre_line_between_its_ends() {
     let map = Map::new(street()).unwrap();
     let nearest = |x, y| map.nearest(Point2::new(x, y)).unwrap().lane.0;
     assert_eq!((nearest(50.0, 1.9), nearest(50.0, 2.1), nearest(50.0, 99.0)), (1, 2, 2));
-    // On the straight that goes on from lane 1, where lane 3 has turned off.
+    // On the straight extension of lane 1, where lane 3 has turned off.
     assert_eq!((nearest(170.0, 0.0), nearest(152.0, 40.0)), (3, 3));
     assert_eq!(Map::new(Vec::new()).unwrap().nearest(Point2::default()), None);
 }
 
 #[test]
-fn a_lane_that_narrows_ends_where_its_border_is() {
+fn point_lookup_follows_the_borders_of_a_narrowing_lane() {
     let stations = [(20.0, 3.0), (40.0, 1.0)].map(|(s_m, distance_m)| Station { s_m, distance_m });
     let borders = Borders::new(Border::linear(&stations).unwrap(), Border::constant(1.0));
     let map = Map::new(vec![Lane::new(LaneId(7), line(&[(0.0, 0.0), (60.0, 0.0)]), borders)]).unwrap();
@@ -64,7 +64,7 @@ fn a_lane_that_narrows_ends_where_its_border_is() {
 }
 
 #[test]
-fn lanes_that_do_not_fit_are_refused() {
+fn inconsistent_lanes_are_rejected() {
     let broken = |change: fn(&mut Vec<Lane>)| {
         let mut lanes = street();
         change(&mut lanes);
@@ -84,7 +84,7 @@ fn lanes_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn text_is_the_list_of_lanes_and_is_checked() {
+fn map_text_is_the_list_of_lanes_and_is_checked() {
     let map = Map::new(street()).unwrap();
     let text = serde_json::to_string(&map).unwrap();
     assert_eq!(serde_json::from_str::<Map>(&text).unwrap(), map);

@@ -15,8 +15,8 @@ fn beside(lane: u32, opposite: bool) -> Option<Neighbour> {
     Some(Neighbour { lane: LaneId(lane), opposite })
 }
 
-/// Lane 1 goes on to 2. Beside 1: to the left a lane the other way (3) that narrows from 4 m to 2 m against the
-/// direction of 1, beyond it a walk (4); to the right a shoulder (5).
+/// Lane 2 is the successor of lane 1. Beside lane 1: to the left an oncoming lane (3) that narrows from 4 m to 2 m
+/// against the direction of lane 1, beyond it a footway (4); to the right a shoulder (5).
 fn map() -> Map {
     let lane = |id, points: &[(f64, f64)]| Lane::new(LaneId(id), line(points), Borders::constant(2.0, 2.0));
     let narrowing = Borders::new(border(&[(0.0, 2.0), (100.0, 0.0)]), Border::constant(2.0));
@@ -47,10 +47,10 @@ fn map() -> Map {
 }
 
 #[test]
-fn its_borders_are_those_of_the_drivable_ground_beside_its_lanes() {
+fn route_borders_are_those_of_the_drivable_ground_beside_its_lanes() {
     let route = Route::along(&map(), &[LaneId(1), LaneId(2)]).unwrap();
     assert_eq!(route.line().length(), 200.0);
-    // Lane 3 is 4 m wide where it begins, at the end of lane 1, and 2 m where it ends.
+    // Lane 3 is 4 m wide at its start, at the end of lane 1, and 2 m wide at its end.
     for (s_m, left_m, right_m) in
         [(0.0, 4.0, 3.0), (50.0, 5.0, 3.0), (99.999_999, 6.0, 3.0), (100.0, 2.0, 2.0), (199.0, 2.0, 2.0)]
     {
@@ -69,7 +69,7 @@ fn its_borders_are_those_of_the_drivable_ground_beside_its_lanes() {
 }
 
 #[test]
-fn lanes_that_do_not_follow_are_refused() {
+fn lanes_that_are_not_successors_are_rejected() {
     let along = |ids: &[u32]| {
         let ids: Vec<_> = ids.iter().map(|&id| LaneId(id)).collect();
         Route::along(&map(), &ids).unwrap_err().to_string()
@@ -80,23 +80,23 @@ fn lanes_that_do_not_follow_are_refused() {
 }
 
 #[test]
-fn the_margin_follows_a_road_that_narrows_and_widens() {
+fn margin_follows_a_road_that_narrows_and_widens() {
     let left = border(&[(40.0, 6.0), (60.0, 2.0), (80.0, 2.0), (100.0, 6.0)]);
     let route = Route::new(line(&[(0.0, 0.0), (150.0, 0.0)]), Borders::new(left, Border::constant(2.0)));
     let margin = |s_m: f64, d_m: f64| {
         let center = route.unproject(FrenetPoint { s_m, d_m });
         route.margin_m(&Obb::new(Pose2::new(center.x_m, center.y_m, 0.0), 4.0, 2.0))
     };
-    // In the middle of a strip 8 m wide, 4 m wide, 8 m wide again.
+    // In the middle of a strip that is 8 m wide, then 4 m, then 8 m again.
     for (s_m, wanted_m) in [(20.0, 3.0), (70.0, -1.0), (130.0, 3.0)] {
         assert!((margin(s_m, 2.0) - wanted_m).abs() < 1e-9, "{s_m}: {}", margin(s_m, 2.0));
     }
-    // Where it narrows by 1 m in 5 the front left corner decides, where it widens the rear left one.
+    // Where it narrows by 1 m in 5 m, the front left corner is nearest; where it widens, the rear left one.
     assert!((margin(50.0, 2.0) - (4.0 - 0.4 - 3.0)).abs() < 1e-9);
     assert!((margin(90.0, 2.0) - (4.0 - 0.4 - 3.0)).abs() < 1e-9);
 }
 
-/// The road as it was before borders could vary.
+/// Margin of a strip of constant width, as computed before borders could vary.
 fn margin_of_a_strip(line: &Polyline, left_m: f64, right_m: f64, outline: &Obb) -> f64 {
     outline.corners().into_iter().fold(f64::INFINITY, |margin, corner| {
         let FrenetPoint { d_m, .. } = line.project(corner);
@@ -105,7 +105,7 @@ fn margin_of_a_strip(line: &Polyline, left_m: f64, right_m: f64, outline: &Obb) 
 }
 
 #[test]
-fn a_strip_of_constant_width_has_the_same_bits_as_ever() {
+fn margin_of_a_constant_strip_is_bitwise_unchanged() {
     let points: Vec<_> = (0..80)
         .map(|k| {
             let (sin, cos) = math::sin_cos(0.03 * f64::from(k));
@@ -123,7 +123,7 @@ fn a_strip_of_constant_width_has_the_same_bits_as_ever() {
 }
 
 #[test]
-fn text_has_a_number_for_a_constant_border_and_stations_for_another() {
+fn route_text_has_a_number_for_a_constant_border_and_stations_otherwise() {
     let route = Route::uniform(line(&[(0.0, 0.0), (50.0, 0.0)]), 6.0, 2.0);
     let text = serde_json::to_string(&route).unwrap();
     assert!(text.ends_with("\"left_m\":6.0,\"right_m\":2.0}"), "{text}");

@@ -10,7 +10,7 @@ fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
     lane
 }
 
-/// 40 m to the east, then on, or to the left.
+/// 40 m to the east, then straight on or to the left.
 fn fork() -> LaneGraph {
     let lanes = vec![
         lane(1, &[(0.0, 0.0), (40.0, 0.0)], &[2, 3]),
@@ -22,13 +22,13 @@ fn fork() -> LaneGraph {
 }
 
 #[test]
-fn ways_lead_over_all_that_follows_and_beyond() {
+fn lane_sequences_cover_all_successors_and_extensions() {
     let lanes = fork();
     let ways = lanes.ways(0);
     let over: Vec<Vec<usize>> =
         ways.iter().map(|way| way.lanes.iter().map(|(lane, _)| *lane).collect()).collect();
     assert_eq!(over, [[0, 1], [0, 2]]);
-    // Nothing is before the first lane or after the second: the ground goes on all the same.
+    // There is no lane before the first or after the second: both ends are extended.
     assert_eq!(ways[0].line.length(), 90.0 + 2.0 * BEYOND_M);
     assert_eq!(ways[0].stops, [(BEYOND_M + 38.0, 0)]);
     assert!(ways[0].turn_rad < 1e-9 && (ways[1].turn_rad - 1.326).abs() < 0.01, "{}", ways[1].turn_rad);
@@ -38,7 +38,7 @@ fn ways_lead_over_all_that_follows_and_beyond() {
 }
 
 #[test]
-fn a_point_is_on_all_lanes_that_are_there() {
+fn point_is_on_all_lanes_that_contain_it() {
     let lanes = fork();
     let on = |x_m, y_m| -> Vec<usize> {
         lanes.spots(Point2::new(x_m, y_m)).iter().map(|spot| spot.lane).collect()
@@ -54,8 +54,8 @@ fn a_point_is_on_all_lanes_that_are_there() {
 }
 
 #[test]
-fn lanes_that_follow_themselves_end_somewhere() {
-    // A ring of two, and three that all follow each other over almost no length.
+fn lane_sequences_of_cyclic_maps_are_bounded() {
+    // A ring of two lanes, and three short lanes that are successors of each other.
     let ring = vec![
         lane(1, &[(0.0, 0.0), (10.0, 5.0), (20.0, 0.0)], &[2]),
         lane(2, &[(20.0, 0.0), (10.0, -5.0), (0.0, 0.0)], &[1]),

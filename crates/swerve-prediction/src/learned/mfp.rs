@@ -1,8 +1,9 @@
-//! After multiple futures prediction: hidden modes, each unrolled step by step for everybody at once, so that at every step
-//! each minds where the others of the same mode have come to.
+//! Net after multiple futures prediction (MFP): latent modes, each unrolled step by step for all actors at once, with
+//! attention at every step to the positions of the others in the same mode.
 //!
-//! Learnt by the likelihood of what happened under all modes. While it learns, others are where they were in truth and
-//! oneself where the net has come to. Reduced: one layer of memory, no second pass back in time, no image.
+//! Trained by the likelihood of the observed path under all modes. During training, the other actors follow the
+//! recorded paths, and the actor itself the predicted one. Reduced: one recurrent layer, no backward pass over time,
+//! no image.
 
 use core::ops::Range;
 
@@ -10,12 +11,12 @@ use super::train::Example;
 use super::{NEAR, Shape, Sight, Way, ln_sigma, minded_near, near_row, remembered, straight_on};
 use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape, Weights, ln_sum};
 
-/// Numbers that tell of one who is near, and by which they are looked up.
+/// Widths of the encoding of a nearby actor and of its attention key.
 const MINDED: usize = 16;
 const KEY: usize = 8;
 
-/// Where those near to each actor are after a step, by where all rows (actors, and modes of each) have come to: for each
-/// row those of its `near`, in the actor's own frame.
+/// Positions of the actors near each row after a step, given the positions of all rows (actors times modes): for each
+/// row those of its `near`, in the actor's frame.
 type Others<'a> = &'a mut dyn FnMut(usize, &[[f32; 2]]) -> Vec<[f32; 2]>;
 
 #[derive(Debug)]
@@ -31,11 +32,11 @@ pub(crate) struct Layers {
     out: Layer,
 }
 
-/// What a roll-out has come to.
+/// Result of unrolling.
 struct Rolled {
-    /// For each actor and mode: how likely.
+    /// Logits of the modes of each actor.
     prior: Node,
-    /// A node a step: a row for each actor and mode, modes first.
+    /// One node per step, with a row per actor and mode; modes vary fastest.
     steps: Vec<Node>,
     normals: Vec<Vec<Normal>>,
 }
@@ -160,7 +161,7 @@ pub(super) fn ways(layers: &Layers, weights: &Weights, sights: &[Sight]) -> Vec<
     (0..sights.len()).map(of_one).collect()
 }
 
-/// The loss of a batch, and the gradients of the weights; where the net has come to is taken as given.
+/// Loss of a batch, and gradients of the weights; no gradients flow through the predicted positions.
 pub(super) fn loss(
     layers: &Layers,
     shape: &Shape,

@@ -1,15 +1,16 @@
-//! After MultiPath: each mode is an anchor (a path, k-means over those of others) with an offset and a normal distribution
-//! at each step, all from one pass.
+//! Net after MultiPath: each mode is an anchor (a path, by k-means over the training paths) with an offset and a
+//! normal distribution at each step, all from a single pass.
 //!
-//! Reduced: no image of the scene, but the past and the largest answers about who is near; anchors beside going straight on.
+//! Reduced: no image of the scene, but the past and a max-pooled encoding of nearby actors; anchors are relative to
+//! the baseline.
 
 use super::train::Example;
 use super::{NEAR, PAST, Shape, Sight, Way, ln_sigma, minded_near, pasts, straight_on};
 use crate::net::{Layer, Matrix, Node, Normal, Shapes, Tape, Weights, distance, ln_sum};
 
-/// Numbers that tell who is near.
+/// Width of the encoding of nearby actors.
 const MINDED: usize = 24;
-/// What a wrong anchor counts beside a wrong path.
+/// Weight of the mode's classification loss relative to the path loss.
 const CHOICE: f32 = 0.3;
 
 #[derive(Debug)]
@@ -31,7 +32,7 @@ impl Layers {
         }
     }
 
-    /// For each a row: five numbers a step and mode, then how likely each mode is.
+    /// One row per actor: five numbers per mode and step, then the logit of each mode.
     fn forward(&self, tape: &mut Tape<'_>, sights: &[&Sight]) -> Node {
         let near = minded_near(tape, sights, self.near);
         let past = tape.given(pasts(sights));
@@ -44,7 +45,7 @@ impl Layers {
     }
 }
 
-/// The distribution of a mode at a step.
+/// Distribution of a mode at a step.
 fn normal(row: &[f32], (shape, anchors): (&Shape, &[Vec<f32>]), sight: &Sight, at: [usize; 2]) -> Normal {
     let [mode, step] = at;
     let [x, y] = straight_on(sight, step);
@@ -71,8 +72,9 @@ pub(super) fn ways(layers: &Layers, weights: &Weights, sights: &[Sight]) -> Vec<
     sights.iter().enumerate().map(of_one).collect()
 }
 
-/// The loss of a batch, and the gradients of the weights: `by_distance` is the share of distance, not density, in what
-/// moves the path of the nearest anchor, `mixed` that of the density under all modes in place of that anchor's.
+/// Loss of a batch, and gradients of the weights. `by_distance` is the weight of distance rather than density in the
+/// gradient of the nearest anchor's path; `mixed` is the weight of the density under all modes rather than that of
+/// the nearest anchor.
 pub(super) fn loss(
     layers: &Layers,
     (shape, anchors): (&Shape, &[Vec<f32>]),
@@ -100,8 +102,7 @@ pub(super) fn loss(
     (sum, tape.back(vec![(out, gradient)]))
 }
 
-/// What is lost by the anchor that is nearest to what happened, and by another one's being likelier; `by` times its slopes
-/// are added to `to`.
+/// Loss of the anchor nearest to the observed path, with its classification; adds `by` times the gradient to `to`.
 fn of_nearest(
     (shape, anchors): (&Shape, &[Vec<f32>]),
     (example, by_distance): (&Example, f32),
@@ -130,8 +131,7 @@ fn of_nearest(
     sum
 }
 
-/// Minus the logarithm of the density of what happened under all modes at once, a step; `by` times its slopes are added to
-/// `to`.
+/// Mean negative log-likelihood of the observed path under all modes, per step; adds `by` times the gradient to `to`.
 fn of_all(
     (shape, anchors): (&Shape, &[Vec<f32>]),
     example: &Example,
@@ -158,7 +158,7 @@ fn of_all(
     sum
 }
 
-/// Takes back a share of the means: those of the anchors, and the first two of each five numbers of the last layer.
+/// Shrinks the means by a share: the anchors, and the first two of each five numbers of the last layer.
 pub(super) fn shrink(anchors: &mut [Vec<f32>], matrices: &mut [Matrix], share: f32) {
     anchors.iter_mut().flatten().for_each(|one| *one *= 1.0 - share);
     let logits = anchors.iter().map(|anchor| anchor.len() / 2 * 5).sum::<usize>();
@@ -171,7 +171,7 @@ pub(super) fn shrink(anchors: &mut [Vec<f32>], matrices: &mut [Matrix], share: f
     }
 }
 
-/// The anchor that is nearest to what happened.
+/// Index of the anchor nearest to the observed path.
 fn nearest(anchors: &[Vec<f32>], example: &Example) -> usize {
     let beside = example.beside();
     let off = |anchor: &Vec<f32>| {
@@ -182,10 +182,9 @@ fn nearest(anchors: &[Vec<f32>], example: &Example) -> usize {
     all.reduce(|best, one| if one.1 < best.1 { one } else { best }).map_or(0, |(k, _)| k)
 }
 
-/// Anchors of these examples: Lloyd's k-means from examples as far from each other as chance has it (Arthur and
-/// Vassilvitskii 2007).
+/// Anchors of these examples: Lloyd's k-means, initialised by k-means++ (Arthur and Vassilvitskii 2007).
 pub(super) fn anchors(shape: &Shape, examples: &[Example], seed: u64) -> Vec<Vec<f32>> {
-    /// Rounds of k-means, and examples that it looks at.
+    /// Number of iterations of k-means, and largest number of examples used.
     const ROUNDS: usize = 20;
     const MOST: usize = 4000;
     let [count, long] = shape.anchors();

@@ -1,8 +1,9 @@
-//! After R2P2: a policy of one step. The next place is that of who keeps the last step, with an offset and a normal
-//! distribution that the net has of all before; noise makes a path, and a path has one noise: its density is known.
+//! Net after R2P2: a one-step policy. The next position is the previous step repeated, plus an offset and normally
+//! distributed noise from the net given all earlier positions. The mapping from noise to paths is invertible, so the
+//! density of a path is known.
 //!
-//! Learnt by the density of what happened, a little perturbed. Reduced: in the place of an image, how close others are in
-//! eight directions around the moving point, if they go straight on.
+//! Trained by the density of slightly perturbed observed paths. Reduced: instead of an image, the proximity of other
+//! actors in eight directions around the moving position, assuming straight motion.
 
 use swerve_core::Rng;
 
@@ -10,15 +11,15 @@ use super::train::Example;
 use super::{NEAR, Shape, Sight, Way, minded_near, remembered};
 use crate::net::{Gru, Layer, Matrix, Node, Normal, Shapes, Tape, Weights};
 
-/// Numbers that tell who is near at first.
+/// Width of the encoding of nearby actors at the start.
 const MINDED: usize = 16;
-/// Directions around the moving point.
+/// Number of directions around the moving position.
 const AROUND: usize = 8;
-/// The logarithm of what one step is expected to be off by: 5 cm on foot.
+/// Logarithm of the initial standard deviation of one step: 5 cm for pedestrians.
 const LN_SIGMA: f32 = -3.0;
-/// A path without noise counts as so many samples.
+/// Weight of the path without noise, in samples.
 const CALM: f32 = 2.0;
-/// Least deviation of what is told, in the scale.
+/// Smallest reported standard deviation, in scaled units.
 const SIGMA_MIN: f32 = 0.03;
 
 #[derive(Debug)]
@@ -42,7 +43,7 @@ impl Layers {
         }
     }
 
-    /// What a path starts from.
+    /// Initial state of a path.
     fn start(&self, tape: &mut Tape<'_>, sights: &[&Sight]) -> Node {
         let memory = remembered(tape, sights, &self.past);
         let near = minded_near(tape, sights, self.near);
@@ -51,7 +52,7 @@ impl Layers {
         tape.tanh(start)
     }
 
-    /// One step on, of rows that are at a place by a step.
+    /// Advances by one step; each row is an actor with its position and last step.
     fn on(
         &self,
         tape: &mut Tape<'_>,
@@ -70,7 +71,7 @@ impl Layers {
     }
 }
 
-/// How close the closest is in each direction around a place, after so many steps: 1 where they touch, 0 far away.
+/// Proximity of the closest actor in each direction around a position after `step` steps: 1 for contact, 0 far away.
 fn around(sight: &Sight, at: [f32; 2], step: usize) -> [f32; AROUND] {
     let mut close = [0.0_f32; AROUND];
     for near in &sight.near {
@@ -85,14 +86,14 @@ fn around(sight: &Sight, at: [f32; 2], step: usize) -> [f32; AROUND] {
     close
 }
 
-/// The distribution of the next place.
+/// Distribution of the next position.
 fn next(numbers: &[f32], at: [f32; 2], pace: [f32; 2]) -> Normal {
     Normal::of(numbers, [at[0] + pace[0], at[1] + pace[1]], LN_SIGMA)
 }
 
 pub(super) fn ways(layers: &Layers, weights: &Weights, sights: &[Sight]) -> Vec<Vec<Way>> {
     let shape = &weights.shape;
-    // The first path of each has no noise.
+    // The first path of each actor has no noise.
     let each = shape.modes + 1;
     let rows = sights.len() * each;
     let mut tape = Tape::forward(&weights.matrices);
@@ -119,7 +120,7 @@ pub(super) fn ways(layers: &Layers, weights: &Weights, sights: &[Sight]) -> Vec<
     (0..sights.len()).map(|k| spread(&paths[k * each..(k + 1) * each])).collect()
 }
 
-/// Samples as modes, each as wide as so few have to be to tell a density (Silverman's rule).
+/// Converts samples to modes, with kernel widths by Silverman's rule.
 fn spread(paths: &[Vec<[f32; 2]>]) -> Vec<Way> {
     let samples = (paths.len() - 1) as f32;
     let narrow = libm::powf(samples, -1.0 / 3.0);
@@ -142,7 +143,7 @@ fn spread(paths: &[Vec<[f32; 2]>]) -> Vec<Way> {
     paths.iter().enumerate().map(way).collect()
 }
 
-/// The loss of a batch (minus the logarithm of the density of what happened, a step), and the gradients of the weights.
+/// Loss of a batch (mean negative log-likelihood per step), and gradients of the weights.
 pub(super) fn loss(
     layers: &Layers,
     shape: &Shape,

@@ -1,4 +1,4 @@
-//! What a net is told of an actor: its past and who is near, in its own frame and scale.
+//! Input of a net for one actor: its past and the nearby actors, in its own frame and scale.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Vector2};
@@ -8,44 +8,44 @@ use super::{Beside, Shape};
 use crate::past::Past;
 use crate::predictor::{Horizon, Seen, imm};
 
-/// Places of the past that a net is told, the present one included.
+/// Number of past positions in the input, the present one included.
 pub(crate) const PAST: usize = 8;
-/// Most others that an actor minds, and how near they have to be, in the scale.
+/// Largest number of nearby actors, and their largest distance in scaled units.
 const NEAR_MAX: usize = 6;
 const NEAR_WITHIN: f64 = 8.0;
-/// What a step counts beside the one after.
+/// Weight of a step relative to the following one.
 const EARLIER: f32 = 0.2;
-/// Over how long the last velocity is taken where sightings end before the present, seconds.
+/// Averaging time of the velocity that is used after the last sighting, seconds.
 const LAST_S: f64 = 0.5;
-/// Nobody is so fast; who is, is told to be, m/s.
+/// Limit of extrapolation speeds, m/s; higher ones are clamped.
 const SPEED_MAX_MPS: f64 = 70.0;
 
-/// An actor's own frame: where it is, ahead along x, in metres of its scale.
+/// Frame of an actor: origin at its position, x ahead, scaled.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Frame {
     pub(crate) origin: Point2,
     pub(crate) ahead: Vector2,
-    /// Metres in a unit.
+    /// Length of one unit, metres.
     pub(crate) scale_m: f64,
 }
 
 impl Frame {
-    /// A difference on the map, in the frame.
+    /// Transforms a displacement from the map to the frame.
     pub(crate) fn turned(&self, by: Vector2) -> [f32; 2] {
         [self.ahead.dot(by) / self.scale_m, self.ahead.cross(by) / self.scale_m].map(|one| one as f32)
     }
 
-    /// A place on the map, in the frame.
+    /// Transforms a position from the map to the frame.
     pub(crate) fn place(&self, at: Point2) -> [f32; 2] {
         self.turned(at - self.origin)
     }
 
-    /// A place in the frame, on the map.
+    /// Transforms a position from the frame to the map.
     pub(crate) fn point(&self, [x, y]: [f32; 2]) -> Point2 {
         self.origin + (self.ahead * f64::from(x) + self.ahead.left() * f64::from(y)) * self.scale_m
     }
 
-    /// A covariance in the frame, on the map, m².
+    /// Transforms a covariance from the frame to the map, m².
     pub(crate) fn covariance_m2(&self, of: [f32; 3]) -> [f64; 3] {
         let [xx, xy, yy] = of.map(|one| f64::from(one) * self.scale_m * self.scale_m);
         let (c, s) = (self.ahead.x, self.ahead.y);
@@ -57,35 +57,35 @@ impl Frame {
     }
 }
 
-/// Somebody near.
+/// A nearby actor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Near {
-    /// Number in the list of all who are seen.
+    /// Index among the observed actors.
     pub(crate) who: usize,
     pub(crate) at: [f32; 2],
-    /// In one step.
+    /// Displacement in one step.
     pub(crate) pace: [f32; 2],
     pub(crate) wheels: f32,
 }
 
-/// What a net is told.
+/// Input of a net for one actor.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Sight {
     /// Steps of the past, oldest first, x before y.
     pub(crate) own: [f32; 2 * (PAST - 1)],
-    /// 1 for who is on wheels.
+    /// 1 for actors on wheels, else 0.
     pub(crate) wheels: f32,
-    /// Nearest first.
+    /// Nearby actors, the nearest first.
     pub(crate) near: Vec<Near>,
     pub(crate) frame: Frame,
-    /// Where filters expect it after each step; empty where going straight on is expected.
+    /// Positions predicted by the filters after each step; empty for a straight baseline.
     pub(crate) expected: Vec<[f32; 2]>,
-    /// What draws of this actor are keyed by.
+    /// Identity by which random draws for this actor are keyed.
     pub(crate) id: u32,
 }
 
 impl Sight {
-    /// The last step, as far as it can be told: earlier ones count a fifth of the one after.
+    /// Smoothed last step: each step has a fifth of the weight of the following one.
     pub(crate) fn pace(&self) -> [f32; 2] {
         let (mut sum, mut total) = ([0.0_f32; 2], 0.0);
         for step in self.own.chunks_exact(2) {
@@ -96,7 +96,7 @@ impl Sight {
     }
 }
 
-/// Everybody as seen by themselves, at `stamp`, for a net of this shape.
+/// Inputs of all observed actors at `stamp`, for a net of this shape.
 pub(crate) fn sights(seen: &[Seen], stamp: Time, shape: &Shape) -> Vec<Sight> {
     let step = Span::from_ms(i64::from(shape.step_ms));
     let expected = match shape.beside {
@@ -143,8 +143,8 @@ pub(crate) fn sights(seen: &[Seen], stamp: Time, shape: &Shape) -> Vec<Sight> {
     seen.iter().enumerate().map(of_one).collect()
 }
 
-/// Where it was, a step apart, up to now: between sightings on a straight line, before the first and after the last
-/// straight on.
+/// Past positions at intervals of `step` up to now: interpolated between sightings, extrapolated before the first and
+/// after the last.
 fn places(past: &Past, stamp: Time, step: Span) -> [Point2; PAST] {
     let slow = |velocity: Vector2| {
         let speed_mps = velocity.norm();
@@ -172,7 +172,7 @@ fn places(past: &Past, stamp: Time, step: Span) -> [Point2; PAST] {
     core::array::from_fn(|k| at(stamp - step * (PAST - 1 - k) as i64))
 }
 
-/// Places of the filters' likeliest mode, after each step.
+/// Positions of the filters' likeliest mode after each step.
 fn filtered(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Vec<Point2>> {
     let likeliest = |one: &Forecast| -> Vec<Point2> {
         one.likeliest().map_or(&[][..], |mode| &mode.path[1..]).iter().map(|at| at.pose.point()).collect()

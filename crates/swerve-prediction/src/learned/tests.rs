@@ -1,4 +1,4 @@
-//! Nets learn, the same each time, and their files are refused when they are not whole.
+//! Training is deterministic, and damaged weight files are rejected.
 
 use swerve_core::{Hasher, Span};
 use swerve_geom::Point2;
@@ -33,7 +33,7 @@ fn learning() -> Learning {
     }
 }
 
-/// People who turn to their left, in pairs.
+/// Pedestrians who turn left, in pairs.
 fn turning(count: u32) -> Recording {
     let person = Extent { length_m: 0.5, width_m: 0.5, height_m: 1.8 };
     let track = |id: u32| {
@@ -60,9 +60,9 @@ fn learnt(model: Model) -> Weights {
 }
 
 #[test]
-fn gradients_of_whole_nets_are_their_slopes() {
+fn gradients_of_whole_nets_match_central_differences() {
     for model in [Model::Multipath, Model::R2p2, Model::Mfp] {
-        // What `mfp` comes to is taken as given, which a roll-out of one step does not depend on.
+        // `mfp` does not differentiate through predicted positions, on which a roll-out of one step does not depend.
         let steps = if model == Model::Mfp { 1 } else { 3 };
         let shape = Shape { steps, ..shape(model) };
         let examples = examples(&[turning(3)], &shape, 4);
@@ -72,21 +72,21 @@ fn gradients_of_whole_nets_are_their_slopes() {
         let anchors = vec![vec![0.0; 2 * steps], vec![9.0; 2 * steps]];
         check(&weights, &|weights| {
             let batch = &examples[..3];
-            // Distance does not count in the loss of `multipath`'s spread, so that the slopes are those of density.
+            // The distance loss of `multipath` affects only the means, so it is disabled to compare gradients.
             loss(&net, (&shape, &anchors), weights, (batch, [0.0, 0.3]))
         });
     }
 }
 
-/// The same bytes on every machine, by these digests.
+/// These digests fix the bytes on every machine.
 #[test]
-fn what_is_learnt_is_the_same_byte_for_byte() {
+fn trained_weights_are_reproducible_byte_for_byte() {
     let found = MODELS.map(|model| digest(&learnt(model).write()));
     assert_eq!(found, ["5c247825e7213a36", "e29ad1fe00c06ad6", "90d3003a8b624e17"]);
 }
 
 #[test]
-fn a_net_learns_what_going_straight_on_misses() {
+fn trained_nets_beat_straight_extrapolation_on_turns() {
     let recording = turning(8);
     let protocol = Protocol::whole(8, 5);
     let horizon = Horizon { steps: 5, step: Span::from_ms(400) };
@@ -116,7 +116,7 @@ fn a_net_learns_what_going_straight_on_misses() {
 }
 
 #[test]
-fn files_that_are_not_whole_are_refused() {
+fn damaged_weight_files_are_rejected() {
     for model in MODELS {
         let weights = learnt(model);
         let bytes = weights.write();
@@ -148,9 +148,10 @@ fn files_that_are_not_whole_are_refused() {
     assert!(said(b"SWERVNET\x07").contains("version 7, expected 1 or 2"));
 }
 
-/// Weights that stand beside filters say so in their file, and hand out what the filters expect when all that was learnt is taken back.
+/// The file of a net relative to filters records that, and with all training shrunk away its paths are those of the
+/// filters.
 #[test]
-fn a_net_beside_filters_is_another_one() {
+fn net_relative_to_filters_is_stored_and_shrinks_to_them() {
     let shape = Shape { beside: Beside::Imm, modes: 1, ..shape(Model::Multipath) };
     let examples = examples(&[turning(6)], &shape, 1);
     let learning = Learning { mixed: 0.5, noise_spread: 0.5, average: 0.9, shrink: 1.0, ..learning() };
@@ -173,7 +174,7 @@ fn a_net_beside_filters_is_another_one() {
 }
 
 #[test]
-fn what_is_asked_of_learning_is_checked() {
+fn training_parameters_are_checked() {
     let shape = shape(Model::Multipath);
     let all = examples(&[turning(2)], &shape, 1);
     let said = |learning: Learning, shape: Shape, all: &[Example]| {
@@ -188,9 +189,9 @@ fn what_is_asked_of_learning_is_checked() {
     assert!(said(learning(), filtered, &all).contains("expected `straight`"));
 }
 
-/// Examples of finer recordings are those of coarse ones.
+/// Examples of a fine recording equal those of a coarse one.
 #[test]
-fn finer_recordings_are_taken_at_the_steps_of_the_net() {
+fn finer_recordings_are_sampled_at_the_steps_of_the_net() {
     let shape = shape(Model::R2p2);
     let walks = |step_ms: i64, count: i64| {
         let place = |k: i64| (k, Point2::new(1.4 * (k * step_ms) as f64 * 1e-3, 2.0));
@@ -217,7 +218,7 @@ fn finer_recordings_are_taken_at_the_steps_of_the_net() {
 }
 
 #[test]
-fn what_is_shipped_is_by_the_recipe_beside_it() {
+fn shipped_weights_match_their_recipes() {
     for name in crate::PredictorName::ALL {
         let Some(weights) = crate::shipped(name) else { continue };
         let path = format!("{}/weights/{}.toml", env!("CARGO_MANIFEST_DIR"), name.name());

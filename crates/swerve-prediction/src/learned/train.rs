@@ -1,4 +1,4 @@
-//! How nets learn from recorded tracks.
+//! Training of nets on recorded tracks.
 
 use serde::Deserialize;
 use swerve_core::Rng;
@@ -9,66 +9,66 @@ use crate::net::{Adam, Matrix, Shapes, Weights, drawn};
 use crate::predictor::seen;
 use crate::recorded::{Protocol, Recording, Scene};
 
-/// How a net is trained.
+/// Training parameters.
 #[derive(Clone, Copy, PartialEq, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Learning {
-    /// Of weights, order and changes.
+    /// Seed of weights, order and augmentation.
     pub seed: u64,
-    /// Steps of Adam.
+    /// Number of Adam steps.
     pub steps: usize,
-    /// Examples of each step.
+    /// Number of examples per step.
     pub batch: usize,
-    /// Rate of the first step; it falls to nothing as a cosine does.
+    /// Initial learning rate; it decays to zero by a cosine schedule.
     pub rate: f32,
-    /// Deviation of the logarithm of the size that an example is stretched to.
+    /// Standard deviation of the logarithm of the scale by which an example is augmented.
     pub stretch: f32,
-    /// Deviation of what is added to each step of the past, in the scale (1 m on foot, 5 m on wheels).
+    /// Standard deviation of the noise added to each past step, in scaled units (1 m for pedestrians, 5 m on wheels).
     pub noise: f32,
-    /// Share of distance in place of density in what moves the path of a mode, 0 to 1; of `multipath`.
+    /// Weight of distance rather than density in the gradient of a mode's path, 0 to 1; for `multipath` only.
     #[serde(default)]
     pub distance: f32,
-    /// Share of the density under all modes, as it is judged by, in place of that of the mode whose anchor is nearest, 0 to
-    /// 1; of `multipath`.
+    /// Weight of the density under all modes, which is the evaluation metric, rather than that of the mode with the
+    /// nearest anchor, 0 to 1; for `multipath` only.
     #[serde(default)]
     pub mixed: f32,
-    /// Deviation of the logarithm of what `noise` is multiplied by, drawn for each example: how well somebody is seen
-    /// differs from recording to recording.
+    /// Standard deviation of the logarithm of a factor on `noise`, drawn per example: sensor quality differs between
+    /// recordings.
     #[serde(default)]
     pub noise_spread: f32,
-    /// Share of the mean of the weights of all steps before that each step keeps, 0 to 1: the mean is what has learnt. 0
-    /// takes the last step's.
+    /// Decay of the exponential moving average of the weights per step, 0 to 1; the average is the result. 0 uses the
+    /// weights of the last step.
     #[serde(default)]
     pub average: f32,
-    /// Share of what a mode's path has learnt beside the expected one that is taken back in the end, 0 to 1: what was learnt
-    /// in some places holds less in others; of `multipath`.
+    /// Share by which the learned offsets from the baseline are shrunk at the end, 0 to 1, because they generalise
+    /// only in part to other places; for `multipath` only.
     #[serde(default)]
     pub shrink: f32,
 }
 
-/// Why nothing is learnt.
+/// Error of training.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum LearningError {
-    /// A number is out of range.
+    /// A parameter is out of range.
     #[error("{0}")]
     Number(String),
-    /// There is nothing to learn from.
+    /// There are no examples.
     #[error("expected tracks that are as long as the past and the steps ahead, found none")]
     Empty,
 }
 
-/// One actor at one instant, and what happened.
+/// An actor at one instant, with its observed future.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Example {
     pub(crate) sight: Sight,
-    /// Where it was after each step, in its own frame.
+    /// Observed positions after each step, in the actor's frame.
     pub(crate) truth: Vec<[f32; 2]>,
-    /// The same of those near.
+    /// Observed positions of the nearby actors.
     pub(crate) others: Vec<Vec<[f32; 2]>>,
 }
 
 impl Example {
-    /// What happened beside going straight on, x before y.
+    /// Observed path relative to the baseline, x before y.
     pub(crate) fn beside(&self) -> Vec<f32> {
         let beside = |(step, at): (usize, &[f32; 2])| {
             let on = straight_on(&self.sight, step);
@@ -77,7 +77,7 @@ impl Example {
         self.truth.iter().enumerate().flat_map(beside).collect()
     }
 
-    /// The same at another size, perhaps mirrored, and not seen as well.
+    /// Augments the example: random scale, mirroring, and noise on the past.
     fn changed(&self, rng: &mut Rng, learning: &Learning) -> Self {
         let by = libm::expf(learning.stretch * rng.normal() as f32);
         let side = if rng.unit() < 0.5 { by } else { -by };
@@ -101,7 +101,7 @@ impl Example {
     }
 }
 
-/// Everybody in recordings who is seen for long enough, at every so many sightings.
+/// Examples of all actors in recordings that are observed for long enough, at every `stride`-th sighting.
 pub fn examples(recordings: &[Recording], shape: &Shape, stride: usize) -> Vec<Example> {
     let mut all = Vec::new();
     for recording in recordings {
@@ -124,7 +124,7 @@ fn of_scene(scene: &Scene, shape: &Shape, each: usize, all: &mut Vec<Example>) {
     };
     for (k, sight) in sights.iter().enumerate() {
         let Some(own) = truth(k) else { continue };
-        // Who is not there to the end is taken to go on.
+        // Actors that are not observed to the end are extrapolated.
         let other = |near: &super::sight::Near| match truth(near.who) {
             Some(places) => places.map(|at| sight.frame.place(*at)).collect(),
             None => (1..=shape.steps)
@@ -139,13 +139,13 @@ fn of_scene(scene: &Scene, shape: &Shape, each: usize, all: &mut Vec<Example>) {
     }
 }
 
-/// What is told while a net learns: the step and its loss.
+/// Callback for training progress: step and loss.
 pub type Progress<'a> = &'a mut dyn FnMut(usize, f32);
 
-/// A net that has learnt; the same bytes for the same examples, shape and seed. `source` tells where it comes from.
+/// Trains a net; the same examples, shape and parameters give the same bytes. `source` describes its origin.
 ///
 /// # Errors
-/// A number out of range, or nothing to learn from.
+/// If a parameter is out of range, or there are no examples.
 pub fn train(
     source: String,
     shape: Shape,
@@ -196,7 +196,7 @@ pub fn train(
     Ok(Weights { source, shape, anchors, matrices: mean })
 }
 
-/// The loss of a batch, and the gradients of the weights.
+/// Loss of a batch, and gradients of the weights.
 pub(super) fn loss(
     net: &Net,
     (shape, anchors): (&Shape, &[Vec<f32>]),
@@ -210,7 +210,7 @@ pub(super) fn loss(
     }
 }
 
-/// The numbers below `n` in an order by chance (Fisher and Yates).
+/// Random permutation of the numbers below `n` (Fisher and Yates).
 fn shuffled(n: usize, rng: &mut Rng) -> Vec<usize> {
     let mut order: Vec<usize> = (0..n).collect();
     for k in (1..n).rev() {

@@ -1,4 +1,4 @@
-//! Deceleration of a vehicle, estimated from its past positions.
+//! Estimation of a vehicle's deceleration from its past positions.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
@@ -6,36 +6,36 @@ use swerve_msg::{ActorKind, Sighting, Track};
 
 use super::{DEVIATIONS, Line};
 
-/// Fewest sightings that an acceleration is estimated from, and the shortest time that they span, seconds.
+/// Smallest number of sightings for an estimate, and the shortest time that they must span, seconds.
 const SIGHTINGS_MIN: usize = 6;
 const SPAN_MIN_S: f64 = 0.25;
 
-/// Least deceleration that counts, m/s²: vehicles that coast lose less.
+/// Smallest significant deceleration, m/s²: coasting vehicles decelerate less.
 const BRAKE_MIN_MPS2: f64 = 0.5;
 
 /// Largest deceleration of a vehicle on a dry road, m/s².
 const BRAKE_MAX_MPS2: f64 = 10.0;
 
-/// Slower than this a vehicle has no direction to brake along, m/s.
+/// Speed below which a vehicle has no defined direction of braking, m/s.
 const SPEED_MIN_MPS: f64 = 0.5;
 
-/// A straight motion that ends at rest.
+/// A straight motion with constant deceleration to rest.
 #[derive(Clone, Copy)]
 pub(crate) struct Braking {
     /// Position and velocity at the stamp.
     pub(super) line: Line,
-    /// Time until it stands, seconds.
+    /// Time until it is at rest, seconds.
     stop_s: f64,
 }
 
 impl Braking {
-    /// Of a vehicle whose sightings of the last `window_s` show a significant deceleration along its motion: the
-    /// least-squares parabola, tested by the residuals' own deviation. `None` for everything else.
+    /// Detects a significant deceleration of a vehicle along its motion over the last `window_s`, by a least-squares
+    /// parabola and the standard deviation of its residuals. `None` if there is none.
     pub(crate) fn of(track: &Track, stamp: Time, window_s: f64) -> Option<Self> {
         if matches!(track.kind, ActorKind::Pedestrian | ActorKind::Static) {
             return None;
         }
-        // Stamps are whole nanoseconds, windows are not.
+        // Stamps are whole nanoseconds, window lengths are not.
         let recent = track.history.partition_point(|one| (stamp - one.at).as_secs() > window_s + 1e-6);
         let sightings = &track.history[recent..];
         let ([first, .., last], true) = (sightings, sightings.len() >= SIGHTINGS_MIN) else { return None };
@@ -60,7 +60,7 @@ impl Braking {
         self.line.point + self.line.velocity_mps * self.driven_s(ahead_s)
     }
 
-    /// Time at constant speed that takes as far as `ahead_s` of braking, seconds.
+    /// Time at the initial speed that covers the same distance as `ahead_s` of braking, seconds.
     pub(super) fn driven_s(&self, ahead_s: f64) -> f64 {
         let t_s = ahead_s.min(self.stop_s);
         t_s - 0.5 * t_s * t_s / self.stop_s
@@ -69,7 +69,7 @@ impl Braking {
 
 /// Motion along a direction at constant acceleration.
 struct Parabola {
-    /// From the origin at the stamp, metres.
+    /// Distance from the origin at the stamp, metres.
     place_m: f64,
     speed_mps: f64,
     accel_mps2: f64,
@@ -78,13 +78,13 @@ struct Parabola {
 }
 
 impl Parabola {
-    /// Least squares over `sightings`, along `forwards` from `origin`, evaluated at `stamp`.
+    /// Least-squares fit over `sightings`, along `forwards` from `origin`, evaluated at `stamp`.
     fn fit(sightings: &[Sighting], stamp: Time, origin: Point2, forwards: Vector2) -> Option<Self> {
         let n = sightings.len() as f64;
         let samples =
             || sightings.iter().map(|one| ((one.at - stamp).as_secs(), (one.point - origin).dot(forwards)));
         let middle_s = samples().map(|(t, _)| t).sum::<f64>() / n;
-        // Orthogonal polynomials 1, u and u² - a u - b over the samples' own instants.
+        // Orthogonal polynomials 1, u and u² - a u - b over the instants of the samples.
         let sum = |f: &dyn Fn(f64, f64) -> f64| samples().map(|(t, x)| f(t - middle_s, x)).sum::<f64>();
         let uu = sum(&|u, _| u * u);
         let (a, b) = (sum(&|u, _| u * u * u) / uu, uu / n);

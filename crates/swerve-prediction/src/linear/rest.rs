@@ -1,9 +1,10 @@
-//! Road users at rest whose sightings scatter.
+//! Detection of road users at rest with noisy sightings.
 //!
-//! Errors of the sensor and of the ego's pose move a person who stands by millimetres from frame to frame. A line through a
-//! quarter of a second of such sightings has a slope of decimetres a second, and extrapolated over seconds it leads into the
-//! lane. A slope is a motion only where it differs from zero by more than its standard error explains (the t test of a
-//! regression coefficient; Draper and Smith, Applied Regression Analysis, section 1.4).
+//! Errors of the sensor and of the ego's pose shift a standing person by millimetres from frame to frame. A line
+//! through a quarter of a second of such sightings has a slope of decimetres per second, and its extrapolation over
+//! seconds enters the lane. A slope is taken for a motion only if it differs from zero by more than its standard
+//! error explains (the t test of a regression coefficient; Draper and Smith, Applied Regression Analysis, section
+//! 1.4).
 
 use std::borrow::Cow;
 
@@ -13,28 +14,28 @@ use swerve_msg::Sighting;
 
 use super::{DEVIATIONS, Line};
 
-/// Slower than this an actor is reported to be at rest, m/s: below a shuffle, above what centimetres of noise make of a
-/// velocity that a sensor or a tracker reports.
+/// Reported speed below which an actor is taken to be at rest, m/s: below the slowest walk, above the velocity error
+/// that centimetres of noise cause in a sensor or tracker.
 pub(crate) const REST_MPS: f64 = 0.1;
 
-/// Sightings over this time are searched for motion, seconds.
+/// Time over which sightings are searched for motion, seconds.
 const WINDOW_S: f64 = 0.6;
 
-/// Fewest sightings that show a scatter: a line through two has no residuals.
+/// Smallest number of sightings with residuals: a line through two has none.
 const SIGHTINGS_MIN: usize = 3;
 
-/// Least deviation of a sighting, metres. Errors of a pose estimate change slowly: the residuals of a short line do not show
-/// them. Source: sightings of people on foot, fitted to ETH and UCY (docs/prediction.md).
+/// Smallest standard deviation of a sighting, metres. Errors of a pose estimate change slowly and are not visible in
+/// the residuals of a short line. Source: sightings of pedestrians, fitted to ETH and UCY (docs/prediction.md).
 const SIGHTING_M: f64 = 0.03;
 
-/// A place at rest is the mean of so many of the newest sightings.
+/// Number of the newest sightings whose mean is the position at rest.
 const MEAN_OF: usize = 5;
 
-/// The sightings of a track; those of the last [`WINDOW_S`] all at one place if the actor is at rest: reported slower than
-/// `rest_speed_mps`, and without a significant motion over these sightings.
+/// Sightings of a track. Those of the last [`WINDOW_S`] are moved to one position if the actor is at rest: its
+/// reported speed is below `rest_speed_mps`, and these sightings show no significant motion.
 ///
-/// Both have to agree: a reported velocity shows at once that an actor sets off, and sightings show it where velocities are
-/// not reported.
+/// Both conditions are required: a reported velocity shows immediately that an actor sets off, and sightings show it
+/// if no velocity is reported.
 pub(crate) fn settled(
     history: &[Sighting],
     reported_mps: Vector2,
@@ -43,7 +44,7 @@ pub(crate) fn settled(
     let Some(last) = history.last().filter(|_| reported_mps.norm() < rest_speed_mps) else {
         return Cow::Borrowed(history);
     };
-    // Stamps are whole nanoseconds, windows are not.
+    // Stamps are whole nanoseconds, window lengths are not.
     let from = history.partition_point(|one| (last.at - one.at).as_secs() > WINDOW_S + 1e-6);
     if history.len() - from < SIGHTINGS_MIN || moves(&history[from..], last.at) {
         return Cow::Borrowed(history);
@@ -54,13 +55,13 @@ pub(crate) fn settled(
     Cow::Owned(history.iter().enumerate().map(settle).collect())
 }
 
-/// The mean place of `sightings`; exact where all are at `near`.
+/// Mean position of `sightings`; exact if all are at `near`.
 fn mean(sightings: &[Sighting], near: Point2) -> Point2 {
     let share = 1.0 / sightings.len() as f64;
     sightings.iter().fold(near, |sum, one| sum + (one.point - near) * share)
 }
 
-/// True of sightings at one speed that differs from zero by more than [`DEVIATIONS`] of its standard error.
+/// Returns true if the sightings have a velocity that differs from zero by more than [`DEVIATIONS`] standard errors.
 fn moves(sightings: &[Sighting], stamp: Time) -> bool {
     let Some(line) = Line::fit(sightings, stamp) else { return false };
     let n = sightings.len() as f64;
@@ -71,7 +72,7 @@ fn moves(sightings: &[Sighting], stamp: Time) -> bool {
         let off = one.point - (line.point + line.velocity_mps * time_s(one));
         off.dot(off)
     };
-    // Two coordinates, of each of which the line takes two degrees of freedom.
+    // Two coordinates, each with two degrees of freedom taken by the line.
     let residual_m2 = sightings.iter().map(off_m2).sum::<f64>() / (2.0 * n - 4.0);
     let error_mps = residual_m2.sqrt().max(SIGHTING_M) / spread_s2.sqrt();
     line.velocity_mps.norm() > DEVIATIONS * error_mps

@@ -2,7 +2,7 @@ use super::*;
 use swerve_core::Rng;
 use swerve_msg::{ActorId, ActorKind, Extent};
 
-/// A track seen at `(ms, x, y)`, newest last, reported to move at 1 m/s along x.
+/// A track with sightings `(ms, x, y)`, newest last, reported to move at 1 m/s along x.
 fn track(seen: &[(i64, f64, f64)]) -> TrackList {
     let history: Vec<Sighting> =
         seen.iter().map(|&(ms, x, y)| Sighting { at: Time::from_ms(ms), point: Point2::new(x, y) }).collect();
@@ -22,7 +22,7 @@ fn only(tracks: &TrackList, params: &Params) -> Prediction {
     predict(tracks, params).predictions.remove(0)
 }
 
-/// Newcomers stand.
+/// Parameters by which obstacles with a single sighting stay at their position.
 fn standing() -> Params {
     Params { single_sighting: SingleSighting::Static, ..Params::default() }
 }
@@ -36,7 +36,7 @@ fn velocity(prediction: &Prediction) -> (f64, f64) {
 }
 
 #[test]
-fn a_straight_motion_is_continued_exactly_from_uneven_stamps() {
+fn straight_motion_is_continued_exactly_from_uneven_stamps() {
     let at = |ms: i64| (ms, 5.0 + 3.0 * ms as f64 * 1e-3, 2.0 - 4.0 * ms as f64 * 1e-3);
     let prediction = only(&track(&[at(0), at(50), at(200), at(210), at(400)]), &standing());
     assert_eq!(prediction.path.len(), 41);
@@ -53,7 +53,7 @@ fn a_straight_motion_is_continued_exactly_from_uneven_stamps() {
 }
 
 #[test]
-fn only_the_last_positions_count() {
+fn fit_uses_only_the_last_positions() {
     let seen =
         [(0, 99.0, -7.0), (50, 0.0, 0.0), (100, 0.1, 0.0), (150, 0.2, 0.0), (200, 0.3, 0.0), (250, 0.4, 0.0)];
     let (vx, vy) = velocity(&only(&track(&seen), &Params::default()));
@@ -61,7 +61,7 @@ fn only_the_last_positions_count() {
 }
 
 #[test]
-fn one_sighting_moves_as_reported_or_stands() {
+fn single_sighting_moves_as_reported_or_stays() {
     let seen = track(&[(70, 4.0, 5.0)]);
     let moves = only(&seen, &Params::default());
     for (k, predicted) in moves.path.iter().enumerate() {
@@ -75,10 +75,10 @@ fn one_sighting_moves_as_reported_or_stands() {
     assert_eq!(only(&bare, &Params::default()), moves);
 }
 
-/// Least squares over five positions: after a person sets off at `v`, the fitted velocity is 0.2, 0.5, 0.8
-/// and then 1.0 of `v`, so the prediction is right only four frames later.
+/// Least squares over five positions: after a person sets off at `v`, the fitted velocity is 0.2, 0.5, 0.8 and then
+/// 1.0 of `v`, so the prediction is correct only four frames later.
 #[test]
-fn the_fit_lags_behind_a_person_who_sets_off() {
+fn fit_lags_behind_a_person_who_sets_off() {
     let v = 2.75;
     for (frames_walking, share) in [(0, 0.0), (1, 0.2), (2, 0.5), (3, 0.8), (4, 1.0), (5, 1.0)] {
         let seen: Vec<(i64, f64, f64)> = (0..10)
@@ -96,7 +96,7 @@ fn the_fit_lags_behind_a_person_who_sets_off() {
 /// With independent noise of deviation `sigma` on each of n positions `h` apart, the fitted velocity has the
 /// deviation `sigma / (h sqrt(n (n^2 - 1) / 12))`: for n = 5 that is `sigma / (h sqrt 10)`.
 #[test]
-fn noise_spreads_the_velocity_as_theory_says() {
+fn fitted_velocity_has_the_theoretical_deviation() {
     let (sigma, h, runs) = (0.05, 0.05, 4000);
     let mut rng = Rng::keyed(7, "noise", &[]);
     let mut squares = 0.0;
@@ -111,13 +111,13 @@ fn noise_spreads_the_velocity_as_theory_says() {
 }
 
 #[test]
-fn a_still_obstacle_keeps_its_heading() {
+fn still_obstacle_keeps_its_heading() {
     let prediction = only(&track(&[(0, 1.0, 1.0), (50, 1.0, 1.001), (100, 1.0, 1.0)]), &Params::default());
     assert!(prediction.path.iter().all(|p| p.pose.heading_rad == 1.0));
 }
 
 #[test]
-fn a_track_last_seen_before_the_stamp_is_moved_to_it() {
+fn track_last_seen_before_the_stamp_is_extrapolated_to_it() {
     let mut tracks = track(&[(0, 0.0, 0.0), (50, 0.1, 0.0)]);
     tracks.stamp = Time::from_ms(150);
     let prediction = only(&tracks, &Params::default());
@@ -132,12 +132,12 @@ fn equal_stamps_do_not_divide_by_zero() {
 }
 
 #[test]
-fn a_standing_vehicle_is_not_turned_by_errors_of_the_poses() {
-    // 0.2 m/s sideways, as in the onset of a swerve of the ego.
+fn standing_vehicle_is_not_turned_by_pose_errors() {
+    // 0.2 m/s sideways, as at the onset of a swerve of the ego.
     let seen: Vec<(i64, f64, f64)> = (0..5).map(|k| (50 * k, 4.0, 5.0 + 0.01 * k as f64)).collect();
     let prediction = only(&track(&seen), &Params::default());
     assert!(prediction.path.iter().all(|p| p.pose.heading_rad == 1.0), "{prediction:?}");
-    // At walking pace it is the direction of motion.
+    // At walking pace the heading is the direction of motion.
     let seen: Vec<(i64, f64, f64)> = (0..5).map(|k| (50 * k, 4.0, 5.0 + 0.06 * k as f64)).collect();
     let prediction = only(&track(&seen), &Params::default());
     let across_rad = core::f64::consts::FRAC_PI_2;
@@ -153,7 +153,7 @@ fn parameters_out_of_range_are_named() {
     assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::default() }.validate().is_err());
 }
 
-/// A vehicle seen every 50 ms over `window_s`: `m(t)` along x at `t` seconds before now (negative).
+/// A vehicle with sightings every 50 ms over `window_s`: `m(t)` along x at `t` seconds before now (negative).
 fn vehicle(kind: ActorKind, window_s: f64, mut m: impl FnMut(f64) -> f64) -> TrackList {
     let count = (window_s / 0.05).round() as i64;
     let seen: Vec<(i64, f64, f64)> =
@@ -164,8 +164,8 @@ fn vehicle(kind: ActorKind, window_s: f64, mut m: impl FnMut(f64) -> f64) -> Tra
 }
 
 #[test]
-fn a_braking_vehicle_is_predicted_to_stop_and_stay() {
-    // 8 m/s and 4 m/s² now: it stands after 2 s and 8 m.
+fn braking_vehicle_is_predicted_to_stop_and_stay() {
+    // 8 m/s and 4 m/s² now: at rest after 2 s and 8 m.
     let place_m = |t: f64| 8.0 * t - 2.0 * t * t;
     let at = |prediction: &Prediction, s: f64| prediction.path[(s / 0.05).round() as usize].pose.point().x_m;
     let params = Params { future_steps: 80, ..Params::default() };
@@ -175,7 +175,7 @@ fn a_braking_vehicle_is_predicted_to_stop_and_stay() {
             assert!((at(&prediction, s) - wanted_m).abs() < 1e-6, "{kind:?} {s}: {}", at(&prediction, s));
         }
     }
-    // A pedestrian keeps the speed of the last five sightings, and so does everything in the paper's predictor.
+    // Pedestrians keep the speed of the last five sightings, as do all obstacles in the paper's predictor.
     let paper = Params { brake_window_s: 0.0, ..params };
     for (kind, params) in [(ActorKind::Pedestrian, params), (ActorKind::Car, paper)] {
         assert!(at(&only(&vehicle(kind, 0.6, place_m), &params), 4.0) > 30.0, "{kind:?}");
@@ -183,7 +183,7 @@ fn a_braking_vehicle_is_predicted_to_stop_and_stay() {
 }
 
 #[test]
-fn noise_and_acceleration_are_no_braking() {
+fn noise_and_acceleration_are_not_taken_for_braking() {
     let mut braking = 0;
     for seed in 0..200 {
         let mut rng = Rng::keyed(seed, "noise", &[]);
@@ -195,7 +195,8 @@ fn noise_and_acceleration_are_no_braking() {
         ];
         braking += i32::from(first - last > 1e-6);
     }
-    // Three deviations to one side are one of 740; twelve residuals' own deviation is less certain than that.
+    // Three standard deviations on one side are one in 740; estimated from twelve residuals, the deviation is less
+    // certain.
     assert!(braking <= 6, "{braking} of 200");
     let faster = only(&vehicle(ActorKind::Car, 0.6, |t| 8.0 * t + 2.0 * t * t), &Params::default());
     let steps: Vec<f64> = faster.path.windows(2).map(|p| p[1].pose.x_m - p[0].pose.x_m).collect();

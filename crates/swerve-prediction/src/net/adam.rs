@@ -1,28 +1,28 @@
-//! Adam (Kingma and Ba 2015), with gradients no longer than a bound.
+//! Adam (Kingma and Ba 2015) with gradient clipping.
 
 use super::Matrix;
 
-/// Longest gradient of all weights together.
+/// Largest norm of the gradient of all weights.
 const NORM_MAX: f32 = 5.0;
 const FIRST: f32 = 0.9;
 const SECOND: f32 = 0.999;
 
-/// What is remembered of gradients.
+/// State of the optimiser: moments of the gradients.
 pub(crate) struct Adam {
     first: Vec<Matrix>,
     second: Vec<Matrix>,
-    /// What is left of the start in both means.
+    /// Remaining weight of the initial zeros in both moments.
     left: [f32; 2],
 }
 
 impl Adam {
-    /// Before the first step.
+    /// Initial state.
     pub(crate) fn new(weights: &[Matrix]) -> Self {
         let zeros: Vec<Matrix> = weights.iter().map(|one| Matrix::zeros(one.rows, one.columns)).collect();
         Self { first: zeros.clone(), second: zeros, left: [1.0; 2] }
     }
 
-    /// One step of this rate against the gradients.
+    /// Takes a step with this learning rate.
     pub(crate) fn step(&mut self, weights: &mut [Matrix], gradients: &[Matrix], rate: f32) {
         let squared: f32 = gradients.iter().flat_map(|one| &one.values).map(|one| one * one).sum();
         let by = if squared > NORM_MAX * NORM_MAX { NORM_MAX / squared.sqrt() } else { 1.0 };

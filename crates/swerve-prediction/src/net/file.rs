@@ -1,4 +1,4 @@
-//! Files of weights: eight letters, a version, the digest (XXH3) of the rest, and the rest in postcard's form.
+//! Weight files: eight letters, a version, the digest (XXH3) of the rest, and the rest in postcard encoding.
 
 use swerve_core::{Digest, Hasher};
 use thiserror::Error;
@@ -7,52 +7,52 @@ use super::Matrix;
 use crate::learned::{Beside, Model, Net, Shape};
 
 const MAGIC: &[u8] = b"SWERVNET";
-/// Of weights whose paths are told beside going straight on; of all others.
+/// Versions: of weights with a straight baseline, and of all others.
 const VERSIONS: [u8; 2] = [1, 2];
 
-/// What is wrong with a file of weights.
+/// Error of reading a weight file.
 #[derive(Clone, PartialEq, Eq, Debug, Error)]
 pub enum WeightsError {
-    /// Its first bytes are something else's.
+    /// The first bytes are different.
     #[error("no weights of a predictor: expected a file that begins with `SWERVNET`")]
     Foreign,
-    /// It is of a version that is not known.
+    /// The version is not supported.
     #[error("weights of version {0}, expected 1 or 2")]
     Version(u8),
-    /// Its digest is another one.
+    /// The digest does not match the contents.
     #[error("damaged weights: their digest is {found}, expected {expected}")]
     Damaged {
-        /// Of what is there.
+        /// Digest of the contents.
         found: Digest,
-        /// What the file says.
+        /// Digest in the file.
         expected: Digest,
     },
-    /// It is whole, but makes no sense.
+    /// The digest matches, but the contents are invalid.
     #[error("weights that make no sense: {0}")]
     Content(String),
 }
 
-/// A predictor that was learnt.
+/// A trained predictor.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Weights {
-    /// Where it comes from, in words.
+    /// Description of its origin.
     pub source: String,
-    /// What it is.
+    /// Hyperparameters.
     pub shape: Shape,
-    /// Paths that modes start from: the place at each step beside going straight on, x before y, in units of the scale.
+    /// Initial paths of the modes: position at each step relative to the baseline, x before y, in scaled units.
     pub(crate) anchors: Vec<Vec<f32>>,
-    /// Layer by layer, as the shape has them.
+    /// Matrices layer by layer, as given by the shape.
     pub(crate) matrices: Vec<Matrix>,
 }
 
-/// What a file has of them: source; model, modes, hidden, steps and their length; anchors; matrices.
+/// Stored form: source; model, modes, hidden, steps and their length; anchors; matrices.
 type Stored = (String, (Model, usize, usize, usize, u32), Vec<Vec<f32>>, Vec<Matrix>);
 
 impl Weights {
-    /// Reads a file.
+    /// Reads a weight file.
     ///
     /// # Errors
-    /// Where it is none, or not whole, or of another shape than it says.
+    /// If it is not a weight file, is damaged, or does not match its shape.
     pub fn read(bytes: &[u8]) -> Result<Self, WeightsError> {
         let rest = bytes.strip_prefix(MAGIC).ok_or(WeightsError::Foreign)?;
         let (&version, rest) = rest.split_first().ok_or(WeightsError::Foreign)?;
@@ -76,10 +76,10 @@ impl Weights {
         Ok(weights)
     }
 
-    /// The bytes of a file.
+    /// Serializes the weights to the bytes of a file.
     ///
     /// # Panics
-    /// Never: what is stored is plain numbers and text.
+    /// Never: the stored values are plain numbers and text.
     pub fn write(&self) -> Vec<u8> {
         let Shape { model, modes, hidden, steps, step_ms, beside } = self.shape;
         let stored = (&self.source, (model, modes, hidden, steps, step_ms), &self.anchors, &self.matrices);
@@ -91,7 +91,7 @@ impl Weights {
         [MAGIC, &[version], &digest(&rest).0.to_le_bytes(), &rest].concat()
     }
 
-    /// How many numbers were learnt.
+    /// Number of weights.
     pub fn count(&self) -> usize {
         self.matrices.iter().map(|one| one.values.len()).sum()
     }

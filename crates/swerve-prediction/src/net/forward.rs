@@ -1,25 +1,25 @@
-//! What a net's recurrent units remember, where no gradients are asked for: a unit at a time, without what lies between.
+//! Inference of recurrent units without gradients: one fused operation per unit, without intermediate nodes.
 //!
-//! The exponential is a polynomial of our own in place of `libm`'s, so that the compiler can take four numbers at once: only
-//! sums, products and bits in a fixed order, the same on every machine. It differs from what a net has learnt with by
-//! rounding alone.
+//! The exponential is a polynomial instead of `libm`'s, so that the compiler can vectorise it by four: only sums,
+//! products and bit operations in a fixed order, the same on every machine. It differs from the one used in training
+//! only by rounding.
 
 use super::Matrix;
 
-/// Beyond this an exponential is as good as none, or all.
+/// Limit of the exponent, beyond which the exponential is practically zero or infinite.
 const FAR: f32 = 87.0;
 
-/// The exponential: within 2e-7 of it, beside itself.
+/// Exponential function, with a relative error of at most 2e-7.
 fn exp(x: f32) -> f32 {
     // Cody and Waite: x = k ln 2 + r, ln 2 in two parts.
     const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
-    // Rounds to a whole number by its own size.
+    // Adding this rounds to a whole number.
     const ROUND: f32 = 12_582_912.0;
     let x = x.clamp(-FAR, FAR);
     let shifted = x * core::f32::consts::LOG2_E + ROUND;
     let k = shifted - ROUND;
     let r = (x - k * LN_2[0]) - k * LN_2[1];
-    // Taylor's, economised as Cephes has it.
+    // Taylor series, economised as in Cephes.
     let mut sum = 1.987_569_1e-4;
     for factor in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5e-1] {
         sum = sum * r + factor;
@@ -34,15 +34,15 @@ fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// Hyperbolic tangent, off by 1e-7 at most.
+/// Hyperbolic tangent, with an error of at most 3e-7.
 fn tanh(x: f32) -> f32 {
     2.0 / (1.0 + exp(-2.0 * x)) - 1.0
 }
 
-/// A layer's weights and bias.
+/// Weights and bias of a layer.
 pub(super) type Weighed<'a> = [&'a Matrix; 2];
 
-/// What a unit of so many numbers remembers after `x`.
+/// State of a recurrent unit after the input `x`.
 pub(super) fn gru(x: &Matrix, memory: &Matrix, [gates, new]: [Weighed<'_>; 2]) -> Matrix {
     let (size, told) = (memory.columns, x.columns);
     let mut both = Matrix::zeros(x.rows, told + size);
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exponentials_are_those_of_libm_but_for_rounding() {
+    fn exponentials_match_libm_up_to_rounding() {
         for k in -8_700..=8_700 {
             let x = k as f32 * 0.01;
             let off = (f64::from(exp(x)) / libm::exp(f64::from(x)) - 1.0).abs();
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_remembers_what_it_would_with_a_tape() {
+    fn unit_without_gradients_matches_the_tape() {
         let mut shapes = super::super::Shapes::default();
         let unit = shapes.gru(3, 20);
         let weights = super::super::drawn(&shapes.list(), 5);

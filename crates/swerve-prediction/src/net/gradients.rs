@@ -1,11 +1,11 @@
-//! Gradients against differences.
+//! Comparison of gradients with central differences.
 
 use super::Matrix;
 
-/// A loss by weights, and its gradients.
+/// A loss as a function of weights, with its gradients.
 type Loss<'a> = &'a dyn Fn(&[Matrix]) -> (f32, Vec<Matrix>);
 
-/// Central differences of `loss` by every weight, against its gradients.
+/// Compares the gradients of a loss with central differences by a sample of the weights.
 pub(crate) fn check(weights: &[Matrix], of: Loss<'_>) {
     const STEP: f32 = 1e-3;
     let (_, gradients) = of(weights);

@@ -1,25 +1,26 @@
-//! What nets are asked for: normal distributions on the plane, and how far off paths are, with gradients.
+//! Output heads: normal distributions in the plane, and distances, with gradients.
 
-/// Half of the logarithm of the area of a circle's square, and more: ln 2π.
+/// ln 2π, the constant of the log-density in the plane.
 const LN_TAU: f32 = 1.837_877_1;
-/// Deviations are within this factor of what they are expected to be: e to the power of it.
+/// Limit of a log-deviation relative to its base, as an exponent of e.
 const WIDTH: f32 = 3.0;
 
-/// A normal distribution on the plane by five numbers: mean, logarithms of two deviations, and how much the second axis
-/// goes with the first.
+/// Normal distribution in the plane by five numbers: mean, logarithms of two standard deviations, and regression of
+/// the second axis on the first.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Normal {
     pub(crate) mean: [f32; 2],
-    /// Of the first axis, and of the second beside what goes with the first.
+    /// Log-deviations of the first axis, and of the second axis given the first.
     ln_sigma: [f32; 2],
-    /// How far the second axis goes with a unit of the first.
+    /// Regression slope of the second axis on the first.
     slope: f32,
-    /// Slopes of the deviations' logarithms by the net's numbers.
+    /// Derivatives of the log-deviations by the net's numbers.
     by: [f32; 2],
 }
 
 impl Normal {
-    /// By the numbers of a net, about `base` and a deviation of `e` to `ln_base`.
+    /// Creates the distribution of a net's five numbers, about `base` and a standard deviation of `e` to the power of
+    /// `ln_base`.
     pub(crate) fn of(numbers: &[f32], base: [f32; 2], ln_base: f32) -> Self {
         let bent = [numbers[2], numbers[3]].map(|one| libm::tanhf(one / WIDTH));
         Self {
@@ -30,20 +31,20 @@ impl Normal {
         }
     }
 
-    /// How many deviations a place is away, along both axes.
+    /// Standardised residual of a position along both axes.
     fn away(&self, at: [f32; 2]) -> [f32; 2] {
         let off = [at[0] - self.mean[0], at[1] - self.mean[1]];
         let [first, second] = self.ln_sigma.map(|ln| libm::expf(-ln));
         [off[0] * first, (off[1] - self.slope * off[0]) * second]
     }
 
-    /// Minus the logarithm of the density.
+    /// Negative logarithm of the density.
     pub(crate) fn nats(&self, at: [f32; 2]) -> f32 {
         let [x, y] = self.away(at);
         0.5 * (x * x + y * y) + self.ln_sigma[0] + self.ln_sigma[1] + LN_TAU
     }
 
-    /// Its gradient by the net's five numbers.
+    /// Gradient of [`nats`](Self::nats) by the net's five numbers.
     pub(crate) fn gradient(&self, at: [f32; 2]) -> [f32; 5] {
         let [x, y] = self.away(at);
         let [first, second] = self.ln_sigma.map(|ln| libm::expf(-ln));
@@ -63,7 +64,7 @@ impl Normal {
         [first, self.slope * first, second + self.slope * self.slope * first]
     }
 
-    /// The place so many deviations away.
+    /// Position with the standardised residual `away`.
     pub(crate) fn at(&self, away: [f32; 2]) -> [f32; 2] {
         let [first, second] = self.ln_sigma.map(libm::expf);
         let off = first * away[0];
@@ -71,14 +72,14 @@ impl Normal {
     }
 }
 
-/// The distance of both, smooth at zero, and its gradient by the first.
+/// Distance of two positions, smoothed at zero, and its gradient by the first.
 pub(crate) fn distance(a: [f32; 2], b: [f32; 2]) -> (f32, [f32; 2]) {
     let off = [a[0] - b[0], a[1] - b[1]];
     let size = (off[0] * off[0] + off[1] * off[1] + 1e-6).sqrt();
     (size, off.map(|one| one / size))
 }
 
-/// The logarithm of the sum of exponentials, and the share of each.
+/// Logarithm of the sum of exponentials, and the softmax.
 pub(crate) fn ln_sum(of: &[f32]) -> (f32, Vec<f32>) {
     let most = of.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let raw: Vec<f32> = of.iter().map(|one| libm::expf(one - most)).collect();

@@ -1,8 +1,8 @@
-//! Matrices, and their product in a fixed order.
+//! Matrices, with products in a fixed order of summation.
 
 use serde::{Deserialize, Serialize};
 
-/// Numbers, row by row.
+/// A matrix in row-major order.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Matrix {
     pub(crate) rows: usize,
@@ -10,32 +10,32 @@ pub(crate) struct Matrix {
     pub(crate) values: Vec<f32>,
 }
 
-/// Columns that are summed at once.
+/// Number of columns that are summed at once.
 const BLOCK: usize = 16;
 
 impl Matrix {
-    /// Of these values, as many as the shape has.
+    /// Creates a matrix of these values; their number must match the shape.
     pub(crate) fn new(rows: usize, columns: usize, values: Vec<f32>) -> Self {
         debug_assert_eq!(values.len(), rows * columns);
         Self { rows, columns, values }
     }
 
-    /// Of zeros.
+    /// Creates a matrix of zeros.
     pub(crate) fn zeros(rows: usize, columns: usize) -> Self {
         Self::new(rows, columns, vec![0.0; rows * columns])
     }
 
-    /// One row.
+    /// Row `k`.
     pub(crate) fn row(&self, k: usize) -> &[f32] {
         &self.values[k * self.columns..][..self.columns]
     }
 
-    /// One row, to be written.
+    /// Row `k`, mutable.
     pub(crate) fn row_mut(&mut self, k: usize) -> &mut [f32] {
         &mut self.values[k * self.columns..][..self.columns]
     }
 
-    /// Rows as columns.
+    /// Transposed matrix.
     pub(crate) fn transposed(&self) -> Self {
         let mut out = Self::zeros(self.columns, self.rows);
         for (k, row) in self.values.chunks_exact(self.columns.max(1)).enumerate() {
@@ -46,24 +46,24 @@ impl Matrix {
         out
     }
 
-    /// Each number by itself.
+    /// Applies a function to each element.
     pub(crate) fn map(&self, of: impl Fn(f32) -> f32) -> Self {
         Self::new(self.rows, self.columns, self.values.iter().map(|value| of(*value)).collect())
     }
 
-    /// Both numbers of each place.
+    /// Combines two matrices element by element.
     pub(crate) fn zip(&self, other: &Self, of: impl Fn(f32, f32) -> f32) -> Self {
         debug_assert_eq!((self.rows, self.columns), (other.rows, other.columns));
         let values = self.values.iter().zip(&other.values).map(|(a, b)| of(*a, *b)).collect();
         Self::new(self.rows, self.columns, values)
     }
 
-    /// Adds another of the same shape.
+    /// Adds a matrix of the same shape.
     pub(crate) fn add(&mut self, other: &Self) {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
     }
 
-    /// The product: every number is summed over `self`'s columns from the first to the last, whatever the machine.
+    /// Matrix product: each element is summed over `self`'s columns from first to last, on every machine.
     pub(crate) fn times(&self, other: &Self) -> Self {
         debug_assert_eq!(self.columns, other.rows);
         let mut out = Self::zeros(self.rows, other.columns);
@@ -85,7 +85,7 @@ impl Matrix {
     }
 }
 
-/// Two rows by a block of columns.
+/// Product of two rows and a block of columns.
 fn block(out: &mut Matrix, [a, b]: [&Matrix; 2], k: usize, from: usize) {
     let mut sums = [[0.0_f32; BLOCK]; 2];
     let (first, second) = (a.row(k), a.row(k + 1));
@@ -101,7 +101,7 @@ fn block(out: &mut Matrix, [a, b]: [&Matrix; 2], k: usize, from: usize) {
     }
 }
 
-/// One row by some columns.
+/// Product of one row and a range of columns.
 fn edge(out: &mut Matrix, [a, b]: [&Matrix; 2], k: usize, columns: core::ops::Range<usize>) {
     let to = &mut out.values[k * out.columns..][columns.clone()];
     for (x, row) in a.row(k).iter().zip(b.values.chunks_exact(b.columns)) {

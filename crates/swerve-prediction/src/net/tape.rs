@@ -1,4 +1,4 @@
-//! What is computed, step by step, so that gradients can be followed back.
+//! Tape of a computation for reverse-mode differentiation.
 
 use core::ops::Range;
 
@@ -8,27 +8,27 @@ use super::{Gru, Layer, Matrix, forward};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) struct Node(usize);
 
-/// How a value came about.
+/// Operation that produced a value.
 enum Step {
     Given,
     Linear(Node, Layer),
     Relu(Node),
     Tanh(Node),
     Sigmoid(Node),
-    /// Sum and product, number by number.
+    /// Element-wise sum and product.
     Sum(Node, Node),
     Product(Node, Node),
-    /// One minus it.
+    /// One minus the value.
     Rest(Node),
-    /// Columns beside each other.
+    /// Concatenation of columns.
     Beside(Vec<Node>),
-    /// Some columns.
+    /// A range of columns, by its start.
     Columns(Node, usize),
-    /// Rows by their numbers.
+    /// Selection of rows by index.
     Rows(Node, Vec<usize>),
-    /// The largest of each column over rows of one group, and which row that is; no row at all is zero.
+    /// Maximum of each column over the rows of a group, with the index of its row; zero for an empty group.
     Largest(Node, Vec<Option<usize>>),
-    /// What is asked, where it is looked up, what is found there; and the share of each row of a group.
+    /// Attention: queries, keys and values, with the weight of each row in its group.
     Attended {
         asked: Node,
         keys: Node,
@@ -38,22 +38,22 @@ enum Step {
     },
 }
 
-/// A net's weights, and all that was computed with them.
+/// A net's weights, and all values computed with them.
 pub(crate) struct Tape<'a> {
     weights: &'a [Matrix],
     values: Vec<Matrix>,
     steps: Vec<Step>,
-    /// Nobody asks for gradients.
+    /// True for inference without gradients.
     forward: bool,
 }
 
 impl<'a> Tape<'a> {
-    /// Nothing yet.
+    /// Creates an empty tape.
     pub(crate) fn new(weights: &'a [Matrix]) -> Self {
         Self { weights, values: Vec::new(), steps: Vec::new(), forward: false }
     }
 
-    /// The same for who asks for no gradients.
+    /// Creates an empty tape for inference without gradients.
     pub(crate) fn forward(weights: &'a [Matrix]) -> Self {
         Self { forward: true, ..Self::new(weights) }
     }
@@ -64,17 +64,17 @@ impl<'a> Tape<'a> {
         Node(self.values.len() - 1)
     }
 
-    /// What a node is.
+    /// Value of a node.
     pub(crate) fn value(&self, node: Node) -> &Matrix {
         &self.values[node.0]
     }
 
-    /// What comes from outside.
+    /// Adds an input.
     pub(crate) fn given(&mut self, value: Matrix) -> Node {
         self.push(value, Step::Given)
     }
 
-    /// A linear layer.
+    /// Applies a linear layer.
     pub(crate) fn linear(&mut self, x: Node, layer: Layer) -> Node {
         let mut value = self.value(x).times(&self.weights[layer.0]);
         let bias = &self.weights[layer.0 + 1].values;
@@ -84,7 +84,7 @@ impl<'a> Tape<'a> {
         self.push(value, Step::Linear(x, layer))
     }
 
-    /// What is negative is zero.
+    /// Rectified linear unit: negative values become zero.
     pub(crate) fn relu(&mut self, x: Node) -> Node {
         self.push(self.value(x).map(|x| x.max(0.0)), Step::Relu(x))
     }
@@ -94,27 +94,27 @@ impl<'a> Tape<'a> {
         self.push(self.value(x).map(libm::tanhf), Step::Tanh(x))
     }
 
-    /// The logistic function.
+    /// Logistic function.
     pub(crate) fn sigmoid(&mut self, x: Node) -> Node {
         self.push(self.value(x).map(|x| 1.0 / (1.0 + libm::expf(-x))), Step::Sigmoid(x))
     }
 
-    /// The sum, number by number.
+    /// Element-wise sum.
     pub(crate) fn sum(&mut self, a: Node, b: Node) -> Node {
         self.push(self.value(a).zip(self.value(b), |a, b| a + b), Step::Sum(a, b))
     }
 
-    /// The product, number by number.
+    /// Element-wise product.
     pub(crate) fn product(&mut self, a: Node, b: Node) -> Node {
         self.push(self.value(a).zip(self.value(b), |a, b| a * b), Step::Product(a, b))
     }
 
-    /// One minus it.
+    /// One minus the value.
     pub(crate) fn rest(&mut self, x: Node) -> Node {
         self.push(self.value(x).map(|x| 1.0 - x), Step::Rest(x))
     }
 
-    /// Columns of several beside each other.
+    /// Concatenates columns.
     pub(crate) fn beside(&mut self, parts: &[Node]) -> Node {
         let rows = self.value(parts[0]).rows;
         let columns = parts.iter().map(|part| self.value(*part).columns).sum();
@@ -125,7 +125,7 @@ impl<'a> Tape<'a> {
         self.push(Matrix::new(rows, columns, values), Step::Beside(parts.to_vec()))
     }
 
-    /// Some columns.
+    /// Selects a range of columns.
     pub(crate) fn columns(&mut self, x: Node, columns: Range<usize>) -> Node {
         let of = self.value(x);
         let rows = of.values.chunks_exact(of.columns);
@@ -133,14 +133,14 @@ impl<'a> Tape<'a> {
         self.push(Matrix::new(of.rows, columns.len(), values), Step::Columns(x, columns.start))
     }
 
-    /// Rows by their numbers, each as often as it is named.
+    /// Selects rows by index; an index may be repeated.
     pub(crate) fn rows(&mut self, x: Node, rows: Vec<usize>) -> Node {
         let of = self.value(x);
         let values = rows.iter().flat_map(|k| of.row(*k)).copied().collect();
         self.push(Matrix::new(rows.len(), of.columns, values), Step::Rows(x, rows))
     }
 
-    /// Of each group of rows the largest of each column; zero for a group without any.
+    /// Maximum of each column over each group of rows; zero for an empty group.
     pub(crate) fn largest(&mut self, x: Node, groups: &[Range<usize>]) -> Node {
         let of = self.value(x);
         let mut from = Vec::with_capacity(groups.len() * of.columns);
@@ -157,8 +157,8 @@ impl<'a> Tape<'a> {
         self.push(Matrix::new(groups.len(), of.columns, values), Step::Largest(x, from))
     }
 
-    /// For each row of `asked` the mean of its group's rows of `values`, by how well their `keys` go with it (the
-    /// exponential of the scaled product); zero for a group without any.
+    /// Attention: for each row of `asked`, the mean of its group's rows of `values`, weighted by the exponential of
+    /// the scaled product with their `keys`; zero for an empty group.
     pub(crate) fn attended(
         &mut self,
         asked: Node,
@@ -183,7 +183,7 @@ impl<'a> Tape<'a> {
         self.push(value, Step::Attended { asked, keys, values, groups, shares })
     }
 
-    /// What a recurrent unit remembers after `x`.
+    /// State of a recurrent unit after the input `x`.
     pub(crate) fn gru(&mut self, x: Node, memory: Node, unit: &Gru) -> Node {
         if self.forward {
             let layer = |layer: Layer| [&self.weights[layer.0], &self.weights[layer.0 + 1]];
@@ -204,7 +204,7 @@ impl<'a> Tape<'a> {
         self.sum(kept, taken)
     }
 
-    /// Gradients of the weights, by those of some nodes.
+    /// Gradients of the weights, given those of some nodes.
     pub(crate) fn back(&self, from: Vec<(Node, Matrix)>) -> Vec<Matrix> {
         let mut weights: Vec<Matrix> =
             self.weights.iter().map(|one| Matrix::zeros(one.rows, one.columns)).collect();
@@ -230,7 +230,7 @@ impl<'a> Tape<'a> {
         weights
     }
 
-    /// All that has no weights.
+    /// Backpropagates an operation without weights.
     fn step_back(&self, k: usize, gradient: Matrix, gradients: &mut Gradients) {
         let value = &self.values[k];
         match &self.steps[k] {
@@ -291,7 +291,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Gradients of what is asked, of keys and of values.
+    /// Gradients of queries, keys and values.
     fn attended_back(
         &self,
         of: [Node; 3],
@@ -319,7 +319,7 @@ impl<'a> Tape<'a> {
     }
 }
 
-/// Gradients by node, as far as they have come.
+/// Accumulated gradients by node.
 struct Gradients(Vec<Option<Matrix>>);
 
 impl Gradients {

@@ -1,4 +1,4 @@
-//! Gradients against differences, Adam against its formula, and products in their order.
+//! Gradients compared with central differences, Adam with its formula, and products with their order of summation.
 
 use swerve_core::Rng;
 
@@ -10,7 +10,7 @@ fn random(rows: usize, columns: usize, key: i64) -> Matrix {
     Matrix::new(rows, columns, (0..rows * columns).map(|_| rng.normal() as f32).collect())
 }
 
-/// The sum of the squares of a node as a loss.
+/// Half the sum of the squares of a node, as a loss.
 fn squares(tape: &Tape<'_>, node: Node) -> (f32, Vec<Matrix>) {
     let value = tape.value(node);
     let sum = 0.5 * value.values.iter().map(|one| one * one).sum::<f32>();
@@ -18,7 +18,7 @@ fn squares(tape: &Tape<'_>, node: Node) -> (f32, Vec<Matrix>) {
 }
 
 #[test]
-fn gradients_of_layers_are_their_slopes() {
+fn layer_gradients_match_central_differences() {
     let mut shapes = Shapes::default();
     let (first, second) = (shapes.layer(3, 5), shapes.layer(5, 2));
     let weights = drawn(&shapes.list(), 3);
@@ -40,7 +40,7 @@ fn gradients_of_layers_are_their_slopes() {
 }
 
 #[test]
-fn gradients_of_what_is_put_together_are_its_slopes() {
+fn gradients_of_combined_nodes_match_central_differences() {
     let mut shapes = Shapes::default();
     let (first, second) = (shapes.layer(3, 4), shapes.layer(3, 4));
     let weights = drawn(&shapes.list(), 4);
@@ -58,7 +58,7 @@ fn gradients_of_what_is_put_together_are_its_slopes() {
 }
 
 #[test]
-fn gradients_of_a_recurrent_unit_are_its_slopes() {
+fn recurrent_unit_gradients_match_central_differences() {
     let mut shapes = Shapes::default();
     let unit = shapes.gru(2, 5);
     let weights: Vec<Matrix> = drawn(&shapes.list(), 6)
@@ -78,7 +78,7 @@ fn gradients_of_a_recurrent_unit_are_its_slopes() {
 }
 
 #[test]
-fn gradients_of_attention_are_its_slopes() {
+fn attention_gradients_match_central_differences() {
     let mut shapes = Shapes::default();
     let (asked, keys, values) = (shapes.layer(3, 4), shapes.layer(2, 4), shapes.layer(2, 5));
     let weights = drawn(&shapes.list(), 7);
@@ -94,7 +94,7 @@ fn gradients_of_attention_are_its_slopes() {
 }
 
 #[test]
-fn gradients_of_a_density_are_its_slopes() {
+fn density_gradients_match_central_differences() {
     let numbers = [0.3, -0.2, 0.5, -0.4, 0.6];
     let at = [0.7, 0.4];
     let normal = |numbers: &[f32]| Normal::of(numbers, [0.1, 0.2], -0.5);
@@ -108,13 +108,13 @@ fn gradients_of_a_density_are_its_slopes() {
         let slope = (moved(2e-3) - moved(-2e-3)) / 4e-3;
         assert!((slope - gradient[k]).abs() < 5e-3, "{k}: {} against {slope}", gradient[k]);
     }
-    // The density in closed form, by the covariance that is told.
+    // The density in closed form, from the reported covariance.
     let (one, [xx, xy, yy]) = (normal(&numbers), normal(&numbers).covariance());
     let (x, y, det) = (at[0] - one.mean[0], at[1] - one.mean[1], xx * yy - xy * xy);
     let squared = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det;
     let nats = 0.5 * squared + libm::logf(core::f32::consts::TAU * det.sqrt());
     assert!((one.nats(at) - nats).abs() < 1e-5);
-    // Drawn with no noise it is the mean; the noise of a place is how far it is away.
+    // The sample without noise is the mean; the standardised residual of a sample is its noise.
     assert_eq!(one.at([0.0; 2]), one.mean);
     let drawn = one.at([1.0, -2.0]);
     let nats = 0.5 * 5.0 + 0.5 * libm::logf(det) + libm::logf(core::f32::consts::TAU);
@@ -122,7 +122,7 @@ fn gradients_of_a_density_are_its_slopes() {
 }
 
 #[test]
-fn products_are_summed_in_order_whatever_the_blocks() {
+fn products_are_summed_in_order_for_any_block_size() {
     for [m, k, n] in [[1, 1, 1], [3, 7, 16], [5, 33, 37], [4, 2, 48], [0, 3, 5], [2, 0, 20]] {
         let (a, b) = (random(m, k, 30), random(k, n, 31));
         let product = a.times(&b);
@@ -138,16 +138,17 @@ fn products_are_summed_in_order_whatever_the_blocks() {
     }
 }
 
-/// From nothing the first step of Adam is the rate, whatever the gradient, but for one that is too long.
+/// From zero moments, the first step of Adam equals the learning rate for any gradient within the clipping norm.
 #[test]
-fn adam_steps_as_its_paper_has_it() {
+fn adam_steps_match_its_formula() {
     let mut weights = vec![Matrix::zeros(1, 3)];
     let gradients = [Matrix::new(1, 3, vec![0.3, -0.002, 0.0])];
     let mut adam = Adam::new(&weights);
     adam.step(&mut weights, &gradients, 0.01);
     let [a, b, c] = weights[0].values[..] else { panic!() };
     assert!((a + 0.01).abs() < 1e-5 && (b - 0.01).abs() < 1e-4 && c == 0.0, "{weights:?}");
-    // Two numbers by hand: m = 0.1 g1 0.9 + 0.1 g2, v alike, both by what is left of their start.
+    // Second step by hand: m = 0.9 · 0.1 g1 + 0.1 g2, v likewise, both divided by 1 minus the remaining initial
+    // weight.
     adam.step(&mut weights, &[Matrix::new(1, 3, vec![0.1, 0.0, 0.0])], 0.01);
     let m = (0.9 * 0.03 + 0.01) / (1.0 - 0.81);
     let v: f32 = (0.999 * 9e-5 + 1e-5) / (1.0 - 0.998_001);

@@ -1,9 +1,9 @@
-//! Predictors that know no road, in the coordinates of one.
+//! Prediction in road coordinates, for predictors without road geometry.
 //!
-//! In a bend a straight line leads through the lanes beside a car's own, and a filter that has seen the car turn predicts
-//! that it leaves the bend on a tangent. Both are artefacts of the map's coordinates. In those of the road (Frenet: arc
-//! length and offset, as Werling et al. 2010, section II) who keeps to a lane goes straight on, and every predictor says
-//! so with the weight that it gives to going straight on.
+//! In a bend, a straight line crosses the lanes beside a car's own, and a filter that has observed the turning car
+//! predicts that it leaves the bend on a tangent. Both are artefacts of map coordinates. In road coordinates (Frenet:
+//! arc length and offset, as Werling et al. 2010, section II), a road user that keeps its lane moves straight, and
+//! every predictor gives this the weight of straight motion.
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
@@ -14,13 +14,14 @@ use super::{Seen, seen};
 use crate::linear::{self, Braking};
 use crate::road::{Settling, is_on, place_of, share_along};
 
-/// Least length along the road's line in which the sighting before is looked for, metres.
+/// Smallest range along the road's line in which the previous sighting is searched for, metres.
 const NEAR_M: f64 = 5.0;
-/// A metre beside the road's line is at least this long on the line: nearer to the middle of a bend there is no way along it.
+/// Lower bound of the length at an offset per metre of the road's line: near the centre of a bend there is no motion
+/// along it.
 const SHARE_MIN: f64 = 0.1;
 
-/// The forecasts of `predict`; those of road users that drive along `route` are made on the straightened road. With
-/// `keeps_speed`, for predictors of constant speed, braking vehicles brake on to a stop.
+/// Forecasts of `predict`, made on the straightened road for road users that drive along `route`. With `keeps_speed`,
+/// for constant-speed predictors, braking vehicles brake to a stop.
 pub(super) fn forecasts(
     tracks: &TrackList,
     route: &Route,
@@ -41,7 +42,7 @@ pub(super) fn forecasts(
             .collect(),
     };
     let mut along = predict(&straightened);
-    // Far inside of a bend numbers may come to be out of every range.
+    // Positions far inside a bend can become implausible.
     if along.forecasts.len() != drives.len() {
         return predict(tracks);
     }
@@ -62,14 +63,14 @@ pub(super) fn forecasts(
     along
 }
 
-/// Whether this is a vehicle that moves along the road, either way.
+/// Returns true for a vehicle that moves along the road, in either direction.
 fn drives_along(seen: &Seen, stamp: Time, route: &Route) -> bool {
     let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
     let place = place_of(route, seen.past.now(stamp, velocity_mps), velocity_mps);
     seen.past.kind != ActorKind::Pedestrian && share_along(route, place, velocity_mps).is_some()
 }
 
-/// A track in the coordinates of the road: arc length for x, offset for y.
+/// A track in road coordinates: arc length as x, offset as y.
 fn straightened(track: &Track, route: &Route) -> Track {
     let place = place_of(route, track.pose.point(), track.velocity_mps);
     let beside = route.line().at(place.s_m);
@@ -98,8 +99,8 @@ fn straightened(track: &Track, route: &Route) -> Track {
     }
 }
 
-/// Leaves out modes that leave the ground of the road, where others do not: the others share their probability. Whether
-/// there were any.
+/// Removes modes that leave the road's ground, unless all do; the others share their probability. Returns true if any
+/// were removed.
 fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     let is_on = |one: &ForecastPose| {
         let Pose2 { x_m: s_m, y_m: d_m, .. } = one.pose;
@@ -117,7 +118,7 @@ fn leave_out_off_road(modes: &mut Vec<Mode>, route: &Route) -> bool {
     true
 }
 
-/// Limits a mode on the straightened road to the way of continued braking.
+/// Limits a mode on the straightened road to the distance of continued braking.
 fn brake(mode: &mut Mode, braking: &Braking) {
     let [first, .., last] = &mode.path[..] else { return };
     let (from, backwards) = (first.at, last.pose.x_m < first.pose.x_m);
@@ -127,7 +128,7 @@ fn brake(mode: &mut Mode, braking: &Braking) {
     }
 }
 
-/// From the straightened road to the map. The speed across dies away, as on the road of [`crate::road`].
+/// Transforms a mode from the straightened road to the map. The lateral speed decays as in [`crate::road`].
 fn bend(mode: &mut Mode, who: (ActorKind, f64), route: &Route) {
     let [first, second, ..] = mode.path[..] else { return };
     let first_s = (second.at - first.at).as_secs();
@@ -147,7 +148,7 @@ fn bend(mode: &mut Mode, who: (ActorKind, f64), route: &Route) {
     }
 }
 
-/// A covariance xx, xy, yy whose axes are turned by this angle.
+/// Rotates a covariance xx, xy, yy by an angle.
 fn turned([xx, xy, yy]: [f64; 3], by_rad: f64) -> [f64; 3] {
     let (sin, cos) = math::sin_cos(by_rad);
     [

@@ -1,4 +1,4 @@
-//! Whatever tracks there are, what is predicted of them is a prediction.
+//! Property test: forecasts are valid for arbitrary tracks.
 
 use proptest::prelude::*;
 use swerve_core::{Span, Time};
@@ -7,7 +7,7 @@ use swerve_msg::{ActorId, ActorKind, Extent, Route, Sighting, Track, TrackList};
 
 use super::{Ground, Horizon, PredictorName, forecast};
 
-/// One sighting after the one before: how much later (or earlier), and how far off; seldom a leap.
+/// A sighting relative to the one before: delay (possibly negative) and displacement, with rare jumps.
 fn sighting() -> impl Strategy<Value = (i64, f64, f64)> {
     let later_ms = prop_oneof![8 => Just(50_i64), 2 => 0_i64..3000, 1 => -500_i64..0];
     let off_m = prop_oneof![12 => -2.0..2.0, 1 => -1e6..1e6, 1 => Just(0.0), 1 => Just(1e-300)];
@@ -37,7 +37,7 @@ fn track() -> impl Strategy<Value = Track> {
                     Sighting { at: Time::from_ms(at_ms), point: place }
                 })
                 .collect();
-            // The newest is about now.
+            // The latest sighting is at the present.
             history.iter_mut().for_each(|one| one.at = one.at - Span::from_ms(at_ms));
             let extent = Extent { length_m, width_m, height_m: 1.5 };
             let pose = Pose2::new(place.x_m, place.y_m, 0.3);
@@ -45,7 +45,7 @@ fn track() -> impl Strategy<Value = Track> {
         })
 }
 
-/// A road through the middle of all tracks, with a bend of 60 m.
+/// A road through the middle of all tracks, with a bend of 60 m radius.
 fn bend() -> Route {
     let at = |k: i32| {
         let (sin, cos) = math::sin_cos(f64::from(k) / 60.0);
@@ -57,10 +57,10 @@ fn bend() -> Route {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Gaps, leaps, stamps that go back, numbers that are none, one identity twice: everybody who can be on a road has
-    /// modes whose probabilities sum to 1, at the instants that were asked for, with finite places and true covariances.
+    /// Gaps, jumps, decreasing stamps, NaNs, repeated identities: every plausible actor has modes whose probabilities
+    /// sum to 1, at the requested instants, with finite positions and valid covariances.
     #[test]
-    fn what_is_predicted_is_a_prediction(tracks in prop::collection::vec(track(), 0..8)) {
+    fn forecasts_are_valid_for_arbitrary_tracks(tracks in prop::collection::vec(track(), 0..8)) {
         let list = TrackList { stamp: Time::ZERO, tracks };
         let horizon = Horizon { steps: 12, step: Span::from_ms(250) };
         let plausible: Vec<ActorId> =

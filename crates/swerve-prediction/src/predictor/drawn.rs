@@ -1,4 +1,4 @@
-//! From points and spreads to the modes of a forecast.
+//! Conversion of positions and covariances to the modes of a forecast.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Pose2, Vector2};
@@ -7,21 +7,21 @@ use swerve_msg::{ActorKind, Forecast, ForecastPose, Mode};
 use super::{Horizon, Seen};
 use crate::linear::HEADING_SPEED_MPS;
 
-/// A place, and its covariance xx, xy, yy in m².
+/// A position, and its covariance xx, xy, yy in m².
 pub(super) type Spot = (Point2, [f64; 3]);
 
-/// How the velocity of others wanders off from what was foretold, as white noise of acceleration.
+/// Error model of a prediction: white noise of acceleration.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Wander {
-    /// Deviation of a sighting along each axis, metres.
+    /// Standard deviation of a sighting along each axis, metres.
     pub(super) sighting_m: f64,
-    /// Deviation of the velocity that a prediction begins with, m/s.
+    /// Standard deviation of the initial velocity, m/s.
     pub(super) speed_mps: f64,
-    /// Density of the acceleration along the motion and across it, m²/s³.
+    /// Spectral density of the acceleration along and across the motion, m²/s³.
     pub(super) density: [f64; 2],
 }
 
-/// People on foot, fitted to ETH and UCY; everybody else, to NGSIM.
+/// Error model of a kind of actor: pedestrians fitted to ETH and UCY, all others to NGSIM.
 pub(super) fn wander(kind: ActorKind) -> Wander {
     match kind {
         ActorKind::Pedestrian | ActorKind::Static => {
@@ -38,14 +38,14 @@ impl Wander {
         self.density.map(|density| at_start + density * t_s * t_s * t_s / 3.0)
     }
 
-    /// As a covariance on the map, for a motion in `direction` (of length one).
+    /// Covariance on the map for a motion in `direction` (a unit vector), m².
     pub(super) fn covariance_m2(&self, direction: Vector2, t_s: f64) -> [f64; 3] {
         let ([along, across], Vector2 { x, y, .. }) = (self.variances_m2(t_s), direction);
         [along * x * x + across * y * y, (along - across) * x * y, along * y * y + across * x * x]
     }
 }
 
-/// The direction of a motion; that of `heading_rad` for who hardly moves.
+/// Direction of a motion; that of `heading_rad` below the speed at which it is defined.
 pub(super) fn direction(velocity_mps: Vector2, heading_rad: f64) -> Vector2 {
     let speed_mps = velocity_mps.norm();
     if speed_mps > HEADING_SPEED_MPS {
@@ -55,7 +55,7 @@ pub(super) fn direction(velocity_mps: Vector2, heading_rad: f64) -> Vector2 {
     }
 }
 
-/// A mode through these spots, one for each instant; headings are those of the motion.
+/// A mode through these positions, one for each instant; headings are those of the motion.
 pub(super) fn mode(
     probability: f64,
     seen: &Seen,
@@ -78,19 +78,19 @@ pub(super) fn mode(
     Mode { probability, path: path.collect() }
 }
 
-/// The forecast of these modes.
+/// Forecast of these modes.
 pub(super) fn forecast(seen: &Seen, modes: Vec<Mode>) -> Forecast {
     let track = seen.track;
     Forecast { id: track.id, kind: track.kind, extent: track.extent, modes }
 }
 
-/// The forecast of one mode, whose points are given and whose spread is that of its kind.
+/// Forecast with a single mode through these points, with the covariances of the actor's kind.
 pub(super) fn single(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Forecast {
     let spots = spread(seen, stamp, horizon, points);
     forecast(seen, vec![mode(1.0, seen, stamp, (horizon, &spots))])
 }
 
-/// Points with the spread of the actor's kind.
+/// Adds the covariances of the actor's kind to points.
 pub(super) fn spread(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Vec<Spot> {
     let (wander, step_s) = (wander(seen.past.kind), horizon.step.as_secs());
     let unseen_s = (stamp - seen.past.last().at).as_secs();

@@ -1,4 +1,4 @@
-//! On as filters believe: one mode for each model of motion.
+//! Forecasts by Kalman filters: one mode per motion model.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
@@ -9,11 +9,11 @@ use super::{Horizon, Seen};
 use crate::filter::{Belief, Model, Motion, believe};
 use crate::past::Past;
 
-/// Velocity that slowly dies away, people's within a minute: nobody goes straight on for ever.
+/// Slowly decaying velocity, with a time constant of 40 s for pedestrians.
 const ON: Model = Model { motion: Motion::Fading(40.0), density: 0.1, prior: 0.8, dwell_s: 4.0 };
-/// Turn and acceleration that die away within a second.
+/// Turn and acceleration that decay within a second.
 const TURN: Model = Model { motion: Motion::Turning(1.0), density: 0.3, prior: 0.15, dwell_s: 2.0 };
-/// To a stand within a second or two.
+/// Stop within one or two seconds.
 const STOP: Model = Model { motion: Motion::Fading(0.8), density: 0.3, prior: 0.05, dwell_s: 2.0 };
 
 /// [`super::PredictorName::Kalman`].
@@ -23,11 +23,11 @@ pub(super) const CTRA: &[Model] = &[Model { prior: 1.0, ..TURN }];
 /// [`super::PredictorName::Imm`].
 pub(super) const IMM: &[Model] = &[ON, TURN, STOP];
 
-/// What is rolled turns in steps no longer than this, seconds.
+/// Largest integration step of the turning model, seconds.
 const ROLL_STEP_S: f64 = 0.1;
 
-/// A model as it is for this kind of actor: what rolls keeps its speed and stops over four times as long as who walks, and
-/// gains and loses more of it.
+/// Adapts a model to a kind of actor: compared with pedestrians, wheeled actors have a velocity decay four times as
+/// slow, and larger process noise.
 fn of_kind(model: &Model, kind: ActorKind) -> Model {
     if matches!(kind, ActorKind::Pedestrian | ActorKind::Static) {
         return *model;
@@ -40,7 +40,7 @@ fn of_kind(model: &Model, kind: ActorKind) -> Model {
     }
 }
 
-/// A mode for each model.
+/// Forecasts with one mode per model.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, models: &[Model]) -> Vec<Forecast> {
     let of_one = |seen: &Seen| {
         let models: Vec<Model> = models.iter().map(|model| of_kind(model, seen.past.kind)).collect();
@@ -54,13 +54,13 @@ pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, models: &
     seen.iter().map(of_one).collect()
 }
 
-/// What the models make of a past, by the noise of its kind.
+/// Estimates of the models from a past, with the noise of its kind.
 pub(super) fn beliefs(past: &Past, models: &[Model]) -> Vec<Belief> {
     let speed_sigma_mps = if past.kind == ActorKind::Pedestrian { 1.5 } else { 15.0 };
     believe(past, models, wander(past.kind).sighting_m, speed_sigma_mps)
 }
 
-/// One model's mode: its mean along the horizon, with the spread that recorded actors have about it.
+/// Mode of one model: its mean over the horizon, with the covariance of recorded actors.
 fn foretold(seen: &Seen, stamp: Time, horizon: &Horizon, (model, belief): (&Model, &Belief)) -> Mode {
     let wander = wander(seen.past.kind);
     let unseen_s = (stamp - seen.past.last().at).as_secs();
@@ -86,12 +86,12 @@ fn foretold(seen: &Seen, stamp: Time, horizon: &Horizon, (model, belief): (&Mode
     mode(belief.weight, seen, stamp, (horizon, &spots))
 }
 
-/// Who turns and gains speed, both dying away.
+/// Motion with decaying yaw rate and acceleration.
 struct Rolled {
     point: Point2,
     heading_rad: f64,
     speed_mps: f64,
-    /// Along the motion, m/s².
+    /// Acceleration along the motion, m/s².
     gain_mps2: f64,
     yaw_rate_radps: f64,
 }
@@ -101,7 +101,7 @@ impl Rolled {
         let (velocity, acceleration): (Vector2, Vector2) = (belief.derivative(1), belief.derivative(2));
         let speed_mps = velocity.norm();
         let along = velocity * (1.0 / speed_mps.max(1e-6));
-        // Who hardly moves has no radius to turn on.
+        // At very low speed, the yaw rate is limited.
         let yaw_rate_radps = along.cross(acceleration) / speed_mps.max(0.5);
         Self {
             point: belief.point(),
@@ -112,7 +112,7 @@ impl Rolled {
         }
     }
 
-    /// Moved on by `dt_s`; nobody goes backwards by braking.
+    /// Advances by `dt_s`; the speed does not become negative.
     fn on(&mut self, dt_s: f64, tau_s: f64) {
         let steps = (dt_s / ROLL_STEP_S).ceil().max(1.0);
         let (step_s, left) = (dt_s / steps, math::exp(-dt_s / steps / tau_s));

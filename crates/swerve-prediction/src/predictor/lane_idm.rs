@@ -1,9 +1,10 @@
-//! Vehicles keep to their lane and their distance, or brake.
+//! Vehicles follow their lane and keep their distance, or brake.
 //!
-//! The speed is that of the intelligent driver model (Treiber, Hennecke and Helbing 2000) behind whoever is next on the
-//! way, who is driven by it too, and at most what the bend allows. Everybody is driven at once, so that what slows who is
-//! ahead comes back through the lane as it does on the road. The ways are those of a lane graph from where the vehicle is,
-//! with its stop lines; the scenario's road at the vehicle's offset; or straight on. What of the speed goes across dies away.
+//! The speed follows the intelligent driver model (Treiber, Hennecke and Helbing 2000) behind the lead on the path,
+//! which is simulated by it too, limited by the curvature. All vehicles are simulated simultaneously, so that a
+//! slowdown propagates back along the lane as it does on the road. The paths are those of a lane graph from the
+//! vehicle's position, with stop lines; the scenario's road at the vehicle's offset; or straight ahead. The lateral
+//! speed decays.
 
 mod driver;
 mod place;
@@ -18,11 +19,11 @@ use super::{Ground, Horizon, Seen};
 use driver::{Driver, Rolled};
 use place::{Place, settled};
 
-/// Share of vehicles that brake for no reason that is known here, and how hard, m/s².
+/// Share of vehicles that brake for an unknown reason, and their deceleration, m/s².
 const YIELDS: f64 = 0.1;
 const YIELD_MPS2: f64 = 2.0;
 
-/// Two modes for each way of a vehicle: on, or braking; of people: on, or stopping.
+/// Two modes for each path of a vehicle: continuing and braking. Pedestrians: the modes of the filters.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, ground: Ground<'_>) -> Vec<Forecast> {
     let places: Vec<Place> = seen.iter().map(|seen| Place::of(seen, stamp, ground)).collect();
     let red = place::held_up(&places, seen, ground);
@@ -60,7 +61,7 @@ fn walks(seen: &Seen) -> bool {
     matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static)
 }
 
-/// How far who brakes to a stand has come.
+/// Distance covered while braking to a stop, at each instant.
 fn braked(speed_mps: f64, horizon: &Horizon) -> Vec<f64> {
     let at = |k: usize| {
         let brakes_s = (horizon.step.as_secs() * k as f64).min(speed_mps / YIELD_MPS2);

@@ -1,4 +1,4 @@
-//! On as a net has learnt.
+//! Forecasts by learned predictors.
 
 use std::sync::LazyLock;
 
@@ -10,7 +10,7 @@ use super::drawn::{Spot, forecast, mode};
 use super::{Horizon, PredictorName, Seen};
 use crate::learned::{Frame, Way, Weights, sights};
 
-/// What a place is known to at the present instant, in the scale.
+/// Standard deviation of the present position, in scaled units.
 const NOW_SIGMA: f32 = 0.03;
 
 macro_rules! shipped {
@@ -25,7 +25,7 @@ static MULTIPATH: LazyLock<Weights> = shipped!("multipath.weights");
 static MFP: LazyLock<Weights> = shipped!("mfp.weights");
 static R2P2: LazyLock<Weights> = shipped!("r2p2.weights");
 
-/// The weights that a predictor is shipped with, if it is one that has learnt.
+/// Shipped weights of a learned predictor; `None` for others.
 pub(super) fn shipped(name: PredictorName) -> Option<&'static Weights> {
     match name {
         PredictorName::Multipath => Some(&MULTIPATH),
@@ -35,7 +35,7 @@ pub(super) fn shipped(name: PredictorName) -> Option<&'static Weights> {
     }
 }
 
-/// A mode for each way on.
+/// Forecasts with one mode per path of the net.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, weights: &Weights) -> Vec<Forecast> {
     let step = Span::from_ms(i64::from(weights.shape.step_ms));
     let sights = sights(seen, stamp, &weights.shape);
@@ -51,7 +51,7 @@ pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, weights: 
     seen.iter().zip(&sights).zip(all).map(of_one).collect()
 }
 
-/// At the horizon's instants: between steps on a straight line, after the last straight on.
+/// Positions at the horizon's instants: interpolated between the net's steps, extrapolated after the last.
 fn spots(way: &Way, frame: &Frame, horizon: &Horizon, step: Span) -> Vec<Spot> {
     let now = NOW_SIGMA * NOW_SIGMA;
     let first = (frame.origin, frame.covariance_m2([now, 0.0, now]));

@@ -1,9 +1,9 @@
-//! Everybody takes half of the care that nobody touches anybody: optimal reciprocal collision avoidance (van den Berg,
-//! Guy, Lin and Manocha 2011, sections 4 and 5).
+//! Optimal reciprocal collision avoidance (van den Berg, Guy, Lin and Manocha 2011, sections 4 and 5).
 //!
-//! Each of two takes up half of the smallest change of their relative velocity that keeps them apart for a while: a half
-//! plane of velocities for each neighbour. Taken is the velocity in all of them that is nearest to the wanted one, the
-//! present; where there is none, the one that goes least far into the worst half plane.
+//! Each of two agents takes half of the smallest change of their relative velocity that keeps them apart for some
+//! time: a half plane of velocities for each neighbour. The new velocity is the one in all half planes that is
+//! nearest to the preferred velocity, which is the initial one. If there is none, it is the one that violates the
+//! worst half plane least.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2};
@@ -13,39 +13,39 @@ use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Horizon, Seen};
 
-/// For how long nobody is to touch anybody, seconds.
+/// Time for which collisions are avoided, seconds.
 const LOOK_AHEAD_S: f64 = 1.5;
-/// Of a person, metres.
+/// Radius of a pedestrian, metres.
 pub(crate) const RADIUS_M: f64 = 0.2;
-/// Nobody gets faster than this much of the present speed.
+/// Largest speed, as a ratio to the preferred speed.
 const SPEED_SHARE_MAX: f64 = 1.3;
-/// Nearest others that are minded, and how near they have to be, metres.
+/// Largest number of neighbours, and their largest distance, metres.
 const NEIGHBOURS_MAX: usize = 10;
 const NEIGHBOURS_WITHIN_M: f64 = 10.0;
-/// Steps of the roll-out are no longer than this, seconds.
+/// Largest integration step, seconds.
 const STEP_S: f64 = 0.2;
-/// What is parallel.
+/// Threshold for parallel lines.
 const EPSILON: f64 = 1e-9;
 
-/// Somebody on the way.
+/// A simulated road user.
 #[derive(Clone, Copy)]
 pub(crate) struct Agent {
     pub(crate) point: Point2,
     pub(crate) velocity_mps: Vector2,
     pub(crate) wanted_mps: Vector2,
     pub(crate) radius_m: f64,
-    /// Whether the way is given: what is no person goes straight on, and is given way in full.
+    /// True if it is not a pedestrian: it moves straight ahead, and pedestrians do all of the avoidance.
     pub(crate) fixed: bool,
 }
 
-/// Velocities to the left of `direction` through `point` are allowed.
+/// A half plane: velocities to the left of `direction` through `point` are allowed.
 #[derive(Clone, Copy)]
 struct Line {
     point: Vector2,
     direction: Vector2,
 }
 
-/// One mode each.
+/// Forecasts with one mode per actor.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let mut agents: Vec<Agent> = seen.iter().map(|seen| Agent::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = agents.iter().map(|agent| vec![agent.point]).collect();
@@ -75,7 +75,7 @@ impl Agent {
     }
 }
 
-/// The velocity that agent `k` takes up.
+/// New velocity of agent `k`.
 pub(crate) fn velocity(agents: &[Agent], k: usize, step_s: f64) -> Vector2 {
     let me = &agents[k];
     if me.fixed {
@@ -96,19 +96,19 @@ pub(crate) fn velocity(agents: &[Agent], k: usize, step_s: f64) -> Vector2 {
     }
 }
 
-/// The half plane of velocities that keep clear of `other`.
+/// Half plane of velocities that avoid `other`.
 fn line(me: &Agent, other: &Agent, step_s: f64) -> Line {
     let apart: Vector2 = other.point - me.point;
     let relative = me.velocity_mps - other.velocity_mps;
     let radius = me.radius_m + other.radius_m;
     let touching = apart.norm() <= radius;
-    // Who touches gets apart within the step, everybody else stays so for a while.
+    // Agents in contact separate within the step; others avoid contact over the look-ahead time.
     let within_s = if touching { step_s } else { LOOK_AHEAD_S };
     let from_centre = relative - apart * (1.0 / within_s);
     let ahead = from_centre.dot(apart);
     let (direction, change) =
         if touching || (ahead < 0.0 && ahead * ahead > radius * radius * from_centre.norm_squared()) {
-            // Nearest to the round end of the cone.
+            // The nearest boundary is the round cap of the velocity cone.
             let size = from_centre.norm();
             let unit = if size > EPSILON { from_centre * (1.0 / size) } else { Vector2::new(0.0, 1.0) };
             (unit.left() * -1.0, unit * (radius / within_s - size))
@@ -125,8 +125,8 @@ fn line(me: &Agent, other: &Agent, step_s: f64) -> Line {
     Line { point: me.velocity_mps + change * share, direction }
 }
 
-/// The velocity nearest to `wanted`, no faster than `most`, within all half planes; else the first that could not be kept,
-/// and what was best before it.
+/// Velocity nearest to `wanted`, of at most `most`, within all half planes. On failure, the index of the first half
+/// plane that could not be satisfied, and the best velocity before it.
 fn nearest(lines: &[Line], most: f64, wanted: Vector2) -> Result<Vector2, (usize, Vector2)> {
     let size = wanted.norm();
     let mut best = if size > most { wanted * (most / size) } else { wanted };
@@ -139,7 +139,7 @@ fn nearest(lines: &[Line], most: f64, wanted: Vector2) -> Result<Vector2, (usize
     Ok(best)
 }
 
-/// A stretch of a line, from and to.
+/// An interval of a line, by its ends.
 #[derive(Clone, Copy)]
 struct Stretch(f64, f64);
 
@@ -149,7 +149,8 @@ impl Stretch {
     }
 }
 
-/// A point on line `k` that keeps all lines before it and the largest speed; `choose` takes one of the stretch that does.
+/// Point on line `k` within all earlier half planes and the speed limit; `choose` selects it from the feasible
+/// interval.
 fn along(lines: &[Line], k: usize, most: f64, choose: impl Fn(Stretch) -> f64) -> Option<Vector2> {
     let line = lines[k];
     let middle = line.point.dot(line.direction);
@@ -180,8 +181,8 @@ fn along(lines: &[Line], k: usize, most: f64, choose: impl Fn(Stretch) -> f64) -
     Some(line.point + line.direction * choose(stretch))
 }
 
-/// Where no velocity keeps all half planes: the one that goes least far beyond the worst, as the paper's three-dimensional
-/// program, solved line by line.
+/// Fallback if no velocity satisfies all half planes: the one with the smallest largest violation, as in the
+/// three-dimensional program of the paper, solved line by line.
 fn least_bad(lines: &[Line], from: usize, most: f64, mut best: Vector2) -> Vector2 {
     let mut beyond = 0.0;
     for (k, line) in lines.iter().enumerate().skip(from) {
@@ -189,7 +190,7 @@ fn least_bad(lines: &[Line], from: usize, most: f64, mut best: Vector2) -> Vecto
             continue;
         }
         let bisected: Vec<Line> = lines[..k].iter().filter_map(|other| bisector(line, other)).collect();
-        // Straight away from the line, as far as the others let.
+        // As far from the line as the others allow.
         if let Ok(found) = farthest(&bisected, most, line.direction.left()) {
             best = found;
         }
@@ -198,7 +199,7 @@ fn least_bad(lines: &[Line], from: usize, most: f64, mut best: Vector2) -> Vecto
     best
 }
 
-/// Velocities beyond `line` no further than beyond `other`.
+/// Half plane of velocities that violate `line` no more than `other`.
 fn bisector(line: &Line, other: &Line) -> Option<Line> {
     let steep = line.direction.cross(other.direction);
     let point = if steep.abs() <= EPSILON {
@@ -214,7 +215,7 @@ fn bisector(line: &Line, other: &Line) -> Option<Line> {
     (size > EPSILON).then(|| Line { point, direction: between * (1.0 / size) })
 }
 
-/// The velocity farthest in `direction` within all half planes.
+/// Velocity farthest in `direction` within all half planes.
 fn farthest(lines: &[Line], most: f64, direction: Vector2) -> Result<Vector2, ()> {
     let mut best = direction * most;
     for (k, line) in lines.iter().enumerate() {

@@ -1,7 +1,7 @@
-//! People push each other off: the social force model (Helbing and Molnár 1995, equations 2 to 6).
+//! Social force model of pedestrians (Helbing and Molnár 1995, equations 2 to 6).
 //!
-//! Who walks wants to go on with the present velocity; others push with a potential that falls off with their distance,
-//! those behind with half of it. What rolls goes straight on and pushes too.
+//! Pedestrians aim to keep their present velocity; others repel them with a potential that decays with distance, at
+//! half strength from behind. Wheeled actors move straight ahead and repel too.
 
 use swerve_core::Time;
 use swerve_geom::{Point2, Vector2, math};
@@ -11,36 +11,36 @@ use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
 use super::{Horizon, Seen};
 
-/// Time in which the wanted velocity is taken up, seconds.
+/// Time constant with which the desired velocity is approached, seconds.
 const RELAXATION_S: f64 = 0.5;
-/// Of the potential at no distance, m²/s², and over which distance it falls to a third, metres.
+/// Potential at zero distance, m²/s², and distance over which it falls to 1/e, metres.
 const POTENTIAL_M2PS2: f64 = 2.1;
 const RANGE_M: f64 = 0.3;
-/// The others' next step, seconds.
+/// Look-ahead for the others' next step, seconds.
 const NEXT_STEP_S: f64 = 2.0;
-/// Of the push of somebody out of sight, and half the angle of sight as a cosine (100°).
+/// Weight of forces from outside the field of view, and half of its angle as a cosine (100°).
 const UNSEEN_SHARE: f64 = 0.5;
 const SIGHT_COS: f64 = -0.173_648;
-/// Nobody who walks gets faster than this much of the wanted speed.
+/// Largest speed of a pedestrian, as a ratio to the desired speed.
 const SPEED_SHARE_MAX: f64 = 1.3;
-/// Two people's centres are this far apart where they touch, metres.
+/// Distance of the centres of two pedestrians in contact, metres.
 const TOUCH_M: f64 = 0.6;
-/// Further off nobody pushes, metres: by then a hundred-thousandth is left.
+/// Range of the force, metres: beyond, less than a hundred-thousandth is left.
 const REACH_M: f64 = 5.0;
-/// Steps of the roll-out are no longer than this, seconds.
+/// Largest integration step, seconds.
 const STEP_S: f64 = 0.1;
 
-/// Somebody on the way.
+/// A simulated road user.
 struct Walker {
     point: Point2,
     velocity_mps: Vector2,
     wanted_mps: Vector2,
     walks: bool,
-    /// Beyond a person's, metres.
+    /// Radius in excess of a pedestrian's, metres.
     extra_radius_m: f64,
 }
 
-/// One mode each.
+/// Forecasts with one mode per actor.
 pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let mut walkers: Vec<Walker> = seen.iter().map(|seen| Walker::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = walkers.iter().map(|walker| vec![walker.point]).collect();
@@ -80,7 +80,7 @@ impl Walker {
     }
 }
 
-/// The push of all others on one, m/s².
+/// Sum of the forces of all others on walker `k`, m/s².
 fn push(walkers: &[Walker], k: usize) -> Vector2 {
     let me = &walkers[k];
     if !me.walks {
@@ -90,7 +90,7 @@ fn push(walkers: &[Walker], k: usize) -> Vector2 {
     others.fold(Vector2::default(), |sum, (_, other)| sum + push_of(me, other))
 }
 
-/// Equations 3 to 6: equal potentials are ellipses that reach ahead of the other by the step that is next.
+/// Equations 3 to 6: equipotential lines are ellipses that extend ahead of the other by its next step.
 fn push_of(me: &Walker, other: &Walker) -> Vector2 {
     let away: Vector2 = me.point - other.point;
     let apart_m = away.norm();
@@ -105,7 +105,7 @@ fn push_of(me: &Walker, other: &Walker) -> Vector2 {
     let slope = (away * (1.0 / apart_m) + away_next * (1.0 / apart_next_m)) * (both_m / (4.0 * half_axis_m));
     let gap_m = (half_axis_m - other.extra_radius_m).max(0.0);
     let force = slope * (POTENTIAL_M2PS2 / RANGE_M * math::exp(-gap_m / RANGE_M));
-    // In sight is who pushes from ahead.
+    // Forces from ahead are within the field of view.
     let ahead = -me.wanted_mps.dot(force) >= SIGHT_COS * force.norm() * me.wanted_mps.norm();
     force * if ahead { 1.0 } else { UNSEEN_SHARE }
 }

@@ -1,4 +1,4 @@
-//! Straight on.
+//! Forecasts by straight extrapolation.
 
 use swerve_core::Time;
 use swerve_geom::Point2;
@@ -8,10 +8,10 @@ use super::drawn::single;
 use super::{Horizon, Seen};
 use crate::linear;
 
-/// Over how long the last velocity is taken, seconds: with sightings further apart, the last two.
+/// Time over which the last velocity is averaged, seconds; with longer intervals, the last two sightings are used.
 pub(super) const VELOCITY_WINDOW_S: f64 = 0.5;
 
-/// The paper's predictor, with a spread.
+/// Predictor of the paper, with covariances.
 pub(super) fn linear(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let params = linear::Params {
         future_steps: horizon.steps,
@@ -28,7 +28,7 @@ pub(super) fn linear(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forec
     seen.iter().map(of_one).collect()
 }
 
-/// On with the velocity of the last half second.
+/// Constant velocity of the last half second.
 pub(super) fn constant_velocity(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let of_one = |seen: &Seen| {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);

@@ -7,7 +7,7 @@ mod oracle;
 
 const TWO_SECONDS: Horizon = Horizon { steps: 20, step: Span::from_ms(100) };
 
-/// Seen every 100 ms for two seconds, up to the time zero, where `place` has it.
+/// A track with sightings every 100 ms for two seconds up to time zero, at positions given by `place`.
 fn seen(id: u32, kind: ActorKind, place: impl Fn(f64) -> (f64, f64)) -> Track {
     let at = |k: i64| {
         let (x_m, y_m) = place(0.1 * k as f64);
@@ -32,7 +32,8 @@ fn end(forecast: &Forecast) -> Point2 {
     forecast.likeliest().unwrap().path.last().unwrap().pose.point()
 }
 
-/// Probabilities sum to one, instants are those asked for, covariances are covariances, all numbers finite.
+/// Checks that probabilities sum to one, instants are the requested ones, covariances are positive definite and all
+/// numbers finite.
 fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Option<&Route>) -> ForecastList {
     let list = forecast(name, tracks, horizon, Ground::road(road));
     for one in &list.forecasts {
@@ -56,7 +57,7 @@ fn check(name: PredictorName, tracks: &TrackList, horizon: &Horizon, road: Optio
 }
 
 #[test]
-fn who_goes_straight_on_is_predicted_to_by_all() {
+fn all_predictors_continue_a_straight_motion() {
     for (kind, speed_mps) in [(ActorKind::Pedestrian, 1.4), (ActorKind::Car, 12.0)] {
         let tracks = list(vec![seen(1, kind, |t| (speed_mps * 0.8 * t, 3.0 + speed_mps * 0.6 * t))]);
         for name in PredictorName::ALL {
@@ -64,7 +65,7 @@ fn who_goes_straight_on_is_predicted_to_by_all() {
             let goal = Point2::new(speed_mps * 1.6, 3.0 + speed_mps * 1.2);
             let off_m = match shipped(name) {
                 None => end(&forecasts[0]).distance(goal),
-                // Nets have learnt that others brake and turn: one of the ways on is straight.
+                // Nets have learned that vehicles brake and turn: one of their modes is straight.
                 Some(_) => {
                     let ends =
                         forecasts[0].modes.iter().map(|mode| mode.path[20].pose.point().distance(goal));
@@ -77,7 +78,7 @@ fn who_goes_straight_on_is_predicted_to_by_all() {
 }
 
 #[test]
-fn who_turns_is_followed_for_a_while() {
+fn filters_follow_a_turn_better_than_constant_velocity() {
     // 10 m/s on a circle of 25 m: after a second it is 2 m beside the tangent.
     let at = |t: f64| {
         let (sin, cos) = math::sin_cos(0.4 * t);
@@ -95,7 +96,7 @@ fn who_turns_is_followed_for_a_while() {
 }
 
 #[test]
-fn who_brakes_is_given_a_stop() {
+fn braking_pedestrian_gets_a_stopping_mode() {
     let stopping =
         |t: f64| (if t < -1.0 { 1.4 * (t + 1.0) } else { 1.2 * (1.0 - math::exp(-(t + 1.0) / 0.8)) }, 0.0);
     let weights = |place: &dyn Fn(f64) -> (f64, f64)| {
@@ -108,7 +109,7 @@ fn who_brakes_is_given_a_stop() {
 }
 
 #[test]
-fn people_who_meet_give_way_to_each_other() {
+fn pedestrians_who_meet_avoid_each_other() {
     let tracks = list(vec![
         seen(1, ActorKind::Pedestrian, |t| (-2.0 + 1.4 * t, 0.05)),
         seen(2, ActorKind::Pedestrian, |t| (2.0 - 1.4 * t, -0.05)),
@@ -124,8 +125,8 @@ fn people_who_meet_give_way_to_each_other() {
 }
 
 #[test]
-fn a_crowd_in_a_circle_touches_nobody_by_orca() {
-    // Everybody walks to the other side: the test of the paper's section 6.
+fn orca_keeps_a_crowd_in_a_circle_apart() {
+    // All walk to the opposite side: the test of the paper's section 6.
     let crowd = (0..12).map(|k| {
         let (sin, cos) = math::sin_cos(0.02 + f64::from(k) * core::f64::consts::TAU / 12.0);
         seen(k, ActorKind::Pedestrian, move |t| ((4.0 - 1.2 * t) * cos, (4.0 - 1.2 * t) * sin))
@@ -143,8 +144,8 @@ fn a_crowd_in_a_circle_touches_nobody_by_orca() {
 }
 
 #[test]
-fn drivers_keep_their_lane_and_their_distance() {
-    // A bend to the left of 100 m; a slower one ahead on the same lane, 3 m to the left of the line.
+fn lane_idm_keeps_lane_and_distance() {
+    // A bend to the left of 100 m radius; a slower vehicle ahead in the same lane, 3 m to the left of the line.
     let bend = |s_m: f64| -> Point2 {
         let (sin, cos) = math::sin_cos(s_m / 100.0);
         Point2::new(97.0 * sin, 100.0 - 97.0 * cos)
@@ -176,19 +177,19 @@ fn drivers_keep_their_lane_and_their_distance() {
     assert!(free[50].s_m > 50.0 + 65.0, "alone it goes on: {:?}", free[50]);
     let ahead_m = 70.0 + 6.0 * 5.0 / 0.97;
     assert!(behind[50].s_m < ahead_m - 4.5, "behind another it does not drive into him: {:?}", behind[50]);
-    // Without a road it goes straight on, braking all the same.
+    // Without a road it drives straight ahead, and brakes too.
     let forecasts = check(PredictorName::LaneIdm, &both, &horizon, None).forecasts;
     assert_eq!(forecasts[0].modes.len(), 2);
 }
 
 #[test]
-fn what_is_no_track_is_left_out_or_made_the_best_of() {
+fn implausible_tracks_are_dropped_and_damaged_ones_tolerated() {
     let good = seen(1, ActorKind::Car, |t| (10.0 * t, 0.0));
     let nan = Track { id: ActorId(2), pose: Pose2::new(f64::NAN, 0.0, 0.0), ..good.clone() };
     let mut back = Track { id: ActorId(3), ..good.clone() };
     back.history.insert(10, back.history[2]);
     back.history.push(Sighting { at: Time::from_ms(500), point: Point2::new(900.0, 0.0) });
-    // A jump of 500 m: what was before it is another's.
+    // A jump of 500 m: earlier sightings belong to another actor.
     let mut jumps = Track { id: ActorId(4), ..good.clone() };
     jumps.history[..15].iter_mut().for_each(|one| one.point.y_m += 500.0);
     let mut gaps = Track { id: ActorId(5), ..good.clone() };
@@ -198,7 +199,7 @@ fn what_is_no_track_is_left_out_or_made_the_best_of() {
     for name in PredictorName::ALL {
         let list = check(name, &tracks, &TWO_SECONDS, None);
         assert_eq!(list.forecasts.iter().map(|one| one.id.0).collect::<Vec<_>>(), [1, 3, 4, 5, 6]);
-        // They stand on each other's place: those who keep their distance do so, and nets have never seen it.
+        // All tracks are at the same position, at which `lane_idm` and the nets are not expected to move straight.
         if !matches!(name, PredictorName::LaneIdm) && shipped(name).is_none() {
             for one in &list.forecasts {
                 assert!(
@@ -213,7 +214,7 @@ fn what_is_no_track_is_left_out_or_made_the_best_of() {
 }
 
 #[test]
-fn a_thousand_actors_are_predicted() {
+fn thousand_actors_are_predicted() {
     let crowd = (0..1000_u32).map(|k| {
         let kind = if k % 2 == 0 { ActorKind::Pedestrian } else { ActorKind::Car };
         let (x_m, y_m) = (f64::from(k % 32) * 3.0, f64::from(k / 32) * 3.0);

@@ -1,4 +1,4 @@
-//! What will happen, from somebody who knows it: a predictor for experiments.
+//! Predictor from the future ground truth, for experiments.
 
 use swerve_core::{Rng, Span, Time};
 use swerve_geom::{Point2, Vector2};
@@ -7,25 +7,25 @@ use swerve_msg::{Forecast, ForecastList, Track, TrackList};
 use super::drawn::{Spot, direction, forecast, mode, wander};
 use super::{Horizon, Seen, seen, straight};
 
-/// Deviation of a place that is told without an error, metres: no density is without a width.
+/// Standard deviation of a noise-free position, metres: covariances must be positive definite.
 const SIGMA_M: f64 = 0.03;
 
-/// How much of what will happen is told, and how well.
+/// Extent and noise of the provided ground truth.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Telling {
-    /// How far ahead; after that everybody goes straight on. None: as far as is asked.
+    /// Horizon of the ground truth, after which all actors move straight ahead. `None`: as far as requested.
     pub horizon: Option<Span>,
-    /// Deviation of what is told, along each axis and for each second ahead, metres. Its errors are drawn for each actor
-    /// at each stamp anew.
+    /// Standard deviation of the error along each axis, metres per second ahead. Errors are drawn per actor and
+    /// stamp.
     pub noise_mps: f64,
-    /// Of these draws.
+    /// Seed of these draws.
     pub seed: u64,
 }
 
-/// Places of a track's actor at instants that are not before the list's stamp, where somebody knows them.
+/// Source of ground truth: positions of a track's actor at instants from the list's stamp on, or `None` if unknown.
 pub type Told<'a> = &'a dyn Fn(&Track, &[Time]) -> Option<Vec<Point2>>;
 
-/// What becomes of every track, as far as it is `told`; who is not told of goes on with the velocity of the last half second.
+/// Forecasts every track from the ground truth; actors without one keep the velocity of the last half second.
 pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: Told<'_>) -> ForecastList {
     let stamp = tracks.stamp;
     let instants: Vec<Time> = horizon.instants(stamp).collect();
@@ -41,7 +41,7 @@ pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: 
     ForecastList { stamp, forecasts: seen(tracks).iter().filter_map(of_one).collect(), joint: false }
 }
 
-/// Through the places that are told, with their error, and straight on after them.
+/// Forecast through the provided positions, with their errors, and straight ahead after them.
 fn one(seen: &Seen, (stamp, horizon): (Time, &Horizon), telling: &Telling, places: &[Point2]) -> Forecast {
     let mut rng = Rng::keyed(telling.seed, "truth", &[stamp.ns(), i64::from(seen.track.id.0)]);
     let off_mps: Vector2 = Vector2::new(rng.normal(), rng.normal()) * telling.noise_mps;
@@ -88,7 +88,7 @@ mod tests {
         TrackList { stamp: Time::from_ms(1000), tracks: vec![track(1), track(2)] }
     }
 
-    /// The first goes around a circle; of the second nothing is known.
+    /// The first actor moves on a circle; the second is unknown.
     fn told(track: &Track, at: &[Time]) -> Option<Vec<Point2>> {
         (track.id.0 == 1).then(|| at.iter().map(|at| on_circle((*at - Time::ZERO).as_secs())).collect())
     }
@@ -102,13 +102,13 @@ mod tests {
     }
 
     #[test]
-    fn who_is_told_of_goes_as_told_and_who_is_not_straight_on() {
+    fn known_actors_follow_the_truth_and_others_move_straight() {
         let list = foretold(&tracks(), &HORIZON, &Telling::default(), &told);
         for (k, point) in points(&list, 0).into_iter().enumerate() {
             assert!(point.distance(on_circle(1.0 + 0.1 * k as f64)) < 1e-12);
         }
         assert!(points(&list, 1)[20].distance(Point2::new(3.0, 2.0)) < 1e-9);
-        // By its name alone nobody is told anything.
+        // Without a source, no ground truth is used.
         let alone = forecast(PredictorName::Truth, &tracks(), &HORIZON, crate::Ground::Open);
         assert_eq!(
             alone,
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_what_is_told_it_is_straight_on() {
+    fn motion_beyond_the_horizon_of_the_truth_is_straight() {
         let short = Telling { horizon: Some(Span::from_ms(500)), ..Telling::default() };
         let at = points(&foretold(&tracks(), &HORIZON, &short, &told), 0);
         assert!(at[5].distance(on_circle(1.5)) < 1e-12);
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_grow_as_they_are_asked_for_and_are_the_same_every_time() {
+    fn errors_grow_with_time_and_are_reproducible() {
         let mut squares = 0.0;
         for seed in 0..400 {
             let noisy = Telling { noise_mps: 0.3, seed, ..Telling::default() };

@@ -1,7 +1,8 @@
-//! Lanes of CommonRoad's scenario files.
+//! Reader of the lanes in CommonRoad's scenario files.
 //!
-//! Source: "CommonRoad: documentation of the XML format", version 2020a. Read are lanelets (bounds, what is before, after
-//! and beside, kind), their stop lines with the lights that these name, and signs of speed limits; cycles of lights are not.
+//! Source: "CommonRoad: documentation of the XML format", version 2020a. Supported are lanelets (bounds,
+//! predecessors, successors, adjacent lanelets, type), their stop lines with the referenced lights, and speed limit
+//! signs; light cycles are ignored.
 
 use std::collections::BTreeMap;
 
@@ -12,13 +13,13 @@ use swerve_map::{Border, Borders, Lane, LaneId, LaneKind, Map, MapError, Neighbo
 use super::{PLACE_MAX_M, RecordedError, number, whole, wrong};
 use crate::lanes::{LaneGraph, StopLine};
 
-/// Signs that limit the speed, in the United States and in Germany; their value is in m/s.
+/// Ids of speed limit signs in the United States and in Germany; their value is in m/s.
 const LIMITS: [&str; 2] = ["R2-1", "274"];
 
-/// Lanes from a text of CommonRoad's XML.
+/// Reads a lane graph from CommonRoad XML.
 ///
 /// # Errors
-/// The first element that is none, or lanes that do not fit together: its line, and what was expected.
+/// The first invalid element, or lanes that are inconsistent: line, and expected content.
 pub fn commonroad_lanelets(text: &str) -> Result<LaneGraph, RecordedError> {
     let document = Document::parse(text).map_err(|error| wrong(error.pos().row as usize, error))?;
     let root = document.root_element();
@@ -42,7 +43,7 @@ pub fn commonroad_lanelets(text: &str) -> Result<LaneGraph, RecordedError> {
     LaneGraph::new(map, stops).map_err(|error| wrong(lines[&accused(&error)], error))
 }
 
-/// The lane that an error is about.
+/// The lane that an error refers to.
 fn accused(error: &MapError) -> LaneId {
     match *error {
         MapError::Twice(lane)
@@ -74,13 +75,13 @@ fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Result<&'a str, RecordedErro
     node.attribute(name).ok_or_else(|| told(node, format!("<{tag}>: expected an attribute `{name}`")))
 }
 
-/// The identity of an element, or one that it names.
+/// Identity of an element, or one that it refers to.
 fn identity(node: Node<'_, '_>, name: &str) -> Result<u32, RecordedError> {
     let id = whole(line_of(node), name, attribute(node, name)?, f64::from(u32::MAX))?;
     u32::try_from(id).map_err(|_| told(node, format!("{name}: expected no negative number, found `{id}`")))
 }
 
-/// The number in a child of this name.
+/// Number in a child element of this name.
 fn measure(node: Node<'_, '_>, name: &'static str) -> Result<f64, RecordedError> {
     let tag = node.tag_name().name();
     let inner = child(node, name).ok_or_else(|| told(node, format!("<{tag}>: expected <{name}>")))?;
@@ -122,13 +123,13 @@ fn lane(node: Node<'_, '_>, limits: &BTreeMap<u32, f64>) -> Result<Lane, Recorde
     Ok(lane)
 }
 
-/// The distance of a border from points in the middle of a lane.
+/// Border of a lane from its centre points and half widths.
 fn border(middles: &[Point2], half_m: impl Fn(usize) -> f64) -> Result<Border, swerve_map::BorderError> {
     let mut stations = vec![Station { s_m: 0.0, distance_m: half_m(0) }];
     let (mut s_m, mut last) = (0.0, middles[0]);
     for (k, at) in middles.iter().enumerate().skip(1) {
         let on_m = at.distance(last);
-        // As lines leave out points that are twice.
+        // Lines omit repeated points, and so must their borders.
         if on_m > 1e-6 {
             (s_m, last) = (s_m + on_m, *at);
             stations.push(Station { s_m, distance_m: half_m(k) });
@@ -158,7 +159,7 @@ fn neighbour(node: Node<'_, '_>) -> Result<Neighbour, RecordedError> {
     Ok(Neighbour { lane: LaneId(identity(node, "ref")?), opposite })
 }
 
-/// A stop line is at the end of its lane, if it does not say where.
+/// Reads a stop line; without a position, it is at the end of its lane.
 fn stop(lanelet: Node<'_, '_>, node: Node<'_, '_>, lane: &Lane) -> Result<StopLine, RecordedError> {
     let length_m = lane.line.length();
     let at_m = match points(node)?[..] {
@@ -173,7 +174,7 @@ fn stop(lanelet: Node<'_, '_>, node: Node<'_, '_>, lane: &Lane) -> Result<StopLi
     Ok(StopLine { lane: lane.id, at_m: at_m.clamp(0.0, length_m), lights })
 }
 
-/// Speed limits by the identities of their signs, m/s.
+/// Speed limits by sign id, m/s.
 fn limits(root: Node<'_, '_>) -> Result<BTreeMap<u32, f64>, RecordedError> {
     let mut limits = BTreeMap::new();
     for sign in children(root, "trafficSign") {

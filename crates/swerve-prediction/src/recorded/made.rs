@@ -1,8 +1,9 @@
-//! Recordings that are made here: a crossing with lights, cars by the intelligent driver model, and people who make way
-//! for each other.
+//! Synthetic recordings: a crossing with lights, cars by the intelligent driver model, and pedestrians who avoid each
+//! other.
 //!
-//! Two lanes come from each side; who drives goes straight on, left or right, keeps its distance, stops for red and for who
-//! is on the road. People walk from place to place by reciprocal avoidance, stop now and then, or change their mind.
+//! Each of the four approaches has a lane in either direction. Cars drive straight on, left or right, keep their
+//! distance, and stop for red lights and for road users on the road. Pedestrians walk between random places by
+//! reciprocal avoidance, and occasionally stop or change their goal.
 
 use std::collections::BTreeMap;
 
@@ -14,33 +15,33 @@ use super::{RecordedTrack, Recording};
 use crate::idm::Driver;
 use crate::predictor::orca::{self, Agent};
 
-/// Steps of the world, and how many there are between two that are recorded.
+/// Step of the simulation, and number of steps between two recorded ones.
 const STEP_S: f64 = 0.1;
 const RECORDED_EVERY: i64 = 4;
-/// How long a recording is, and how long it runs before, seconds.
+/// Duration of a recording, and of the simulation before it, seconds.
 const LONG_S: f64 = 60.0;
 const BEFORE_S: f64 = 20.0;
-/// From where a car comes to where it leaves, metres from the middle.
+/// Distance from the centre at which cars appear and leave, metres.
 const FAR_M: f64 = 80.0;
-/// From the middle to a lane's own, and to the stop line.
+/// Distance from the centre line of the road to that of a lane, and from the centre to the stop line, metres.
 const LANE_M: f64 = 1.75;
 const STOP_M: f64 = 8.0;
-/// Of a phase of the lights, with two seconds of red for all.
+/// Duration of a phase of the lights, with two seconds of red for all, seconds.
 const PHASE_S: f64 = 14.0;
-/// Where people walk: this far from the middle at most.
+/// Largest coordinate of the places between which pedestrians walk, metres.
 const WALK_M: f64 = 22.0;
 
-/// Somebody who drives.
+/// A simulated car.
 struct Car {
     id: u32,
-    /// Quarter turns of the side that it comes from.
+    /// Approach that it comes from, in quarter turns.
     side: i64,
     way: Way,
     s_m: f64,
     speed_mps: f64,
     wanted_mps: f64,
     headway_s: f64,
-    /// Of this driver's own: a slow wandering of the acceleration, m/s².
+    /// Random walk of the driver's acceleration, m/s².
     mood_mps2: f64,
     extent: Extent,
 }
@@ -52,7 +53,7 @@ enum Way {
     Right,
 }
 
-/// Somebody who walks.
+/// A simulated pedestrian.
 struct Walker {
     id: u32,
     agent: Agent,
@@ -62,7 +63,7 @@ struct Walker {
 }
 
 impl Way {
-    /// Radius of its bend, and to which side.
+    /// Radius of its bend, and its side: 1 for left, -1 for right.
     fn bend(self) -> Option<(f64, f64)> {
         match self {
             Self::On => None,
@@ -73,7 +74,7 @@ impl Way {
 }
 
 impl Car {
-    /// Where it is, as seen by who comes from the west.
+    /// Position and direction, computed for the western approach and then rotated.
     fn place(&self) -> (Point2, Vector2) {
         let before_m = FAR_M - STOP_M;
         let straight =
@@ -97,7 +98,7 @@ impl Car {
         (Point2::new(at.0, at.1), Vector2::new(at.2, at.3))
     }
 
-    /// The acceleration that it takes, by the gap to what is next and how fast that is, m/s².
+    /// Acceleration for a gap (m) and speed (m/s) of the lead, m/s².
     fn gain_mps2(&self, next: Option<(f64, f64)>) -> f64 {
         let near_bend = (self.s_m - (FAR_M - STOP_M)).abs() < 12.0;
         let bend_mps = self.way.bend().filter(|_| near_bend).map(|(radius_m, _)| (2.0 * radius_m).sqrt());
@@ -107,12 +108,12 @@ impl Car {
     }
 }
 
-/// One recording of a minute, by its seed: about a dozen cars and so many people at once.
+/// Makes a recording of one minute from a seed, with about a dozen cars and `people` pedestrians at once.
 pub fn made(seed: u64, people: usize) -> Recording {
     recorded(seed, people, RECORDED_EVERY)
 }
 
-/// The same minute, recorded every 0.1 s.
+/// As [`made`], recorded every 0.1 s.
 pub fn made_finely(seed: u64, people: usize) -> Recording {
     recorded(seed, people, 1)
 }
@@ -156,7 +157,7 @@ impl World {
         }
     }
 
-    /// A step of the world.
+    /// Advances the simulation by one step.
     fn on(&mut self, now_s: f64) {
         self.come();
         let gains: Vec<f64> = (0..self.cars.len()).map(|k| self.gain_mps2(k, now_s)).collect();
@@ -173,7 +174,7 @@ impl World {
         self.walk();
     }
 
-    /// Who comes new: cars by chance, people for those who have left.
+    /// Adds cars at random, and pedestrians in place of those who have left.
     fn come(&mut self) {
         for side in 0..4 {
             let free = self.cars.iter().all(|car| car.side != side || car.s_m > 20.0);
@@ -210,7 +211,7 @@ impl World {
         }
     }
 
-    /// A place beside the road.
+    /// A random position beside the road.
     fn spot(&mut self) -> Point2 {
         let mut beside = || {
             let off_m = self.rng.uniform(4.5, WALK_M);
@@ -219,7 +220,7 @@ impl World {
         Point2::new(beside(), beside())
     }
 
-    /// What car `k` does: by who is next on its lane, a red light, and who is on the road before it.
+    /// Acceleration of car `k`, from its lead, a red light, and pedestrians on the road ahead.
     fn gain_mps2(&self, k: usize, now_s: f64) -> f64 {
         let car = &self.cars[k];
         let (at, ahead) = car.place();
@@ -261,7 +262,7 @@ impl World {
             }
             let speed_mps = if walker.stands_s > 0.0 { 0.0 } else { walker.speed_mps };
             let wanted = to * (speed_mps / to.norm().max(1e-6));
-            // Nobody sets off or turns at once.
+            // Pedestrians change speed and direction gradually.
             let held = walker.agent.wanted_mps;
             let shaken = Vector2::new(self.rng.normal(), self.rng.normal()) * 0.03;
             walker.agent.wanted_mps = held + (wanted - held) * 0.2 + shaken;

@@ -1,7 +1,8 @@
-//! Where on a map a recording was made, by the ways that were driven.
+//! Registration of a recording on a map, by the driven paths.
 //!
-//! CommonRoad's scenarios each have an origin of their own. Every place of a track that moves votes for all shifts that
-//! bring it onto a lane of its direction (Hough); the best are then fitted to the middles of the lanes.
+//! Each of CommonRoad's scenarios has its own origin. Every position of a moving track votes for all translations
+//! that bring it onto a lane of its direction (Hough transform); the best are then fitted to the centre lines of the
+//! lanes.
 
 use std::sync::Arc;
 
@@ -10,26 +11,26 @@ use swerve_geom::{Point2, Vector2, angle_between};
 use super::Recording;
 use crate::lanes::LaneGraph;
 
-/// Shifts looked at, either way along both axes, and the size of their cells, metres.
+/// Largest translation along each axis in either direction, and size of the cells, metres.
 const REACH_M: f64 = 200.0;
 const CELL_M: f64 = 2.0;
-/// Cells along one axis.
+/// Number of cells along one axis.
 const CELLS: usize = 201;
-/// Places that vote, at most, and those that a fit is by.
+/// Largest number of positions for voting, and for the fit.
 const VOTES: usize = 400;
 const FITS: usize = 120;
-/// Who is on a lane goes its way within this, radians.
+/// Largest angle to the direction of a lane, radians.
 const ALONG_RAD: f64 = 0.25;
-/// Shifts that are fitted, and how often each is.
+/// Number of translations that are fitted, and iterations of each fit.
 const TRIED: usize = 4;
 const ROUNDS: usize = 8;
 
-/// A place of a track, and where it went.
+/// A position of a track, and its direction of motion.
 type Going = (Point2, f64);
 
 impl Recording {
-    /// Moved onto `lanes`, and which share of those who drove is then in the middle of a lane of their direction, 0 to 1;
-    /// none where nobody drove, or nowhere near.
+    /// Moves the recording onto `lanes`. Also returns the share of moving positions that are then near the centre of
+    /// a lane of their direction, 0 to 1. `None` if nothing moves, or no lane is within reach.
     pub fn placed(&self, lanes: &Arc<LaneGraph>) -> Option<(Self, f64)> {
         let going = self.going();
         let (votes, fits) = (thinned(&going, VOTES), thinned(&going, FITS));
@@ -59,12 +60,12 @@ impl Recording {
     }
 }
 
-/// At most about so many of them, evenly.
+/// Selects about `most` of the positions, evenly.
 fn thinned(going: &[Going], most: usize) -> Vec<Going> {
     going.iter().step_by(going.len().div_ceil(most).max(1)).copied().collect()
 }
 
-/// The shifts with most votes, none beside a better one.
+/// Translations with the most votes, without neighbours of better ones.
 fn best_cells(going: &[Going], lanes: &LaneGraph) -> Vec<Vector2> {
     let mut votes = vec![0_u32; CELLS * CELLS];
     let cell = |shift_m: f64| ((shift_m + REACH_M) / CELL_M).round();
@@ -100,11 +101,12 @@ fn best_cells(going: &[Going], lanes: &LaneGraph) -> Vec<Vector2> {
     best
 }
 
-/// A shift brought nearer to the middles of the lanes by least squares, and the share that is there then.
+/// Fits a translation to the centre lines of the lanes by least squares; also returns the share of positions near a
+/// centre line.
 fn fitted(mut shift: Vector2, going: &[Going], lanes: &LaneGraph) -> (Vector2, f64) {
     let mut share = 0.0;
     for round in 0..=ROUNDS {
-        // Damped, so that what nothing holds along a straight road stays where it is.
+        // Damped, so that a component along a straight road, which is unobservable, stays as it is.
         let damp = 0.05 * going.len() as f64;
         let ([mut xx, mut xy, mut yy], [mut x, mut y]) = ([damp, 0.0, damp], [0.0; 2]);
         share = 0.0;
@@ -126,7 +128,7 @@ fn fitted(mut shift: Vector2, going: &[Going], lanes: &LaneGraph) -> (Vector2, f
     (shift, share / going.len().max(1) as f64)
 }
 
-/// How far a point is to the left of the middle of the nearest lane of its direction, and which way that is.
+/// Offset of a point to the left of the nearest lane of its direction, and the direction of that offset.
 fn off_middle(point: Point2, heading_rad: f64, lanes: &LaneGraph) -> Option<(f64, Vector2)> {
     let spots = lanes.spots(point).into_iter().filter_map(|spot| {
         let on = lanes.pose(&spot);

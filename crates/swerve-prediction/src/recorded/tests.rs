@@ -17,7 +17,7 @@ fn rows_become_tracks_and_gaps_end_windows() {
     assert_eq!((first.history.len(), first.history[0].at), (3, Time::from_ms(2800)));
     assert!((first.velocity_mps.x - 2.5).abs() < 1e-9);
     assert_eq!(scene.windows[0].truth, [Point2::new(10.0, 2.5), Point2::new(11.0, 2.5)]);
-    // Shorter ones too, never over the gap; beginning at every third sighting; two at once at least.
+    // Shorter windows too, never across the gap; starts at every third sighting; at least three actors at once.
     let short = Protocol { predict: 9, predict_min: 1, ..Protocol::whole(3, 2) };
     let lengths: Vec<usize> =
         recording.scenes(&short).iter().map(|scene| scene.windows[0].truth.len()).collect();
@@ -35,7 +35,7 @@ fn recordings_are_played_faster_slower_and_backwards() {
         samples.into_iter().map(|(step, place)| (step, place.x_m)).collect::<Vec<_>>()
     };
     assert_eq!(recording.played(1.0), recording);
-    // The step 5 is not there: nothing between 4 and 6.
+    // Step 5 is missing: there is nothing between 4 and 6.
     assert_eq!(played(2.0), [(0, 0.0), (1, 4.0), (2, 16.0), (3, 36.0)]);
     assert_eq!(played(1.5), [(0, 0.0), (1, 2.5), (2, 9.0), (4, 36.0)]);
     assert_eq!(played(0.5)[..3], [(0, 0.0), (1, 0.5), (2, 1.0)]);
@@ -44,7 +44,7 @@ fn recordings_are_played_faster_slower_and_backwards() {
 }
 
 #[test]
-fn who_stands_is_turned_as_it_came() {
+fn actor_at_rest_keeps_the_heading_of_its_last_motion() {
     let x_m = |step: i32| -f64::from(step.min(4));
     let text: String = (0..9).map(|k| format!("{} 1 {} 0\n", 10 * k, x_m(k))).collect();
     let scenes = eth_ucy(&text).unwrap().scenes(&Protocol::whole(2, 1));
@@ -53,7 +53,7 @@ fn who_stands_is_turned_as_it_came() {
 }
 
 #[test]
-fn scenarios_are_told_apart() {
+fn rows_are_separated_by_scenario() {
     let text = "scenario,id,type,length_m,width_m,step,x_m,y_m,heading_rad,speed_mps\n\
                 B,500,car,6.10,2.56,0,87.4,-91.9,-0.7,13.3\nA,500,bus,12,2.5,0,1,2,0,3\nA,500,bus,12,2.5,1,2,2,0,3\n";
     let recordings = commonroad_csv(text).unwrap();
@@ -64,7 +64,7 @@ fn scenarios_are_told_apart() {
 }
 
 #[test]
-fn a_bad_row_is_told_with_its_line() {
+fn invalid_row_is_reported_with_its_line() {
     let eth = |text: &str| eth_ucy(text).unwrap_err().to_string();
     assert_eq!(eth("0 1 2 3\n0 1 2"), "2: expected `frame person x y`, found 3 words");
     assert_eq!(eth("0 1 NaN 3"), "1: x: expected a number of at most 10000000, found `NaN`");
@@ -81,8 +81,8 @@ fn a_bad_row_is_told_with_its_line() {
 }
 
 #[test]
-fn packed_text_is_unpacked_and_broken_is_told() {
-    // `printf '0 1 2 3\n' | gzip -n`, and the same with a name.
+fn gzip_text_is_decoded_and_damaged_gzip_reported() {
+    // `printf '0 1 2 3\n' | gzip -n`, and the same with a file name.
     let body = [0x33, 0x50, 0x30, 0x54, 0x30, 0x52, 0x30, 0xe6, 0x02, 0x00, 0, 0, 0, 0, 8, 0, 0, 0];
     let head = |flags| vec![0x1f, 0x8b, 8, flags, 0, 0, 0, 0, 0, 3];
     for name in [head(0), [head(8), b"a.txt\0".to_vec()].concat()] {
@@ -96,7 +96,7 @@ fn packed_text_is_unpacked_and_broken_is_told() {
 }
 
 #[test]
-fn what_is_made_moves_as_traffic_does() {
+fn made_recording_moves_like_traffic() {
     let recording = made(1, 12);
     assert_eq!(recording, made(1, 12), "the same twice");
     assert_ne!(recording, made(2, 12));
@@ -115,7 +115,7 @@ fn what_is_made_moves_as_traffic_does() {
         bends += usize::from(!walks && both_m > 20.0);
     }
     assert!(people > 15 && cars > 15 && stands > 3 && bends > 3, "{people} {cars} {stands} {bends}");
-    // Cars keep apart: of the same instant and way no two are in one place.
+    // Cars keep apart: no two are at the same position at the same instant.
     let mut least_m = f64::INFINITY;
     let cars: Vec<_> = recording.tracks.iter().filter(|one| one.kind == ActorKind::Car).collect();
     for (k, a) in cars.iter().enumerate() {
@@ -130,10 +130,10 @@ fn what_is_made_moves_as_traffic_does() {
 }
 
 #[test]
-fn what_is_written_is_read_again() {
+fn written_recording_is_read_again() {
     let (fine, coarse) = (made_finely(7, 3), made(7, 3));
     assert_eq!((fine.step, coarse.step), (Span::from_ms(100), Span::from_ms(400)));
-    // The same minute: every fourth place.
+    // The same minute: every fourth position.
     let id = coarse.tracks[0].id;
     let same = fine.tracks.iter().find(|track| track.id == id).unwrap();
     for (step, place) in &coarse.tracks[0].samples {

@@ -1,4 +1,4 @@
-//! Recordings as text, in the form of CommonRoad's recorded scenarios.
+//! Writer of recordings in the form of CommonRoad's recorded scenarios.
 
 use std::fmt::Write as _;
 
@@ -8,16 +8,16 @@ use swerve_msg::ActorKind;
 
 use super::{COMMONROAD_STEP_S, HEAD, RecordedTrack, Recording};
 
-/// Why a recording has no such text.
+/// Error of writing a recording.
 #[derive(Clone, Copy, PartialEq, Debug, thiserror::Error)]
 #[error("a step of {0} in place of 0.1 s")]
 pub struct StepError(Span);
 
-/// Rows of recordings by name, under a line with the names of their columns: what
-/// [`commonroad_csv`](super::commonroad_csv) reads. What stands for good is left out. Commas in names become blanks.
+/// Writes recordings by name as rows after a header, as read by [`commonroad_csv`](super::commonroad_csv). Static
+/// objects are omitted. Commas in names become blanks.
 ///
 /// # Errors
-/// When a recording's step is not 0.1 s.
+/// If a recording's step is not 0.1 s.
 pub fn commonroad_text(recordings: &[(String, Recording)]) -> Result<String, StepError> {
     let mut text = format!("{HEAD}\n");
     for (name, recording) in recordings {

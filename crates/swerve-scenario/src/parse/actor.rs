@@ -4,7 +4,7 @@ use swerve_text::{Range, TableReader};
 use super::{ANGLE, DURATION, MOVING, PLACE, SPEED, WAY, unknown_actor};
 use crate::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint, Subject, Trigger};
 
-/// Kind, name in files, usual size (length, width, height in metres) and mass (kg).
+/// Kind, name in files, default size (length, width, height in metres) and mass (kg).
 const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Car, "car", [4.5, 1.8, 1.5], 1_500.0),
     (ActorKind::Truck, "truck", [5.2, 2.6, 2.5], 7_500.0),
@@ -14,7 +14,7 @@ const KINDS: [(ActorKind, &str, [f64; 3], f64); 6] = [
     (ActorKind::Static, "static", [1.0, 1.0, 1.0], 1_000.0),
 ];
 
-/// One actor; `names` are those of all actors, for what refers to them.
+/// Reads one actor; `names` are those of all actors, to resolve references.
 pub(super) fn read(table: &TableReader<'_>, name: &str, names: &[String]) -> Actor {
     let kind_names = KINDS.map(|(_, name, _, _)| name);
     let (kind, _, size, mass) = KINDS[table.one_of("kind", &kind_names).unwrap_or(0)];

@@ -3,12 +3,12 @@ use swerve_text::{Range, TableReader};
 
 const FIGURE: Range = Range::between(-1e9, 1e9);
 
-/// The `[expect]` table and its `[expect.pipeline.NAME]` tables; without any, nothing is expected.
+/// Reads the `[expect]` table and its `[expect.pipeline.NAME]` tables; returns nothing if there are none.
 pub(super) fn read(top: &TableReader<'_>) -> Vec<Expectation> {
     let Some(table) = top.table_if_any("expect") else { return Vec::new() };
     let mut expect = Vec::new();
     let pipelines = table.table_if_any("pipeline");
-    // With entries for named pipelines only, nothing is expected of the others.
+    // If there are entries for named pipelines only, there is no expectation for the others.
     let only_named = pipelines.is_some() && table.keys().len() == 1;
     if !only_named {
         expect.push(expectation(&table, None));

@@ -3,7 +3,7 @@ use crate::{Direction, Motion, Scenario, SpeedPoint, Subject, TrafficLight, Trig
 const TRUCK: &str = include_str!("../../../../scenarios/person_behind_truck.toml");
 
 #[test]
-fn the_person_behind_the_truck_is_read_as_written() {
+fn person_behind_truck_is_read_as_written() {
     let scenario = Scenario::parse("person.toml", TRUCK).unwrap();
     let (truck, person) = (&scenario.actors[0], &scenario.actors[1]);
     assert_eq!((truck.s_m, truck.d_m), (110.0, 4.0));
@@ -23,7 +23,7 @@ fn the_person_behind_the_truck_is_read_as_written() {
 }
 
 #[test]
-fn every_scenario_that_ships_is_sound_and_named_after_its_file() {
+fn shipped_scenarios_are_valid_and_named_after_their_files() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
     let mut names = Vec::new();
     let files =
@@ -68,7 +68,7 @@ impact_speed_mps = { min = 2.0, max = 8.0 }
 "#;
 
 #[test]
-fn all_forms_are_read() {
+fn parser_reads_all_forms() {
     let scenario = Scenario::parse("full.toml", FULL).unwrap_or_else(|problems| panic!("{problems:#?}"));
     assert_eq!(scenario.actors[1].trigger, Some(Trigger::Reaches { who: Subject::Actor(0), s_m: 44.0 }));
     let Motion::Drive { speeds, distance_m: None, .. } = &scenario.actors[0].motion[0] else { panic!() };
@@ -80,7 +80,7 @@ fn all_forms_are_read() {
     assert_eq!(scenario.ego.target_speed_mps, 10.0, "a whole number is a number");
 }
 
-/// Replaces `old` in the text of `FULL` and returns what is reported, as `line key: message`.
+/// Replaces `old` in `FULL` and returns the reported problems as `line key: message`.
 fn problems(old: &str, new: &str) -> Vec<String> {
     assert!(FULL.contains(old), "{old}");
     let text = FULL.replacen(old, new, 1);
@@ -92,7 +92,7 @@ fn problems(old: &str, new: &str) -> Vec<String> {
     }
 }
 
-/// Text to replace in `FULL`, its replacement, and what is then reported.
+/// Text to replace in `FULL`, its replacement, and the expected problems.
 type Case<'a> = (&'a str, &'a str, Vec<&'a str>);
 
 fn check(table: &[Case<'_>]) {
@@ -234,13 +234,13 @@ fn wrong_motion_expectation_and_text_are_reported() {
     check(&table);
 }
 
-/// Adds a light to the road of `FULL`, from line 5 on.
+/// Adds a traffic light to the road of `FULL`, from line 5 on.
 fn light(lines: &str) -> String {
     format!("curvature_1pm = 0.005 }}]\n[[road.light]]\n{lines}")
 }
 
 #[test]
-fn a_traffic_light_is_read_as_written_and_stands_beside_its_stop_line_where_no_place_is_given() {
+fn traffic_light_is_read_as_written_with_defaults_beside_its_stop_line() {
     let read = |lines: &str| {
         let text = FULL.replacen("curvature_1pm = 0.005 }]", &light(lines), 1);
         Scenario::parse("full.toml", &text).unwrap_or_else(|problems| panic!("{problems:#?}")).road.lights
@@ -334,7 +334,7 @@ fn wrong_traffic_lights_are_reported_with_line_and_key() {
 }
 
 #[test]
-fn all_problems_of_a_file_come_at_once_in_the_order_of_lines() {
+fn problems_of_a_file_are_reported_together_in_line_order() {
     let text = FULL
         .replace("end_m = 150.0", "end_m = 150.0\nspeed = 3")
         .replace("kind = \"cyclist\"", "kind = \"horse\"")
@@ -347,7 +347,7 @@ fn all_problems_of_a_file_come_at_once_in_the_order_of_lines() {
 }
 
 #[test]
-fn for_a_first_look_nothing_needs_to_be_expected() {
+fn expectations_are_optional() {
     let text = FULL.split("[expect]").next().unwrap();
     assert_eq!(Scenario::parse("full.toml", text).unwrap().expect, []);
     let verdict_alone = format!("{text}[expect]\nverdict = \"avoided\"\n");
@@ -355,7 +355,7 @@ fn for_a_first_look_nothing_needs_to_be_expected() {
 }
 
 #[test]
-fn the_form_in_the_documentation_is_valid() {
+fn documented_form_is_valid() {
     let documentation = include_str!("../lib.rs");
     let form = documentation.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let text: Vec<&str> = form.lines().map(|line| line.trim_start_matches("//!")).collect();
@@ -365,14 +365,14 @@ fn the_form_in_the_documentation_is_valid() {
 }
 
 #[test]
-fn a_missing_file_is_one_problem() {
+fn missing_file_is_one_problem() {
     let found = Scenario::read(std::path::Path::new("no/such.toml")).unwrap_err();
     assert_eq!(found.len(), 1);
     assert!(found[0].to_string().starts_with("no/such.toml: cannot be read"), "{}", found[0]);
 }
 
 #[test]
-fn no_text_makes_the_reader_panic() {
+fn parser_never_panics_on_arbitrary_text() {
     use proptest::prelude::*;
     let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
         cases: 400,
@@ -390,9 +390,9 @@ fn no_text_makes_the_reader_panic() {
         .unwrap();
 }
 
-/// Ten thousand people in rows, two of them in one place: minutes, were every pair of them or every key compared.
+/// Ten thousand pedestrians in rows, two of them overlapping: comparing all pairs or all keys would take minutes.
 #[test]
-fn a_crowd_is_checked_and_the_one_inside_another_is_found() {
+fn overlap_in_a_large_crowd_is_found() {
     use std::fmt::Write as _;
     let mut text = FULL.split("[[actor]]").next().unwrap().to_owned();
     for k in 0..10_000 {

@@ -1,20 +1,20 @@
-//! Sensors that fail, each by its own signature, on drives whose truth is known.
+//! Sensor faults, each with its signature, on drives with known truth.
 
 use super::*;
 
-/// Begin of each fault, seconds: the filter has settled by then.
+/// Start of each fault, seconds; the filter has converged by then.
 const FROM_S: f64 = 20.0;
 
-/// What was seen of a drive.
+/// Observations of a drive.
 #[derive(Default)]
 pub(super) struct Seen {
-    /// Longest time in which the mode was good although the place was more than five deviations off, seconds.
+    /// Longest time in mode `Good` with a position error of more than five standard deviations, seconds.
     deceived_s: f64,
-    /// Largest distance from the truth once it had started, metres.
+    /// Largest position error after initialisation, metres.
     pub(super) largest_m: f64,
-    /// Place and heading at the end, off the truth: metres and radians.
+    /// Errors of position and heading at the end, metres and radians.
     end: [f64; 2],
-    /// Modes and conditions of the unit at each reading, with the instant in seconds.
+    /// Modes and unit conditions at each reading, with the instant in seconds.
     modes: Vec<(f64, Mode)>,
     health: Vec<(f64, UnitHealth)>,
 }
@@ -29,13 +29,13 @@ impl Seen {
     }
 }
 
-/// A car with steering angle, wheels and corrected fixes, and the usual noises.
+/// A car with steering angle, wheels and corrected fixes, and typical noise.
 pub(super) fn corrected(seed: u64) -> Drive {
     let params = Params { offset_m: 0.0, gyro_noise: [5e-4; 3], accel_noise: [0.02; 3], ..Params::default() };
     Drive { fix_sigma_m: 0.02, steers: true, speed_mps: 8.0, ..Drive::new(seed, params) }
 }
 
-/// Drives on with a localizer; `fault` may change a measurement, or lose it.
+/// Runs a drive with a localizer; `fault` may modify a measurement, or drop it by returning false.
 pub(super) fn drive_on(
     drive: &mut Drive,
     mut localizer: Localizer,
@@ -68,23 +68,23 @@ pub(super) fn drive_on(
     (seen, localizer)
 }
 
-/// One that started as it should.
+/// Runs a drive that is initialised correctly.
 fn driven(seed: u64, seconds: usize, fault: impl FnMut(f64, &mut Sensed) -> bool) -> Seen {
     let mut drive = corrected(seed);
     let localizer = drive.localizer();
     drive_on(&mut drive, localizer, seconds, fault).0
 }
 
-/// The pose is right again three seconds after the fault, and was never good and wrong for long.
+/// Asserts that the pose is correct at the end, and was never in mode `Good` and wrong for more than a second.
 fn assert_mended(seen: &Seen, name: &str) {
     assert!(seen.deceived_s <= 1.0, "{name}: good and wrong for {} s", seen.deceived_s);
     assert!(seen.end[0] < 0.1 && seen.end[1] < 0.02, "{name}: {:?} off at the end", seen.end);
     assert_eq!(seen.modes.last().map(|(_, mode)| *mode), Some(Mode::Good), "{name}");
 }
 
-/// Without a fault no fault is seen.
+/// Without a fault, none is detected.
 #[test]
-fn sound_units_are_sound() {
+fn sound_units_are_reported_as_sound() {
     for seed in 0..20 {
         let seen = driven(seed, 40, |_, _| true);
         assert!(seen.health.iter().skip(1).all(|(_, health)| *health == UnitHealth::Sound), "{seed}");
@@ -93,10 +93,10 @@ fn sound_units_are_sound() {
     }
 }
 
-/// Frozen, noisy or silent for three seconds in a bend: wheels, steering angle and fixes carry the pose. Twenty centimetres are ten
-/// deviations of a fix.
+/// Frozen, noisy or silent for three seconds in a bend: wheels, steering angle and fixes maintain the pose. 0.2 m are
+/// ten standard deviations of a fix.
 #[test]
-fn failing_units_are_known_by_their_signature_and_bridged() {
+fn failing_units_are_identified_by_their_signature_and_bridged() {
     for seed in 0..10 {
         for (name, health) in
             [("frozen", UnitHealth::Frozen), ("noisy", UnitHealth::Noisy), ("silent", UnitHealth::Silent)]
@@ -126,9 +126,9 @@ fn failing_units_are_known_by_their_signature_and_bridged() {
     }
 }
 
-/// The same without a steering angle: nothing shows the heading, so the pose is lost within a second, and found again.
+/// The same without a steering angle: the heading is unobservable, so the pose is lost within a second, and recovers.
 #[test]
-fn a_failing_unit_without_steering_is_lost_and_found() {
+fn pose_without_steering_is_lost_during_a_unit_failure_and_recovers() {
     for seed in 0..10 {
         let mut drive = Drive { steers: false, ..corrected(seed) };
         let localizer = drive.localizer();
@@ -141,10 +141,10 @@ fn a_failing_unit_without_steering_is_lost_and_found() {
     }
 }
 
-/// A gyroscope that reads 0.3 rad/s too much, which no signature of its own shows: the filter goes astray, its fixes go on
-/// without a jump and agree with wheels and steering angle.
+/// A gyroscope with a bias of 0.3 rad/s has no signature in its readings: the filter diverges, while the fixes
+/// continue without a jump and agree with wheels and steering angle.
 #[test]
-fn a_biased_unit_is_found_out_by_fixes() {
+fn biased_unit_is_detected_by_fixes() {
     for seed in 0..10 {
         let seen = driven(seed, 32, |t_s, what| {
             if let Sensed::Imu { gyro_radps, .. } = what
@@ -159,7 +159,8 @@ fn a_biased_unit_is_found_out_by_fixes() {
     }
 }
 
-/// A heading that is 56 degrees off at a deviation of one: each right fix is refused, and the way that they draw is believed.
+/// A heading that is 56 degrees off with a standard deviation of one: correct fixes are refused, and then realign the
+/// filter by the path that they form.
 #[test]
 fn refused_fixes_correct_a_filter_with_a_wrong_heading() {
     for seed in 0..10 {
@@ -179,10 +180,10 @@ fn refused_fixes_correct_a_filter_with_a_wrong_heading() {
     }
 }
 
-/// Fixes that all move by 25 m and stay there are another place by themselves: refused at once, not good within a second, and
-/// believed after ten.
+/// Fixes that all shift by 25 m and stay there are refused at first; the mode is not `Good` within a second, and the
+/// new position is accepted after ten.
 #[test]
-fn a_lasting_step_of_fixes_is_doubted_then_believed() {
+fn lasting_step_of_fixes_is_doubted_then_accepted() {
     for seed in 0..10 {
         let (step_m, mut localizer) = (25.0, None);
         let mut drive = corrected(seed);
@@ -201,10 +202,10 @@ fn a_lasting_step_of_fixes_is_doubted_then_believed() {
     }
 }
 
-/// The first five seconds of fixes are of a reflection. Nobody can see that before the right ones come; then it is not good any
-/// longer than a second, and right after ten.
+/// The fixes of the first five seconds are reflections, which cannot be detected before correct ones arrive. Then the
+/// mode is not `Good` for longer than another second, and the pose is correct after ten.
 #[test]
-fn a_start_by_a_reflection_is_corrected() {
+fn start_from_reflected_fixes_is_corrected() {
     for seed in 0..10 {
         let seen = driven(seed, 20, |t_s, what| {
             if let Sensed::Fix { at_m, .. } = what
@@ -219,9 +220,9 @@ fn a_start_by_a_reflection_is_corrected() {
     }
 }
 
-/// Reflections of any size while the filter is right: it keeps its place.
+/// Reflections of various sizes while the filter is correct: it keeps its position.
 #[test]
-fn steps_of_any_size_do_not_pull_the_filter_along() {
+fn steps_of_any_size_do_not_move_the_filter() {
     for (seed, step_m) in [1.0, 2.0, 5.0, 15.0, 60.0].into_iter().cycle().enumerate().take(20) {
         let seen = driven(seed as u64, 32, |t_s, what| {
             if let Sensed::Fix { at_m, .. } = what
@@ -236,10 +237,10 @@ fn steps_of_any_size_do_not_pull_the_filter_along() {
     }
 }
 
-/// Reflections of five seconds that begin while the inertial unit is noisy: what the unit said last is no turn rate to lay
-/// fixes over, and the filter keeps its place by wheels and steering angle.
+/// Reflections of five seconds that begin while the inertial unit is noisy: the last turn rate of the unit must not
+/// be used to align the fixes, and the filter keeps its position by wheels and steering angle.
 #[test]
-fn a_reflection_while_the_unit_is_noisy_does_not_pull_the_filter_along() {
+fn reflections_while_the_unit_is_noisy_do_not_move_the_filter() {
     for seed in 0..20 {
         let mut drive = Drive { fix_sigma_m: 0.3, ..corrected(seed) };
         let localizer = drive.localizer();
@@ -263,11 +264,11 @@ fn a_reflection_while_the_unit_is_noisy_does_not_pull_the_filter_along() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Whatever befalls one sensor, whenever and for how long: never good for longer than a second at a place that is off by more
-    /// than five deviations. Steps of fixes within their noise cannot be seen, and a biased gyroscope shows as fast as fixes are
-    /// good: it gets corrected ones.
+    /// Any fault of one sensor, at any time and of any duration: never in mode `Good` for longer than a second with a
+    /// position error of more than five standard deviations. Steps of fixes within their noise are undetectable, and
+    /// the time to detect a biased gyroscope depends on the accuracy of fixes: it is tested with corrected ones.
     #[test]
-    fn it_is_never_good_and_wrong_for_long(
+    fn filter_is_never_good_and_wrong_for_long(
         seed in 0_u64..1000,
         kind in 0_u8..5,
         (from_s, lasts_s) in (6.0_f64..12.0, 0.3_f64..4.0),

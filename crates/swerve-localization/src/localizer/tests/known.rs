@@ -3,7 +3,8 @@
 use super::faults::{corrected, drive_on};
 use super::*;
 
-/// Reflections of 25 m from the first fix on: a filter that starts by them is there, one that knows its place refuses them.
+/// Reflections of 25 m from the first fix on: a filter initialised by them follows them, one with a known position
+/// refuses them.
 #[test]
 fn known_start_refuses_reflections_of_the_first_fixes() {
     for seed in 0..10 {
@@ -17,7 +18,7 @@ fn known_start_refuses_reflections_of_the_first_fixes() {
             true
         };
         let (seen, _) = drive_on(&mut drive, known, 4, reflected);
-        // 32 m of way with 0.2 % of wheel scale and 0.5 degrees of heading: 0.3 m.
+        // 32 m driven with 0.2 % of wheel scale and 0.5 degrees of heading: 0.3 m.
         assert!(seen.largest_m < 0.5, "{seed}: {} m", seen.largest_m);
         let by_fix = drive.localizer();
         let (seen, _) = drive_on(&mut drive, by_fix, 4, reflected);
@@ -25,7 +26,8 @@ fn known_start_refuses_reflections_of_the_first_fixes() {
     }
 }
 
-/// A unit that froze in a bend repeats its turn rate of 0.2 rad/s. The car then stops and stands for 10 s: it does not turn.
+/// A unit that froze in a bend repeats its turn rate of 0.2 rad/s. The car then stops for 10 s: its heading must not
+/// change.
 #[test]
 fn unit_that_froze_in_a_bend_does_not_turn_a_standing_car() {
     let params = Params { offset_m: 0.0, ..Params::default() };

@@ -1,13 +1,13 @@
-//! Poses by matching with a map, which come as late as a match takes.
+//! Poses from map matching, which arrive late by the run time of the matcher.
 
 use super::*;
 
-/// A place is good to this across the way, radians the heading.
+/// Standard deviations of the position across the path, metres, and of the heading, radians.
 const PLACE_M: f64 = 0.05;
 const HEADING_RAD: f64 = 0.002;
 
-/// The drive's measurements with a pose ten times a second, each with its time of arrival. Along the way a place is good to
-/// `along_m`.
+/// Measurements of the drive with ten poses per second, each with its time of arrival. The standard deviation of
+/// positions along the path is `along_m`.
 fn arriving(drive: &mut Drive, seconds: usize, along_m: f64) -> Vec<(Time, Time, Sensed)> {
     let way = drive.way(seconds);
     let mut all: Vec<_> =
@@ -31,7 +31,7 @@ fn arriving(drive: &mut Drive, seconds: usize, along_m: f64) -> Vec<(Time, Time,
     all
 }
 
-/// Errors on the ground along and across the way after 5 s, root mean square, and the filter at the end.
+/// Root mean square errors on the ground along and across the path after 5 s, and the localizer at the end.
 fn driven(along_m: f64) -> ([f64; 2], Localizer) {
     let mut drive = Drive::new(2, Params::default());
     let (way, all) = (drive.way(20), arriving(&mut drive, 20, along_m));
@@ -52,7 +52,7 @@ fn driven(along_m: f64) -> ([f64; 2], Localizer) {
     (squares.map(|square: f64| (square / count).sqrt()), localizer)
 }
 
-/// The goal for a filter with poses of 5 cm is 3 cm; a fix is half a metre off here.
+/// The goal for a filter with poses of 5 cm is 3 cm; fixes have an error of half a metre here.
 #[test]
 fn late_poses_make_it_better_than_each_of_them() {
     let ([along, across], localizer) = driven(PLACE_M);
@@ -63,16 +63,16 @@ fn late_poses_make_it_better_than_each_of_them() {
     assert!((heading.nis_sum / heading.taken as f64 - 1.0).abs() < 0.3, "{heading:?}");
 }
 
-/// A match that does not see how far along the road it is keeps the car in its lane, and does not tell it to jump.
+/// A match that does not constrain the position along the road keeps the car in its lane, without jumps along it.
 #[test]
-fn what_a_match_does_not_see_the_other_sensors_tell() {
+fn direction_unseen_by_the_matcher_is_estimated_from_other_sensors() {
     let ([along, across], _) = driven(10.0);
     println!("rms along {along:.4} m, across {across:.4} m");
     assert!(across < 0.05 && along < 1.0, "{along} {across}");
 }
 
 #[test]
-fn late_poses_give_the_bits_of_those_in_time() {
+fn late_poses_give_the_same_bits_as_timely_ones() {
     let mut drive = Drive::new(3, Params::default());
     let mut late = arriving(&mut drive, 6, PLACE_M);
     let mut as_they_come = drive.localizer();

@@ -6,10 +6,10 @@ use super::*;
 use crate::predictor::{Ground, Horizon, PredictorName, forecast};
 
 const THREE_SECONDS: Horizon = Horizon { steps: 30, step: Span::from_ms(100) };
-/// The bend of the road's line, metres.
+/// Bend radius of the road's line, metres.
 const RADIUS_M: f64 = 80.0;
 
-/// A bend to the left, with an oncoming lane of 4 m inside.
+/// A bend to the left, with an oncoming lane of 4 m on the inside.
 fn bend() -> Route {
     let at = |k: i32| {
         let (sin, cos) = math::sin_cos(f64::from(k) / RADIUS_M);
@@ -22,7 +22,7 @@ fn straight() -> Route {
     Route::uniform(Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(200.0, 0.0)]).unwrap(), 6.0, 2.0)
 }
 
-/// Comes towards the ego at `speed_mps` of the lane's own length for three seconds, at (100 m, `d_m`) now.
+/// An oncoming road user with sightings over three seconds at `speed_mps`, now at (100 m, `d_m`).
 fn oncoming(route: &Route, kind: ActorKind, speed_mps: f64, d_m: f64) -> TrackList {
     let at = |k: i64| {
         let share = 1.0 - route.line().at(100.0).curvature_1pm * d_m;
@@ -38,7 +38,7 @@ fn oncoming(route: &Route, kind: ActorKind, speed_mps: f64, d_m: f64) -> TrackLi
     TrackList { stamp: Time::ZERO, tracks: vec![track] }
 }
 
-/// Of each mode its probability, and the offsets from the line that it comes to.
+/// Probability of each mode, and its smallest and largest offset from the line.
 fn offsets(
     name: PredictorName,
     tracks: &TrackList,
@@ -53,7 +53,7 @@ fn offsets(
     list.forecasts[0].modes.iter().map(of).collect()
 }
 
-/// All predictors of motion.
+/// All predictors with a motion model.
 const OF_MOTION: [PredictorName; 8] = [
     PredictorName::Linear,
     PredictorName::ConstantVelocity,
@@ -65,8 +65,8 @@ const OF_MOTION: [PredictorName; 8] = [
     PredictorName::LaneIdm,
 ];
 
-/// A car ahead at 15 m/s has braked with 6 m/s² for three seconds: it stops after another 15² / 12 = 18.75 m. At constant
-/// speed it would drive 45 m in three seconds.
+/// A car ahead at 15 m/s has braked with 6 m/s² for three seconds: it stops after another 15² / 12 = 18.75 m. At
+/// constant speed it would cover 45 m in three seconds.
 #[test]
 fn braking_vehicle_is_predicted_to_stop() {
     let route = straight();
@@ -93,8 +93,8 @@ fn braking_vehicle_is_predicted_to_stop() {
     assert!(open.forecasts[0].modes[0].path[30].pose.x_m > 145.0, "constant velocity off the road");
 }
 
-/// An oncoming car of 1.8 m drifts with 1 m/s, its middle at 2.5 m, its side 0.4 m over the line at 2 m. It settles at
-/// 2.5 - 1 / 6 = 2.33 m; a lane change would end at 1.5 m. Predictors with a lag of their own may be 0.15 m off.
+/// An oncoming car of 1.8 m width drifts with 1 m/s, its centre at 2.5 m, its side 0.4 m over the line at 2 m. It
+/// settles at 2.5 - 1 / 6 = 2.33 m; a lane change would end at 1.5 m. Predictors with a lag may be 0.15 m off.
 #[test]
 fn oncoming_car_over_the_line_steers_back_for_every_predictor() {
     let route = straight().in_lane(swerve_map::Borders::constant(2.0, 2.0));
@@ -127,8 +127,8 @@ fn oncoming_car_keeps_its_lane_in_a_bend() {
             }
         }
     }
-    // On the map the chord of the last half second, 2.5 / 76 rad off the tangent, leads out of the bend: 30 m on it is at a
-    // radius of √(77² + 30²) = 82.6 m, beyond the ego's lane.
+    // On the map, the chord of the last half second, 2.5 / 76 rad off the tangent, leads out of the bend: after 30 m
+    // it is at a radius of √(77² + 30²) = 82.6 m, beyond the ego's lane.
     let tracks = oncoming(&route, ActorKind::Car, 10.0, 4.0);
     let [(_, [low_m, _])] = offsets(PredictorName::ConstantVelocity, &tracks, Ground::Open, &route)[..]
     else {
@@ -137,9 +137,10 @@ fn oncoming_car_keeps_its_lane_in_a_bend() {
     assert!((low_m - (80.0 - 82.6)).abs() < 0.1, "{low_m}");
 }
 
-/// A filter sees the same motion on the straightened road and on a straight one, so that turning off weighs the same.
+/// A filter observes the same motion on the straightened road as on a straight one, so that turning has the same
+/// probability.
 #[test]
-fn modes_weigh_as_much_in_a_bend_as_on_a_straight_road() {
+fn mode_probabilities_in_a_bend_equal_those_on_a_straight_road() {
     let [bend, straight] = [bend(), straight()];
     let weights = |route: &Route, ground: Ground<'_>| {
         let tracks = oncoming(route, ActorKind::Car, 10.0, 4.0);
@@ -153,7 +154,7 @@ fn modes_weigh_as_much_in_a_bend_as_on_a_straight_road() {
 }
 
 #[test]
-fn everybody_else_is_predicted_on_the_map() {
+fn pedestrians_and_crossing_vehicles_are_predicted_on_the_map() {
     let route = bend();
     let mut tracks = oncoming(&route, ActorKind::Pedestrian, 1.4, 4.0);
     let mut crosses = oncoming(&straight(), ActorKind::Car, 8.0, 4.0).tracks.remove(0);
@@ -167,7 +168,7 @@ fn everybody_else_is_predicted_on_the_map() {
         let of = |ground| forecast(name, &tracks, &THREE_SECONDS, ground);
         assert_eq!(of(Ground::Road(&route)), of(Ground::Open), "{name:?}");
     }
-    // Beside somebody who follows the road too.
+    // In the presence of a vehicle that follows the road.
     tracks.tracks.extend(oncoming(&route, ActorKind::Car, 10.0, 4.0).tracks);
     let of = |ground| forecast(PredictorName::Imm, &tracks, &THREE_SECONDS, ground).forecasts;
     let (road, open) = (of(Ground::Road(&route)), of(Ground::Open));
@@ -176,7 +177,7 @@ fn everybody_else_is_predicted_on_the_map() {
 }
 
 #[test]
-fn modes_that_leave_the_ground_give_their_probability_to_the_others() {
+fn modes_that_leave_the_ground_are_removed_and_renormalised() {
     let route = straight();
     let mode = |probability: f64, to_m: f64| {
         let at = |k: i64| ForecastPose {

@@ -1,4 +1,4 @@
-//! Drivers by the intelligent driver model, all at once.
+//! Simulation of all vehicles by the intelligent driver model.
 
 use swerve_geom::math;
 
@@ -8,62 +8,62 @@ use crate::idm::{self, STAND_GAP_M};
 use crate::past::Past;
 use crate::predictor::{Horizon, Seen};
 
-/// Largest acceleration and comfortable braking, m/s².
+/// Largest acceleration and comfortable deceleration, m/s².
 const GAIN_MPS2: f64 = 1.0;
 const BRAKE_MPS2: f64 = 1.0;
-/// Gap in time that drivers come back to, seconds, how long that takes them, and bounds of the present one.
+/// Time gap that drivers return to and its time constant, seconds, and bounds of the present gap.
 const HEADWAY_S: f64 = 1.0;
 const HEADWAY_SETTLES_S: f64 = 5.0;
 const HEADWAYS_S: [f64; 2] = [0.3, 2.2];
-/// Speed that is wanted, over the present one: who is alone goes on as he goes.
+/// Ratio of desired to present speed in free traffic.
 const WANTED_SHARE: f64 = 1.05;
-/// Who is held up wants to go faster than he does: a share of the present speed, and m/s more.
+/// Desired speed of a driver behind a lead: a factor on the present speed, and an addition in m/s.
 const HELD_UP: [f64; 2] = [2.4, 3.0];
-/// At this gap in time half of that is left, seconds.
+/// Time gap at which that effect is halved, seconds.
 const HELD_UP_S: f64 = 6.5;
-/// Largest acceleration across in a bend, m/s².
+/// Largest lateral acceleration in a bend, m/s².
 const LATERAL_MPS2: f64 = 3.0;
-/// The present acceleration is taken from this long, seconds, and this share of it is there to stay; it goes over into the
-/// model's with this time constant, seconds.
+/// Time over which the present acceleration is estimated, seconds, the share of it that is used initially, and the
+/// time constant with which it changes to the model's, seconds.
 const GAIN_WINDOW_S: f64 = 2.8;
 const GAIN_SHARE: f64 = 0.6;
 const GAIN_FADES_S: f64 = 1.6;
-/// Whoever is this far ahead is nobody's leader, metres.
+/// Largest distance of a lead, metres.
 const AHEAD_MAX_M: f64 = 100.0;
-/// Who would have to brake harder than this for a stop line does not, m/s².
+/// Largest deceleration with which a vehicle stops for a stop line, m/s²; beyond, it passes.
 const STOP_MPS2: f64 = 4.0;
-/// Nobody brakes harder, m/s².
+/// Largest deceleration, m/s².
 const BRAKE_MAX_MPS2: f64 = 8.0;
-/// Drivers are moved on in steps of this, seconds.
+/// Integration step, seconds.
 const STEP_S: f64 = 0.2;
 
-/// A vehicle on one of its ways.
+/// A vehicle on one of its paths.
 pub(super) struct Driver<'a> {
     along: &'a Along<'a>,
-    /// The next on the way, and the gap between both bumpers, metres.
+    /// Lead on the path: index and bumper-to-bumper gap, metres.
     leader: Option<(usize, f64)>,
-    /// How far before a red line it is, metres.
+    /// Distance to a red stop line, metres.
     red_m: Option<f64>,
     speed_mps: f64,
     wanted_mps: f64,
     headway_s: f64,
-    /// Acceleration that it begins with, m/s².
+    /// Initial acceleration, m/s².
     first_mps2: f64,
-    /// How far it has come, metres.
+    /// Distance covered, metres.
     on_m: f64,
 }
 
-/// Where everybody has come to.
+/// Simulated motion of all actors.
 pub(super) struct Rolled {
-    /// Actors.
+    /// Number of actors.
     count: usize,
-    /// By step, then by actor: metres come, and speed, m/s.
+    /// Distance covered (m) and speed (m/s), by step, then by actor.
     states: Vec<(f64, f64)>,
-    /// Instants that are asked for, in steps.
+    /// Requested instants, in steps.
     at: Vec<f64>,
 }
 
-/// What fades, at one step.
+/// Decay factors at one step.
 #[derive(Clone, Copy)]
 struct Fading {
     gain: f64,
@@ -85,7 +85,7 @@ impl<'a> Driver<'a> {
         red: &[bool],
     ) -> Self {
         let speed_mps = places[k].velocity_mps.norm();
-        // Who walks is only somebody to keep behind, and goes on as he goes.
+        // Pedestrians have no lead and keep their speed; they only act as leads.
         let leader = if walks(one) { None } else { leader(along, places, seen, k) };
         let gap_s = leader.map_or(f64::INFINITY, |(_, gap_m)| (gap_m - STAND_GAP_M) / speed_mps.max(1.0));
         let apart = gap_s.max(0.0) / HELD_UP_S;
@@ -112,7 +112,7 @@ impl<'a> Driver<'a> {
         }
     }
 
-    /// Its acceleration behind a leader who has come so far and is so fast, m/s².
+    /// Acceleration behind a lead with this distance covered (m) and speed (m/s), m/s².
     fn gain_mps2(&self, leader: Option<(f64, f64)>, fading: Fading) -> f64 {
         let curvature_1pm = self.along.curvature_1pm(self.on_m + self.speed_mps).abs();
         let bend_mps = (LATERAL_MPS2 / curvature_1pm.max(1e-6)).sqrt();
@@ -123,14 +123,14 @@ impl<'a> Driver<'a> {
         let gap = self.leader.zip(leader).map(|((_, gap_m), (on_m, mps))| (gap_m + on_m - self.on_m, mps));
         let mut model_mps2 = behind(gap);
         if let Some(red_m) = self.red_m {
-            // A gap as at a stand is left to who is ahead, not to a line.
+            // The standstill gap applies to a lead, not to a stop line.
             model_mps2 = model_mps2.min(behind(Some((red_m + STAND_GAP_M - self.on_m, 0.0))));
         }
         let model_mps2 = model_mps2.max(-BRAKE_MAX_MPS2);
         model_mps2 + (self.first_mps2 - model_mps2) * fading.gain
     }
 
-    /// Moved on by a step at this acceleration.
+    /// Advances by a step at this acceleration.
     fn on(&mut self, gain_mps2: f64) {
         let next_mps = (self.speed_mps + gain_mps2 * STEP_S).max(0.0);
         self.on_m += 0.5 * (self.speed_mps + next_mps) * STEP_S;
@@ -138,7 +138,7 @@ impl<'a> Driver<'a> {
     }
 }
 
-/// The next on a way of vehicle `k`, and the gap between them.
+/// Lead of vehicle `k` on a path, and the gap to it.
 fn leader(along: &Along<'_>, places: &[Place<'_>], seen: &[Seen], k: usize) -> Option<(usize, f64)> {
     let (own, mut next) = (&places[k], None::<(usize, f64)>);
     for (j, other) in places.iter().enumerate() {
@@ -159,7 +159,7 @@ fn leader(along: &Along<'_>, places: &[Place<'_>], seen: &[Seen], k: usize) -> O
     next
 }
 
-/// The acceleration along the motion, by a parabola through the last sightings, m/s²; 0 where these are too few.
+/// Acceleration along the motion, by a parabola through the last sightings, m/s²; 0 for too few of them.
 fn gain_mps2(past: &Past) -> f64 {
     let last = past.last();
     let from = past.sightings.iter().position(|one| (last.at - one.at).as_secs() <= GAIN_WINDOW_S + 1e-6);
@@ -171,7 +171,7 @@ fn gain_mps2(past: &Past) -> f64 {
     let (unit, n) = (along * (1.0 / along.norm()), window.len() as f64);
     let since = |k: usize| (window[k].at - last.at).as_secs();
     let mean_s = (0..window.len()).map(since).sum::<f64>() / n;
-    // The square of time, less its mean and what is linear: what is left of the way along that is the acceleration's.
+    // The square of time, orthogonalised against constant and linear terms: its coefficient is half the acceleration.
     let (mut second, mut third) = (0.0, 0.0);
     for k in 0..window.len() {
         let t = since(k) - mean_s;
@@ -189,7 +189,7 @@ fn gain_mps2(past: &Past) -> f64 {
 }
 
 impl Rolled {
-    /// Everybody, each on his likeliest way.
+    /// Simulates all actors, each on its likeliest path.
     pub(super) fn all(mut drivers: Vec<Driver<'_>>, horizon: &Horizon) -> Self {
         let step = horizon.step.as_secs() / STEP_S;
         let at: Vec<f64> = (0..=horizon.steps).map(|k| step * k as f64).collect();
@@ -208,12 +208,12 @@ impl Rolled {
         Self { count, states, at }
     }
 
-    /// How far one has come, at each instant.
+    /// Distance covered by actor `k`, at each instant.
     pub(super) fn of(&self, k: usize) -> Vec<f64> {
         self.at.iter().map(|at| between(*at, |n| self.states[n * self.count + k])).collect()
     }
 
-    /// How far somebody comes on another way, with everybody else as they are.
+    /// Distance covered by an actor on another path, with all other actors unchanged.
     pub(super) fn beside(&self, mut driver: Driver<'_>) -> Vec<f64> {
         let steps = self.states.len() / self.count.max(1);
         let mut own = vec![(driver.on_m, driver.speed_mps)];
@@ -226,7 +226,7 @@ impl Rolled {
     }
 }
 
-/// Metres come between two steps, at an even acceleration.
+/// Distance covered between two steps, at constant acceleration.
 fn between(at: f64, state: impl Fn(usize) -> (f64, f64)) -> f64 {
     let n = at.floor();
     let (share, (on_m, speed_mps)) = (at - n, state(n as usize));

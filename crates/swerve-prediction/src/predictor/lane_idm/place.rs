@@ -1,4 +1,4 @@
-//! Where vehicles are, and along what they may go on.
+//! Positions of vehicles, and the paths that they can follow.
 
 use swerve_core::Time;
 use swerve_geom::{FrenetPoint, Point2, Polyline, Vector2, angle_between, math};
@@ -10,61 +10,64 @@ use crate::predictor::straight::VELOCITY_WINDOW_S;
 use crate::predictor::{Ground, Horizon, Seen};
 use crate::road::{SETTLES_S, Settling, place_of, share_along};
 
-/// Along a line somebody has come at most twice as far as straight on, and this much, metres.
+/// Search range along a line beyond twice the straight distance, metres.
 const NEAR_M: f64 = 5.0;
-/// Who goes along a lane goes within this of its direction, radians; how far he is seldom off it, radians and metres.
+/// Largest angle to a lane's direction for following it, and standard deviations of angle and offset from it, radians
+/// and metres.
 const ALONG_RAD: f64 = 0.6;
 const OFF_RAD: f64 = 0.2;
 const OFF_M: f64 = 1.0;
-/// The direction of a motion is that of the last metre.
+/// Distance over which the direction of motion is measured, metres.
 const DIRECTION_M: f64 = 1.0;
-/// Of ways that turn by this much, radians, a third is taken of those that do not.
+/// Turning of a path by which its probability falls to 1/e, radians.
 const TURN_RAD: f64 = 1.0;
-/// Ways of one vehicle at most, and the least likely that is gone, as a share.
+/// Largest number of paths per vehicle, and smallest probability of a path.
 const WAYS_MAX: usize = 3;
 const WAY_SHARE_MIN: f64 = 0.05;
-/// No way is wholly unlikely: shares have to have a sum.
+/// Lower bound of a weight, so that weights can be normalised.
 const SHARE_MIN: f64 = 1e-9;
-/// Ways are one for who does not come to where they part within so many seconds at his speed, and metres.
+/// Paths are merged if they part farther ahead than the distance covered in this time at the present speed (seconds)
+/// plus this distance (metres).
 const AHEAD_S: f64 = 6.0;
 const AHEAD_M: f64 = 20.0;
-/// Who is slower than this stands, m/s; and is the first at a stop line this close before it, metres.
+/// Speed below which a vehicle is at rest, m/s, and distance before a stop line within which it is waiting there,
+/// metres.
 const STANDS_MPS: f64 = 0.5;
 const AT_LINE_M: f64 = 15.0;
 
-/// Where a vehicle is, and along what it may go.
+/// Position of a vehicle, and the paths that it can follow.
 pub(super) struct Place<'a> {
     pub(super) point: Point2,
     pub(super) velocity_mps: Vector2,
-    /// On all lanes; the road counts as lane 0.
+    /// Positions on all lanes; a road is lane 0.
     pub(super) spots: Vec<Spot>,
-    /// With their shares, which sum to 1; the likeliest first, never none.
+    /// Paths with their probabilities, which sum to 1; the likeliest first, never empty.
     pub(super) ways: Vec<(f64, Along<'a>)>,
 }
 
-/// What a vehicle goes along.
+/// A path of a vehicle.
 #[derive(Clone)]
 pub(super) enum Along<'a> {
-    /// Straight on from a point, in a direction of length 1.
+    /// Straight ahead from a point, in a direction of length 1.
     Straight(Point2, Vector2),
-    /// A line.
+    /// Along a line.
     Line(OnLine<'a>),
 }
 
-/// Along a line.
+/// A path along a line.
 #[derive(Clone)]
 pub(super) struct OnLine<'a> {
     pub(super) line: &'a Polyline,
-    /// The way that it is of, on a lane graph.
+    /// Lane sequence of the path, on a lane graph.
     way: Option<&'a LaneWay>,
     pub(super) at: FrenetPoint,
-    /// Metres of the line to a metre of the way, negative against it.
+    /// Distance along the line per metre of the path; negative against the line.
     pub(super) sense: f64,
-    /// Speed across, to the left, m/s.
+    /// Lateral speed to the left, m/s.
     across_mps: f64,
-    /// End of the motion across of an oncoming vehicle that strays; `None`: that of a lane change.
+    /// Lateral settling of an oncoming vehicle that strays; `None`: that of a lane change.
     stray: Option<Settling>,
-    /// The next stop line: how far ahead, metres, and of which lane.
+    /// Next stop line: distance ahead, metres, and index of its lane.
     stop: Option<(f64, usize)>,
 }
 
@@ -106,8 +109,8 @@ impl<'a> Place<'a> {
     }
 }
 
-/// Mean speed to the left of the line over the last half second, m/s, in the line's own coordinates: in a bend the velocity
-/// itself seems to go across.
+/// Mean lateral speed to the left of the line over the last half second, m/s, in the line's coordinates: in a bend,
+/// the velocity itself has a spurious lateral component.
 fn across_mps(past: &Past, line: &Polyline, at: FrenetPoint) -> Option<f64> {
     let (before, last) = (past.before(VELOCITY_WINDOW_S)?, past.last());
     let near_m = 2.0 * before.point.distance(last.point) + NEAR_M;
@@ -115,14 +118,14 @@ fn across_mps(past: &Past, line: &Polyline, at: FrenetPoint) -> Option<f64> {
     Some((d_m(last.point) - d_m(before.point)) / (last.at - before.at).as_secs())
 }
 
-/// The direction in which somebody last moved, radians; none for who did not.
+/// Direction of the last motion, radians; `None` without motion.
 fn heading_rad(past: &Past) -> Option<f64> {
     let now = past.last().point;
     let before = past.sightings.iter().rev().find(|one| one.point.distance(now) > DIRECTION_M)?;
     Some((now - before.point).heading())
 }
 
-/// The ways of a lane graph for somebody on these lanes.
+/// Paths on a lane graph for a vehicle at these positions.
 fn ways<'a>(
     past: &Past,
     velocity_mps: Vector2,
@@ -180,7 +183,8 @@ fn ways<'a>(
     found.into_iter().map(way).collect()
 }
 
-/// For each step of a horizon the time ahead, seconds, and the share of the motion across of a lane change that is past.
+/// For each step of a horizon: the time ahead, seconds, and the completed share of the lateral motion of a lane
+/// change.
 pub(super) fn settled(horizon: &Horizon) -> Vec<[f64; 2]> {
     let step_s = horizon.step.as_secs();
     let at = |ahead_s: f64| [ahead_s, 1.0 - math::exp(-ahead_s / SETTLES_S)];
@@ -188,8 +192,7 @@ pub(super) fn settled(horizon: &Horizon) -> Vec<[f64; 2]> {
 }
 
 impl Along<'_> {
-    /// How far `other` is ahead along the way of who is at `from`, and how far beside it, metres; none for who is on
-    /// other lanes.
+    /// Distance of `other` ahead along the path, and its lateral offset, metres; `None` if it is on other lanes.
     pub(super) fn ahead_of(&self, other: &Place<'_>) -> Option<(f64, f64)> {
         match self {
             Self::Straight(from, unit) => {
@@ -224,7 +227,7 @@ impl Along<'_> {
         }
     }
 
-    /// The curvature `on_m` ahead, 1/m.
+    /// Curvature `on_m` ahead, 1/m.
     pub(super) fn curvature_1pm(&self, on_m: f64) -> f64 {
         match self {
             Self::Line(OnLine { line, way, at, sense, .. }) => {
@@ -235,7 +238,7 @@ impl Along<'_> {
         }
     }
 
-    /// The next stop line: how far ahead, metres, and of which lane.
+    /// Next stop line: distance ahead, metres, and index of its lane.
     pub(super) fn stop(&self) -> Option<(f64, usize)> {
         match self {
             Self::Line(on) => on.stop,
@@ -244,7 +247,7 @@ impl Along<'_> {
     }
 }
 
-/// Lanes whose stop line somebody waits at, and all that have their lights: these are red, as far as can be told.
+/// Lanes with a vehicle waiting at their stop line, and all lanes with the same lights: these are presumed red.
 pub(super) fn held_up(places: &[Place<'_>], seen: &[Seen], ground: Ground<'_>) -> Vec<bool> {
     let Ground::Lanes(lanes) = ground else { return Vec::new() };
     let mut red = vec![false; lanes.map().lanes().len()];

@@ -10,7 +10,7 @@ use crate::predictor::{PredictorName, forecast as forecast_of};
 
 const FIVE_SECONDS: Horizon = Horizon { steps: 50, step: Span::from_ms(100) };
 
-/// A car seen for three seconds up to the time zero, `s_m` along a lane and at this speed.
+/// A car with sightings over three seconds up to time zero, at `s_m` along a line and at this speed.
 fn car(id: u32, line: &Polyline, s_m: f64, speed_mps: f64) -> Track {
     let at = |k: i64| {
         let point = line.at(s_m + 0.1 * speed_mps * k as f64).pose.point();
@@ -30,7 +30,8 @@ fn lane(id: u32, points: &[(f64, f64)], successors: &[u32]) -> Lane {
     lane
 }
 
-/// 60 m to the east with a stop line at their end, then on, or to the left; and a lane beside with the same light.
+/// 60 m to the east with a stop line at their end, then straight on or to the left; and a parallel lane with the same
+/// light.
 fn fork() -> LaneGraph {
     let lanes = vec![
         lane(1, &[(0.0, 0.0), (60.0, 0.0)], &[2, 3]),
@@ -59,27 +60,27 @@ fn ends(found: &ForecastList, k: usize) -> Vec<Pose2> {
 }
 
 #[test]
-fn each_way_is_a_mode_and_one_that_brakes() {
+fn forecast_has_a_cruising_and_a_braking_mode_for_each_path() {
     let lanes = fork();
     let line = |k: usize| &lanes.map().lanes()[k].line;
     let found = foretold(vec![car(1, line(0), 40.0, 10.0)], &lanes);
     let [on, on_brakes, left, left_brakes] = ends(&found, 0)[..] else { panic!("four modes") };
     assert!(on.x_m > 88.0 && on.y_m.abs() < 0.1, "{on:?}");
     assert!(left.y_m > 15.0 && (left.heading_rad - 1.55).abs() < 0.2, "{left:?}");
-    // 25 m to a stand.
+    // It stops after 25 m.
     assert!((on_brakes.x_m - 65.0).abs() < 0.5 && left_brakes.y_m < 3.0, "{on_brakes:?} {left_brakes:?}");
     let shares: Vec<f64> = found.forecasts[0].modes.iter().map(|mode| mode.probability).collect();
     assert!(shares[0] > shares[2] && (shares[0] - 9.0 * shares[1]).abs() < 1e-9, "{shares:?}");
-    // Who is past where the ways part has one.
+    // Beyond the fork there is only one path.
     let found = foretold(vec![car(1, line(2), 40.0, 10.0)], &lanes);
     assert_eq!(found.forecasts[0].modes.len(), 2);
-    // In the bend 3 m/s² across are not gone over.
+    // In the bend, the lateral acceleration is limited to 3 m/s².
     let fast = foretold(vec![car(1, line(0), 40.0, 20.0)], &lanes);
     assert!(ends(&fast, 0)[2].y_m < 70.0 && ends(&fast, 0)[0].x_m > 130.0, "{:?}", ends(&fast, 0));
 }
 
 #[test]
-fn what_slows_who_is_ahead_comes_back_along_the_lane() {
+fn slowdown_of_the_lead_propagates_back_along_the_lane() {
     let lanes = fork();
     let line = &lanes.map().lanes()[1].line;
     let column = |ahead_mps: f64| {
@@ -99,19 +100,19 @@ fn what_slows_who_is_ahead_comes_back_along_the_lane() {
 }
 
 #[test]
-fn who_waits_at_a_stop_line_tells_that_its_light_is_red() {
+fn vehicle_waiting_at_a_stop_line_implies_a_red_light() {
     let lanes = fork();
     let line = |k: usize| &lanes.map().lanes()[k].line;
     let comes = car(1, line(0), 20.0, 10.0);
     let alone = foretold(vec![comes.clone()], &lanes);
     assert!(ends(&alone, 0)[0].x_m > 66.0);
-    // Beside, in the other lane, somebody stands at the line.
+    // In the parallel lane, a vehicle waits at the line.
     let waits = car(2, line(3), 56.0, 0.0);
     let both = foretold(vec![comes, waits], &lanes);
     let front_m = ends(&both, 0)[0].x_m + 2.25;
     assert!((54.0..=60.1).contains(&front_m), "{front_m}");
     assert!((ends(&both, 1)[0].x_m - 56.0).abs() < 2.0, "who waits goes on waiting: {:?}", ends(&both, 1)[0]);
-    // Who is too close to stop goes through.
+    // A vehicle too close to stop passes.
     let close = car(1, line(0), 52.0, 12.0);
     let found = foretold(vec![close, car(2, line(3), 56.0, 0.0)], &lanes);
     assert!(ends(&found, 0)[0].x_m > 90.0);
@@ -120,14 +121,14 @@ fn who_waits_at_a_stop_line_tells_that_its_light_is_red() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Lanes that follow each other anyhow, with anybody on them: ways whose shares sum to 1, and finite places.
+    /// Arbitrary lane graphs with arbitrary vehicles: probabilities sum to 1, and positions are finite.
     #[test]
-    fn whatever_the_lanes_are_there_is_a_forecast(
+    fn forecasts_are_valid_on_arbitrary_lanes(
         points in prop::collection::vec((-60.0..60.0, -60.0..60.0), 4..9),
         links in prop::collection::vec((0_usize..8, 0_usize..8), 0..20),
         cars in prop::collection::vec((-80.0..80.0, -80.0..80.0, -20.0..20.0, -20.0..20.0), 1..8),
     ) {
-        // Lane k goes from point k to the next: a link is one more lane, between two of them.
+        // Lane k leads from point k to the next; each link adds a lane between two points.
         let n = points.len();
         let (mut lanes, mut ends): (Vec<Lane>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
         let pairs = (0..n).map(|k| (k, (k + 1) % n)).chain(links.iter().map(|(a, b)| (a % n, b % n)));

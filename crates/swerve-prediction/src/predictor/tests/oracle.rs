@@ -1,11 +1,11 @@
-//! Errors on recorded tracks, against independent programs' on the same files.
+//! Errors on recorded tracks, compared with independent programs on the same files.
 
 use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::recorded::{Protocol, Recording, commonroad_csv, eth_ucy, text};
 
-/// A folder of recorded tracks, where it is at hand.
+/// A folder of recorded tracks, if available.
 fn folder(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .ancestors()
@@ -17,7 +17,7 @@ fn folder(name: &str) -> Option<PathBuf> {
     path
 }
 
-/// Distances by step of the likeliest modes, for each window.
+/// Distances of the likeliest modes from the truth by step, for each window.
 fn distances_m(recording: &Recording, protocol: &Protocol, name: PredictorName) -> Vec<Vec<f64>> {
     let horizon = Horizon { steps: protocol.predict, step: recording.step };
     let of_scene = |scene: crate::recorded::Scene| {
@@ -54,9 +54,9 @@ fn people(folder: &Path, names: &[&str], protocol: &Protocol, name: PredictorNam
     names.iter().flat_map(of_file).collect()
 }
 
-/// Windows, ADE and FDE of constant velocity by three protocols: Trajectron++'s, S-GAN's, Schöller's.
+/// Number of windows, ADE and FDE of constant velocity by three protocols: Trajectron++'s, S-GAN's, Schöller's.
 #[test]
-fn constant_velocity_on_people_is_as_published() {
+fn constant_velocity_on_pedestrians_matches_published_errors() {
     let Some(folder) = folder("eth_ucy") else { return };
     let whole = Protocol::whole(8, 12);
     let golden = [
@@ -104,9 +104,9 @@ fn constant_velocity_on_people_is_as_published() {
     }
 }
 
-/// The paper's line through five sightings, and how the others do beside constant velocity, mean of the five sets.
+/// Linear predictor of the paper, and other predictors relative to constant velocity, as means over the five sets.
 #[test]
-fn others_on_people_keep_their_place() {
+fn other_predictors_keep_their_errors_on_pedestrians() {
     let Some(folder) = folder("eth_ucy") else { return };
     let mean = |name| {
         let sets = SETS.map(|(_, files)| ade_fde(&people(&folder, files, &Protocol::whole(8, 12), name)));
@@ -115,7 +115,7 @@ fn others_on_people_keep_their_place() {
     };
     let linear = mean(PredictorName::Linear);
     assert!((linear.0 - 0.5730).abs() < 1e-3 && (linear.1 - 1.1789).abs() < 1e-3, "{linear:?}");
-    // Most that each may be off by, and no better by much: that is to be told in docs/prediction.md.
+    // Upper bounds of the errors; an improvement by more than 4 % must be documented in docs/prediction.md.
     let bounds = [
         (PredictorName::Kalman, 0.52, 1.10),
         (PredictorName::Imm, 0.51, 1.08),
@@ -129,7 +129,7 @@ fn others_on_people_keep_their_place() {
 
 /// Root mean squares after 1 to 5 s.
 #[test]
-fn constant_velocity_on_vehicles_is_as_computed_elsewhere() {
+fn constant_velocity_on_vehicles_matches_an_independent_program() {
     let Some(folder) = folder("ngsim_commonroad") else { return };
     let recordings =
         commonroad_csv(&text(std::fs::read(folder.join("US101.csv.gz")).unwrap()).unwrap()).unwrap();

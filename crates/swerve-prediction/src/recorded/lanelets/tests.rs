@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Two lanes side by side, the left one of which goes on; a stop line with a light, a sign.
+/// Two parallel lanes, the left one with a successor; a stop line with a light, and a sign.
 const SMALL: &str = include_str!("small.xml");
 
 fn told(text: &str) -> String {
@@ -10,7 +10,7 @@ fn told(text: &str) -> String {
 }
 
 #[test]
-fn lanelets_become_lanes() {
+fn lanelets_are_read_as_lanes() {
     let lanes = commonroad_lanelets(SMALL).unwrap();
     let of = |id| lanes.map().lane(LaneId(id)).unwrap();
     assert_eq!(lanes.map().lanes().len(), 3);
@@ -27,7 +27,7 @@ fn lanelets_become_lanes() {
 }
 
 #[test]
-fn what_is_no_map_is_told_with_its_line() {
+fn invalid_maps_are_reported_with_their_line() {
     assert!(told("").starts_with("1: "));
     assert_eq!(told("<osm/>"), "1: expected `<commonRoad>`, found `<osm>`");
     assert_eq!(told("<commonRoad/>"), "1: expected lanelets, found none");
@@ -66,9 +66,9 @@ fn what_is_no_map_is_told_with_its_line() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Cut short, or a few characters changed: lanes, or one error with a line that is there.
+    /// Truncated files and files with a few changed characters give lanes, or one error with a valid line.
     #[test]
-    fn whatever_is_changed_has_an_answer(
+    fn reader_survives_arbitrary_changes(
         cut in 0..SMALL.len(),
         changes in prop::collection::vec(
             (0..SMALL.len(), prop::sample::select(vec!["9", "<", "-", "e9", "\"", "", "NaN"])),

@@ -6,7 +6,7 @@ use swerve_msg::{ActorId, ActorKind, Extent};
 use super::*;
 use crate::recorded::RecordedTrack;
 
-/// Two lanes that cross at (50, 0), one of them bent.
+/// Two lanes that cross at (50, 0), one of them curved.
 fn crossing() -> Arc<LaneGraph> {
     let lane = |id, points: &[(f64, f64)]| {
         let points: Vec<Point2> = points.iter().map(|(x, y)| Point2::new(*x, *y)).collect();
@@ -19,7 +19,7 @@ fn crossing() -> Arc<LaneGraph> {
     Arc::new(LaneGraph::new(Map::new(lanes).unwrap(), vec![]).unwrap())
 }
 
-/// Drives along both lanes, `off` from where they are, 0.3 m to the left of the middle.
+/// Tracks along both lanes, translated by `off`, 0.3 m to the left of the centre.
 fn driven(lanes: &LaneGraph, off: Vector2) -> Recording {
     let track = |(k, lane): (usize, &Lane)| {
         let place = |step: i64| {
@@ -35,13 +35,13 @@ fn driven(lanes: &LaneGraph, off: Vector2) -> Recording {
 }
 
 #[test]
-fn a_recording_is_moved_onto_the_lanes_that_were_driven() {
+fn recording_is_moved_onto_the_driven_lanes() {
     let lanes = crossing();
     for off in [Vector2::default(), Vector2::new(37.3, -81.9), Vector2::new(-140.0, 120.4)] {
         let recording = driven(&lanes, off);
         let (moved, share) = recording.placed(&lanes).unwrap();
         let shift: Vector2 = moved.tracks[1].samples[9].1 - recording.tracks[1].samples[9].1;
-        // What all drive to the left of the middle of two directions cannot be told from the map's being elsewhere.
+        // A common offset to the left of two directions cannot be separated from a translation.
         assert!((shift + off).norm() < 0.6, "{off:?}: {shift:?}");
         assert!(share > 0.8, "{share}");
         assert_eq!(moved.lanes.as_deref(), Some(&*lanes));
@@ -49,7 +49,7 @@ fn a_recording_is_moved_onto_the_lanes_that_were_driven() {
 }
 
 #[test]
-fn who_stands_or_is_elsewhere_is_placed_nowhere() {
+fn standing_or_distant_recordings_are_not_placed() {
     let lanes = crossing();
     assert!(driven(&lanes, Vector2::new(900.0, 0.0)).placed(&lanes).is_none());
     let mut stands = driven(&lanes, Vector2::default());
@@ -58,7 +58,7 @@ fn who_stands_or_is_elsewhere_is_placed_nowhere() {
         track.samples.iter_mut().for_each(|(_, point)| *point = first);
     });
     assert!(stands.placed(&lanes).is_none());
-    // The other way round nobody is on a lane of his direction.
+    // In the opposite direction, no position is on a lane of its direction.
     let mut back = driven(&lanes, Vector2::default());
     back.tracks.truncate(1);
     back.tracks[0].samples.iter_mut().for_each(|(_, point)| point.x_m = 100.0 - point.x_m);
