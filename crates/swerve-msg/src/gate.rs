@@ -18,7 +18,7 @@ pub struct VehicleReport {
     pub driver_active: bool,
 }
 
-/// State of the operator's enabling switch.
+/// State of the enabling switch, which a person holds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Switch {
     /// True if the stack should drive; a rising edge enables it.
@@ -76,7 +76,7 @@ pub enum StopCause {
     CommandTimeout,
     /// No valid vehicle report for too long.
     ReportTimeout,
-    /// The operator released the switch.
+    /// The enabling switch was released.
     Released,
     /// The emergency stop.
     Emergency,
