@@ -50,6 +50,6 @@ impl DetectedBox {
 pub struct Detections {
     /// Instant of the measurement.
     pub stamp: Time,
-    /// By decreasing score.
+    /// By falling score.
     pub boxes: Vec<DetectedBox>,
 }
