@@ -35,9 +35,11 @@ fn vulkan_manifests() -> Option<usize> {
     Some(folders.filter_map(|folder| std::fs::read_dir(folder).ok()).map(Iterator::count).sum())
 }
 
-/// Disables Mesa's Vulkan device-select layer if there is no display. Without a display the layer writes `error:
-/// XDG_RUNTIME_DIR is invalid or not set in the environment.` to standard error; it only orders adapters, which
-/// [`probe`](crate::probe) also does. Call it first in a program: it does nothing once there is a second thread.
+/// Disables Mesa's Vulkan device-select layer if there is no display.
+///
+/// Without a display the layer writes `error: XDG_RUNTIME_DIR is invalid or not set in the environment.` to standard
+/// error; it only orders adapters, which [`probe`](crate::probe) also does. Call it first in a program: it does nothing
+/// once there is a second thread.
 pub fn turn_off_display_layer() {
     const OFF: &str = "NODEVICE_SELECT";
     let folder = std::env::var_os("XDG_RUNTIME_DIR");

@@ -50,7 +50,7 @@ pub struct Action {
 
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Phase {
-    /// Nobody has requested to drive.
+    /// No pending request to drive.
     Idle,
     /// The vehicle is asked to accept commands.
     Asking { since: Time, asked: Option<Time> },

@@ -87,7 +87,7 @@ pub struct LiveArgs {
     /// Stop the car and end after this many seconds; default: on Ctrl-C or at the goal
     #[arg(long)]
     seconds: Option<f64>,
-    /// Output folder [default: one of its own, out/CONFIG-1 and so on; out/CONFIG leads to the newest]
+    /// Output folder [default: a new one, out/CONFIG-1 and so on; out/CONFIG links to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder of --out

@@ -222,7 +222,7 @@ impl Recording {
 /// Lists the files of a recording in the order of their numbers.
 ///
 /// # Errors
-/// If there are none.
+/// If there are no files.
 pub fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);

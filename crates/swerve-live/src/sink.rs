@@ -1,7 +1,7 @@
 //! Sink thread: sends the gate's output to the vehicle, and stops the car if the gate falls silent.
 //!
 //! It is a separate thread because the engine may hang or panic. On its own it only performs a controlled stop,
-//! commanded until the car stands or the time for that is over; it never repeats the last command forever. If the
+//! commanded until the car is at rest or the time limit is reached; it never repeats the last command forever. If the
 //! whole process dies, the transport process does the same (`orphan.rs`).
 
 use core::time::Duration;

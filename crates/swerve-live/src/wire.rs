@@ -119,7 +119,7 @@ pub const TRANSPORT: &str = "transport";
 /// If it was not started by a run.
 pub fn run_transport(registry: &Registry) -> anyhow::Result<()> {
     let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
-    // Nobody would read an error: the vehicle's time-out brakes then.
+    // An error would have no reader: the vehicle's time-out brakes then.
     let stop = |orphan: Orphan<'_>| drop(orphan::stop(registry, &orphan));
     swerve_ros2::transport::run(stop).context(started_by)
 }

@@ -3,9 +3,9 @@
 //! - Metadata record `swerve_run`, first: version, seed, configuration.
 //! - One channel per stream, topic `/NAME`: `{header, payload}`, in exactly this order.
 //! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/unfinished`,
-//!  `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
+//!   `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
 //! - Channels of kind `view`: messages in third-party formats and encodings. They are not part of the record:
-//!  readers skip them, and they are not counted.
+//!   readers skip them, and they are not counted.
 //! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records, seals.
 //!
 //! The `log_time` of a message is the instant of its publication, its `publish_time` the stamp; both in nanoseconds

@@ -23,11 +23,11 @@ use crate::writer::LogWriter;
 
 /// Number of batches that may wait for the writer thread; beyond that the run waits for the disk.
 const BATCHES: usize = 64;
-/// A batch is sent to the writer thread when it contains this many records,
+/// Number of records at which a batch is sent to the writer thread.
 const BATCH_RECORDS: usize = 256;
-/// or this many bytes of payload,
+/// Payload at which a batch is sent, bytes.
 const BATCH_BYTES: usize = 256 << 10;
-/// or this much run time.
+/// Run time after which a batch is sent.
 const BATCH_SPAN: Span = Span::from_ms(100);
 /// Number of big items (images, point clouds; one batch each) that may wait, which bounds memory.
 const BIG: usize = 16;

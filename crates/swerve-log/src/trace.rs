@@ -27,11 +27,11 @@ struct Published {
 /// Writes the steps of a run as a trace in run time.
 ///
 /// - Every operator has a track, or several if its steps overlap; each step is a slice from its
-///  start to its modelled end, with its stamp and its units of work. A step without run time is shown with 1 ns,
-///  because arrows need a slice to attach to.
+///   start to its modelled end, with its stamp and its units of work. A step without run time is shown with 1 ns,
+///   because arrows need a slice to attach to.
 /// - Missed deadlines and dropped frames are instants on the operator's first track.
 /// - Arrows lead from the step that received a sensor frame through all readers of derived data to the
-///  first step of a command operator; a counter shows the frame's age there.
+///   first step of a command operator; a counter shows the frame's age there.
 ///
 /// Events are written in order of time. The trace is valid JSON once [`finish`](Self::finish) was called or the
 /// writer dropped, however the run ended.

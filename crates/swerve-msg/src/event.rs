@@ -14,7 +14,7 @@ pub struct CollisionEvents {
     pub events: Vec<CollisionEvent>,
 }
 
-/// Begin of a contact of the ego.
+/// Start of a contact of the ego with an actor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct CollisionEvent {
     /// Actor touched.
@@ -36,7 +36,7 @@ pub struct LaneInvasions {
     pub events: Vec<LaneInvasion>,
 }
 
-/// Begin of a crossing: the ego's outline touched a line or jumped over it.
+/// Start of a crossing: the ego's outline touched a line or jumped over it.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct LaneInvasion {
     /// Line that was crossed.

@@ -69,8 +69,8 @@ pub struct CameraInfo {
 /// With `x = X / Z`, `y = Y / Z` of a point in the camera's frame and `r² = x² + y²`, the lens moves `x` to
 /// `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`, and `y` to
 /// `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`; the pixel is at `(fx x + cx, fy y + cy)`.
-/// Pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)`, so its centre is at `(column + 0.5, row +
-/// 0.5)`.
+/// Pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)`, so its centre is at
+/// `(column + 0.5, row + 0.5)`.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.

@@ -4,16 +4,16 @@
 //!
 //! - RustDDS does not pad fragments to four bytes: every message is padded (`cdr`);
 //! - type names are not compared when matching: a writer of another type is detected through discovery, and its
-//!  messages are rejected, as are messages that fail their check;
+//!   messages are rejected, as are messages that fail their check;
 //! - ros2-client's own executor subscribes to `/clock` with another type than ROS publishes, and offers parameter
-//!  services that only one middleware understands: it is not run, and `/clock` is an ordinary topic;
+//!   services that only one middleware understands: it is not run, and `/clock` is an ordinary topic;
 //! - matching is tracked through DDS status events ([`Bridge::wait_matched`]): a message published
-//!  before that is lost unless the topic is latched;
+//!   before that is lost unless the topic is latched;
 //! - a reliable topic may block its publisher: it waits at most [`PUBLISH_WAIT`], and the message is counted;
 //! - shutdown may hang after malformed datagrams: [`Bridge::stop`] has a deadline;
 //! - `ROS_DOMAIN_ID` and similar variables are not read: see [`crate::env`];
 //! - a reader that lost fragments floods the log: a program that installs a logger should silence
-//! `rustdds::structure`.
+//!   `rustdds::structure`.
 
 mod options;
 mod receive;

@@ -5,9 +5,9 @@
 //! vehicle = "autoware"            # or "dataspeed", "raptor", "plain"
 //! node = "swerve"
 //! domain = 3                      # default: ROS_DOMAIN_ID
-//! localhost_only = true           # else ROS_LOCALHOST_ONLY
-//! service_mapping = "cyclone"     # how the other side's middleware maps services; "enhanced" is Fast DDS's
-//! transport_memory_mib = 1024     # what the process that speaks DDS may take
+//! localhost_only = true           # default: ROS_LOCALHOST_ONLY
+//! service_mapping = "cyclone"     # service mapping of the other side's middleware; "enhanced" for Fast DDS
+//! transport_memory_mib = 1024     # memory limit of the transport process
 //!
 //! [ros2.frames]
 //! map = "map"
@@ -18,7 +18,7 @@
 //! frame = "os1"
 //! rate_max_hz = 40.0
 //!
-//! [ros2.topics.camera_left]       # a topic more: any name, and the role that it plays
+//! [ros2.topics.camera_left]       # an additional topic: any name, and its role
 //! role = "camera"
 //! topic = "/left/image_raw"
 //! ```

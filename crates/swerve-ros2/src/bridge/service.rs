@@ -91,7 +91,7 @@ impl ControlModeClient {
                 }
             }
             let state = shared.lock();
-            // Nothing notifies this early: this is a sleep.
+            // There is no early notification: this is a sleep.
             drop(
                 shared
                     .news
