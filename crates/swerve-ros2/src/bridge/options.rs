@@ -55,8 +55,8 @@ pub struct Options {
 impl Options {
     /// Topics of a mapping as seen from one side: it publishes its own and subscribes to those of the other side.
     ///
-    /// Small messages are always published reliably: best-effort readers match a reliable writer, but reliable
-    /// readers would not match a best-effort one (REP 2003 has sensors publish best-effort).
+    /// Small messages are always published reliably, as REP 2003 recommends for sensors: best-effort readers match a
+    /// reliable writer, but reliable readers would not match a best-effort one.
     pub fn from_mapping(mapping: &Mapping, side: Side) -> Self {
         let endpoint = |topic: &TopicMap| {
             let direction = if topic.role.side() == side { Direction::Send } else { Direction::Receive };
