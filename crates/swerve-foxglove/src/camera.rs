@@ -1,6 +1,7 @@
-//! Images of cameras: pixels, calibration, and what the stack believes drawn over them.
+//! Camera images: pixels, calibration, and overlays of the stack's estimates.
 //!
-//! Pixels count from the upper left corner of the upper left pixel, in Foxglove as in [`Intrinsics`].
+//! Pixel coordinates start at the upper left corner of the upper left pixel, both in Foxglove and in
+//! [`Intrinsics`].
 
 use foxglove::Decode as _;
 use foxglove::messages::points_annotation::Type as Points;
@@ -16,21 +17,21 @@ use swerve_msg::{ActorKind, CameraInfo, Detections, Extent, Intrinsics, Signal, 
 use crate::form::{colour, colour_of, frame_of, name_of, timestamp};
 use crate::scene::box_edges;
 
-/// Nothing is drawn nearer to the camera than this, metres.
+/// Near plane of overlays, metres.
 const NEAR_M: f64 = 0.1;
-/// A straight edge is a line of so many pieces behind a lens that bends.
+/// Number of segments that approximate a straight edge under lens distortion.
 const PIECES: usize = 8;
 
-/// How colour images are written.
+/// Encoding of colour images.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum ImageForm {
-    /// JPEG of this quality, 1 to 100.
+    /// JPEG with this quality, 1 to 100.
     Jpeg(u8),
-    /// PNG, which loses nothing.
+    /// PNG, lossless.
     Png,
 }
 
-/// An image as it is known without its numbers.
+/// Metadata of an image.
 #[derive(Clone, Debug)]
 pub(crate) struct Header {
     pub(crate) camera: String,
@@ -40,7 +41,7 @@ pub(crate) struct Header {
     pub(crate) info: CameraInfo,
 }
 
-/// Colours, three bytes for each pixel.
+/// Encodes an RGB image, three bytes per pixel.
 pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<CompressedImage> {
     let (data, format) = match form {
         ImageForm::Jpeg(quality) => (jpeg(rgb, header.width_px, header.height_px, quality)?, "jpeg"),
@@ -54,7 +55,7 @@ pub(crate) fn colours(header: &Header, rgb: &[u8], form: ImageForm) -> Option<Co
     })
 }
 
-/// The instant and the file (JPEG or PNG) of a logged image, `foxglove.CompressedImage`; none of other bytes.
+/// Stamp and file content (JPEG or PNG) of a logged `foxglove.CompressedImage`; `None` for other messages.
 pub fn logged_image(message: &[u8]) -> Option<(Time, Vec<u8>)> {
     let image = CompressedImage::decode(message).ok()?;
     let at = image.timestamp?;
@@ -62,8 +63,8 @@ pub fn logged_image(message: &[u8]) -> Option<(Time, Vec<u8>)> {
     Some((Time::from_ns(ns), image.data.into()))
 }
 
-/// Colours, three bytes for each pixel, as JPEG of a quality from 1 to 100; `None` for more pixels than a file of
-/// that kind can have, or other bytes than that.
+/// Encodes an RGB image, three bytes per pixel, as JPEG with a quality from 1 to 100; `None` if it is too large for
+/// JPEG or has the wrong number of bytes.
 pub fn jpeg(rgb: &[u8], width_px: u32, height_px: u32, quality: u8) -> Option<Vec<u8>> {
     let (width, height) = (u16::try_from(width_px).ok()?, u16::try_from(height_px).ok()?);
     let mut data = Vec::with_capacity(rgb.len() / 8);
@@ -82,7 +83,7 @@ fn png(header: &Header, rgb: &[u8]) -> Option<Vec<u8>> {
     Some(data)
 }
 
-/// One number for each pixel, in Foxglove's name of its encoding.
+/// Raw image with one value per pixel; `encoding` is Foxglove's name.
 pub(crate) fn raw(header: &Header, encoding: &str, bytes: Vec<u8>) -> RawImage {
     let rows = header.height_px.max(1) as usize;
     RawImage {
@@ -96,8 +97,8 @@ pub(crate) fn raw(header: &Header, encoding: &str, bytes: Vec<u8>) -> RawImage {
     }
 }
 
-/// From rays to pixels: the model that others call "plumb bob" is the one of [`Intrinsics`]. There is no message for
-/// parallel rays.
+/// Calibration with the distortion model "plumb_bob", which is that of [`Intrinsics`]; `None` for an orthographic
+/// camera.
 pub(crate) fn calibration(header: &Header) -> Option<CameraCalibration> {
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel } = header.info.intrinsics;
     (!is_parallel).then(|| CameraCalibration {
@@ -113,10 +114,10 @@ pub(crate) fn calibration(header: &Header) -> Option<CameraCalibration> {
     })
 }
 
-/// A road user as the stack believes it to be at an image's stamp.
+/// A road user as estimated by the stack at an image's stamp.
 #[derive(Clone, Debug)]
 pub(crate) struct Believed {
-    /// What to call it.
+    /// Label.
     pub(crate) name: String,
     pub(crate) kind: ActorKind,
     pub(crate) pose: Pose2,
@@ -124,7 +125,7 @@ pub(crate) struct Believed {
     pub(crate) distance_m: f64,
 }
 
-/// Boxes over an image, with name and distance.
+/// Bounding boxes over an image, labelled with name and distance.
 pub(crate) fn annotations(
     header: &Header,
     camera_from_map: &Transform<Camera, Map>,
@@ -136,7 +137,7 @@ pub(crate) fn annotations(
     for one in believed {
         let at = |[x, y, z]: [f64; 3]| {
             let p = *camera_from_map * Point::<Map>::new(x, y, z);
-            // Parallel rays show everything as if it were one metre off.
+            // In an orthographic projection, every point is treated as 1 m away.
             let is_ahead = header.info.intrinsics.is_parallel && p.coords.z > 0.0;
             if is_ahead { Point::new(p.coords.x, p.coords.y, 1.0) } else { p }
         };
@@ -169,7 +170,7 @@ pub(crate) fn annotations(
     shown
 }
 
-/// Boxes that a detector found in an image, with kind and score.
+/// Bounding boxes of a detector in an image, labelled with kind and score.
 pub(crate) fn detections(found: &Detections) -> ImageAnnotations {
     let one = |one: &swerve_msg::DetectedBox| {
         let words = format!("{} {:.2}", name_of(one.kind), one.score);
@@ -178,7 +179,7 @@ pub(crate) fn detections(found: &Detections) -> ImageAnnotations {
     rectangles(found.stamp, found.boxes.iter().filter_map(one))
 }
 
-/// Heads of traffic lights in an image, with what they show and how far they are.
+/// Bounding boxes of traffic lights in an image, labelled with signal and distance.
 pub(crate) fn traffic_lights(seen: &TrafficLights) -> ImageAnnotations {
     let one = |light: &swerve_msg::TrafficLight| {
         let [r, g, b] = light.signal.map_or([235; 3], Signal::rgb);
@@ -187,7 +188,7 @@ pub(crate) fn traffic_lights(seen: &TrafficLights) -> ImageAnnotations {
     rectangles(seen.stamp, seen.lights.iter().map(one))
 }
 
-/// Rectangles (left, top, right and bottom edge) with words over them.
+/// Labelled rectangles (left, top, right and bottom edge).
 fn rectangles(at: Time, all: impl Iterator<Item = ([f64; 4], String, Color)>) -> ImageAnnotations {
     let stamp = Some(timestamp(at));
     let mut shown = ImageAnnotations { timestamp: stamp, ..ImageAnnotations::default() };
@@ -214,11 +215,11 @@ fn rectangles(at: Time, all: impl Iterator<Item = ([f64; 4], String, Color)>) ->
     shown
 }
 
-/// From places before the camera to the image, and what of a line is in it.
+/// Projection of points in front of the camera into the image, with clipping.
 struct Lens {
     intrinsics: Intrinsics,
     bends: bool,
-    /// The rays through the borders of the image: `x/z` from the least to the greatest, `y/z` likewise.
+    /// Ranges of `x/z` and `y/z` of the rays through the image borders.
     x: [f64; 2],
     y: [f64; 2],
 }
@@ -242,7 +243,7 @@ impl Lens {
         lens
     }
 
-    /// The ray `(x/z, y/z)` through a point of the image: the lens undone by repetition.
+    /// Ray `(x/z, y/z)` through a point of the image: inverts the distortion by fixed-point iteration.
     fn ray(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let Intrinsics { fx_px, fy_px, cx_px, cy_px, .. } = self.intrinsics;
         let wanted = [(u - cx_px) / fx_px, (v - cy_px) / fy_px];
@@ -254,7 +255,7 @@ impl Lens {
         ray
     }
 
-    /// A ray behind the lens, as [`Intrinsics`] says.
+    /// Applies the lens distortion of [`Intrinsics`] to a ray.
     fn bent(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2, k3] = self.intrinsics.distortion;
         let r2 = x * x + y * y;
@@ -270,7 +271,7 @@ impl Lens {
         Point2 { x: fx_px * x + cx_px, y: fy_px * y + cy_px }
     }
 
-    /// The part of a line in space that the image shows.
+    /// Part of a line segment in space that is inside the image.
     fn clipped(&self, a: [f64; 3], b: [f64; 3]) -> Option<[[f64; 3]; 2]> {
         let inside = |p: [f64; 3]| {
             let [x, y, z] = p;
@@ -291,7 +292,7 @@ impl Lens {
         (from <= to).then(|| [on(from), on(to)])
     }
 
-    /// A line in space as pairs of points in the image.
+    /// Projects a line segment in space to pairs of points in the image.
     fn line(&self, a: Point<Camera>, b: Point<Camera>) -> Vec<Point2> {
         let Some([a, b]) = self.clipped(a.coords.into(), b.coords.into()) else { return Vec::new() };
         let n = if self.bends { PIECES } else { 1 };
@@ -320,7 +321,7 @@ mod tests {
         Header { camera: "eye".into(), stamp: Time::from_ms(1500), width_px: 640, height_px: 360, info }
     }
 
-    /// A camera 1 m above the map's origin that looks along x.
+    /// A camera 1 m above the map origin, looking along x.
     fn camera_from_map() -> Transform<Camera, Map> {
         let quarter = core::f64::consts::FRAC_PI_2;
         Transform::<Map, Camera>::from_roll_pitch_yaw(Point::new(0.0, 0.0, 1.0), -quarter, 0.0, -quarter)
@@ -341,9 +342,9 @@ mod tests {
     }
 
     #[test]
-    fn a_box_ahead_is_where_a_pinhole_sees_it() {
+    fn annotation_matches_the_pinhole_projection() {
         let shown = annotations(&header([0.0; 5]), &camera_from_map(), &[believed(11.0, 0.0)]);
-        // Its near face is 10 m off and reaches 1 m to each side of the axis.
+        // The near face is 10 m away and extends 1 m to each side of the axis.
         assert_eq!(bounds(&shown).map(|px| px.round()), [288.0, 352.0, 148.0, 212.0]);
         assert_eq!((shown.points[0].points.len(), shown.texts.len()), (24, 1));
         assert_eq!(
@@ -353,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_of_a_detector_are_drawn_where_they_are_in_the_image() {
+    fn detections_are_drawn_at_their_image_coordinates() {
         let in_image = swerve_msg::DetectedBox {
             kind: ActorKind::Pedestrian,
             score: 0.876,
@@ -371,13 +372,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_is_in_the_image() {
+    fn annotations_are_clipped_to_the_image() {
         for distortion in [[0.0; 5], [-0.25, 0.06, 0.001, -0.001, -0.005]] {
             let header = header(distortion);
             for (x_m, y_m) in [(0.5, 0.0), (1.2, 1.0), (5.0, 6.0), (8.0, -7.5), (30.0, 0.0)] {
                 let shown = annotations(&header, &camera_from_map(), &[believed(x_m, y_m)]);
                 let [left, right, top, bottom] = bounds(&shown);
-                // A border that bends outwards lets a little by.
+                // With distortion, lines may exceed the curved border slightly.
                 let margin = if distortion == [0.0; 5] { 1e-6 } else { 80.0 };
                 assert!(left >= -margin && right <= 640.0 + margin, "{x_m} {y_m}: {left} {right}");
                 assert!(top >= -margin && bottom <= 360.0 + margin, "{x_m} {y_m}: {top} {bottom}");
@@ -389,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_through_the_lens_comes_back() {
+    fn lens_undistortion_inverts_the_distortion() {
         let lens = Lens::new(&header([-0.2, 0.05, 0.001, -0.002, 0.0]));
         for pixel in [[0.0, 0.0], [640.0, 200.0], [100.0, 350.0]] {
             let [x, y] = lens.ray(pixel);

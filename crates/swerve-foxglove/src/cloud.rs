@@ -1,4 +1,4 @@
-//! Points of lidars and radars: `foxglove.PointCloud`.
+//! Lidar and radar points as `foxglove.PointCloud`.
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud as Shown, Pose, Quaternion};
@@ -8,19 +8,19 @@ use swerve_msg::{PointCloud, RadarScan};
 
 use crate::form::{frame_of, timestamp, vector};
 
-/// The frame of any sensor.
+/// Frame of any sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Sensor;
 
-/// How the sensor moved until the stamp: at instants, of which the last is the stamp, its pose in the pose of
-/// the stamp.
+/// Motion of the sensor up to the stamp: instants, the last of which is the stamp, with the sensor's pose relative
+/// to its pose at the stamp.
 pub(crate) type Motion = Vec<(Time, Transform<Sensor, Sensor>)>;
 
-/// Bytes of a lidar's point: three coordinates, ring, intensity of 255, and one to fill up.
+/// Bytes per lidar point: three coordinates, ring, intensity (0 to 255), and padding.
 const STRIDE: usize = 16;
 
-/// A turn of a lidar. Points are where what they lie on is seen from the sensor at the stamp: each was measured
-/// from where the sensor was then.
+/// Converts one lidar turn. Compensates the motion during the turn: points are given relative to the sensor's pose
+/// at the stamp.
 pub(crate) fn lidar(sensor: &str, cloud: &PointCloud, motion: &Motion) -> Option<Shown> {
     cloud.check().ok()?;
     let moves = Moves::new(cloud.stamp, motion);
@@ -44,7 +44,7 @@ pub(crate) fn lidar(sensor: &str, cloud: &PointCloud, motion: &Motion) -> Option
     Some(shown(sensor, cloud.stamp, fields, STRIDE, data))
 }
 
-/// The echoes of a radar; where it measures no elevation, level with it.
+/// Converts the detections of a radar; without elevation, in its horizontal plane.
 pub(crate) fn radar(sensor: &str, scan: &RadarScan) -> Shown {
     let mut data = Vec::with_capacity(24 * scan.detections.len());
     for echo in &scan.detections {
@@ -81,7 +81,7 @@ fn shown(sensor: &str, stamp: Time, fields: Vec<PackedElementField>, stride: usi
     }
 }
 
-/// Motion as matrices of three rows, by seconds from the stamp.
+/// Motion as 3x4 matrices, by seconds relative to the stamp.
 struct Moves(Vec<(f32, [[f32; 4]; 3])>);
 
 impl Moves {
@@ -97,8 +97,8 @@ impl Moves {
         Self(motion.iter().map(|(t, at)| ((*t - stamp).as_secs() as f32, matrix(at))).collect())
     }
 
-    /// Where a point measured `offset_s` after the stamp is seen from the sensor at the stamp: linear between
-    /// the instants, as at the first before it.
+    /// Transforms a point measured `offset_s` after the stamp to the sensor pose at the stamp: linear between the
+    /// instants, clamped to the first and last.
     fn moved(&self, place: [f32; 3], offset_s: f32) -> [f32; 3] {
         let after = self.0.partition_point(|(t, _)| *t <= offset_s);
         let at = |k: usize| self.0[k].1.map(|[a, b, c, d]| a * place[0] + b * place[1] + c * place[2] + d);
@@ -128,9 +128,9 @@ mod tests {
     }
 
     #[test]
-    fn a_thing_measured_from_a_moving_sensor_is_in_one_place() {
-        // The sensor drives at 20 m/s along x and turns; the thing stands 30 m ahead and 5 m to the left of where it
-        // ends.
+    fn lidar_points_are_compensated_for_motion() {
+        // The sensor drives at 20 m/s along x and turns; the object is 30 m ahead and 5 m to the left of its final
+        // position.
         let end = Time::from_ms(2000);
         let thing = Point::<Sensor>::new(30.0, 5.0, 1.0);
         let now_from_then = |before_s: f64| {
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn echoes_are_where_range_and_angles_say() {
+    fn radar_points_match_range_and_angles() {
         let echo = |azimuth_rad, elevation_rad| RadarDetection {
             range_m: 10.0,
             range_rate_mps: -3.0,

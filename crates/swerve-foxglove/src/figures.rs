@@ -1,4 +1,4 @@
-//! Numbers to plot, as a message of our own: `swerve.Figures`.
+//! Time series to plot, as the custom message `swerve.Figures`.
 
 use foxglove::{Encode, Schema};
 use prost::Message;
@@ -6,19 +6,19 @@ use prost::bytes::BufMut;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 
-/// Figures that a drive is judged by, over time; one that there is none of is not a number.
+/// Metrics of a drive over time; NaN if unavailable.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct Figures {
     /// Speed of the ego origin along its heading, m/s.
     #[prost(double, tag = "1")]
     pub speed_mps: f64,
-    /// Speed that the plan asks for now, m/s.
+    /// Present speed according to the plan, m/s.
     #[prost(double, tag = "2")]
     pub planned_speed_mps: f64,
     /// Acceleration along the heading, m/s².
     #[prost(double, tag = "3")]
     pub accel_mps2: f64,
-    /// Acceleration to the left, m/s².
+    /// Lateral acceleration, m/s²; positive to the left.
     #[prost(double, tag = "4")]
     pub lateral_accel_mps2: f64,
     /// Angle of the front road wheels, degrees; positive to the left.
@@ -30,21 +30,21 @@ pub struct Figures {
     /// Brake pedal, 0 to 1.
     #[prost(double, tag = "7")]
     pub brake: f64,
-    /// Gap to the nearest other body, metres.
+    /// Distance between the outlines of the ego and the nearest other actor, metres.
     #[prost(double, tag = "8")]
     pub distance_m: f64,
-    /// Until the ego's outline and another's would meet if none changed its velocity, seconds.
+    /// Time until the outlines of the ego and another actor meet at constant velocities, seconds.
     #[prost(double, tag = "9")]
     pub time_to_collision_s: f64,
-    /// From the sensor frame that the command in force derives from to its effect, milliseconds.
+    /// Time from the sensor frame behind the present command to the command's effect, milliseconds.
     #[prost(double, tag = "10")]
     pub response_ms: f64,
-    /// How old the newest plan's stamp is, milliseconds.
+    /// Age of the newest plan's stamp, milliseconds.
     #[prost(double, tag = "11")]
     pub plan_age_ms: f64,
 }
 
-/// The fields in the order of their tags, from 1; all are doubles.
+/// Fields in the order of their tags, from 1; all are doubles.
 const FIELDS: [&str; 11] = [
     "speed_mps",
     "planned_speed_mps",
@@ -100,11 +100,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_schema_has_the_fields_of_the_message() {
+    fn figures_schema_matches_the_message() {
         let schema = Figures::get_schema().unwrap();
         let set = FileDescriptorSet::decode(&*schema.data).unwrap();
         let fields = &set.file[0].message_type[0].field;
-        // Each number under its own tag: a message with one field set has that tag alone.
+        // A message with one field set contains only the tag of that field.
         for (field, k) in fields.iter().zip(1_i32..) {
             assert_eq!((field.number(), field.name()), (k, FIELDS[k as usize - 1]));
         }

@@ -1,4 +1,4 @@
-//! Parts that all messages have in common: topics, stamps, places, colours.
+//! Common parts of all messages: topics, stamps, poses, colours.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,17 +11,17 @@ use swerve_geom::{Point, Pose2, Transform, math};
 use swerve_log::{View, ViewSchema, ViewTopic};
 use swerve_msg::ActorKind;
 
-/// The frame of everything that is not fixed to the car.
+/// Frame of everything that is not fixed to the car.
 pub(crate) const MAP: &str = "map";
-/// The frame of the car: the centre of the rear axle on the ground.
+/// Frame of the car: centre of the rear axle on the ground.
 pub(crate) const EGO: &str = "ego";
 
-/// The frame of a sensor.
+/// Frame of a sensor.
 pub(crate) fn frame_of(sensor: &str) -> String {
     format!("{EGO}/{sensor}")
 }
 
-/// When something is known, and what instant it describes.
+/// Instant at which something becomes visible, and instant that it describes.
 #[derive(Clone, Copy)]
 pub(crate) struct When {
     pub(crate) visible_at: Time,
@@ -35,7 +35,7 @@ impl When {
     }
 }
 
-/// Messages on their way to the log, and the topics that there were so far.
+/// Messages to be logged, and the topics used so far.
 #[derive(Default)]
 pub(crate) struct Outbox {
     topics: BTreeMap<String, Arc<ViewTopic>>,
@@ -43,8 +43,8 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// Has a message of one of Foxglove's types, or one like them, logged below `/view`. `make` is called on the
-    /// writer's thread; `bytes` is about what it holds until then.
+    /// Logs a message of a Foxglove type, or similar, below `/view`. `make` runs on the writer thread; `bytes` is
+    /// approximately the memory held until then.
     pub(crate) fn show<T: Encode>(
         &mut self,
         topic: &str,
@@ -61,7 +61,7 @@ impl Outbox {
         self.post(topic, schema::<T>, when, bytes, Box::new(encode));
     }
 
-    /// Has a message of any form logged below `/view`; `schema` is asked once for a topic.
+    /// Logs a message of any type below `/view`; `schema` is called once per topic.
     pub(crate) fn post(
         &mut self,
         topic: &str,
@@ -87,7 +87,7 @@ fn schema<T: Encode>() -> ViewSchema {
     ViewSchema { name: name.into(), message_encoding: "protobuf", encoding: "protobuf", data }
 }
 
-/// An instant of the run; the run starts at zero.
+/// Converts an instant of the run, which starts at zero.
 pub(crate) fn timestamp(at: Time) -> Timestamp {
     const SECOND: i64 = 1_000_000_000;
     let ns = at.ns().max(0);
@@ -112,7 +112,7 @@ pub(crate) fn rotation<A, B>(transform: &Transform<A, B>) -> Quaternion {
     Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }
 }
 
-/// Upright on the ground at height `z_m`.
+/// Pose of an upright body on the ground at height `z_m`.
 pub(crate) fn upright(pose: Pose2, z_m: f64) -> Pose {
     let (sin, cos) = math::sin_cos(0.5 * pose.heading_rad);
     Pose {
@@ -121,13 +121,13 @@ pub(crate) fn upright(pose: Pose2, z_m: f64) -> Pose {
     }
 }
 
-/// Red, green, blue and opacity, each of 255.
+/// Converts red, green, blue and opacity, 0 to 255 each.
 pub(crate) fn colour([r, g, b, a]: [u8; 4]) -> Color {
     let share = |part: u8| f64::from(part) / 255.0;
     Color { r: share(r), g: share(g), b: share(b), a: share(a) }
 }
 
-/// The colour of a kind of road user, at this opacity of 255.
+/// Colour of a kind of road user with this opacity, 0 to 255.
 pub(crate) fn colour_of(kind: ActorKind, opacity: u8) -> Color {
     let [r, g, b] = match kind {
         ActorKind::Car => [80, 160, 255],
@@ -140,7 +140,7 @@ pub(crate) fn colour_of(kind: ActorKind, opacity: u8) -> Color {
     colour([r, g, b, opacity])
 }
 
-/// The name of a kind of road user.
+/// Name of a kind of road user.
 pub(crate) fn name_of(kind: ActorKind) -> &'static str {
     match kind {
         ActorKind::Car => "car",

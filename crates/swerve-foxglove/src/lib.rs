@@ -1,14 +1,15 @@
-//! A run's messages in the forms that Foxglove shows (<https://docs.foxglove.dev/docs/sdk/schemas>), protobuf
-//! encoded, for a log to hold them beside its own.
+//! Converts the messages of a run to Foxglove schemas (<https://docs.foxglove.dev/docs/sdk/schemas>), protobuf
+//! encoded, to be stored in its log.
 //!
-//! [`Foxglove`] watches a run: the ego, others, tracks, predictions, plan and road as `foxglove.SceneUpdate`,
-//! frames as `foxglove.FrameTransforms`, cameras as `foxglove.CompressedImage`, `foxglove.RawImage`,
-//! `foxglove.CameraCalibration` and `foxglove.ImageAnnotations`, lidars and radars as `foxglove.PointCloud`,
-//! the satellite receiver as `foxglove.LocationFix`, what happens as `foxglove.Log`, and figures to plot as
-//! [`Figures`]. Messages of somebody else's types are shown as JSON, as a [`Drawing`] or in any other form that is
-//! registered: [`Foxglove::with`] and its like. All times are instants of the run, which starts at zero: the same run gives the same messages.
+//! [`Foxglove`] observes a run. It publishes the ego, other actors, tracks, predictions, plan and road as
+//! `foxglove.SceneUpdate`, frames as `foxglove.FrameTransforms`, cameras as `foxglove.CompressedImage`,
+//! `foxglove.RawImage`, `foxglove.CameraCalibration` and `foxglove.ImageAnnotations`, lidars and radars as
+//! `foxglove.PointCloud`, the satellite receiver as `foxglove.LocationFix`, events as `foxglove.Log`, and time
+//! series as [`Figures`]. Third-party message types are published as JSON, as a [`Drawing`] or in any other
+//! registered schema: see [`Foxglove::with`] and its variants. All times are instants of the run, which starts at
+//! zero: the same run yields the same messages.
 //! With the feature `server` also the crate's WebSocket server, for one viewer: [`Server`].
-//! Absences: no file, no clock, no configuration, no simulator; nothing here is read by the stack.
+//! Contains no file, no clock, no configuration and no simulator; the stack reads nothing from it.
 
 mod camera;
 mod cloud;

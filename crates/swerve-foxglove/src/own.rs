@@ -1,4 +1,4 @@
-//! Messages of somebody else's operators, shown beside ours.
+//! Views of custom message types.
 
 use core::any::type_name;
 use std::sync::Arc;
@@ -14,8 +14,8 @@ use crate::scene;
 use crate::watch::Foxglove;
 
 impl Foxglove {
-    /// Shows every message of type `T` under `/view/TOPIC`, in a form of its own: `encode` appends a message in the
-    /// encoding that `schema` names. It is called on the log's writer thread; what it appends nothing for is left out.
+    /// Publishes every message of type `T` under `/view/TOPIC` in a custom format: `encode` appends a message in
+    /// the encoding of `schema`. It runs on the log's writer thread; empty messages are skipped.
     #[must_use]
     pub fn with<T: Payload + Clone>(
         self,
@@ -37,9 +37,9 @@ impl Foxglove {
         })
     }
 
-    /// Shows every message of type `T` under `/view/TOPIC` as JSON, its fields as serde names them: for plots, tables
-    /// and the raw view. `schema` is a JSON Schema of an object (<https://json-schema.org>), by which Foxglove offers
-    /// the fields.
+    /// Publishes every message of type `T` under `/view/TOPIC` as JSON with serde's field names, for plots, tables
+    /// and the raw view. `schema` is a JSON Schema of an object (<https://json-schema.org>), from which Foxglove
+    /// lists the fields.
     #[must_use]
     pub fn with_json<T: Payload + Clone>(self, topic: &str, schema: &'static str) -> Self {
         let name = type_name::<T>().rsplit("::").next().unwrap_or_default().to_owned();
@@ -54,8 +54,8 @@ impl Foxglove {
         })
     }
 
-    /// Shows every message of type `T` under `/view/TOPIC` as a drawing in the map, which takes the place of the
-    /// drawing before it.
+    /// Publishes every message of type `T` under `/view/TOPIC` as a drawing in the map, which replaces the previous
+    /// one.
     #[must_use]
     pub fn with_drawing<T: Payload + Clone>(
         self,
@@ -74,24 +74,24 @@ impl Foxglove {
     }
 }
 
-/// Lines, boxes and words in the map. Colours are red, green, blue and opacity, each of 255.
+/// Lines, boxes and text in the map. Colours are red, green, blue and opacity, 0 to 255 each.
 pub struct Drawing {
     entity: SceneEntity,
 }
 
 impl Drawing {
-    /// A line through places in the map, metres, of this thickness, metres.
+    /// Adds a line through points in the map, metres, with this thickness, metres.
     pub fn line(&mut self, points: impl IntoIterator<Item = [f64; 3]>, color: [u8; 4], thickness_m: f64) {
         let points = points.into_iter().map(point).collect();
         self.entity.lines.push(scene::strip(points, color, thickness_m));
     }
 
-    /// An upright box, its lower face centred on `pose` at height `bottom_m`, metres.
+    /// Adds an upright box whose lower face is centred on `pose` at height `bottom_m`, metres.
     pub fn cuboid(&mut self, pose: Pose2, bottom_m: f64, extent: Extent, color: [u8; 4]) {
         self.entity.cubes.push(scene::cube(pose, bottom_m, extent, colour(color)));
     }
 
-    /// Words that face the eye, at a place in the map, metres.
+    /// Adds text that faces the viewer, at a position in the map, metres.
     pub fn text(&mut self, [x_m, y_m, z_m]: [f64; 3], words: impl Into<String>) {
         self.entity.texts.push(scene::text(Pose2::new(x_m, y_m, 0.0), z_m, words.into()));
     }

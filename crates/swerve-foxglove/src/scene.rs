@@ -16,9 +16,9 @@ use crate::form::{
 };
 use crate::{Mount, Setup};
 
-/// Lines over the ground are drawn this far above it, metres: the eye is to see them on it, not in it.
+/// Height of ground lines, metres, to avoid overlap with the ground.
 const OVER_M: f64 = 0.05;
-/// Between two points of a line along the road, metres.
+/// Spacing of the points of a line along the road, metres.
 const STEP_M: f64 = 2.0;
 const WHITE: [u8; 4] = [235, 235, 235, 255];
 const GREY: [u8; 4] = [120, 120, 120, 255];
@@ -26,12 +26,12 @@ const GREEN: [u8; 4] = [60, 230, 120, 255];
 const CYAN: [u8; 4] = [40, 220, 255, 255];
 const ORANGE: [u8; 4] = [255, 170, 40, 255];
 
-/// Where the car is.
+/// Transform from the car to the map.
 pub(crate) fn map_from_ego(at: Time, pose: Transform<Map, Ego>) -> FrameTransforms {
     FrameTransforms { transforms: vec![transform(timestamp(at), MAP, EGO.into(), &pose)] }
 }
 
-/// Where the sensors are on it.
+/// Transforms from the sensors to the car.
 pub(crate) fn ego_from_sensors(at: Time, mounts: &[Mount]) -> FrameTransforms {
     let of = |mount: &Mount| transform(timestamp(at), EGO, frame_of(&mount.name), &mount.ego_from_sensor);
     FrameTransforms { transforms: mounts.iter().map(of).collect() }
@@ -47,7 +47,7 @@ fn transform<A, B>(at: Timestamp, parent: &str, child: String, of: &Transform<A,
     }
 }
 
-/// The scene that does not change: the road's lines, and the car, which goes with its frame.
+/// Static scene: the lines of the road, and the car in its own frame.
 pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
     let line = setup.route.line();
     let n = (line.length() / STEP_M).ceil().max(1.0) as usize;
@@ -68,7 +68,7 @@ pub(crate) fn ground(at: Time, setup: &Setup) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: vec![road, ego] }
 }
 
-/// The other road users as they are.
+/// Ground truth of the other road users.
 pub(crate) fn actors(at: Time, actors: &[Actor], names: &[String]) -> SceneUpdate {
     let of = |actor: &Actor| {
         let body = cube(actor.pose, actor.z_m, actor.extent, colour_of(actor.kind, 200));
@@ -81,7 +81,7 @@ pub(crate) fn actors(at: Time, actors: &[Actor], names: &[String]) -> SceneUpdat
     anew(at, actors.iter().map(of).collect())
 }
 
-/// The tracks of the stack: a box, the way so far, and where it goes within the next second.
+/// Tracks of the stack: box, history, and motion within the next second.
 pub(crate) fn tracks(list: &TrackList) -> SceneUpdate {
     let of = |track: &swerve_msg::Track| {
         let colour = colour_of(track.kind, 255);
@@ -101,7 +101,7 @@ pub(crate) fn tracks(list: &TrackList) -> SceneUpdate {
     anew(list.stamp, list.tracks.iter().map(of).collect())
 }
 
-/// Where the stack expects others to go.
+/// Predictions of the stack.
 pub(crate) fn predictions(list: &PredictionList) -> SceneUpdate {
     let of = |(k, prediction): (usize, &swerve_msg::Prediction)| {
         let path = prediction.path.iter().map(|p| [p.pose.x_m, p.pose.y_m, OVER_M]).map(point).collect();
@@ -112,14 +112,14 @@ pub(crate) fn predictions(list: &PredictionList) -> SceneUpdate {
     anew(list.stamp, list.predictions.iter().enumerate().map(of).collect())
 }
 
-/// The plan of the stack; orange where the planner found nothing and falls back.
+/// Plan of the stack; orange for a fallback.
 pub(crate) fn plan(plan: &Plan) -> SceneUpdate {
     let path = plan.points.iter().map(|p| [p.pose.x_m, p.pose.y_m, 2.0 * OVER_M]).map(point).collect();
     let line = strip(path, if plan.status.is_fallback() { ORANGE } else { GREEN }, 0.3);
     anew(plan.stamp, vec![SceneEntity { lines: vec![line], ..entity(plan.stamp, "plan") }])
 }
 
-/// The lines of the lane, where they were seen.
+/// Detected parts of the lane lines.
 pub(crate) fn lanes(lanes: &Lanes) -> SceneUpdate {
     let line = |line: swerve_msg::LaneLine| {
         strip(line.places().map(|[x, y]| point([x, y, 2.0 * OVER_M])).collect(), CYAN, 0.15)
@@ -130,7 +130,7 @@ pub(crate) fn lanes(lanes: &Lanes) -> SceneUpdate {
     anew(lanes.stamp, vec![seen])
 }
 
-/// These entities instead of all that the topic showed before.
+/// Scene update that replaces everything on the topic.
 pub(crate) fn anew(at: Time, entities: Vec<SceneEntity>) -> SceneUpdate {
     let all = SceneEntityDeletion {
         timestamp: Some(timestamp(at)),
@@ -150,7 +150,7 @@ pub(crate) fn entity(at: Time, id: &str) -> SceneEntity {
     }
 }
 
-/// A box that stands at height `bottom_m`.
+/// A box with its lower face at height `bottom_m`.
 pub(crate) fn cube(pose: Pose2, bottom_m: f64, extent: Extent, color: Color) -> CubePrimitive {
     CubePrimitive {
         pose: Some(upright(pose, bottom_m + 0.5 * extent.height_m)),
@@ -184,12 +184,12 @@ pub(crate) fn strip(points: Vec<Point3>, color: [u8; 4], thickness: f64) -> Line
     }
 }
 
-/// The edges of a box that stands on the map plane: pairs of points.
+/// Edges of a box on the map plane, as pairs of points.
 fn edges(pose: Pose2, extent: Extent) -> Vec<Point3> {
     box_edges(pose, extent).into_iter().flatten().map(point).collect()
 }
 
-/// The twelve edges of a box that stands on the map plane, metres.
+/// The twelve edges of a box on the map plane, metres.
 pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
     let corners = extent.footprint(pose).corners();
     let at = |k: usize, z_m: f64| [corners[k % 4].x_m, corners[k % 4].y_m, z_m];
@@ -201,7 +201,7 @@ pub(crate) fn box_edges(pose: Pose2, extent: Extent) -> [[[f64; 3]; 2]; 12] {
     })
 }
 
-/// The name of an actor in the scenario; `names` are in the order of identities, which begin at 1.
+/// Name of an actor in the scenario; `names` is in the order of identities, which start at 1.
 pub(crate) fn called(id: ActorId, names: &[String]) -> Option<&str> {
     (id.0 as usize).checked_sub(1).and_then(|place| names.get(place)).map(String::as_str)
 }
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn actors_are_called_as_in_the_scenario_and_by_kind_and_number_where_nobody_knows() {
+    fn actors_are_named_as_in_the_scenario_or_by_kind_and_number() {
         let actor = |id, kind| Actor {
             id: ActorId(id),
             kind,

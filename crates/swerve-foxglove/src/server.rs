@@ -1,9 +1,9 @@
 //! The `foxglove` crate's WebSocket server, for one viewer.
 //!
-//! That server drops what a viewer does not take and tells nobody how much, so whoever feeds one of these hands over
-//! only as much as the viewer has taken of late, and does the dropping and counting. It also lets in the page of any
-//! site; it listens on a port of this machine that nobody is told, for somebody in front of it to look at origins, and
-//! serves only the first who subscribes.
+//! The `foxglove` crate drops messages that a viewer does not accept in time, without reporting the number. The
+//! caller therefore passes only as many messages as the viewer has recently accepted, and drops and counts the
+//! rest. The `foxglove` crate also accepts connections from pages of any site: this server listens on an
+//! unpublished local port, behind a proxy that checks origins, and serves only the first client that subscribes.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -15,25 +15,24 @@ use foxglove::{
     WebSocketServerHandle,
 };
 
-/// The form of a topic's messages, as MCAP's registry has them.
+/// Schema of a topic, as in the MCAP registry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Form {
-    /// Of the messages: `protobuf`, `json`.
+    /// Encoding of the messages: `protobuf`, `json`.
     pub encoding: String,
-    /// The name of the schema.
+    /// Name of the schema.
     pub schema_name: String,
-    /// Of the schema: `protobuf`, `jsonschema`.
+    /// Encoding of the schema: `protobuf`, `jsonschema`.
     pub schema_encoding: String,
-    /// The schema.
+    /// Schema data.
     pub schema: Vec<u8>,
 }
 
-/// Whoever is told which topics a viewer wants. It is called from a thread of the server's and must not wait for the
-/// server.
+/// Receives the subscriptions of the viewer. Called on a thread of the server; must not wait for the server.
 pub trait Listener: Send + Sync + 'static {
-    /// The viewer wants a topic from now on.
+    /// Called when the viewer subscribes to a topic.
     fn subscribe(&self, topic: &str);
-    /// The viewer wants a topic no more, or it is gone.
+    /// Called when the viewer unsubscribes from a topic or disconnects.
     fn unsubscribe(&self, topic: &str);
 }
 
@@ -52,7 +51,7 @@ impl core::fmt::Debug for Server {
     }
 }
 
-/// Passes on what the viewer asks, and nothing of anybody else.
+/// Forwards the subscriptions of the viewer and ignores all other clients.
 struct Ears<L> {
     viewer: Arc<OnceLock<SinkId>>,
     listener: L,
@@ -73,11 +72,11 @@ impl<L: Listener> ServerListener for Ears<L> {
 }
 
 impl Server {
-    /// Begins to serve a session on a free port of this machine. `backlog` is the most messages that may be under way
-    /// without one being dropped unseen.
+    /// Starts to serve a session on a free local port. `backlog` is the number of messages that may be in transit
+    /// before the `foxglove` crate drops any.
     ///
     /// # Errors
-    /// No port is free.
+    /// If no port is free.
     pub fn start(session: &str, backlog: usize, listener: impl Listener) -> Result<Self, String> {
         let (context, viewer) = (Context::new(), Arc::default());
         let handle = WebSocketServer::new()
@@ -94,7 +93,7 @@ impl Server {
         Ok(Self { context, handle: Some(handle), at, viewer, channels: BTreeMap::new() })
     }
 
-    /// Where it listens.
+    /// Address on which it listens.
     #[must_use]
     pub fn at(&self) -> SocketAddr {
         self.at
@@ -104,7 +103,7 @@ impl Server {
         self.handle.as_ref().expect("it is taken when this is dropped")
     }
 
-    /// Another session begins: its time starts again and it has no topic yet.
+    /// Begins another session: the time restarts and there are no topics.
     pub fn begin(&mut self, session: &str) {
         for channel in core::mem::take(&mut self.channels).into_values() {
             channel.close();
@@ -112,10 +111,10 @@ impl Server {
         self.handle().clear_session(Some(session.to_owned()));
     }
 
-    /// Offers a topic.
+    /// Advertises a topic.
     ///
     /// # Errors
-    /// The crate does not take its form.
+    /// If the `foxglove` crate rejects its schema.
     pub fn offer(&mut self, topic: &str, form: &Form) -> Result<(), String> {
         let schema = Schema::new(form.schema_name.clone(), form.schema_encoding.clone(), form.schema.clone());
         let channel = ChannelBuilder::new(topic)
@@ -128,8 +127,8 @@ impl Server {
         Ok(())
     }
 
-    /// Sends a message of a topic to the viewer, and gives whether the viewer wants it; the time is nanoseconds of the
-    /// run.
+    /// Sends a message of a topic to the viewer; returns true if the topic has a subscriber. The time is in
+    /// nanoseconds of the run.
     pub fn send(&self, topic: &str, at_ns: u64, data: &[u8]) -> bool {
         let channel = self.channels.get(topic).filter(|channel| channel.has_sinks());
         let (Some(channel), Some(viewer)) = (channel, self.viewer.get()) else { return false };
@@ -137,12 +136,12 @@ impl Server {
         true
     }
 
-    /// Tells the time of the run, nanoseconds.
+    /// Broadcasts the time of the run, nanoseconds.
     pub fn tell_time(&self, at_ns: u64) {
         self.handle().broadcast_time(at_ns);
     }
 
-    /// Tells how many messages were dropped, as a warning that takes the place of the one before.
+    /// Reports the number of dropped messages as a warning that replaces the previous one.
     pub fn tell_dropped(&self, count: u64) {
         let message = format!("{count} messages dropped: this viewer takes them more slowly than they come");
         self.handle().publish_status(Status::warning(message).with_id("dropped"));
@@ -152,7 +151,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         if let Some(handle) = self.handle.take() {
-            // Its tasks end with it.
+            // The tasks of the server end with it.
             drop(handle.stop());
         }
     }

@@ -1,4 +1,4 @@
-//! The run, watched: each type of payload in the form in which it is shown, how often, under which topic.
+//! Observes a run: the view, rate and topic of each payload type.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -23,39 +23,39 @@ use crate::form::{MAP, Outbox, When, name_of, timestamp};
 use crate::words::Line;
 use crate::{scene, words};
 
-/// Between two poses of the ego, and two rows of figures.
+/// Period of ego poses and of rows of figures.
 const POSE_PERIOD: Span = Span::from_ms(20);
-/// Between two pictures of the others.
+/// Period of views of the other actors.
 const ACTORS_PERIOD: Span = Span::from_ms(50);
-/// How long what was is remembered, for images and points that come later than what they show.
+/// Duration for which poses and obstacles are kept, for images and points that arrive after they were measured.
 const MEMORY: Span = Span::from_ms(1000);
 
-/// Facts that do not change in a run.
+/// Properties that are constant during a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// Where the ego is to go.
+    /// Route of the ego.
     pub route: Route,
-    /// The road's lines within the drivable ground, metres to the left of the route.
+    /// Lateral offsets of the road's lines within the drivable ground, metres to the left of the route.
     pub lines_m: Vec<f64>,
-    /// The ego.
+    /// Shape of the ego.
     pub shape: Shape,
-    /// From a command to its effect.
+    /// Time from a command to its effect.
     pub dead_time: Span,
-    /// The sensors that have a place of their own.
+    /// Sensors with a mounting pose.
     pub mounts: Vec<Mount>,
-    /// How images are shown; images and point clouds are not where it is `None`.
+    /// Encoding of colour images; `None` omits images and point clouds.
     pub images: Option<ImageForm>,
-    /// Whether depth and classes are shown too, each image with all its numbers.
+    /// True to publish depth and class images too, uncompressed.
     pub raw_images: bool,
     /// Detectors of boxes in images, and their cameras.
     pub detectors: Vec<(String, String)>,
-    /// Names of the actors, in the order of their identities, which begin at 1; none where nobody knows them.
+    /// Names of the actors in the order of their identities, which start at 1; empty if unknown.
     pub actors: Arc<[String]>,
-    /// Whether the ego is where localization says, for want of a world that knows better.
+    /// True to take the ego's pose from localization, for runs without ground truth.
     pub ego_from_pose: bool,
 }
 
-/// Where a sensor sits.
+/// Mounting pose of a sensor.
 #[derive(Clone, Debug)]
 pub struct Mount {
     pub(crate) name: String,
@@ -63,46 +63,46 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// Of a sensor by its operator's name; its messages are about its own axes.
+    /// Mounting pose of a sensor, given by its operator's name; its messages are in its own axes.
     pub fn new<F>(name: &str, ego_from_sensor: Transform<Ego, F>) -> Self {
         let ego_from_sensor = Transform::new(ego_from_sensor.origin(), ego_from_sensor.rotation());
         Self { name: name.into(), ego_from_sensor }
     }
 }
 
-/// Watches a run.
+/// Observer of a run that publishes its messages as views.
 pub struct Foxglove {
     watch: Dispatcher<Watch>,
 }
 
-/// The run so far, and the messages that come of it.
+/// State of the observed run, and the resulting messages.
 pub(crate) struct Watch {
     setup: Setup,
     pub(crate) out: Outbox,
     poses: Throttle,
     actors: Throttle,
-    /// Poses of the ego of late, oldest first.
+    /// Recent poses of the ego, oldest first.
     past: VecDeque<(Time, Transform<Map, Ego>)>,
-    /// Reports of the obstacle sensor of late, oldest first.
+    /// Recent reports of the obstacle sensor, oldest first.
     seen: VecDeque<Arc<ObstacleList>>,
     plan: Option<Plan>,
     status: Option<PlanStatus>,
     gate: Option<GateMode>,
     command: Command,
-    /// Commands that no step of the world has taken yet: visible when, from which sensor frame.
+    /// Commands that no world step has applied yet: instant of visibility, and stamp of the sensor frame.
     waiting: VecDeque<(Time, Option<Time>)>,
     response_ms: f64,
     has_ended: bool,
 }
 
-/// Lets something through at regular instants.
+/// Rate limiter with a regular period.
 #[derive(Default)]
 struct Throttle {
     next: Time,
 }
 
 impl Throttle {
-    /// Whether it is time again.
+    /// Returns true if the period has passed.
     fn is_due(&mut self, now: Time, period: Span) -> bool {
         let is_due = now >= self.next;
         if is_due {
@@ -113,7 +113,7 @@ impl Throttle {
 }
 
 impl Foxglove {
-    /// For a run in which this does not change.
+    /// Creates the observer of a run with these properties.
     pub fn new(setup: Setup) -> Self {
         let shows_images = setup.images.is_some();
         let mut watch = Dispatcher::new(Watch::new(setup))
@@ -138,13 +138,13 @@ impl Foxglove {
                 watch.in_image(p, seen, "traffic_lights", camera::traffic_lights);
             });
         if shows_images {
-            // Where nobody looks at them nobody waits until they are drawn.
+            // Not registered without viewers of images, so that the run does not wait for rendering.
             watch = watch.on::<PointCloud>(Watch::lidar).on::<Image>(Watch::image);
         }
         Self { watch }
     }
 
-    /// Has a type of payload looked at as well: one that is not of this project, or one that is, in another way.
+    /// Registers a handler for another payload type, or an additional one for a known type.
     pub(crate) fn also<T: Payload>(
         self,
         handler: impl FnMut(&mut Watch, &Publication<'_>, &T) + Send + 'static,
@@ -203,8 +203,7 @@ impl Watch {
         self.out.show(&topic, When::new(p), bytes, move || cloud::lidar(&sensor, &cloud, &motion));
     }
 
-    /// What a detector found in the images of a camera, drawn over them.
-    /// What an operator sees in the images of a camera, over these.
+    /// Publishes the results of an operator in the images of a camera as an overlay.
     fn in_image<T: Clone + Send + 'static>(
         &mut self,
         p: &Publication<'_>,
@@ -229,7 +228,7 @@ impl Watch {
         self.out.show(name, when, 0, move || Some(show(&of)));
     }
 
-    /// The ego where localization says that it is.
+    /// Publishes the ego at the pose of localization.
     fn localized(&mut self, p: &Publication<'_>, ego: &EgoState) {
         if !self.setup.ego_from_pose {
             return;
@@ -245,7 +244,7 @@ impl Watch {
         }
     }
 
-    /// Remembers where the ego is; before the first place, what does not move is shown.
+    /// Stores the pose of the ego; at the first pose, also publishes the static scene.
     fn is_at(&mut self, pose: Transform<Map, Ego>, when: When) {
         if self.past.is_empty() {
             let (setup, mounts, stamp) = (self.setup.clone(), self.setup.mounts.clone(), when.stamp);
@@ -293,7 +292,7 @@ impl Watch {
         }
     }
 
-    /// Those that are of the ego alone.
+    /// Figures that depend on the ego alone.
     fn figures_of(&self, ego: &EgoState, stamp: Time) -> Figures {
         let plan = self.plan.as_ref();
         Figures {
@@ -353,12 +352,12 @@ impl Watch {
                 let (topic, numbers) = (format!("{camera}/{name}"), image.pixels.bytes().to_vec());
                 self.out.show(&topic, when, bytes, move || Some(camera::raw(&header, encoding, numbers)));
             }
-            // Identities are what the simulator alone knows, and no encoding of Foxglove's holds their numbers.
+            // Foxglove has no encoding for the numbers of instances, which are ground truth in any case.
             Pixels::DepthF32M(_) | Pixels::ClassU8(_) | Pixels::InstanceU32(_) => {}
         }
     }
 
-    /// Where the ego was, as the nearest step of the world had it.
+    /// Pose of the ego in the nearest world step.
     fn pose_at(&self, instant: Time) -> Transform<Map, Ego> {
         let after = self.past.partition_point(|(at, _)| *at <= instant);
         let found = self.past.get(after.saturating_sub(1));
@@ -368,7 +367,7 @@ impl Watch {
         )
     }
 
-    /// The others at an instant, by the newest report not after it: everyone keeps the velocity.
+    /// Other actors at an instant, extrapolated at constant velocity from the newest report not after it.
     fn believed(&self, instant: Time, map_from_ego: Transform<Map, Ego>) -> Vec<Believed> {
         let after = self.seen.partition_point(|list| list.stamp <= instant);
         let Some(list) = self.seen.get(after.saturating_sub(1)) else { return Vec::new() };
@@ -389,7 +388,7 @@ impl Watch {
         list.obstacles.iter().map(of).collect()
     }
 
-    /// How a lidar moved while it took a turn.
+    /// Motion of a lidar during a turn.
     fn motion(&self, sensor: &str, cloud: &PointCloud) -> Motion {
         let Some(mount) = self.setup.mounts.iter().find(|mount| mount.name == sensor) else {
             return Vec::new();
@@ -422,7 +421,7 @@ impl Views for Foxglove {
 }
 
 fn location(fix: &Gnss) -> LocationFix {
-    // Of the height nothing is said: as the position.
+    // The altitude accuracy is not measured; use that of the horizontal position.
     let variance = fix.deviation_m * fix.deviation_m;
     LocationFix {
         timestamp: Some(timestamp(fix.stamp)),

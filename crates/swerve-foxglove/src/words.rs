@@ -1,4 +1,4 @@
-//! Events in words: `foxglove.Log`.
+//! Text of events: `foxglove.Log`.
 
 use foxglove::messages::Log;
 use foxglove::messages::log::Level;
@@ -9,7 +9,7 @@ use swerve_msg::{GateMode, PlanStatus};
 
 use crate::form::timestamp;
 
-/// A line of the log.
+/// One line of the log.
 pub(crate) struct Line {
     pub(crate) stamp: Time,
     level: Level,
@@ -34,7 +34,7 @@ impl Line {
     }
 }
 
-/// The collisions, infractions and end that a step of the world brought.
+/// Collisions, infractions and end of the run in a world step.
 pub(crate) fn world((operator, world): (&str, &WorldState), names: &[String], has_ended: bool) -> Vec<Line> {
     let line = |level, words: String| Line::new(world.stamp, level, operator, words);
     let mut lines = Vec::new();
@@ -62,7 +62,7 @@ pub(crate) fn world((operator, world): (&str, &WorldState), names: &[String], ha
     lines
 }
 
-/// A plan that came about in another way than the one before.
+/// Change of the plan's status.
 pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
     let words = match status {
         PlanStatus::Route => "nothing to plan for: along the route",
@@ -78,7 +78,7 @@ pub(crate) fn plan(operator: &str, stamp: Time, status: PlanStatus) -> Line {
     Line::new(stamp, level, operator, words)
 }
 
-/// The safety gate is in another mode.
+/// Change of the safety gate's mode.
 pub(crate) fn gate(operator: &str, stamp: Time, mode: GateMode) -> Line {
     let (level, words) = match mode {
         GateMode::Manual => (Level::Info, "the driver drives".to_owned()),
@@ -89,7 +89,7 @@ pub(crate) fn gate(operator: &str, stamp: Time, mode: GateMode) -> Line {
     Line::new(stamp, level, operator, words)
 }
 
-/// The deadline of the frame of `stamp` passed at `at`.
+/// Missed deadline of the frame of `stamp`, at `at`.
 pub(crate) fn miss(operator: &str, stamp: Time, at: Time, reaction: Reaction) -> Line {
     let answer = match reaction {
         Reaction::Skip => "nothing is said",
@@ -100,7 +100,7 @@ pub(crate) fn miss(operator: &str, stamp: Time, at: Time, reaction: Reaction) ->
     Line::new(at, Level::Warning, operator, words)
 }
 
-/// A frame or a result was dropped.
+/// A dropped frame or result.
 pub(crate) fn dropped(dropped: &Dropped<'_>) -> Line {
     let why = match dropped.reason {
         DropReason::Skipped => "a newer one came",

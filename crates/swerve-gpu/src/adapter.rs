@@ -1,19 +1,19 @@
-//! Adapters: which there are, which can be used, and why the others cannot.
+//! Graphics adapters: detection, selection, and reasons for rejection.
 //!
-//! Vulkan is asked first and OpenGL after it. An adapter counts only if a device can be had of it and the
-//! device has what the shaders need: some drivers list adapters that they then cannot open.
+//! Vulkan is tried before OpenGL. An adapter counts only if a device can be opened on it and meets the requirements
+//! of the shaders: some drivers list adapters that they cannot open.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::device::Gpu;
 use crate::drivers;
 
-/// Hardware that an adapter computes with.
+/// Hardware of an adapter.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum AdapterKind {
-    /// A graphics processor: discrete, integrated, or lent to a virtual machine.
+    /// A GPU: discrete, integrated, or assigned to a virtual machine.
     Gpu,
-    /// The machine's processor, through a driver that takes the part of a graphics processor.
+    /// The CPU, through a software rasteriser.
     Software,
 }
 
@@ -30,17 +30,17 @@ impl AdapterKind {
 /// An adapter that a driver offers.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct AdapterReport {
-    /// Its name, by the driver.
+    /// Name reported by the driver.
     pub name: String,
-    /// Programming interface: `vulkan` or `gl`.
+    /// Graphics API: `vulkan` or `gl`.
     pub api: &'static str,
     /// Name and version of the driver; may be empty.
     pub driver: String,
     /// `discrete`, `integrated`, `virtual`, `cpu` or `other`.
     pub device_type: &'static str,
-    /// Hardware that it computes with; `None` if the driver does not say.
+    /// Hardware of the adapter; `None` if the driver does not report it.
     pub kind: Option<AdapterKind>,
-    /// Why it cannot be used; `None` if it can.
+    /// Reason for rejection; `None` if usable.
     pub refused: Option<String>,
 }
 
@@ -54,20 +54,20 @@ impl core::fmt::Display for AdapterReport {
     }
 }
 
-/// Adapters that [`probe`] found.
+/// Adapters found by [`probe`].
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Adapters {
-    /// Every adapter, in the order in which they are tried.
+    /// All adapters in the order in which they are tried.
     pub found: Vec<AdapterReport>,
-    /// Of each programming interface that offers none: why, as far as can be seen.
+    /// Probable reasons, one for each API that offers no adapter.
     pub absent: Vec<String>,
 }
 
 impl Adapters {
-    /// The adapter that a back end of a kind uses.
+    /// Selects the adapter for a back end of this kind.
     ///
     /// # Errors
-    /// If none can be used, with all reasons.
+    /// If none is usable, with all reasons.
     pub fn choose(&self, kind: AdapterKind) -> Result<&AdapterReport, NoAdapter> {
         let is_of_kind = |report: &&AdapterReport| report.kind == Some(kind);
         match self.found.iter().filter(is_of_kind).find(|report| report.refused.is_none()) {
@@ -76,7 +76,7 @@ impl Adapters {
         }
     }
 
-    /// Reasons why there is none of a kind.
+    /// Reasons why no adapter of a kind is usable.
     pub(crate) fn none(&self, kind: AdapterKind) -> NoAdapter {
         let mut reasons = self.absent.clone();
         for report in &self.found {
@@ -99,22 +99,22 @@ fn described(kind: AdapterKind) -> &'static str {
     }
 }
 
-/// No adapter of a kind can be used.
+/// No adapter of the requested kind is usable.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("no {} adapter: {}", .kind.name(), .reasons.join("; "))]
 pub struct NoAdapter {
-    /// Kind that was asked for.
+    /// Requested kind.
     pub kind: AdapterKind,
-    /// Of each interface and adapter: why not.
+    /// Reason for each API and adapter.
     pub reasons: Vec<String>,
 }
 
-/// Interfaces in the order in which they are tried.
+/// Graphics APIs in the order in which they are tried.
 const APIS: [(wgpu::Backends, &str); 2] = [(wgpu::Backends::VULKAN, "vulkan"), (wgpu::Backends::GL, "gl")];
 
-/// Looks for adapters and opens a device of each that may be used, to see whether it works.
+/// Lists adapters and opens a device on each to test it.
 ///
-/// No adapter is no error. Takes some tenths of a second.
+/// The absence of adapters is not an error. Takes a few tenths of a second.
 pub fn probe() -> Adapters {
     let mut adapters = Adapters::default();
     open_first(&mut adapters, &mut |_| false);
@@ -153,12 +153,12 @@ fn list(api: wgpu::Backends) -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = api;
     descriptor.flags = wgpu::InstanceFlags::empty();
-    // A broken driver must not take the process along if it can be helped.
+    // Contain panics of broken drivers where possible.
     let listed = catch_unwind(AssertUnwindSafe(|| {
         pollster::block_on(wgpu::Instance::new(descriptor).enumerate_adapters(api))
     }));
     let mut adapters = listed.unwrap_or_default();
-    // Strong ones first; the sort is stable.
+    // Most capable first; the sort is stable.
     adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::VirtualGpu => 1,
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_usable_adapter_of_a_kind_is_chosen_or_all_reasons_are_given() {
+    fn adapters_choose_the_first_usable_or_report_all_reasons() {
         let mut adapters = Adapters {
             found: vec![
                 report(AdapterKind::Software, None),

@@ -2,26 +2,27 @@
 
 use crate::device::Gpu;
 
-/// A buffer that is replaced by a larger one when it has to be.
+/// A buffer that is replaced by a larger one on demand.
 pub struct GrowingBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
     buffer: wgpu::Buffer,
 }
 
-/// Least size of a buffer, and what all sizes are multiples of, bytes.
+/// Minimum size and size increment of a buffer, bytes.
 const UNIT_BYTES: u64 = 4096;
 
 impl GrowingBuffer {
-    /// The smallest buffer there is. `label` is for messages.
+    /// Creates a buffer of minimum size. `label` appears in messages.
     pub fn new(gpu: &Gpu, label: &'static str, usage: wgpu::BufferUsages) -> Self {
         Self { label, usage, buffer: create(gpu, label, usage, UNIT_BYTES) }
     }
 
-    /// Makes room for so many bytes; gives the buffer of before, which has the content, if it was replaced.
+    /// Ensures a capacity of `bytes` bytes. If the buffer was replaced, returns the previous one, which holds the
+    /// content.
     ///
     /// # Errors
-    /// If the device takes no buffers of that size.
+    /// If the device does not support buffers of this size.
     pub fn reserve(&mut self, gpu: &Gpu, bytes: u64) -> Result<Option<wgpu::Buffer>, String> {
         if bytes <= self.buffer.size() {
             return Ok(None);
@@ -35,7 +36,7 @@ impl GrowingBuffer {
         Ok(Some(core::mem::replace(&mut self.buffer, larger)))
     }
 
-    /// The buffer of now.
+    /// The current buffer.
     pub fn get(&self) -> &wgpu::Buffer {
         &self.buffer
     }
@@ -46,7 +47,7 @@ fn create(gpu: &Gpu, label: &str, usage: wgpu::BufferUsages, size: u64) -> wgpu:
     gpu.device().create_buffer(&descriptor)
 }
 
-/// Largest buffer that shaders can be given, bytes.
+/// Largest buffer that can be bound to a shader, bytes.
 fn most_bytes(gpu: &Gpu) -> u64 {
     let limits = gpu.limits();
     limits.max_buffer_size.min(limits.max_storage_buffer_binding_size) / UNIT_BYTES * UNIT_BYTES

@@ -1,16 +1,16 @@
-//! Devices that back ends share.
+//! Devices shared between back ends.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use crate::adapter::{AdapterKind, AdapterReport, Adapters, NoAdapter, open_first};
 
-/// Storage buffers that the shaders need in one stage.
+/// Number of storage buffers that the shaders need in one stage.
 const STORAGE_BUFFERS: u32 = 8;
 
-/// A device that back ends share: images and lidars of one process, say.
+/// A device shared between back ends of one process, for example cameras and lidars.
 ///
-/// Errors of the device never panic; the first is kept, see [`Gpu::error`].
+/// Device errors never panic; the first one is kept, see [`Gpu::error`].
 #[derive(Debug)]
 pub struct Gpu {
     device: wgpu::Device,
@@ -20,15 +20,14 @@ pub struct Gpu {
     error: Arc<Mutex<Option<String>>>,
 }
 
-/// Devices that [`Gpu::shared`] has given out: of graphics processors, of software.
+/// Devices returned by [`Gpu::shared`]: GPU, software.
 static SHARED: Mutex<[Weak<Gpu>; 2]> = Mutex::new([Weak::new(), Weak::new()]);
 
 impl Gpu {
-    /// The device of a kind that others in this process use too; it is opened if nobody does, or if it has
-    /// failed.
+    /// The shared device of this kind in this process; opened if there is none or the previous one has failed.
     ///
     /// # Errors
-    /// If no adapter of the kind can be used.
+    /// If no adapter of the kind is usable.
     pub fn shared(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
         let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
         let place = &mut shared[usize::from(kind == AdapterKind::Software)];
@@ -40,17 +39,17 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// A device of a kind that nobody else uses.
+    /// Opens an unshared device of this kind.
     ///
     /// # Errors
-    /// If no adapter of the kind can be used.
+    /// If no adapter of the kind is usable.
     pub fn fresh(kind: AdapterKind) -> Result<Arc<Self>, NoAdapter> {
         let mut adapters = Adapters::default();
         let gpu = open_first(&mut adapters, &mut |report| report.kind == Some(kind));
         gpu.map(Arc::new).ok_or_else(|| adapters.none(kind))
     }
 
-    /// Opens a device of an adapter; the text says why not.
+    /// Opens a device on an adapter; the error text states the reason.
     pub(crate) fn open(adapter: &wgpu::Adapter, report: &AdapterReport) -> Result<Self, String> {
         let limits = adapter.limits();
         if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
@@ -87,58 +86,59 @@ impl Gpu {
         Ok(Self { device, queue, report: report.clone(), limits, error: first })
     }
 
-    /// The device, which makes buffers, textures and pipelines.
+    /// The device, which creates buffers, textures and pipelines.
     pub fn device(&self) -> &wgpu::Device {
         &self.device
     }
 
-    /// The queue, which takes commands.
+    /// The queue, which executes commands.
     pub fn queue(&self) -> &wgpu::Queue {
         &self.queue
     }
 
-    /// The adapter that it is of.
+    /// Report on its adapter.
     pub fn report(&self) -> &AdapterReport {
         &self.report
     }
 
-    /// Limits that the device was opened with: all that the adapter has.
+    /// Limits of the device: those of the adapter.
     pub fn limits(&self) -> &wgpu::Limits {
         &self.limits
     }
 
-    /// The first error since the device was opened: a lost device, an allocation that failed. What was
-    /// computed from then on cannot be trusted, and no one should go on using the device.
+    /// First error since the device was opened, such as a lost device or a failed allocation. Results from then on
+    /// are invalid, and the device must not be used any more.
     pub fn error(&self) -> Option<String> {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Whether the device can still be used.
+    /// Checks that the device is usable.
     ///
     /// # Errors
-    /// [`Gpu::error`].
+    /// The error of [`Gpu::error`], if any.
     pub fn check(&self) -> Result<(), String> {
         self.error().map_or(Ok(()), Err)
     }
 
-    /// Waits for a submission and runs the callbacks of buffers mapped by then; `None` for the last one.
+    /// Waits for a submission and runs the callbacks of buffers mapped by then; `None` waits for the last
+    /// submission.
     ///
     /// # Errors
-    /// [`Gpu::error`].
+    /// The error of [`Gpu::error`], if any.
     pub fn wait(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<(), String> {
         self.run_callbacks(wgpu::PollType::Wait { submission_index: submission, timeout: None })
     }
 
-    /// Runs the callbacks of buffers that are mapped by now, without waiting.
+    /// Runs the callbacks of mapped buffers without waiting.
     ///
     /// # Errors
-    /// [`Gpu::error`].
+    /// The error of [`Gpu::error`], if any.
     pub fn poll(&self) -> Result<(), String> {
         self.run_callbacks(wgpu::PollType::Poll)
     }
 
     fn run_callbacks(&self, how: wgpu::PollType) -> Result<(), String> {
-        // A lost device is a panic there.
+        // `poll` panics on a lost device.
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(how)));
         match polled {
             Ok(Ok(_)) => {}
@@ -152,7 +152,7 @@ impl Gpu {
     }
 }
 
-/// Keeps an error if it is the first.
+/// Stores an error if it is the first.
 fn note(first: &Mutex<Option<String>>, error: &str) {
     let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
     if first.is_none() {
@@ -167,7 +167,7 @@ mod tests {
     use crate::testing::adapter_or_skip;
 
     #[test]
-    fn what_the_probe_says_holds_when_a_device_is_opened() {
+    fn probed_adapters_open_as_reported() {
         let adapters = probe();
         for kind in [AdapterKind::Gpu, AdapterKind::Software] {
             match (adapters.choose(kind), Gpu::shared(kind)) {
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_failed_is_not_given_out_again() {
+    fn shared_device_is_replaced_after_a_failure() {
         let Some(gpu) = adapter_or_skip(Gpu::fresh(AdapterKind::Software)) else { return };
         assert_eq!(gpu.error(), None);
         gpu.device().destroy();

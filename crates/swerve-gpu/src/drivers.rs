@@ -1,8 +1,8 @@
-//! Drivers: why an interface offers no adapter, as far as the files of the system tell.
+//! Graphics drivers: probable reasons why an API offers no adapter, from the files of the system.
 
 use std::path::{Path, PathBuf};
 
-/// Why an interface (`vulkan` or `gl`) offers no adapter.
+/// Probable reason why an API (`vulkan` or `gl`) offers no adapter.
 pub(crate) fn why_absent(api: &str) -> String {
     let (library, manifests) = match api {
         "vulkan" => ("libvulkan.so.1", vulkan_manifests()),
@@ -22,7 +22,7 @@ pub(crate) fn why_absent(api: &str) -> String {
     }
 }
 
-/// Number of driver files that the Vulkan loader would read.
+/// Number of driver manifests that the Vulkan loader would read.
 fn vulkan_manifests() -> Option<usize> {
     for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
         if let Some(files) = std::env::var_os(name) {
@@ -35,10 +35,11 @@ fn vulkan_manifests() -> Option<usize> {
     Some(folders.filter_map(|folder| std::fs::read_dir(folder).ok()).map(Iterator::count).sum())
 }
 
-/// Turns off the layer of Mesa's Vulkan drivers that asks the display which adapter is its own, where there is no display
-/// to ask: it writes `error: XDG_RUNTIME_DIR is invalid or not set in the environment.` to standard error. The layer only
-/// orders adapters, which [`probe`](crate::probe) does as well. To be called first in a program: nothing happens once there
-/// is a second thread.
+/// Disables Mesa's Vulkan device-select layer if there is no display.
+///
+/// Without a display the layer writes `error: XDG_RUNTIME_DIR is invalid or not set in the environment.` to standard
+/// error; it only orders adapters, which [`probe`](crate::probe) also does. Call it first in a program: it does nothing
+/// once there is a second thread.
 pub fn turn_off_display_layer() {
     const OFF: &str = "NODEVICE_SELECT";
     let folder = std::env::var_os("XDG_RUNTIME_DIR");
@@ -49,7 +50,7 @@ pub fn turn_off_display_layer() {
         return;
     }
     #[expect(unsafe_code, reason = "a layer is turned off by the environment alone")]
-    // SAFETY: this is the only thread, so nobody reads the environment meanwhile.
+    // SAFETY: this is the only thread, so no other thread reads the environment concurrently.
     unsafe {
         std::env::set_var(OFF, "1");
     }

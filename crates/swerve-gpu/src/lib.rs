@@ -1,12 +1,12 @@
-//! Graphics adapters: which there are, which may be used and why not, and devices that back ends share.
+//! Graphics adapters: detection, selection, and devices shared between back ends.
 //!
 //! ```text
-//! probe ─> Adapters ─> choose (or every reason why there is none)
+//! probe ─> Adapters ─> choose (or every reason for rejection)
 //! Gpu::shared ─> Gpu: device, queue, limits, and the first error since it was opened
 //! ```
 //!
-//! This crate alone names [`wgpu`] in its manifest. Back ends take it from here, so that there is one version of
-//! it, and none of them shows it to its own users.
+//! Only this crate depends on [`wgpu`] directly. Back ends use its re-export, so that there is a single version,
+//! and none exposes it in its own API.
 
 mod adapter;
 mod buffer;

@@ -1,11 +1,11 @@
-//! Tests that need an adapter: for those of the crates that draw and cast rays on one.
+//! Helpers for tests that need an adapter, in the crates that render or cast rays on one.
 
 use crate::NoAdapter;
 
-/// The device that was asked for; `None` with a word on why not, so that the test can be skipped.
+/// The requested device; `None` after printing the reason, so that the test can be skipped.
 ///
 /// # Panics
-/// If there is none although `SWERVE_CI` is set: there every test has to run.
+/// If there is no device and `SWERVE_CI` is set, which requires all tests to run.
 pub fn adapter_or_skip<T>(asked: Result<T, NoAdapter>) -> Option<T> {
     match asked {
         Ok(gpu) => Some(gpu),

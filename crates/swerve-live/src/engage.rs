@@ -1,8 +1,9 @@
-//! From a person's request to the edge of the gate's switch.
+//! Engagement: from a user's request to the rising edge of the gate's switch.
 //!
-//! The gate takes a rising edge for an act, and wants all to be well at that instant. A vehicle takes a moment until
-//! it listens, and says so in its reports. So the edge comes when the vehicle listens, no driver acts, and all topics
-//! that are needed are there; the vehicle is asked until then, but not for ever.
+//! The gate treats a rising edge as a user action and requires a healthy state at that instant. A vehicle needs a
+//! moment until it accepts commands, which it reports. The edge is therefore given when the vehicle accepts
+//! commands, the driver does not act, and all required topics are present; until then, and up to a timeout, the
+//! vehicle is asked repeatedly.
 //!
 //! Pure: the instant is an input.
 
@@ -12,56 +13,56 @@ use swerve_stack::config::live::EnableBy;
 
 use super::intake::Request;
 
-/// Between two requests to the vehicle.
+/// Period of requests to the vehicle.
 const ASK_EVERY: Span = Span::from_ms(200);
-/// Requests to drive that come closer than this are one act: a button that is held, a topic that is repeated.
+/// Requests to drive closer together than this are one action: a held button, a repeated topic.
 const ACT_GAP: Span = Span::from_ms(1000);
-/// For so long at least the switch is off before it goes on, so that the gate sees an edge.
+/// Minimum off time of the switch, so that the gate sees an edge.
 const OFF_MIN: Span = Span::from_ms(100);
-/// How long the gate may take to follow the edge.
+/// Maximum time for the gate to follow the edge.
 const EDGE_MAX: Span = Span::from_ms(300);
 
-/// The state of vehicle, person and gate at an instant.
+/// State of vehicle, user and gate at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation {
     /// The instant.
     pub now: Time,
-    /// Whether all that is needed was heard lately.
+    /// True if all required topics were heard recently.
     pub ready: bool,
-    /// Whether the vehicle listens to commands, if it says so.
+    /// True if the vehicle accepts commands; `None` if it does not report that.
     pub listens: Option<bool>,
-    /// Whether the driver acts.
+    /// True if the driver acts.
     pub driver: bool,
-    /// The gate's mode.
+    /// Mode of the gate.
     pub mode: GateMode,
 }
 
-/// The next action.
+/// Result of a step.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Action {
-    /// For the gate.
+    /// Switch for the gate.
     pub switch: Switch,
-    /// Ask the vehicle to listen.
+    /// True to ask the vehicle to accept commands.
     pub ask: bool,
-    /// A word for the person.
+    /// Message for the user.
     pub note: Option<&'static str>,
 }
 
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Phase {
-    /// Nobody wants to drive.
+    /// No pending request to drive.
     Idle,
     /// The vehicle is asked to accept commands.
     Asking { since: Time, asked: Option<Time> },
-    /// The switch is on, since then; asked since.
+    /// The switch is on since `since`; the request was made at `asking_since`.
     On { since: Time, asking_since: Time },
 }
 
-/// The state machine.
+/// State machine of the engagement.
 #[derive(Clone, Debug)]
 pub struct Engagement {
     timeout: Span,
-    /// The start of the program is an act that has not been done yet.
+    /// True if enabled at start: the start of the program is a user action that is still pending.
     at_start: bool,
     phase: Phase,
     last_request: Option<Time>,
@@ -71,7 +72,7 @@ pub struct Engagement {
 }
 
 impl Engagement {
-    /// With nobody wanting anything.
+    /// Creates the state machine without a request, except at start.
     pub fn new(by: EnableBy, timeout: Span) -> Self {
         Self {
             timeout,
@@ -84,12 +85,12 @@ impl Engagement {
         }
     }
 
-    /// From here on nobody drives any more.
+    /// Ends the drive: the switch stays off from here on.
     pub fn end(&mut self) {
         self.over = true;
     }
 
-    /// Takes in what persons requested.
+    /// Processes the requests of users.
     pub fn step(&mut self, requests: &[Request], at: &Situation) -> Action {
         let mut note = None;
         for request in requests {
@@ -123,7 +124,7 @@ impl Engagement {
         Action { switch: Switch { enable, emergency: self.emergency }, ask, note: said.or(note) }
     }
 
-    /// A person acts.
+    /// Handles a user action.
     fn press(&mut self, at: &Situation) -> Option<&'static str> {
         let drives = matches!(self.phase, Phase::On { .. }) && at.mode == GateMode::Driving;
         if drives || self.over {
@@ -166,7 +167,7 @@ impl Engagement {
         }
     }
 
-    /// While the switch is on.
+    /// Monitors the gate while the switch is on.
     fn watch(&mut self, at: &Situation, since: Time, asking_since: Time) -> Option<&'static str> {
         if at.driver {
             self.phase = Phase::Idle;
@@ -179,7 +180,7 @@ impl Engagement {
         if at.mode != GateMode::Manual {
             self.was_engaged |= at.mode == GateMode::Driving;
         } else if !self.was_engaged && at.now - since > EDGE_MAX {
-            // There was no sound command at that instant: a new edge.
+            // No valid command at that instant: give a new edge.
             self.phase = Phase::Asking { since: asking_since, asked: Some(at.now) };
         }
         None
@@ -233,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_comes_when_the_vehicle_listens() {
+    fn engagement_gives_the_edge_once_the_vehicle_accepts_commands() {
         let mut bench = Bench::new(EnableBy::Topic);
         assert!(!bench.run(1000, &[]).ask, "nobody asked for it");
         assert!(bench.run(20, &[Request::Drive(true)]).ask);
@@ -243,26 +244,26 @@ mod tests {
     }
 
     #[test]
-    fn the_start_is_one_act() {
+    fn engagement_at_start_is_a_single_request() {
         let mut bench = Bench::new(EnableBy::AtStart);
         bench.at.ready = false;
         assert!(!bench.run(20_000, &[]).ask);
         bench.at.ready = true;
         assert!(bench.run(20, &[]).ask);
-        // It does not listen in time, and nobody acts again.
+        // The vehicle does not accept commands in time, and there is no further user action.
         bench.run(6000, &[]);
         (bench.at.listens, bench.at.driver) = (Some(true), false);
         assert!(!bench.run(1000, &[]).switch.enable);
     }
 
     #[test]
-    fn a_driver_who_took_over_has_to_be_relieved_by_an_act() {
+    fn engagement_requires_a_new_action_after_a_takeover() {
         let mut bench = Bench::driving();
         bench.at.driver = true;
         assert!(!bench.run(20, &[]).switch.enable);
         bench.at.driver = false;
         assert!(!bench.run(5000, &[]).switch.enable);
-        // A topic that is repeated all the time is no act.
+        // A topic that is repeated continuously is not a user action.
         let mut held = Bench::driving();
         for ms in 0..100 {
             held.at.driver = (20..40).contains(&ms);
@@ -274,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn letting_go_and_emergencies_reach_the_gate() {
+    fn engagement_forwards_release_and_emergency() {
         let mut bench = Bench::driving();
         assert!(bench.run(20, &[Request::Emergency(true)]).switch.emergency);
         assert!(!bench.run(20, &[Request::Emergency(false)]).switch.emergency);
@@ -286,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_the_gate_did_not_take_is_given_again() {
+    fn engagement_repeats_an_edge_that_the_gate_missed() {
         let mut bench = Bench::driving();
         bench.engagement.step(&[Request::Drive(false)], &bench.at);
         bench.at.mode = GateMode::Manual;

@@ -1,4 +1,4 @@
-//! The thread between the transport and the graph: takes messages in, works the switch, tells how it goes.
+//! Feed thread between the transport and the graph: receives messages, operates the switch, reports progress.
 
 use core::time::Duration;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,37 +20,37 @@ use super::sink::{Order, stop_takes};
 use super::watch::DriveStatus;
 use super::wire::{HostClock, Wire};
 
-/// The thread wakes at least this often.
+/// Longest sleep of the thread.
 const WAKE: Duration = Duration::from_millis(10);
-/// Between two lines of progress, and two reports on the topics in the log.
+/// Period of progress lines, and of topic reports in the log.
 const REPORT_EVERY: Span = Span::from_ms(1000);
-/// A topic that was not heard for so long is silent.
+/// A topic not heard for this long is silent.
 const SILENT: Span = Span::from_ms(500);
-/// The car stands for so long before the run is ended.
+/// Standstill time before the run is ended.
 const HELD: Span = Span::from_ms(500);
-/// Messages taken in before the switch is looked at again: a flood does not keep it waiting.
+/// Messages processed before the switch is checked again, so that a flood does not delay it.
 const AT_ONCE: usize = 256;
 
-/// The state of a topic as the log holds it, once a second.
+/// State of a topic, logged once a second.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct TopicState {
-    /// Its name here.
+    /// Name of the topic in the mapping.
     pub topic: String,
-    /// Messages that came so far.
+    /// Number of messages received so far.
     pub received: u64,
-    /// Messages that were used.
+    /// Number of messages used so far.
     pub used: u64,
-    /// Host's clock minus the stamps' clock, as far as it is known.
+    /// Host clock minus stamp clock, if known.
     pub offset: Option<Span>,
-    /// The uncertainty of that.
+    /// Uncertainty of the offset.
     pub spread: Option<Span>,
 }
 
-/// Tells the person how it goes while it drives.
+/// Reports progress to the user during a drive.
 pub trait StatusSink: Send {
-    /// The line of progress, each second.
+    /// Reports the line of progress, once a second.
     fn progress(&mut self, line: &str);
-    /// Something happened.
+    /// Reports an event.
     fn note(&mut self, at: Time, what: &str);
 }
 
@@ -64,74 +64,74 @@ impl StatusSink for LiveLine {
     }
 }
 
-/// Flags by which the threads of a drive tell one another what to do.
+/// Flags that the threads of a drive use to signal each other.
 #[derive(Default)]
 pub struct ControlFlags {
-    /// Somebody pressed Ctrl-C.
+    /// Ctrl-C was pressed.
     pub interrupted: AtomicBool,
-    /// The engine runs no longer.
+    /// The engine has ended.
     pub run_over: AtomicBool,
-    /// The sink has done its work, too.
+    /// The sink has ended, too.
     pub done: AtomicBool,
-    /// The gate slept for too long: the switch is to be released.
+    /// The gate was silent for too long: the switch must be released.
     pub gave_up: Arc<AtomicBool>,
 }
 
-/// Where a drive ends.
+/// Goal of a drive.
 pub struct Goal {
-    /// The route that is followed.
+    /// Route that is followed.
     pub route: Route,
-    /// How far along it, metres.
+    /// Position of the goal along the route, metres.
     pub s_m: f64,
 }
 
-/// The parts of the thread.
+/// Components of the feed thread.
 pub struct Feed<'a> {
-    /// How messages come.
+    /// Transport of the messages.
     pub wire: &'a dyn Wire,
-    /// Their meaning for the graph.
+    /// Conversion of messages to inputs of the graph.
     pub intake: Intake,
-    /// Where they go.
+    /// Inputs of the graph.
     pub inputs: Inputs,
-    /// What tells where the ego is.
+    /// Roles of the topics that provide the ego's position.
     pub located_by: &'static [Role],
-    /// The time of the run.
+    /// Time of the run.
     pub clock: HostClock,
-    /// The switch.
+    /// State machine of the switch.
     pub engagement: Engagement,
-    /// The drive's status, by the graph.
+    /// Status of the drive, as published by the graph.
     pub status: Arc<Mutex<DriveStatus>>,
-    /// Who talks to the vehicle.
+    /// Channel to the sink.
     pub orders: Option<Sender<Order>>,
-    /// Ends the run.
+    /// Handle to end the run.
     pub stop: StopHandle,
-    /// When the drive is to end.
+    /// Instant at which the drive ends, if limited.
     pub until: Option<Time>,
-    /// Where it is to end.
+    /// Position at which the drive ends.
     pub goal: Goal,
-    /// How long the stop at the end may take.
+    /// Maximum duration of the stop at the end.
     pub stop_max: Span,
-    /// How it is driven.
+    /// Parameters of that stop.
     pub stop_params: GateParams,
-    /// The other threads' flags.
+    /// Flags of the other threads.
     pub flags: &'a ControlFlags,
-    /// Who tells the person.
+    /// Receiver of progress reports.
     pub status_sink: Box<dyn StatusSink>,
 }
 
-/// The result of the thread.
+/// Result of the feed thread.
 pub struct FeedReport {
-    /// The intake, with its counts of the topics.
+    /// The intake, with its counts by topic.
     pub intake: Intake,
-    /// Messages that the engine did not take because it does not keep up.
+    /// Number of messages dropped because the engine does not keep up.
     pub not_taken: u64,
-    /// Why the drive was ended.
+    /// Reason for the end of the drive.
     pub why: &'static str,
-    /// Whether all that is needed was ever there at once.
+    /// True if all required topics were ever present at the same time.
     pub was_ready: bool,
 }
 
-/// How far the end has come.
+/// State of ending the drive.
 struct End {
     why: &'static str,
     since: Time,
@@ -155,7 +155,7 @@ struct Memory {
 }
 
 impl Feed<'_> {
-    /// Feeds until it is told that all is done.
+    /// Runs until all threads are done.
     pub fn run(mut self) -> FeedReport {
         let mut memory = Memory {
             out: Vec::new(),
@@ -173,7 +173,7 @@ impl Feed<'_> {
         while !self.flags.done.load(Ordering::Acquire) {
             self.wire.wait(WAKE);
             if self.flags.run_over.load(Ordering::Acquire) {
-                // Nobody orders any more: the sink gets to know.
+                // No more orders: the sink ends.
                 self.orders = None;
             }
             for _ in 0..AT_ONCE {
@@ -201,7 +201,7 @@ impl Feed<'_> {
         }
     }
 
-    /// Has the gate stop the car where the transport was lost, until somebody lets go of the switch.
+    /// Makes the gate stop the car after a loss of the transport, until the switch is released.
     fn watch_the_wire(&mut self, memory: &mut Memory) {
         let is_on = memory.switch.is_some_and(|switch| switch.enable);
         let mut alarm = if is_on { memory.alarm.clone() } else { WireAlarm::default() };
@@ -259,7 +259,7 @@ impl Feed<'_> {
             self.status_sink.note(now, note);
         }
         if action.ask {
-            // It fails where the sink is gone, and then there is nobody to be asked.
+            // Fails only if the sink has ended; then there is no vehicle to ask.
             let _ = self.orders.as_ref().map(|orders| orders.send(Order::Ask));
         }
         if mode != memory.mode {
@@ -289,7 +289,7 @@ impl Feed<'_> {
         }
         let Some(end) = &mut memory.end else { return };
         self.engagement.end();
-        // The car is at rest, or not ours, or it does not come to rest.
+        // The car is at rest, or not under our control, or does not come to rest.
         let rests = matches!(memory.mode, GateMode::Manual | GateMode::Holding(_));
         end.stands_since = if rests { end.stands_since.or(Some(now)) } else { None };
         let rested = end.stands_since.is_some_and(|since| now - since >= HELD);
@@ -300,7 +300,7 @@ impl Feed<'_> {
         }
     }
 
-    /// Whether the stack has driven to the goal.
+    /// Returns true if the stack has driven to the goal.
     fn is_there(&self, mode: GateMode) -> bool {
         let at = lock(&self.status).at.filter(|_| mode == GateMode::Driving);
         at.is_some_and(|at| self.goal.route.project(at).s_m >= self.goal.s_m)
@@ -354,12 +354,12 @@ impl End {
     }
 }
 
-/// The names of roles, with commas.
+/// Comma-separated names of roles.
 pub(super) fn listed(roles: &[Role]) -> String {
     roles.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// A mode in words.
+/// Description of a mode.
 pub(super) fn mode_words(mode: GateMode) -> String {
     match mode {
         GateMode::Manual => "manual".into(),

@@ -1,10 +1,10 @@
-//! The graph that drives a vehicle: sources in the place of the simulated world's sensors, the gate at its end.
+//! Graph that drives a vehicle: sources instead of simulated sensors, and the gate at its end.
 //!
 //! ```text
-//!  objects > obstacles > tracker > predictor > planner > controller > fresh > gate -> (who talks to the vehicle)
-//!  pose, or a localizer --------------------------^--------^                   ^
-//!  vehicle, switch ------------------------------------------------------------+
-//!  imu, gnss, cameras, lidars > monitors
+//! objects > obstacles > tracker > predictor > planner > controller > fresh > gate -> (sink)
+//! pose, or a localizer --------------------------^--------^                   ^
+//! vehicle, switch ------------------------------------------------------------+
+//! imu, gnss, cameras, lidars > monitors
 //! ```
 
 use std::collections::BTreeMap;
@@ -19,24 +19,24 @@ use swerve_stack::pipeline::Pipeline;
 use super::feed::TopicState;
 use super::intake::{Arrived, Input, names};
 
-/// A graph to be fed with what a vehicle says.
+/// A graph with inputs for the data of a vehicle.
 pub struct LiveGraph {
-    /// The pipeline; its operator `gate` says what goes to the vehicle.
+    /// The pipeline; its operator `gate` publishes the commands for the vehicle.
     pub pipeline: Pipeline,
-    /// What feeds it.
+    /// Inputs of the graph.
     pub inputs: Inputs,
 }
 
-/// The sources' handles: under wall clock they feed the graph. When they are gone its streams are closed.
+/// Handles of the sources, which feed the graph under wall clock. Dropping them closes its streams.
 pub struct Inputs {
-    /// None where localization finds it.
+    /// `None` if a localizer estimates the pose.
     pose: Option<SourceHandle<EgoState>>,
     objects: SourceHandle<ObstacleList>,
     imu: SourceHandle<Imu>,
     gnss: SourceHandle<Gnss>,
     report: SourceHandle<VehicleReport>,
     switch: SourceHandle<Switch>,
-    /// None where the drive was recorded.
+    /// `None` for a recorded drive.
     wire: Option<SourceHandle<WireAlarm>>,
     topics: SourceHandle<Vec<TopicState>>,
     images: BTreeMap<String, SourceHandle<Image>>,
@@ -44,10 +44,10 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Hands something to its source.
+    /// Passes an input to its source.
     ///
     /// # Errors
-    /// The run is over, or the engine does not keep up.
+    /// If the run has ended or the engine does not keep up.
     pub fn send(&self, arrived: Arrived) -> Result<(), SendError> {
         let Arrived { stamp, input, .. } = arrived;
         match input {
@@ -66,14 +66,14 @@ impl Inputs {
 }
 
 impl LiveGraph {
-    /// The graph of a configuration with `[live]`, along the road of `scenario`.
+    /// Builds the graph of a configuration with `[live]`, along the road of `scenario`.
     ///
     /// # Errors
-    /// When what the configuration asks for is not to be had.
+    /// If the configuration requests something unavailable.
     pub fn build(config: &Config, scenario: &Scenario) -> anyhow::Result<Self> {
         anyhow::ensure!(config.live.is_some(), "the configuration has no `[live]`");
         let mut pipeline = Pipeline::build(config, scenario)?;
-        // What becomes of topics is read by nobody in the graph: it is there for the log.
+        // The states of the topics have no reader in the graph; they are for the log.
         let (_, topics) = pipeline.graph.source::<Vec<TopicState>>(names::TOPICS);
         let named = |names: Vec<&String>| -> Vec<String> { names.into_iter().cloned().collect() };
         let inputs = Inputs {
@@ -95,14 +95,14 @@ impl LiveGraph {
     }
 }
 
-/// The handle of a source of the graph.
+/// Handle of a source of the graph.
 fn input<T: Payload>(pipeline: &mut Pipeline, name: &str) -> anyhow::Result<SourceHandle<T>> {
     pipeline.take_source(name).with_context(|| {
         format!("operator.{name}: a vehicle says this: expected the operator that takes it in, as it is without a configuration")
     })
 }
 
-/// The handles of sources of one kind, by name.
+/// Handles of the sources of one kind, by name.
 fn inputs<T: Payload>(
     pipeline: &mut Pipeline,
     names: Vec<String>,

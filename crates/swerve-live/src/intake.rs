@@ -1,4 +1,4 @@
-//! From ROS messages, live or recorded, to what the graph takes in.
+//! Intake: from live or recorded ROS messages to inputs of the graph.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -27,37 +27,37 @@ use super::feed::TopicState;
 use super::time::TopicClock;
 use super::vehicle::{Car, VehicleInterface};
 
-/// How much of a new difference of speeds goes into the acceleration: speeds are noisy.
+/// Low-pass weight of a new speed difference in the acceleration, since speeds are noisy.
 const ACCEL_SHARE: f64 = 0.2;
-/// Accelerations are not told from speeds that are further apart than this.
+/// Largest time between two speeds from which an acceleration is computed.
 const ACCEL_GAP: Span = Span::from_ms(500);
 
-/// A topic's message as the graph takes it in.
+/// Message of a topic, converted to an input of the graph.
 #[derive(Clone, PartialEq, Debug)]
 pub enum Input {
-    /// Where the ego is.
+    /// Pose of the ego.
     Pose(EgoState),
-    /// The objects around it, as others see them.
+    /// Surrounding objects from external perception.
     Objects(ObstacleList),
-    /// An inertial reading.
+    /// Inertial measurement.
     Imu(Imu),
     /// A satellite fix.
     Gnss(Gnss),
-    /// An image of the camera of this name.
+    /// Image of the named camera.
     Image(String, Image),
-    /// A point cloud of the lidar of this name.
+    /// Point cloud of the named lidar.
     Cloud(String, PointCloud),
-    /// The vehicle's report of itself.
+    /// Report of the vehicle.
     Report(VehicleReport),
-    /// The person's switch.
+    /// State of the enabling switch.
     Switch(Switch),
-    /// What is wrong with the wire.
+    /// Fault of the transport.
     Wire(WireAlarm),
-    /// How the topics are, for the log.
+    /// States of the topics, for the log.
     Topics(Vec<TopicState>),
 }
 
-/// Names of the graph's sources, but for cameras and lidars, which have their topics' names.
+/// Names of the graph's sources, except cameras and lidars, which are named after their topics.
 pub mod names {
     /// [`super::Input::Pose`].
     pub const POSE: &str = "pose";
@@ -77,19 +77,19 @@ pub mod names {
     pub const TOPICS: &str = "topics";
 }
 
-/// Something for the graph.
+/// An input for the graph.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Arrived {
-    /// When it came.
+    /// Instant of arrival.
     pub at: Time,
-    /// Which instant it describes, later than that of the one before it on its stream.
+    /// Instant that it describes, later than the previous one of its stream.
     pub stamp: Time,
-    /// The message.
+    /// Content.
     pub input: Input,
 }
 
 impl Arrived {
-    /// The source that it is for.
+    /// Name of its source.
     pub fn source(&self) -> &str {
         match &self.input {
             Input::Pose(_) => names::POSE,
@@ -104,7 +104,7 @@ impl Arrived {
         }
     }
 
-    /// The same for [`swerve_flow::Graph::playback`] of the source: what virtual time is fed with.
+    /// Converts it for [`swerve_flow::Graph::playback`] of the source, which feeds a run in virtual time.
     pub fn record(self) -> PlaybackRecord {
         let Self { at, stamp, input } = self;
         match input {
@@ -122,25 +122,25 @@ impl Arrived {
     }
 }
 
-/// Messages that were not used, by reason.
+/// Number of rejected messages by reason.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize)]
 pub struct Refusals {
-    /// Numbers, sizes or names that cannot be.
+    /// Implausible numbers, sizes or names.
     pub implausible: u64,
-    /// The stamp is older than the newest before it.
+    /// Stamp older than the newest one before.
     pub backwards: u64,
-    /// The stamp is from the future.
+    /// Stamp in the future.
     pub ahead: u64,
-    /// The stamp is from long ago.
+    /// Stamp in the distant past.
     pub behind: u64,
-    /// There is no stamp.
+    /// Stamp not set.
     pub unset: u64,
-    /// It says nothing that can be used: another frame, other pixels, no fix.
+    /// Unusable content: another frame, another pixel format, no fix.
     pub not_usable: u64,
 }
 
 impl Refusals {
-    /// Adds others to these.
+    /// Adds other counts.
     pub fn add(&mut self, others: &Self) {
         let Self { implausible, backwards, ahead, behind, unset, not_usable } = *others;
         self.implausible += implausible;
@@ -151,51 +151,51 @@ impl Refusals {
         self.not_usable += not_usable;
     }
 
-    /// All together.
+    /// Sum over all reasons.
     pub fn total(&self) -> u64 {
         let Self { implausible, backwards, ahead, behind, unset, not_usable } = *self;
         implausible + backwards + ahead + behind + unset + not_usable
     }
 }
 
-/// Counts of a topic's messages.
+/// Message counts of a topic.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct TopicTally {
-    /// Messages that came here.
+    /// Messages received.
     pub received: u64,
-    /// Messages that were used.
+    /// Messages used.
     pub used: u64,
-    /// Messages that were not.
+    /// Messages rejected.
     pub refused: Refusals,
-    /// Why the newest of them was not.
+    /// Reason for the latest rejection.
     pub last_refusal: Option<String>,
-    /// When the newest that was used came.
+    /// Arrival of the newest message that was used.
     pub heard: Option<Time>,
 }
 
-/// The instants of a message, in the time of the run.
+/// Instants of a message, in run time.
 #[derive(Clone, Copy)]
 struct Instants {
-    /// When it came.
+    /// Instant of arrival.
     at: Time,
-    /// The instant that it describes.
+    /// Instant that the message describes.
     stamp: Time,
 }
 
-/// A topic's counts and clock.
+/// Counts and clock of a topic.
 #[derive(Clone, Copy)]
 pub struct TopicSummary<'a> {
-    /// Its name in the mapping.
+    /// Name of the topic in the mapping.
     pub name: &'a str,
-    /// Its role.
+    /// Role of the topic.
     pub role: Role,
-    /// Counts of its messages.
+    /// Message counts.
     pub tally: &'a TopicTally,
-    /// The clock of its stamps.
+    /// Clock of its stamps.
     pub clock: &'a TopicClock,
 }
 
-/// The state of a topic.
+/// State of a topic.
 struct Topic {
     role: Role,
     frame: String,
@@ -203,16 +203,16 @@ struct Topic {
     tally: TopicTally,
 }
 
-/// A person's request that a topic brought.
+/// A user's request, received on a topic.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Request {
-    /// The stack is to drive, or no longer.
+    /// Drive with the stack (true) or stop doing so (false).
     Drive(bool),
-    /// The car is to be stopped at once, or no longer.
+    /// Stop the car at once (true), or clear that (false).
     Emergency(bool),
 }
 
-/// Turns messages into what the graph takes in. Reads no clock: when a message came is said with it.
+/// Converts messages to inputs of the graph. Reads no clock: the instant of arrival is passed in.
 pub struct Intake {
     epoch_ns: i64,
     map: String,
@@ -228,7 +228,7 @@ pub struct Intake {
     requests: Vec<Request>,
 }
 
-/// The ego's acceleration, from where it is reported or from its speeds.
+/// Acceleration of the ego: reported, or estimated from its speeds.
 #[derive(Default)]
 struct Acceleration {
     reported: Option<(Time, f64)>,
@@ -237,7 +237,7 @@ struct Acceleration {
 }
 
 impl Acceleration {
-    /// At `now`, when the speed is `speed_mps`.
+    /// Acceleration at `now`, given the present speed.
     fn at(&mut self, now: Time, speed_mps: f64) -> f64 {
         if let Some((before, before_mps)) = self.before.replace((now, speed_mps))
             && now > before
@@ -257,15 +257,16 @@ impl Acceleration {
     }
 }
 
-/// Works with what threads share. A panic while it was held would be a bug in plain bookkeeping: what is there is whole.
+/// Locks shared state and ignores poisoning: its updates leave it consistent even after a panic.
 pub(super) fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Intake {
-    /// For the topics of a mapping, heard by `vehicle`; the host's clock stood at `epoch_ns` at the run's time zero.
+    /// Creates an intake for the topics of a mapping and the interface `vehicle`; run time zero is `epoch_ns` on
+    /// the host's clock.
     ///
-    /// Cameras and lidars are those that the configuration has a table for: it says where they sit.
+    /// Cameras and lidars are those with a table in the configuration, which contains their mounting poses.
     pub fn new(
         mapping: &Mapping,
         vehicle: Box<dyn VehicleInterface>,
@@ -306,22 +307,22 @@ impl Intake {
         }
     }
 
-    /// The state of the vehicle, shared with who talks to it.
+    /// State of the vehicle, shared with the sink.
     pub fn car(&self) -> Arc<Mutex<Car>> {
         self.car.clone()
     }
 
-    /// The topics without which too little is known of the vehicle.
+    /// Roles of the topics required to know the state of the vehicle.
     pub fn needs(&self) -> &'static [Role] {
         self.vehicle.needs()
     }
 
-    /// Which instant of ROS's clock the run's time zero is.
+    /// Instant of the ROS clock at run time zero.
     pub fn epoch(&self) -> Epoch {
         Epoch { ns: self.epoch_ns }
     }
 
-    /// Counts of the messages, by topic.
+    /// Message counts by topic.
     pub fn tallies(&self) -> impl Iterator<Item = TopicSummary<'_>> {
         self.topics.iter().map(|(name, topic)| {
             let Topic { role, tally, clock, .. } = topic;
@@ -329,13 +330,13 @@ impl Intake {
         })
     }
 
-    /// Requests of persons since the last call.
+    /// Requests of users since the last call.
     pub fn requests(&mut self) -> Vec<Request> {
         std::mem::take(&mut self.requests)
     }
 
-    /// Takes in a message of the topic called `name` in the mapping, received at `now`; what it comes to is added
-    /// to `out`. It is checked first: a recorded message was not by anybody.
+    /// Processes a message of the topic `name` of the mapping, received at `now`, and appends the resulting inputs
+    /// to `out`. Validates the message first, because recorded messages have not been validated.
     pub fn take(&mut self, name: &str, message: &AnyMessage, now: Time, out: &mut Vec<Arrived>) {
         let Some(mut topic) = self.topics.remove(name) else { return };
         topic.tally.received += 1;
@@ -355,7 +356,7 @@ impl Intake {
         self.topics.insert(name.to_owned(), topic);
     }
 
-    /// The instant that a message describes, if it may be believed.
+    /// Instant that a message describes, if the message is plausible.
     fn judge(&self, topic: &mut Topic, message: &AnyMessage, now: Time) -> Result<Time, String> {
         let refused = &mut topic.tally.refused;
         message.check().map_err(|invalid| {
@@ -420,7 +421,7 @@ impl Intake {
             }
             AnyMessage::NavSatFix(fix) => Input::Gnss(Gnss { stamp, ..gnss_from_ros(fix, self.epoch())? }),
             AnyMessage::CameraInfo(info) => {
-                // The topic of the camera is the one in the same frame; where there is one camera it is that.
+                // The camera's topic is the one with the same frame, or the only one if there is a single camera.
                 let of = self.cameras.len() == 1;
                 let same_frame = |name: &String| {
                     self.topics.get(name).is_some_and(|camera| camera.frame == info.header.frame_id)
@@ -449,7 +450,7 @@ impl Intake {
         Ok(())
     }
 
-    /// Takes in reports of the vehicle and requests of persons.
+    /// Processes reports of the vehicle and requests of users.
     fn take_vehicle(
         &mut self,
         role: Role,
@@ -472,7 +473,7 @@ impl Intake {
         let mut car = lock(&self.car);
         let driver_before = car.driver();
         car.hear(role, message.kind(), stamp, facts);
-        // One report for each round of messages, and at once where the driver takes over or lets go.
+        // One report per round of messages, and immediately when the driver takes over or releases.
         if needs.first() == Some(&role) || car.driver() != driver_before {
             let report = car.report(needs);
             drop(car);

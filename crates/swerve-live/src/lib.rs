@@ -1,21 +1,21 @@
-//! `swerve live`: a vehicle on the other side of ROS 2's topics, driven.
+//! `swerve live`: drives a vehicle over ROS 2 topics.
 //!
-//! | module | what |
+//! | module | content |
 //! |---|---|
-//! | [`intake`] | from ROS messages, live or recorded, to what the graph takes in |
-//! | [`time`] | from a sensor's clock to the time of the run |
-//! | [`vehicle`] | a vehicle's reports, and commands in its words: one small trait for each interface |
-//! | [`graph`] | the graph, with sources in the place of the simulated world |
-//! | [`wire`] | how messages come and go: the bridge, or what stands in for it |
-//! | [`feed`] | the thread from the wire to the graph; the switch, by [`engage`] |
-//! | [`sink`] | the thread from the gate to the wire; stops the car where the gate has fallen silent |
-//! | [`orphan`] | the stop of a vehicle whose program has died |
-//! | [`recorded`] | the same from a recorded drive, in virtual time |
-//! | [`watch`], [`summary`] | what is seen of the drive, and told at its end |
+//! | [`intake`] | from live or recorded ROS messages to inputs of the graph |
+//! | [`time`] | from a sensor's clock to run time |
+//! | [`vehicle`] | vehicle interfaces: reports and commands; one small trait for each |
+//! | [`graph`] | the graph, with sources instead of the simulated world |
+//! | [`wire`] | transport of messages: the bridge, or a substitute in tests |
+//! | [`feed`] | thread from the wire to the graph; operates the switch by [`engage`] |
+//! | [`sink`] | thread from the gate to the wire; stops the car if the gate falls silent |
+//! | [`orphan`] | stop of a vehicle whose controlling program has died |
+//! | [`recorded`] | the same for a recorded drive, in virtual time |
+//! | [`watch`], [`summary`] | status during the drive, and results at its end |
 //!
 //! ```text
-//!  wire --> feed (intake, engage) --> sources | engine | gate --> outlet --> sink (interface) --> wire
-//!  own thread                                 | this thread      (observer)  own thread
+//! wire --> feed (intake, engage) --> sources | engine | gate --> outlet --> sink (interface) --> wire
+//! separate thread                            | this thread      (observer)  separate thread
 //! ```
 //!
 //! The graph depends on no transport: a bridge feeds it through [`graph::Inputs`], a recorded drive through
@@ -79,21 +79,21 @@ use summary::Summary;
 use watch::{DriveFigures, Outlet};
 use wire::{BridgeWire, HostClock, Wire};
 
-/// `swerve live`.
+/// Options of `swerve live`.
 #[derive(clap::Args, Debug)]
 pub struct LiveArgs {
     /// Configuration file (TOML) with `[live]` and `[ros2]`, or a name such as autoware
     config: PathBuf,
-    /// Stop the car and end after so many seconds; else with Ctrl-C, or at the goal
+    /// Stop the car and end after this many seconds; default: on Ctrl-C or at the goal
     #[arg(long)]
     seconds: Option<f64>,
-    /// Output folder [default: one of its own, out/CONFIG-1 and so on; out/CONFIG leads to the newest]
+    /// Output folder [default: a new one, out/CONFIG-1 and so on; out/CONFIG links to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder of --out
     #[arg(long, requires = "out")]
     overwrite: bool,
-    /// Who enables the stack, in place of the configuration's live.enable
+    /// Source of the enabling request, instead of the configuration's live.enable
     #[arg(long)]
     enable: Option<EnableBy>,
     /// Set a configuration key, such as ego.speed_mps=5
@@ -110,19 +110,19 @@ pub struct LiveArgs {
 }
 
 impl LiveArgs {
-    /// A drive of a configuration with these keys set, everything else as it is by default.
+    /// Creates the options for a configuration with these keys set, and defaults otherwise.
     pub fn of(config: PathBuf, set: Vec<String>, code: CodeArgs) -> Self {
         let (seconds, out, enable) = (None, None, None);
         Self { config, code, seconds, out, overwrite: false, enable, set, json: false, threads: 2 }
     }
 
-    /// The error for a file that a key of the configuration names.
+    /// Error for a file named by a key of the configuration.
     fn wrong_file(&self, key: &str, error: &anyhow::Error) -> anyhow::Error {
         let is_set = self.set.iter().any(|set| set.starts_with(key));
         route::wrong_file(&self.config, is_set, key, error)
     }
 
-    /// The command line that drives so again.
+    /// Command line that repeats the drive.
     fn command_line(&self) -> String {
         let mut line = format!("swerve live {}", quoted(&self.config.display().to_string()));
         if let Some(seconds) = self.seconds {
@@ -136,20 +136,20 @@ impl LiveArgs {
     }
 }
 
-/// How long the transport may take for its end.
+/// Maximum time for the transport to end.
 const BRIDGE_END: Duration = Duration::from_secs(3);
 
-/// The parts of a drive, checked.
+/// Validated parts of a drive.
 pub struct Drive {
     /// The configuration.
     pub config: Config,
-    /// Its `[live]`.
+    /// Its `[live]` table.
     pub live: LiveConfig,
-    /// The topics.
+    /// Mapping of the topics.
     pub mapping: Mapping,
-    /// Whose road is followed.
+    /// Scenario whose road is followed.
     pub scenario: Scenario,
-    /// The file of that.
+    /// File of the scenario.
     pub route: PathBuf,
 }
 
@@ -157,7 +157,7 @@ impl Drive {
     /// Reads a configuration and the route that it names.
     ///
     /// # Errors
-    /// All that is wrong with them.
+    /// All problems found in them.
     pub fn load(registry: &Registry, file: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Self> {
         // A vehicle moves in real time.
         let wall = ("clock.source".to_owned(), toml::Value::from("wall"));
@@ -171,7 +171,7 @@ impl Drive {
             problems_error(&all)
         })?;
         if config.source.is_some() {
-            // What was recorded does not wait for anybody.
+            // A recording is played in virtual time.
             config.clock.source = Clock::Virtual;
         }
         let live = config.live.clone().with_context(|| {
@@ -184,38 +184,38 @@ impl Drive {
 }
 
 impl Drive {
-    /// Writes the page of a drive that was recorded into this folder.
+    /// Writes the report page of a recorded drive into this folder.
     fn report(&self, folder: &Path) -> anyhow::Result<()> {
         let page = page_of_log(&self.config.registry, &folder.join("log.mcap"))?;
         write_whole(&folder.join(REPORT), page.html().as_bytes())
     }
 }
 
-/// How long a drive lasts, on how many threads, and who is told.
+/// Options of a drive: duration, threads, progress reports.
 pub struct DriveOptions<'a> {
-    /// Until then.
+    /// Instant at which the drive ends, if limited.
     pub until: Option<Time>,
     /// Worker threads.
     pub threads: usize,
-    /// Who is told how it goes.
+    /// Receiver of progress reports.
     pub status_sink: Box<dyn StatusSink>,
-    /// How the threads of the drive tell one another what to do.
+    /// Flags that the threads of the drive use to signal each other.
     pub flags: &'a ControlFlags,
 }
 
-/// The log and the trace of a drive, as they are written.
+/// Log and trace of a drive while they are written.
 struct DriveFiles {
     recorder: Recorder,
     trace: TraceWriter,
-    /// The folder that they are in.
+    /// Folder of the files.
     folder: RunFolder,
 }
 
-/// The files of a drive that are complete, under the names of parts.
+/// Complete files of a drive, still under temporary names.
 struct Finished(RunFolder);
 
 impl DriveFiles {
-    /// Completes the files; what was recorded until a failure is kept, readable.
+    /// Completes the files; data recorded before a failure stays readable.
     fn finish(self) -> anyhow::Result<Finished> {
         self.recorder.finish()?;
         self.trace.finish()?;
@@ -224,7 +224,7 @@ impl DriveFiles {
 }
 
 impl Finished {
-    /// Gives the files their names, now that they are whole; returns their folder.
+    /// Renames the complete files to their final names; returns their folder.
     fn name_whole(self) -> anyhow::Result<RunFolder> {
         let Self(folder) = self;
         folder.name_whole()?;
@@ -232,19 +232,19 @@ impl Finished {
     }
 }
 
-/// The result of a drive.
+/// Result of a drive.
 pub struct Driven {
-    /// The engine's report, or why it failed.
+    /// Report of the engine, or the error.
     pub report: Result<RunReport, RunError>,
-    /// The report of the feed.
+    /// Report of the feed.
     pub feed: FeedReport,
-    /// The report of the sink.
+    /// Report of the sink.
     pub sink: SinkReport,
-    /// Figures of the drive.
+    /// Metrics of the drive.
     pub figures: DriveFigures,
 }
 
-/// The topics that tell where the ego is, or by which localization finds that.
+/// Roles of the topics that provide the ego's position, or from which localization estimates it.
 fn located_by(config: &Config) -> &'static [Role] {
     match (config.localization.estimates(), config.localization.reads_lidar()) {
         (false, _) => &[Role::Odometry],
@@ -253,7 +253,7 @@ fn located_by(config: &Config) -> &'static [Role] {
     }
 }
 
-/// Drives over a wire until the end, with `observers` told everything. When this returns the car has been released.
+/// Drives over a wire until the end and passes all events to `observers`. The car has been released on return.
 pub fn drive(
     drive: &Drive,
     wire: &dyn Wire,
@@ -262,13 +262,13 @@ pub fn drive(
 ) -> anyhow::Result<Driven> {
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario)?;
     let _processes = Processes::start_all(&drive.config, &mut graph.pipeline)?;
-    // Each process needs a thread that waits for it, beside those that were asked for.
+    // Each process needs a thread that waits for it, in addition to those requested.
     let options = DriveOptions { threads: options.threads + drive.config.process.len(), ..options };
-    // The engine's time begins when all are there, and so does that of the messages.
+    // Run time starts once everything is ready, for the engine as for messages.
     drive_graph(drive, graph, wire, options, observers, HostClock::start())
 }
 
-/// As [`drive`](self::drive), with a graph that is already built.
+/// As [`drive`](self::drive), with an existing graph.
 fn drive_graph(
     drive: &Drive,
     LiveGraph { pipeline: Pipeline { graph, assembly, route, .. }, inputs }: LiveGraph,
@@ -319,12 +319,12 @@ fn drive_graph(
     let options = RunOptions::default().seed(config.seed).threads(threads);
     std::thread::scope(|scope| {
         let sinking = scope.spawn(move || {
-            // The feed goes on until then: it is what knows when the car stands.
+            // The feed runs until then, because it monitors the standstill.
             let _done = Set(&flags.done);
             sink.run(&received)
         });
         let feeding = scope.spawn(move || feed.run());
-        // Whatever happens below, the other threads get to know that it is over.
+        // Signals the end to the other threads in any case.
         let over = Set(&flags.run_over);
         let mut outlet = outlet;
         let report = {
@@ -346,7 +346,7 @@ fn drive_graph(
     })
 }
 
-/// Sets a flag at its end, also where a panic passes.
+/// Sets a flag when dropped, also during a panic.
 struct Set<'a>(&'a AtomicBool);
 
 impl Drop for Set<'_> {
@@ -355,27 +355,27 @@ impl Drop for Set<'_> {
     }
 }
 
-/// Somebody who sees a drive while it goes on and can do nothing about it.
+/// Passive viewer of a drive while it runs.
 pub trait Onlooker: Observer {
-    /// Takes in what is about to be driven, by this command line.
+    /// Announces the drive and the command line that started it.
     ///
     /// # Errors
-    /// It cannot be shown; nothing is driven then.
+    /// If it cannot be shown; the drive does not start then.
     fn begin(&mut self, drive: &Drive, command: String) -> anyhow::Result<()>;
 }
 
 /// Runs `swerve live`.
 ///
 /// # Errors
-/// All that is wrong with the configuration, or the drive failed.
+/// If the configuration is invalid, or the drive failed.
 pub fn run(args: &LiveArgs, registry: &Registry) -> anyhow::Result<()> {
     run_before(args, registry, None)
 }
 
-/// As [`run`], before somebody's eyes.
+/// As [`run`], with a viewer.
 ///
 /// # Errors
-/// As [`run`]; a recorded drive is over at once, so that nobody can look on.
+/// As [`run`], or if the drive is recorded: it ends too quickly to be watched.
 pub fn run_before(
     args: &LiveArgs,
     registry: &Registry,
@@ -418,7 +418,7 @@ pub fn run_before(
     }
     let flags = Arc::new(ControlFlags::default());
     let interrupted = flags.clone();
-    // There is a handler already where a program has run before in this process: that one stays.
+    // If a program has run in this process before, its handler exists and is kept.
     let _first = on_interrupt(move || interrupted.interrupted.store(true, Ordering::Relaxed));
     let wire = BridgeWire::start(&drive.config, &drive.mapping, &drive.live)?;
     let until = args.seconds.map(|seconds| Time::ZERO + Span::from_secs(seconds));
@@ -432,7 +432,7 @@ pub fn run_before(
     conclude(args, &drive, files, driven, &topics, lost)
 }
 
-/// Ends the files and tells what it came to.
+/// Completes the files and reports the result.
 fn conclude(
     args: &LiveArgs,
     drive: &Drive,
@@ -458,7 +458,7 @@ fn conclude(
     Ok(())
 }
 
-/// Has a log hold of a drive what its configuration says.
+/// Configures a recorder for the log of a drive.
 fn set_up(recorder: &mut Recorder, drive: &Drive) {
     let Drive { config, scenario, .. } = drive;
     if let Some(images) = left_out_of_logs(config.log.images) {
@@ -470,7 +470,7 @@ fn set_up(recorder: &mut Recorder, drive: &Drive) {
     }
 }
 
-/// The head of a log: all that it takes to compute it again without the files.
+/// Head of the log: everything needed to recompute it without the files.
 fn run_start(drive: &Drive) -> RunStart {
     swerve_drive::run_start(&drive.config, &drive.scenario, &drive.route)
 }

@@ -1,8 +1,8 @@
-//! The stop of a vehicle whose program has died: driven by the process that speaks DDS, which outlives it.
+//! Stop of a vehicle whose controlling program has died, by the transport process, which outlives it.
 //!
-//! With each command the program leaves that process the [`Legacy`] to go on from. When the program's end of the socket
-//! closes without a farewell (kill -9, no memory, an abort), the process brakes as the [`Sink`] does where the gate has
-//! fallen silent: to a standstill with the last steering angle, then the vehicle is released and the process ends.
+//! With each command the program leaves the [`Legacy`] with that process. If the program's end of the socket closes
+//! without a farewell (kill -9, out of memory, an abort), the process brakes as the [`Sink`] does when the gate
+//! falls silent: to a standstill with the last steering angle. Then it releases the vehicle and ends.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -30,22 +30,22 @@ use crate::sink::Sink;
 use crate::vehicle::{self, Car, VehicleInterface};
 use crate::wire::{HostClock, Sent, Taken, Wire, sends};
 
-/// Between two looks at the vehicle's reports.
+/// Period of polling the vehicle's reports.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// The state of a drive that a stop needs.
+/// State of a drive that is needed to stop it.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Legacy {
-    /// The last command.
+    /// Last command.
     pub last: GateOutput,
-    /// Drive of a stop.
+    /// Parameters of the stop.
     pub stop: GateParams,
 }
 
-/// Stops the vehicle, if the program was driving it.
+/// Stops the vehicle if the program was driving it.
 ///
 /// # Errors
-/// The configuration or the state that the program left cannot be read.
+/// If the configuration or the state that the program left cannot be read.
 pub(crate) fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<()> {
     let legacy: Legacy = serde_json::from_slice(&orphan.state).context("the last command")?;
     if !legacy.last.engaged {
@@ -63,7 +63,7 @@ pub(crate) fn stop(registry: &Registry, orphan: &Orphan<'_>) -> anyhow::Result<(
     Ok(())
 }
 
-/// The same over a wire. One interface commands, the other one reads reports.
+/// Stops the vehicle over a wire. One interface sends commands, the other parses reports.
 fn stop_over(
     wire: &dyn Wire,
     [commands, reports]: [Box<dyn VehicleInterface>; 2],
@@ -104,7 +104,7 @@ fn stop_over(
     });
 }
 
-/// The bridge as a wire, in its own process.
+/// The bridge of this process as a wire.
 struct OrphanWire<'a> {
     bridge: &'a Bridge,
     sends: BTreeMap<Role, EndpointId>,

@@ -1,7 +1,7 @@
-//! A recorded drive in the place of a vehicle: the same topics, types, mapping and clocks, in virtual time.
+//! Recorded drives instead of a vehicle: the same topics, types, mapping and clocks, in virtual time.
 //!
-//! Messages come in order of the time of receipt that the recorder's host noted. All that is computed is
-//! logged; commands go nowhere. The result is a function of the recording, the configuration and the seed.
+//! Messages are played in order of their reception by the recorder. Everything computed is logged; commands are not
+//! sent. The result is a function of the recording, the configuration and the seed.
 
 mod clock;
 mod order;
@@ -35,36 +35,36 @@ pub use summary::{Summary, TopicReport};
 use swerve_stack::config::source::SourceConfig;
 use swerve_stack::pipeline::Pipeline;
 
-/// Between the first time at which all that is needed was heard, and the press on the simulated switch.
+/// Delay from the first instant at which all required topics were heard to the simulated enabling request.
 const PRESS_AFTER: Span = Span::from_ms(200);
 
-/// A recording, taken in.
+/// A recording, converted to inputs.
 #[derive(Default)]
 pub struct Recording {
-    /// Messages for the graph, by source.
+    /// Inputs for the graph, by source.
     records: BTreeMap<String, Vec<PlaybackRecord>>,
     last: BTreeMap<String, Time>,
-    /// Counts of the topics, by their names in ROS.
+    /// Counts by ROS topic name.
     pub topics: BTreeMap<String, TopicReport>,
     clock: Clock,
-    /// Messages with an earlier time than one before them in the files.
+    /// Messages with an earlier time than a preceding one in the files.
     earlier: u64,
-    /// Messages of channels that the recording does not describe.
+    /// Messages on channels that the recording does not describe.
     pub strays: u64,
-    /// Messages that came to a stream no later than the one before them.
+    /// Messages that reached a stream no later than their predecessor.
     pub late: u64,
-    /// Why reading ended before the recording did.
+    /// Reasons why reading ended before the recording did.
     pub cut_off: Vec<String>,
     pressed: Option<Time>,
     end: Time,
 }
 
-/// The topics that are heard, by their names in ROS: what each is called in the mapping, and its type.
+/// Topics that are read, by ROS name, each with its name in the mapping and its type.
 fn wanted(drive: &Drive) -> BTreeMap<String, (String, Kind)> {
     let Drive { live, mapping, .. } = drive;
     let mut wanted = BTreeMap::new();
     for endpoint in wire::options(mapping, live).endpoints {
-        // A person's switch that was recorded presses nothing: the simulated one does.
+        // Recorded switches are ignored; the simulated one is used.
         let role = mapping.topic(&endpoint.name).map(|topic| topic.role);
         let switch = matches!(role, Some(Role::Enable | Role::Disable | Role::Emergency));
         if endpoint.direction == Direction::Receive && !switch {
@@ -75,10 +75,10 @@ fn wanted(drive: &Drive) -> BTreeMap<String, (String, Kind)> {
 }
 
 impl Recording {
-    /// Takes in the files of a recording, in order.
+    /// Reads the files of a recording, in order.
     ///
     /// # Errors
-    /// The first file cannot be read, or holds no message.
+    /// If the first file cannot be read or contains no message.
     pub fn read(files: &[PathBuf], drive: &Drive) -> anyhow::Result<Self> {
         let Drive { config, mapping, .. } = drive;
         let wanted = wanted(drive);
@@ -106,7 +106,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The messages of all files. Only topics that are heard keep their data.
+    /// Messages of all files in order. Data is kept only for topics that are read.
     fn in_order(
         &mut self,
         files: &[PathBuf],
@@ -127,7 +127,7 @@ impl Recording {
                         }
                         order.add(topic, message);
                     }
-                    // The messages before the damage are a drive, too.
+                    // The messages before the damage are usable.
                     Err(error) => {
                         self.cut_off.push(error.to_string());
                         break;
@@ -139,7 +139,7 @@ impl Recording {
         Ok(order)
     }
 
-    /// Counts what the intake made of the messages, and has the switch pressed.
+    /// Collects the intake's counts and adds the simulated enabling request.
     fn conclude(&mut self, intake: &Intake) {
         for TopicSummary { name, tally, clock, .. } in intake.tallies() {
             if let Some(topic) = self.topics.values_mut().find(|t| t.name.as_deref() == Some(name)) {
@@ -195,7 +195,7 @@ impl Recording {
 
     fn keep(&mut self, arrived: Arrived) {
         let source = arrived.source().to_owned();
-        // Two topics may tell the same: the stream takes what is newer.
+        // Two topics may provide the same quantity: the stream takes the newer message.
         if self.last.get(&source).is_some_and(|last| arrived.stamp <= *last) {
             self.late += 1;
             return;
@@ -208,7 +208,7 @@ impl Recording {
         self.records.entry(source).or_default().push(arrived.record());
     }
 
-    /// The simulated person presses the switch once.
+    /// Adds the simulated enabling request, once.
     fn press(&mut self) {
         for (at, enable) in [(Some(Time::ZERO), false), (self.pressed, true)] {
             if let Some(at) = at {
@@ -219,10 +219,10 @@ impl Recording {
     }
 }
 
-/// The files of a recording, in the order of their numbers.
+/// Lists the files of a recording in the order of their numbers.
 ///
 /// # Errors
-/// There are none.
+/// If there are no files.
 pub fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
@@ -235,7 +235,7 @@ pub fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
             files.push(file);
         }
     }
-    // rosbag2 numbers them without leading zeros.
+    // rosbag2 numbers files without leading zeros.
     files.sort_by_key(|file| (file.as_os_str().len(), file.clone()));
     anyhow::ensure!(!files.is_empty(), "{}: there is no .mcap file in this folder", path.display());
     Ok(files)

@@ -1,14 +1,14 @@
-//! `swerve run --ros2`: the simulated car as a vehicle on ROS 2's topics.
+//! `swerve run --ros2`: the simulated car as a vehicle on ROS 2 topics.
 //!
-//! | module | what |
+//! | module | content |
 //! |---|---|
-//! | `show` | sensors, reports and plans go out: an observer of the run, which changes nothing in it |
-//! | `drive` | commands of another stack come in, where that drives: a source of the run |
-//! | `streams` | which streams' messages readers get, by the graph |
-//! | `mounts` | which sensor is on which topics, and where it sits |
+//! | `show` | sends sensor data, reports and plans: a passive observer of the run |
+//! | `drive` | receives commands of another stack, if it drives: a source of the run |
+//! | `streams` | which streams the readers in the graph receive |
+//! | `mounts` | topics and mounting poses of the sensors |
 //!
-//! Messages are made and sent on two threads of their own, one for images and point clouds, one for all else. Each
-//! has a queue with a bound; what does not fit is dropped and counted.
+//! Messages are built and sent on two separate threads, one for images and point clouds, one for everything else.
+//! Each has a bounded queue; messages that do not fit are dropped and counted.
 
 mod drive;
 mod mounts;
@@ -38,34 +38,34 @@ use mounts::Mounts;
 use show::Show;
 use streams::Streams;
 
-/// Small messages that may wait: a second of all of them.
+/// Queue length for small messages: one second of all topics.
 const SMALL_MAX: usize = 1000;
-/// Images and point clouds that may wait.
+/// Queue length for images and point clouds.
 const LARGE_MAX: usize = 4;
-/// How long the transport may take for its end.
+/// Maximum time for the transport to end.
 const STOP_WITHIN: Duration = Duration::from_secs(2);
 
-/// Makes a message; nothing where it cannot be said in ROS.
+/// Builds a message; `None` if it cannot be represented in ROS.
 type Make = Box<dyn FnOnce() -> Option<AnyMessage> + Send>;
 
-/// Autoware's service that asks a vehicle to follow commands.
+/// Autoware's service that requests a control mode of the vehicle.
 const CONTROL_MODE_SERVICE: &str = "/control/control_mode_request";
 
-/// Messages on their way out.
+/// Outgoing messages.
 struct Outbox {
     bridge: Arc<Transport>,
     queues: [SyncSender<(EndpointId, Make)>; 2],
-    /// Messages that found their queue full, by endpoint.
+    /// Messages dropped because their queue was full, by endpoint.
     dropped: Vec<u64>,
 }
 
 impl Outbox {
-    /// Has a small message made and sent.
+    /// Builds and sends a small message.
     fn small(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
         self.post(0, id, Box::new(make));
     }
 
-    /// Has a large message made and sent.
+    /// Builds and sends a large message.
     fn large(&mut self, id: EndpointId, make: impl FnOnce() -> Option<AnyMessage> + Send + 'static) {
         self.post(1, id, Box::new(make));
     }
@@ -79,17 +79,17 @@ impl Outbox {
     }
 }
 
-/// Makes and sends what is in a queue until it is closed.
+/// Builds and sends the messages of a queue until it is closed.
 fn send(bridge: &Transport, queue: &Receiver<(EndpointId, Make)>) {
     for (id, make) in queue {
         if let Some(message) = make() {
-            // What is not sent is counted by the bridge.
+            // The bridge counts messages that are not sent.
             let _counted = bridge.publish(id, message);
         }
     }
 }
 
-/// The car on ROS 2's topics, as long as it lives.
+/// The car on ROS 2 topics, until it is dropped.
 pub struct Ros2Car {
     bridge: Arc<Transport>,
     show: Show,
@@ -98,10 +98,11 @@ pub struct Ros2Car {
 }
 
 impl Ros2Car {
-    /// Opens the topics of a configuration of which there is something to say in this run; where another stack
-    /// drives, also those on which it does.
+    /// Opens the topics of a configuration for which this run has data and, if another stack drives, the topics of
+    /// its commands.
     ///
     /// # Errors
+    /// If the transport does not start.
     /// When the transport does not start.
     pub fn start(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         let mapping = config.ros2_mapping()?;
@@ -137,17 +138,17 @@ impl Ros2Car {
         Ok(Self { bridge, show, threads, listener })
     }
 
-    /// Who has to be told what happens in the run.
+    /// Observer for the run.
     pub fn observer(&mut self) -> &mut dyn Observer {
         &mut self.show
     }
 
-    /// Sends what still waits, and leaves.
+    /// Sends the remaining messages and shuts down.
     pub fn finish(self) -> Ros2Report {
         let Self { bridge, show, threads, listener } = self;
         let dropped = show.finish();
         for thread in threads {
-            // A panic there has been told by then; what was counted is still true.
+            // A panic in the thread has been reported by then; its counts are valid.
             let _told = thread.join();
         }
         let report = listener.and_then(|(thread, stop)| {
@@ -176,8 +177,8 @@ impl Ros2Car {
     }
 }
 
-/// The settings of the bridge: the car's side of the mapping, and what our own stack shows of itself. Where another
-/// stack drives that is markers only, of what is on the road.
+/// Options of the bridge: the vehicle's side of the mapping, and the visualisation of our stack. If another stack
+/// drives, only the markers of the objects on the road.
 fn options(
     config: &Config,
     streams: &Streams,
@@ -201,36 +202,36 @@ fn options(
     options
 }
 
-/// Whether another stack may say this to the car.
+/// Returns true if another stack may send this role to the car.
 fn is_command(role: Role) -> bool {
     role.side() == Side::Stack && matches!(role.purpose(), Purpose::Motion | Purpose::Switch)
 }
 
-/// Counts of ROS 2's topics, and of the stack that drove by them.
+/// Counts of the ROS 2 topics and of the external stack's commands.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Report {
-    /// The topics.
+    /// Counts by topic.
     pub topics: Vec<Ros2Topic>,
-    /// How often the process of the transport ended or hung, and a fresh one was started.
+    /// Number of times that the transport process ended or hung and was restarted.
     pub transports_lost: u64,
-    /// The other stack, where one drove.
+    /// Counts for the external stack, if it drove.
     pub driver: Option<Ros2Driver>,
 }
 
-/// Counts of the commands of a stack that drove.
+/// Command counts of an external stack.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Driver {
-    /// Commands that went to the safety gate.
+    /// Commands passed to the safety gate.
     pub commands: u64,
-    /// Commands whose stamps cannot be: these did not.
+    /// Commands rejected for implausible stamps.
     pub implausible: u64,
-    /// Commands of another writer than the one that drove: refused, and the car was stopped.
+    /// Commands of another writer than the one that drove: rejected, and the car was stopped.
     pub of_others: u64,
-    /// The run's time minus the time of the stack's clock, ms, for the fastest command.
+    /// Run time minus the stack's clock, ms, for the command with the least delay.
     pub clock_offset_ms: Option<f64>,
-    /// How far that is not known, ms.
+    /// Uncertainty of the offset, ms.
     pub clock_spread_ms: Option<f64>,
-    /// How often that clock was set.
+    /// Number of times that the stack's clock was set.
     pub clock_jumps: u32,
 }
 
@@ -251,27 +252,27 @@ impl Ros2Driver {
 /// Counts of a topic.
 #[derive(Serialize, Clone, Debug)]
 pub struct Ros2Topic {
-    /// Its name in ROS.
+    /// ROS name.
     pub topic: String,
-    /// Its type in ROS.
+    /// ROS type.
     #[serde(rename = "type")]
     pub kind: String,
-    /// How many others read or write it at the end.
+    /// Number of other readers or writers at the end.
     pub others: usize,
-    /// Messages that were sent.
+    /// Messages sent.
     pub sent: u64,
-    /// Messages that the transport did not take.
+    /// Messages that the transport did not accept.
     pub not_sent: u64,
-    /// Messages that were dropped because too many waited.
+    /// Messages dropped because of a full queue.
     pub dropped: u64,
-    /// Messages that came.
+    /// Messages received.
     pub received: u64,
-    /// Messages that came and were not taken: no sound ones of this type, or of another writer than the one that drove.
+    /// Received messages that were rejected: invalid, or of another writer than the one that drove.
     pub refused: u64,
 }
 
 impl Ros2Report {
-    /// For the terminal.
+    /// Formats a table for the terminal.
     pub fn text(&self) -> String {
         let head = ["topic", "peers", "sent", "send errors", "dropped", "received", "refused"];
         let row = |t: &Ros2Topic| {

@@ -1,4 +1,4 @@
-//! Files that a configuration names: the route that is driven along, the recording in the place of a vehicle.
+//! Files named by a configuration: the route, and the recording that replaces a vehicle.
 
 use std::path::{Path, PathBuf};
 
@@ -9,10 +9,10 @@ use swerve_scenario::Scenario;
 use swerve_stack::config::live::LiveConfig;
 use swerve_text::Document;
 
-/// Reads the scenario whose road is the route of a configuration, and its file.
+/// Reads the scenario whose road is the route of a configuration; returns it with its file.
 ///
 /// # Errors
-/// It cannot be read, with the place of its key, or is wrong.
+/// If it cannot be read or is invalid; the error states the position of the key.
 pub(crate) fn read(
     config: &Path,
     sets: &[(String, toml::Value)],
@@ -27,20 +27,20 @@ pub(crate) fn read(
     Ok((route, scenario))
 }
 
-/// The error for a file that a key of a configuration names, with the key's place; `is_set` if `--set` names it.
+/// Error for a file named by a key of a configuration, with the position of the key; `is_set` if `--set` names it.
 pub(crate) fn wrong_file(config: &Path, is_set: bool, key: &str, error: &anyhow::Error) -> anyhow::Error {
     let document = Kind::Live.document(config).ok().filter(|_| !is_set);
     let message = format!("{error:#}");
     document.map_or_else(|| anyhow!("{key}: {message}"), |document| document.problem(key, &message).into())
 }
 
-/// The file of a route, named from the folder of the configuration, or as one that is in the program.
+/// File of a route, relative to the folder of the configuration, or a built-in one.
 fn route_file(config: &Path, route: &str) -> PathBuf {
     let beside = config.parent().unwrap_or(Path::new("")).join(route);
     Kind::Scenario.meant(Path::new(route), beside)
 }
 
-/// Problems of the route that a configuration names, whatever other problems that has.
+/// Problems of the route named by a configuration, regardless of other problems in it.
 pub fn route_problems(config: &Path, document: &Document) -> Vec<String> {
     let route = document.table.get("live").and_then(|live| live.get("route")).and_then(toml::Value::as_str);
     let Some(route) = route.filter(|route| !route.is_empty()) else { return Vec::new() };

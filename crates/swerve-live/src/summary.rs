@@ -1,4 +1,4 @@
-//! The summary of a drive, for `metrics.json` and the terminal.
+//! Summary of a drive, for `metrics.json` and the terminal.
 
 use std::fmt::Write as _;
 
@@ -16,29 +16,29 @@ use super::time::TopicClock;
 use super::watch::DriveFigures;
 use super::{Drive, Driven};
 
-/// A clock that is as far from the host's counts from another beginning, milliseconds.
+/// Offset from which a clock is considered to have another origin than the host's, milliseconds.
 const OTHER_BEGINNING_MS: f64 = 60e3;
 
-/// The result of a drive.
+/// Result of a drive.
 #[derive(Serialize, Debug)]
 pub struct Summary {
     configuration: String,
     vehicle: &'static str,
-    /// Why it ended.
+    /// Reason for the end.
     ended: String,
-    /// Over all messages; as in a simulated run.
+    /// Digest of all messages, as in a simulated run.
     digest: Option<String>,
     seconds: f64,
-    /// Whether all topics that are needed were there at once.
+    /// True if all required topics were present at the same time.
     was_ready: bool,
     drive: DriveFigures,
     sink: SinkReport,
-    /// Messages that the engine did not take because it did not keep up.
+    /// Messages dropped because the engine did not keep up.
     not_taken: u64,
-    /// How often the process of the transport ended or hung, and a fresh one was started.
+    /// Number of times that the transport process ended or hung and was restarted.
     transports_lost: u64,
     topics: Vec<Topic>,
-    /// How timers kept time on the real clock, by operator.
+    /// Accuracy of timers on the real clock, by operator.
     timers: Vec<Timer>,
     operators: Vec<Operator>,
 }
@@ -63,7 +63,7 @@ struct Operator {
 struct Topic {
     name: String,
     topic: String,
-    /// Of how many others.
+    /// Number of matched peers.
     matched: usize,
     needed: bool,
     received: u64,
@@ -81,7 +81,7 @@ struct Topic {
     clock: Option<Clock>,
 }
 
-/// Messages that were refused, by reason: on the wire, and when they were looked at.
+/// Rejected messages by reason: by the transport, and by the intake.
 #[derive(Serialize, Debug, Default, Clone, Copy)]
 struct RefusedBy {
     malformed: u64,
@@ -128,18 +128,18 @@ impl RefusedBy {
     }
 }
 
-/// A clock of stamps.
+/// Clock of a topic's stamps.
 #[derive(Serialize, Debug)]
 struct Clock {
-    /// Host's clock minus the stamps' clock, ms: of the fastest message.
+    /// Host clock minus stamp clock, ms, for the message with the least delay.
     offset_ms: f64,
-    /// The uncertainty of that.
+    /// Uncertainty of the offset, ms.
     spread_ms: f64,
-    /// Median of what messages were slower than the fastest.
+    /// Median delay relative to the fastest message, ms.
     delay_ms: f64,
-    /// How often the clock was set.
+    /// Number of times that the clock was set.
     jumps: u32,
-    /// Stamps that were moved to come after the one before.
+    /// Number of stamps that were moved to follow their predecessor.
     held: u64,
 }
 
@@ -157,7 +157,7 @@ impl Clock {
 }
 
 impl Summary {
-    /// Sums up a drive.
+    /// Summarises a drive.
     pub fn new(drive: &Drive, driven: &Driven, statistics: &[TopicStatistics]) -> Self {
         let (needs, located_by) = (driven.feed.intake.needs(), super::located_by(&drive.config));
         let topic = |TopicSummary { name, role, tally, clock }: TopicSummary<'_>| {
@@ -217,20 +217,20 @@ impl Summary {
         }
     }
 
-    /// The same, with how often the process of the transport was lost.
+    /// The summary with the number of lost transport processes.
     #[must_use]
     pub fn with_lost(self, transports_lost: u64) -> Self {
         Self { transports_lost, ..self }
     }
 
-    /// The topics that are needed and never brought anything that could be used.
+    /// Required topics that never provided usable data.
     pub fn missing(&self) -> String {
         let missing = self.topics.iter().filter(|topic| topic.needed && topic.used == 0);
         let missing: Vec<String> = missing.map(|topic| format!("{} ({})", topic.name, topic.topic)).collect();
         if missing.is_empty() { "not at the same time".into() } else { missing.join(", ") }
     }
 
-    /// For the terminal.
+    /// Formats the summary for the terminal.
     pub fn text(&self) -> String {
         let mut text = format!("{}, along {}\n", self.vehicle, self.configuration);
         let _ = writeln!(text, "{} after {:.1} s", self.ended, self.seconds);
@@ -339,8 +339,8 @@ impl Summary {
         }
     }
 
-    /// The first topic of which a clock is known, and the offset of that, milliseconds, where that clock counts from
-    /// another beginning than the host's: then only differences can be read.
+    /// First topic with a known clock, and its offset, milliseconds, if that clock has another origin than the
+    /// host's: then only differences are meaningful.
     fn reference(&self) -> Option<(&str, f64)> {
         let mut heard = self.topics.iter().filter(|topic| topic.received > 0);
         let first = heard.find_map(|topic| Some((topic.name.as_str(), topic.clock.as_ref()?.offset_ms)));

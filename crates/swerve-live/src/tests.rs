@@ -1,4 +1,4 @@
-//! Drives over a wire that is made here, with a car at its other end: what happens when something breaks.
+//! Fault tests: drives over a test wire with a simulated car at its other end.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -25,13 +25,13 @@ use super::*;
 
 mod played;
 
-/// A car with Autoware's interface and the wire to it. It is moved by whoever waits for messages.
+/// A car with Autoware's interface, and the wire to it. Waiting for messages advances it.
 struct Lane {
     state: Mutex<LaneState>,
     news: Condvar,
     clock: HostClock,
     sent: AtomicU64,
-    /// The change that is made to the messages of each round before they are there.
+    /// Modifies the messages of each round before they are delivered.
     spoil: Spoil,
 }
 
@@ -44,11 +44,11 @@ struct LaneState {
     command: Option<(Time, MotionCommand)>,
     waiting: VecDeque<(&'static str, AnyMessage, i64)>,
     moved: Time,
-    /// Commands that came, with the speed that the car had.
+    /// Received commands, with the car's speed at that instant.
     commands: Vec<(Time, MotionCommand, f64)>,
 }
 
-/// Between two rounds of messages.
+/// Period of rounds of messages.
 const ROUND: Span = Span::from_ms(20);
 
 impl Lane {
@@ -62,7 +62,7 @@ impl Lane {
         lock(&self.state)
     }
 
-    /// Moves the car on to the present and has it say how it is.
+    /// Advances the car to the present and publishes its reports.
     fn advance(&self) {
         let now = self.clock.now();
         let mut state = self.lock();
@@ -77,7 +77,7 @@ impl LaneState {
     fn step(&mut self, epoch_ns: i64, spoil: Spoil) {
         let (dt, now) = (ROUND.as_secs(), self.moved);
         let young = self.command.filter(|(at, _)| now - *at < Span::from_ms(200));
-        // Without commands it brakes by itself, without an engagement it rolls.
+        // Without commands it brakes by itself; when not engaged it rolls.
         let (steering_rad, accel) = match (self.engaged, young) {
             (false, _) => (self.ego.steering_rad, 0.0),
             (true, Some((_, command))) => (command.steering_rad, command.accel_mps2),
@@ -154,7 +154,7 @@ impl Wire for Lane {
     }
 }
 
-/// Says nothing.
+/// Ignores all reports.
 struct Quiet;
 
 impl StatusSink for Quiet {
@@ -167,7 +167,7 @@ fn configuration() -> Drive {
     Drive::load(&Registry::standard(), file, &[("live.enable".into(), "at_start".into())]).unwrap()
 }
 
-/// Panics at a tick.
+/// Panics at this instant.
 struct Bomb(Time);
 
 impl Operator for Bomb {
@@ -178,7 +178,7 @@ impl Operator for Bomb {
     }
 }
 
-/// Drives for some seconds, beginning at 3 m/s.
+/// Drives for some seconds, starting at 3 m/s.
 fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) {
     let drive = configuration();
     let mut graph = LiveGraph::build(&drive.config, &drive.scenario).unwrap();
@@ -196,7 +196,7 @@ fn ride(seconds: f64, bomb_s: Option<f64>, spoil: Spoil) -> (Driven, LaneState) 
     (driven, lane.state.into_inner().unwrap())
 }
 
-/// All commands are numbers, within what a car can do.
+/// Asserts that all commands are finite and within the car's capabilities.
 fn assert_sane(lane: &LaneState) {
     for (at, command, _) in &lane.commands {
         let MotionCommand { steering_rad, speed_mps, accel_mps2, .. } = *command;
@@ -212,7 +212,7 @@ fn modes(driven: &Driven) -> Vec<GateMode> {
 
 #[test]
 #[ignore = "real clock"]
-fn a_sound_drive_ends_at_rest_and_released() {
+fn nominal_drive_ends_at_rest_and_released() {
     let (driven, lane) = ride(3.0, None, |_, _| {});
     assert!(driven.report.is_ok());
     assert_sane(&lane);
@@ -228,14 +228,14 @@ fn a_sound_drive_ends_at_rest_and_released() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_panic_in_the_stack_is_a_stop_and_not_the_last_command() {
+fn panic_in_the_stack_leads_to_a_stop() {
     let (driven, lane) = ride(20.0, Some(2.0), |_, _| {});
     let error = driven.report.expect_err("it panics").to_string();
     assert!(error.contains("operator `bomb` panicked: on purpose"), "{error}");
     assert_sane(&lane);
     assert_eq!(driven.sink.stood_at_end, Some(true), "{:?}", driven.sink);
     assert_eq!((lane.ego.speed_mps, lane.engaged), (0.0, false));
-    // The car was commanded to stop all the way: its own time-out had nothing to do.
+    // The car was commanded to stop throughout: its own time-out never acted.
     let gaps = lane.commands.windows(2).map(|pair| pair[1].0 - pair[0].0);
     assert!(gaps.max().unwrap() < Span::from_ms(200));
     let mut braking =
@@ -246,7 +246,7 @@ fn a_panic_in_the_stack_is_a_stop_and_not_the_last_command() {
 
 #[test]
 #[ignore = "real clock"]
-fn silence_of_the_reports_is_a_stop_and_commands_go_on() {
+fn silent_vehicle_reports_lead_to_a_commanded_stop() {
     let (driven, lane) = ride(5.0, None, |t, round| {
         if t > 2.0 {
             round.retain(|(name, _)| *name == "odometry");
@@ -255,13 +255,13 @@ fn silence_of_the_reports_is_a_stop_and_commands_go_on() {
     assert!(modes(&driven).contains(&GateMode::Stopping(StopCause::ReportTimeout)), "{:?}", modes(&driven));
     assert_eq!(lane.ego.speed_mps, 0.0);
     assert!(lane.commands.iter().any(|(at, ..)| *at > Time::from_ms(4500)), "somebody goes on commanding");
-    // Nobody knows that it stands: it is not released, its own time-out holds it.
+    // Its standstill is unknown, so it is not released; its own time-out holds it.
     assert_eq!((driven.sink.stood_at_end, lane.engaged), (Some(false), true));
 }
 
 #[test]
 #[ignore = "real clock"]
-fn silence_of_localization_is_a_stop() {
+fn silent_localization_leads_to_a_stop() {
     let (driven, lane) = ride(5.0, None, |t, round| {
         if t > 2.0 {
             round.retain(|(name, _)| *name != "odometry");
@@ -276,15 +276,15 @@ fn silence_of_localization_is_a_stop() {
 
 #[test]
 #[ignore = "real clock"]
-fn what_is_not_plausible_is_counted_and_the_commands_stay_sane() {
+fn implausible_messages_are_counted_and_commands_stay_sane() {
     let (driven, lane) = ride(4.0, None, |t, round| {
         if t < 1.0 {
             return;
         }
         for (name, message) in round.clone() {
             match message {
-                // Beside each message one with a number that is none, one of another sensor, one of yesterday, and
-                // one of tomorrow.
+                // In addition to each message: one with a NaN, one of another sensor, one from yesterday, and one
+                // from tomorrow.
                 AnyMessage::VelocityReport(mut velocity) => {
                     let own = velocity.header.stamp;
                     for seconds in [-86_400, 86_400] {
@@ -319,8 +319,8 @@ fn what_is_not_plausible_is_counted_and_the_commands_stay_sane() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_flood_is_lived_through() {
-    // 1,000 messages a second of a topic that has 50, each a little newer.
+fn message_flood_does_not_stop_the_drive() {
+    // 1,000 messages per second on a topic with a nominal 50, each slightly newer.
     let (driven, lane) = ride(3.0, None, |t, round| {
         let AnyMessage::Odometry(odometry) = round[0].1.clone() else { return };
         if t > 1.0 {
@@ -340,7 +340,7 @@ fn a_flood_is_lived_through() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
+fn clock_jump_is_followed_and_the_car_keeps_its_lane() {
     let (driven, lane) = ride(4.0, None, |t, round| {
         if t > 2.0 {
             for (_, message) in round {
@@ -359,6 +359,6 @@ fn a_clock_that_is_set_is_followed_and_the_car_stays_on_its_lane() {
     for TopicSummary { name, tally, clock, .. } in heard {
         assert_eq!((tally.refused.ahead, clock.offset().unwrap().jumps), (4, 1), "{name}");
     }
-    // Four rounds without a message are 80 ms: nobody has to stop for that.
+    // Four rounds without a message are 80 ms, which is no reason to stop.
     assert!(driven.figures.driving_s > 3.0, "{:?}", driven.figures);
 }

@@ -1,14 +1,14 @@
-//! From a sensor's clock to the time of the run.
+//! From a sensor's clock to run time.
 
 use swerve_core::{Span, Time};
 use swerve_ros2::clock::{ClockEstimator, ClockOffset, ClockParams, StampVerdict};
 
-/// Stamps of one topic, moved by the offset that the topic itself shows.
+/// Converts the stamps of one topic to run time, by the clock offset observed on that topic.
 ///
-/// The message that was fastest so far is taken to have come at once; any other is as much older than its receipt as
-/// it was slower. So a stamp is never from the future, and as good as the least delay, which nobody can know.
-/// The estimate gets better with every faster message, which would set stamps back: each is kept after the one
-/// before it, at the least by a nanosecond.
+/// The fastest message so far is assumed to have arrived without delay; any other is assigned the delay by which it
+/// was slower. A stamp is therefore never in the future, and is accurate to the minimum delay, which cannot be
+/// observed. The estimate improves with every faster message, which would move stamps backwards: each stamp is kept
+/// at least one nanosecond after its predecessor.
 #[derive(Clone, Debug)]
 pub struct TopicClock {
     estimator: ClockEstimator,
@@ -16,24 +16,24 @@ pub struct TopicClock {
     held: u64,
 }
 
-/// The least time between two stamps of a stream.
+/// Minimum time between two stamps of a stream.
 const LEAST: Span = Span::from_ns(1);
 
 impl TopicClock {
-    /// Knows nothing yet.
+    /// Creates a clock without an estimate.
     pub fn new(params: ClockParams) -> Self {
         Self { estimator: ClockEstimator::new(params), last: None, held: 0 }
     }
 
-    /// Holds the offset: a clock that was set is refused until it is released.
+    /// Holds or releases the offset: while held, stamps of a clock that was set are rejected.
     pub fn hold(&mut self, is_held: bool) {
         self.estimator.hold(is_held);
     }
 
-    /// The run's time of a stamp that was received at `now`; host's clock stood at `epoch_ns` when the run began.
+    /// Run time of a stamp received at `now`; `epoch_ns` is the host's clock at run time zero.
     ///
     /// # Errors
-    /// The stamp is not plausible.
+    /// If the stamp is implausible.
     pub fn time(&mut self, stamp_ns: i64, now: Time, epoch_ns: i64) -> Result<Time, StampVerdict> {
         let verdict = self.estimator.judge(stamp_ns, epoch_ns.saturating_add(now.ns()));
         if verdict.is_refused() {
@@ -44,13 +44,13 @@ impl TopicClock {
         Ok(self.after_last(Time::from_ns(ns).min(now)))
     }
 
-    /// The run's time of a message without a stamp.
+    /// Run time of a message without a stamp.
     pub fn unstamped(&mut self, now: Time) -> Time {
         self.after_last(now)
     }
 
     fn after_last(&mut self, time: Time) -> Time {
-        // What was measured before the run is of its beginning.
+        // Measurements from before the run are assigned to its start.
         let time = time.max(Time::ZERO);
         let time = match self.last {
             Some(last) if time <= last => {
@@ -63,12 +63,12 @@ impl TopicClock {
         time
     }
 
-    /// The clock's offset, as far as it is known.
+    /// Offset of the clock, if known.
     pub fn offset(&self) -> Option<ClockOffset> {
         self.estimator.offset()
     }
 
-    /// How many stamps would not have been after the one before them.
+    /// Number of stamps that had to be moved to follow their predecessor.
     pub fn held(&self) -> u64 {
         self.held
     }
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_are_moved_to_the_time_of_the_run_and_increase() {
+    fn topic_clock_converts_stamps_to_increasing_run_times() {
         for offset_ns in [0, 40_000 * MS, -3_600_000 * MS] {
             let mut clock = clock();
             let told = feed(&mut clock, 1, 200, offset_ns);
@@ -110,7 +110,7 @@ mod tests {
                 let time = time.unwrap();
                 assert!(time > last, "{i}");
                 last = time;
-                // Once the fastest has come, what is left is the least delay.
+                // After the fastest message, the remaining error is the minimum delay.
                 if i > 11 {
                     assert_eq!(time, Time::from_ns(measured + 2 * MS));
                 }
@@ -120,10 +120,10 @@ mod tests {
     }
 
     #[test]
-    fn a_faster_message_sets_no_stamp_back() {
+    fn topic_clock_stays_monotonic_on_a_faster_message() {
         let mut clock = clock();
         let at = |ms: i64| Time::from_ns(ms * MS);
-        // Two within a millisecond of one another, the second much faster.
+        // Two messages within a millisecond, the second much faster.
         let first = clock.time(EPOCH_NS + 100 * MS, at(130), EPOCH_NS).unwrap();
         let second = clock.time(EPOCH_NS + 101 * MS, at(130), EPOCH_NS).unwrap();
         let third = clock.time(EPOCH_NS + 102 * MS, at(131), EPOCH_NS).unwrap();
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_plausible_is_refused() {
+    fn topic_clock_rejects_implausible_stamps() {
         let mut clock = clock();
         feed(&mut clock, 1, 50, 0);
         let (now, stamp) = (Time::from_ms(1100), EPOCH_NS + 1090 * MS);
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_is_followed_and_time_goes_on() {
+    fn topic_clock_follows_a_jump_monotonically() {
         for jump_ms in [3_600_000, -3_600_000] {
             let mut clock = clock();
             let before = feed(&mut clock, 1, 50, 0).last().unwrap().1.unwrap();

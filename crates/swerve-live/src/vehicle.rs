@@ -1,7 +1,7 @@
-//! Interfaces of vehicles: their reports, and commands in their words.
+//! Vehicle interfaces: reports, and commands in the vehicle's own message types.
 //!
-//! A [`VehicleInterface`] is the whole of what a new vehicle needs in Rust: which of its messages says what, and how
-//! the gate's output is said to it. Topics and types are a table of the mapping.
+//! A [`VehicleInterface`] is all that a new vehicle needs in Rust: the interpretation of its messages, and the
+//! conversion of the gate's output. Topics and types are in a table of the mapping.
 
 mod autoware;
 mod dataspeed;
@@ -20,62 +20,62 @@ use swerve_ros2::mapping::{Role, Vehicle};
 use swerve_ros2::{AnyMessage, Kind};
 use swerve_stack::config::Config;
 
-/// Facts of the vehicle that one message reports.
+/// State of the vehicle reported by one message.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Facts {
     /// Speed along the heading, m/s.
     pub speed_mps: Option<f64>,
-    /// Angle of the front road wheels, radians.
+    /// Angle of the front road wheels, radians; positive to the left.
     pub steering_rad: Option<f64>,
     /// Yaw rate, rad/s.
     pub yaw_rate_radps: Option<f64>,
-    /// Whether the driver acts, or drives.
+    /// True if the driver acts, or the vehicle is in manual mode.
     pub driver: Option<bool>,
-    /// Whether the vehicle listens to commands.
+    /// True if the vehicle accepts commands.
     pub listens: Option<bool>,
 }
 
-/// Messages on their way to the vehicle.
+/// Outgoing messages to the vehicle.
 #[derive(Debug)]
 pub struct Outgoing {
     /// The present instant.
     pub now: Time,
-    /// Which instant of the host's clock the run's time zero is.
+    /// Instant of the host's clock at run time zero.
     pub epoch: Epoch,
-    /// The vehicle's speed as it reports it, m/s.
+    /// Reported speed of the vehicle, m/s.
     pub speed_mps: f64,
-    /// By the role of their topic.
+    /// Messages by the role of their topic.
     pub messages: Vec<(Role, AnyMessage)>,
 }
 
 impl Outgoing {
-    /// With nothing said yet.
+    /// Creates an empty list.
     pub fn new(now: Time, epoch: Epoch, speed_mps: f64) -> Self {
         Self { now, epoch, speed_mps, messages: Vec::new() }
     }
 
-    /// Says something on the topic of a role; it is left out where the mapping has none.
+    /// Adds a message on the topic of a role; it is dropped if the mapping has no such topic.
     pub fn push(&mut self, role: Role, message: AnyMessage) {
         self.messages.push((role, message));
     }
 }
 
-/// A vehicle's interface: what it says, and what it is told.
+/// Interface of a vehicle: its reports and its commands.
 pub trait VehicleInterface: Send {
-    /// The topics without which too little is known of the vehicle to drive it.
+    /// Roles of the topics required to know the state of the vehicle.
     fn needs(&self) -> &'static [Role];
 
-    /// The facts that a message reports of the vehicle.
+    /// State of the vehicle reported by a message.
     fn facts(&self, message: &AnyMessage) -> Facts;
 
-    /// Says to the vehicle what the gate lets through; called at the gate's rate, in manual mode too.
+    /// Converts the output of the gate to messages; called at the gate's rate, also in manual mode.
     fn command(&mut self, gate: &GateOutput, outgoing: &mut Outgoing);
 
-    /// Asks the vehicle to listen to commands, or to listen no longer.
+    /// Asks the vehicle to accept commands, or to stop doing so.
     fn enable(&mut self, on: bool, outgoing: &mut Outgoing);
 }
 
-/// The interface of the vehicle that the mapping names.
+/// Interface of the vehicle named by the mapping.
 pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface> {
     match vehicle {
         Vehicle::Autoware => Box::new(autoware::Autoware),
@@ -85,25 +85,25 @@ pub fn interface(vehicle: Vehicle, config: &Config) -> Box<dyn VehicleInterface>
     }
 }
 
-/// The state of the vehicle, from all its reports.
+/// State of the vehicle, combined from all its reports.
 #[derive(Clone, Debug, Default)]
 pub struct Car {
     /// Speed along the heading, m/s.
     pub speed_mps: Option<f64>,
-    /// Angle of the front road wheels, radians.
+    /// Angle of the front road wheels, radians; positive to the left.
     pub steering_rad: Option<f64>,
     /// Yaw rate, rad/s.
     pub yaw_rate_radps: Option<f64>,
-    /// Whether the vehicle listens to commands; `None` where it does not say.
+    /// True if the vehicle accepts commands; `None` if it does not report that.
     pub listens: Option<bool>,
-    /// Who says that the driver acts.
+    /// Driver activity by reporting message type.
     drivers: BTreeMap<Kind, bool>,
-    /// When each topic that is needed was heard last.
+    /// Latest stamp of each required topic.
     heard: BTreeMap<Role, Time>,
 }
 
 impl Car {
-    /// Takes in what a message on the topic of `role` says, which describes the instant `stamp`.
+    /// Updates the state from a message on the topic of `role` with the stamp `stamp`.
     pub fn hear(&mut self, role: Role, kind: Kind, stamp: Time, facts: Facts) {
         self.heard.insert(role, stamp);
         self.speed_mps = facts.speed_mps.or(self.speed_mps);
@@ -115,14 +115,14 @@ impl Car {
         }
     }
 
-    /// Whether anybody says that the driver acts.
+    /// Returns true if any message reports that the driver acts.
     pub fn driver(&self) -> bool {
         self.drivers.values().any(|acts| *acts)
     }
 
-    /// The report for the gate, as old as the oldest of what it is made from; none before all was heard.
+    /// Report for the gate, with the oldest stamp of its parts; `None` until all required topics were heard.
     ///
-    /// That the driver acts is reported as soon as it is known.
+    /// Activity of the driver is included as soon as it is known.
     pub fn report(&self, needs: &[Role]) -> Option<VehicleReport> {
         let heard: Option<Vec<Time>> = needs.iter().map(|role| self.heard.get(role).copied()).collect();
         let oldest = heard.and_then(|heard| heard.into_iter().min());
@@ -135,7 +135,7 @@ impl Car {
         Some(VehicleReport { stamp, speed_mps, steering_rad, driver_active: self.driver() })
     }
 
-    /// The topics that are needed and were not heard since `since`.
+    /// Required topics that were not heard since `since`.
     pub fn silent<'a>(&'a self, needs: &'a [Role], since: Time) -> impl Iterator<Item = Role> + 'a {
         needs.iter().copied().filter(move |role| self.heard.get(role).is_none_or(|at| *at < since))
     }

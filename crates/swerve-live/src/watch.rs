@@ -1,4 +1,4 @@
-//! An observer of a drive: it takes the gate's words on their way to the sink, and the figures.
+//! Observer of a drive: forwards the gate's output to the sink, and collects metrics.
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
@@ -12,57 +12,57 @@ use swerve_msg::{EgoState, GateMode, GateOutput, Plan, PlanStatus, Refusals, Rou
 use super::intake::lock;
 use super::sink::Order;
 
-/// The drive at the moment, for the other threads.
+/// Present status of the drive, for the other threads.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DriveStatus {
-    /// The gate's mode.
+    /// Mode of the gate.
     pub mode: GateMode,
-    /// The ego's speed, m/s.
+    /// Speed of the ego, m/s.
     pub speed_mps: f64,
-    /// Where the ego is; none before that is known.
+    /// Position of the ego in the map; `None` until known.
     pub at: Option<Point2>,
-    /// The newest plan's status.
+    /// Status of the newest plan.
     pub plan: Option<PlanStatus>,
 }
 
 /// A change of the gate's mode.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub struct ModeChange {
-    /// When, seconds of the run.
+    /// Instant, seconds of run time.
     pub at_s: f64,
-    /// The mode from then on.
+    /// New mode.
     pub mode: GateMode,
 }
 
-/// Figures of a drive.
+/// Metrics of a drive.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct DriveFigures {
-    /// How long the stack drove, s.
+    /// Time driven by the stack, seconds.
     pub driving_s: f64,
-    /// How far it drove, m.
+    /// Distance driven by the stack, metres.
     pub driven_m: f64,
-    /// The highest speed meanwhile, m/s.
+    /// Maximum speed while driven by the stack, m/s.
     pub speed_max_mps: f64,
-    /// Half of the time the ego's origin was at most this far beside the route, m.
+    /// Median distance of the ego origin from the route, metres.
     pub beside_p50_m: f64,
-    /// 99 of 100 of the time.
+    /// 99th percentile of that distance, metres.
     pub beside_p99_m: f64,
-    /// At the most.
+    /// Maximum of that distance, metres.
     pub beside_max_m: f64,
-    /// All modes of the gate, in order.
+    /// Modes of the gate, in order.
     pub modes: Vec<ModeChange>,
-    /// Commands that the gate refused.
+    /// Commands rejected by the gate.
     pub refused: Refusals,
-    /// Commands that the gate had to change to be within limits or rates.
+    /// Commands that the gate limited in value or rate.
     pub limited: u64,
-    /// Outputs of the gate.
+    /// Number of gate outputs.
     pub outputs: u64,
 }
 
-/// Takes the gate's outputs to the sink, and counts.
+/// Observer that forwards the gate's output to the sink.
 pub struct Outlet(Dispatcher<Watch>);
 
-/// The drive so far.
+/// State of the drive so far.
 struct Watch {
     orders: Sender<Order>,
     status: Arc<Mutex<DriveStatus>>,
@@ -73,11 +73,11 @@ struct Watch {
     before: Option<EgoState>,
 }
 
-/// Poses that are kept for the percentiles: five hours at 50 Hz.
+/// Maximum number of poses kept for the percentiles: five hours at 50 Hz.
 const POSES_MAX: usize = 1_000_000;
 
 impl Outlet {
-    /// Into `orders`, with `status` for the other threads.
+    /// Creates an observer that sends to `orders` and updates `status` for the other threads.
     pub fn new(orders: Sender<Order>, status: Arc<Mutex<DriveStatus>>, route: Route) -> Self {
         let figures = DriveFigures::default();
         let watch = Watch { orders, status, route, mode: None, figures, beside_m: Vec::new(), before: None };
@@ -88,7 +88,7 @@ impl Outlet {
         Self(watch)
     }
 
-    /// The figures so far. The orders end here: the sink stops what still drives.
+    /// Returns the metrics and closes the channel of orders; the sink then stops a car that is still driven.
     pub fn conclude(self) -> DriveFigures {
         self.0.into_state().conclude()
     }
@@ -108,7 +108,7 @@ impl Watch {
     }
 
     fn gate(&mut self, publication: &Publication<'_>, output: &GateOutput) {
-        // It fails where the sink is gone, which only happens after the orders' end.
+        // Fails only if the sink has ended, which happens only after the channel is closed.
         let _ = self.orders.send(Order::Gate(*output));
         if self.mode.replace(output.mode) != Some(output.mode) {
             self.figures.modes.push(ModeChange { at_s: publication.visible_at.as_secs(), mode: output.mode });

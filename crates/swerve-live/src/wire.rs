@@ -1,4 +1,4 @@
-//! How messages come and go.
+//! Transport of messages.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -17,36 +17,36 @@ use swerve_stack::config::live::{EnableBy, LiveConfig};
 
 use crate::orphan::{self, Legacy};
 
-/// The host's clock: run time counts from its making.
+/// Host clock; run time starts when it is created.
 #[derive(Clone, Copy, Debug)]
 pub struct HostClock {
     begin: Instant,
     epoch_ns: i64,
 }
 
-/// A message is not taken to be older than this when it is fetched: the host's clock may have been set meanwhile.
+/// Maximum age of a message when it is fetched; guards against changes of the host's clock.
 const AGE_MAX: Span = Span::from_ms(1000);
 
 impl HostClock {
-    /// Begins now.
+    /// Starts the clock.
     #[expect(clippy::disallowed_methods, reason = "a vehicle moves in real time: this is where it is read")]
     pub fn start() -> Self {
         Self { begin: Instant::now(), epoch_ns: unix_ns() }
     }
 
-    /// The host's time at the beginning, nanoseconds since the Unix epoch.
+    /// Host time at the start, nanoseconds since the Unix epoch.
     pub fn epoch_ns(&self) -> i64 {
         self.epoch_ns
     }
 
-    /// The time of the run. It never jumps, whatever is done to the host's clock.
+    /// Run time. Monotonic, even if the host's clock is set.
     #[expect(clippy::disallowed_methods, reason = "a vehicle moves in real time: this is where it is read")]
     pub fn now(&self) -> Time {
         let passed = (Instant::now() - self.begin).as_nanos();
         Time::from_ns(i64::try_from(passed).unwrap_or(i64::MAX))
     }
 
-    /// The time of the run at which something happened that the host's clock gave this time.
+    /// Run time of an event with this host time, nanoseconds since the Unix epoch.
     pub fn at_host(&self, host_ns: i64) -> Time {
         let age = Span::from_ns(unix_ns().saturating_sub(host_ns)).clamp(Span::ZERO, AGE_MAX);
         self.now() - age
@@ -59,75 +59,76 @@ fn unix_ns() -> i64 {
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// A message that came.
+/// A received message.
 #[derive(Debug)]
 pub struct Taken<'a> {
-    /// Its topic's name in the mapping.
+    /// Name of its topic in the mapping.
     pub name: &'a str,
-    /// The message.
+    /// Content.
     pub message: AnyMessage,
-    /// The host's time when it came, nanoseconds since the Unix epoch.
+    /// Host time of reception, nanoseconds since the Unix epoch.
     pub received_ns: i64,
 }
 
-/// The fate of a message.
+/// Result of sending a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Sent {
-    /// It is on its way.
+    /// Sent.
     Done,
-    /// It could not be sent.
+    /// Sending failed.
     Failed,
-    /// There is no topic for it, or only one to hear.
+    /// There is no topic for it, or the topic is receive-only.
     NoTopic,
 }
 
-/// A transport between the vehicle and the stack: the bridge, or what a test puts in its place.
+/// Transport between the vehicle and the stack: the bridge, or a substitute in tests.
 pub trait Wire: Sync {
-    /// Waits until a message is there; `false` when none came in time.
+    /// Waits for a message; returns false on timeout.
     fn wait(&self, timeout: Duration) -> bool;
 
-    /// A message that waits.
+    /// Takes a waiting message.
     fn take(&self) -> Option<Taken<'_>>;
 
     /// Sends a message on the topic of a role.
     fn send(&self, role: Role, message: AnyMessage) -> Sent;
 
-    /// Asks the vehicle for a control mode and waits for the answer: whether it takes it, or why nobody answered.
+    /// Requests a control mode of the vehicle and waits for the answer; returns true if the vehicle accepts it.
     ///
     /// # Errors
-    /// Nobody answered.
+    /// If there is no answer.
     fn ask_mode(&self, mode: u8, timeout: Duration) -> Result<bool, String>;
 
-    /// Counts of the topics.
+    /// Statistics of the topics.
     fn statistics(&self) -> Vec<TopicStatistics>;
 
-    /// Leaves the transport the state from which it stops the vehicle by itself where this program dies.
+    /// Passes the state to the transport from which it stops the vehicle if this program dies.
     fn leave(&self, _: &Legacy) {}
 
-    /// Why transports were lost since the last call, a sentence each; all is well again where the next one is there.
+    /// Descriptions of transport losses since the last call; each lost transport has been replaced.
     fn take_losses(&self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// The word of the command line by which this program becomes the process of a transport.
+/// Command-line argument that runs this program as the transport process.
 pub const TRANSPORT: &str = "transport";
 
-/// What that process does.
+/// Runs the transport process.
 ///
 /// # Errors
-/// When it was no run that started it.
+/// If it was not started by a run.
 pub fn run_transport(registry: &Registry) -> anyhow::Result<()> {
     let started_by = "`swerve transport` is started by `swerve live` and `swerve run --ros2`";
-    // An error would have no reader: the vehicle's own time-out brakes then.
+    // An error would have no reader: the vehicle's time-out brakes then.
     let stop = |orphan: Orphan<'_>| drop(orphan::stop(registry, &orphan));
     swerve_ros2::transport::run(stop).context(started_by)
 }
 
-/// A transport in a process of its own, which this program is started as; `setup` is the configuration of a drive whose
-/// vehicle it stops where this program dies.
+/// Starts a transport in a separate process of this program; `setup` is the configuration of a drive whose vehicle
+/// the transport stops if this program dies.
 ///
 /// # Errors
+/// If the transport does not start.
 /// The transport does not start.
 pub(super) fn transport(mapping: &Mapping, options: &Options, setup: Vec<u8>) -> anyhow::Result<Transport> {
     let program = Program::this()?.with(&[TRANSPORT]);
@@ -146,25 +147,25 @@ impl BridgeWire {
     /// Starts a node for the topics of a mapping.
     ///
     /// # Errors
-    /// The transport does not start.
+    /// If the transport does not start.
     pub fn start(config: &Config, mapping: &Mapping, live: &LiveConfig) -> anyhow::Result<Self> {
         let options = options(mapping, live);
         let bridge = transport(mapping, &options, config.to_text().into_bytes())?;
         Ok(Self { sends: sends(mapping, &options.endpoints), bridge })
     }
 
-    /// Ends the node.
+    /// Stops the node.
     pub fn stop(self, deadline: Duration) {
         self.bridge.stop(deadline);
     }
 
-    /// How many processes of the transport were lost.
+    /// Number of lost transport processes.
     pub fn lost(&self) -> u64 {
         self.bridge.lost()
     }
 }
 
-/// The endpoints that messages are sent on, by role.
+/// Sending endpoints by role.
 pub(super) fn sends(mapping: &Mapping, endpoints: &[Endpoint]) -> BTreeMap<Role, EndpointId> {
     let sent = endpoints.iter().enumerate().filter(|(_, e)| e.direction == Direction::Send);
     let role = |(i, e): (usize, &Endpoint)| {
@@ -174,10 +175,10 @@ pub(super) fn sends(mapping: &Mapping, endpoints: &[Endpoint]) -> BTreeMap<Role,
     sent.filter_map(role).collect()
 }
 
-/// Suffix of the name of a topic on which a person is heard, for our own messages there.
+/// Name suffix of endpoints for our own messages on topics on which a person's messages are also received.
 const OWN: &str = " (own)";
 
-/// The stack's side of a mapping. Where a person has the switch, its topics are heard as well.
+/// Options for the stack's side of a mapping. If a person operates the switch, its topics are also received.
 pub(super) fn options(mapping: &Mapping, live: &LiveConfig) -> Options {
     let mut options = Options::from_mapping(mapping, Side::Stack);
     if live.enable == EnableBy::Topic {
@@ -242,7 +243,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_person_is_heard_where_the_stack_only_lets_go() {
+    fn switch_topics_are_received_and_sent_when_a_person_enables() {
         let mapping = Mapping::of(Vehicle::Dataspeed, Network::default());
         let ways = |enable| {
             let live = LiveConfig { enable, ..LiveConfig::default() };

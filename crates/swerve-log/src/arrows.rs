@@ -1,22 +1,22 @@
-//! Which step's result derives from which sensor frame.
+//! Provenance of step results: from which sensor frames they derive.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use swerve_core::Time;
 
-/// Messages of one stream that are remembered; a reader of an older one gets no arrow.
+/// Number of remembered messages per stream; a reader of an older one gets no arrow.
 const MESSAGES: usize = 256;
-/// Sensor frames that are followed at once; an older one that reached no command by then is given up.
+/// Number of sensor frames followed at once; older ones that have not reached a command are given up.
 const CHAINS: usize = 1024;
 
-/// An arrow's next point.
+/// Next point of an arrow.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub(crate) enum Arrow {
-    /// It starts at a sensor's step.
+    /// Starts at a sensor's step.
     Start { chain: u64 },
-    /// It goes through a step that reads what derives from the frame.
+    /// Passes through a step that reads data derived from the frame.
     Through { chain: u64 },
-    /// It ends at a command operator's step.
+    /// Ends at a step of a command operator.
     End { chain: u64, sensor: String, stamp: Time },
 }
 
@@ -28,23 +28,23 @@ impl Arrow {
     }
 }
 
-/// Follows sensor frames through the steps that read what derives from them.
+/// Follows sensor frames through the steps that read data derived from them.
 pub(crate) struct Arrows {
     commands: Vec<String>,
     streams: BTreeMap<String, VecDeque<Known>>,
-    /// Frames that have not reached a command yet; the first has number `oldest`.
+    /// Frames that have not reached a command yet; the first has the number `oldest`.
     chains: VecDeque<Option<Chain>>,
     oldest: u64,
 }
 
-/// A message of which is known what it derives from.
+/// A message with known provenance.
 struct Known {
     stamp: Time,
     origin: Option<Time>,
     chains: Vec<u64>,
 }
 
-/// A sensor frame and where it was already.
+/// A sensor frame and the operators that it has reached.
 struct Chain {
     sensor: String,
     stamp: Time,
@@ -52,7 +52,7 @@ struct Chain {
 }
 
 impl Arrows {
-    /// `commands` names the operators at which arrows end.
+    /// Creates the tracker; arrows end at the operators named in `commands`.
     pub(crate) fn new(commands: &[&str]) -> Self {
         Self {
             commands: commands.iter().map(|&name| name.into()).collect(),
@@ -62,7 +62,7 @@ impl Arrows {
         }
     }
 
-    /// A step reads; gives the arrows that reach it.
+    /// Registers the inputs of a step; returns the arrows that reach it.
     pub(crate) fn step<'a>(
         &mut self,
         operator: &str,
@@ -73,7 +73,7 @@ impl Arrows {
         chains.into_iter().filter_map(|chain| self.visit(chain, operator, ends)).collect()
     }
 
-    /// A message was published; gives the start of an arrow when it is a sensor frame.
+    /// Registers a published message; returns the start of an arrow if it is a sensor frame.
     pub(crate) fn message<'a>(
         &mut self,
         operator: &str,
@@ -83,7 +83,7 @@ impl Arrows {
         reads: impl Iterator<Item = (&'a str, Option<Time>)>,
     ) -> Option<Arrow> {
         let (mut chains, newest) = self.behind(reads);
-        // What descends from nothing as new as itself was measured here.
+        // A message whose inputs are all older than its own origin was measured at this step.
         let measured = origin == Some(stamp) && newest < origin;
         let started = measured.then(|| {
             let chain = self.start(operator, stamp);
@@ -98,12 +98,12 @@ impl Arrows {
         started
     }
 
-    /// The frames behind what is read, and the newest origin among it.
+    /// Sensor frames behind the inputs, and the newest origin among them.
     fn behind<'a>(&self, reads: impl Iterator<Item = (&'a str, Option<Time>)>) -> (Vec<u64>, Option<Time>) {
         let (mut chains, mut newest) = (Vec::new(), None);
         for (stream, stamp) in reads {
             let known = self.streams.get(stream);
-            // Stamps of a stream increase.
+            // Stamps increase within a stream.
             let found = known.zip(stamp).and_then(|(known, stamp)| {
                 known.binary_search_by_key(&stamp, |k| k.stamp).ok().map(|place| &known[place])
             });
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_followed_to_the_first_command_that_derives_from_it() {
+    fn arrows_follow_a_frame_to_its_first_command() {
         let mut arrows = Arrows::new(&["control"]);
         let none = || core::iter::empty();
         assert_eq!(arrows.message("pose", "pose", ms(100), None, none()), None);
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_reach_no_command_are_given_up_in_the_end() {
+    fn arrows_give_up_frames_that_never_reach_a_command() {
         let mut arrows = Arrows::new(&["control"]);
         for k in 0..5000 {
             arrows.message("camera", "image", ms(k), Some(ms(k)), core::iter::empty());

@@ -1,4 +1,4 @@
-//! Recordings of others: a rosbag2 log in MCAP form.
+//! Reader for third-party recordings: rosbag2 logs in MCAP format.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,34 +16,34 @@ use crate::reader::{describe, open_sized, read_some};
 /// A topic of a recording.
 #[derive(Clone, PartialEq, Eq, Default, Debug)]
 pub struct BagTopic {
-    /// Its name.
+    /// Name of the topic.
     pub name: String,
-    /// The type of its messages, `sensor_msgs/msg/Image`; empty where the recording does not say.
+    /// Message type, such as `sensor_msgs/msg/Image`; empty if the recording does not contain it.
     pub type_name: String,
-    /// How they are written: `cdr` for ROS 2.
+    /// Message encoding: `cdr` for ROS 2.
     pub encoding: String,
-    /// How their form is written: `ros2msg`, `protobuf`; empty where the recording does not say.
+    /// Schema encoding: `ros2msg`, `protobuf`; empty if the recording does not contain it.
     pub schema_encoding: String,
-    /// Their form itself.
+    /// Schema data.
     pub schema: Vec<u8>,
 }
 
 /// A recorded message.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct BagMessage {
-    /// Its topic, by its place in [`Bag::topics`].
+    /// Index of the topic in [`Bag::topics`].
     pub topic: usize,
-    /// When the recorder received it, by its host's clock, nanoseconds since the Unix epoch.
+    /// Instant of reception by the recorder, on its host's clock, nanoseconds since the Unix epoch.
     pub received_ns: u64,
-    /// Its bytes.
+    /// Serialized message.
     pub data: Vec<u8>,
 }
 
-/// Reads a recording from its start, in the order in which it was written. Memory is bounded by the longest record.
+/// Reads a recording from its start, in file order. Memory is bounded by the longest record.
 pub struct Bag {
     path: PathBuf,
     file: BufReader<File>,
-    /// How much of the file is left to be taken in.
+    /// Bytes of the file not read yet.
     left: u64,
     mcap: LinearReader,
     schemas: BTreeMap<u16, Schema>,
@@ -55,10 +55,10 @@ pub struct Bag {
 }
 
 impl Bag {
-    /// Opens a file.
+    /// Opens a recording.
     ///
     /// # Errors
-    /// When the system does not give it.
+    /// If the file cannot be opened.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let (file, left) = open_sized(path)?;
         let options = LinearReaderOptions::default()
@@ -78,20 +78,20 @@ impl Bag {
         })
     }
 
-    /// The topics met so far.
+    /// Topics found so far.
     pub fn topics(&self) -> &[BagTopic] {
         &self.topics
     }
 
-    /// Messages of channels that the recording does not describe; they are passed over.
+    /// Number of messages on channels that the recording does not describe; they are skipped.
     pub fn strays(&self) -> u64 {
         self.strays
     }
 
-    /// The next message; `None` after the last.
+    /// Reads the next message; `None` after the last.
     ///
     /// # Errors
-    /// Where the file is damaged or cut off: what came before has been given, and nothing follows.
+    /// If the file is damaged or truncated. All messages before the damage have been returned, and none follow.
     pub fn next_message(&mut self) -> Result<Option<BagMessage>, LogError> {
         while !self.over {
             let problem = match self.mcap.next_event() {
@@ -100,7 +100,7 @@ impl Bag {
                     break;
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    // What the file does not hold is not asked of the memory.
+                    // Never allocate more than the file holds.
                     let n = wanted.min(usize::try_from(self.left).unwrap_or(usize::MAX));
                     let read = read_some(&mut self.file, self.mcap.insert(n));
                     let read = read.map_err(|source| LogError::Read { path: self.path.clone(), source })?;
@@ -134,7 +134,7 @@ impl Bag {
                 None
             }
             Record::Channel(channel) => {
-                // The summary repeats them.
+                // The summary section repeats channels.
                 if !self.channels.contains_key(&channel.id) {
                     self.channels.insert(channel.id, self.topics.len());
                     let Schema { name: type_name, encoding: schema_encoding, data: schema, .. } =
@@ -165,7 +165,7 @@ enum Record {
 }
 
 impl Record {
-    /// `None` where the record does not hold what its kind has to.
+    /// Parses a record; `None` if the body is malformed for its opcode.
     fn parse(opcode: u8, body: &[u8]) -> Option<Self> {
         Some(match opcode {
             op::SCHEMA => {
@@ -191,7 +191,7 @@ mod tests {
 
     use super::*;
 
-    /// As rosbag2 writes them: 40 messages in turn on two topics.
+    /// A recording as written by rosbag2: 40 messages, alternating between two topics.
     fn recorded(compression: Option<Compression>, chunks: bool) -> Vec<u8> {
         let mut bytes = std::io::Cursor::new(Vec::new());
         let options = WriteOptions::new()
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn every_usual_form_is_read() {
+    fn bag_reads_every_common_compression_and_layout() {
         for (compression, chunks) in
             [(None, false), (None, true), (Some(Compression::Zstd), true), (Some(Compression::Lz4), true)]
         {
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_written_before_a_cut_is_read() {
+    fn bag_reads_messages_before_a_truncation() {
         let whole = recorded(Some(Compression::Zstd), true);
         let (messages, _, end) = read(&whole[..whole.len() / 2]);
         assert!((1..40).contains(&messages.len()), "{}", messages.len());
@@ -272,9 +272,9 @@ mod tests {
             rng_seed: proptest::test_runner::RngSeed::Fixed(11), cases: 300, ..ProptestConfig::default()
         })]
 
-        /// Cut off and changed anywhere: an end or an error, never a panic, never more messages than there were.
+        /// Truncated and changed anywhere: an end or an error, never a panic, never more messages than written.
         #[test]
-        fn any_damage_ends_in_good_order(
+        fn bag_ends_cleanly_on_any_damage(
             form in 0..4_usize,
             flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 0..6),
             cut in prop::option::of(any::<prop::sample::Index>()),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Why a log or trace could not be written or read. Every variant names the file.
+/// Error of writing or reading a log or trace. Every variant names the file.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// The file could not be created.
@@ -13,15 +13,15 @@ pub enum LogError {
     Create {
         /// The file.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// Writing failed; what was written before is readable.
+    /// Writing failed; everything before it is readable.
     #[error("{}: cannot write: {reason}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         reason: String,
     },
     /// The file could not be opened, or the system failed to read it.
@@ -29,7 +29,7 @@ pub enum LogError {
     Read {
         /// The file.
         path: PathBuf,
-        /// The system's error.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The file is truncated or corrupted.
@@ -37,55 +37,55 @@ pub enum LogError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where the damaged part of the file begins.
+        /// Offset of the damage, bytes.
         offset: u64,
-        /// Length of the file.
+        /// Length of the file, bytes.
         size: u64,
-        /// The content there, as far as it can be told.
+        /// Kind of the damaged record, as far as it can be determined.
         record: String,
-        /// The expectation, and what is there instead.
+        /// Expected and actual content.
         problem: String,
-        /// How many records were read before.
+        /// Number of records read before.
         records: u64,
     },
-    /// The run was cut off before it ended.
+    /// The log was cut off before the run ended.
     #[error("{}: the run was cut off: expected its end record after byte {size}; {records} records before it are readable", path.display())]
     Incomplete {
         /// The file.
         path: PathBuf,
-        /// Length of the file.
+        /// Length of the file, bytes.
         size: u64,
-        /// How many records were read.
+        /// Number of records read.
         records: u64,
     },
-    /// An MCAP file that does not hold a run of Swerve.
+    /// An MCAP file that does not contain a Swerve run.
     #[error("{}: not a log of this program: {problem}", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
-        /// The form that was expected.
+        /// Mismatch with the expected format.
         problem: String,
     },
-    /// Somebody else's recording is truncated or corrupted.
+    /// A third-party recording is truncated or corrupted.
     #[error("{}: ends or is damaged after {messages} messages, which are readable: {problem}", path.display())]
     CutOff {
         /// The file.
         path: PathBuf,
-        /// The expectation, and what is there instead.
+        /// Expected and actual content.
         problem: String,
-        /// How many messages were read before.
+        /// Number of messages read before.
         messages: u64,
     },
-    /// A message is not of the type asked for.
+    /// A message does not have the requested type.
     #[error("stream `{stream}`, message {seq}: cannot be read as {type_name}: {reason}")]
     Payload {
         /// The stream.
         stream: String,
-        /// Its number on the stream.
+        /// Sequence number on the stream.
         seq: u64,
-        /// The type asked for.
+        /// Requested type.
         type_name: &'static str,
-        /// The mismatch.
+        /// Mismatch with that type.
         reason: String,
     },
 }

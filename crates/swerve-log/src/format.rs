@@ -1,15 +1,15 @@
-//! The form of a log: an MCAP file (<https://mcap.dev/spec>) of CBOR messages (RFC 8949).
+//! Format of a log: an MCAP file (<https://mcap.dev/spec>) of CBOR messages (RFC 8949).
 //!
 //! - Metadata record `swerve_run`, first: version, seed, configuration.
-//! - One channel per stream, topic `/NAME`: `{header, payload}`, exactly in this order.
+//! - One channel per stream, topic `/NAME`: `{header, payload}`, in exactly this order.
 //! - Channels `/swerve/watermarks`, `/swerve/steps`, `/swerve/unfinished`,
 //!   `/swerve/misses`, `/swerve/drops`, `/swerve/decisions`.
-//! - Channels of kind `view`: messages in the forms of other programs, in their own encodings. They are no part
-//!   of the record: a reader passes over them, and they are not counted.
+//! - Channels of kind `view`: messages in third-party formats and encodings. They are not part of the record:
+//!   readers skip them, and they are not counted.
 //! - Metadata record `swerve_run_end`, last: digest, instant, reason, report, number of records, seals.
 //!
-//! A message's `log_time` is the instant of its publication, its `publish_time` the stamp, nanoseconds of run
-//! time, zero for instants before the run. Channel schemas are CDDL (RFC 8610) of the form.
+//! The `log_time` of a message is the instant of its publication, its `publish_time` the stamp; both in nanoseconds
+//! of run time, zero for instants before the run. Channel schemas describe the messages in CDDL (RFC 8610).
 
 use std::collections::BTreeMap;
 
@@ -18,20 +18,20 @@ use swerve_flow::cbor;
 
 use crate::record::{MessageHeader, RunEnd, RunStart};
 
-/// Version of this form; a reader refuses any other.
+/// Version of this format; readers reject any other.
 pub(crate) const FORM: &str = "1";
 pub(crate) const RUN_START: &str = "swerve_run";
 pub(crate) const RUN_END: &str = "swerve_run_end";
-/// Key of the end's metadata: digests of all else ([`crate::seals`]); logs of old have none.
+/// Key in the metadata of the run's end: digests of everything else ([`crate::seals`]); absent in old logs.
 pub(crate) const SEALS: &str = "seals";
 pub(crate) const ENCODING: &str = "cbor";
 pub(crate) const SCHEMA_ENCODING: &str = "cddl";
-/// Key of a channel's metadata: which kind of record it carries.
+/// Key in the metadata of a channel: the kind of its records.
 pub(crate) const KIND: &str = "kind";
 /// Longest record that a reader accepts, bytes.
 pub(crate) const RECORD_MAX: usize = 64 << 20;
 
-/// The kinds of channels.
+/// Kinds of channels.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Kind {
     Stream,
@@ -45,7 +45,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The kinds of which a log has one channel each.
+    /// Kinds with exactly one channel per log.
     pub(crate) const SINGLE: [Self; 6] =
         [Self::Watermarks, Self::Steps, Self::Unfinished, Self::Misses, Self::Drops, Self::Decisions];
 
@@ -66,7 +66,7 @@ impl Kind {
         [Self::Stream, Self::View].into_iter().chain(Self::SINGLE).find(|kind| kind.name() == name)
     }
 
-    /// The form of a message in CDDL; times are nanoseconds since the run started.
+    /// CDDL schema of a message; times are nanoseconds since the start of the run.
     pub(crate) fn schema(self) -> &'static str {
         match self {
             Self::Stream => {
@@ -100,21 +100,21 @@ impl Kind {
                  restarted = { decision: \"restarted\", operator: tstr, stamp: int }\n\
                  end = { decision: \"end\", at: int }\n"
             }
-            Self::View => "", // each has a schema of its own
+            Self::View => "", // each view has its own schema
         }
     }
 }
 
-/// `time` where MCAP wants an unsigned number.
+/// Converts a time to MCAP's unsigned nanoseconds; 0 for negative times.
 pub(crate) fn unsigned(time: Time) -> u64 {
     u64::try_from(time.ns()).unwrap_or(0)
 }
 
-/// A CBOR map of two, and its first key; then follow header, second key and payload.
+/// Start of a CBOR map of two entries and its first key; header, second key and payload follow.
 const BEFORE_HEADER: &[u8] = b"\xa2\x66header";
 const BEFORE_PAYLOAD: &[u8] = b"\x67payload";
 
-/// Appends a message of a stream to `out`. The payload goes in as it is, so that it can be compared byte for
+/// Appends a message of a stream to `out`. The payload is copied unchanged, so that it can be compared byte for
 /// byte later.
 pub(crate) fn write_message(header: &MessageHeader, payload_cbor: &[u8], out: &mut Vec<u8>) {
     out.extend_from_slice(BEFORE_HEADER);
@@ -123,7 +123,7 @@ pub(crate) fn write_message(header: &MessageHeader, payload_cbor: &[u8], out: &m
     out.extend_from_slice(payload_cbor);
 }
 
-/// Header and payload of a message of a stream.
+/// Splits a message of a stream into header and payload.
 pub(crate) fn read_message(data: &[u8]) -> Result<(MessageHeader, &[u8]), String> {
     let form = || "expected a message of the form {header, payload}".to_owned();
     let mut rest = data.strip_prefix(BEFORE_HEADER).ok_or_else(form)?;
@@ -132,7 +132,7 @@ pub(crate) fn read_message(data: &[u8]) -> Result<(MessageHeader, &[u8]), String
     Ok((header, payload))
 }
 
-/// The metadata of a run's start.
+/// Converts the start of a run to metadata.
 pub(crate) fn start_to_map(start: &RunStart) -> BTreeMap<String, String> {
     let mut map = start.extra.clone();
     map.insert("form".into(), FORM.into());
@@ -142,7 +142,7 @@ pub(crate) fn start_to_map(start: &RunStart) -> BTreeMap<String, String> {
     map
 }
 
-/// The run's start from its metadata, or what is wrong with it.
+/// Parses the start of a run from metadata; the error describes the problem.
 pub(crate) fn start_from_map(mut map: BTreeMap<String, String>) -> Result<RunStart, String> {
     let form = take(&mut map, "form")?;
     if form != FORM {
@@ -156,7 +156,7 @@ pub(crate) fn start_from_map(mut map: BTreeMap<String, String>) -> Result<RunSta
     })
 }
 
-/// The metadata of a run's end after `records` records.
+/// Converts the end of a run with `records` records to metadata.
 pub(crate) fn end_to_map(end: &RunEnd, records: u64) -> BTreeMap<String, String> {
     BTreeMap::from([
         ("digest".into(), end.digest.to_string()),
@@ -167,7 +167,7 @@ pub(crate) fn end_to_map(end: &RunEnd, records: u64) -> BTreeMap<String, String>
     ])
 }
 
-/// The run's end from its metadata, with the number of records before it, or what is wrong with it.
+/// Parses the end of a run and the number of records before it; the error describes the problem.
 pub(crate) fn end_from_map(mut map: BTreeMap<String, String>) -> Result<(RunEnd, u64), String> {
     let at_ns = take(&mut map, "at_ns")?;
     let end = RunEnd {

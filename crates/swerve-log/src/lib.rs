@@ -1,9 +1,10 @@
-//! Runs on disk: the log that everything can be replayed from, and the trace that shows where time goes.
+//! Runs on disk: logs for replay, and traces of execution times.
 //!
-//! [`Recorder`] writes a run into an MCAP file of CBOR messages on a thread of its own; [`Log`] and [`Reader`]
-//! read it back and need nothing but that file, damaged or not. [`TraceWriter`] writes the same run as a trace
-//! for <https://ui.perfetto.dev>. [`Bag`] reads what others recorded, as rosbag2 does. All times are instants of the run.
-//! Absences: no clock, no scenario, no configuration format; payloads stay bytes until a caller names a type.
+//! [`Recorder`] writes a run into an MCAP file of CBOR messages on a separate thread; [`Log`] and [`Reader`] read
+//! it back from that file alone, even if it is damaged. [`TraceWriter`] writes the same run as a trace for
+//! <https://ui.perfetto.dev>. [`Bag`] reads third-party recordings such as rosbag2. All times are instants of the
+//! run.
+//! Contains no clock, no scenario and no configuration format; payloads stay bytes until a caller names a type.
 
 mod arrows;
 mod bag;

@@ -1,4 +1,4 @@
-//! A whole log in memory.
+//! A complete log in memory.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
@@ -14,41 +14,42 @@ use crate::record::{
     DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StepRecord, StreamInfo, UnfinishedRecord,
 };
 
-/// A log, read whole: replay and comparison need all of it anyway. [`Reader`] goes record by record.
+/// A log read completely into memory, for replay and comparison. [`Reader`] reads record by record.
 #[derive(Clone, Debug, Default)]
 pub struct Log {
-    /// The head: all that was known when the run started.
+    /// Head: everything known at the start of the run.
     pub start: RunStart,
-    /// The end: all that was known when it ended; `None` where it was cut off.
+    /// End: everything known at the end of the run; `None` if the log was cut off.
     pub end: Option<RunEnd>,
-    /// Whether the end holds seals. Without them nobody can tell whether head, scenario, configuration, headers and times are
-    /// as they were written.
+    /// True if the end contains seals. Without them, changes of head, scenario, configuration, headers and times
+    /// cannot be detected.
     pub is_sealed: bool,
-    /// The streams that carried messages, in the order of their first one.
+    /// Streams that carried messages, in the order of their first message.
     pub streams: Vec<Arc<StreamInfo>>,
-    /// All records in the order in which the run did them.
+    /// All records in run order.
     pub records: Vec<Record>,
 }
 
 impl Log {
-    /// Reads a complete log; anything missing or damaged is an error.
+    /// Reads a complete log; missing or damaged content is an error.
     pub fn read(path: &Path) -> Result<Self, LogError> {
         let (log, damage) = Self::salvage(path)?;
         damage.map_or(Ok(log), Err)
     }
 
-    /// Reads of a complete log the records that are to be kept; anything missing or damaged is an error.
+    /// Reads the records of a complete log that `keep` selects; missing or damaged content is an error.
     pub fn read_where(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
         let (log, damage) = Self::salvage_where(path, keep)?;
         damage.map_or(Ok(log), Err)
     }
 
-    /// Reads what can be read, and tells what ended the reading. An error when not even the run's start can be.
+    /// Reads as much as possible and returns the error that ended it, if any. Fails if even the run's start is
+    /// unreadable.
     pub fn salvage(path: &Path) -> Result<(Self, Option<LogError>), LogError> {
         Self::salvage_where(path, |_| true)
     }
 
-    /// As [`salvage`](Self::salvage), of the records that are to be kept.
+    /// As [`salvage`](Self::salvage), for the records that `keep` selects.
     pub fn salvage_where(
         path: &Path,
         keep: impl Fn(&Record) -> bool,
@@ -56,7 +57,7 @@ impl Log {
         Ok(Self::gather(Reader::open(path)?, &keep))
     }
 
-    /// Reads on to the end, or to what ends the reading.
+    /// Reads to the end or to the first error.
     pub(crate) fn gather<R: Read + Seek>(
         mut reader: Reader<R>,
         keep: &dyn Fn(&Record) -> bool,
@@ -75,9 +76,9 @@ impl Log {
         (Self { start, end, is_sealed, streams: reader.streams().to_vec(), records }, damage)
     }
 
-    /// The last instant that it holds completely: the run's end; just before it where the run failed, as less was done
-    /// at that instant than otherwise; just before its last record where the log was cut off. The run's beginning where
-    /// nothing was done.
+    /// Last instant that the log covers completely: the end of the run; 1 ns before it for a failed run, whose last
+    /// instant is incomplete; 1 ns before the last record if the log was cut off; the start of the run without
+    /// records.
     pub fn whole_until(&self) -> Time {
         let at = |record: &Record| match record {
             Record::Publication(p) => Some(p.header.visible_at),
@@ -95,12 +96,12 @@ impl Log {
         }
     }
 
-    /// The messages of one stream, in order.
+    /// Messages of one stream, in order.
     pub fn publications<'a>(&'a self, stream: &'a str) -> impl Iterator<Item = &'a PublicationRecord> {
         self.all_publications().filter(move |p| p.stream.stream == stream)
     }
 
-    /// The messages of all streams, in the order of their publication.
+    /// Messages of all streams, in order of publication.
     pub fn all_publications(&self) -> impl Iterator<Item = &PublicationRecord> {
         self.records.iter().filter_map(|record| match record {
             Record::Publication(publication) => Some(publication),
@@ -108,7 +109,7 @@ impl Log {
         })
     }
 
-    /// The steps in the order of their ends.
+    /// Steps in the order of their ends.
     pub fn steps(&self) -> impl Iterator<Item = &StepRecord> {
         self.records.iter().filter_map(|record| match record {
             Record::Step(step) => Some(step),
@@ -116,7 +117,7 @@ impl Log {
         })
     }
 
-    /// The decisions in order.
+    /// Decisions in order.
     pub fn decisions(&self) -> impl Iterator<Item = &DecisionRecord> {
         self.records.iter().filter_map(|record| match record {
             Record::Decision(decision) => Some(decision),
@@ -124,7 +125,7 @@ impl Log {
         })
     }
 
-    /// Steps that had not ended when the run had.
+    /// Steps that had not ended at the end of the run.
     pub fn unfinished(&self) -> impl Iterator<Item = &UnfinishedRecord> {
         self.records.iter().filter_map(|record| match record {
             Record::Unfinished(step) => Some(step),
@@ -132,8 +133,8 @@ impl Log {
         })
     }
 
-    /// Run times by operator, each with its stamp: what a run with recorded run times needs. A step that the
-    /// run's end cut off counts as taking until just after it: it did take longer than that.
+    /// Run times with their stamps by operator, as needed by a run with recorded run times. A step that was
+    /// unfinished at the end of the run is assigned a run time up to 1 ns after it, a lower bound.
     pub fn run_times(&self) -> BTreeMap<String, Vec<(Time, Span)>> {
         let after = self.end.as_ref().map(|end| end.at + Span::from_ns(1));
         let ended = self.steps().map(|s| (&s.operator, s.stamp, s.end - s.start));
@@ -145,8 +146,7 @@ impl Log {
         times
     }
 
-    /// All that an operator published, watermarks included, to be published again: for
-    /// [`swerve_flow::Graph::playback`].
+    /// All publications of an operator, watermarks included, as input for [`swerve_flow::Graph::playback`].
     pub fn playback(&self, operator: &str) -> Vec<PlaybackRecord> {
         let of = |record: &Record| match record {
             Record::Publication(p) if p.stream.operator == operator => Some(PlaybackRecord {
@@ -173,8 +173,8 @@ impl Log {
         self.records.iter().filter_map(of).collect()
     }
 
-    /// When an operator's steps held their places (start, end; those unfinished for ever): for
-    /// [`swerve_flow::Graph::playback_steps`].
+    /// Intervals (start, end) during which an operator's steps were running, [`Time::MAX`] if unfinished, as input
+    /// for [`swerve_flow::Graph::playback_steps`].
     pub fn held(&self, operator: &str) -> Vec<(Time, Time)> {
         let ended = self.steps().filter(|s| s.operator == operator).map(|s| (s.start, s.end));
         let unfinished = self.unfinished().filter(|s| s.operator == operator).map(|s| (s.start, Time::MAX));

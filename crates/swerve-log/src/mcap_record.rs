@@ -1,4 +1,4 @@
-//! The MCAP records that a log consists of, parsed with every length checked.
+//! Parsers for the MCAP records of a log, with every length checked.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ pub(crate) mod op {
     pub(crate) const METADATA: u8 = 0x0c;
 }
 
-/// The usual name of an opcode.
+/// MCAP's name of an opcode.
 pub(crate) fn op_name(opcode: u8) -> &'static str {
     match opcode {
         op::HEADER => "the header",
@@ -36,7 +36,7 @@ pub(crate) fn op_name(opcode: u8) -> &'static str {
     }
 }
 
-/// A channel's number, its schema's, its topic, and its metadata.
+/// A channel: its number, that of its schema, its topic, and its metadata.
 pub(crate) struct Channel {
     pub(crate) id: u16,
     pub(crate) schema: u16,
@@ -45,7 +45,7 @@ pub(crate) struct Channel {
     pub(crate) metadata: BTreeMap<String, String>,
 }
 
-/// A schema's name, encoding, what it says, and the same where that is text.
+/// A schema: name, encoding, data, and the data as text where it is.
 #[derive(Clone, Default)]
 pub(crate) struct Schema {
     pub(crate) name: String,
@@ -54,13 +54,13 @@ pub(crate) struct Schema {
     pub(crate) text: String,
 }
 
-/// Profile and library of a file.
+/// Parses profile and library of a file.
 pub(crate) fn header(body: &[u8]) -> Option<(String, String)> {
     let mut cursor = Cursor(body);
     Some((cursor.text()?, cursor.text()?))
 }
 
-/// A schema and its number.
+/// Parses a schema and its number.
 pub(crate) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
     let mut cursor = Cursor(body);
     let (id, name, encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
@@ -75,7 +75,7 @@ pub(crate) fn channel(body: &[u8]) -> Option<Channel> {
     Some(Channel { id, schema, topic: cursor.text()?, encoding: cursor.text()?, metadata: cursor.map()? })
 }
 
-/// A message's header and data.
+/// Parses the header and data of a message.
 pub(crate) fn message(body: &[u8]) -> Option<(MessageHeader, &[u8])> {
     let mut cursor = Cursor(body);
     let (channel_id, sequence) = (cursor.u16()?, cursor.u32()?);
@@ -83,13 +83,13 @@ pub(crate) fn message(body: &[u8]) -> Option<(MessageHeader, &[u8])> {
     Some((header, cursor.0))
 }
 
-/// Name and entries of a metadata record.
+/// Parses the name and entries of a metadata record.
 pub(crate) fn metadata(body: &[u8]) -> Option<(String, BTreeMap<String, String>)> {
     let mut cursor = Cursor(body);
     Some((cursor.text()?, cursor.map()?))
 }
 
-/// The rest of a record; every read is `None` past its end.
+/// Unread rest of a record; every read past its end returns `None`.
 struct Cursor<'a>(&'a [u8]);
 
 impl<'a> Cursor<'a> {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_beyond_the_record_are_refused() {
+    fn mcap_parser_rejects_lengths_beyond_the_record() {
         assert!(metadata(b"\xff\xff\xff\xffabc").is_none());
         assert!(metadata(b"\x01\x00\x00\x00a\x08\x00\x00\x00\x01\x00\x00\x00kX").is_none());
         assert!(schema(b"\x01").is_none() && message(&[0; 21]).is_none() && channel(b"").is_none());

@@ -1,4 +1,4 @@
-//! The engine's events, taken in by the writers of this crate.
+//! Observers that write engine events to logs and traces.
 
 use std::io::Write;
 
@@ -12,7 +12,7 @@ use crate::record::{
 };
 use crate::{Recorder, TraceWriter};
 
-/// Appends what stands in a log for a payload that it leaves out: in CBOR, a map of `left_out` to the digest.
+/// Appends the placeholder for an omitted payload: in CBOR, a map of `left_out` to the digest.
 pub fn left_out(payload: &Sent, out: &mut Vec<u8>) {
     let place = std::collections::BTreeMap::from([("left_out", payload.digest().to_string())]);
     cbor::write(&place, out);
@@ -20,7 +20,7 @@ pub fn left_out(payload: &Sent, out: &mut Vec<u8>) {
 
 impl Observer for Recorder {
     fn event(&mut self, event: &Event<'_>) {
-        // What is shown of the end comes before it.
+        // Views of the end are logged before the end itself.
         self.show_event(event);
         match event {
             Event::Publication(publication) => self.publication(publication),

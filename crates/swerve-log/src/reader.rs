@@ -1,4 +1,4 @@
-//! Reading a log, record by record.
+//! Record-by-record reader for logs.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,20 +16,20 @@ use crate::mcap_record::{self, Schema, op, op_name};
 use crate::record::{DecisionRecord, PublicationRecord, Record, RunEnd, RunStart, StreamInfo};
 use crate::seals::{Seals, first_difference};
 
-/// Reads a log from its start. Damage of any kind ends the reading with an error that names the place; what
-/// came before has been given.
+/// Reads a log from its start. Any damage ends it with an error that states the position; all records before the
+/// damage have been returned.
 pub struct Reader<R = File> {
     path: PathBuf,
     file: BufReader<R>,
     size: u64,
     mcap: LinearReader,
-    /// How much of the file went into `mcap`.
+    /// Bytes of the file passed to `mcap` so far.
     taken: u64,
     context: Context,
     over: bool,
 }
 
-/// The state of reading.
+/// State of the reader.
 #[derive(Default)]
 struct Context {
     start: Option<RunStart>,
@@ -49,14 +49,14 @@ enum Channel {
     View,
 }
 
-/// The mistake in a file.
+/// Fault in a file.
 enum Fault {
     Mcap(McapError),
     Content(String),
     Foreign(String),
 }
 
-/// A file at its beginning, and how long it is.
+/// Opens a file; returns it with its length.
 pub(crate) fn open_sized(path: &Path) -> Result<(File, u64), LogError> {
     let failed = |source| LogError::Read { path: path.into(), source };
     let mut file = swerve_text::open_file(path).map_err(failed)?;
@@ -64,7 +64,7 @@ pub(crate) fn open_sized(path: &Path) -> Result<(File, u64), LogError> {
     Ok((file, size))
 }
 
-/// As [`Read::read`], and again where a signal came between.
+/// As [`Read::read`], but retries on interruption by a signal.
 pub(crate) fn read_some(file: &mut impl Read, into: &mut [u8]) -> std::io::Result<usize> {
     loop {
         match file.read(into) {
@@ -75,7 +75,7 @@ pub(crate) fn read_some(file: &mut impl Read, into: &mut [u8]) -> std::io::Resul
 }
 
 impl Reader {
-    /// Opens a log and reads its run's start.
+    /// Opens a log and reads the start of the run.
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let (file, size) = open_sized(path)?;
         Self::of(path, file, size)
@@ -83,7 +83,7 @@ impl Reader {
 }
 
 impl<R: Read + Seek> Reader<R> {
-    /// Reads from anything with so many bytes; `path` is its name in errors.
+    /// Reads from any source of `size` bytes; `path` is its name in errors.
     pub(crate) fn of(path: &Path, file: R, size: u64) -> Result<Self, LogError> {
         let options = LinearReaderOptions::default()
             .with_record_length_limit(format::RECORD_MAX)
@@ -109,7 +109,7 @@ impl<R: Read + Seek> Reader<R> {
         Ok(reader)
     }
 
-    /// The next record; `None` after the last one of a complete log.
+    /// Reads the next record; `None` after the last one of a complete log.
     pub fn next_record(&mut self) -> Result<Option<Record>, LogError> {
         while !self.over {
             if let Some(record) = self.advance()? {
@@ -119,27 +119,27 @@ impl<R: Read + Seek> Reader<R> {
         Ok(None)
     }
 
-    /// The head: all that was known when the run started.
+    /// Head: everything known at the start of the run.
     pub fn run_start(&self) -> &RunStart {
         self.context.start.as_ref().expect("`open` gives no reader without it")
     }
 
-    /// The end: all that was known when the run ended; `None` until all records were read.
+    /// End: everything known at the end of the run; `None` until all records have been read.
     pub fn run_end(&self) -> Option<&RunEnd> {
         self.context.end.as_ref()
     }
 
-    /// Whether the end that was read so far holds seals: digests of all else in the file.
+    /// Returns true if the end has been read and contains seals: digests of everything else in the file.
     pub fn is_sealed(&self) -> bool {
         self.context.is_sealed
     }
 
-    /// The streams met so far.
+    /// Streams found so far.
     pub fn streams(&self) -> &[Arc<StreamInfo>] {
         &self.context.streams
     }
 
-    /// Takes in one MCAP record, or some more of the file.
+    /// Processes one MCAP record or reads more of the file.
     fn advance(&mut self) -> Result<Option<Record>, LogError> {
         let fault = match self.mcap.next_event() {
             None => {
@@ -147,8 +147,8 @@ impl<R: Read + Seek> Reader<R> {
                 return if self.context.end.is_some() { Ok(None) } else { Err(self.incomplete()) };
             }
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                // One MCAP record at most is asked for, and none longer than the limit gets this far; what
-                // the file does not hold is not asked of the memory either.
+                // At most one MCAP record is requested, and records above the limit are rejected before; never
+                // allocate more than the file holds.
                 let held = usize::try_from(self.size.saturating_sub(self.taken)).unwrap_or(usize::MAX);
                 let n = wanted.min(held);
                 let read = read_some(&mut self.file, self.mcap.insert(n));
@@ -194,8 +194,8 @@ impl<R: Read + Seek> Reader<R> {
         LogError::Damaged { path, offset, size: self.size, record, problem, records: self.context.records }
     }
 
-    /// Start, opcode and end of the file's record that holds the last byte taken in, found by walking from
-    /// record to record; `None` when that byte lies before the first.
+    /// Start, opcode and end of the record that contains the last byte read, found by walking the records; `None`
+    /// if that byte is before the first record.
     fn last_record(&mut self) -> Option<(u64, u8, u64)> {
         let (mut last, mut offset) = (None, MAGIC_LEN);
         while offset < self.taken {
@@ -213,10 +213,10 @@ impl<R: Read + Seek> Reader<R> {
 
 /// Length of the magic number at both ends of an MCAP file, bytes.
 const MAGIC_LEN: u64 = 8;
-/// Length of opcode and length before each record, bytes.
+/// Length of a record's opcode and length field, bytes.
 const HEAD_LEN: usize = 9;
 
-/// An MCAP error in the words of an expectation.
+/// Describes an MCAP error as an unmet expectation.
 pub(crate) fn describe(error: &McapError) -> String {
     match error {
         McapError::UnexpectedEof => "expected more bytes, found the end of the file".into(),
@@ -239,7 +239,7 @@ pub(crate) fn describe(error: &McapError) -> String {
 }
 
 impl Context {
-    /// Takes in one record; gives what a caller wants to know of it.
+    /// Processes one record; returns it if it is of interest to the caller.
     fn take(&mut self, opcode: u8, body: &[u8]) -> Result<Option<Record>, Fault> {
         let broken = || Fault::Content(format!("expected {} within its length", op_name(opcode)));
         match opcode {
@@ -265,7 +265,7 @@ impl Context {
                 self.records += u64::from(record.is_some());
                 Ok(record)
             }
-            _ => Ok(None), // indices and statistics; nothing of ours
+            _ => Ok(None), // indices and statistics, which are not used
         }
     }
 
@@ -296,7 +296,7 @@ impl Context {
 
     fn channel(&mut self, channel: mcap_record::Channel) -> Result<(), Fault> {
         if self.channels.contains_key(&channel.id) {
-            return Ok(()); // the summary repeats them
+            return Ok(()); // the summary section repeats channels
         }
         let foreign = |key: &str| Fault::Foreign(format!("expected channels with an entry `{key}`"));
         let kind = channel.metadata.get(format::KIND).and_then(|kind| Kind::from_name(kind));
@@ -329,7 +329,7 @@ impl Context {
         Ok(())
     }
 
-    /// The record that a message holds; `None` for one that is there to be looked at alone.
+    /// Record of a message; `None` for a message of a view.
     fn message(&self, id: u16, data: &[u8]) -> Result<Option<Record>, String> {
         let record = match self
             .channels

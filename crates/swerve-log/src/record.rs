@@ -9,185 +9,185 @@ use swerve_core::{Digest, Time};
 
 use crate::LogError;
 
-/// All that is known when a run starts; the first record of a log.
+/// Everything known at the start of a run; the first record of a log.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct RunStart {
     /// Version of the program.
     pub version: String,
-    /// The seed.
+    /// Random seed.
     pub seed: u64,
-    /// The resolved configuration with every default spelled out, in the text form that the program reads.
+    /// Resolved configuration with all defaults, in the text format that the program reads.
     pub config: String,
-    /// Anything else worth keeping: scenario text, command line, host.
+    /// Further information: scenario text, command line, host.
     pub extra: BTreeMap<String, String>,
 }
 
-/// All that is known when a run has ended; the last record of a log. A log without it was cut off.
+/// Everything known at the end of a run; the last record of a log. A log without it was cut off.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct RunEnd {
-    /// The run's digest.
+    /// Digest of the run.
     pub digest: Digest,
-    /// The last instant of the run.
+    /// Last instant of the run.
     pub at: Time,
-    /// Why it ended.
+    /// Reason for the end.
     pub reason: String,
-    /// The engine's report, JSON.
+    /// Report of the engine, JSON.
     pub report: String,
 }
 
-/// Beginning of the reason of a failed run.
+/// Prefix of the reason of a failed run.
 pub(crate) const FAILED: &str = "failed: ";
 
 impl RunEnd {
-    /// The failure that ended the run, if one did: its last instant may be incomplete then.
+    /// Failure that ended the run, if any; its last instant may then be incomplete.
     pub fn failure(&self) -> Option<&str> {
         self.reason.strip_prefix(FAILED)
     }
 
-    /// The digest, unless it covers a part of an instant.
+    /// Digest of the run; `None` if its last instant is incomplete.
     pub fn whole_digest(&self) -> Option<Digest> {
         self.failure().is_none().then_some(self.digest)
     }
 
-    /// A note on the last instant, where it is incomplete.
+    /// Note on the incomplete last instant, if it is.
     pub fn incomplete(&self) -> Option<String> {
         let why = self.failure()?;
         Some(format!("the run failed at {:.3} s ({why}): that instant is incomplete", self.at.as_secs()))
     }
 }
 
-/// A stream that the run produced.
+/// A stream of the run.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct StreamInfo {
-    /// Its name.
+    /// Name of the stream.
     pub stream: String,
-    /// The operator that publishes it.
+    /// Operator that publishes it.
     pub operator: String,
-    /// Which of the operator's outputs it is.
+    /// Index of the operator's output port.
     pub port: usize,
     /// Rust type of its messages.
     pub type_name: String,
-    /// Form of their payloads in CDDL (RFC 8610): the rule `payload` and those that it names.
+    /// CDDL (RFC 8610) of the payload: the rule `payload` and those that it references.
     pub form: String,
 }
 
-/// When a message describes the world, when it could be read, and where it comes from.
+/// Times, sequence number and provenance of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct MessageHeader {
     /// The instant that the message describes.
     pub stamp: Time,
-    /// No later message of the stream has a stamp at or below this.
+    /// Watermark: no later message of the stream has a stamp at or below it.
     pub watermark: Time,
-    /// The instant at which it was published.
+    /// Instant of publication.
     pub visible_at: Time,
-    /// In which sweep of that instant.
+    /// Sweep of that instant.
     pub pass: u32,
-    /// How many messages the stream carried before.
+    /// Number of earlier messages of the stream.
     pub seq: u64,
-    /// The stamp of the step that computed it, in a repeat.
+    /// For a repeated result, the stamp of the step that computed it.
     pub reused_from: Option<Time>,
-    /// The stamp of the newest sensor frame that it derives from.
+    /// Stamp of the newest sensor frame from which it derives.
     pub origin: Option<Time>,
 }
 
 /// One message of a stream.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct PublicationRecord {
-    /// Its stream.
+    /// Stream of the message.
     pub stream: Arc<StreamInfo>,
-    /// When and whence.
+    /// Times, sequence number and provenance.
     pub header: MessageHeader,
-    /// The payload in CBOR, the bytes as they were written.
+    /// Payload in CBOR, exactly as written.
     pub payload_cbor: Arc<[u8]>,
 }
 
 /// A watermark published without a message.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct WatermarkRecord<S = String> {
-    /// The stream.
+    /// Name of the stream.
     pub stream: S,
-    /// Its operator.
+    /// Operator that publishes it.
     pub operator: S,
-    /// Which of the operator's outputs it is.
+    /// Index of the operator's output port.
     pub port: usize,
     /// The watermark.
     pub watermark: Time,
-    /// The instant at which it was published.
+    /// Instant of publication.
     pub visible_at: Time,
-    /// In which sweep of that instant.
+    /// Sweep of that instant.
     pub pass: u32,
-    /// How many messages the stream carried before.
+    /// Number of earlier messages of the stream.
     pub seq: u64,
 }
 
 /// One step from its start to its modelled end.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct StepRecord<S = String> {
-    /// Whose step.
+    /// Operator that ran.
     pub operator: S,
-    /// For which stamp.
+    /// Stamp of the step.
     pub stamp: Time,
-    /// When it started.
+    /// Start of the step.
     pub start: Time,
-    /// When it ended.
+    /// Modelled end of the step.
     pub end: Time,
-    /// The units of work that it counted.
+    /// Units of work that it counted.
     pub units: u64,
-    /// How long it took on the host, nanoseconds; not repeatable.
+    /// Duration on the host, nanoseconds; not reproducible.
     pub host_ns: u64,
-    /// Its result was not published, or will not be, because the stamp is answered already.
+    /// True if the result is not published because the stamp has already been answered.
     pub late: bool,
 }
 
-/// A step that had not come to its end when the run had.
+/// A step that had not ended at the end of the run.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct UnfinishedRecord<S = String> {
-    /// Whose step.
+    /// Operator that was running.
     pub operator: S,
-    /// For which stamp.
+    /// Stamp of the step.
     pub stamp: Time,
-    /// When it started.
+    /// Start of the step.
     pub start: Time,
 }
 
 /// A missed deadline.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct MissRecord<S = String> {
-    /// Whose deadline.
+    /// Operator with the deadline.
     pub operator: S,
-    /// For which stamp.
+    /// Stamp of the frame.
     pub stamp: Time,
-    /// When it passed.
+    /// The deadline.
     pub deadline: Time,
-    /// When it was handled.
+    /// Instant at which the miss was handled.
     pub at: Time,
-    /// The reaction that answered.
+    /// Reaction to the miss.
     pub reaction: S,
-    /// Whether the step had started.
+    /// True if the step had started.
     pub started: bool,
 }
 
-/// A frame that was not answered, or a result that was not published.
+/// A frame that was not processed, or a result that was not published.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct DropRecord<S = String> {
-    /// Whose frame.
+    /// Operator that dropped it.
     pub operator: S,
-    /// For which stamp.
+    /// Stamp of the frame.
     pub stamp: Time,
-    /// When.
+    /// Instant of the drop.
     pub at: Time,
-    /// Why.
+    /// Reason for the drop.
     pub reason: S,
 }
 
-/// Something that was decided in the run and is no function of its inputs.
+/// A decision made during the run that is not a function of its inputs.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct DecisionRecord {
     /// The decision, CBOR.
     pub cbor: Arc<[u8]>,
 }
 
-/// One record of a log, as its reader gives it: in the order in which the run did it.
+/// One record of a log, in run order.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum Record {
     /// A message.
@@ -196,7 +196,7 @@ pub enum Record {
     Watermark(WatermarkRecord),
     /// A step.
     Step(StepRecord),
-    /// A step without its end.
+    /// A step without an end.
     Unfinished(UnfinishedRecord),
     /// A missed deadline.
     Miss(MissRecord),
@@ -207,14 +207,14 @@ pub enum Record {
 }
 
 impl PublicationRecord {
-    /// The payload as a `T`.
+    /// Decodes the payload as a `T`.
     pub fn decode<T: DeserializeOwned>(&self) -> Result<T, LogError> {
         decode(&self.payload_cbor, &self.stream.stream, self.header.seq)
     }
 }
 
 impl DecisionRecord {
-    /// The decision as a `T`.
+    /// Decodes the decision as a `T`.
     pub fn decode<T: DeserializeOwned>(&self) -> Result<T, LogError> {
         decode(&self.cbor, "decisions", 0)
     }

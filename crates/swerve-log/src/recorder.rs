@@ -1,4 +1,4 @@
-//! Writing a log while the run goes on.
+//! Recorder that writes a log during the run.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -21,18 +21,18 @@ use crate::record::{
 use crate::view::{View, Views};
 use crate::writer::LogWriter;
 
-/// Batches that may wait for the writer thread; with that many the run waits for the disk.
+/// Number of batches that may wait for the writer thread; beyond that the run waits for the disk.
 const BATCHES: usize = 64;
-/// A batch goes to the writer thread when it holds this many records,
+/// Number of records at which a batch is sent to the writer thread.
 const BATCH_RECORDS: usize = 256;
-/// or this many bytes of payload,
+/// Payload at which a batch is sent, bytes.
 const BATCH_BYTES: usize = 256 << 10;
-/// or this much run time.
+/// Run time after which a batch is sent.
 const BATCH_SPAN: Span = Span::from_ms(100);
-/// Items that are a batch by themselves (images, point clouds) of which so many may wait: that bounds memory.
+/// Number of big items (images, point clouds; one batch each) that may wait, which bounds memory.
 const BIG: usize = 16;
 
-/// A name that many records share.
+/// A name shared by many records.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub(crate) struct Name(pub(crate) Arc<str>);
 
@@ -48,16 +48,16 @@ impl core::borrow::Borrow<str> for Name {
     }
 }
 
-/// One record on its way to the writer thread; ranges point into the batch's bytes.
+/// One record on its way to the writer thread; ranges index the bytes of the batch.
 pub(crate) enum Item {
-    /// Declares the stream of the next number, from 0.
+    /// Declares the stream with the next number, from 0.
     Stream(StreamInfo),
     Message {
         stream: usize,
         header: MessageHeader,
         payload: Range<usize>,
     },
-    /// A message whose payload may not be made yet; of what is left out the digest alone is logged.
+    /// A message whose payload may still be computing; of omitted payloads only the digest is logged.
     Promised {
         stream: usize,
         header: MessageHeader,
@@ -78,7 +78,7 @@ pub(crate) enum Item {
 }
 
 impl Item {
-    /// Whether this fills a batch by what waits with it.
+    /// Returns true if this item fills a batch by itself.
     fn is_big(&self) -> bool {
         match self {
             Self::View(view) => view.bytes >= BATCH_BYTES,
@@ -88,26 +88,26 @@ impl Item {
     }
 }
 
-/// Records on their way to the writer thread.
+/// Batch of records on its way to the writer thread.
 #[derive(Default)]
 pub(crate) struct Batch {
     pub(crate) items: Vec<Item>,
     pub(crate) bytes: Vec<u8>,
-    /// Bytes that wait with its views.
+    /// Memory held by its views, bytes.
     views_bytes: usize,
     since: Option<Time>,
 }
 
-/// Says of which payloads only the digest is logged.
+/// Predicate that selects the payloads of which only the digest is logged.
 pub type LeavesOut = fn(&Sent) -> bool;
 
-/// Writes a run into a file, through a thread of its own.
+/// Writes a run into a file on a separate thread.
 ///
-/// The run hands over batches through a bounded queue and waits when that is full: nothing is ever dropped.
-/// Compression and disk are the writer thread's. The file grows chunk by chunk under its final name and can
-/// be read at any time, also after the process was killed; only [`finish`](Self::finish) after
-/// [`end`](Self::end) makes it a complete log. A failed write stops the recording but not the run, and is
-/// told by [`finish`](Self::finish).
+/// The run passes batches through a bounded queue and waits when it is full: nothing is ever dropped. The writer
+/// thread compresses and writes to disk. The file grows chunk by chunk under its final name and is readable at any
+/// time, even after the process was killed; it is a complete log only after [`end`](Self::end) and
+/// [`finish`](Self::finish). A failed write stops the recording but not the run; [`finish`](Self::finish) returns
+/// the error.
 pub struct Recorder {
     path: PathBuf,
     batch: Batch,
@@ -119,31 +119,31 @@ pub struct Recorder {
     views: Option<Box<dyn Views>>,
     shown: Vec<View>,
     sender: Option<Sender<Batch>>,
-    /// Takes a token for each big item that waits.
+    /// Receives a token for each big item that waits.
     big: Sender<()>,
     thread: Option<JoinHandle<Result<u64, LogError>>>,
-    /// Why nothing more is written.
+    /// Error that ended the recording.
     failed: Option<LogError>,
 }
 
 impl Recorder {
-    /// Creates the file, which must not be there yet, and starts the writer thread.
+    /// Creates the file, which must not exist, and starts the writer thread.
     pub fn create(path: &Path, start: &RunStart) -> Result<Self, LogError> {
         let file = File::create_new(path).map_err(|source| LogError::Create { path: path.into(), source })?;
         Self::start(path, BufWriter::with_capacity(64 << 10, file), start)
     }
 
-    /// Logs only the digest of these payloads: big ones that can be computed again.
+    /// Logs only the digest of the selected payloads: large ones that can be recomputed.
     pub fn leave_out(&mut self, payloads: LeavesOut) {
         self.leaves_out = Some(payloads);
     }
 
-    /// Logs, beside the run, what these views show of it.
+    /// Logs the messages of these views in addition to the run.
     pub fn show(&mut self, views: Box<dyn Views>) {
         self.views = Some(views);
     }
 
-    /// Takes in what there is to show of an event.
+    /// Logs the views of an event.
     pub(crate) fn show_event(&mut self, event: &Event<'_>) {
         let Some(views) = &mut self.views else { return };
         let mut shown = core::mem::take(&mut self.shown);
@@ -164,7 +164,7 @@ impl Recorder {
         self.leaves_out.is_some_and(|leaves_out| leaves_out(payload))
     }
 
-    /// Records into any place; `path` is its name in errors.
+    /// Records into any sink; `path` is its name in errors.
     pub fn start<W: Write + Seek + Send + 'static>(
         path: &Path,
         to: W,
@@ -201,7 +201,7 @@ impl Recorder {
         })
     }
 
-    /// A message of a stream. `info` describes the stream the first time it is named, `encode` appends the
+    /// Records a message of a stream. `info` describes the stream when it is first used, `encode` appends the
     /// payload in CBOR.
     pub fn message(
         &mut self,
@@ -215,7 +215,7 @@ impl Recorder {
         self.push(header.visible_at, Item::Message { stream, header, payload });
     }
 
-    /// The same with a payload that may not be made yet; the writer's thread waits for it.
+    /// As [`message`](Self::message), with a payload that may still be computing; the writer thread waits for it.
     pub(crate) fn promised(
         &mut self,
         stream: &str,
@@ -228,7 +228,7 @@ impl Recorder {
         self.push(header.visible_at, item);
     }
 
-    /// The number of a stream, which is declared the first time it is named.
+    /// Number of a stream, which is declared when first used.
     fn stream(&mut self, stream: &str, info: impl FnOnce() -> StreamInfo) -> usize {
         let known = self.streams.iter().find(|(name, _)| &*name.0 == stream).map(|&(_, number)| number);
         known.unwrap_or_else(|| {
@@ -240,7 +240,7 @@ impl Recorder {
         })
     }
 
-    /// A watermark without a message.
+    /// Records a watermark without a message.
     pub fn watermark(&mut self, record: WatermarkRecord<&str>) {
         let record = WatermarkRecord {
             stream: self.name(record.stream),
@@ -254,13 +254,13 @@ impl Recorder {
         self.push(record.visible_at, Item::Watermark(record));
     }
 
-    /// A step started. Only that it had not ended by [`end`](Self::end) comes into the log.
+    /// Records the start of a step. It is only logged if the step has not ended by [`end`](Self::end).
     pub fn step_started(&mut self, record: &UnfinishedRecord<&str>) {
         let operator = self.name(record.operator);
         self.running.push(UnfinishedRecord { operator, stamp: record.stamp, start: record.start });
     }
 
-    /// A step that came to its end.
+    /// Records a step that ended.
     pub fn step(&mut self, record: StepRecord<&str>) {
         let StepRecord { operator, stamp, start, end, units, host_ns, late } = record;
         let operator = self.name(operator);
@@ -270,27 +270,27 @@ impl Recorder {
         self.push(end, Item::Step(StepRecord { operator, stamp, start, end, units, host_ns, late }));
     }
 
-    /// A missed deadline.
+    /// Records a missed deadline.
     pub fn miss(&mut self, record: MissRecord<&str>) {
         let MissRecord { operator, stamp, deadline, at, reaction, started } = record;
         let (operator, reaction) = (self.name(operator), self.name(reaction));
         self.push(at, Item::Miss(MissRecord { operator, stamp, deadline, at, reaction, started }));
     }
 
-    /// A dropped frame or result.
+    /// Records a dropped frame or result.
     pub fn dropped(&mut self, record: DropRecord<&str>) {
         let DropRecord { operator, stamp, at, reason } = record;
         let (operator, reason) = (self.name(operator), self.name(reason));
         self.push(at, Item::Drop(DropRecord { operator, stamp, at, reason }));
     }
 
-    /// A decision of the instant `at`; `encode` appends it in CBOR.
+    /// Records a decision at the instant `at`; `encode` appends it in CBOR.
     pub fn decision(&mut self, at: Time, encode: impl FnOnce(&mut Vec<u8>)) {
         let cbor = self.bytes(encode);
         self.push(at, Item::Decision { at, cbor });
     }
 
-    /// The run is over; nothing may follow.
+    /// Records the end of the run; nothing may follow.
     pub fn end(&mut self, end: RunEnd) {
         for unfinished in core::mem::take(&mut self.running) {
             self.push(end.at, Item::Unfinished(unfinished));
@@ -299,23 +299,23 @@ impl Recorder {
         self.send();
     }
 
-    /// The instant of the last record.
+    /// Instant of the last record.
     pub(crate) fn now(&self) -> Time {
         self.now
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Why nothing more is written, from the batch on that could not be.
+    /// Error that ended the recording; the batch that failed and all later ones are missing.
     pub fn failure(&self) -> Option<&LogError> {
         self.failed.as_ref()
     }
 
-    /// Waits until all is written; the number of records, or what failed. Without [`end`](Self::end) before,
-    /// the file stays readable but incomplete.
+    /// Waits until everything is written; returns the number of records or the error. Without a prior
+    /// [`end`](Self::end), the file is readable but incomplete.
     pub fn finish(mut self) -> Result<u64, LogError> {
         let joined = self.join();
         match self.failed.take() {
@@ -342,7 +342,7 @@ impl Recorder {
     fn push(&mut self, at: Time, item: Item) {
         let is_big = item.is_big();
         if is_big {
-            // Fails where the writer has, which the next batch tells.
+            // Fails if the writer has failed; the next batch reports that.
             let _sent = self.big.send(());
         }
         self.now = at;
@@ -361,7 +361,7 @@ impl Recorder {
             && !batch.items.is_empty()
             && sender.send(batch).is_err()
         {
-            // The writer failed, and has ended.
+            // The writer has failed and ended.
             self.sender = None;
             self.failed = self.thread.take().and_then(|thread| self.written(thread).err());
         }
@@ -373,7 +373,7 @@ impl Recorder {
         self.thread.take().map(|thread| self.written(thread))
     }
 
-    /// The result of the writer thread.
+    /// Result of the writer thread.
     fn written(&self, thread: JoinHandle<Result<u64, LogError>>) -> Result<u64, LogError> {
         let panicked =
             |_| Err(LogError::Write { path: self.path.clone(), reason: "the writer panicked".into() });
@@ -382,7 +382,7 @@ impl Recorder {
 }
 
 impl Drop for Recorder {
-    /// Writes what is left, so that a run that fails leaves a readable log.
+    /// Writes the remaining batches, so that a failed run leaves a readable log.
     fn drop(&mut self) {
         let _nobody_left_to_tell = self.join();
     }

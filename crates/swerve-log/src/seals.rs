@@ -1,6 +1,6 @@
-//! Seals of a log: digests of all that the file holds beside its views, so that a change of any byte is named by
-//! the channel that it is in. The digest of a run, which is equal for equal behaviour however it was recorded, does
-//! not bind the head, headers, times and records of steps; these do. They tell changes; they are no signature.
+//! Seals of a log: digests of everything in the file except its views, so that a change of any byte is attributed
+//! to its channel. The digest of a run, which is equal for equal behaviour regardless of how it was recorded, does
+//! not cover the head, headers, times and step records; seals do. Seals detect changes but are not a signature.
 
 use std::collections::BTreeMap;
 
@@ -9,30 +9,30 @@ use swerve_core::Hasher;
 
 use crate::mcap_record::{Channel, Schema};
 
-/// Name of the program that wrote the file, in MCAP's header.
+/// Name of the writing program in the MCAP header.
 pub(crate) const LIBRARY: &str = "swerve";
 
-/// Digests over the head and each channel of what was written or read so far.
+/// Digests of the head and of each channel, over the data written or read so far.
 #[derive(Default)]
 pub(crate) struct Seals {
     head: Hasher,
-    /// Topic and digest by the channel's number.
+    /// Topic and digest by channel number.
     channels: BTreeMap<u16, (String, Hasher)>,
     messages: u64,
 }
 
 impl Seals {
-    /// Takes in MCAP's header.
+    /// Adds the MCAP header.
     pub(crate) fn file(&mut self, profile: &str, library: &str) {
         self.head.value(&(profile, library));
     }
 
-    /// Takes in the metadata of the run's start.
+    /// Adds the metadata of the run's start.
     pub(crate) fn head(&mut self, start: &BTreeMap<String, String>) {
         self.head.value(start);
     }
 
-    /// Takes in a channel that is no view.
+    /// Adds a channel that is not a view.
     pub(crate) fn channel(&mut self, channel: &Channel, schema: &Schema) {
         let Channel { id, schema: schema_id, topic, encoding, metadata } = channel;
         let mut hasher = Hasher::new();
@@ -41,7 +41,7 @@ impl Seals {
         self.channels.insert(*id, (topic.clone(), hasher));
     }
 
-    /// Takes in a message, with its place among all; one of a view is passed over.
+    /// Adds a message and its position among all messages; skips messages of views.
     pub(crate) fn message(&mut self, header: &MessageHeader, data: &[u8]) {
         let Some((_, hasher)) = self.channels.get_mut(&header.channel_id) else { return };
         for n in [self.messages, header.sequence.into(), header.log_time, header.publish_time] {
@@ -51,7 +51,7 @@ impl Seals {
         self.messages += 1;
     }
 
-    /// One line for each part, name and digest, the run's end last.
+    /// Formats the seals: one line per part with digest and name, the run's end last.
     pub(crate) fn lines(&self, end: &BTreeMap<String, String>) -> String {
         let mut of_end = Hasher::new();
         of_end.value(end);
@@ -62,7 +62,7 @@ impl Seals {
     }
 }
 
-/// The name of the first part whose seal is another in `found` than in `sealed`.
+/// Name of the first part whose seal in `found` differs from that in `sealed`.
 pub(crate) fn first_difference(sealed: &str, found: &str) -> Option<String> {
     let name = |line: &str| line.split_once(' ').map_or(line, |(_, name)| name).to_owned();
     let mut lines = found.lines().zip(sealed.lines().map(Some).chain(core::iter::repeat(None)));

@@ -1,4 +1,4 @@
-//! Logs written and read back, whole and damaged.
+//! Tests that write logs and read them back, intact and damaged.
 
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read, Seek, SeekFrom, Write};
@@ -11,7 +11,7 @@ use swerve_core::{Digest, Rng, Span, Time};
 
 use crate::*;
 
-mod faults; // disks that fill up, devices that fail, signals that come between
+mod faults; // full disks, failing devices, interrupting signals
 
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 struct Pose {
@@ -62,7 +62,7 @@ fn message(recorder: &mut Recorder, stream: &str, k: i64) {
     recorder.message(stream, || info(stream), header(k), |out| ciborium::into_writer(&pose(k), out).unwrap());
 }
 
-/// A run of `n` messages on each of two streams, with all other kinds of records.
+/// Records `n` messages on each of two streams, and all other kinds of records.
 fn record(recorder: &mut Recorder, n: i64) {
     let at = Time::from_ms(n + 5);
     for k in 0..n {
@@ -102,7 +102,7 @@ fn written(path: &Path, n: i64) -> Vec<u8> {
 }
 
 #[test]
-fn a_log_gives_back_what_was_recorded_from_the_file_alone() {
+fn log_round_trips_from_the_file_alone() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.mcap");
     written(&path, 600);
@@ -130,14 +130,14 @@ fn a_log_gives_back_what_was_recorded_from_the_file_alone() {
 }
 
 #[test]
-fn the_same_run_gives_the_same_bytes() {
+fn recorder_is_deterministic() {
     let dir = tempfile::tempdir().unwrap();
     let a = written(&dir.path().join("a"), 300);
     assert_eq!(a, written(&dir.path().join("b"), 300));
 }
 
 #[test]
-fn a_message_of_another_type_is_an_error_that_names_both() {
+fn decode_error_names_both_types() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.mcap");
     written(&path, 2);
@@ -146,7 +146,7 @@ fn a_message_of_another_type_is_an_error_that_names_both() {
     assert!(error.contains("`pose`, message 0") && error.contains("u32"), "{error}");
 }
 
-/// A file that others can look at while it is being written.
+/// A file that can be read while it is being written.
 #[derive(Clone, Default)]
 struct Shared(Arc<Mutex<Cursor<Vec<u8>>>>);
 
@@ -166,7 +166,7 @@ impl Seek for Shared {
 }
 
 #[test]
-fn a_log_cut_anywhere_is_read_up_to_there_and_says_so() {
+fn truncated_log_is_read_up_to_the_cut_and_reported_incomplete() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 3000);
     let path = dir.path().join("cut.mcap");
@@ -189,7 +189,7 @@ fn a_log_cut_anywhere_is_read_up_to_there_and_says_so() {
 }
 
 #[test]
-fn what_is_on_disk_before_the_end_is_a_readable_log() {
+fn log_is_readable_while_being_written() {
     let dir = tempfile::tempdir().unwrap();
     let file = Shared::default();
     let mut recorder = Recorder::start(Path::new("x"), file.clone(), &start()).unwrap();
@@ -218,7 +218,7 @@ fn a_recorder_dropped_in_a_panic_leaves_a_readable_log() {
 }
 
 #[test]
-fn mutated_files_give_an_error_or_the_truth_and_never_crash() {
+fn mutated_log_yields_an_error_or_correct_records() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 400);
     let truth = Log::read(&dir.path().join("whole")).unwrap();
@@ -253,7 +253,7 @@ fn mutated_files_give_an_error_or_the_truth_and_never_crash() {
 }
 
 #[test]
-fn every_single_flipped_bit_of_the_messages_is_found() {
+fn log_reader_detects_every_flipped_bit_of_the_messages() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 5);
     let path = dir.path().join("flipped.mcap");
@@ -265,7 +265,7 @@ fn every_single_flipped_bit_of_the_messages_is_found() {
     }
 }
 
-/// The records of a log with their opcodes, unpacked; what is computed from them (chunks, indices, sums) left out.
+/// Records of a log with their opcodes, decompressed; without those derived from them (chunks, indices, checksums).
 fn unpacked(whole: &[u8]) -> Vec<(u8, Vec<u8>)> {
     let mut reader = LinearReader::new();
     let (mut records, mut rest) = (Vec::new(), whole);
@@ -275,7 +275,7 @@ fn unpacked(whole: &[u8]) -> Vec<(u8, Vec<u8>)> {
                 let n = rest.read(reader.insert(n)).unwrap();
                 reader.notify_read(n);
             }
-            LinearReadEvent::Record { opcode: 0x0f, .. } => break, // the end of the data
+            LinearReadEvent::Record { opcode: 0x0f, .. } => break, // end of the data section
             LinearReadEvent::Record { data, opcode } => {
                 records.extend(matches!(opcode, 1 | 3 | 4 | 5 | 12).then(|| (opcode, data.to_vec())));
             }
@@ -284,7 +284,7 @@ fn unpacked(whole: &[u8]) -> Vec<(u8, Vec<u8>)> {
     records
 }
 
-/// A file of these records without any checksum, as somebody who changes a log makes it.
+/// A file of these records without checksums, as a manipulated log would be.
 fn packed(records: &[(u8, Vec<u8>)]) -> Vec<u8> {
     let mut file = mcap::MAGIC.to_vec();
     let ends = [(0x0f, vec![0; 4]), (0x02, vec![0; 20])];
@@ -297,7 +297,7 @@ fn packed(records: &[(u8, Vec<u8>)]) -> Vec<u8> {
 }
 
 #[test]
-fn every_changed_byte_of_a_record_is_named_though_checksums_fit() {
+fn seals_name_every_changed_byte_despite_valid_checksums() {
     let dir = tempfile::tempdir().unwrap();
     let records = unpacked(&written(&dir.path().join("whole"), 2));
     let path = dir.path().join("changed.mcap");
@@ -323,13 +323,13 @@ fn every_changed_byte_of_a_record_is_named_though_checksums_fit() {
 }
 
 #[test]
-fn log_without_seals_is_read_and_says_so() {
+fn log_without_seals_is_read_and_reported_unsealed() {
     let dir = tempfile::tempdir().unwrap();
     let mut records = unpacked(&written(&dir.path().join("whole"), 2));
     let path = dir.path().join("changed.mcap");
     std::fs::write(&path, packed(&records)).unwrap();
     assert!(Log::read(&path).unwrap().is_sealed);
-    // Body of a metadata record: its name, then the length of the map and its entries, all with lengths before them.
+    // Body of a metadata record: its name, the length of the map, and its entries, all length-prefixed.
     let end = &mut records.iter_mut().rfind(|(opcode, _)| *opcode == 0x0c).unwrap().1;
     let length = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     let map = 4 + length(end, 0);
@@ -345,7 +345,7 @@ fn log_without_seals_is_read_and_says_so() {
 }
 
 #[test]
-fn every_changed_byte_of_a_short_log_is_found() {
+fn log_reader_detects_every_changed_byte_of_a_short_log() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 1);
     let path = dir.path().join("changed.mcap");
@@ -358,7 +358,7 @@ fn every_changed_byte_of_a_short_log_is_found() {
 }
 
 #[test]
-fn files_that_are_no_logs_are_refused_with_place_and_expectation() {
+fn log_reader_rejects_other_files_with_position_and_expectation() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("f.mcap");
     let refuse = |bytes: &[u8]| {
@@ -384,7 +384,7 @@ fn files_that_are_no_logs_are_refused_with_place_and_expectation() {
 }
 
 #[test]
-fn an_mcap_file_of_another_program_is_told_apart() {
+fn log_reader_recognises_mcap_files_of_other_programs() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("other.mcap");
     let mut writer = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
@@ -395,7 +395,7 @@ fn an_mcap_file_of_another_program_is_told_apart() {
 }
 
 #[test]
-fn damage_is_placed_at_the_record_that_holds_it() {
+fn log_reader_reports_damage_at_its_record() {
     let dir = tempfile::tempdir().unwrap();
     let whole = written(&dir.path().join("whole"), 400);
     let summary = {

@@ -1,4 +1,4 @@
-//! Writing a trace in the Trace Event Format, as <https://ui.perfetto.dev> and `chrome://tracing` open it.
+//! Trace writer in the Trace Event Format, for <https://ui.perfetto.dev> and `chrome://tracing`.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
@@ -13,27 +13,28 @@ use crate::LogError;
 use crate::arrows::{Arrow, Arrows};
 use crate::observe::{reaction_name, reason_name};
 
-/// The instants of a message.
+/// Times of a message.
 #[derive(Clone, Copy, Debug)]
 struct Published {
-    /// The instant that it describes.
+    /// Instant that the message describes.
     stamp: Time,
-    /// The stamp of the newest sensor frame that it derives from.
+    /// Stamp of the newest sensor frame from which it derives.
     origin: Option<Time>,
-    /// When it became visible.
+    /// Instant at which it became visible.
     at: Time,
 }
 
-/// Writes what a run's steps did, as a trace in the run's own time.
+/// Writes the steps of a run as a trace in run time.
 ///
-/// - Every operator has a track, more where several of its steps run at once; each step is a slice from its
-///   start to its modelled end, with its stamp and its units of work. A step of no run time is shown 1 ns long,
-///   for arrows need something to hold on to.
+/// - Every operator has a track, or several if its steps overlap; each step is a slice from its
+///   start to its modelled end, with its stamp and its units of work. A step without run time is shown with 1 ns,
+///   because arrows need a slice to attach to.
 /// - Missed deadlines and dropped frames are instants on the operator's first track.
-/// - Arrows lead from the step that took a sensor frame through all that read what derives from it to the
+/// - Arrows lead from the step that received a sensor frame through all readers of derived data to the
 ///   first step of a command operator; a counter shows the frame's age there.
 ///
-/// Events are written in order of time. The trace is valid JSON once [`finish`](Self::finish) was called or
+/// Events are written in order of time. The trace is valid JSON once [`finish`](Self::finish) was called or the
+/// writer dropped, however the run ended.
 /// the writer dropped, however the run ended.
 pub struct TraceWriter<W: Write = BufWriter<File>> {
     path: PathBuf,
@@ -42,43 +43,43 @@ pub struct TraceWriter<W: Write = BufWriter<File>> {
     trace: Trace,
 }
 
-/// What is written, wherever it goes: compiled here, not with every place that it goes to.
+/// Trace formatter without the output: compiled once, not for every type of output.
 struct Trace {
-    /// What is to be passed on.
+    /// Formatted text, not written out yet.
     text: String,
     first: bool,
     operators: Vec<Track>,
     tids: u32,
     running: Vec<Running>,
     arrows: Arrows,
-    /// Events that may still be preceded by others, by time and order.
+    /// Events that earlier ones may still precede, by time and order.
     pending: BTreeMap<(Time, Place, u64), String>,
     order: u64,
     now: Time,
 }
 
-/// Of events of one instant, slices come first: arrows hold on to what was there before them.
+/// Order of events of one instant: slices first, because arrows attach to existing slices.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Place {
     Slice,
     Mark,
 }
 
-/// Steps that ended, remembered per operator for the messages that they publish later.
+/// Number of ended steps remembered per operator, for messages that they publish later.
 const ENDED: usize = 64;
 
-/// An operator's tracks.
+/// Tracks of an operator.
 struct Track {
     name: String,
     /// The name as a JSON string.
     quoted: String,
-    /// Thread number of each lane, and whether a step runs there.
+    /// Thread number of each lane, and true if a step is running in it.
     lanes: Vec<(u32, bool)>,
-    /// Stamp, thread number and last instant of the slices of its last steps.
+    /// Stamp, thread number and last instant of the slices of the most recent steps.
     ended: VecDeque<(Time, u32, Time)>,
 }
 
-/// A step that has started and not ended.
+/// A step that has started but not ended.
 struct Running {
     operator: usize,
     lane: usize,
@@ -87,23 +88,24 @@ struct Running {
 }
 
 impl TraceWriter {
-    /// Creates the file, which must not be there yet. `commands` names the operators whose steps end arrows.
+    /// Creates the file, which must not exist. Arrows end at the operators named in `commands`.
     pub fn create(path: &Path, commands: &[&str]) -> Result<Self, LogError> {
         let file = File::create_new(path).map_err(|source| LogError::Create { path: path.into(), source })?;
         Ok(Self::to(path, BufWriter::with_capacity(64 << 10, file), commands))
     }
 }
 
-/// As much text is passed on at once, bytes.
+/// Text is written out in pieces of at least this many bytes.
 const PASSED_ON: usize = 16 << 10;
 
 impl<W: Write> TraceWriter<W> {
-    /// Writes to any place; `path` is its name in errors.
+    /// Writes to any sink; `path` is its name in errors.
     pub fn to(path: &Path, out: W, commands: &[&str]) -> Self {
         Self { path: path.into(), out: Some(out), failed: None, trace: Trace::new(commands) }
     }
 
-    /// A step started at `at`; `reads` names the streams it reads, each with the stamp of the newest message.
+    /// Records a step that started at `at`; `reads` lists its input streams with the stamps of their newest
+    /// messages.
     pub fn step_start<'a>(
         &mut self,
         operator: &str,
@@ -115,25 +117,25 @@ impl<W: Write> TraceWriter<W> {
         self.pass_on(PASSED_ON);
     }
 
-    /// A step came to its modelled end.
+    /// Records the modelled end of a step.
     pub fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
         self.trace.step_end(operator, stamp, end, units, late);
         self.pass_on(PASSED_ON);
     }
 
-    /// A deadline was missed.
+    /// Records a missed deadline.
     pub fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
         self.trace.miss(operator, stamp, at, reaction);
         self.pass_on(PASSED_ON);
     }
 
-    /// A frame or a result was dropped.
+    /// Records a dropped frame or result.
     pub fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
         self.trace.dropped(operator, stamp, at, reason);
         self.pass_on(PASSED_ON);
     }
 
-    /// Marks the steps of a chain, by instant (seconds) and name, across all rows.
+    /// Marks the steps of a causal chain, by instant (seconds) and name, across all tracks.
     pub fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
         self.trace.mark_chain(steps, actor);
         self.pass_on(PASSED_ON);
@@ -148,13 +150,13 @@ impl<W: Write> TraceWriter<W> {
         }
     }
 
-    /// Takes in an event of the run.
+    /// Records an event of the run.
     pub(crate) fn take(&mut self, event: &Event<'_>) {
         self.trace.event(event);
         self.pass_on(PASSED_ON);
     }
 
-    /// Passes on what is written, once it is so much.
+    /// Writes out the formatted text if it has at least `least` bytes.
     fn pass_on(&mut self, least: usize) {
         if self.trace.text.len() < least {
             return;
@@ -207,12 +209,12 @@ impl Trace {
         trace
     }
 
-    /// Takes in an event of the run.
+    /// Records an event of the run.
     fn event(&mut self, event: &Event<'_>) {
         match event {
             Event::Publication(p) => {
                 if let Some(stamp) = p.stamp {
-                    // A repeat derives from what the repeated step read, not from its own stamp.
+                    // A repeat derives from the inputs of the repeated step, not from its own stamp.
                     let published = Published { stamp, origin: p.origin, at: p.visible_at };
                     self.message(p.operator, p.stream, published, p.reads.iter());
                 }
@@ -226,7 +228,8 @@ impl Trace {
         }
     }
 
-    /// A step started at `at`; `reads` names the streams it reads, each with the stamp of the newest message.
+    /// Records a step that started at `at`; `reads` lists its input streams with the stamps of their newest
+    /// messages.
     fn step_start<'a>(
         &mut self,
         operator: &str,
@@ -244,7 +247,7 @@ impl Trace {
         }
     }
 
-    /// A step came to its modelled end.
+    /// Records the modelled end of a step.
     fn step_end(&mut self, operator: &str, stamp: Time, end: Time, units: u64, late: bool) {
         self.reach(end);
         let index = self.operator(operator);
@@ -261,7 +264,7 @@ impl Trace {
         }
     }
 
-    /// A message became visible; `reads` as for the step that computed it.
+    /// Records a message that became visible; `reads` as for the step that computed it.
     fn message<'a>(
         &mut self,
         operator: &str,
@@ -277,17 +280,17 @@ impl Trace {
         }
     }
 
-    /// A deadline was missed.
+    /// Records a missed deadline.
     fn miss(&mut self, operator: &str, stamp: Time, at: Time, reaction: &str) {
         self.instant(operator, at, &format!("missed, {reaction}"), stamp);
     }
 
-    /// A frame or a result was dropped.
+    /// Records a dropped frame or result.
     fn dropped(&mut self, operator: &str, stamp: Time, at: Time, reason: &str) {
         self.instant(operator, at, &format!("dropped, {reason}"), stamp);
     }
 
-    /// Marks the steps of a chain, by instant (seconds) and name, across all rows.
+    /// Marks the steps of a causal chain, by instant (seconds) and name, across all tracks.
     fn mark_chain<'a>(&mut self, steps: impl Iterator<Item = (f64, &'a str)>, actor: &str) {
         self.tids += 1;
         let tid = self.tids;
@@ -303,11 +306,11 @@ impl Trace {
         }
     }
 
-    /// Time has come to `at`: what can no longer be preceded is written.
+    /// Advances the time to `at` and writes all events that no later one can precede.
     fn reach(&mut self, at: Time) {
         self.now = self.now.max(at);
         let running = self.running.iter().map(|r| r.start).min();
-        // Arrows are drawn back by a nanosecond.
+        // Arrows are moved back by one nanosecond.
         let safe = running.unwrap_or(self.now).min(self.now) - Span::from_ns(1);
         while let Some(entry) = self.pending.first_entry() {
             if entry.key().0 >= safe {
@@ -327,7 +330,7 @@ impl Trace {
         self.operators.len() - 1
     }
 
-    /// The first free lane of an operator, taken.
+    /// Occupies the first free lane of an operator.
     fn lane(&mut self, operator: usize) -> usize {
         let free = self.operators[operator].lanes.iter().position(|(_, busy)| !busy);
         let lane = free.unwrap_or_else(|| self.add_lane(operator));
@@ -335,7 +338,7 @@ impl Trace {
         lane
     }
 
-    /// Track of the slice of a step that publishes at `at`, and the last instant within it.
+    /// Thread number of the slice of a step that publishes at `at`, and the last instant within that slice.
     fn slice_of(&mut self, operator: usize, stamp: Time, at: Time) -> (u32, Time) {
         let track = &self.operators[operator];
         if let Some(step) = self.running.iter().find(|r| r.operator == operator && r.stamp == stamp) {
@@ -449,12 +452,12 @@ impl Trace {
     }
 }
 
-/// The last nanosecond of a slice.
+/// Last nanosecond of a slice.
 fn last_within(start: Time, end: Time) -> Time {
     start.max(end - Span::from_ns(1))
 }
 
-/// Nanoseconds written as microseconds, without loss.
+/// Nanoseconds, formatted as microseconds without loss.
 struct Micros(i64);
 
 impl core::fmt::Display for Micros {

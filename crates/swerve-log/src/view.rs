@@ -1,4 +1,4 @@
-//! Messages in the forms of other programs, which a log holds beside its own.
+//! Views: messages in third-party formats that a log contains in addition to its own.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -6,49 +6,49 @@ use std::sync::Arc;
 use swerve_core::Time;
 use swerve_flow::Event;
 
-/// Turns what happens in a run into messages for other programs. It changes nothing in the run, and a log's
-/// reader passes over what it says.
+/// Converts events of a run to messages for other programs. Views are passive: they never affect the run, and log
+/// readers skip them.
 pub trait Views: Send {
-    /// Appends what there is to show of an event to `out`. This is the run's own thread: copy what is needed,
-    /// and leave the work to [`View::encode`].
+    /// Appends the views of an event to `out`. Runs on the thread of the run: copy the data and leave the work to
+    /// [`View::encode`].
     fn event(&mut self, event: &Event<'_>, out: &mut Vec<View>);
 }
 
-/// Appends a message to what there is.
+/// Encoder that appends a message to a buffer.
 pub type Encode = Box<dyn FnOnce(&mut Vec<u8>) + Send>;
 
-/// A topic of another program's: every message of it has one form.
+/// Topic of a view; all its messages have one schema.
 #[derive(Clone, Debug)]
 pub struct ViewTopic {
-    /// Its name, beginning with a slash.
+    /// Name, beginning with a slash.
     pub name: String,
-    /// The form of its messages.
+    /// Schema of its messages.
     pub schema: ViewSchema,
 }
 
-/// A message of a topic of another program's.
+/// A message of a view.
 pub struct View {
-    /// The topic.
+    /// Topic of the message.
     pub topic: Arc<ViewTopic>,
-    /// When it is known.
+    /// Instant at which it becomes visible.
     pub visible_at: Time,
     /// The instant that it describes.
     pub stamp: Time,
-    /// How much memory waits with it, bytes, roughly.
+    /// Approximate memory held until encoding, bytes.
     pub bytes: usize,
-    /// Appends the message, on the writer's thread; what appends nothing is not logged.
+    /// Appends the message, on the writer thread; an empty message is not logged.
     pub encode: Encode,
 }
 
-/// The form of a topic's messages, as MCAP's registry has them (<https://mcap.dev/spec/registry>).
+/// Schema of a topic, as in the MCAP registry (<https://mcap.dev/spec/registry>).
 #[derive(Clone, Debug)]
 pub struct ViewSchema {
-    /// Its name.
+    /// Name of the schema.
     pub name: Cow<'static, str>,
     /// Encoding of the messages: `protobuf`, `json`.
     pub message_encoding: &'static str,
     /// Encoding of the schema: `protobuf`, `jsonschema`.
     pub encoding: &'static str,
-    /// The schema itself.
+    /// Schema data.
     pub data: Cow<'static, [u8]>,
 }

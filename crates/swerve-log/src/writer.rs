@@ -1,4 +1,4 @@
-//! The writer thread's part: records into an MCAP file.
+//! Writer thread: records into an MCAP file.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -21,7 +21,7 @@ use crate::view::View;
 
 const PROFILE: &str = "swerve";
 const CHUNK_BYTES: u64 = 1 << 20;
-/// At most this much run time is lost when the process is killed.
+/// Maximum run time lost when the process is killed.
 const FLUSH_EVERY: Span = Span::from_ms(1000);
 
 /// Writes records into an MCAP file.
@@ -31,7 +31,7 @@ pub(crate) struct LogWriter<W: Write + Seek> {
     mcap: Option<mcap::Writer<W>>,
     singles: [u16; Kind::SINGLE.len()],
     streams: Vec<u16>,
-    /// Of each topic of views its channel, and how many messages it has.
+    /// Channel and number of messages of each view topic.
     views: BTreeMap<String, (u16, u32)>,
     scratch: Vec<u8>,
     records: u64,
@@ -45,7 +45,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true) // a chunk reaches the file whole, so that a kill leaves none half written
+            .disable_seeking(true) // a chunk is written at once, so that a kill leaves none half written
             .library(seals::LIBRARY)
             .profile(PROFILE);
         let failed = |error| write_error(path, &error);
@@ -77,7 +77,7 @@ impl<W: Write + Seek> LogWriter<W> {
         })
     }
 
-    /// Writes one batch. After an error the file is left as it is: readable, and without an end record.
+    /// Writes one batch. After an error the file is left as it is: readable, but without an end record.
     pub(crate) fn write(&mut self, batch: Batch) -> Result<(), LogError> {
         let Batch { items, bytes, .. } = batch;
         items.into_iter().try_for_each(|item| self.item(item, &bytes)).map_err(|error| {
@@ -86,7 +86,7 @@ impl<W: Write + Seek> LogWriter<W> {
         })
     }
 
-    /// The state after an error.
+    /// Error that describes the state of the file after a failed write.
     fn cut_off(&self, error: &McapError) -> LogError {
         let (path, flushed) = (self.path.clone(), self.flushed_at.as_secs());
         let reason = format!(
@@ -96,7 +96,7 @@ impl<W: Write + Seek> LogWriter<W> {
         LogError::Write { path, reason }
     }
 
-    /// Completes the file when the run has ended, else leaves it incomplete; the number of records.
+    /// Completes the file if the run has ended, else leaves it incomplete; returns the number of records.
     pub(crate) fn close(mut self) -> Result<u64, LogError> {
         let Some(mcap) = &mut self.mcap else { return Ok(self.records) };
         let written = if self.ended { mcap.finish().map(|_| ()) } else { mcap.flush() };
@@ -194,12 +194,12 @@ impl<W: Write + Seek> LogWriter<W> {
         self.put(self.channel(kind), 0, at, stamp)
     }
 
-    /// Writes the scratch bytes as a message.
+    /// Writes the scratch buffer as a message.
     fn put(&mut self, channel_id: u16, seq: u64, at: Time, stamp: Time) -> Result<(), McapError> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let header = McapHeader {
             channel_id,
-            sequence: seq as u32, // MCAP's number wraps; the header in the message does not
+            sequence: seq as u32, // MCAP's sequence number wraps; the one in the message header does not
             log_time: unsigned(at),
             publish_time: unsigned(stamp),
         };
@@ -221,7 +221,7 @@ impl<W: Write + Seek> LogWriter<W> {
         Ok(())
     }
 
-    /// Lets go of the file without the footer that MCAP's own clean-up would write.
+    /// Closes the file without the footer that MCAP's drop handler would write.
     fn abandon(&mut self) {
         if let Some(mcap) = self.mcap.take() {
             drop(mcap.into_inner());
@@ -235,7 +235,7 @@ impl<W: Write + Seek> Drop for LogWriter<W> {
     }
 }
 
-/// Adds a channel and its schema (name and text) to the file and to what is sealed; the channel's number.
+/// Adds a channel and its schema (name and text) to the file and to the seals; returns the number of the channel.
 fn add_channel<W: Write + Seek>(
     mcap: &mut mcap::Writer<W>,
     seals: &mut Seals,
@@ -259,7 +259,7 @@ fn write_error(path: &Path, error: &McapError) -> LogError {
 
 fn reason(error: &McapError) -> String {
     match error {
-        // MCAP words every system error the same; the system's own words tell more.
+        // MCAP uses one text for all system errors; the system's own is more specific.
         McapError::Io(source) => source.to_string(),
         other => other.to_string(),
     }

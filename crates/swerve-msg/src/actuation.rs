@@ -1,7 +1,9 @@
+//! Commands of the stack to the vehicle.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
-/// What the stack asks of the vehicle.
+/// Actuation command: steering angle and pedals.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Command {
     /// Wanted angle of the front road wheels, radians; positive to the left.
@@ -13,7 +15,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// Whether all of it are numbers.
+    /// Returns true if all values are finite.
     pub fn is_finite(&self) -> bool {
         [self.steering_rad, self.throttle, self.brake].iter().all(|x| x.is_finite())
     }
@@ -22,10 +24,10 @@ impl Command {
     pub const FULL_BRAKE: Self = Self { steering_rad: 0.0, throttle: 0.0, brake: 1.0 };
 }
 
-/// What the stack asks of a vehicle whose own controllers work the pedals.
+/// Motion command for a vehicle with its own speed or acceleration controller.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct MotionCommand {
-    /// Instant of the state that it was computed from.
+    /// Instant of the state from which it was computed.
     pub stamp: Time,
     /// Wanted angle of the front road wheels, radians; positive to the left.
     pub steering_rad: f64,

@@ -1,9 +1,9 @@
-//! Memory that other processes read in place: what it looks like from here.
+//! Shared memory for large payloads, which other processes read in place.
 //!
-//! A sensor asks its [`Memory`] for [`Room`], writes, and seals it: from then on it is a [`Block`], which nobody
-//! changes and everybody may read where it lies. What stands for it in a message to another process is its
-//! [`Place`]. How a message is written is decided around the writing of it ([`writing`], [`reading`]), because
-//! logs and digests take in the numbers themselves whatever memory they are in.
+//! A sensor requests [`Room`] from its [`Memory`], writes to it and seals it. It is then a [`Block`]: immutable,
+//! and readable in place by other processes. A message to another process refers to the block by its [`Place`]. The
+//! encoding of a message is selected around the serializer call ([`writing`], [`reading`]), because logs and
+//! digests always contain the numbers themselves, wherever they are stored.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -11,63 +11,63 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-/// Where a sensor's payloads lie.
+/// Allocator for the payloads of a sensor.
 pub trait Memory: Send + Sync {
-    /// Room for so many bytes, all zero; none where there is none left.
+    /// Allocates at least `bytes` bytes, all zero; `None` if the memory is full.
     fn room(&self, bytes: usize) -> Option<Box<dyn Room>>;
 }
 
-/// Memory to be written.
+/// Memory that is being written.
 pub trait Room: Send + Sync {
-    /// What is written so far; at an address that is a multiple of 8. Maybe a little more than was asked for.
+    /// Content so far, aligned to 8 bytes. May be slightly longer than requested.
     fn bytes(&self) -> &[u8];
-    /// What is to be written.
+    /// Content, to be written.
     fn bytes_mut(&mut self) -> &mut [u8];
-    /// Ends writing.
+    /// Ends writing and makes the content readable by other processes.
     ///
     /// # Errors
-    /// When others cannot be given it. What was written is lost.
+    /// If the memory cannot be shared. The content is lost.
     fn seal(self: Box<Self>) -> Result<Arc<dyn Block>, String>;
 }
 
-/// Memory that nobody writes any more.
+/// Immutable shared memory.
 pub trait Block: Send + Sync {
-    /// What is in it; at an address that is a multiple of 8.
+    /// Content, aligned to 8 bytes.
     fn bytes(&self) -> &[u8];
-    /// Which one it is.
+    /// Identifier of the block.
     fn place(&self) -> Place;
 }
 
-/// Which block.
+/// Identifier of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Place {
-    /// Of which sensor's memory.
+    /// Index of the sensor's memory.
     pub memory: u32,
-    /// The how manieth block of that, from 1.
+    /// Index of the block within that memory, starting at 1.
     pub seq: u64,
 }
 
-/// Finds the blocks that other processes write of.
+/// Resolves the identifiers of blocks of other processes.
 pub trait Shelf {
-    /// The block, if it is to be had.
+    /// The block, or `None` if it is not available.
     fn find(&self, place: Place) -> Option<Arc<dyn Block>>;
 }
 
-/// What was written for another process.
+/// Statistics of the arrays written for another process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Written {
-    /// Bytes of runs of numbers that were written themselves, of those that are longer than `big`.
+    /// Bytes of arrays longer than `big` that were copied.
     pub copied: usize,
-    /// How many such runs were written as their place.
+    /// Number of arrays longer than `big` that were written as their place.
     pub in_place: usize,
 }
 
-/// How runs of numbers are written at the moment.
+/// Current encoding of arrays of numbers.
 #[derive(Clone, Copy)]
 enum Writing {
-    /// As what they are.
+    /// Always as numbers: for logs and digests.
     Plainly,
-    /// For another process.
+    /// For another process: as a place where possible.
     Away { places: bool, big: usize, written: Written },
 }
 
@@ -76,8 +76,8 @@ thread_local! {
     static READING: RefCell<Option<Rc<dyn Shelf>>> = const { RefCell::new(None) };
 }
 
-/// Writes for another process: runs of numbers as their place where they have one and `places` says so. Counts
-/// runs longer than `big` bytes.
+/// Serializes for another process: arrays that have a place are written as it if `places` is set. Counts arrays
+/// longer than `big` bytes.
 pub fn writing<R>(places: bool, big: usize, write: impl FnOnce() -> R) -> (R, Written) {
     WRITING.set(Writing::Away { places, big, written: Written::default() });
     let result = write();
@@ -87,7 +87,7 @@ pub fn writing<R>(places: bool, big: usize, write: impl FnOnce() -> R) -> (R, Wr
     }
 }
 
-/// Reads what was written under [`writing`].
+/// Deserializes data that was written under [`writing`].
 pub fn reading<R>(shelf: Rc<dyn Shelf>, read: impl FnOnce() -> R) -> R {
     READING.set(Some(shelf));
     let result = read();
@@ -95,13 +95,13 @@ pub fn reading<R>(shelf: Rc<dyn Shelf>, read: impl FnOnce() -> R) -> R {
     result
 }
 
-/// How the next run of numbers is to be written.
+/// Encoding of the next array.
 pub(crate) enum Form {
     Plain,
     Away { place: Option<Place> },
 }
 
-/// Decides on that and counts it.
+/// Selects the encoding of an array of `bytes` bytes and counts the array.
 pub(crate) fn form(bytes: usize, place: Option<Place>) -> Form {
     let Writing::Away { places, big, mut written } = WRITING.get() else { return Form::Plain };
     let place = place.filter(|_| places);
@@ -115,12 +115,12 @@ pub(crate) fn form(bytes: usize, place: Option<Place>) -> Form {
     Form::Away { place }
 }
 
-/// Whether what is being read was written under [`writing`].
+/// Returns true if the current input was written under [`writing`].
 pub(crate) fn is_reading() -> bool {
     READING.with_borrow(Option::is_some)
 }
 
-/// The block at a place that was read.
+/// Resolves a place in the current input.
 pub(crate) fn find(place: Place) -> Option<Arc<dyn Block>> {
     READING.with_borrow(|shelf| shelf.as_ref()?.find(place))
 }

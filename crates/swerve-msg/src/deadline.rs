@@ -1,39 +1,41 @@
+//! Deadlines of frames and the implementations selected to meet them.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
 use crate::ActorId;
 
-/// How long the answer to a sensor frame may take, and how that is divided.
+/// Time budget for the response to a sensor frame, and its division.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ResponseBudget {
-    /// Stamp of the predictions that it was made from.
+    /// Stamp of the predictions from which it was computed.
     pub stamp: Time,
-    /// Time in which the ego, as it goes now, has to begin to brake or to swerve, seconds; negative when that is
-    /// over, none where nothing is ahead.
+    /// Time until the ego, at its present motion, must begin to brake or swerve, seconds; negative once that is
+    /// over, `None` if nothing is ahead.
     pub left_s: Option<f64>,
-    /// What leaves so little time; none where nothing does.
+    /// Actor that determines this time; `None` without one.
     pub hazard: Option<ActorId>,
-    /// Whether it is what may be hidden behind the hazard, not the hazard itself.
+    /// True if the hazard is a possible actor hidden behind it rather than the hazard itself.
     pub hidden: bool,
-    /// Things near by.
+    /// Number of nearby obstacles.
     pub obstacles: u32,
-    /// From the sensor frame to its plan.
+    /// Time from the sensor frame to its plan.
     pub response: Span,
-    /// Of that, the detector's part for frames to come.
+    /// The detector's share of it, for frames to come.
     pub detector: Span,
-    /// What is left to the planner for this one.
+    /// Time left for the planner, for this frame.
     pub planner: Span,
 }
 
-/// Which rung of its ladder an operator took for a frame.
+/// Rung of its ladder that an operator selected for a frame.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct RungTaken {
     /// Stamp of the frame.
     pub stamp: Time,
-    /// The rung's name.
+    /// Name of the rung.
     pub rung: String,
-    /// What it takes.
+    /// Run time of the rung.
     pub run_time: Span,
-    /// What was left until the deadline when the step started; none without deadline.
+    /// Time left until the deadline at the start of the step; `None` without a deadline.
     pub left: Option<Span>,
 }

@@ -1,36 +1,38 @@
+//! Detections in images and point clouds.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Ego, Pose2};
 
 use crate::{ActorKind, Extent};
 
-/// One thing that a detector reports: a box that stands upright, without identity or velocity.
+/// One detection: an upright box without identity or velocity.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct DetectedBox {
-    /// What it is taken for.
+    /// Estimated class.
     pub kind: ActorKind,
-    /// How sure the detector is, 0 to 1; not a probability.
+    /// Confidence of the detector, 0 to 1; not a probability.
     pub score: f64,
-    /// Pose of the centre of its footprint in the ego frame of the stamp.
+    /// Pose of the footprint's centre in the ego frame at the stamp.
     pub pose: Pose2<Ego>,
-    /// Height of its bottom over the ego's ground plane, metres.
+    /// Height of the bottom face above the ego's ground plane, metres.
     pub bottom_m: f64,
     /// Size.
     pub extent: Extent,
-    /// Left, top, right and bottom edge of its picture, cut at the image's edges, pixels; `None` without a camera
-    /// and where nothing of it is in the image.
+    /// Left, top, right and bottom edge of the bounding box in the image, clipped to it, pixels; `None` without a
+    /// camera or if outside the image.
     pub image_px: Option<[f64; 4]>,
-    /// Covariance of the place in the ego frame: xx, xy, yy, m²; `None` from what does not know it.
+    /// Covariance of the position in the ego frame: xx, xy, yy, m²; `None` if the detector does not estimate it.
     #[serde(default)]
     pub covariance_m2: Option<[f64; 3]>,
-    /// Speed over ground along the line of sight, m/s, positive for what goes away; `None` where no radar says it.
+    /// Speed over ground along the line of sight, m/s, positive if receding; `None` without a radar measurement.
     #[serde(default)]
     pub radial_speed_mps: Option<f64>,
 }
 
 impl DetectedBox {
-    /// Whether it is somewhere and has a size, and whether what is told of its picture and its errors are edges and a
-    /// covariance.
+    /// Returns true if pose and size are finite, the size is positive, and the image edges and covariance, where
+    /// present, are valid.
     pub fn is_finite(&self) -> bool {
         let Extent { length_m, width_m, height_m } = self.extent;
         let is_spread =
@@ -43,7 +45,7 @@ impl DetectedBox {
     }
 }
 
-/// All that a detector reports of one instant.
+/// All detections of a detector at one instant.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Detections {
     /// Instant of the measurement.

@@ -1,3 +1,5 @@
+//! State of the ego vehicle and its inertial and satellite measurements.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Pose2, Vector2, math};
@@ -22,7 +24,7 @@ pub struct EgoState {
 }
 
 impl EgoState {
-    /// The pose a while later, or earlier: along the arc that speed and turn rate make.
+    /// Extrapolates the pose by `dt_s` (may be negative) along the arc given by speed and yaw rate.
     pub fn pose_after(&self, dt_s: f64) -> Pose2 {
         let heading_rad = self.pose.heading_rad + self.yaw_rate_radps * dt_s;
         let (sin, cos) = math::sin_cos(self.pose.heading_rad + 0.5 * self.yaw_rate_radps * dt_s);
@@ -30,12 +32,12 @@ impl EgoState {
         Pose2::new(self.pose.x_m + way_m * cos, self.pose.y_m + way_m * sin, heading_rad)
     }
 
-    /// True if a moving car has the same numbers as in the state before, under a new stamp: its publisher hangs.
+    /// True if a moving car repeats the values of the previous state under a new stamp: its publisher hangs.
     pub fn repeats(&self, before: &Self) -> bool {
         self.speed_mps.abs() >= MOVES_MPS && Self { stamp: before.stamp, ..*self } == *before
     }
 
-    /// Whether a car can be in this state: all numbers finite, and none beyond anything on wheels.
+    /// Returns true if all values are finite and physically possible for a road vehicle.
     pub fn is_plausible(&self) -> bool {
         let Self { pose, speed_mps, accel_mps2, lateral_accel_mps2, yaw_rate_radps, steering_rad, .. } =
             *self;
@@ -50,25 +52,25 @@ impl EgoState {
     }
 }
 
-/// Numbers of a car that is as fast as this change from state to state, m/s.
+/// Speed from which the values of consecutive states must differ, m/s.
 const MOVES_MPS: f64 = 0.1;
 
-/// Faster than this moves nothing on a road, m/s.
+/// Highest plausible speed on a road, m/s.
 const SPEED_MAX_MPS: f64 = 150.0;
-/// Maps end here, metres from their origin.
+/// Largest plausible distance from the map origin, metres.
 const PLACE_MAX_M: f64 = 1e7;
 
-/// Whether a pose is one on a map.
+/// Returns true if a pose is finite and within the bounds of a map.
 pub(crate) fn is_plausible_place(pose: &Pose2) -> bool {
     pose.x_m.abs() <= PLACE_MAX_M && pose.y_m.abs() <= PLACE_MAX_M && pose.heading_rad.is_finite()
 }
 
-/// Whether a velocity is one on a road.
+/// Returns true if a velocity is finite and plausible on a road.
 pub(crate) fn is_plausible_velocity(velocity_mps: &Vector2) -> bool {
     velocity_mps.norm() <= SPEED_MAX_MPS
 }
 
-/// One reading of the inertial measurement unit at its place, axes of the ego frame.
+/// One measurement of the inertial measurement unit, at its mounting position, in the axes of the ego frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Imu {
     /// Instant of the measurement.
@@ -99,10 +101,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pose_moves_on_along_its_arc() {
+    fn pose_extrapolation_follows_the_arc() {
         let ego = EgoState { speed_mps: 10.0, yaw_rate_radps: 0.5, ..EgoState::default() };
         let later = ego.pose_after(0.2);
-        // Radius 20 m, a tenth of a radian.
+        // Radius 20 m, 0.1 rad.
         let exact = [20.0 * math::sin(0.1), 20.0 * (1.0 - math::cos(0.1)), 0.1];
         for (a, b) in [later.x_m, later.y_m, later.heading_rad].into_iter().zip(exact) {
             assert!((a - b).abs() < 1e-3, "{later:?}");

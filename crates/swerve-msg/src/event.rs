@@ -1,9 +1,11 @@
+//! Events of the simulated world: collisions, lane invasions, red lights, injected faults.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
 use crate::{ActorId, ActorKind};
 
-/// What the ego began to touch at one step of the world; mostly nothing.
+/// Contacts of the ego that began in one world step; usually empty.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct CollisionEvents {
     /// The step.
@@ -12,20 +14,20 @@ pub struct CollisionEvents {
     pub events: Vec<CollisionEvent>,
 }
 
-/// The ego began to touch something.
+/// Start of a contact of the ego with an actor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct CollisionEvent {
-    /// What it touched.
+    /// Actor touched.
     pub actor: ActorId,
-    /// What that is.
+    /// Kind of the actor.
     pub kind: ActorKind,
     /// Impulse of the first step of the contact, N s.
     pub impulse_n_s: f64,
-    /// Speed at which the two closed along the contact normal just before, m/s.
+    /// Closing speed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
 }
 
-/// Which lines the ego began to cross at one step of the world; mostly none.
+/// Lane lines that the ego began to cross in one world step; usually empty.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct LaneInvasions {
     /// The step.
@@ -34,34 +36,34 @@ pub struct LaneInvasions {
     pub events: Vec<LaneInvasion>,
 }
 
-/// The ego's outline came onto a line, or leapt over it.
+/// Start of a crossing: the ego's outline touched a line or jumped over it.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct LaneInvasion {
-    /// Which line of the road.
+    /// Line that was crossed.
     pub line: RoadLine,
-    /// Where that is: to the left of the centre of the ego's lane, metres.
+    /// Lateral offset of the line from the centre of the ego's lane, metres; positive to the left.
     pub line_d_m: f64,
-    /// With which side of the ego: to the left when it was to the right of the line.
+    /// Side of the ego that crossed: left if the ego was to the right of the line.
     pub side: Side,
-    /// Where the middle of the outline was then, along the road, metres.
+    /// Position of the outline's centre along the road at that instant, metres.
     pub s_m: f64,
 }
 
-/// A line that the road's description gives.
+/// A line from the road description.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RoadLine {
     /// Right edge of the drivable ground.
     RightEdge,
-    /// Right border of the ego's lane, where the ground goes on.
+    /// Right border of the ego's lane, with drivable ground beyond.
     LaneRight,
-    /// Left border of the ego's lane, where the ground goes on.
+    /// Left border of the ego's lane, with drivable ground beyond.
     LaneLeft,
     /// Left edge of the drivable ground.
     LeftEdge,
 }
 
-/// One of two sides.
+/// Side of the ego or of a line.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
@@ -71,7 +73,7 @@ pub enum Side {
     Right,
 }
 
-/// Which red lights the ego passed at one step of the world; mostly none.
+/// Red lights that the ego passed in one world step; usually empty.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct RedLightEvents {
     /// The step.
@@ -80,54 +82,54 @@ pub struct RedLightEvents {
     pub events: Vec<RedLightEvent>,
 }
 
-/// The ego's front went over a stop line while its light was red.
+/// The ego's front crossed a stop line while its light was red.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct RedLightEvent {
-    /// Which light: its place in the road's description, from 0.
+    /// Index of the light in the road description, from 0.
     pub light: u32,
-    /// Where its stop line is along the road, metres.
+    /// Position of the stop line along the road, metres.
     pub stop_s_m: f64,
-    /// When the front went over it: between two steps of the world.
+    /// Instant of the crossing, interpolated between two world steps.
     pub passed: Time,
-    /// How long the light had been red then, seconds.
+    /// Time since the light turned red, seconds.
     pub red_for_s: f64,
-    /// How fast the front went, m/s along the road.
+    /// Speed of the front along the road, m/s.
     pub speed_mps: f64,
 }
 
-/// What a traffic light shows.
+/// Signal of a traffic light.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Signal {
     /// Go.
     Green,
-    /// Stop where that can be done.
+    /// Stop if possible.
     Yellow,
     /// Stop.
     Red,
 }
 
 impl Signal {
-    /// Its name.
+    /// Name: `green`, `yellow` or `red`.
     pub fn name(self) -> &'static str {
         ["green", "yellow", "red"][self as usize]
     }
 
-    /// The colour in which pictures have it.
+    /// Colour in pictures, sRGB.
     pub fn rgb(self) -> [u8; 3] {
         [[40, 230, 90], [255, 200, 40], [255, 60, 50]][self as usize]
     }
 }
 
-/// A fault was put on a message.
+/// A fault that was injected into a message.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct FaultInjection {
     /// Stamp of the message.
     pub stamp: Time,
-    /// The stream.
+    /// Name of the stream.
     pub stream: String,
-    /// What was done: `drop`, `delay`, `jitter`, `freeze`, `noise`, `nan`, `flip_bits`.
+    /// Kind of fault: `drop`, `delay`, `jitter`, `freeze`, `noise`, `nan`, `flip_bits`.
     pub harm: String,
-    /// How much later the message came, seconds; 0 for what is not late.
+    /// Added delay, seconds; 0 if not delayed.
     pub later_s: f64,
 }

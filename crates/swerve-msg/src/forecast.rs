@@ -1,21 +1,23 @@
+//! Multimodal predictions with uncertainty.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::Pose2;
 
 use crate::obstacle::{ActorId, ActorKind, Extent, PredictedPose, Prediction, PredictionList};
 
-/// Where something will be at one instant, and how sure that is.
+/// Predicted pose at one instant, with its uncertainty.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ForecastPose {
     /// Instant.
     pub at: Time,
-    /// Pose of its centre in the map.
+    /// Pose of the centre in the map.
     pub pose: Pose2,
     /// Covariance of the centre in the map: xx, xy, yy, m².
     pub covariance_m2: [f64; 3],
 }
 
-/// One way in which something may go on.
+/// One possible future motion of an actor.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Mode {
     /// Probability of this mode, 0 to 1.
@@ -24,40 +26,41 @@ pub struct Mode {
     pub path: Vec<ForecastPose>,
 }
 
-/// All ways in which one actor may go on.
+/// All possible future motions of one actor.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Forecast {
     /// Identity of the track.
     pub id: ActorId,
-    /// What it is.
+    /// Kind of the actor.
     pub kind: ActorKind,
     /// Size.
     pub extent: Extent,
-    /// At least one, with the same instants each; probabilities sum to 1.
+    /// At least one mode. All modes have the same instants; their probabilities sum to 1.
     pub modes: Vec<Mode>,
 }
 
-/// How everything tracked may go on.
+/// Possible future motions of all tracks.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ForecastList {
-    /// Instant of the newest sighting that this builds on.
+    /// Instant of the newest sighting used.
     pub stamp: Time,
     /// Ordered by identity.
     pub forecasts: Vec<Forecast>,
-    /// Whether mode `k` of one actor goes with mode `k` of every other: as many modes each. Probabilities are each actor's
-    /// own all the same, since a bound on what may be touched adds up those of single actors.
+    /// True if the modes are joint: mode `k` of one actor occurs with mode `k` of all others, and all have equally
+    /// many modes. Probabilities remain those of each actor, since a bound on the collision probability sums over
+    /// single actors.
     pub joint: bool,
 }
 
 impl Forecast {
-    /// The mode of greatest probability, the first of equals.
+    /// The most probable mode; the first of equals.
     pub fn likeliest(&self) -> Option<&Mode> {
         self.modes.iter().reduce(|best, mode| if mode.probability > best.probability { mode } else { best })
     }
 }
 
 impl From<&ForecastList> for PredictionList {
-    /// A prediction for every mode, with its probability: those of one actor follow each other. Covariances are left out.
+    /// Converts each mode to a prediction with its probability, grouped by actor. Drops covariances.
     fn from(list: &ForecastList) -> Self {
         let of_one = |forecast: &Forecast| {
             let Forecast { id, kind, extent, .. } = *forecast;

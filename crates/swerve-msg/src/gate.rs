@@ -1,99 +1,101 @@
+//! Commands and state of the safety gate between the stack and a vehicle.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
 use crate::MotionCommand;
 
-/// What the vehicle says of itself.
+/// State that the vehicle reports.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct VehicleReport {
-    /// Instant that it describes.
+    /// Instant of the measurement.
     pub stamp: Time,
     /// Speed along the heading, m/s; negative in reverse.
     pub speed_mps: f64,
     /// Angle of the front road wheels, radians; positive to the left.
     pub steering_rad: f64,
-    /// Whether the driver steers, brakes or accelerates, or the vehicle is in manual mode.
+    /// True if the driver steers, brakes or accelerates, or the vehicle is in manual mode.
     pub driver_active: bool,
 }
 
-/// The switch that a person holds.
+/// State of the enabling switch, which a person holds.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Switch {
-    /// Whether the stack is to drive: its rising edge enables.
+    /// True if the stack should drive; a rising edge enables it.
     pub enable: bool,
-    /// Whether the car is to be stopped at once.
+    /// True to stop the car at once.
     pub emergency: bool,
 }
 
-/// What is wrong with the wire between a vehicle and who drives it. Said whenever that changes.
+/// Fault of the link between the vehicle and the process that commands it. Published on every change.
 #[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct WireAlarm {
-    /// Why the car is to be stopped; none where all is well, or somebody has let go of the switch since.
+    /// Cause for which the car must be stopped; `None` without a fault, or once the switch has been released since.
     pub cause: Option<StopCause>,
-    /// What happened, in words.
+    /// Description of the fault.
     pub what: String,
 }
 
-/// What the safety gate does.
+/// Mode of the safety gate.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GateMode {
-    /// The driver drives, nothing is commanded.
+    /// The driver drives; the gate sends no commands.
     #[default]
     Manual,
     /// The stack drives.
     Driving,
-    /// The car is brought to a standstill.
+    /// The gate brings the car to a standstill.
     Stopping(StopCause),
-    /// The car stands and is held.
+    /// The gate holds the stationary car.
     Holding(StopCause),
 }
 
 impl GateMode {
-    /// Whether the brake brings the car to a standstill or keeps it there.
+    /// Returns true if the gate brakes the car to a standstill or holds it.
     pub fn brakes(self) -> bool {
         matches!(self, Self::Stopping(_) | Self::Holding(_))
     }
 }
 
-/// Longitudinal part of a command that may reach a vehicle.
+/// Longitudinal part of a command to a vehicle.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Longitudinal {
     /// Acceleration along the heading, m/s²: by either pedal.
     Accel(f64),
-    /// Deceleration by the brake alone, m/s², within 0 and [`GateOutput::DECEL_MAX_MPS2`]. A brake acts against the
-    /// motion of the wheels and holds wheels that stand, so no measured speed is needed to apply it.
+    /// Deceleration by the brake alone, m/s², within 0 and [`GateOutput::DECEL_MAX_MPS2`]. The brake acts against
+    /// the motion of the wheels and holds stationary wheels, so it needs no measured speed.
     Brake(f64),
 }
 
-/// Why the car is stopped.
+/// Cause of a stop.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopCause {
-    /// No sound command for too long.
+    /// No valid command for too long.
     CommandTimeout,
-    /// No sound report of the vehicle for too long.
+    /// No valid vehicle report for too long.
     ReportTimeout,
-    /// The person let go of the switch.
+    /// The enabling switch was released.
     Released,
     /// The emergency stop.
     Emergency,
-    /// Commands come, and say the same for too long.
+    /// Commands arrive but have been identical for too long.
     CommandFrozen,
-    /// Commands come from somebody else than from who drove.
+    /// Commands arrive from a publisher other than the one that was driving.
     SecondWriter,
     /// The clock that stamps the commands was set.
     ClockJump,
-    /// The process that carries commands and reports is gone.
+    /// The process that transports commands and reports is gone.
     TransportLost,
     /// Localization reports that the pose is lost.
     PoseLost,
-    /// The pose does not move as the wheels do.
+    /// The motion of the pose does not match the wheels.
     PoseImplausible,
 }
 
 impl StopCause {
-    /// In words.
+    /// Description in words.
     pub fn words(self) -> &'static str {
         match self {
             Self::CommandTimeout => "no sound command",
@@ -110,56 +112,56 @@ impl StopCause {
     }
 }
 
-/// Why a command was refused.
+/// Reason for rejecting a command.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Refusal {
-    /// A number of it is none.
+    /// A value is not finite.
     NotFinite,
-    /// It is older than the one before it.
+    /// Older than the previous command.
     OutOfOrder,
-    /// It is too old.
+    /// Too old.
     Stale,
-    /// It is from the future.
+    /// Stamped in the future.
     Ahead,
 }
 
-/// How often commands were refused, by reason.
+/// Number of rejected commands by reason.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Refusals {
-    /// A number of it is none.
+    /// A value is not finite.
     pub not_finite: u64,
-    /// It is older than the one before it.
+    /// Older than the previous command.
     pub out_of_order: u64,
-    /// It is too old.
+    /// Too old.
     pub stale: u64,
-    /// It is from the future.
+    /// Stamped in the future.
     pub ahead: u64,
 }
 
 impl Refusals {
-    /// How many in all.
+    /// Sum over all reasons.
     pub fn total(&self) -> u64 {
         self.not_finite + self.out_of_order + self.stale + self.ahead
     }
 }
 
-/// What the safety gate lets through to the vehicle.
+/// Output of the safety gate to the vehicle.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GateOutput {
-    /// What the gate does.
+    /// Mode of the gate.
     pub mode: GateMode,
-    /// Whether the vehicle is to follow the command; without it the driver drives.
+    /// True if the vehicle should follow the command; otherwise the driver drives.
     pub engaged: bool,
-    /// Finite, within limits and rates.
+    /// The command: finite, within limits and rates.
     pub command: MotionCommand,
-    /// Grows by one with each call, and wraps after 65535.
+    /// Counter that increases by one with each call and wraps after 65535.
     pub heartbeat: u16,
-    /// Why the command given was refused, if it was.
+    /// Reason for rejecting the input command; `None` if it was accepted.
     pub refused: Option<Refusal>,
-    /// How often commands were refused so far.
+    /// Number of rejected commands so far.
     pub refusals: Refusals,
-    /// Whether the command had to be changed to be within limits or rates.
+    /// True if the command was limited in value or rate.
     pub limited: bool,
 }
 
@@ -167,10 +169,10 @@ impl GateOutput {
     /// Largest deceleration of a stop, m/s².
     pub const DECEL_MAX_MPS2: f64 = 20.0;
 
-    /// Longitudinal part of the command. While the car is stopped or held this is always [`Longitudinal::Brake`],
-    /// whatever `command` holds; a number that is not finite is the largest deceleration.
+    /// Longitudinal part of the command. While the car is stopped or held it is always [`Longitudinal::Brake`],
+    /// regardless of `command`; a non-finite value becomes the largest deceleration.
     ///
-    /// Every consumer that works pedals reads this and not `command`.
+    /// Consumers that actuate pedals must use this instead of `command`.
     pub fn longitudinal(&self) -> Longitudinal {
         let accel_mps2 = self.command.accel_mps2;
         match (self.mode.brakes(), accel_mps2.is_finite()) {
@@ -180,8 +182,8 @@ impl GateOutput {
         }
     }
 
-    /// The command for a vehicle with a speed or acceleration controller of its own. While the car is stopped or held,
-    /// the speed is 0 and the acceleration is not above 0, whatever `command` holds.
+    /// Command for a vehicle with its own speed or acceleration controller. While the car is stopped or held, the
+    /// speed is 0 and the acceleration at most 0, regardless of `command`.
     pub fn motion(&self) -> MotionCommand {
         match self.longitudinal() {
             Longitudinal::Accel(_) => self.command,
@@ -197,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stop_is_a_brake_whatever_the_command_holds() {
+    fn gate_output_brakes_in_a_stop_whatever_the_command_holds() {
         let brakes = [GateMode::Stopping(StopCause::Emergency), GateMode::Holding(StopCause::Released)];
         for mode in brakes {
             for (accel_mps2, decel) in [

@@ -1,19 +1,21 @@
+//! Health of camera and lidar data.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::{Digest, Time};
 
-/// What a watcher of a camera or lidar says of one image or point cloud.
+/// Result of monitoring one image or point cloud.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SensorHealth {
-    /// Of the image or cloud.
+    /// Stamp of the image or cloud.
     pub stamp: Time,
-    /// How many numbers or points it has.
+    /// Number of pixel values or points.
     pub numbers: u64,
-    /// How many of them cannot be: not finite, or not as many as there should be.
+    /// Number of invalid values: non-finite points, plus one if an array has the wrong length.
     pub invalid: u64,
-    /// How much of it is one and the same byte, 0 to 1: nearly all of a blank image.
+    /// Share of the most frequent byte value, 0 to 1; close to 1 for a blank image.
     pub commonest_share: f32,
-    /// It is the same as the one before, byte for byte.
+    /// True if identical to the previous one, byte for byte.
     pub frozen: bool,
-    /// Its fingerprint.
+    /// Digest of the data.
     pub checksum: Digest,
 }

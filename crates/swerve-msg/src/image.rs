@@ -1,3 +1,5 @@
+//! Camera images and calibration.
+
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -9,7 +11,7 @@ use crate::block::Memory;
 
 /// One image of one camera.
 ///
-/// Pixels lie row by row from the top left. It owns its memory, to be reused: [`Image::reset`].
+/// Pixels are stored row by row from the top left. The image owns its memory, which [`Image::reset`] reuses.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Image {
     /// Middle of the exposure.
@@ -18,69 +20,70 @@ pub struct Image {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// What the camera was.
+    /// Calibration of the camera.
     pub camera: CameraInfo,
-    /// What it saw.
+    /// Pixel data.
     pub pixels: Pixels,
 }
 
-/// What an image's numbers mean.
+/// Meaning of the values of an image.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Encoding {
     /// Red, green, blue, a byte each, sRGB.
     #[default]
     Rgb8,
-    /// Distance along the optical axis, metres; infinite where nothing is.
+    /// Distance along the optical axis, metres; infinite where the ray hits nothing.
     DepthF32M,
-    /// Class of what is seen, Cityscapes ids.
+    /// Semantic class, Cityscapes ids.
     ClassU8,
-    /// Which thing is seen: an actor's identity, 0 for what is none. What the simulator alone can know.
+    /// Instance: an actor's identity, 0 for anything else. Ground truth, known only to the simulator.
     InstanceU32,
 }
 
-/// The numbers of an image, by their encoding.
+/// Values of an image, by encoding.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pixels {
-    /// As [`Encoding::Rgb8`]: three for each pixel.
+    /// [`Encoding::Rgb8`]: three values per pixel.
     Rgb8(Packed<u8>),
-    /// As [`Encoding::DepthF32M`].
+    /// [`Encoding::DepthF32M`].
     DepthF32M(Packed<f32>),
-    /// As [`Encoding::ClassU8`].
+    /// [`Encoding::ClassU8`].
     ClassU8(Packed<u8>),
-    /// As [`Encoding::InstanceU32`].
+    /// [`Encoding::InstanceU32`].
     InstanceU32(Packed<u32>),
 }
 
-/// A camera as calibration knows it: what a reader of its images needs to get from pixels to rays.
+/// Calibration of a camera: projection and mounting pose.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct CameraInfo {
-    /// From rays to pixels.
+    /// Projection from rays to pixels.
     pub intrinsics: Intrinsics,
-    /// Where it sits: x right, y down, z forward along the optical axis.
+    /// Mounting pose; camera axes are x right, y down, z forward along the optical axis.
     pub ego_from_camera: Transform<Ego, Camera>,
 }
 
-/// From rays to pixels: a pinhole behind a lens that bends (Brown, 1966).
+/// Pinhole projection with lens distortion (Brown, 1966).
 ///
 /// With `x = X / Z`, `y = Y / Z` of a point in the camera's frame and `r² = x² + y²`, the lens moves `x` to
 /// `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`, and `y` to
 /// `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`; the pixel is at `(fx x + cx, fy y + cy)`.
-/// The pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)`: its centre is half a pixel on.
+/// Pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)`, so its centre is at
+/// `(column + 0.5, row + 0.5)`.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Intrinsics {
-    /// Focal length across, pixels.
+    /// Horizontal focal length, pixels.
     pub fx_px: f64,
-    /// Focal length down, pixels.
+    /// Vertical focal length, pixels.
     pub fy_px: f64,
-    /// Column of the optical axis.
+    /// Column of the optical axis, pixels.
     pub cx_px: f64,
-    /// Row of the optical axis.
+    /// Row of the optical axis, pixels.
     pub cy_px: f64,
-    /// `k1, k2, p1, p2, k3`; all zero for a lens that does not bend.
+    /// `k1, k2, p1, p2, k3`; all zero without distortion.
     pub distortion: [f64; 5],
-    /// Rays are parallel, as those of a map: `x = X`, `y = Y`, and focal lengths are pixels per metre.
+    /// True for an orthographic projection: `x = X`, `y = Y`, and focal lengths in pixels per metre.
     pub is_parallel: bool,
 }
 
@@ -100,7 +103,7 @@ impl Default for Pixels {
 }
 
 impl Pixels {
-    /// No pixels, of this encoding.
+    /// Empty pixel data of this encoding.
     pub fn new(encoding: Encoding) -> Self {
         match encoding {
             Encoding::Rgb8 => Self::Rgb8(Packed::default()),
@@ -110,7 +113,7 @@ impl Pixels {
         }
     }
 
-    /// What the numbers mean.
+    /// Meaning of the values.
     pub fn encoding(&self) -> Encoding {
         match self {
             Self::Rgb8(_) => Encoding::Rgb8,
@@ -120,7 +123,7 @@ impl Pixels {
         }
     }
 
-    /// How many numbers there are.
+    /// Number of values.
     pub fn len(&self) -> usize {
         match self {
             Self::Rgb8(numbers) | Self::ClassU8(numbers) => numbers.len(),
@@ -129,12 +132,12 @@ impl Pixels {
         }
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The numbers as bytes, in the order of this machine.
+    /// The values as bytes, in native byte order.
     pub fn bytes(&self) -> &[u8] {
         match self {
             Self::Rgb8(numbers) | Self::ClassU8(numbers) => numbers,
@@ -145,12 +148,12 @@ impl Pixels {
 }
 
 impl Encoding {
-    /// Numbers of each pixel.
+    /// Values per pixel.
     pub fn channels(self) -> usize {
         if self == Self::Rgb8 { 3 } else { 1 }
     }
 
-    /// Bytes of each pixel.
+    /// Bytes per pixel.
     pub fn bytes_per_pixel(self) -> usize {
         match self {
             Self::Rgb8 => 3,
@@ -167,7 +170,7 @@ impl Default for Image {
 }
 
 impl Image {
-    /// A black image (all numbers zero).
+    /// A black image (all values zero).
     pub fn new(width_px: u32, height_px: u32, encoding: Encoding) -> Self {
         let mut image = Self {
             stamp: Time::ZERO,
@@ -180,7 +183,7 @@ impl Image {
         image
     }
 
-    /// A black image in such memory.
+    /// A black image in `memory`, if given and large enough.
     pub fn in_memory(memory: Option<&dyn Memory>, width_px: u32, height_px: u32, encoding: Encoding) -> Self {
         let n = width_px as usize * height_px as usize * encoding.channels();
         let pixels = match encoding {
@@ -192,7 +195,7 @@ impl Image {
         Self { stamp: Time::ZERO, width_px, height_px, camera: CameraInfo::default(), pixels }
     }
 
-    /// Ends writing into memory that others are to read.
+    /// Ends writing to shared memory.
     ///
     /// # Errors
     /// As [`Packed::seal`].
@@ -204,7 +207,7 @@ impl Image {
         }
     }
 
-    /// Makes it black, of this size and encoding, in the memory that it has if the encoding stays.
+    /// Resizes to a black image of this size and encoding; keeps the memory if the encoding is unchanged.
     pub fn reset(&mut self, width_px: u32, height_px: u32, encoding: Encoding) {
         (self.width_px, self.height_px) = (width_px, height_px);
         if self.encoding() != encoding {
@@ -218,15 +221,15 @@ impl Image {
         }
     }
 
-    /// What its numbers mean.
+    /// Meaning of its values.
     pub fn encoding(&self) -> Encoding {
         self.pixels.encoding()
     }
 
-    /// Whether it has as many numbers as its size says.
+    /// Checks that the number of values matches the size.
     ///
     /// # Errors
-    /// It has not: what came from a log or another process may be anything.
+    /// If it does not; data from a log or another process may be malformed.
     pub fn check(&self) -> Result<(), ImageError> {
         let wanted = u64::from(self.width_px) * u64::from(self.height_px) * self.encoding().channels() as u64;
         let found = self.pixels.len() as u64;
@@ -237,16 +240,16 @@ impl Image {
     }
 }
 
-/// An image that has not as many numbers as its size says.
+/// The number of values of an image does not match its size.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct ImageError {
     /// Columns.
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// How many numbers such an image has.
+    /// Expected number of values.
     pub wanted: u64,
-    /// How many it has.
+    /// Actual number of values.
     pub found: u64,
 }
 
@@ -270,7 +273,7 @@ mod tests {
         [Encoding::Rgb8, Encoding::DepthF32M, Encoding::ClassU8, Encoding::InstanceU32];
 
     #[test]
-    fn an_image_has_room_for_its_pixels_and_keeps_it() {
+    fn image_reset_reuses_its_memory() {
         for encoding in ENCODINGS {
             let mut image = Image::new(64, 48, encoding);
             assert_eq!(image.pixels.bytes().len(), 64 * 48 * encoding.bytes_per_pixel());
@@ -285,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn images_survive_a_log() {
+    fn images_round_trip_through_cbor() {
         for encoding in ENCODINGS {
             let mut image = Image::new(9, 7, encoding);
             image.camera.intrinsics =
@@ -303,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn one_changed_pixel_changes_the_digest() {
+    fn image_digest_changes_with_one_pixel() {
         let image = Image::new(800, 600, Encoding::Rgb8);
         let mut other = image.clone();
         if let Pixels::Rgb8(bytes) = &mut other.pixels {
@@ -313,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_at_rest_looks_forward() {
+    fn default_camera_looks_forward() {
         let ahead = CameraInfo::default().ego_from_camera * Vector::<Camera>::new(0.0, 0.0, 1.0);
         let down = CameraInfo::default().ego_from_camera * Vector::<Camera>::new(0.0, 1.0, 0.0);
         assert!((ahead - Vector::new(1.0, 0.0, 0.0)).norm() < 1e-12, "{ahead:?}");

@@ -1,35 +1,37 @@
+//! Lane lines detected by a camera.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
-/// The lines of the ego's lane as a camera sees them.
+/// Lines of the ego's lane as detected by a camera.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Lanes {
     /// Instant of the image.
     pub stamp: Time,
-    /// On the ego's left.
+    /// Line to the left of the ego.
     pub left: Option<LaneLine>,
-    /// On its right.
+    /// Line to the right of the ego.
     pub right: Option<LaneLine>,
-    /// By how much further down the camera looked at the road than it is mounted, radians; zero without lines.
+    /// Pitch of the camera relative to its mounting, radians; positive downwards, zero without lines.
     pub pitch_rad: f64,
 }
 
-/// A line of paint on flat ground: `y = c0 + c1 x + c2 x²` in the ego frame, metres, where it was seen.
+/// A painted line on flat ground: `y = c0 + c1 x + c2 x²` in the ego frame, metres, within `seen_m`.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct LaneLine {
     /// `c0` (m), `c1`, `c2` (1/m).
     pub coefficients: [f64; 3],
-    /// Of these.
+    /// Covariance of the coefficients.
     pub covariance: [[f64; 3]; 3],
-    /// `x` of the nearest and of the farthest place at which it was seen, metres.
+    /// `x` of the nearest and farthest detected point, metres.
     pub seen_m: [f64; 2],
 }
 
-/// Between two places of a line that is drawn, metres, about.
+/// Approximate spacing of the points of a drawn line, metres.
 const STEP_M: f64 = 1.0;
 
 impl LaneLine {
-    /// Places along it from where to where it was seen, in the ego frame, metres.
+    /// Points along the detected part of the line in the ego frame, metres.
     pub fn places(&self) -> impl Iterator<Item = [f64; 2]> + use<> {
         let ([c0, c1, c2], [from, to]) = (self.coefficients, self.seen_m);
         let n = ((to - from) / STEP_M).clamp(1.0, 1000.0) as usize;
@@ -45,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_are_where_it_was_seen_and_nowhere_else() {
+    fn lane_line_points_cover_exactly_the_detected_part() {
         let line = LaneLine { coefficients: [1.0, 0.1, 0.01], seen_m: [4.0, 10.5], ..LaneLine::default() };
         let places: Vec<_> = line.places().collect();
         assert_eq!((places.len(), places[0][0], places[6][0]), (7, 4.0, 10.5));

@@ -1,8 +1,8 @@
-//! The plain messages on the edges between operators.
+//! Plain messages on the edges between operators.
 //!
-//! Units are SI, angles radians; planar poses are in the map frame unless the field says otherwise. What the
-//! simulator alone can know is in [`truth`]; only evaluation, pictures and emulated detectors read it.
-//! Absences: no behaviour beyond small accessors, no engine, no file format.
+//! Units are SI, angles are in radians; planar poses are in the map frame unless the field states otherwise. Ground
+//! truth of the simulator is in [`truth`]; only evaluation, visualisation and emulated detectors read it. Contains
+//! no behaviour beyond small accessors, no engine and no file format.
 
 mod actuation;
 pub mod block;

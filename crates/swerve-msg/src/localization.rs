@@ -1,17 +1,20 @@
+//! Results of localization: scan matches, pose quality, and the local pose for control.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Odom, Pose2, math};
 
-/// Place and heading of the ego by what a lidar sees: on a map, or on from its own turns before.
+/// Position and heading of the ego by lidar scan matching: against a map, or against its previous turns.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PoseMatch {
-    /// Instant that this describes: the end of the turn.
+    /// Instant of the pose: the end of the turn.
     pub stamp: Time,
     /// Ego origin in the map, metres.
     pub at_m: [f64; 3],
     /// Heading, radians.
     pub heading_rad: f64,
-    /// Covariance of the place on the ground: xx, xy, yy, m². Along a direction in which nothing was seen it is large.
+    /// Covariance of the horizontal position: xx, xy, yy, m². Large along directions that the scan does not
+    /// constrain.
     pub covariance_m2: [f64; 3],
     /// Standard deviation of the height, metres.
     pub height_sigma_m: f64,
@@ -19,37 +22,37 @@ pub struct PoseMatch {
     pub heading_sigma_rad: f64,
 }
 
-/// How good the pose is that localization tells.
+/// Quality of the pose that localization reports.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PoseQuality {
-    /// Instant that this describes.
+    /// Instant of the pose.
     pub stamp: Time,
-    /// Whether it can be driven by.
+    /// Usability of the pose for driving.
     pub mode: PoseMode,
     /// Covariance of x (m), y (m) and heading (rad): xx, xy, yy, xh, yh, hh.
     pub covariance: [f64; 6],
 }
 
-/// Whether a pose can be driven by; the worse the greater.
+/// Usability of a pose for driving; ordered from best to worst.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseMode {
-    /// What tells the place comes and is believed.
+    /// Position measurements arrive and are accepted.
     Good,
-    /// By inertia and wheels alone for now.
+    /// Dead reckoning by inertial measurements and wheel odometry for now.
     Coasting,
-    /// Not to be driven by: no pose is told.
+    /// Unusable: no pose is reported.
     #[default]
     Lost,
 }
 
-/// Pose of the ego for control, in the odometry frame of ROS REP 105, and the transform to the map that goes with it.
+/// Pose of the ego for control in the odometry frame of ROS REP 105, with the transform to the map.
 ///
-/// `odom` moves as the car moves, without jumps. A correction by a satellite fix or a scan match changes `map_from_odom`
-/// alone, at a bounded rate.
+/// `odom` is continuous and follows the motion of the car. Corrections by satellite fixes or scan matches change
+/// only `map_from_odom`, at a bounded rate.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct LocalPose {
-    /// Instant that this describes.
+    /// Instant of the pose.
     pub stamp: Time,
     /// Ego origin in the odometry frame.
     pub odom: Pose2<Odom>,
@@ -58,7 +61,7 @@ pub struct LocalPose {
 }
 
 impl LocalPose {
-    /// An ego at `odom` in the odometry frame, and at `map` in the map.
+    /// Builds the message from the ego's pose in the odometry frame (`odom`) and in the map (`map`).
     pub fn new(stamp: Time, odom: Pose2<Odom>, map: Pose2) -> Self {
         let turn = Pose2::<swerve_geom::Map>::new(0.0, 0.0, map.heading_rad - odom.heading_rad);
         let origin = map.point() - (turn.from_local(odom.point()) - turn.point());
@@ -79,22 +82,23 @@ impl LocalPose {
 }
 
 impl PoseQuality {
-    /// Standard deviation of the place on the ground along its worst direction, metres.
+    /// Largest standard deviation of the horizontal position over all directions, metres.
     pub fn sigma_m(&self) -> f64 {
         let [xx, xy, yy, ..] = self.covariance;
         let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
         (mean + (half * half + xy * xy).sqrt()).max(0.0).sqrt()
     }
 
-    /// Standard deviation of the place across a heading, metres.
+    /// Standard deviation of the position perpendicular to a heading, metres.
     pub fn across_sigma_m(&self, heading_rad: f64) -> f64 {
         let [xx, xy, yy, ..] = self.covariance;
         let (sin, cos) = math::sin_cos(heading_rad);
         (sin * sin * xx - 2.0 * sin * cos * xy + cos * cos * yy).max(0.0).sqrt()
     }
 
-    /// The way along a heading after which the place across it has the standard deviation `most_m`, metres, by dead
-    /// reckoning with an exact yaw rate: `y + h w` from place and heading of now. 0 where it has more now.
+    /// Distance along a heading, metres, after which dead reckoning with an exact yaw rate has a lateral standard
+    /// deviation of `most_m`, metres. The lateral error is `y + h w` with the present errors of position and
+    /// heading. 0 if `most_m` is exceeded already.
     pub fn way_until_m(&self, heading_rad: f64, most_m: f64) -> f64 {
         let [_, _, _, xh, yh, hh] = self.covariance;
         let (sin, cos) = math::sin_cos(heading_rad);
@@ -105,7 +109,7 @@ impl PoseQuality {
             return 0.0;
         }
         let root = (cross * cross + hh * left).max(0.0).sqrt();
-        // The form without a difference of nearly equal numbers.
+        // Avoids the difference of nearly equal numbers.
         if root + cross > 0.0 { left / (root + cross) } else { f64::INFINITY }
     }
 }
@@ -115,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_direction_counts() {
+    fn pose_sigma_is_that_of_the_worst_direction() {
         // 0.3 m along the diagonal, 0.1 m across it.
         let covariance = [0.05, 0.04, 0.05, 0.0, 0.0, 1e-4];
         let quality = PoseQuality { covariance, ..PoseQuality::default() };
@@ -123,8 +127,8 @@ mod tests {
     }
 
     #[test]
-    fn across_sigma_is_of_the_heading() {
-        // The same ellipse: who drives along its long axis sees the short one across, and the other way round.
+    fn across_sigma_is_perpendicular_to_the_heading() {
+        // The same ellipse: along its long axis the lateral deviation is the short axis, and vice versa.
         let quality =
             PoseQuality { covariance: [0.05, 0.04, 0.05, 0.0, 0.0, 1e-4], ..PoseQuality::default() };
         let diagonal = core::f64::consts::FRAC_PI_4;
@@ -134,16 +138,16 @@ mod tests {
     }
 
     #[test]
-    fn deviation_across_is_reached_after_the_way_of_dead_reckoning() {
+    fn dead_reckoning_reaches_the_lateral_deviation_after_the_predicted_distance() {
         // 0.3 m now and 0.01 rad: 0.3² + (0.01 w)² = 0.5² after 40 m.
         let along_x =
             |xy, xh, yh| PoseQuality { covariance: [0.04, xy, 0.09, xh, yh, 1e-4], ..PoseQuality::default() };
         assert!((along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.5) - 40.0).abs() < 1e-9);
         assert_eq!(along_x(0.0, 0.0, 0.0).way_until_m(0.0, 0.3), 0.0);
-        // Half correlated, 2 * 0.0015 w come on top: 0.0001 w² + 0.003 w = 0.16.
+        // Half correlated: the term 2 * 0.0015 w is added: 0.0001 w² + 0.003 w = 0.16.
         let way_m = along_x(0.0, 0.0, 0.0015).way_until_m(0.0, 0.5);
         assert!((1e-4 * way_m * way_m + 0.003 * way_m - 0.16).abs() < 1e-9, "{way_m}");
-        // To the left along y is to -x.
+        // For a heading along y, left is -x.
         let along_y = along_x(0.0, -0.001, 0.0).way_until_m(core::f64::consts::FRAC_PI_2, 0.5);
         assert!((1e-4 * along_y * along_y + 0.002 * along_y - 0.21).abs() < 1e-9, "{along_y}");
         let known = PoseQuality { covariance: [0.04, 0.0, 0.09, 0.0, 0.0, 0.0], ..PoseQuality::default() };
@@ -152,7 +156,7 @@ mod tests {
 
     #[test]
     fn local_pose_transforms_between_map_and_odometry_frame() {
-        // The odometry frame begins where the map has (10, 5), turned by a quarter to the left.
+        // The origin of the odometry frame is at (10, 5) in the map, rotated 90 degrees to the left.
         let odom = Pose2::<Odom>::new(3.0, 1.0, 0.2);
         let map = Pose2::new(9.0, 8.0, 0.2 + core::f64::consts::FRAC_PI_2);
         let local = LocalPose::new(Time::ZERO, odom, map);

@@ -1,3 +1,5 @@
+//! Obstacles, tracks and predictions.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
@@ -9,7 +11,7 @@ use crate::ego::{is_plausible_place, is_plausible_velocity};
 #[serde(transparent)]
 pub struct ActorId(pub u32);
 
-/// What an actor is.
+/// Kind of an actor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActorKind {
@@ -23,53 +25,53 @@ pub enum ActorKind {
     Cyclist,
     /// A person on foot.
     Pedestrian,
-    /// Anything that cannot move: walls, poles, boxes.
+    /// Any immovable object: walls, poles, boxes.
     Static,
 }
 
 impl ActorKind {
-    /// Whether this is a person outside a motor vehicle.
+    /// Returns true for a person outside a motor vehicle.
     pub fn is_person(self) -> bool {
         matches!(self, Self::Pedestrian | Self::Cyclist)
     }
 }
 
-/// Full size of a box, metres.
+/// Full dimensions of a box, metres.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Extent {
-    /// Along its heading.
+    /// Along the heading.
     pub length_m: f64,
-    /// Across its heading.
+    /// Across the heading.
     pub width_m: f64,
-    /// Upwards.
+    /// Vertical.
     pub height_m: f64,
 }
 
 impl Extent {
-    /// The ground rectangle of a box of this size centred at `center`.
+    /// Ground rectangle of a box of this size centred at `center`.
     pub fn footprint(self, center: Pose2) -> Obb {
         Obb::new(center, self.length_m, self.width_m)
     }
 }
 
-/// Something seen at one instant.
+/// An obstacle detected at one instant.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Obstacle {
-    /// Identity as far as the source knows one (truth: the actor's).
+    /// Identity if the source knows one (ground truth: the actor's).
     pub id: ActorId,
-    /// What it is.
+    /// Kind of the obstacle.
     pub kind: ActorKind,
-    /// Pose of the centre of its footprint in the map.
+    /// Pose of the footprint's centre in the map.
     pub pose: Pose2,
     /// Size.
     pub extent: Extent,
     /// Velocity over ground in the map frame, m/s.
     pub velocity_mps: Vector2,
-    /// Share of its fixed points that the sensor sees, 0 to 1.
+    /// Share of its sample points that are visible to the sensor, 0 to 1.
     pub visible_share: f64,
 }
 
-/// All that a sensor or detector saw at one instant.
+/// All obstacles of a sensor or detector at one instant.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ObstacleList {
     /// Instant of the measurement.
@@ -87,20 +89,20 @@ pub struct Sighting {
     pub point: Point2,
 }
 
-/// One obstacle followed over time.
+/// An obstacle tracked over time.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Track {
     /// Stable identity.
     pub id: ActorId,
-    /// What it is.
+    /// Kind of the obstacle.
     pub kind: ActorKind,
-    /// Present pose of its centre in the map.
+    /// Present pose of the centre in the map.
     pub pose: Pose2,
     /// Size.
     pub extent: Extent,
-    /// Velocity over ground as reported or estimated, m/s.
+    /// Reported or estimated velocity over ground, m/s.
     pub velocity_mps: Vector2,
-    /// Past positions, oldest first, the present one last.
+    /// Past positions, oldest first; the last is the present one.
     pub history: Vec<Sighting>,
 }
 
@@ -113,21 +115,21 @@ pub struct TrackList {
     pub tracks: Vec<Track>,
 }
 
-/// Where something will be at one instant.
+/// Predicted pose at one instant.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PredictedPose {
     /// Instant.
     pub at: Time,
-    /// Pose of its centre in the map.
+    /// Pose of the centre in the map.
     pub pose: Pose2,
 }
 
-/// The expected motion of one obstacle.
+/// Predicted motion of one obstacle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Prediction {
     /// Identity of the track.
     pub id: ActorId,
-    /// What it is.
+    /// Kind of the obstacle.
     pub kind: ActorKind,
     /// Size.
     pub extent: Extent,
@@ -137,10 +139,10 @@ pub struct Prediction {
     pub path: Vec<PredictedPose>,
 }
 
-/// The expected motion of everything tracked.
+/// Predicted motion of all tracks.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PredictionList {
-    /// Instant of the newest sighting that this builds on.
+    /// Instant of the newest sighting used.
     pub stamp: Time,
     /// Ordered by identity.
     pub predictions: Vec<Prediction>,
@@ -153,7 +155,7 @@ impl Extent {
 }
 
 impl Obstacle {
-    /// Whether it can be on a road: all numbers finite, and none beyond anything there.
+    /// Returns true if all values are finite and plausible on a road.
     pub fn is_plausible(&self) -> bool {
         is_plausible_place(&self.pose)
             && is_plausible_velocity(&self.velocity_mps)
@@ -162,7 +164,7 @@ impl Obstacle {
 }
 
 impl Track {
-    /// As [`Obstacle::is_plausible`], with its past.
+    /// As [`Obstacle::is_plausible`], including its history.
     pub fn is_plausible(&self) -> bool {
         let past = |sighting: &Sighting| {
             is_plausible_place(&Pose2::new(sighting.point.x_m, sighting.point.y_m, 0.0))
@@ -175,14 +177,14 @@ impl Track {
 }
 
 impl Prediction {
-    /// As [`Obstacle::is_plausible`], all along its path.
+    /// As [`Obstacle::is_plausible`], along the whole path.
     pub fn is_plausible(&self) -> bool {
         !self.path.is_empty()
             && self.path.iter().all(|at| is_plausible_place(&at.pose))
             && self.extent.is_plausible()
     }
 
-    /// Where the centre is at `instant`: linear between the poses, held before the first and after the last.
+    /// Pose of the centre at `instant`: linear between the poses, constant before the first and after the last.
     pub fn pose_at(&self, instant: Time) -> Pose2 {
         let after = self.path.partition_point(|p| p.at <= instant);
         if after == 0 {

@@ -1,3 +1,5 @@
+//! Large arrays of numbers, serialized as one byte string.
+
 use core::fmt;
 use core::marker::PhantomData;
 use core::ops::{Deref, DerefMut};
@@ -8,9 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::block::{self, Block, Form, Memory, Place, Room};
 
-/// A number that [`Packed`] can hold.
+/// Element type of [`Packed`].
 pub trait Packable: bytemuck::Pod + Default {
-    /// The memory of such numbers.
+    /// The bytes of a slice of numbers.
     fn bytes(numbers: &[Self]) -> &[u8] {
         bytemuck::cast_slice(numbers)
     }
@@ -21,25 +23,25 @@ impl Packable for u16 {}
 impl Packable for u32 {}
 impl Packable for f32 {}
 
-// What is in memory is what is serialized.
+// Serialized form and memory are identical.
 const _: () = assert!(cfg!(target_endian = "little"), "logs and digests hold little-endian numbers");
 
-/// Many numbers of one kind, as they fill images and point clouds.
+/// Array of numbers of one type, as in images and point clouds.
 ///
-/// In memory a vector, or a block that other processes read where it lies ([`Packed::in_memory`]); serialized
-/// **one run of bytes**, little-endian, so that a digest or a log takes in a megabyte at once instead of number by
-/// number. A run whose length is no multiple of a number's is refused when it is read.
+/// In memory it is a vector or a block that other processes read in place ([`Packed::in_memory`]). Serialized it is
+/// **one byte string**, little-endian, so that digests and logs process a megabyte at once instead of number by
+/// number. A byte string whose length is not a multiple of the element size is rejected.
 pub struct Packed<T>(Store<T>);
 
 enum Store<T> {
     Own(Vec<T>),
-    /// The first so many numbers of a block that is being written.
+    /// The first `n` numbers of a block that is being written.
     Room(Box<dyn Room>, usize),
-    /// The first so many numbers of a block that nobody writes any more.
+    /// The first `n` numbers of an immutable block.
     Block(Arc<dyn Block>, usize),
 }
 
-/// The first `n` numbers of a block. Fewer where it is too short, none where its memory is not aligned for them.
+/// The first `n` numbers of a block: fewer if it is too short, none if it is misaligned.
 fn numbers<T: Packable>(bytes: &[u8], n: usize) -> &[T] {
     let whole = bytes.len() / size_of::<T>();
     let bytes = &bytes[..whole.min(n) * size_of::<T>()];
@@ -47,7 +49,7 @@ fn numbers<T: Packable>(bytes: &[u8], n: usize) -> &[T] {
 }
 
 impl<T: Packable> Packed<T> {
-    /// `n` numbers, all zero, in such memory; in a vector where that has no room.
+    /// Allocates `n` zeros in `memory`, or in a vector if that is `None` or full.
     pub fn in_memory(memory: Option<&dyn Memory>, n: usize) -> Self {
         let room = memory.and_then(|memory| memory.room(n * size_of::<T>()));
         match room.filter(|room| numbers::<T>(room.bytes(), n).len() == n) {
@@ -56,10 +58,10 @@ impl<T: Packable> Packed<T> {
         }
     }
 
-    /// Ends writing into memory that others are to read. Nothing changes where that is this one's own.
+    /// Ends writing to shared memory. Does nothing for a vector.
     ///
     /// # Errors
-    /// When others cannot be given it. The numbers are lost.
+    /// If the memory cannot be shared. The numbers are lost.
     pub fn seal(&mut self) -> Result<(), String> {
         self.0 = match core::mem::replace(&mut self.0, Store::Own(Vec::new())) {
             Store::Room(room, n) => Store::Block(room.seal()?, n),
@@ -68,7 +70,7 @@ impl<T: Packable> Packed<T> {
         Ok(())
     }
 
-    /// Where others read it, if they do.
+    /// Place of the sealed block; `None` if not in shared memory or not sealed.
     pub fn place(&self) -> Option<Place> {
         match &self.0 {
             Store::Block(block, _) => Some(block.place()),
@@ -76,7 +78,7 @@ impl<T: Packable> Packed<T> {
         }
     }
 
-    /// Makes it `n` numbers long, all zero, in the memory that it has.
+    /// Sets the length to `n`, all zero, and keeps the memory if possible.
     pub fn reset(&mut self, n: usize) {
         match &mut self.0 {
             Store::Room(room, len) if numbers::<T>(room.bytes(), n).len() == n => {
@@ -91,24 +93,24 @@ impl<T: Packable> Packed<T> {
         }
     }
 
-    /// Adds a number.
+    /// Appends a number.
     pub fn push(&mut self, number: T) {
         self.own().push(number);
     }
 
-    /// Takes the last number away.
+    /// Removes and returns the last number.
     pub fn pop(&mut self) -> Option<T> {
         let last = self.last().copied();
         self.truncate(self.len().saturating_sub(1));
         last
     }
 
-    /// Takes all numbers away and keeps the memory.
+    /// Removes all numbers and keeps the memory.
     pub fn clear(&mut self) {
         self.truncate(0);
     }
 
-    /// Keeps the first `n` numbers, in the memory that it has.
+    /// Keeps the first `n` numbers and the memory.
     pub fn truncate(&mut self, n: usize) {
         match &mut self.0 {
             Store::Own(numbers) => numbers.truncate(n),
@@ -116,7 +118,7 @@ impl<T: Packable> Packed<T> {
         }
     }
 
-    /// The numbers as a vector of this one's own, copied where they are in memory of others.
+    /// The numbers as an owned vector; copies them out of shared memory.
     fn own(&mut self) -> &mut Vec<T> {
         if !matches!(self.0, Store::Own(_)) {
             self.0 = Store::Own(self.to_vec());
@@ -140,7 +142,7 @@ impl<T: Packable> Deref for Packed<T> {
     }
 }
 
-/// Whoever writes what others read already gets a copy.
+/// Mutable access to sealed memory makes a copy first.
 impl<T: Packable> DerefMut for Packed<T> {
     fn deref_mut(&mut self) -> &mut [T] {
         match self.0 {
@@ -164,7 +166,7 @@ impl<T> From<Vec<T>> for Packed<T> {
     }
 }
 
-/// A copy in memory of its own.
+/// Copies into an owned vector.
 impl<T: Packable> Clone for Packed<T> {
     fn clone(&self) -> Self {
         Self(Store::Own(self.to_vec()))
@@ -177,7 +179,7 @@ impl<T: Packable + PartialEq> PartialEq for Packed<T> {
     }
 }
 
-/// Says how many there are, and the first few.
+/// Formats the length and the first few numbers.
 impl<T: Packable + fmt::Debug> fmt::Debug for Packed<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN: usize = 8;
@@ -218,7 +220,7 @@ impl<'de, T: Packable> Deserialize<'de> for Packed<T> {
     }
 }
 
-/// A run of numbers as it goes to another process.
+/// Encoding of an array for another process.
 #[derive(Serialize, Deserialize)]
 enum Away<R> {
     Here(R),
@@ -241,7 +243,7 @@ impl<'de, T: Packable> Deserialize<'de> for Plain<T> {
     }
 }
 
-/// Takes a run of bytes, or, from formats that have none, a sequence of them.
+/// Visitor that accepts a byte string or, for formats without one, a sequence of bytes.
 struct Bytes<T>(PhantomData<T>);
 
 impl<'de, T: Packable> Visitor<'de> for Bytes<T> {
@@ -286,17 +288,17 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_one_run_of_little_endian_bytes() {
+    fn packed_serializes_as_one_little_endian_byte_string() {
         let numbers = Packed::from(vec![1.0_f32, -2.5, f32::INFINITY]);
         let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-        // A byte string of twelve (RFC 8949, 3.1: major type 2).
+        // A byte string of length twelve (RFC 8949, 3.1: major type 2).
         assert_eq!(cbor(&numbers), [&[0x4c_u8][..], &bytes].concat());
         assert_eq!(cbor(&Packed::from(vec![0x0102_u16])), [0x42, 0x02, 0x01]);
         assert_eq!(digest_of(&numbers), digest_of(&Packed::from(bytes)), "the digest is that of the bytes");
     }
 
     #[test]
-    fn what_is_written_is_read_back_whatever_its_length() {
+    fn packed_round_trips_at_any_length() {
         for n in [0, 1, 1000, 100_000] {
             let numbers = Packed::from((0..n).map(|i| i as f32 * 0.5).collect::<Vec<_>>());
             assert_eq!(ciborium::from_reader::<Packed<f32>, _>(&cbor(&numbers)[..]).unwrap(), numbers);
@@ -309,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_number_is_refused() {
+    fn packed_rejects_a_partial_number() {
         let said = ciborium::from_reader::<Packed<f32>, _>(&[0x43_u8, 1, 2, 3][..]).unwrap_err().to_string();
         assert!(said.contains("length 3") && said.contains("4 for each number"), "{said}");
         assert!(serde_json::from_str::<Packed<u16>>("[1]").is_err());
@@ -318,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_keeps_the_memory() {
+    fn packed_reset_keeps_the_memory() {
         let mut numbers = Packed::from(vec![7_u16; 100]);
         let before = numbers.as_ptr();
         numbers.reset(60);
@@ -326,7 +328,7 @@ mod tests {
         assert_eq!(format!("{:?}", Packed::from(vec![1_u8; 9])), "9 x [1, 1, 1, 1, 1, 1, 1, 1]...");
     }
 
-    /// Memory as another process might have it: aligned, and known by its place.
+    /// Shared memory as in another process: aligned, and identified by its place.
     #[derive(Clone, Default)]
     struct Shared(Arc<Mutex<BTreeMap<u64, Arc<Piece>>>>);
 
@@ -378,7 +380,7 @@ mod tests {
         }
     }
 
-    /// How it comes out at a process that has such a shelf; CBOR serves as well as any form.
+    /// Round trip to a process that has the shelf `shelf`; CBOR stands in for any format.
     fn sent(numbers: &Packed<f32>, places: bool, shelf: &Shared) -> (Result<Packed<f32>, String>, Written) {
         let (bytes, written) = writing(places, 1000, || cbor(numbers));
         let read = || ciborium::from_reader(&bytes[..]).map_err(|error| error.to_string());
@@ -386,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_in_shared_memory_goes_as_its_place_and_is_the_same_memory_there() {
+    fn shared_memory_is_sent_by_place_and_read_in_place() {
         let shared = Shared::default();
         let mut numbers = Packed::<f32>::in_memory(Some(&shared), 1000);
         numbers[999] = 0.5;
@@ -412,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_writes_what_others_read_gets_a_copy() {
+    fn packed_copies_sealed_memory_on_write() {
         let shared = Shared::default();
         let mut numbers = Packed::<f32>::in_memory(Some(&shared), 100);
         numbers.seal().unwrap();

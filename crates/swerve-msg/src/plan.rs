@@ -1,26 +1,28 @@
+//! Plans.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::{Pose2, angle_between};
 
 use crate::EgoState;
 
-/// A planned motion of the ego origin.
+/// Planned motion of the ego origin.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Plan {
-    /// Stamp of the predictions it was made from.
+    /// Stamp of the predictions from which it was made.
     pub stamp: Time,
-    /// How it came about.
+    /// Origin of the plan.
     pub status: PlanStatus,
     /// Points at increasing instants.
     pub points: Vec<PlanPoint>,
-    /// What the planner looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*).
+    /// Work of the planner: candidates (FOT), iterations (RRT*), expanded neighbours (Hybrid A*).
     pub work: u64,
 }
 
 /// One point of a plan.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PlanPoint {
-    /// Instant at which the ego should be here.
+    /// Instant of the point.
     pub at: Time,
     /// Pose of the ego origin in the map.
     pub pose: Pose2,
@@ -32,38 +34,38 @@ pub struct PlanPoint {
     pub accel_mps2: f64,
 }
 
-/// How a plan came about.
+/// Origin of a plan.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PlanStatus {
-    /// Nothing asked for planning: the route is followed.
+    /// No planning requested: the plan follows the route.
     #[default]
     Route,
     /// The planner found this path.
     Found,
-    /// Nothing found: the previous plan goes on, still free of collision.
+    /// No path found: keeps the previous plan, which is still collision-free.
     Kept,
-    /// Nothing found: full brake along the previous path.
+    /// No path found: full braking along the previous path.
     Brake,
-    /// Nothing found: speed zero along the route.
+    /// No path found: zero speed along the route.
     Stop,
-    /// Nothing found: the route is followed regardless.
+    /// No path found: follows the route regardless.
     GaveUp,
     /// The comfortable layer found this path.
     Comfortable,
-    /// A stop: the pose is too uncertain for the lane.
+    /// Stop, because the pose is too uncertain for the lane.
     PoseUncertain,
 }
 
 impl PlanStatus {
-    /// Whether the planner failed to find a path.
+    /// Returns true if the planner failed to find a path.
     pub fn is_fallback(self) -> bool {
         matches!(self, Self::Kept | Self::Brake | Self::Stop | Self::GaveUp)
     }
 }
 
 impl Plan {
-    /// Whether a car can follow it: all numbers finite, and none beyond anything on wheels.
+    /// Returns true if all values are finite and physically possible for a road vehicle.
     pub fn is_plausible(&self) -> bool {
         let point = |p: &PlanPoint| {
             let state = EgoState {
@@ -77,13 +79,13 @@ impl Plan {
         self.points.iter().all(point)
     }
 
-    /// Instant of the last point; the stamp when there is none.
+    /// Instant of the last point, or the stamp without points.
     pub fn end(&self) -> Time {
         self.points.last().map_or(self.stamp, |p| p.at)
     }
 
-    /// The planned state at `instant`, linear between points; the first or last point outside the plan.
-    /// `None` for a plan without points.
+    /// Planned state at `instant`: linear between points, clamped to the first and last point. `None` without
+    /// points.
     pub fn at(&self, instant: Time) -> Option<PlanPoint> {
         let after = self.points.partition_point(|p| p.at <= instant);
         if after == 0 {

@@ -1,3 +1,5 @@
+//! Lidar point clouds.
+
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -6,14 +8,14 @@ use swerve_core::Time;
 use crate::Packed;
 use crate::block::Memory;
 
-/// One sweep of a lidar: an array for each quantity, all of one length.
+/// One sweep of a lidar as a structure of arrays of equal length.
 ///
-/// Places are in the frame of the sensor at the instant at which the point was measured, stamp plus
-/// `time_offset_s`: undoing the motion during the sweep is the reader's work. It owns its memory, to be
-/// reused: [`PointCloud::clear`].
+/// Positions are in the sensor frame at the instant of each point's measurement, stamp plus `time_offset_s`;
+/// consumers compensate the motion during the sweep. The cloud owns its memory, which [`PointCloud::clear`] keeps
+/// for reuse.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PointCloud {
-    /// Instant that the time offsets count from.
+    /// Reference instant of the time offsets.
     pub stamp: Time,
     /// Forward, metres.
     pub x_m: Packed<f32>,
@@ -21,11 +23,11 @@ pub struct PointCloud {
     pub y_m: Packed<f32>,
     /// Up, metres.
     pub z_m: Packed<f32>,
-    /// Strength of the echo, 0 to 1.
+    /// Intensity of the return, 0 to 1.
     pub intensity: Packed<f32>,
-    /// Which beam, from 0 at the lowest.
+    /// Index of the beam, from 0 at the lowest.
     pub ring: Packed<u16>,
-    /// When, from the stamp, seconds.
+    /// Time of measurement relative to the stamp, seconds.
     pub time_offset_s: Packed<f32>,
 }
 
@@ -34,16 +36,16 @@ pub struct PointCloud {
 pub struct LidarPoint {
     /// Forward, left, up, metres.
     pub place_m: [f32; 3],
-    /// Strength of the echo, 0 to 1.
+    /// Intensity of the return, 0 to 1.
     pub intensity: f32,
-    /// Which beam.
+    /// Index of the beam, from 0 at the lowest.
     pub ring: u16,
-    /// When, from the stamp, seconds.
+    /// Time of measurement relative to the stamp, seconds.
     pub time_offset_s: f32,
 }
 
 impl PointCloud {
-    /// A cloud with room for so many points in such memory, all zero.
+    /// Allocates a cloud of `points` points, all zero, in `memory`.
     pub fn in_memory(memory: Option<&dyn Memory>, points: usize) -> Self {
         let numbers = || Packed::in_memory(memory, points);
         Self {
@@ -57,7 +59,7 @@ impl PointCloud {
         }
     }
 
-    /// Ends writing into memory that others are to read.
+    /// Ends writing to shared memory.
     ///
     /// # Errors
     /// As [`Packed::seal`].
@@ -67,17 +69,17 @@ impl PointCloud {
         ring.seal()
     }
 
-    /// How many points there are.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.x_m.len()
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Takes all points away and keeps the memory.
+    /// Removes all points and keeps the memory.
     pub fn clear(&mut self) {
         for array in [&mut self.x_m, &mut self.y_m, &mut self.z_m] {
             array.clear();
@@ -87,7 +89,7 @@ impl PointCloud {
         self.time_offset_s.clear();
     }
 
-    /// Adds a point.
+    /// Appends a point.
     pub fn push(&mut self, point: LidarPoint) {
         self.x_m.push(point.place_m[0]);
         self.y_m.push(point.place_m[1]);
@@ -97,7 +99,7 @@ impl PointCloud {
         self.time_offset_s.push(point.time_offset_s);
     }
 
-    /// The point at `index`, if every array reaches that far.
+    /// The point at `index`; `None` if any array is too short.
     pub fn get(&self, index: usize) -> Option<LidarPoint> {
         Some(LidarPoint {
             place_m: [*self.x_m.get(index)?, *self.y_m.get(index)?, *self.z_m.get(index)?],
@@ -107,10 +109,10 @@ impl PointCloud {
         })
     }
 
-    /// Whether all arrays are of one length.
+    /// Checks that all arrays have the same length.
     ///
     /// # Errors
-    /// They are not: what came from a log or another process may be anything.
+    /// If they do not; data from a log or another process may be malformed.
     pub fn check(&self) -> Result<(), PointCloudError> {
         let lengths = [
             ("y_m", self.y_m.len()),
@@ -126,14 +128,14 @@ impl PointCloud {
     }
 }
 
-/// Arrays of a point cloud that are not of one length.
+/// The arrays of a point cloud differ in length.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct PointCloudError {
-    /// The first that differs.
+    /// First array that differs.
     pub array: &'static str,
     /// Its length.
     pub found: usize,
-    /// That of `x_m`.
+    /// Length of `x_m`.
     pub wanted: usize,
 }
 
@@ -163,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn clouds_survive_a_log() {
+    fn point_clouds_round_trip_through_cbor() {
         let cloud = cloud(5000);
         let mut cbor = Vec::new();
         ciborium::into_writer(&cloud, &mut cbor).unwrap();
@@ -174,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cleared_cloud_keeps_its_memory() {
+    fn point_cloud_clear_keeps_the_memory() {
         let mut cloud = cloud(100);
         let before = cloud.ring.as_ptr();
         cloud.clear();
@@ -184,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn an_array_that_is_too_short_is_named() {
+    fn point_cloud_check_names_the_short_array() {
         let mut cloud = cloud(10);
         cloud.ring.pop();
         assert_eq!(

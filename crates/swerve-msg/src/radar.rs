@@ -1,7 +1,9 @@
+//! Radar scans.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
-/// All echoes of one scan of a radar.
+/// All detections of one radar scan.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct RadarScan {
     /// Instant of the scan.
@@ -10,20 +12,20 @@ pub struct RadarScan {
     pub detections: Vec<RadarDetection>,
 }
 
-/// One echo above the threshold, about the sensor's own axes.
+/// One detection above the threshold, in the axes of the sensor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct RadarDetection {
     /// Distance, metres.
     pub range_m: f64,
-    /// How fast the distance grows, m/s: **positive for what goes away, negative for what comes nearer**. It is
-    /// relative to the sensor, so a tree ahead of a moving car has a negative one.
+    /// Range rate, m/s: **positive if receding, negative if approaching**. Relative to the sensor, so a tree ahead
+    /// of a moving car has a negative range rate.
     pub range_rate_mps: f64,
-    /// Angle from the sensor's axis, radians; positive to the left.
+    /// Azimuth from the sensor's axis, radians; positive to the left.
     pub azimuth_rad: f64,
-    /// Angle above the sensor's level, radians; `None` from a sensor that does not measure it.
+    /// Elevation above the sensor's horizontal plane, radians; `None` if the sensor does not measure it.
     pub elevation_rad: Option<f64>,
-    /// Radar cross-section as measured in this scan, decibels over a square metre.
+    /// Radar cross-section measured in this scan, dBsm.
     pub rcs_dbsm: f64,
-    /// Signal over noise, decibels.
+    /// Signal-to-noise ratio, dB.
     pub snr_db: f64,
 }

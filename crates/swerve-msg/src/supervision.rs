@@ -1,17 +1,19 @@
+//! Supervision of a run's processes.
+
 use serde::{Deserialize, Serialize};
 
-/// The processes of a run that are gone at the moment. Said whenever one goes or comes back.
+/// Processes of a run that are currently gone. Published on every change.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Supervision {
-    /// Those that are gone; while there is one, the ego is brought to a stop.
+    /// Processes that are gone; while there are any, the ego is brought to a stop.
     pub gone: Vec<GoneProcess>,
 }
 
 /// A process that is gone.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct GoneProcess {
-    /// Its name in the configuration.
+    /// Name in the configuration.
     pub process: String,
-    /// How it ended.
+    /// Cause of its end.
     pub why: String,
 }

@@ -1,38 +1,40 @@
+//! Traffic lights in camera images.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 
 use crate::Signal;
 
-/// The traffic lights in a camera's image.
+/// Traffic lights in one camera image.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TrafficLights {
     /// Instant of the image.
     pub stamp: Time,
-    /// Those of a map in its order, or what was found from the top of the image to its bottom.
+    /// In map order; without a map, from the top of the image to the bottom.
     pub lights: Vec<TrafficLight>,
 }
 
-/// One of them.
+/// One traffic light.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TrafficLight {
-    /// Its name on the map; none without a map.
+    /// Name on the map; `None` without a map.
     pub name: Option<String>,
-    /// What it shows, by this image and those before it; none where that is not known.
+    /// Signal, filtered over this and previous images; `None` if unknown.
     pub signal: Option<Signal>,
-    /// What this image alone shows.
+    /// Signal in this image alone.
     pub seen: Option<Signal>,
-    /// How sure that is, 0 to 1; 0 where nothing is seen.
+    /// Confidence of `seen`, 0 to 1; 0 if nothing was seen.
     pub score: f64,
-    /// From the ego's origin to it over the ground, metres.
+    /// Horizontal distance from the ego origin, metres.
     pub distance_m: f64,
-    /// Where its stop line is along the route, metres; none without a map.
+    /// Position of its stop line along the route, metres; `None` without a map.
     pub stop_s_m: Option<f64>,
-    /// Left, top, right and bottom edge of its head in the image, pixels.
+    /// Left, top, right and bottom edge of the light's head in the image, pixels.
     pub image_px: [f64; 4],
 }
 
 impl TrafficLight {
-    /// What it shows, how sure that is, and how far it is, in a few words.
+    /// Short description: signal, confidence and distance.
     pub fn words(&self) -> String {
         let shown = self.signal.map_or("unknown", Signal::name);
         format!("{shown} {:.2} {:.0} m", self.score, self.distance_m)

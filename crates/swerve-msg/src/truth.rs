@@ -1,4 +1,4 @@
-//! What only the simulator knows.
+//! Ground truth of the simulator.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
@@ -19,16 +19,16 @@ pub struct WorldState {
     pub collisions: Vec<Collision>,
     /// Rules broken since the previous step.
     pub infractions: Vec<Infraction>,
-    /// Set from the step on at which the scenario is over.
+    /// Reason why the scenario is over, from the step on at which it is.
     pub ended: Option<EndReason>,
 }
 
-/// The ego vehicle in full.
+/// Full state of the ego vehicle.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct EgoTruth {
-    /// Pose of the ego frame in the map, in three dimensions.
+    /// Pose of the ego frame in the map, three-dimensional.
     pub map_from_ego: Transform<Map, Ego>,
-    /// The same, as a perfect localization would report it.
+    /// The same state as a perfect localization would report it.
     pub state: EgoState,
     /// Velocity of the centre of gravity in the map, m/s.
     pub velocity_mps: Vector<Map>,
@@ -38,14 +38,14 @@ pub struct EgoTruth {
     pub angular_velocity_radps: Vector<Ego>,
 }
 
-/// Another road user or thing.
+/// Another road user or an object.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Actor {
-    /// Identity: its place in the scenario file, from 1.
+    /// Identity: its index in the scenario file, from 1.
     pub id: ActorId,
-    /// What it is.
+    /// Kind of the actor.
     pub kind: ActorKind,
-    /// Pose of the centre of its footprint in the map.
+    /// Pose of the footprint's centre in the map.
     pub pose: Pose2,
     /// Height of the bottom of its box above the map plane, metres.
     pub z_m: f64,
@@ -56,17 +56,17 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// Whether its body is an upright cylinder of diameter `extent.width_m`, not a box: people on foot are.
+    /// Returns true if the body is an upright cylinder of diameter `extent.width_m` instead of a box: pedestrians.
     pub fn is_round(&self) -> bool {
         self.kind == ActorKind::Pedestrian
     }
 
-    /// The ground rectangle of its box.
+    /// Ground rectangle of the box.
     pub fn footprint(&self) -> Obb {
         self.extent.footprint(self.pose)
     }
 
-    /// Distance on the ground between its body and a rectangle, metres; zero when they touch.
+    /// Horizontal distance between the body and a rectangle, metres; zero when they touch.
     pub fn gap_m(&self, rectangle: &Obb) -> f64 {
         if self.is_round() {
             (rectangle.distance_to_point(self.pose.point()) - 0.5 * self.extent.width_m).max(0.0)
@@ -75,8 +75,8 @@ impl Actor {
         }
     }
 
-    /// Time until its body touches a rectangle that moves at `velocity_mps`, seconds, if both keep their velocities and
-    /// headings; zero where they touch, `None` where they never will.
+    /// Time until the body touches a rectangle moving at `velocity_mps`, seconds, if both keep velocity and
+    /// heading; zero if they touch already, `None` if they never do.
     pub fn time_to_contact_s(&self, rectangle: &Obb, velocity_mps: Vector2) -> Option<f64> {
         let relative_mps = self.velocity_mps - velocity_mps;
         if self.is_round() {
@@ -87,31 +87,31 @@ impl Actor {
     }
 }
 
-/// The ego touched something.
+/// A collision of the ego.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Collision {
     /// Instant of first contact.
     pub stamp: Time,
-    /// What was hit.
+    /// Actor that was hit.
     pub actor: ActorId,
     /// Impulse of the first contact step, N s.
     pub impulse_n_s: f64,
-    /// Speed at which the two closed along the contact normal just before, m/s.
+    /// Closing speed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
     /// Speed of the ego just before, m/s.
     pub ego_speed_mps: f64,
 }
 
-/// A rule broken by the ego.
+/// A traffic rule broken by the ego.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Infraction {
-    /// Instant at which it began.
+    /// Instant at which the infraction began.
     pub stamp: Time,
-    /// Which rule.
+    /// Rule that was broken.
     pub kind: InfractionKind,
 }
 
-/// Rules that the ego can break.
+/// Traffic rules that the ego can break.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum InfractionKind {
@@ -119,13 +119,13 @@ pub enum InfractionKind {
     LeftRoad,
 }
 
-/// Why a scenario is over.
+/// Reason for the end of a scenario.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EndReason {
     /// The ego reached the end of the scenario.
     Goal,
-    /// The ego stands still where the scenario asks for that.
+    /// The ego stands still where the scenario requires it.
     Stopped,
     /// A collision, some time after it happened.
     Collision,
@@ -133,28 +133,28 @@ pub enum EndReason {
     Timeout,
 }
 
-/// The outcome of a run in one word; the first that holds, in the order in which `docs/conventions.md` has them.
+/// Outcome of a run: the first that applies in the order of `docs/conventions.md`.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The ego came to the end, or to the stop asked for, touching nothing and staying on the road.
+    /// The ego reached the end or the required stop, without a collision and without leaving the road.
     Avoided,
-    /// The same, in a scenario without anybody else: there was nothing to avoid.
+    /// The same, in a scenario without other actors.
     Completed,
-    /// The ego hit something, whatever else happened.
+    /// The ego hit something, regardless of anything else.
     Collision,
-    /// Part of the ego left the drivable ground, and it hit nothing.
+    /// Part of the ego left the drivable ground, without a collision.
     LeftRoad,
-    /// The scenario's time was over, and the ego stood safely before what was in its way.
+    /// The scenario timed out with the ego safely at rest, for one of the reasons in `docs/conventions.md`.
     Stopped,
-    /// The scenario's time was over before the ego reached its end.
+    /// The scenario timed out before the ego reached its end.
     Timeout,
-    /// The run was ended before the scenario was.
+    /// The run ended before the scenario did.
     Unfinished,
 }
 
 impl Verdict {
-    /// All of them.
+    /// All verdicts.
     pub const ALL: [Self; 7] = [
         Self::Avoided,
         Self::Completed,
@@ -164,11 +164,11 @@ impl Verdict {
         Self::Timeout,
         Self::Unfinished,
     ];
-    /// Those that a scenario can come to by itself.
+    /// All verdicts of a scenario that ran to its end.
     pub const OF_SCENARIOS: [Self; 6] =
         [Self::Avoided, Self::Completed, Self::Collision, Self::LeftRoad, Self::Stopped, Self::Timeout];
 
-    /// The name used in files and tables.
+    /// Name in files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Avoided => "avoided",
@@ -181,12 +181,12 @@ impl Verdict {
         }
     }
 
-    /// Whether the ego came to its end, or to the stop asked for, unharmed.
+    /// Returns true if the ego reached its end or the required stop unharmed.
     pub fn is_success(self) -> bool {
         matches!(self, Self::Avoided | Self::Completed)
     }
 
-    /// What a verdict was called before there was a name of its own for it.
+    /// The verdict that older versions used for this outcome.
     pub fn old_name(self) -> Self {
         match self {
             Self::Completed => Self::Avoided,
@@ -202,31 +202,31 @@ impl core::fmt::Display for Verdict {
     }
 }
 
-/// What the points of the [`PointCloud`](crate::PointCloud) of the same stamp lie on.
+/// Actor hit by each point of the [`PointCloud`](crate::PointCloud) of the same stamp.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PointInstances {
     /// Stamp of the cloud.
     pub stamp: Time,
-    /// For each point the identity of the actor, 0 for what is none.
+    /// Identity of the actor for each point, 0 for anything else.
     pub instance: Packed<u32>,
 }
 
-/// Where the echoes of the [`RadarScan`](crate::RadarScan) of the same stamp come from.
+/// Sources of the detections of the [`RadarScan`](crate::RadarScan) of the same stamp.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct RadarSources {
     /// Stamp of the scan.
     pub stamp: Time,
-    /// For each detection the actor that gave most of the echo; `None` for clutter.
+    /// For each detection the actor with the largest share of the return; `None` for clutter.
     pub sources: Vec<Option<ActorId>>,
 }
 
-/// What a sensor could see at one instant, and from where: all that an emulated detector is given.
+/// Everything visible to a sensor at one instant, and its pose: the whole input of an emulated detector.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Surroundings {
     /// Instant of the measurement.
     pub stamp: Time,
     /// True pose of the ego origin in the map.
     pub ego: Pose2,
-    /// The actors of which something is in sight, ordered by identity, in the map.
+    /// Visible actors, ordered by identity, in the map.
     pub obstacles: Vec<Obstacle>,
 }

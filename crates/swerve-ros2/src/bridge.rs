@@ -1,18 +1,19 @@
-//! The node: topics in, topics out, on a thread of its own.
+//! ROS 2 node: subscribers and publishers, with reception on a separate thread.
 //!
-//! RustDDS and ros2-client have peculiarities that are handled here, so that nobody else has to know them:
+//! Workarounds for RustDDS and ros2-client are contained here:
 //!
-//! - fragments are not filled up to four bytes: every message is (`cdr`);
-//! - type names are not compared: a writer of another type is found out by what discovery says of it, and its
-//!   messages are refused; so is what fails its check;
-//! - ros2-client's own executor subscribes `/clock` as another type than ROS publishes, and offers parameter
-//!   services that only one middleware understands: it is not run, `/clock` is a topic like any other;
-//! - who is matched is followed from DDS's own events ([`Bridge::wait_matched`]): a message that is published
+//! - RustDDS does not pad fragments to four bytes: every message is padded (`cdr`);
+//! - type names are not compared when matching: a writer of another type is detected through discovery, and its
+//!   messages are rejected, as are messages that fail their check;
+//! - ros2-client's own executor subscribes to `/clock` with another type than ROS publishes, and offers parameter
+//!   services that only one middleware understands: it is not run, and `/clock` is an ordinary topic;
+//! - matching is tracked through DDS status events ([`Bridge::wait_matched`]): a message published
 //!   before that is lost unless the topic is latched;
-//! - a reliable topic may block its publisher: it waits [`PUBLISH_WAIT`] at most, and the message is counted;
-//! - shutting down may hang after malformed datagrams: [`Bridge::stop`] has a deadline;
-//! - `ROS_DOMAIN_ID` and its like are not read: [`crate::env`];
-//! - a reader that lost fragments floods the log: a program that installs a logger silences `rustdds::structure`.
+//! - a reliable topic may block its publisher: it waits at most [`PUBLISH_WAIT`], and the message is counted;
+//! - shutdown may hang after malformed datagrams: [`Bridge::stop`] has a deadline;
+//! - `ROS_DOMAIN_ID` and similar variables are not read: see [`crate::env`];
+//! - a reader that lost fragments floods the log: a program that installs a logger should silence
+//!   `rustdds::structure`.
 
 mod options;
 mod receive;
@@ -42,17 +43,17 @@ use crate::clock::StampVerdict;
 use crate::mapping::Qos;
 use crate::message::{AnyMessage, Kind};
 
-/// How long publishing on a reliable topic may wait for readers that are slow.
+/// Maximum time that publishing on a reliable topic waits for slow readers.
 pub const PUBLISH_WAIT: Duration = Duration::from_millis(10);
 
-/// How long [`Bridge`] takes for its end when it is dropped without [`Bridge::stop`].
+/// Time for shutdown when a [`Bridge`] is dropped without [`Bridge::stop`].
 const DROP_DEADLINE: Duration = Duration::from_secs(2);
 
-/// Which endpoint: its place in [`Options::endpoints`].
+/// Identifier of an endpoint: its index in [`Options::endpoints`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct EndpointId(pub usize);
 
-/// The name of a writer on the network, by which DDS tells writers apart. Anybody can claim any.
+/// GUID of a writer on the network. Not authenticated: any participant can claim any GUID.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize)]
 pub struct WriterGuid(pub [u8; 16]);
 
@@ -63,60 +64,60 @@ impl fmt::Display for WriterGuid {
     }
 }
 
-/// A message that came, and passed its checks.
+/// A received message that passed its checks.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Received {
-    /// Who wrote it.
+    /// GUID of its writer.
     pub writer: WriterGuid,
-    /// The message.
+    /// Content.
     pub message: AnyMessage,
-    /// When this host received it, nanoseconds since the Unix epoch.
+    /// Host time of reception, nanoseconds since the Unix epoch.
     pub received_ns: i64,
-    /// When its writer says that it wrote it, by the writer's clock.
+    /// Source timestamp, by the writer's clock, nanoseconds since the Unix epoch.
     pub source_ns: Option<i64>,
-    /// The worth of its stamp; `None` where it has none or stamps are not judged.
+    /// Verdict on its stamp; `None` if it has none or stamps are not judged.
     pub stamp: Option<StampVerdict>,
 }
 
-/// A bridge that could not be made.
+/// The bridge could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// A name that ROS does not allow.
+    /// A name that is invalid in ROS.
     #[error("`{name}` is no name in ROS: {reason}")]
     Name {
         /// The name.
         name: String,
-        /// Why not.
+        /// Reason.
         reason: String,
     },
-    /// The transport did not start, or refused a topic.
+    /// The transport did not start or rejected a topic.
     #[error("the ROS 2 transport does not start ({at}): {reason}")]
     Transport {
-        /// For what.
+        /// Part that failed.
         at: String,
-        /// Its own words.
+        /// Error text of the transport.
         reason: String,
     },
-    /// No thread.
+    /// The thread could not be started.
     #[error("no thread for the ROS 2 transport: {0}")]
     Thread(#[from] std::io::Error),
 }
 
-/// A message that was not sent.
+/// A message was not sent.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum PublishError {
-    /// The endpoint receives, or there is none of this number.
+    /// The endpoint is for receiving, or does not exist.
     #[error("nothing is sent on this endpoint")]
     NoPublisher,
-    /// The message is of another kind than the topic.
+    /// The message type differs from that of the topic.
     #[error("the topic is of type {topic}, not {message}")]
     Kind {
-        /// The topic's.
+        /// Type of the topic.
         topic: Kind,
-        /// The message's.
+        /// Type of the message.
         message: Kind,
     },
-    /// Readers are slower than the writer: it is counted, the next message has a new chance.
+    /// Readers are slower than the writer. The message is counted; the next one may succeed.
     #[error("the readers are slow: no room within 10 ms")]
     Full,
     /// The bridge was stopped.
@@ -127,16 +128,16 @@ pub enum PublishError {
     Transport(String),
 }
 
-/// How a bridge ended.
+/// Result of stopping a bridge.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Stopped {
-    /// All is gone.
+    /// Fully shut down.
     Clean,
-    /// The transport still hangs: end the process with `std::process::exit`, do not return from `main`.
+    /// The transport hangs: end the process with `std::process::exit`, do not return from `main`.
     Hanging,
 }
 
-/// A node with its topics.
+/// A ROS 2 node with its topics.
 pub struct Bridge {
     endpoints: Vec<Endpoint>,
     shared: Arc<Shared>,
@@ -146,12 +147,12 @@ pub struct Bridge {
     thread: Option<JoinHandle<()>>,
 }
 
-/// The parts that belong to DDS, to be dropped together.
+/// DDS entities, which must be dropped together.
 struct NodeParts {
     publishers: Vec<Option<Publisher<Padded>>>,
     client: Option<ControlModeClient>,
     server: Option<ControlModeServer>,
-    /// Announces what there is for as long as it lives.
+    /// Announces the endpoints while it exists.
     _node: Node,
 }
 
@@ -161,7 +162,7 @@ struct Sent {
     failed: AtomicU64,
 }
 
-/// The state that the receiving thread and the readers share.
+/// State shared between the receiving thread and the readers.
 struct Shared {
     state: Mutex<State>,
     news: Condvar,
@@ -169,7 +170,7 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // A panic while it was held would be a bug of ours in plain bookkeeping: what is there is still whole.
+        // The updates leave the state consistent even if a holder of the lock panics.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -178,7 +179,7 @@ impl Bridge {
     /// Starts a node.
     ///
     /// # Errors
-    /// Names that ROS does not allow, sockets that cannot be opened.
+    /// If a name is invalid in ROS or a socket cannot be opened.
     pub fn start(options: &Options) -> Result<Self, BridgeError> {
         let transport = |at: &str, reason: &dyn std::fmt::Display| BridgeError::Transport {
             at: at.to_owned(),
@@ -195,8 +196,8 @@ impl Bridge {
             name: format!("{} {}", options.namespace, options.node),
             reason: format!("{e:?}"),
         })?;
-        // Neither logs nor parameters go over the network: the first would flood it, the second work with one
-        // middleware only.
+        // Neither logs nor parameters go over the network: logs would flood it, and the parameter services work
+        // with one middleware only.
         let node_options = NodeOptions::new().enable_rosout(false).start_parameter_services(false);
         let mut node = context.new_node(name, node_options).map_err(|e| transport("node", &e))?;
 
@@ -224,20 +225,20 @@ impl Bridge {
         })
     }
 
-    /// The endpoint of this name.
+    /// The endpoint with this name.
     pub fn endpoint(&self, name: &str) -> Option<EndpointId> {
         self.endpoints.iter().position(|endpoint| endpoint.name == name).map(EndpointId)
     }
 
-    /// All endpoints, in the order of their numbers.
+    /// All endpoints in the order of their indices.
     pub fn endpoints(&self) -> &[Endpoint] {
         &self.endpoints
     }
 
-    /// Sends a message; it is not checked, what we send is ours to answer for.
+    /// Publishes a message without checking it.
     ///
     /// # Errors
-    /// See [`PublishError`]; all are counted.
+    /// See [`PublishError`]; all failures are counted.
     pub fn publish(&self, EndpointId(id): EndpointId, message: AnyMessage) -> Result<(), PublishError> {
         let Some(parts) = &self.node else { return Err(PublishError::Stopped) };
         let Some(publisher) = parts.publishers.get(id).and_then(Option::as_ref) else {
@@ -256,33 +257,33 @@ impl Bridge {
         result
     }
 
-    /// The oldest message that waits on this endpoint.
+    /// Takes the oldest message waiting on this endpoint.
     pub fn take(&self, EndpointId(id): EndpointId) -> Option<Received> {
         self.shared.lock().take(id)
     }
 
-    /// A message of any endpoint, in turn.
+    /// Takes a message of any endpoint, round-robin.
     pub fn take_any(&self) -> Option<(EndpointId, Received)> {
         self.shared.lock().take_any().map(|(id, received)| (EndpointId(id), received))
     }
 
-    /// Waits until a message waits on any endpoint; `false` when none came in time.
+    /// Waits for a message on any endpoint; returns false on timeout.
     pub fn wait(&self, timeout: Duration) -> bool {
         self.wait_until(timeout, State::has_any)
     }
 
-    /// The name on the network of who sends on this endpoint.
+    /// GUID of this endpoint's writer.
     pub fn writer(&self, EndpointId(id): EndpointId) -> Option<WriterGuid> {
         let publisher = self.node.as_ref()?.publishers.get(id)?.as_ref()?;
         Some(WriterGuid(publisher.gid().to_bytes16()))
     }
 
-    /// How many others read or write this topic.
+    /// Number of matched readers or writers of this topic.
     pub fn matched(&self, EndpointId(id): EndpointId) -> usize {
         self.shared.lock().matched(id)
     }
 
-    /// Waits until so many others read or write this topic; `false` when they did not in time.
+    /// Waits until at least `others` readers or writers are matched; returns false on timeout.
     pub fn wait_matched(&self, EndpointId(id): EndpointId, others: usize, timeout: Duration) -> bool {
         self.wait_until(timeout, |state| state.matched(id) >= others)
     }
@@ -294,26 +295,27 @@ impl Bridge {
         !result.timed_out()
     }
 
-    /// Asks the vehicle for a control mode (as in `ControlModeReport`), and waits for the answer: whether it took it.
+    /// Requests a control mode of the vehicle (as in `ControlModeReport`) and waits for the answer; returns true if
+    /// it was accepted.
     ///
     /// # Errors
-    /// There is no such service, or no answer in time.
+    /// If there is no such service, or no answer in time.
     pub fn request_control_mode(&self, mode: u8, timeout: Duration) -> Result<bool, ServiceError> {
         let client = self.node.as_ref().and_then(|parts| parts.client.as_ref());
         client.ok_or(ServiceError::NotOpen)?.call(mode, timeout, &self.shared)
     }
 
-    /// Answers the requests for a control mode that wait: `take` says whether the vehicle takes the mode. Returns
-    /// how many were answered.
+    /// Answers waiting requests for a control mode: `take` returns true if the vehicle accepts the mode. Returns
+    /// the number of requests answered.
     ///
     /// # Errors
-    /// There is no such service.
+    /// If there is no such service.
     pub fn serve_control_mode(&self, take: impl FnMut(u8) -> bool) -> Result<usize, ServiceError> {
         let server = self.node.as_ref().and_then(|parts| parts.server.as_ref());
         Ok(server.ok_or(ServiceError::NotOpen)?.serve(take))
     }
 
-    /// Counts so far, by endpoint.
+    /// Statistics so far, by endpoint.
     pub fn statistics(&self) -> Vec<TopicStatistics> {
         let state = self.shared.lock();
         let both = self.endpoints.iter().zip(&self.sent).enumerate();
@@ -325,8 +327,8 @@ impl Bridge {
         .collect()
     }
 
-    /// Ends the node. The transport may hang when it was fed malformed datagrams; then this returns all the same,
-    /// and the process has to be ended.
+    /// Stops the node. Also returns if the transport hangs, which it may do after malformed datagrams; the process
+    /// must then be ended.
     pub fn stop(mut self, deadline: Duration) -> Stopped {
         self.end(deadline)
     }
@@ -336,7 +338,7 @@ impl Bridge {
             return Stopped::Clean;
         };
         if let Some(stop) = self.stop.take() {
-            // It fails where the thread has ended by itself: that is what was wanted.
+            // Fails if the thread has already ended, which is fine.
             let _ = stop.send(());
         }
         let (done, wait) = mpsc::sync_channel(1);
@@ -408,9 +410,9 @@ fn profile(qos: Qos) -> QosProfile {
         .history(History::KeepLast { depth: qos.depth })
 }
 
-/// The largest receive buffer that this host's kernel gives a socket, bytes; `None` where it does not say.
+/// Maximum socket receive buffer of this host's kernel, bytes; `None` if unknown.
 ///
-/// Below 4 MiB, messages of a megabyte arrive with losses: raise `net.core.rmem_max` and `net.core.rmem_default`.
+/// Below 4 MiB, megabyte messages arrive with losses: raise `net.core.rmem_max` and `net.core.rmem_default`.
 pub fn receive_buffer_max() -> Option<u64> {
     std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok()?.trim().parse().ok()
 }

@@ -1,8 +1,8 @@
-//! All messages, roles and vehicles: the one list of each.
+//! Catalogue of all messages, roles and vehicles.
 //!
-//! A topic more is three places: its message's fields and checks in [`crate::msg`], its rows here, and what is made
-//! of it (the vehicle's interface, the intake or the simulated car). A message is a row of the first table, a role
-//! that it plays one of the second, and its name in ROS one of the vehicle's.
+//! Adding a topic takes three places: the fields and checks of its message in [`crate::msg`], its rows here, and
+//! its use (the vehicle's interface, the intake or the simulated car). A message is a row of the first table, its
+//! role a row of the second, and its ROS name a row of the vehicle's table.
 
 use serde::de::DeserializeSeed;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -45,7 +45,7 @@ messages! {
     TurnIndicatorsReport = autoware_vehicle_msgs::TurnIndicatorsReport: own, small;
     HazardLightsCommand = autoware_vehicle_msgs::HazardLightsCommand: own, small;
     HazardLightsReport = autoware_vehicle_msgs::HazardLightsReport: own, small;
-    // Who engages at a terminal leaves the stamp at zero.
+    // Publishers at a terminal leave the stamp at zero.
     Engage = autoware_vehicle_msgs::Engage: none, small;
     Trajectory = autoware_planning_msgs::Trajectory: header, small;
     PredictedObjects = autoware_perception_msgs::PredictedObjects: header, small;
@@ -73,20 +73,20 @@ messages! {
     RaptorWheelSpeedReport = raptor_dbw_msgs::WheelSpeedReport: header, small;
 }
 
-// Here = in a table: who publishes it, for what, the types that it can have (the first where none is given), how it
-// is delivered, and a rate that only a flood has: five times what is usual, Hz.
+// Role = name in a table: publishing side, purpose, possible types (the first is the default), quality of service,
+// and a rate limit of five times the usual rate, Hz.
 roles! {
-    // Pictures, raw and as files, and how the camera sees.
+    // Images, raw and compressed, and camera calibration.
     Camera = "camera": Vehicle, Sensor, [Image], Qos::SENSOR, 200.0;
     CameraCompressed = "camera_compressed": Vehicle, Sensor, [CompressedImage], Qos::SENSOR, 200.0;
     CameraInfo = "camera_info": Vehicle, Sensor, [CameraInfo], Qos::SENSOR, 200.0;
     Lidar = "lidar": Vehicle, Sensor, [PointCloud2], Qos::SENSOR, 100.0;
     Imu = "imu": Vehicle, Sensor, [Imu], Qos::SENSOR, 2000.0;
     Gnss = "gnss": Vehicle, Sensor, [NavSatFix], Qos::SENSOR, 100.0;
-    // Where the ego is, by localization.
+    // State of the ego from localization.
     Odometry = "odometry": Vehicle, Localization, [Odometry, PoseStamped, PoseWithCovarianceStamped], Qos::DEFAULT, 500.0;
     Acceleration = "acceleration": Vehicle, Localization, [AccelWithCovarianceStamped], Qos::DEFAULT, 500.0;
-    // What the vehicle reports of itself.
+    // Reports of the vehicle.
     Velocity = "velocity": Vehicle, Report, [VelocityReport, TwistStamped, TwistWithCovarianceStamped, DataspeedVehicleVelocity, DataspeedUlcReport], Qos::VEHICLE, 500.0;
     WheelSpeeds = "wheel_speeds": Vehicle, Report, [DataspeedWheelSpeeds, RaptorWheelSpeedReport], Qos::DEFAULT, 500.0;
     Steering = "steering": Vehicle, Report, [SteeringReport, DataspeedSteeringReport, RaptorSteeringReport], Qos::VEHICLE, 500.0;
@@ -103,9 +103,9 @@ roles! {
     Clock = "clock": Vehicle, Frames, [Clock], Qos::SENSOR, 5000.0;
     Tf = "tf": Vehicle, Frames, [Tf], Qos { depth: 100, ..Qos::DEFAULT }, 5000.0;
     TfStatic = "tf_static": Vehicle, Frames, [Tf], Qos::LATCHED, 100.0;
-    // Others, where somebody else sees them.
+    // Other road users from external perception.
     Objects = "objects": Vehicle, Perception, [PredictedObjects], Qos::DEFAULT, 100.0;
-    // What the stack asks for.
+    // Commands of the stack.
     Command = "command": Stack, Motion, [Control], Qos::VEHICLE, 500.0;
     SteeringCommand = "steering_command": Stack, Motion, [DataspeedSteeringCmd, RaptorSteeringCmd], Qos::VEHICLE, 500.0;
     BrakeCommand = "brake_command": Stack, Motion, [DataspeedBrakeCmd, RaptorBrakeCmd], Qos::VEHICLE, 500.0;
@@ -116,13 +116,13 @@ roles! {
     HazardLightsCommand = "hazard_lights_command": Stack, Auxiliary, [HazardLightsCommand], Qos::VEHICLE, 500.0;
     Enable = "enable": Stack, Switch, [Engage, Empty, RaptorGlobalEnableCmd], Qos::DEFAULT, 500.0;
     Disable = "disable": Stack, Switch, [Empty], Qos::DEFAULT, 500.0;
-    // What the stack shows.
+    // Visualisation of the stack.
     Trajectory = "trajectory": Stack, Display, [Trajectory], Qos::DEFAULT, 500.0;
     Path = "path": Stack, Display, [Path], Qos::DEFAULT, 500.0;
     Markers = "markers": Stack, Display, [MarkerArray], Qos::DEFAULT, 500.0;
 }
 
-/// Topics that all have.
+/// Topics of all vehicles.
 const COMMON: [Row; 6] = [
     row(Role::Clock, "/clock", ""),
     row(Role::Tf, "/tf", ""),
@@ -132,7 +132,7 @@ const COMMON: [Row; 6] = [
     row(Role::Markers, "/swerve/markers", "map"),
 ];
 
-/// Sensors, localization and vehicle interface as Autoware names them.
+/// Autoware's names of sensors, localization and vehicle interface.
 const AUTOWARE: [Row; 21] = [
     row(Role::Camera, "/sensing/camera/camera0/image_raw", "camera0/camera_optical_link"),
     row(
@@ -161,7 +161,7 @@ const AUTOWARE: [Row; 21] = [
     row(Role::Disable, "/swerve/disable", ""),
 ];
 
-/// Sensors and localization as most ROS robots name them.
+/// Usual ROS names of sensors and localization.
 const PLAIN: [Row; 8] = [
     row(Role::Camera, "/camera/image_raw", "camera_optical_frame"),
     row(Role::CameraCompressed, "/camera/image_raw/compressed", "camera_optical_frame"),
@@ -173,7 +173,7 @@ const PLAIN: [Row; 8] = [
     row(Role::Objects, "/objects", "map"),
 ];
 
-/// Drive-by-wire of Dataspeed.
+/// Dataspeed's drive-by-wire.
 const DATASPEED: [Row; 14] = [
     by_wire(Role::Velocity, "/vehicle/vehicle_velocity", Kind::DataspeedVehicleVelocity),
     by_wire(Role::WheelSpeeds, "/vehicle/wheel_speeds", Kind::DataspeedWheelSpeeds),
@@ -191,7 +191,7 @@ const DATASPEED: [Row; 14] = [
     by_wire(Role::Disable, "/vehicle/disable", Kind::Empty),
 ];
 
-/// Raptor of New Eagle.
+/// New Eagle's Raptor.
 const RAPTOR: [Row; 12] = [
     by_wire(Role::WheelSpeeds, "/raptor_dbw_interface/wheel_speed_report", Kind::RaptorWheelSpeedReport),
     by_wire(Role::Steering, "/raptor_dbw_interface/steering_report", Kind::RaptorSteeringReport),
@@ -219,11 +219,11 @@ vehicles! {
     /// Autoware's vehicle interface.
     #[default]
     Autoware = "autoware": [COMMON, AUTOWARE];
-    /// Drive-by-wire of Dataspeed.
+    /// Dataspeed's drive-by-wire.
     Dataspeed = "dataspeed": [COMMON, PLAIN, DATASPEED];
-    /// Raptor of New Eagle.
+    /// New Eagle's Raptor.
     Raptor = "raptor": [COMMON, PLAIN, RAPTOR];
-    /// No drive-by-wire: sensors and localization as most ROS robots have them.
+    /// No drive-by-wire: sensors and localization under the usual ROS names.
     Plain = "plain": [COMMON, PLAIN];
 }
 

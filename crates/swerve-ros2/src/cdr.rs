@@ -1,9 +1,9 @@
-//! Messages as bytes: the common data representation (CDR) of OMG, plain, version 1, as ROS 2 has it.
+//! Serialization in OMG's common data representation (CDR): plain, version 1, as in ROS 2.
 //!
-//! A payload is four bytes that say the byte order, then the fields in order, each number aligned to its size.
-//! [`decode`] takes both byte orders and believes nothing; [`encode`] writes little-endian, and fills up to a
-//! multiple of four bytes: readers ignore what is behind the last field, but some (Cyclone DDS 0.10) drop the
-//! last fragment of what is not filled up, which RustDDS does not do itself.
+//! A payload has a header of four bytes with the byte order, then the fields in order, each number aligned to its
+//! size. [`decode`] accepts both byte orders and validates everything. [`encode`] writes little-endian and pads to
+//! a multiple of four bytes: readers ignore bytes after the last field, but some (Cyclone DDS 0.10) drop an
+//! unpadded last fragment, and RustDDS does not pad.
 
 use std::io;
 
@@ -16,52 +16,52 @@ use serde::{Serialize, Serializer};
 use crate::check::Invalid;
 use crate::message::{AnyMessage, Kind, RosMessage};
 
-/// Bytes in front of a payload: the representation and its options.
+/// Length of the header of a payload: the representation and its options, bytes.
 pub const HEADER_BYTES: usize = 4;
-/// Bytes behind the last field of a payload: padding to a multiple of four, of eight at most.
+/// Maximum number of bytes after the last field of a payload: padding to a multiple of four, or of eight.
 const TRAILING_BYTES_MAX: usize = 7;
 const CDR_BIG_ENDIAN: [u8; 2] = [0, 0];
 const CDR_LITTLE_ENDIAN: [u8; 2] = [0, 1];
 
-/// Why bytes are no message.
+/// A payload cannot be decoded.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum DecodeError {
-    /// Not even the four bytes in front.
+    /// Shorter than the header.
     #[error("a payload of {0} bytes has no header")]
     TooShort(usize),
-    /// Another representation than plain CDR.
+    /// Not plain CDR.
     #[error("the payload is in representation {0:02x?}, not in plain CDR")]
     Representation([u8; 2]),
-    /// The fields are not there.
+    /// Fields are missing or malformed.
     #[error("the payload is no {kind}: {reason}")]
     Malformed {
-        /// The form that was expected.
+        /// Expected type.
         kind: Kind,
-        /// The form that was found.
+        /// Error of the decoder.
         reason: String,
     },
-    /// Bytes are left: another message, or a newer version of it.
+    /// Trailing bytes: another message, or a newer version of it.
     #[error("{bytes} bytes are left behind the last field of {kind}")]
     Trailing {
-        /// The form that was expected.
+        /// Expected type.
         kind: Kind,
-        /// How many are left.
+        /// Number of trailing bytes.
         bytes: usize,
     },
-    /// The fields are there, but cannot be true.
+    /// The fields are present but implausible.
     #[error("a {kind} is refused: {invalid}")]
     Invalid {
-        /// Its type.
+        /// Type of the message.
         kind: Kind,
-        /// The mistake in it.
+        /// The invalid field.
         invalid: Invalid,
     },
 }
 
-/// The message of this kind in a payload, checked.
+/// Decodes and validates a message of this kind.
 ///
 /// # Errors
-/// Anything is possible in what comes from outside; never panics, and never takes more memory than a small
+/// If the payload is malformed or implausible in any way. Never panics, and never allocates more than a small
 /// multiple of the payload.
 pub fn decode_any(kind: Kind, payload: &[u8]) -> Result<AnyMessage, DecodeError> {
     let Some((header, body)) = payload.split_at_checked(HEADER_BYTES) else {
@@ -80,10 +80,10 @@ pub fn decode_any(kind: Kind, payload: &[u8]) -> Result<AnyMessage, DecodeError>
     Ok(message)
 }
 
-/// The message of this kind in a payload that this program wrote: it is not checked, ours to answer for.
+/// Decodes a message of this kind that this program wrote, without validation.
 ///
 /// # Errors
-/// Bytes that are none.
+/// If the payload is malformed.
 pub(crate) fn decode_unchecked(kind: Kind, payload: &[u8]) -> Result<AnyMessage, DecodeError> {
     let body = payload.get(HEADER_BYTES..).ok_or(DecodeError::TooShort(payload.len()))?;
     let decoded = fields::<LittleEndian>(kind, body);
@@ -91,14 +91,14 @@ pub(crate) fn decode_unchecked(kind: Kind, payload: &[u8]) -> Result<AnyMessage,
     Ok(message)
 }
 
-/// The message and how many bytes it took.
+/// Decodes the fields; returns the message and the number of bytes read.
 fn fields<BO: ByteOrder>(kind: Kind, body: &[u8]) -> cdr_encoding::Result<(AnyMessage, usize)> {
     let mut deserializer = CdrDeserializer::<BO>::new(body);
     let message = kind.deserialize(&mut deserializer)?;
     Ok((message, deserializer.bytes_consumed()))
 }
 
-/// As [`decode_any`], for one type.
+/// As [`decode_any`], for a single type.
 ///
 /// # Errors
 /// As [`decode_any`].
@@ -107,10 +107,10 @@ pub fn decode<T: RosMessage>(payload: &[u8]) -> Result<T, DecodeError> {
     Ok(T::from_any(any).expect("a seed gives the message of its kind"))
 }
 
-/// The payload of a message, little-endian, filled up to a multiple of four bytes.
+/// Encodes a message, little-endian, padded to a multiple of four bytes.
 ///
 /// # Panics
-/// Never: ROS messages are structs, sequences, numbers and texts, all of which CDR has.
+/// Never: ROS messages consist of structs, sequences, numbers and strings, all supported by CDR.
 pub fn encode<T: Serialize>(message: &T) -> Vec<u8> {
     let mut payload = vec![CDR_LITTLE_ENDIAN[0], CDR_LITTLE_ENDIAN[1], 0, 0];
     let body = to_vec_with_size_hint::<T, LittleEndian>(message, encoded_bytes(message))
@@ -120,7 +120,7 @@ pub fn encode<T: Serialize>(message: &T) -> Vec<u8> {
     payload
 }
 
-/// How many bytes a message takes, without header and padding.
+/// Encoded length of a message, without header and padding, bytes.
 pub fn encoded_bytes<T: Serialize>(message: &T) -> usize {
     let mut count = Count(0);
     let mut serializer = CdrSerializer::<_, LittleEndian>::new(&mut count);
@@ -141,7 +141,7 @@ impl io::Write for Count {
     }
 }
 
-/// A message that serializes with the bytes behind it that make it a multiple of four long.
+/// A message that serializes with padding to a multiple of four bytes.
 #[derive(Debug)]
 pub(crate) struct Padded(pub(crate) AnyMessage);
 

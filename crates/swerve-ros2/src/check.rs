@@ -1,94 +1,94 @@
-//! Whether a message that came from outside may be believed.
+//! Validation of messages from outside.
 //!
-//! The transport does not compare type names, so that a message of another type may be decoded as one that was
-//! asked for, with numbers like 5e180 in it. Nothing is handed on before all of it was looked at: every number
-//! finite and of a plausible size, nanoseconds below a billion, names short and printable, sizes consistent,
-//! enumerations within their values.
+//! The transport does not compare type names, so a message of another type may be decoded as the expected one, with
+//! numbers such as 5e180. No message is passed on before it was checked completely: every number finite and of a
+//! plausible size, nanoseconds below a billion, names short and printable, sizes consistent, enumerations within
+//! their values.
 
 pub(crate) mod parts;
 mod walk;
 
 pub use walk::check_numbers;
 
-/// No coordinate, speed, covariance or the like is beyond this.
+/// Limit of the absolute value of any number.
 pub const NUMBER_MAX: f64 = 1e12;
-/// Frames and names are shorter than this, bytes.
+/// Length limit of frames and names, bytes.
 pub const NAME_MAX: usize = 256;
-/// Texts are shorter than this, bytes.
+/// Length limit of strings, bytes.
 pub const TEXT_MAX: usize = 1 << 16;
-/// Images have no more rows or columns than this.
+/// Maximum rows or columns of an image.
 pub const IMAGE_SIDE_MAX: u32 = 1 << 14;
-/// Point clouds have no more points than this.
+/// Maximum number of points of a point cloud.
 pub const POINTS_MAX: u64 = 1 << 24;
 
-/// Checks beyond those that hold for every message: ranges, sizes, enumerations.
+/// Checks beyond those common to all messages: ranges, sizes, enumerations.
 pub trait Check {
-    /// Fields that may be not-a-number, where the writer has no such number.
+    /// Fields that may be NaN, if the writer has no value.
     const MAY_BE_NAN: &[&str] = &[];
 
-    /// Whether its fields fit one another.
+    /// Checks that the fields are consistent with each other.
     ///
     /// # Errors
-    /// The first field that does not.
+    /// The first invalid field.
     fn check(&self) -> Result<(), Invalid>;
 
-    /// Sets the fields that have to fit one another, in an example of arbitrary values.
+    /// Makes the fields consistent with each other, in a sample of arbitrary values.
     fn fit(&mut self) {}
 }
 
-/// A field of a message that is not as it has to be.
+/// An invalid field of a message.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 #[error("`{field}` {why}")]
 pub struct Invalid {
-    /// Which: `pose.pose.position.x`.
+    /// Path of the field, such as `pose.pose.position.x`.
     pub field: String,
-    /// The mistake.
+    /// Problem of the field.
     pub why: Why,
 }
 
-/// The mistake in a field.
+/// Problem of a field.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum Why {
-    /// Not-a-number or infinite.
+    /// NaN or infinite.
     #[error("is not a finite number")]
     NotFinite,
-    /// Beyond what there can be.
+    /// Outside the plausible range.
     #[error("is {value}, not from {min} to {max}")]
     OutOfRange {
-        /// The number.
+        /// Actual value.
         value: f64,
-        /// The least allowed.
+        /// Minimum.
         min: f64,
-        /// The most allowed.
+        /// Maximum.
         max: f64,
     },
-    /// A part of a second of a second or more.
+    /// Nanoseconds of a full second or more.
     #[error("is {0} ns, not less than a second")]
     Nanoseconds(u32),
-    /// Not a name.
+    /// Not a valid name.
     #[error("is no name: {0:?}")]
     Name(String),
-    /// A text without end.
+    /// The string is too long.
     #[error("is a text of {0} bytes")]
     TooLong(usize),
-    /// More or fewer elements than other fields say.
+    /// Length inconsistent with other fields.
     #[error("has {found} bytes or elements, where {wanted} are to be")]
     Length {
-        /// How many there are.
+        /// Actual length.
         found: u64,
-        /// How many the other fields say.
+        /// Length according to the other fields.
         wanted: u64,
     },
-    /// A value that the enumeration does not have.
+    /// Undefined value of an enumeration.
     #[error("has no meaning at {0}")]
     NoSuchValue(i64),
-    /// No rotation: not of length one.
+    /// Not a rotation: the norm is not one.
     #[error("is a quaternion of length {0}")]
     Quaternion(f64),
-    /// Two of one name.
+    /// Duplicate name.
     #[error("is there twice")]
     Twice,
-    /// Shares bytes with another.
+    /// Shares bytes with another field.
     #[error("overlaps `{0}`")]
     Overlaps(String),
 }
@@ -97,7 +97,7 @@ pub(crate) fn invalid(field: impl Into<String>, why: Why) -> Result<(), Invalid>
     Err(Invalid { field: field.into(), why })
 }
 
-/// `value` from `min` to `max`; not-a-number is not.
+/// Checks that `value` is within `min` and `max`; NaN is not.
 pub(crate) fn within(field: &str, value: f64, min: f64, max: f64) -> Result<(), Invalid> {
     if (min..=max).contains(&value) {
         return Ok(());
@@ -105,12 +105,12 @@ pub(crate) fn within(field: &str, value: f64, min: f64, max: f64) -> Result<(), 
     invalid(field, Why::OutOfRange { value, min, max })
 }
 
-/// As [`within`], but not-a-number says that there is none.
+/// As [`within`], but accepts NaN as a missing value.
 pub(crate) fn within_if_any(field: &str, value: f32, min: f64, max: f64) -> Result<(), Invalid> {
     if value.is_nan() { Ok(()) } else { within(field, f64::from(value), min, max) }
 }
 
-/// `value` is one of the numbers of an enumeration.
+/// Checks that `value` is defined in an enumeration.
 pub(crate) fn one_of(field: &str, value: u8, known: &[u8]) -> Result<(), Invalid> {
     if known.contains(&value) { Ok(()) } else { invalid(field, Why::NoSuchValue(i64::from(value))) }
 }

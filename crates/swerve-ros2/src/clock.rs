@@ -1,13 +1,14 @@
-//! How far a sensor's clock is from the host's, from the stream itself.
+//! Estimates the offset between a sensor's clock and the host's from the stream itself.
 //!
-//! A message with stamp `s` that is received at host time `r` gives `r - s = offset + delay`, and a delay is never
-//! negative. So the smallest difference of a while is the offset and the least delay, however the others are
-//! spread (the lower envelope of Moon, Skelly and Towsley, 1999, without the slope). The while is ten buckets
-//! long, so that a slow drift is followed; the spread over the buckets' minima says how well the offset is known.
+//! A message with stamp `s` received at host time `r` gives `r - s = offset + delay`, and a delay is never
+//! negative. The smallest difference in a window is therefore the offset plus the least delay, regardless of how
+//! the other delays are distributed (the lower envelope of Moon, Skelly and Towsley, 1999, without the slope). The
+//! window has ten buckets, so that slow drift is followed; the spread of the buckets' minima is the uncertainty of
+//! the offset.
 //!
-//! Once that is known a stamp can be judged: one from the future or long past is refused, as is one that runs
-//! backwards. A clock that was set is noticed by some refused stamps in a row that agree with one another: it is
-//! followed, or refused as long as the estimator is held.
+//! Once the offset is known, stamps are judged: stamps in the future, in the distant past, or running backwards are
+//! rejected. A clock that was set is detected by several consecutive rejected stamps that agree with each other; it
+//! is followed, or rejected while the estimator is held.
 //!
 //! Pure: no clock is read here, both times are inputs.
 
@@ -16,22 +17,22 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
-/// Limits of what is plausible.
+/// Parameters of the plausibility checks.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ClockParams {
-    /// Length of a bucket.
+    /// Duration of a bucket.
     pub bucket: Span,
-    /// How many buckets are looked at.
+    /// Number of buckets in the window.
     pub buckets: usize,
-    /// How many stamps are taken as they are before any is judged.
+    /// Number of stamps accepted before judging starts.
     pub learning: u32,
-    /// A stamp that is newer than the fastest message before it allows is refused beyond this: drift, jitter.
+    /// Maximum time by which a stamp may be newer than the fastest message allows: drift, jitter.
     pub ahead_max: Span,
-    /// A stamp that is older is refused beyond this: no message is worth anything after it.
+    /// Maximum age of a stamp; older messages are useless.
     pub behind_max: Span,
-    /// So many refused stamps in a row that agree are a clock that was set.
+    /// Number of consecutive, agreeing rejected stamps that indicate that the clock was set.
     pub jump_after: u32,
-    /// How far they may be apart to agree: as far as delays are.
+    /// Maximum spread of agreeing stamps; on the order of the delays.
     pub agree_within: Span,
 }
 
@@ -49,59 +50,59 @@ impl Default for ClockParams {
     }
 }
 
-/// The worth of a stamp.
+/// Verdict on a stamp.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum StampVerdict {
-    /// It fits what came before it.
+    /// Consistent with the previous stamps.
     Plausible,
-    /// Too little came before it to judge.
+    /// Too few stamps so far to judge.
     Learning,
-    /// The clock was set: from here on this is the time.
+    /// The clock was set; the offset is estimated anew.
     Jumped,
-    /// The clock was set while its offset is held.
+    /// The clock was set while the offset is held.
     JumpRefused,
-    /// It is zero or before that: nobody set it.
+    /// Zero or negative: not set.
     Unset,
-    /// It is older than the newest before it.
+    /// Older than the newest one before.
     Backwards,
-    /// It is from the future.
+    /// In the future.
     Ahead,
-    /// It is from long ago.
+    /// In the distant past.
     Behind,
 }
 
 impl StampVerdict {
-    /// Whether the message is to be refused.
+    /// Returns true if the message must be rejected.
     pub fn is_refused(self) -> bool {
         matches!(self, Self::JumpRefused | Self::Unset | Self::Backwards | Self::Ahead | Self::Behind)
     }
 }
 
-/// The offset of a clock, as far as it is known.
+/// Estimated offset of a clock.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct ClockOffset {
-    /// Host's time minus sensor's time for the message with the least delay: add it to a stamp.
+    /// Host time minus sensor time for the message with the least delay: add it to a stamp.
     pub offset: Span,
-    /// Largest minus smallest of the buckets' least differences: what is not known of the offset.
+    /// Uncertainty: largest minus smallest of the buckets' minima.
     pub spread: Span,
-    /// Median of the delays above the least, over the newest 64 messages.
+    /// Median delay above the least, over the newest 64 messages.
     pub delay: Span,
-    /// How many stamps this is from.
+    /// Number of stamps used.
     pub stamps: u64,
-    /// How often the clock was set.
+    /// Number of times that the clock was set.
     pub jumps: u32,
 }
 
-/// Follows the offset of one clock.
+/// Estimator of the offset of one clock.
 #[derive(Clone, Debug)]
 pub struct ClockEstimator {
     params: ClockParams,
-    /// Start of the bucket and the least difference in it, ns, oldest first.
+    /// Start and least difference of each bucket, ns, oldest first.
     minima: VecDeque<(i64, i64)>,
-    /// The newest differences, ns.
+    /// Newest differences, ns.
     recent: VecDeque<i64>,
     newest_stamp_ns: Option<i64>,
-    /// Differences of refused stamps in a row, ns.
+    /// Differences of consecutive rejected stamps, ns.
     odd: Vec<i64>,
     is_held: bool,
     stamps: u64,
@@ -111,7 +112,7 @@ pub struct ClockEstimator {
 const RECENT: usize = 64;
 
 impl ClockEstimator {
-    /// Knows nothing yet.
+    /// Creates an estimator without data.
     pub fn new(params: ClockParams) -> Self {
         Self {
             params,
@@ -125,12 +126,13 @@ impl ClockEstimator {
         }
     }
 
-    /// Holds the offset: a clock that was set is refused until it is released. Drift is followed as before.
+    /// Holds or releases the offset: while held, stamps of a clock that was set are rejected. Drift is followed as
+    /// before.
     pub fn hold(&mut self, is_held: bool) {
         self.is_held = is_held;
     }
 
-    /// Judges a stamp, received at this host time, and learns from it if it is plausible.
+    /// Judges a stamp received at this host time, and learns from it if it is plausible.
     pub fn judge(&mut self, stamp_ns: i64, received_ns: i64) -> StampVerdict {
         if stamp_ns <= 0 {
             return StampVerdict::Unset;
@@ -143,7 +145,7 @@ impl ClockEstimator {
             return verdict;
         }
         if verdict == StampVerdict::Backwards && self.stamps >= u64::from(self.params.learning) {
-            // It fits the offset, so that it is no sign of another one, however often it comes.
+            // Consistent with the offset, so it does not indicate another one, however often it occurs.
             return verdict;
         }
         self.odd.push(difference);
@@ -184,7 +186,7 @@ impl ClockEstimator {
         }
     }
 
-    /// Whether the newest refused stamps say the same, and together.
+    /// Returns true if enough consecutive rejected stamps agree.
     fn agree(&mut self) -> bool {
         let n = self.params.jump_after.max(1) as usize;
         if self.odd.len() > n {
@@ -215,7 +217,7 @@ impl ClockEstimator {
         self.minima.iter().map(|(_, least)| *least).min()
     }
 
-    /// The offset, as far as it is known; `None` before the first stamp.
+    /// Estimated offset; `None` before the first stamp.
     pub fn offset(&self) -> Option<ClockOffset> {
         let offset_ns = self.offset_ns()?;
         let most = self.minima.iter().map(|(_, least)| *least).max()?;
@@ -248,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn the_offset_is_that_of_the_fastest_message() {
+    fn clock_offset_is_that_of_the_fastest_message() {
         for offset in [0, -3 * S, 1_700_000_000 * S / 1000] {
             let mut clock = ClockEstimator::new(ClockParams::default());
             let verdicts = feed(&mut clock, 10 * S, 100, offset);
@@ -262,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_of_fifty_ppm_is_followed() {
+    fn clock_estimator_follows_a_drift_of_fifty_ppm() {
         let mut clock = ClockEstimator::new(ClockParams::default());
         for i in 0..20 * 600_i64 {
             let stamp = S + i * 50 * MS;
@@ -270,14 +272,14 @@ mod tests {
             let verdict = clock.judge(stamp, stamp + drift + 2 * MS + (i * 13 % 20) * MS);
             assert!(!verdict.is_refused());
         }
-        // 600 s at 50 ppm are 30 ms; the window is 10 s long, half a millisecond.
+        // 600 s at 50 ppm are 30 ms; over the window of 10 s, 0.5 ms.
         let known = clock.offset().unwrap();
         assert!((known.offset - Span::from_ms(32)).as_ms().abs() < 1.0, "{known:?}");
         assert!(known.spread < Span::from_ms(2));
     }
 
     #[test]
-    fn single_odd_stamps_are_refused_and_change_nothing() {
+    fn clock_estimator_rejects_single_outliers() {
         let mut clock = ClockEstimator::new(ClockParams::default());
         feed(&mut clock, 1000 * S, 50, 0);
         let (before, now) = (clock.offset(), 1000 * S + 50 * 50 * MS);
@@ -293,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_is_believed_after_some_stamps_that_agree() {
+    fn clock_estimator_follows_a_jump_after_agreeing_stamps() {
         for step in [3600 * S, -3600 * S] {
             let mut clock = ClockEstimator::new(ClockParams::default());
             feed(&mut clock, 100_000 * S, 50, 0);
@@ -307,8 +309,7 @@ mod tests {
         }
     }
 
-    /// Stamps of one writer, good ones and ones that are off by the given seconds; every one is received 2 ms after
-    /// its instant.
+    /// Stamps of one writer, correct or off by the given seconds; each is received 2 ms after its instant.
     fn mixed(clock: &mut ClockEstimator, start_ns: i64, off_s: &[i64]) -> Vec<StampVerdict> {
         let one = |(i, off_s): (usize, &i64)| {
             let now = start_ns + i as i64 * 10 * MS;
@@ -329,7 +330,7 @@ mod tests {
             assert!(verdicts[..4].iter().all(|v| *v == wrong), "{verdicts:?}");
             assert!(verdicts[4..].iter().all(|v| *v == StampVerdict::JumpRefused), "{verdicts:?}");
             assert_eq!(clock.offset(), known);
-            // The writer's old time is still its time.
+            // The writer's previous clock remains valid.
             assert_eq!(mixed(&mut clock, 100_006 * S, &[0; 3]), [StampVerdict::Plausible; 3]);
             mixed(&mut clock, 100_007 * S, &[step; 20]);
             clock.hold(false);
@@ -340,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_stamps_among_good_ones_are_refused_each() {
+    fn clock_estimator_rejects_each_wrong_stamp_among_good_ones() {
         for off in [[0, 3600], [3600, -3600], [-3600, 0]] {
             let mut clock = ClockEstimator::new(ClockParams::default());
             feed(&mut clock, 100_000 * S, 50, 0);
@@ -355,7 +356,7 @@ mod tests {
 
     #[test]
     fn drift_is_followed_while_the_offset_is_held() {
-        // 200 ppm, ten times that of a poor quartz, for an hour: 0.72 s in all.
+        // 200 ppm, ten times that of a poor quartz oscillator, for an hour: 0.72 s in total.
         for ppm in [200, -200] {
             let mut clock = ClockEstimator::new(ClockParams::default());
             clock.hold(true);
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn repeats_of_what_was_overtaken_are_no_clock_that_was_set() {
+    fn repeated_stale_messages_are_not_a_clock_jump() {
         let mut clock = ClockEstimator::new(ClockParams::default());
         feed(&mut clock, 100 * S, 50, 0);
         let now = 102 * S + 460 * MS;
@@ -380,12 +381,12 @@ mod tests {
     }
 
     #[test]
-    fn time_that_runs_backwards_is_no_clock_that_was_set() {
+    fn backwards_stamps_are_not_a_clock_jump() {
         let mut clock = ClockEstimator::new(ClockParams::default());
         feed(&mut clock, 100 * S, 50, 0);
         let (mut refused, now) = (0, 103 * S);
         for i in 0..100 {
-            // Each stamp is older than the one before it.
+            // Each stamp is older than its predecessor.
             refused += i32::from(clock.judge(now - 600 * MS - i * 50 * MS, now + i * 50 * MS).is_refused());
         }
         assert_eq!((refused, clock.offset().unwrap().jumps), (100, 0));
@@ -394,9 +395,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(3), ..ProptestConfig::default() })]
 
-        /// Whatever comes: no panic, and what is plausible never runs backwards.
+        /// Any input: no panic, and plausible stamps never run backwards.
         #[test]
-        fn any_stream_is_judged(stream in prop::collection::vec((any::<i64>(), any::<i64>()), 0..200), near in any::<bool>(), is_held in any::<bool>()) {
+        fn clock_estimator_handles_any_stream(stream in prop::collection::vec((any::<i64>(), any::<i64>()), 0..200), near in any::<bool>(), is_held in any::<bool>()) {
             let mut clock = ClockEstimator::new(ClockParams::default());
             clock.hold(is_held);
             let mut newest = i64::MIN;

@@ -1,13 +1,13 @@
-//! Between ROS messages and ours: units, frames, axes, stamps, covariances.
+//! Conversion between ROS messages and `swerve-msg`: units, frames, axes, stamps, covariances.
 //!
-//! ROS (REP 103, 105): SI, radians, x forward, y left, z up, the map's x to the east; `base_link` is the centre
-//! of the rear axle, as Autoware has it; an optical frame has x right, y down, z forward. All of that is ours too,
-//! so that what is left to convert is
+//! ROS (REP 103, 105) uses SI, radians, x forward, y left, z up, the map's x to the east; `base_link` is the centre
+//! of the rear axle, as in Autoware; optical frames have x right, y down, z forward. Swerve uses the same
+//! conventions, except for
 //!
-//! - stamps: ours count from the start of the run, ROS's from the epoch of its clock ([`Epoch`]);
+//! - stamps: Swerve's count from the start of the run, those of ROS from the epoch of its clock ([`Epoch`]);
 //! - pixels: the centre of the first is (0, 0) in ROS and (0.5, 0.5) here;
 //! - intensities: 0 to 255 in ROS, 0 to 1 here;
-//! - steering wheels in degrees of vehicles driven by wire, road wheels in radians here.
+//! - steering: the steering wheel in degrees for drive-by-wire vehicles, the road wheels in radians here.
 
 mod actuation;
 mod cloud;
@@ -40,25 +40,25 @@ pub use state::{
     imu_from_ros, imu_to_ros, steering_to_ros, velocity_to_ros,
 };
 
-/// Which instant of ROS's clock the run's time zero is.
+/// Instant of the ROS clock at run time zero.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Epoch {
-    /// Nanoseconds since the epoch of ROS's clock: 0 where the simulator is the clock.
+    /// Nanoseconds since the epoch of the ROS clock; 0 if the simulator provides the clock.
     pub ns: i64,
 }
 
 impl Epoch {
-    /// The run's time of a stamp.
+    /// Run time of a stamp.
     pub fn time(self, stamp: builtin::Time) -> Time {
         Time::from_ns(stamp.ns().saturating_sub(self.ns))
     }
 
-    /// The stamp of an instant of the run; what a stamp cannot hold (before 1902, after 2038) stays at its ends.
+    /// Stamp of an instant of the run, clamped to the range of a stamp (1901 to 2038).
     pub fn stamp(self, time: Time) -> builtin::Time {
         builtin::Time::from_ns(time.ns().saturating_add(self.ns))
     }
 
-    /// A header for what describes `time` in `frame_id`.
+    /// Header with the stamp of `time` and the frame `frame_id`.
     pub fn header(self, time: Time, frame_id: &str) -> Header {
         Header { stamp: self.stamp(time), frame_id: frame_id.to_owned() }
     }
@@ -70,7 +70,7 @@ impl builtin::Time {
         i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec)
     }
 
-    /// The other way; stays at the ends of what it can hold.
+    /// Stamp from nanoseconds, clamped to its range.
     pub fn from_ns(ns: i64) -> Self {
         let (sec, nanosec) = split(ns);
         Self { sec, nanosec }
@@ -78,12 +78,12 @@ impl builtin::Time {
 }
 
 impl builtin::Duration {
-    /// Nanoseconds.
+    /// Length in nanoseconds.
     pub fn ns(self) -> i64 {
         i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec)
     }
 
-    /// The other way; stays at the ends of what it can hold.
+    /// Duration from nanoseconds, clamped to its range.
     pub fn from_ns(ns: i64) -> Self {
         let (sec, nanosec) = split(ns);
         Self { sec, nanosec }
@@ -99,38 +99,38 @@ fn split(ns: i64) -> (i32, u32) {
     }
 }
 
-/// Why a message that is sound says nothing that we can use.
+/// A valid message cannot be converted.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum ConvertError {
-    /// It is about another frame.
+    /// Unexpected frame.
     #[error("it is in frame `{found}`, not in `{wanted}`")]
     Frame {
-        /// The frame that it names.
+        /// Actual frame.
         found: String,
-        /// The frame that was to be.
+        /// Expected frame.
         wanted: String,
     },
-    /// Pixels that we do not read.
+    /// Unsupported pixel encoding.
     #[error("pixels in `{0}` are not read; `rgb8`, `bgr8`, `rgba8`, `bgra8`, `mono8` and `32FC1` are")]
     Encoding(String),
-    /// A point cloud without coordinates, or with coordinates that are no numbers with a point.
+    /// A point cloud without coordinates, or whose coordinates are not floating-point numbers.
     #[error("the point cloud has no field `{0}` of a type that is read")]
     Field(&'static str),
-    /// No satellites.
+    /// No satellite fix.
     #[error("there is no fix")]
     NoFix,
-    /// A number that the vehicle does not measure.
+    /// The vehicle does not measure this quantity.
     #[error("`{0}` is not measured")]
     NotMeasured(&'static str),
-    /// Points at instants that do not increase, and without speeds to get instants from.
+    /// Instants do not increase, and there are no speeds to compute them from.
     #[error("point {0} is not later than the one before it, and nothing moves there")]
     NotLater(usize),
-    /// A lens that we do not know.
+    /// Unsupported lens model.
     #[error("the lens is of model `{0}`, not `plumb_bob`")]
     Lens(String),
 }
 
-/// Whether `found` is the frame `wanted`; a slash in front means nothing.
+/// Checks that `found` is the frame `wanted`, ignoring a leading slash.
 pub(crate) fn expect_frame(found: &str, wanted: &str) -> Result<(), ConvertError> {
     if found.trim_start_matches('/') == wanted.trim_start_matches('/') {
         return Ok(());

@@ -1,37 +1,37 @@
-//! Settings from the environment, which the transport does not read itself.
+//! Network settings from environment variables, which the transport does not read itself.
 
 use serde::{Deserialize, Serialize};
 use std::net::{IpAddr, Ipv4Addr};
 
-/// Domains that DDS's port formula leaves room for below the ephemeral ports.
+/// Highest domain whose ports are below the ephemeral ports in DDS's port formula.
 const DOMAIN_MAX: u16 = 232;
 
-/// Where to look for others.
+/// Network settings of discovery.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Network {
-    /// Participants of other domains are not seen.
+    /// ROS domain; participants of other domains are invisible.
     pub domain: u16,
-    /// Whether only this host's own network is used.
+    /// True to use only the loopback interface.
     pub localhost_only: bool,
 }
 
-/// A variable that says nothing that can be understood.
+/// An environment variable with an invalid value.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("the environment variable {variable} is `{value}`; {expected}")]
 pub struct EnvError {
-    /// Its name.
+    /// Name of the variable.
     pub variable: &'static str,
     /// Its value.
     pub value: String,
-    /// The values that it can have.
+    /// Accepted values.
     pub expected: &'static str,
 }
 
 impl Network {
-    /// From `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` and `ROS_AUTOMATIC_DISCOVERY_RANGE`, as `get` reads them.
+    /// Reads `ROS_DOMAIN_ID`, `ROS_LOCALHOST_ONLY` and `ROS_AUTOMATIC_DISCOVERY_RANGE` through `get`.
     ///
     /// # Errors
-    /// A variable that is set to something else than ROS allows.
+    /// If a variable has a value that ROS does not accept.
     pub fn from_variables(get: impl Fn(&str) -> Option<String>) -> Result<Self, EnvError> {
         let set = |variable| get(variable).filter(|value| !value.is_empty());
         let mut network = Self::default();
@@ -50,7 +50,7 @@ impl Network {
                 }
             };
         }
-        // The older variable wins, as it does in ROS.
+        // The older variable takes precedence, as in ROS.
         if let Some(value) = set("ROS_LOCALHOST_ONLY") {
             network.localhost_only = match value.as_str() {
                 "0" => network.localhost_only,
@@ -64,7 +64,7 @@ impl Network {
         Ok(network)
     }
 
-    /// The addresses to use; `None` for all.
+    /// Addresses to use; `None` for all.
     pub(crate) fn addresses(self) -> Option<[IpAddr; 1]> {
         self.localhost_only.then_some([IpAddr::V4(Ipv4Addr::LOCALHOST)])
     }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn variables_are_read_as_ros_does() {
+    fn network_reads_environment_variables_as_ros_does() {
         check(&[], Ok((0, false)));
         check(&[("ROS_DOMAIN_ID", "42"), ("ROS_LOCALHOST_ONLY", "1")], Ok((42, true)));
         check(&[("ROS_DOMAIN_ID", ""), ("ROS_LOCALHOST_ONLY", "0")], Ok((0, false)));

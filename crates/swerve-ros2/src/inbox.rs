@@ -1,25 +1,24 @@
-//! The queue of one topic's messages: never more than its depth, never faster than its rate, always the newest.
+//! Queue of one topic's messages: bounded in depth and rate, and always containing the newest.
 
 use std::collections::VecDeque;
 
 use swerve_core::Span;
 
-/// How many messages fit into a window of the rate.
+/// Number of messages that may arrive in a burst.
 const BURST: i64 = 5;
 
-/// A bounded queue that keeps the newest.
+/// A bounded queue that keeps the newest messages.
 #[derive(Debug)]
 pub(crate) struct Inbox<T> {
     waiting: VecDeque<T>,
     depth: usize,
-    /// Least time between messages on the mean, ns; 0 for any.
+    /// Minimum mean period of messages, ns; 0 for no limit.
     period_ns: i64,
-    /// When the message after the newest would come at that rate, ns (the "theoretical arrival time" of the
-    /// generic cell rate algorithm, ITU-T I.371).
+    /// Theoretical arrival time of the next message at that rate, ns (generic cell rate algorithm, ITU-T I.371).
     expected_ns: i64,
-    /// Messages that nobody read before newer ones took their place.
+    /// Messages replaced by newer ones before they were read.
     pub(crate) overwritten: u64,
-    /// Messages that came faster than the rate, and replaced the one before them.
+    /// Messages above the rate limit; each replaced its predecessor.
     pub(crate) over_rate: u64,
 }
 
@@ -37,10 +36,10 @@ impl<T> Inbox<T> {
         }
     }
 
-    /// Takes a message that was received at `at_ns`.
+    /// Adds a message received at `at_ns`.
     pub(crate) fn push(&mut self, message: T, at_ns: i64) {
         let slack = self.period_ns.saturating_mul(BURST);
-        // A host clock that was set back must not stop the stream for that long.
+        // A host clock that was set back must not block the stream for that time.
         if self.expected_ns.saturating_sub(at_ns) > slack.saturating_mul(2) {
             self.expected_ns = at_ns;
         }
@@ -57,7 +56,7 @@ impl<T> Inbox<T> {
         self.waiting.push_back(message);
     }
 
-    /// The oldest that waits.
+    /// Removes the oldest message.
     pub(crate) fn pop(&mut self) -> Option<T> {
         self.waiting.pop_front()
     }
@@ -74,7 +73,7 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     #[test]
-    fn the_newest_are_kept_in_order() {
+    fn inbox_keeps_the_newest_in_order() {
         let mut inbox = Inbox::new(3, None);
         (0..10).for_each(|i| inbox.push(i, 0));
         assert_eq!((inbox.overwritten, inbox.over_rate), (7, 0));
@@ -82,10 +81,10 @@ mod tests {
         assert!(inbox.is_empty());
     }
 
-    /// A topic that may have 20 messages a second gets 1,000: it passes a burst and then every 50 ms, and what
-    /// waits is always the newest.
+    /// A topic limited to 20 messages per second gets 1,000: a burst passes, then one every 50 ms, and the waiting
+    /// message is always the newest.
     #[test]
-    fn a_flood_is_counted_and_the_newest_waits() {
+    fn inbox_counts_a_flood_and_keeps_the_newest() {
         let mut inbox = Inbox::new(1000, Some(20.0));
         for i in 0..1000 {
             inbox.push(i, i * MS);
@@ -97,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_at_its_rate_passes_with_jitter() {
+    fn inbox_passes_a_stream_with_jitter_at_its_rate() {
         let mut inbox = Inbox::new(1000, Some(20.0));
         for i in 0..400 {
             inbox.push(i, i * 50 * MS + (i * 37 % 90) * MS);
@@ -106,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_host_clock_that_is_set_back_stops_nothing() {
+    fn inbox_tolerates_a_host_clock_that_is_set_back() {
         let mut inbox = Inbox::new(1000, Some(20.0));
         inbox.push(0, 1_000_000 * MS);
         for i in 0..20 {

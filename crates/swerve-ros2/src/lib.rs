@@ -1,27 +1,27 @@
-//! The bridge to ROS 2: messages, their bytes, what they mean, and the transport.
+//! Bridge to ROS 2: messages, serialization, conversion, and transport.
 //!
 //! Pure Rust over DDS (RustDDS); no ROS installation is needed on either side.
 //!
-//! | module | what |
+//! | module | content |
 //! |---|---|
-//! | [`msg`] | the messages as ROS defines them, a module for each package |
-//! | [`catalogue`] | all messages, all roles of topics, the topics of all vehicles: the one list of each |
-//! | [`message`] | all of them behind one type |
-//! | [`cdr`] | their bytes: `decode_any` for what a log or another program wrote, checked |
-//! | [`check`] | whether what came may be believed |
-//! | [`convert`] | between them and `swerve-msg`: units, frames, axes, stamps |
-//! | [`mapping`] | which stream is which topic: built-in tables for vehicles, changed in TOML |
-//! | [`clock`] | the offset between a sensor's clock and the host's, and what a stamp is worth |
+//! | [`msg`] | messages as ROS defines them, one module per package |
+//! | [`catalogue`] | lists of all messages, roles of topics, and topics of vehicles |
+//! | [`message`] | all messages behind one type |
+//! | [`cdr`] | serialization: `decode_any` validates messages of logs and other programs |
+//! | [`check`] | validation of received messages |
+//! | [`convert`] | conversion to and from `swerve-msg`: units, frames, axes, stamps |
+//! | [`mapping`] | mapping of streams to topics: built-in tables for vehicles, changed in TOML |
+//! | [`clock`] | offset between a sensor's clock and the host's, and plausibility of stamps |
 //! | [`bridge`] | the node: [`bridge::Bridge::start`], `publish`, `take`, `statistics`, `stop` |
-//! | [`transport`] | the same in a process of its own, with a bound on its memory |
-//! | [`mod@env`] | what the environment says |
-//! | [`samples`] | one example of every message, for tests |
+//! | [`transport`] | the same in a separate process with bounded memory |
+//! | [`mod@env`] | environment variables |
+//! | [`samples`] | one sample of every message, for tests |
 //!
-//! A program makes a [`mapping::Mapping`] from its configuration, [`bridge::Options::from_mapping`] for its side of
-//! it (the stack's, or the vehicle's where a simulator takes its place), starts the bridge, and takes and publishes
-//! messages by endpoint.
+//! A program builds a [`mapping::Mapping`] from its configuration and [`bridge::Options::from_mapping`] for its
+//! side of it (the stack, or the vehicle when simulated), starts the bridge, and takes and publishes messages by
+//! endpoint.
 //!
-//! Absences: no engine, no simulator. Only this crate knows DDS, and none of DDS's types leave it.
+//! Contains no engine and no simulator. Only this crate depends on DDS, and it exposes no DDS types.
 
 pub mod bridge;
 pub mod catalogue;

@@ -1,13 +1,13 @@
-//! Which of our streams is which topic: built-in tables for known vehicles, changed by a table in TOML.
+//! Mapping of streams to topics: built-in tables for known vehicles, changed by a table in TOML.
 //!
 //! ```toml
 //! [ros2]
 //! vehicle = "autoware"            # or "dataspeed", "raptor", "plain"
 //! node = "swerve"
-//! domain = 3                      # else ROS_DOMAIN_ID
-//! localhost_only = true           # else ROS_LOCALHOST_ONLY
-//! service_mapping = "cyclone"     # how the other side's middleware maps services; "enhanced" is Fast DDS's
-//! transport_memory_mib = 1024     # what the process that speaks DDS may take
+//! domain = 3                      # default: ROS_DOMAIN_ID
+//! localhost_only = true           # default: ROS_LOCALHOST_ONLY
+//! service_mapping = "cyclone"     # service mapping of the other side's middleware; "enhanced" for Fast DDS
+//! transport_memory_mib = 1024     # memory limit of the transport process
 //!
 //! [ros2.frames]
 //! map = "map"
@@ -18,12 +18,12 @@
 //! frame = "os1"
 //! rate_max_hz = 40.0
 //!
-//! [ros2.topics.camera_left]       # a topic more: any name, and the role that it plays
+//! [ros2.topics.camera_left]       # an additional topic: any name, and its role
 //! role = "camera"
 //! topic = "/left/image_raw"
 //! ```
 //!
-//! A topic is `enabled = false` to leave it out. Problems name the key and the nearest valid one.
+//! `enabled = false` removes a topic. Problems name the key and the nearest valid one.
 
 pub(crate) mod role;
 pub(crate) mod tables;
@@ -40,25 +40,25 @@ pub use tables::Vehicle;
 use crate::env::Network;
 use crate::message::Kind;
 
-/// How a topic's messages are delivered.
+/// Quality of service of a topic.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Qos {
-    /// Whether what is lost is sent again. A reader that wants that is not matched with a writer that does not.
+    /// True to resend lost messages. A reliable reader does not match a best-effort writer.
     pub reliable: bool,
-    /// Whether who comes late gets what was sent before.
+    /// True to send earlier messages to late joiners.
     pub transient_local: bool,
-    /// How many messages are kept.
+    /// Depth of the history.
     pub depth: usize,
 }
 
 impl Qos {
-    /// Sensors: the newest five, lost ones stay lost.
+    /// For sensors: the newest five messages, best-effort.
     pub const SENSOR: Self = Self { reliable: false, transient_local: false, depth: 5 };
-    /// ROS's default: the newest ten, lost ones are sent again.
+    /// ROS default: the newest ten messages, reliable.
     pub const DEFAULT: Self = Self { reliable: true, transient_local: false, depth: 10 };
-    /// Autoware's vehicle topics: only the newest counts.
+    /// For Autoware's vehicle topics: only the newest message, reliable.
     pub const VEHICLE: Self = Self { reliable: true, transient_local: false, depth: 1 };
-    /// Maps and fixed frames: the newest one also for who comes late.
+    /// For maps and static transforms: the newest message, also for late joiners.
     pub const LATCHED: Self = Self { reliable: true, transient_local: true, depth: 1 };
 
     const NAMES: [(&str, Self); 4] = [
@@ -69,26 +69,26 @@ impl Qos {
     ];
 }
 
-/// One topic.
+/// Mapping of one topic.
 #[derive(Clone, PartialEq, Debug)]
 pub struct TopicMap {
-    /// Its name here.
+    /// Name in the mapping.
     pub name: String,
-    /// The use that it is of.
+    /// Role of the topic.
     pub role: Role,
-    /// Its name in ROS.
+    /// ROS name.
     pub topic: String,
     /// The type of its messages.
     pub kind: Kind,
-    /// How it is delivered.
+    /// Quality of service.
     pub qos: Qos,
-    /// The frame of its messages; empty where they have none or any is taken.
+    /// Frame of the messages; empty if they have none or any is accepted.
     pub frame: String,
-    /// Faster than this is a flood; `None` for any.
+    /// Rate limit, Hz; `None` for no limit.
     pub rate_max_hz: Option<f64>,
 }
 
-/// How requests and replies are told apart, which differs between middlewares.
+/// Correlation of requests and replies, which differs between middlewares.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum ServiceMap {
     /// `rmw_fastrtps`.
@@ -96,28 +96,28 @@ pub enum ServiceMap {
     Enhanced,
     /// `rmw_cyclonedds`.
     Cyclone,
-    /// Plain remote procedure calls over DDS.
+    /// Basic service mapping of DDS-RPC.
     Basic,
 }
 
-/// The memory that the transport's process may take unless a table says otherwise, MiB. With all of Autoware's topics,
-/// images with them, it takes about a quarter.
+/// Default memory limit of the transport process, MiB. About a quarter is used with all of Autoware's topics,
+/// including images.
 const TRANSPORT_MEMORY_MIB: u32 = 1024;
 
-/// Everything that a bridge is told.
+/// Mapping of a vehicle's topics, and settings of the node.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Mapping {
-    /// Which table it began with.
+    /// Vehicle whose built-in table is the base.
     pub vehicle: Vehicle,
     /// Name of the node.
     pub node: String,
     /// Namespace of the node, beginning with a slash.
     pub namespace: String,
-    /// Where to look for others.
+    /// Domain and interfaces.
     pub network: Network,
-    /// How services are mapped.
+    /// Mapping of services in DDS.
     pub service_map: ServiceMap,
-    /// The memory that the transport's process may take, MiB.
+    /// Memory limit of the transport process, MiB.
     pub transport_memory_mib: u32,
     /// Name of the map frame.
     pub map_frame: String,
@@ -128,7 +128,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// The built-in table of a vehicle.
+    /// Built-in mapping of a vehicle.
     pub fn of(vehicle: Vehicle, network: Network) -> Self {
         Self {
             vehicle,
@@ -143,11 +143,11 @@ impl Mapping {
         }
     }
 
-    /// The table of the vehicle that `[ros2]` names, changed as it says. `table` is what is below `[ros2]`;
-    /// `network` what the environment says, which the table overrules.
+    /// Mapping of the vehicle named by `[ros2]`, with the changes in it. `table` is the content of `[ros2]`; it
+    /// overrides the environment's `network`.
     ///
     /// # Errors
-    /// Every key that there is not and every value that it cannot have; keys are from the top of `table`.
+    /// All unknown keys and invalid values; keys are relative to `table`.
     pub fn from_table(table: &Table, network: Network) -> Result<Self, Problems> {
         let reading = Reading::without_text("[ros2]");
         let mapping = Self::read(&reading.top(table), network);
@@ -204,7 +204,7 @@ impl Mapping {
         }
     }
 
-    /// A topic that the vehicle's table does not have: it needs at least its name in ROS.
+    /// Reads a topic that the vehicle's table does not contain: its ROS name is required.
     fn new_topic(&self, topics: &TableReader<'_>, name: &str, own: &TableReader<'_>) -> Option<TopicMap> {
         let role = if own.has("role") {
             named(own, "role", &role::names())?
@@ -233,19 +233,19 @@ impl Mapping {
         })
     }
 
-    /// The topic of this name.
+    /// The topic with this name.
     pub fn topic(&self, name: &str) -> Option<&TopicMap> {
         self.topics.iter().find(|topic| topic.name == name)
     }
 
-    /// The topics of this role, by name.
+    /// Topics of this role, ordered by name.
     pub fn with_role(&self, role: Role) -> impl Iterator<Item = &TopicMap> {
         self.topics.iter().filter(move |topic| topic.role == role)
     }
 }
 
 impl TopicMap {
-    /// `false` where the topic is left out.
+    /// Applies changes; returns false if the topic is disabled.
     fn change(&mut self, table: &TableReader<'_>) -> bool {
         replace(&mut self.topic, path(table, "topic"));
         self.change_kind(table);
@@ -263,7 +263,7 @@ impl TopicMap {
         enabled
     }
 
-    /// A type is written with or without the `msg` in the middle.
+    /// Changes the type, which is written with or without `msg` in the middle.
     fn change_kind(&mut self, table: &TableReader<'_>) {
         let allowed = self.role.kinds();
         let written = table.value("type").and_then(Value::as_str).and_then(Kind::parse);
@@ -276,7 +276,7 @@ impl TopicMap {
         replace(&mut self.kind, table.one_of_if_any("type", &names).map(|i| allowed[i]));
     }
 
-    /// The name of a set, or a table of single policies over those there were.
+    /// Changes the quality of service: a named profile, or a table of single policies.
     fn change_qos(&mut self, table: &TableReader<'_>) {
         if !table.value("qos").is_some_and(Value::is_table) {
             replace(&mut self.qos, named(table, "qos", &Qos::NAMES));
@@ -297,7 +297,7 @@ impl TopicMap {
 const SERVICE_NAMES: [(&str, ServiceMap); 3] =
     [("enhanced", ServiceMap::Enhanced), ("cyclone", ServiceMap::Cyclone), ("basic", ServiceMap::Basic)];
 
-/// Puts what a table says in the place of what there was.
+/// Replaces a value if a new one is given.
 fn replace<T>(old: &mut T, new: Option<T>) {
     if let Some(new) = new {
         *old = new;
@@ -309,14 +309,14 @@ fn text(table: &TableReader<'_>, key: &'static str) -> Option<String> {
     table.text_like(key, "a text of one line", is_text)
 }
 
-/// Letters, digits and underscores, of which the first is no digit.
+/// Returns true for letters, digits and underscores, not starting with a digit.
 fn is_name(name: &str) -> bool {
     let first = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
     let rest = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !name.contains("__");
     first && rest && name.len() < 256
 }
 
-/// Names with slashes, beginning with one.
+/// Reads a ROS name: names separated by slashes, with a leading slash.
 fn path(table: &TableReader<'_>, key: &'static str) -> Option<String> {
     table.text_like(key, "a name in ROS such as \"/sensing/lidar\"", |path| {
         let is_path = |rest: &str| rest.is_empty() || rest.split('/').all(is_name);

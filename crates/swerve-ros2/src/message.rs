@@ -1,4 +1,4 @@
-//! Every message that the bridge knows, behind one type; which there are is in [`crate::catalogue`].
+//! All messages behind one type; they are listed in [`crate::catalogue`].
 
 use core::fmt;
 
@@ -11,18 +11,18 @@ use crate::check::Check;
 pub trait RosMessage:
     Check + Serialize + for<'de> Deserialize<'de> + Clone + PartialEq + fmt::Debug + Default
 {
-    /// Which it is.
+    /// Kind of the message.
     const KIND: Kind;
 
-    /// The message in the type of all.
+    /// Wraps the message.
     fn into_any(self) -> AnyMessage;
 
-    /// The message, if it is of this type.
+    /// Unwraps the message if it is of this type.
     fn from_any(any: AnyMessage) -> Option<Self>;
 }
 
-/// Makes `Kind` and `AnyMessage` of a table of messages. A row says all that is known of a message beside its fields:
-/// none of it can be left out.
+/// Generates `Kind` and `AnyMessage` from a table of messages. A row contains everything about a message except its
+/// fields; no part is optional.
 macro_rules! messages {
     (@stamp $message:ident header) => { Some($message.header.stamp) };
     (@stamp $message:ident own) => { Some($message.stamp) };
@@ -30,7 +30,7 @@ macro_rules! messages {
     (@large small) => { false };
     (@large large) => { true };
     ($($variant:ident = $package:ident :: $name:ident : $stamp:ident, $size:ident;)*) => {
-        /// Which message: its ROS package and name.
+        /// Type of a message: its ROS package and name.
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
         pub enum Kind { $(#[doc = concat!("`", stringify!($package), "/", stringify!($name), "`.")] $variant,)* }
 
@@ -40,45 +40,45 @@ macro_rules! messages {
         pub enum AnyMessage { $(#[doc = concat!("`", stringify!($package), "/", stringify!($name), "`.")] $variant($package::$name),)* }
 
         impl Kind {
-            /// All of them.
+            /// All kinds.
             pub const ALL: &[Self] = &[$(Self::$variant,)*];
 
-            /// The ROS package.
+            /// ROS package.
             pub fn package(self) -> &'static str {
                 match self { $(Self::$variant => stringify!($package),)* }
             }
 
-            /// The name within the package.
+            /// Name within the package.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => stringify!($name),)* }
             }
 
-            /// Whether its messages are so large that many datagrams make one.
+            /// Returns true if its messages need many datagrams.
             pub fn is_large(self) -> bool {
                 match self { $(Self::$variant => messages!(@large $size),)* }
             }
 
-            /// A message of this kind with nothing in it.
+            /// An empty message of this kind.
             pub fn empty(self) -> AnyMessage {
                 match self { $(Self::$variant => AnyMessage::$variant(Default::default()),)* }
             }
         }
 
         impl AnyMessage {
-            /// Which it is.
+            /// Kind of the message.
             pub fn kind(&self) -> Kind {
                 match self { $(Self::$variant(_) => Kind::$variant,)* }
             }
 
-            /// The instant that it describes, by its writer's clock; `None` where it says none or several.
+            /// Stamp, by its writer's clock; `None` if it has none or several.
             pub fn stamp(&self) -> Option<builtin_interfaces::Time> {
                 match self { $(Self::$variant(message) => messages!(@stamp message $stamp),)* }
             }
 
-            /// Whether a reader may rely on its numbers, sizes and names.
+            /// Validates numbers, sizes and names.
             ///
             /// # Errors
-            /// The first field that is not as it has to be.
+            /// The first invalid field.
             pub fn check(&self) -> Result<(), Invalid> {
                 match self { $(Self::$variant(message) => {
                     check_numbers(message, <$package::$name as Check>::MAY_BE_NAN)?;
@@ -86,7 +86,7 @@ macro_rules! messages {
                 })* }
             }
 
-            /// Sets the fields that have to fit one another, in an example of arbitrary values.
+            /// Makes the fields consistent with each other, in a sample of arbitrary values.
             pub(crate) fn fit(&mut self) {
                 match self { $(Self::$variant(message) => message.fit(),)* }
             }
@@ -118,17 +118,17 @@ macro_rules! messages {
 pub(crate) use messages;
 
 impl Kind {
-    /// `package/msg/Name`, as ROS tools write it.
+    /// ROS type name, `package/msg/Name`.
     pub fn type_name(self) -> String {
         format!("{}/msg/{}", self.package(), self.name())
     }
 
-    /// `package::msg::dds_::Name_`, as it is on the wire.
+    /// DDS type name, `package::msg::dds_::Name_`.
     pub fn dds_type_name(self) -> String {
         format!("{}::msg::dds_::{}_", self.package(), self.name())
     }
 
-    /// The kind of `package/msg/Name` or `package/Name`.
+    /// Parses `package/msg/Name` or `package/Name`.
     pub fn parse(type_name: &str) -> Option<Self> {
         let (package, name) = type_name.split_once('/')?;
         let name = name.strip_prefix("msg/").unwrap_or(name);

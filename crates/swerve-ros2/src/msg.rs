@@ -1,8 +1,8 @@
-//! The messages that cross the bridge, one module for each ROS package.
+//! ROS messages, one module per package.
 //!
-//! Names, order and types of the fields are those of the packages' `.msg` files (Jazzy; Humble to Lyrical have
-//! the same bytes): they are the wire format. Units are SI and radians unless a struct says otherwise.
-//! Runs of bytes are `serde_bytes`, which makes a megabyte a copy instead of a million calls.
+//! Names, order and types of the fields are those of the packages' `.msg` files (Jazzy; identical on the wire from
+//! Humble to Lyrical): they define the wire format. Units are SI and radians unless a struct states otherwise. Byte
+//! arrays use `serde_bytes`, which copies a megabyte at once instead of byte by byte.
 
 pub mod autoware_control_msgs;
 pub mod autoware_perception_msgs;

@@ -1,7 +1,7 @@
-//! One example of every message with every field filled: for tests of decoders and of other implementations.
+//! One sample of every message with every field filled, for tests of decoders and of other implementations.
 //!
-//! A deserializer without input makes up what it is asked for: numbers that differ from field to field and lie
-//! within (0, 1), short texts, sequences of two. Where fields have to fit one another they are set afterwards.
+//! A deserializer without input generates the values: numbers within (0, 1) that differ from field to field, short
+//! strings, sequences of two. Fields that must be consistent with each other are set afterwards.
 
 use core::fmt;
 
@@ -12,7 +12,7 @@ use serde::forward_to_deserialize_any;
 use crate::message::{AnyMessage, Kind};
 pub use crate::msg::sensor_msgs::large_cloud;
 
-/// The example of this kind; it passes its own check.
+/// The sample of this kind; it passes its own check.
 pub fn sample(kind: Kind) -> AnyMessage {
     let mut message =
         kind.deserialize(&mut Filler { count: 0, field: "" }).expect("the filler refuses nothing");
@@ -26,7 +26,7 @@ struct Filler {
 }
 
 impl Filler {
-    /// A number in (0, 1) that single precision has exactly.
+    /// A number in (0, 1) that is exact in single precision.
     fn next(&mut self) -> f64 {
         self.count = self.count % 62 + 1;
         f64::from(self.count) / 64.0
@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sample_passes_its_own_check() {
+    fn samples_pass_their_own_check() {
         for &kind in Kind::ALL {
             assert_eq!(sample(kind).check(), Ok(()), "{kind}");
         }

@@ -1,10 +1,11 @@
-//! The node in a process of its own.
+//! The node in a separate process.
 //!
-//! What speaks RTPS reads whatever anybody sends, and takes the memory that a datagram asks for: RustDDS 0.15 can be
-//! made to abort by one. So it runs in a process with a bound on its memory, and who drives, brakes and records does
-//! not. [`Transport`] has the functions of a [`Bridge`](crate::bridge::Bridge). When the process ends or hangs, that is
-//! told ([`Transport::take_losses`]), a fresh one is started at once, and what is published from then on goes through it.
-//! When the program dies, the process goes on from the state that was left to it ([`Transport::leave`]), then ends.
+//! An RTPS implementation parses arbitrary network input and allocates as much memory as a datagram requests: a
+//! single datagram can make RustDDS 0.15 abort. It therefore runs in a separate process with a memory limit, and
+//! driving, braking and recording continue if it fails. [`Transport`] has the functions of a
+//! [`Bridge`](crate::bridge::Bridge). If the process ends or hangs, the loss is reported
+//! ([`Transport::take_losses`]), a new process is started at once, and later messages go through it. If the program
+//! dies, the process continues from the state that was left with it ([`Transport::leave`]), then ends.
 //!
 //! ```text
 //!  program: Transport --- socket, frames of a bounded length --- process: Bridge --- DDS
@@ -35,26 +36,27 @@ use crate::cdr;
 use crate::inbox::Inbox;
 use crate::message::AnyMessage;
 
-/// How long a process may take to make its node.
+/// Maximum time for a process to create its node.
 const START_WITHIN: Duration = Duration::from_secs(10);
-/// How long the process may take to count.
+/// Maximum time for the process to report its statistics.
 const COUNT_WITHIN: Duration = Duration::from_millis(500);
-/// Messages on their way to the process at most: what waits longer is old.
+/// Maximum number of messages in transit to the process; longer waits would make them stale.
 const WINDOW: usize = 32;
-/// Messages that wait here for who takes them, at most.
+/// Maximum number of messages that wait here for a reader.
 const DEPTH_MAX: usize = 1000;
 
-/// How the process is started.
+/// Start parameters of the process.
 pub struct TransportProcess {
-    /// The command that ends in [`run`].
+    /// Command that runs [`run`].
     pub command: Box<dyn Fn() -> Command + Send>,
-    /// The memory that it may take, MiB.
+    /// Memory limit, MiB.
     pub memory_mib: u32,
-    /// Its needs, beside the newest state, to go on alone; handed on to [`run`] in [`Orphan`].
+    /// Data, in addition to the newest state, that the process needs to continue alone; passed to [`run`] in
+    /// [`Orphan`].
     pub setup: Vec<u8>,
 }
 
-/// A node with its topics, in a process of its own. Ends that when it is dropped.
+/// A node with its topics, in a separate process. Ends the process when dropped.
 pub struct Transport {
     endpoints: Vec<Endpoint>,
     shared: Arc<Shared>,
@@ -66,37 +68,37 @@ struct Shared {
     news: Condvar,
 }
 
-/// What the threads share.
+/// State shared between the threads.
 #[derive(Default)]
 struct State {
     inboxes: Vec<Inbox<Received>>,
-    /// Where the next search for a message begins.
+    /// Endpoint at which the next search for a message starts.
     search_from: usize,
-    /// Counts of the process that runs.
+    /// Statistics of the running process.
     counts: Vec<TopicStatistics>,
-    /// Counts of those before it.
+    /// Statistics of earlier processes.
     earlier: Vec<TopicStatistics>,
-    /// Messages that no process was there for, or that it was too slow for, by endpoint.
+    /// Messages dropped because there was no process or it was too slow, by endpoint.
     not_handed_on: Vec<u64>,
-    /// The process, while there is one with a node.
+    /// Session with the running process, while it has a node.
     session: Option<Session>,
-    /// Messages that it has not taken yet.
+    /// Messages in transit to the process.
     on_their_way: usize,
     asked: u64,
     answers: BTreeMap<u64, Result<bool, String>>,
     modes: Vec<u8>,
-    /// Why processes ended, as far as nobody took it yet.
+    /// Reasons for the ends of processes that have not been taken yet.
     losses: Vec<String>,
     lost: u64,
-    /// Whether the first one came up.
+    /// Result of starting the first process.
     began: Option<Result<(), String>>,
     is_ending: bool,
     has_ended: bool,
-    /// How often a process has counted because it was asked to.
+    /// Number of requested statistics received.
     counted: u64,
 }
 
-/// The way to a process.
+/// Connection to a process.
 struct Session {
     orders: SyncSender<Order>,
     socket: UnixStream,
@@ -104,7 +106,7 @@ struct Session {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // A panic while it was held would be a bug of ours in plain bookkeeping: what is there is still whole.
+        // The updates leave the state consistent even if a holder of the lock panics.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -120,10 +122,10 @@ impl Shared {
 }
 
 impl Transport {
-    /// Starts a process with a node, and waits until that is there.
+    /// Starts a process and waits until it has a node.
     ///
     /// # Errors
-    /// As [`Bridge::start`](crate::bridge::Bridge::start), and when the process does not come up.
+    /// As [`Bridge::start`](crate::bridge::Bridge::start), or if the process does not start.
     pub fn start(options: &Options, process: TransportProcess) -> Result<Self, BridgeError> {
         let n = options.endpoints.len();
         let depth = |endpoint: &Endpoint| Inbox::new(endpoint.qos.depth.min(DEPTH_MAX), None);
@@ -156,20 +158,21 @@ impl Transport {
         Ok(transport)
     }
 
-    /// The endpoint of this name.
+    /// The endpoint with this name.
     pub fn endpoint(&self, name: &str) -> Option<EndpointId> {
         self.endpoints.iter().position(|endpoint| endpoint.name == name).map(EndpointId)
     }
 
-    /// All endpoints, in the order of their numbers.
+    /// All endpoints in the order of their indices.
     pub fn endpoints(&self) -> &[Endpoint] {
         &self.endpoints
     }
 
-    /// Hands a message to the process.
+    /// Sends a message to the process.
     ///
     /// # Errors
-    /// See [`PublishError`]; what the process does not get is counted here, what DDS does not take there.
+    /// See [`PublishError`]. Messages that do not reach the process are counted here, those that DDS does not
+    /// accept there.
     pub fn publish(&self, EndpointId(endpoint): EndpointId, message: AnyMessage) -> Result<(), PublishError> {
         let Some(known) = self.endpoints.get(endpoint).filter(|known| known.direction == Direction::Send)
         else {
@@ -193,7 +196,7 @@ impl Transport {
         handed_on
     }
 
-    /// Leaves a state to the process, to go on from where this program dies; one that is full is left it the next time.
+    /// Leaves a state with the process, from which it continues if this program dies; skipped if its queue is full.
     pub fn leave(&self, state: Vec<u8>) {
         let _next_time = self
             .shared
@@ -203,7 +206,7 @@ impl Transport {
             .map(|session| session.orders.try_send(Order::Leave { state }));
     }
 
-    /// A message of any endpoint, in turn.
+    /// Takes a message of any endpoint, round-robin.
     pub fn take_any(&self) -> Option<(EndpointId, Received)> {
         let mut state = self.shared.lock();
         let n = state.inboxes.len();
@@ -213,32 +216,33 @@ impl Transport {
         state.inboxes[found].pop().map(|received| (EndpointId(found), received))
     }
 
-    /// Waits until a message waits on any endpoint, or a process was lost; `false` when neither came in time.
+    /// Waits for a message on any endpoint or the loss of a process; returns false on timeout.
     pub fn wait(&self, timeout: Duration) -> bool {
         let has_news =
             |state: &State| !state.losses.is_empty() || state.inboxes.iter().any(|inbox| !inbox.is_empty());
         self.shared.wait(timeout, has_news).1
     }
 
-    /// How many others read or write this topic, by the newest word of the process.
+    /// Number of matched readers or writers of this topic, by the latest report of the process.
     pub fn matched(&self, EndpointId(endpoint): EndpointId) -> usize {
         self.shared.lock().counts.get(endpoint).map_or(0, |counts| counts.matched)
     }
 
-    /// Why processes ended since the last call, one sentence each.
+    /// Reasons for the ends of processes since the last call, one sentence each.
     pub fn take_losses(&self) -> Vec<String> {
         std::mem::take(&mut self.shared.lock().losses)
     }
 
-    /// How many processes ended so far.
+    /// Number of processes that ended so far.
     pub fn lost(&self) -> u64 {
         self.shared.lock().lost
     }
 
-    /// Asks the vehicle for a control mode (as in `ControlModeReport`), and waits for the answer: whether it took it.
+    /// Requests a control mode of the vehicle (as in `ControlModeReport`) and waits for the answer; returns true if
+    /// it was accepted.
     ///
     /// # Errors
-    /// There is no such service, or no answer in time.
+    /// If there is no such service, or no answer in time.
     pub fn request_control_mode(&self, mode: u8, timeout: Duration) -> Result<bool, ServiceError> {
         const ON_THE_WAY: Duration = Duration::from_millis(20);
         let mut state = self.shared.lock();
@@ -255,19 +259,19 @@ impl Transport {
             state.answers.contains_key(&number) || state.session.is_none()
         });
         let answer = state.answers.remove(&number).ok_or(ServiceError::NoAnswer)?;
-        // Answers that came too late are nobody's.
+        // Discard answers that came too late.
         state.answers.clear();
         answer.map_err(ServiceError::Transport)
     }
 
-    /// The control modes that somebody asked for since the last call. The process has said already that autonomous and
-    /// manual are taken, and no other.
+    /// Control modes requested by other nodes since the last call. The process has already answered them: it
+    /// accepts autonomous and manual only.
     pub fn take_modes(&self) -> Vec<u8> {
         std::mem::take(&mut self.shared.lock().modes)
     }
 
-    /// Counts so far, by endpoint, those of processes that are gone with them. All that was published before is in
-    /// them, unless the process is too slow.
+    /// Statistics so far, by endpoint, including those of earlier processes. Includes all earlier publications,
+    /// unless the process is too slow.
     pub fn statistics(&self) -> Vec<TopicStatistics> {
         let state = self.shared.lock();
         let counted = state.counted;
@@ -289,7 +293,7 @@ impl Transport {
         (0..self.endpoints.len()).map(newest).collect()
     }
 
-    /// Ends the process: what hangs is killed.
+    /// Ends the process; kills it if it hangs.
     pub fn stop(mut self, deadline: Duration) {
         self.end(deadline);
     }
@@ -299,7 +303,7 @@ impl Transport {
         {
             let mut state = self.shared.lock();
             state.is_ending = true;
-            // One that is gone needs no telling.
+            // A process that is gone needs no notification.
             let _gone = state.session.as_ref().map(|session| session.orders.try_send(Order::End));
         }
         self.shared.news.notify_all();
@@ -312,7 +316,7 @@ impl Transport {
     }
 }
 
-/// A hint where this process may open few files: RustDDS does not always pass on why the system refuses a socket.
+/// Hint for hosts with a low limit of open files: RustDDS does not always report why the system refuses a socket.
 fn few_descriptors() -> String {
     const ENOUGH: u64 = 256;
     let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
@@ -335,7 +339,7 @@ mod tests {
     use crate::env::Network;
     use crate::mapping::{Mapping, Side, Vehicle};
 
-    /// What starts with these words in the place of the transport's process.
+    /// Error of starting this command instead of the transport process.
     fn started_as(words: &'static [&'static str]) -> String {
         let command = || {
             let mut command = Command::new(words[0]);
@@ -348,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn a_process_that_does_not_come_up_is_told() {
+    fn transport_reports_a_process_that_does_not_start() {
         for (words, told) in [
             (&["sh", "-c", "exit 3"][..], "ended (exit status: 3)"),
             (

@@ -1,3 +1,5 @@
+//! Tests with a custom message type.
+
 use foxglove::messages::SceneUpdate;
 use prost::Message;
 use serde::{Deserialize, Serialize};
@@ -12,7 +14,7 @@ use swerve_vehicle::VehicleParams;
 use super::*;
 use crate::Setup;
 
-/// The message of an operator that this project does not have.
+/// Message of a third-party operator.
 #[derive(Clone, Serialize, Deserialize)]
 struct Parking {
     free: u32,
@@ -36,7 +38,7 @@ impl Operator for Searcher {
     }
 }
 
-/// A run of the operator, watched.
+/// An observed run of the operator, with its views.
 struct Shown {
     foxglove: Foxglove,
     views: Vec<View>,
@@ -64,7 +66,7 @@ fn foxglove() -> Foxglove {
     })
 }
 
-/// Two ticks, at 0 and 1 s: topic, message encoding, schema's name, stamp and bytes of what is shown.
+/// Views of a run of two ticks, at 0 and 1 s, with their encoded bytes.
 fn shown(foxglove: Foxglove) -> Vec<(View, Vec<u8>)> {
     let mut graph = Graph::new();
     graph.add("searcher", Searcher, every(Span::from_ms(1000))).out();
@@ -80,7 +82,7 @@ fn shown(foxglove: Foxglove) -> Vec<(View, Vec<u8>)> {
 }
 
 #[test]
-fn a_message_of_another_crate_is_shown_as_json() {
+fn custom_message_is_shown_as_json() {
     let shown = shown(foxglove().with_json::<Parking>("parking", SCHEMA));
     assert_eq!(shown.len(), 2);
     let (view, bytes) = &shown[1];
@@ -89,14 +91,14 @@ fn a_message_of_another_crate_is_shown_as_json() {
     assert_eq!((&*schema.name, schema.encoding, schema.message_encoding), ("Parking", "jsonschema", "json"));
     let said: Value = serde_json::from_slice(bytes).unwrap();
     assert_eq!(said, json!({ "free": 2, "spots_m": [[1.0, 3.0], [1.0, 6.0]] }));
-    // Foxglove offers the fields that the schema names: they are those of the message.
+    // Foxglove lists the fields of the schema, which are those of the message.
     let described: Value = serde_json::from_slice(&schema.data).unwrap();
     let fields = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     assert_eq!(fields(&described["properties"]), fields(&said));
 }
 
 #[test]
-fn a_message_of_another_crate_is_drawn_in_the_map() {
+fn custom_message_is_drawn_in_the_map() {
     let extent = Extent { length_m: 5.0, width_m: 2.0, height_m: 0.1 };
     let shown = shown(foxglove().with_drawing::<Parking>("parking/spots", move |parking, drawing| {
         for [x_m, y_m] in &parking.spots_m {
@@ -124,9 +126,9 @@ fn a_message_of_another_crate_is_drawn_in_the_map() {
     assert_eq!(entity.texts[0].text, "2 free");
 }
 
-/// Two forms of one message are two topics, and what is not registered is not shown.
+/// Two views of one message are two topics; unregistered types are not shown.
 #[test]
-fn a_message_may_be_shown_in_several_forms_or_in_none() {
+fn custom_message_may_have_several_views_or_none() {
     assert!(shown(foxglove()).is_empty());
     let raw =
         ViewSchema { name: "count".into(), message_encoding: "text", encoding: "", data: [][..].into() };

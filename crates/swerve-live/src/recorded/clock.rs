@@ -1,27 +1,28 @@
-//! From the recorder's time to the time of the run.
+//! From the recorder's time to run time.
 
 use swerve_core::{Span, Time};
 
-/// A message this much earlier than the newest before it came out of turn; one that is earlier still has no true time.
+/// Messages up to this much earlier than the newest one are out of order; earlier times are implausible.
 const EARLIER_MAX: Span = Span::from_ms(1000);
-/// No more than this lies between two messages of a drive.
+/// Largest plausible gap between two messages of a drive.
 const GAP_MAX: Span = Span::from_ms(60_000);
-/// So many messages in a row whose times agree with one another are a clock that was set, or a pause.
+/// Number of consecutive implausible but mutually consistent times after which the clock was set, or recording
+/// paused.
 const AGREE: u32 = 20;
-/// From the recorder's time to the time of the run, which never runs backwards.
+/// Converts the recorder's time to run time, which never runs backwards.
 #[derive(Default)]
 pub(super) struct Clock {
-    /// The recorder's time at the run's time zero, ns; nothing before the first message.
+    /// Recorder's time at run time zero, ns; `None` before the first message.
     zero_ns: Option<i128>,
     newest_ns: i128,
-    /// The newest time that could not be, and how many before it agreed with it.
+    /// Latest implausible time, and the number of consecutive times consistent with it.
     odd: Option<(i128, u32)>,
-    /// How often the clock was set, or the recording paused.
+    /// Number of times that the clock was set or the recording paused.
     pub(super) jumps: u64,
 }
 
 impl Clock {
-    /// When a message comes; nothing where its time cannot be true.
+    /// Run time of a message; `None` if its recorded time is implausible.
     pub(super) fn time(&mut self, received_ns: u64) -> Option<Time> {
         let received_ns = i128::from(received_ns);
         let zero_ns = *self.zero_ns.get_or_insert(received_ns);
@@ -54,7 +55,7 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn time_never_runs_backwards_and_goes_on_after_a_jump() {
+    fn recorder_clock_is_monotonic_and_follows_a_jump() {
         let mut clock = Clock::default();
         let mut at = |ns: u64| clock.time(ns).map(|time| time.as_secs());
         assert_eq!(at(100 * S), Some(0.0));
@@ -62,7 +63,7 @@ mod tests {
         assert_eq!(at(101 * S + S / 2), Some(2.0), "out of turn");
         assert_eq!((at(90 * S), at(u64::MAX), at(0)), (None, None, None));
         assert_eq!(at(103 * S), Some(3.0));
-        // An hour later, and it stays so.
+        // One hour later, permanently.
         let later: Vec<_> = (0..25).map(|i| at(3700 * S + i * S)).collect();
         assert!(later[..19].iter().all(Option::is_none), "{later:?}");
         assert_eq!((later[19], later[24]), (Some(3.0), Some(8.0)));

@@ -1,32 +1,33 @@
-//! Messages of a recording in order of the recorder's time.
+//! Sorts the messages of a recording by the recorder's time.
 //!
-//! Recorders write in the order of receipt within some milliseconds, and tools that convert or merge recordings store one
-//! topic after another. What counts is the time of each message, as for `ros2 bag play`. Times of one topic do not run
-//! backwards by more than a second, but for clocks that were set and damaged messages: these keep their place.
+//! Recorders write in order of reception within a few milliseconds, and tools that convert or merge recordings
+//! store topic after topic. Messages are therefore sorted by time, as in `ros2 bag play`. Within a topic, times do
+//! not run backwards by more than a second, except after a clock was set or for damaged messages; these keep their
+//! position.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use swerve_log::{BagMessage, BagTopic};
 
-/// Largest disorder within a topic, ns.
+/// Largest plausible disorder within a topic, ns.
 const DISORDER_MAX_NS: i128 = 1_000_000_000;
-/// Largest gap before a message, ns.
+/// Largest plausible gap before a message, ns.
 const GAP_MAX_NS: i128 = 60_000_000_000;
-/// Messages in a row with times that agree, of a clock that was set.
+/// Number of consecutive consistent times that indicate that the clock was set.
 const AGREE: u32 = 20;
 
-/// Place of a message: the number of times that its topic's clock was set back before it, then its time, ns.
+/// Sort key: how often the topic's clock was set back before the message, then its time, ns.
 type Place = (u32, i128);
 
-/// Messages on their way into order.
+/// Messages to be sorted.
 #[derive(Default)]
 pub(super) struct Order {
-    /// By name: channels of one topic are one.
+    /// State by topic name: channels of one topic are merged.
     topics: BTreeMap<String, Course>,
     newest: Option<Place>,
     messages: Vec<(Place, Arc<BagTopic>, BagMessage)>,
-    /// Messages with an earlier time than one before them in the file.
+    /// Messages with an earlier time than a preceding one in the file.
     pub(super) earlier: u64,
 }
 
@@ -34,7 +35,7 @@ pub(super) struct Order {
 #[derive(Clone, Copy, Default)]
 struct Course {
     newest: Option<Place>,
-    /// The newest odd time, and the number of messages in a row that agree with it.
+    /// Latest implausible time, and the number of consecutive messages consistent with it.
     odd: Option<(i128, u32)>,
 }
 
@@ -48,7 +49,7 @@ impl Order {
         self.messages.push((place, Arc::clone(topic), message));
     }
 
-    /// All messages in order; those of the same time in that of the recording.
+    /// All messages by time; equal times keep the order of the recording.
     pub(super) fn sorted(mut self) -> impl Iterator<Item = (Arc<BagTopic>, BagMessage)> {
         self.messages.sort_by_key(|(place, ..)| *place);
         self.messages.into_iter().map(|(_, topic, message)| (topic, message))
@@ -59,7 +60,7 @@ impl Course {
     fn place(&mut self, time_ns: i128, newest_of_all: Option<Place>) -> Place {
         let own = *self.newest.get_or_insert((0, time_ns));
         let of_all = newest_of_all.unwrap_or(own);
-        // A topic of few messages may pause for long while others go on.
+        // A slow topic may pause for long while others continue.
         let latest_ns = if own.0 == of_all.0 { own.1.max(of_all.1) } else { own.1 } + GAP_MAX_NS;
         let fits_own = (own.1 - DISORDER_MAX_NS..=latest_ns).contains(&time_ns);
         let is_near = |other_ns: i128| (-DISORDER_MAX_NS..=GAP_MAX_NS).contains(&(time_ns - other_ns));
@@ -116,14 +117,14 @@ mod tests {
     }
 
     #[test]
-    fn whole_topics_one_after_another_come_in_order_of_time() {
+    fn order_interleaves_topics_stored_one_after_another() {
         let drive = drive();
         assert_eq!(sorted(&drive), (named(&drive), 0));
         for first in ["pose", "cloud"] {
             let mut by_topic = drive.clone();
             by_topic.sort_by_key(|(name, _)| *name != first);
             let (mut all, earlier) = sorted(&by_topic);
-            // Within an instant, the order is that of the file.
+            // Equal times keep the order of the file.
             all.sort_by(|a, b| (a.1, &a.0).cmp(&(b.1, &b.0)));
             assert_eq!(all, named(&drive));
             assert!(earlier > 0);
@@ -131,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_within_half_a_second_come_in_order_of_time() {
+    fn order_sorts_messages_displaced_by_half_a_second() {
         let mut rng = Rng::keyed(3, "disorder", &[]);
         let mut drawn: Vec<_> =
             drive().into_iter().map(|m| (m.1 as f64 + rng.uniform(0.0, 500.0), m)).collect();
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_back_and_a_damaged_time_reorder_nothing_else() {
+    fn order_keeps_the_rest_after_a_clock_reset_or_damaged_time() {
         let mut set_back = drive();
         set_back.extend(drive().into_iter().map(|(name, ms)| (name, ms.wrapping_sub(3_600_000))));
         let (all, _) = sorted(&set_back);

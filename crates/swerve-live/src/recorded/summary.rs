@@ -1,4 +1,4 @@
-//! The result of a recorded drive, for `metrics.json` and the terminal.
+//! Result of a recorded drive, for `metrics.json` and the terminal.
 
 use std::fmt::Write as _;
 
@@ -9,34 +9,34 @@ use swerve_report::output::align;
 use crate::intake::Refusals;
 use crate::watch::DriveFigures;
 
-/// Counts of the messages of a topic.
+/// Message counts of a topic.
 #[derive(Serialize, Clone, Debug, Default)]
 pub struct TopicReport {
-    /// Its name in ROS.
+    /// ROS name.
     pub topic: String,
-    /// Its type, as the recording says.
+    /// Type according to the recording.
     #[serde(rename = "type")]
     pub kind: String,
-    /// Its name in the mapping; nothing where nobody asks for it.
+    /// Name in the mapping; `None` if the mapping does not contain it.
     pub name: Option<String>,
     /// Messages in the recording.
     pub messages: u64,
-    /// Messages that were used.
+    /// Messages used.
     pub used: u64,
-    /// Messages of another type than the mapping's, or not in plain CDR.
+    /// Messages of another type than in the mapping, or not in plain CDR.
     pub wrong_type: u64,
-    /// Bytes that are no such message.
+    /// Messages that cannot be decoded.
     pub malformed: u64,
-    /// Messages whose time of receipt cannot be.
+    /// Messages with an implausible time of reception.
     pub impossible_time: u64,
-    /// Messages that were refused for what they say.
+    /// Messages rejected for their content.
     #[serde(flatten)]
     pub refused: Refusals,
-    /// Why the newest was not used.
+    /// Reason for the latest rejection.
     pub last_refusal: Option<String>,
-    /// The recorder's clock minus the stamps' clock, ms: of the fastest message.
+    /// Recorder's clock minus stamp clock, ms, for the message with the least delay.
     pub clock_offset_ms: Option<f64>,
-    /// The uncertainty of that, ms.
+    /// Uncertainty of the offset, ms.
     pub clock_spread_ms: Option<f64>,
 }
 
@@ -47,23 +47,23 @@ impl TopicReport {
     }
 }
 
-/// The result of a recorded drive.
+/// Result of a recorded drive.
 #[derive(Serialize, Debug)]
 pub struct Summary {
     pub(super) configuration: String,
     pub(super) rosbag: String,
-    /// Why not all of it was read.
+    /// Reasons why not all of it was read.
     pub(super) cut_off: Vec<String>,
-    /// Over all messages: the same from one call to the next.
+    /// Digest of all messages, reproducible between runs.
     pub(super) digest: String,
     pub(super) seconds: f64,
-    /// Messages with an earlier time than one before them in the files; they are used in order of time.
+    /// Messages with an earlier time than a preceding one in the files; they are sorted by time.
     pub(super) earlier: u64,
-    /// How often the recorder's clock was set, or the recording paused.
+    /// Number of times that the recorder's clock was set or the recording paused.
     pub(super) clock_jumps: u64,
-    /// Messages of channels that the recording does not describe.
+    /// Messages on channels that the recording does not describe.
     pub(super) strays: u64,
-    /// Messages that came to a stream no later than the one before them.
+    /// Messages that reached a stream no later than their predecessor.
     pub(super) late: u64,
     pub(super) topics: Vec<TopicReport>,
     pub(super) drive: DriveFigures,

@@ -1,3 +1,5 @@
+//! Tests of recorded drives with damaged messages.
+
 use swerve_core::Rng;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::samples::sample;
@@ -18,10 +20,10 @@ fn drive() -> Drive {
     Drive { config, live, mapping, scenario, route }
 }
 
-/// Messages of all topics, sound and with bytes changed or cut off, at times that are true or not: what is used
-/// has increasing stamps, the rest is counted, and the graph runs on it.
+/// Messages of all topics, intact, modified or truncated, at plausible and implausible times: inputs have
+/// increasing stamps, all other messages are counted, and the graph runs on them.
 #[test]
-fn whatever_a_log_holds_is_used_or_counted() {
+fn recording_uses_or_counts_every_message() {
     let drive = drive();
     let wanted = wanted(&drive);
     let mut rng = Rng::keyed(7, "bag", &[]);

@@ -1,4 +1,4 @@
-//! Commands of another stack, from its topics to the safety gate.
+//! Commands of an external stack, from its topics to the safety gate.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,29 +27,29 @@ use crate::time::TopicClock;
 
 use super::writers::Writers;
 
-/// How often the switch is looked at.
+/// Period of checking the switch.
 const TICK: Duration = Duration::from_millis(20);
-/// Messages taken in before the switch is looked at again: a flood does not keep it waiting.
+/// Messages processed before the switch is checked again, so that a flood does not delay it.
 const AT_ONCE: usize = 256;
-/// Steering and pedals come in messages of their own: together they are a command only within this time.
+/// Largest age difference of separate steering and pedal messages that form one command.
 const TOGETHER: Span = Span::from_ms(200);
-/// How long a request to drive waits for commands that can be driven.
+/// Maximum time that a request to drive waits for usable commands.
 const ENABLE_WITHIN: Span = Span::from_ms(5000);
-/// Speed into acceleration where only the speed is told, 1/s.
+/// Gain from speed error to acceleration for commands with a speed only, 1/s.
 const SPEED_GAIN_PER_S: f64 = 2.0;
 
-/// Inputs of the pipeline by which a stack outside drives.
+/// Inputs of the pipeline for an external stack.
 pub(super) struct DriverInputs {
-    /// What it asks of the vehicle.
+    /// Motion commands.
     pub(super) commands: SourceHandle<MotionCommand>,
-    /// Whether it is to drive.
+    /// Enabling switch.
     pub(super) switch: SourceHandle<Switch>,
-    /// What is wrong with who asks.
+    /// Faults of the external stack.
     pub(super) alarms: SourceHandle<WireAlarm>,
 }
 
 impl DriverInputs {
-    /// Those of a pipeline that another stack drives.
+    /// Takes the inputs of a pipeline that an external stack drives; `None` for any other.
     pub(super) fn take(pipeline: &mut Pipeline) -> Option<Self> {
         Some(Self {
             commands: pipeline.take_source_of()?,
@@ -59,7 +59,7 @@ impl DriverInputs {
     }
 }
 
-/// The car's state in the run, for the reader of commands.
+/// State of the car in the run, for the reader of commands.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moment {
     pub(super) now: Time,
@@ -67,35 +67,35 @@ pub(super) struct Moment {
     pub(super) mode: GateMode,
 }
 
-/// Shared between the engine's thread and the reader's.
+/// State shared between the engine's thread and the reader's.
 pub(super) type Shared = Arc<Mutex<Moment>>;
 
-/// A panic while it was held would be a bug in plain bookkeeping: what is there is whole.
+/// Locks the shared state and ignores poisoning: its updates leave it consistent even after a panic.
 pub(super) fn lock(shared: &Mutex<Moment>) -> MutexGuard<'_, Moment> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Counts of the other stack's commands.
+/// Counts of the external stack's commands.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ListenerReport {
-    /// Commands that went to the gate.
+    /// Commands passed to the gate.
     pub(super) commands: u64,
-    /// Commands that did not, for want of a plausible stamp.
+    /// Commands rejected for implausible stamps.
     pub(super) implausible: u64,
-    /// Commands of others than who drove, by topic.
+    /// Commands of other writers than the one that drove, by topic.
     pub(super) of_others: BTreeMap<EndpointId, u64>,
-    /// How its clock stands to the run's time.
+    /// Offset between the stack's clock and run time.
     pub(super) clock: Option<ClockOffset>,
 }
 
-/// Reads commands and requests until it is stopped.
+/// Reads commands and requests until stopped.
 pub(super) struct Listener {
     inputs: DriverInputs,
     shared: Shared,
     clock: TopicClock,
     engagement: Engagement,
     requests: Vec<Request>,
-    /// Since when a request to drive waits for commands.
+    /// Instant since which a request to drive has been waiting for commands.
     waits_since: Option<Time>,
     switch: Option<Switch>,
     wire: Wire,
@@ -134,7 +134,7 @@ impl Listener {
                     self.tell_second_writer(&topic.topic, &received);
                 }
             }
-            // Only Autoware's vehicles have the service.
+            // Only Autoware vehicles have the service.
             let modes = bridge.take_modes().into_iter();
             self.requests.extend(modes.map(|mode| Request::Drive(mode == ControlModeReport::AUTONOMOUS)));
             for what in bridge.take_losses() {
@@ -148,7 +148,7 @@ impl Listener {
         self.report
     }
 
-    /// Has the gate stop the car: one of two writers is not who the person let drive.
+    /// Makes the gate stop the car: commands arrive from a second writer.
     fn tell_second_writer(&mut self, topic: &str, received: &Received) {
         if self.alarm.cause.is_some() {
             return;
@@ -162,7 +162,7 @@ impl Listener {
         self.raise(StopCause::SecondWriter, what);
     }
 
-    /// Has the gate stop the car: commands whose instants are unknown cannot be judged by their age.
+    /// Makes the gate stop the car: the age of commands cannot be judged after their clock was set.
     fn tell_set_clock(&mut self) {
         if self.alarm.cause.is_some() {
             return;
@@ -173,7 +173,7 @@ impl Listener {
         self.raise(StopCause::ClockJump, what.to_owned());
     }
 
-    /// Has the gate stop the car, unless it does so already, or the switch is off.
+    /// Makes the gate stop the car, unless it does so already or the switch is off.
     fn raise(&mut self, cause: StopCause, what: String) {
         if self.alarm.cause.is_none() && self.switch.is_some_and(|switch| switch.enable) {
             self.say(WireAlarm { cause: Some(cause), what });
@@ -187,7 +187,7 @@ impl Listener {
 
     fn say(&mut self, alarm: WireAlarm) {
         self.alarm = alarm;
-        // A run that is over has nobody to be told.
+        // Fails only after the end of the run.
         let _over = self.inputs.alarms.send_now(self.alarm.clone());
     }
 
@@ -195,7 +195,7 @@ impl Listener {
         let Moment { now, mode, .. } = *lock(&self.shared);
         let ready = self.last.is_some_and(|last| now - last < TOGETHER);
         let mut requests = std::mem::take(&mut self.requests);
-        // A request to drive and the first commands come in any order.
+        // A request to drive and the first commands may arrive in any order.
         if requests.contains(&Request::Drive(false)) {
             self.waits_since = None;
         } else if !ready && requests.contains(&Request::Drive(true)) {
@@ -206,14 +206,14 @@ impl Listener {
         }
         let at = Situation { now, ready, listens: None, driver: false, mode };
         let action = self.engagement.step(&requests, &at);
-        // The switch is the act by which a person says who drives.
+        // Pressing the switch selects the writers that drive.
         self.writers.pin(action.switch.enable);
         self.clock.hold(action.switch.enable);
         if !action.switch.enable && self.alarm.cause.is_some() {
             self.say(WireAlarm::default());
         }
         if self.switch.replace(action.switch) != Some(action.switch) {
-            // A run that is over has nobody to be told.
+            // Fails only after the end of the run.
             let _over = self.inputs.switch.send_now(action.switch);
         }
     }
@@ -242,7 +242,7 @@ impl Listener {
         }
     }
 
-    /// Hands a command to the gate, with its stamp as an instant of the run.
+    /// Passes a command to the gate, with its stamp converted to run time.
     fn send(&mut self, now: Time, stamp: Option<builtin::Time>, command: MotionCommand) {
         let stamp = match stamp.map(|stamp| self.clock.time(stamp.ns(), now, 0)) {
             None => self.clock.unstamped(now),
@@ -257,16 +257,16 @@ impl Listener {
         };
         self.report.commands += 1;
         self.last = Some(now);
-        // A run that is over has nobody to be told.
+        // Fails only after the end of the run.
         let _over = self.inputs.commands.send(stamp, MotionCommand { stamp, ..command });
     }
 }
 
-/// Commands of vehicles driven by wire: steering, and a speed or pedals, each in messages of their own.
+/// Drive-by-wire commands: steering, and a speed or pedals, in separate messages.
 struct Wire {
     vehicle: VehicleParams,
     gear: SteeringGear,
-    /// The newest of each, and when it came.
+    /// Newest value of each kind, with its instant of arrival.
     accel_mps2: Option<(Time, f64)>,
     throttle: Option<(Time, f64)>,
     brake: Option<(Time, f64)>,
@@ -285,8 +285,8 @@ impl Wire {
         }
     }
 
-    /// A command, where `message` is one for the steering wheel and something was said of speed lately. What is not
-    /// enabled says nothing.
+    /// Returns a command if `message` is a steering command and a recent speed or pedal command exists. Ignores
+    /// commands that are not enabled.
     fn take(
         &mut self,
         message: &AnyMessage,
@@ -328,7 +328,7 @@ impl Wire {
         };
         let lately = |said: Option<(Time, f64)>| said.filter(|(at, _)| now - *at < TOGETHER).map(|(_, x)| x);
         let pedals = || {
-            // One of the two may be left out, but not both.
+            // Either pedal may be missing, but not both.
             let (throttle, brake) = (lately(self.throttle), lately(self.brake));
             throttle.or(brake)?;
             let pedals = Pedals { throttle: throttle.unwrap_or(0.0), brake: brake.unwrap_or(0.0) };
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn steering_and_speed_by_wire_are_one_command_while_both_are_young() {
+    fn wire_combines_steering_and_speed_while_both_are_recent() {
         let mut wire = Wire::new(&VehicleParams::default());
         let car = Dataspeed::default();
         let steering = AnyMessage::DataspeedSteeringCmd(car.steering(at(10), 0.1, true, false));
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn pedals_by_wire_are_the_acceleration_that_they_give() {
+    fn wire_converts_pedals_to_acceleration() {
         let vehicle = VehicleParams::default();
         for accel_mps2 in [1.0, -3.0] {
             let mut wire = Wire::new(&vehicle);

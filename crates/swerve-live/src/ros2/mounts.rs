@@ -1,4 +1,4 @@
-//! Where the sensors of a run sit, and on which topics they are.
+//! Mounting poses and topics of the sensors of a run.
 
 use swerve_core::Time;
 use swerve_geom::{Ego, Point, Transform};
@@ -9,19 +9,19 @@ use swerve_ros2::msg::tf2_msgs::TFMessage;
 use swerve_stack::Assembly;
 use swerve_stack::config::Config;
 
-/// A sensor of the run on its topics.
+/// A sensor of the run with its topics.
 #[derive(Clone, Debug)]
 pub(super) struct Mount {
-    /// The sensor's name in the configuration.
+    /// Name in the configuration.
     pub(super) sensor: String,
-    /// Its frame in ROS.
+    /// ROS frame.
     pub(super) frame: String,
-    /// Its topics, by their names in the mapping.
+    /// Names of its topics in the mapping.
     pub(super) topics: Vec<String>,
     ego_from_sensor: Transform<Ego, Sensor>,
 }
 
-/// The sensors of a run that have a place of their own.
+/// Sensors of a run with a mounting pose.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mounts {
     pub(super) cameras: Vec<Mount>,
@@ -58,17 +58,17 @@ impl Mounts {
         Self { cameras, lidars, others: others.collect(), left_over }
     }
 
-    /// Cameras and lidars that no topic is left for.
+    /// Names of cameras and lidars without a topic.
     pub(super) fn without_topic(&self) -> &[String] {
         &self.left_over
     }
 
-    /// Whether a topic of a camera or lidar has a sensor.
+    /// Returns true if a topic of a camera or lidar has a sensor.
     pub(super) fn feed(&self, topic: &str) -> bool {
         self.cameras.iter().chain(&self.lidars).any(|mount| mount.topics.iter().any(|name| name == topic))
     }
 
-    /// Where all of them sit.
+    /// Static transforms of all sensors.
     pub(super) fn edges(&self, base_link: &str, at: Time, epoch: Epoch) -> TFMessage {
         let mounts = self.cameras.iter().chain(&self.lidars).chain(&self.others);
         let edges = mounts.filter(|mount| mount.frame != base_link);
@@ -77,7 +77,7 @@ impl Mounts {
     }
 }
 
-/// A topic's frame; its own name where it has none.
+/// Frame of a topic; its name if it has no frame.
 pub(super) fn frame_of(topic: &TopicMap) -> &str {
     if topic.frame.is_empty() { &topic.name } else { &topic.frame }
 }
@@ -86,8 +86,8 @@ fn unnamed<F>(ego_from_sensor: Transform<Ego, F>) -> Transform<Ego, Sensor> {
     Transform::new(ego_from_sensor.origin(), ego_from_sensor.rotation())
 }
 
-/// Gives sensors their topics. All topics of one frame are one sensor's: of the one that has a topic's name, and what
-/// is left, in order, of the sensors that are left.
+/// Assigns topics to sensors. All topics of one frame belong to one sensor: the one named like a topic of the
+/// frame; remaining frames are assigned to remaining sensors in order.
 fn assigned(
     mapping: &Mapping,
     roles: &[Role],
@@ -96,7 +96,7 @@ fn assigned(
 ) -> Vec<Mount> {
     let topics: Vec<&TopicMap> = roles.iter().flat_map(|role| mapping.with_role(*role)).collect();
     let mut frames: Vec<&str> = Vec::new();
-    // The vehicle's own topics have the names of their roles; they come first.
+    // The vehicle's standard topics are named after their roles; they come first.
     let own = |topic: &&&TopicMap| topic.name == topic.role.name();
     for topic in topics.iter().filter(own).chain(topics.iter().filter(|topic| !own(topic))) {
         if !frames.contains(&frame_of(topic)) {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn sensors_get_the_topics_of_their_name_and_the_others_what_is_left() {
+    fn sensors_get_the_topics_of_their_name_or_the_remaining_ones() {
         let text = "[log]\nsensors = [\"a\", \"left\", \"z\", \"top\"]\n[camera.a]\n[camera.left]\n[camera.z]\n\
                     [camera.off]\n[lidar.top]\n[ros2.topics.left]\nrole = \"camera\"\ntopic = \"/left\"\n";
         let mounts = mounts(text);

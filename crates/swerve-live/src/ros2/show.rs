@@ -1,3 +1,5 @@
+//! Observer that publishes a simulated run on ROS 2 topics.
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -30,16 +32,16 @@ use super::drive::{Moment, Shared, lock};
 use super::mounts::{Mount, Mounts, frame_of};
 use super::streams::Streams;
 
-/// Between two messages on `/clock`.
+/// Period of messages on `/clock`.
 const CLOCK_PERIOD: Span = Span::from_ms(10);
-/// Between two reports of the vehicle.
+/// Period of reports of the vehicle.
 const REPORT_PERIOD: Span = Span::from_ms(20);
-/// Between two messages about the others on the road.
+/// Period of messages about other road users.
 const OBJECTS_PERIOD: Span = Span::from_ms(100);
-/// Simulated time is the time of the topics: the run's zero is the clock's.
+/// Topics use simulated time: run time zero is zero on the ROS clock.
 const EPOCH: Epoch = Epoch { ns: 0 };
 
-/// Whether there is something to say on a topic in a run of this configuration.
+/// Returns true if a run of this configuration has data for a topic.
 pub(super) fn is_fed(
     config: &Config,
     streams: &Streams,
@@ -52,15 +54,15 @@ pub(super) fn is_fed(
         (Role::Imu, _) => true,
         (Role::Gnss, _) => streams.carry::<Gnss>(),
         (_, Purpose::Sensor) => mounts.feed(topic),
-        // Nobody presses it in a simulated car.
+        // A simulated car has no physical switch.
         (_, Purpose::Switch) => false,
-        // Of another stack's plans nothing is known here.
+        // The plans of an external stack are not known here.
         (_, Purpose::Display) => role == Role::Markers || !config.is_driven_over_ros2(),
         _ => role.side() == Side::Vehicle,
     }
 }
 
-/// A topic that is sent.
+/// A topic for sending.
 #[derive(Clone, Debug)]
 struct Topic {
     id: EndpointId,
@@ -69,7 +71,7 @@ struct Topic {
     frame: Arc<str>,
 }
 
-/// Something at regular instants.
+/// Rate limiter with a regular period.
 #[derive(Default)]
 struct Throttle {
     next: Option<Time>,
@@ -85,10 +87,10 @@ impl Throttle {
     }
 }
 
-/// Says on ROS 2's topics what happens in a run.
+/// Publishes the events of a run on ROS 2 topics.
 pub(super) struct Show(Dispatcher<Car>);
 
-/// The simulated car as its topics show it.
+/// State of the simulated car for its topics.
 struct Car {
     outbox: Outbox,
     mapping: Mapping,
@@ -96,16 +98,16 @@ struct Car {
     vehicle: VehicleParams,
     jpeg_quality: u8,
     streams: Streams,
-    /// The topics of each camera and lidar.
+    /// Topics of each camera and lidar.
     sensors: BTreeMap<String, Vec<Topic>>,
     topics: BTreeMap<Role, Vec<Topic>>,
     gear: SteeringGear,
     state: VehicleState,
     has_begun: bool,
-    /// Whether the vehicle's reports are made from its wheel odometry.
+    /// True if the vehicle's reports are made from wheel odometry.
     has_odometry: bool,
     engaged_before: Option<bool>,
-    /// The state that the reader of commands has to know.
+    /// State for the reader of commands.
     driven: Option<Shared>,
     clock: Throttle,
     reports: Throttle,
@@ -122,7 +124,7 @@ impl Show {
         outbox: Outbox,
     ) -> Self {
         let car = Car::new(config, pipeline, mapping, mounts, streams, outbox);
-        // Where faults befall a stream, what is shown is what its readers get.
+        // For a stream with injected faults, publishes the faulty stream that its readers receive.
         let watch = Watch(Dispatcher::new(car));
         let watch = watch
             .on::<WorldState>(|car, _, world| car.world(world))
@@ -138,20 +140,21 @@ impl Show {
         Self(watch.0)
     }
 
-    /// Has another stack drive: tells it of the car from here on.
+    /// Enables driving by an external stack; returns the state that is updated from here on.
     pub(super) fn is_driven(&mut self) -> Shared {
         let car = self.0.state_mut();
         car.state.is_engaged = false;
         Arc::clone(car.driven.insert(Shared::default()))
     }
 
-    /// No more comes; how many messages were dropped, by endpoint.
+    /// Ends publishing; returns the number of dropped messages by endpoint.
     pub(super) fn finish(self) -> Vec<u64> {
         self.0.into_state().outbox.dropped
     }
 }
 
-/// Registers what is shown of a type: messages of streams that readers get, with the operator that they come from.
+/// Registers handlers for streams that readers receive; a handler gets the name of the operator that measured the
+/// data.
 struct Watch(Dispatcher<Car>);
 
 impl Watch {
@@ -208,7 +211,7 @@ impl Car {
         }
     }
 
-    /// Has a small message sent on every topic of a role; `make` is called for each on the sender's thread.
+    /// Sends a small message on every topic of a role; `make` is called for each on the sender's thread.
     fn say<M>(&mut self, role: Role, make: M)
     where
         M: Fn(&Topic) -> Option<AnyMessage> + Clone + Send + 'static,
@@ -268,7 +271,7 @@ impl Car {
         }
     }
 
-    /// The others on the road as they are.
+    /// Publishes the ground truth of other road users.
     fn others(&mut self, stamp: Time, actors: &[Actor]) {
         let track = |actor: &Actor| Track {
             id: actor.id,
@@ -297,7 +300,7 @@ impl Car {
         });
     }
 
-    /// Where localization believes the ego to be.
+    /// Publishes the pose of localization.
     fn pose(&mut self, ego: EgoState) {
         let (map, base) = (self.mapping.map_frame.clone(), self.mapping.base_frame.clone());
         let base_link = base.clone();
@@ -320,7 +323,7 @@ impl Car {
         self.say(Role::Tf, move |_| Some(AnyMessage::Tf(ego_to_transform(&ego, EPOCH, &map, &base))));
     }
 
-    /// Sends the reports of the vehicle, in the words of its interface.
+    /// Sends the reports of the vehicle in the types of its interface.
     fn report(&mut self, wheels: WheelOdometry) {
         self.state.wheels = wheels;
         let (state, gear) = (self.state, self.gear);
@@ -329,7 +332,7 @@ impl Car {
         let reports = self.topics.keys().copied().filter(|role| role.purpose() == Purpose::Report);
         let reports: Vec<Role> = reports.collect();
         for role in reports {
-            // Who comes late gets the newest of it: it need not be said again.
+            // Late joiners receive the latest message, so it need not be repeated.
             if role == Role::Enabled && !is_news {
                 continue;
             }
@@ -354,7 +357,7 @@ impl Car {
         });
     }
 
-    /// The topics of a sensor that anybody reads: what costs is not made for nobody.
+    /// Topics of a sensor that have readers; expensive messages are not built without one.
     fn with_readers(&self, sensor: &str) -> Vec<Topic> {
         let topics = self.sensors.get(sensor).into_iter().flatten();
         topics.filter(|topic| self.outbox.bridge.matched(topic.id) > 0).cloned().collect()

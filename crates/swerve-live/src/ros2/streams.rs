@@ -1,25 +1,25 @@
-//! The streams whose messages readers get, by the graph.
+//! Streams whose messages the readers in the graph receive.
 
 use std::any::type_name;
 use std::collections::{BTreeMap, BTreeSet};
 
 use swerve_flow::{GraphInfo, InputKind, OperatorInfo};
 
-/// Of every stream that is read as it is, the operator that its messages come from at first.
+/// Original operator of each stream that is read unmodified.
 ///
-/// Where an operator reads a stream and publishes one of the same type, as a fault does, readers get what it publishes:
-/// its stream takes the place of the other.
+/// If an operator reads a stream and publishes another of the same type, as fault injection does, readers receive
+/// the latter: its stream replaces the original.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Streams {
     sources: BTreeMap<String, String>,
-    /// The types that there are streams of, without their paths.
+    /// Payload types of all streams, without their paths.
     payloads: BTreeSet<String>,
 }
 
 impl Streams {
     pub(super) fn new(graph: &GraphInfo) -> Self {
         let (mut sources, mut payloads): (BTreeMap<String, String>, _) = (BTreeMap::new(), BTreeSet::new());
-        // Operators come in the order of their ranks: what one reads was published before.
+        // Operators are in topological order: inputs were published before.
         for operator in &graph.operators {
             for (stream, payload) in &operator.outputs {
                 let replaced = replaced(graph, operator, payload);
@@ -31,18 +31,18 @@ impl Streams {
         Self { sources, payloads }
     }
 
-    /// Whether any stream carries this type.
+    /// Returns true if any stream carries this type.
     pub(super) fn carry<T>(&self) -> bool {
         type_name::<T>().rsplit("::").next().is_some_and(|name| self.payloads.contains(name))
     }
 
-    /// The operator that a stream's messages come from; `None` where another stream has taken its place.
+    /// Operator that originally publishes a stream's messages; `None` if another stream has replaced it.
     pub(super) fn source(&self, stream: &str) -> Option<&str> {
         self.sources.get(stream).map(String::as_str)
     }
 }
 
-/// The stream that an operator reads message by message and publishes again, of this payload.
+/// Stream of this payload type that an operator reads message by message and republishes.
 fn replaced<'a>(graph: &GraphInfo, operator: &'a OperatorInfo, payload: &str) -> Option<&'a str> {
     let is_of_payload = |stream: &str| {
         let outputs = graph.operators.iter().flat_map(|other| &other.outputs);
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn readers_get_what_the_last_fault_makes_of_a_stream() {
+    fn streams_resolve_to_the_output_of_the_last_fault() {
         let text = "[log]\nsensors = [\"front\"]\n[camera.front]\nwidth_px = 8\nheight_px = 8\n\
                     [fault.a]\nstream = \"pose\"\ndrop = true\n[fault.b]\nstream = \"pose\"\ndelay_ms = 5\n\
                     [fault.dark]\nstream = \"front.rgb\"\ndrop = true\n";

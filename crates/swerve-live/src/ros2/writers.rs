@@ -1,22 +1,22 @@
-//! Who writes the commands: while the switch is on, one writer of each topic is heard and no other.
+//! Writers of commands: while the switch is on, only one writer per topic is accepted.
 
 use std::collections::BTreeMap;
 
 use swerve_ros2::bridge::{EndpointId, WriterGuid};
 
-/// The writers of command topics.
+/// Known writers of the command topics.
 #[derive(Debug, Default)]
 pub(super) struct Writers {
-    /// Whether those that are heard now stay the only ones.
+    /// True if the known writers are the only ones accepted.
     pinned: bool,
-    /// The newest writer of each topic; while they are pinned, the one that was.
+    /// Newest writer of each topic; while pinned, the accepted one.
     heard: BTreeMap<EndpointId, WriterGuid>,
-    /// Commands of others, by topic.
+    /// Rejected commands of other writers, by topic.
     refused: BTreeMap<EndpointId, u64>,
 }
 
 impl Writers {
-    /// Whether a command of this writer may go on. A topic that nobody wrote on before takes its first writer.
+    /// Returns true if a command of this writer is accepted. A topic without a known writer accepts its first one.
     pub(super) fn hear(&mut self, topic: EndpointId, writer: WriterGuid) -> bool {
         let known = self.heard.entry(topic).or_insert(writer);
         if self.pinned && *known != writer {
@@ -27,12 +27,12 @@ impl Writers {
         true
     }
 
-    /// From here on those that were heard last are the only ones, or no longer.
+    /// Pins the known writers as the only ones accepted, or unpins them.
     pub(super) fn pin(&mut self, pinned: bool) {
         self.pinned = pinned;
     }
 
-    /// Commands that were refused, by topic.
+    /// Number of rejected commands, by topic.
     pub(super) fn into_refused(self) -> BTreeMap<EndpointId, u64> {
         self.refused
     }
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_writer_of_each_topic_is_heard_while_the_switch_is_on() {
+    fn writers_accept_one_per_topic_while_the_switch_is_on() {
         let [ours, other] = [WriterGuid([1; 16]), WriterGuid([2; 16])];
         let [steering, speed] = [EndpointId(3), EndpointId(4)];
         let mut writers = Writers::default();
@@ -52,7 +52,7 @@ mod tests {
         assert!(writers.hear(steering, ours) && !writers.hear(steering, other));
         assert!(writers.hear(speed, other) && !writers.hear(speed, ours), "the first one");
         assert!(writers.hear(steering, ours), "a stranger changes nothing");
-        // Let in again by the switch: a stack that was started anew has another name.
+        // Releasing the switch admits another writer: a restarted stack has a different GUID.
         writers.pin(false);
         assert!(writers.hear(steering, other));
         writers.pin(true);

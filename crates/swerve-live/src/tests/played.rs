@@ -1,13 +1,13 @@
-//! Drives that are played: what a vehicle said, in virtual time.
+//! Drives from recorded vehicle messages, in virtual time.
 
 use super::*;
 
-/// Runs a recorded drive with the configuration of this name, in virtual time.
+/// Runs a recorded drive with the named configuration, in virtual time.
 fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
     recorded_with(name, &[], messages, until)
 }
 
-/// The same with a key set.
+/// As `recorded`, with keys set.
 fn recorded_with(
     name: &str,
     sets: &[(String, toml::Value)],
@@ -62,7 +62,8 @@ impl Observer for Seen {
 
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
-/// The ego at 8 m/s along x as inertial unit, satellite receiver and the vehicle's reports tell it: no pose.
+/// The ego at 8 m/s along x, from the inertial unit, the satellite receiver and the vehicle's reports, without
+/// poses.
 fn sensed(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
     let epoch = Epoch { ns: EPOCH_NS };
     let mut messages = Vec::new();
@@ -84,7 +85,7 @@ fn sensed(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
             messages.push((ms, "control_mode", AnyMessage::ControlModeReport(mode)));
         }
         if ms % 100 == 0 {
-            // 37.4° north, 122° west is the map's origin; a degree of longitude there has 88,550 m.
+            // The map origin is 37.4° north, 122° west; a degree of longitude there is 88,550 m.
             let longitude_deg = -122.0 + 8.0e-3 * ms as f64 / 88_550.1;
             let fix = Gnss { stamp, latitude_deg: 37.4, longitude_deg, altitude_m: 0.0, deviation_m: 0.1 };
             messages.push((ms, "gnss", AnyMessage::NavSatFix(gnss_to_ros(&fix, epoch, "gnss"))));
@@ -94,7 +95,7 @@ fn sensed(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
 }
 
 #[test]
-fn a_vehicle_without_a_pose_is_driven_by_its_sensors() {
+fn vehicle_without_a_pose_topic_is_localized_by_its_sensors() {
     let (until, messages) = (Time::from_ms(3500), sensed(3500));
     let seen = recorded("autoware", &messages, until);
     assert!(seen.poses.is_empty() && seen.plans.is_empty(), "nobody tells the pose");
@@ -108,7 +109,7 @@ fn a_vehicle_without_a_pose_is_driven_by_its_sensors() {
 }
 
 #[test]
-fn a_map_of_a_real_road_has_to_be_given() {
+fn real_road_requires_a_map() {
     let config = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live/autoware.toml"));
     let set = |key: &str, value: &str| (key.to_owned(), toml::Value::from(value));
     let sets = [set("localization.localizer", "ndt"), set("lidar.roof.preset", "vlp_32")];
@@ -116,7 +117,7 @@ fn a_map_of_a_real_road_has_to_be_given() {
     assert!(said.contains("localization.map: is missing: expected a map of the road"), "{said}");
 }
 
-/// The ego at 8 m/s along x, every 20 ms.
+/// Poses of the ego at 8 m/s along x, every 20 ms.
 fn poses(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
     let pose = |ms: i64| {
         let mut ego = EgoState { stamp: Time::from_ms(ms), speed_mps: 8.0, ..EgoState::default() };
@@ -128,13 +129,13 @@ fn poses(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
 }
 
 #[test]
-fn images_and_clouds_are_watched() {
+fn images_and_clouds_are_monitored() {
     let stamp = |ms: i64| Epoch { ns: EPOCH_NS }.stamp(Time::from_ms(ms));
     let mut messages = poses(1000);
     for ms in [100, 200, 300] {
         let AnyMessage::Image(mut image) = sample(Kind::Image) else { panic!("an image") };
         image.header.stamp = stamp(ms);
-        // The third is the second again.
+        // The third image repeats the second.
         image.data[0] = (ms / 200) as u8;
         messages.push((ms, "camera", AnyMessage::Image(image)));
         let mut cloud = swerve_ros2::samples::large_cloud(500);
@@ -154,8 +155,8 @@ fn images_and_clouds_are_watched() {
 }
 
 #[test]
-fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
-    // Something that stands in the lane 30 m ahead, from 200 ms on, until 1,500 ms.
+fn silent_objects_topic_is_not_an_empty_road() {
+    // An obstacle at rest in the lane 30 m ahead, from 200 ms to 1,500 ms.
     let pose = swerve_geom::Pose2::new(30.0, 0.0, 0.0);
     let track = Track {
         id: ActorId(7),
@@ -185,7 +186,7 @@ fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
         seen.commands.iter().filter(before).map(|command| command.accel_mps2).fold(f64::INFINITY, f64::min)
     };
     assert!(slowest(&free) > -0.5 && slowest(&blocked) < -1.0, "{} {}", slowest(&free), slowest(&blocked));
-    // 500 ms after the last objects no plan is made any more, and 500 ms after the last plan nothing is asked for.
+    // Plans end 500 ms after the last objects, and commands 500 ms after the last plan.
     let last_plan = |seen: &Seen| seen.plans.last().unwrap().stamp;
     assert!((1900..=2000).contains(&(last_plan(&blocked).ns() / 1_000_000)), "{:?}", last_plan(&blocked));
     assert!(last_plan(&free) > Time::from_ms(3400));
@@ -194,7 +195,7 @@ fn objects_are_driven_by_and_their_silence_is_no_empty_road() {
 }
 
 #[test]
-fn the_shipped_vehicles_name_a_route_that_is_there() {
+fn shipped_vehicle_configurations_name_existing_routes() {
     let names: Vec<_> = swerve_drive::shipped::Kind::Live.all().map(|(name, _)| name).collect();
     assert!(names.len() >= 4);
     for name in names {

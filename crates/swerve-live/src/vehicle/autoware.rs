@@ -1,3 +1,5 @@
+//! Autoware's vehicle interface.
+
 use swerve_msg::{GateMode, GateOutput, StopCause};
 use swerve_ros2::AnyMessage;
 use swerve_ros2::convert::{control_to_ros, driver_active};
@@ -42,7 +44,7 @@ impl VehicleInterface for Autoware {
         outgoing.push(Role::GearCommand, AnyMessage::GearCommand(GearCommand { stamp, command: gear }));
         let indicators = TurnIndicatorsCommand { stamp, command: OFF };
         outgoing.push(Role::TurnIndicatorsCommand, AnyMessage::TurnIndicatorsCommand(indicators));
-        // Who stops without having been asked to, warns.
+        // Hazard lights are on during a stop that was not requested.
         let warns = match gate.mode {
             GateMode::Stopping(cause) | GateMode::Holding(cause) => cause != StopCause::Released,
             GateMode::Manual | GateMode::Driving => false,

@@ -1,3 +1,5 @@
+//! Dataspeed's drive-by-wire interface.
+
 use swerve_control::safety_gate;
 use swerve_msg::{Command, GateMode, GateOutput};
 use swerve_ros2::AnyMessage;
@@ -13,13 +15,13 @@ use swerve_vehicle::VehicleParams;
 
 use super::{Facts, Outgoing, VehicleInterface};
 
-/// Least of the accelerations that the vehicle's own controller may use, m/s²: it needs some to keep a speed.
+/// Minimum acceleration limit of the vehicle's controller, m/s²: it needs some to keep a speed.
 const LIMIT_MIN_MPS2: f64 = 1.0;
-/// The speed that is asked for is what the acceleration comes to in this time, seconds: the controller answers to a
-/// difference in speed.
+/// Preview time of the speed command, seconds: the command is the speed reached after it at the wanted
+/// acceleration, because the controller responds to a speed error.
 const PREVIEW_S: f64 = 0.5;
 
-/// Dataspeed's drive-by-wire: angle of the steering wheel, and a speed or the pedals.
+/// Dataspeed's drive-by-wire: steering wheel angle, and a speed or the pedals.
 pub(super) struct DataspeedInterface {
     gear: SteeringGear,
     longitudinal: Longitudinal,
@@ -37,7 +39,7 @@ impl DataspeedInterface {
 
 impl VehicleInterface for DataspeedInterface {
     fn needs(&self) -> &'static [Role] {
-        // Each of the two tells of overrides at the other actuators as well.
+        // Steering and brake reports each include overrides at the other actuators.
         &[Role::Velocity, Role::Steering, Role::Brake]
     }
 
@@ -65,7 +67,7 @@ impl VehicleInterface for DataspeedInterface {
         let mut motion = gate.motion();
         match self.longitudinal {
             Longitudinal::Speed => {
-                // A stop asks for a speed of zero: what the vehicle said of its speed may be out of date.
+                // A stop commands zero speed, because the reported speed may be outdated.
                 if gate.mode == GateMode::Driving {
                     motion.speed_mps = (outgoing.speed_mps + PREVIEW_S * motion.accel_mps2).max(0.0);
                 }

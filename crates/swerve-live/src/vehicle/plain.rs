@@ -1,10 +1,12 @@
+//! Interface without drive-by-wire.
+
 use swerve_msg::GateOutput;
 use swerve_ros2::AnyMessage;
 use swerve_ros2::mapping::Role;
 
 use super::{Facts, Outgoing, VehicleInterface};
 
-/// No drive-by-wire: the stack watches, and shows what it would do.
+/// No drive-by-wire: the stack observes, and publishes its plans.
 pub(super) struct Plain;
 
 impl VehicleInterface for Plain {

@@ -1,14 +1,16 @@
+//! Tests of the vehicle interfaces.
+
 use swerve_core::Span;
 use swerve_msg::{GateMode, MotionCommand, StopCause};
 use swerve_ros2::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
 use super::*;
 
-/// The promise of the page on new vehicles: an interface is at most this long, its imports and comments included.
+/// Maximum length of an interface stated on the page about new vehicles, including imports and comments.
 const LINES_MAX: usize = 100;
 
 #[test]
-fn an_interface_is_no_longer_than_the_page_says() {
+fn interface_fits_the_documented_length() {
     let page = include_str!("../../../../docs/howto/vehicle.md");
     assert!(page.contains(&format!("at most {LINES_MAX} lines of Rust")));
     for (name, text) in [
@@ -20,7 +22,7 @@ fn an_interface_is_no_longer_than_the_page_says() {
         let lines = text.lines().count();
         assert!(lines <= LINES_MAX, "{name}: {lines} lines");
     }
-    // What else there is of it: its name, its topics, a line that chooses it.
+    // Further lines per vehicle: its name, its topics, and the line that selects it.
     let catalogue = include_str!("../../../swerve-ros2/src/catalogue.rs");
     let (_, tables) = catalogue.split_once("const COMMON").expect("vehicles come after messages and roles");
     let own = |text: &str| text.lines().filter(|line| line.to_lowercase().contains("raptor")).count();
@@ -42,7 +44,7 @@ fn gate(accel_mps2: f64) -> GateOutput {
     GateOutput { mode: GateMode::Driving, engaged: true, command, heartbeat: 300, ..GateOutput::default() }
 }
 
-/// The messages to a car at 4 m/s.
+/// Messages to a car at 4 m/s.
 fn messages(vehicle: &mut dyn VehicleInterface, gate: &GateOutput) -> BTreeMap<Role, AnyMessage> {
     let mut outgoing = Outgoing::new(Time::from_ms(1500), Epoch { ns: 10_000_000_000 }, 4.0);
     vehicle.command(gate, &mut outgoing);
@@ -53,7 +55,7 @@ fn messages(vehicle: &mut dyn VehicleInterface, gate: &GateOutput) -> BTreeMap<R
 }
 
 #[test]
-fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
+fn dataspeed_speed_command_is_within_limits() {
     let mut car = interface(Vehicle::Dataspeed, &config(""));
     let ulc = |car: &mut dyn VehicleInterface, accel| match &messages(car, &gate(accel))[&Role::SpeedCommand]
     {
@@ -65,7 +67,7 @@ fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
     let braking = ulc(&mut *car, -3.0);
     assert_eq!((braking.cmd, braking.limit_decel, braking.clear), (2.5, 3.0, false));
     assert_eq!(ulc(&mut *car, -20.0).cmd, 0.0);
-    // A stop is one whatever speed was reported last.
+    // A stop is independent of the last reported speed.
     let mut stopping = gate(-1.5);
     (stopping.mode, stopping.command.speed_mps) = (GateMode::Stopping(StopCause::ReportTimeout), 0.0);
     let AnyMessage::DataspeedUlcCmd(stop) = &messages(&mut *car, &stopping)[&Role::SpeedCommand] else {
@@ -87,7 +89,7 @@ fn a_dataspeed_car_is_asked_for_a_speed_within_limits() {
 }
 
 #[test]
-fn pedals_are_never_pressed_together() {
+fn pedals_are_never_applied_together() {
     for (vehicle, live) in [(Vehicle::Dataspeed, "longitudinal = \"pedals\"\n"), (Vehicle::Raptor, "")] {
         let mut car = interface(vehicle, &config(live));
         for (accel, is_brake) in [(1.0, false), (-2.0, true)] {
@@ -106,7 +108,7 @@ fn pedals_are_never_pressed_together() {
 }
 
 #[test]
-fn no_vehicle_is_accelerated_while_the_gate_stops_or_holds_it() {
+fn interfaces_never_accelerate_while_the_gate_stops_or_holds() {
     let cars = [
         (Vehicle::Autoware, ""),
         (Vehicle::Dataspeed, ""),
@@ -121,7 +123,7 @@ fn no_vehicle_is_accelerated_while_the_gate_stops_or_holds_it() {
     for (vehicle, live) in cars {
         let mut car = interface(vehicle, &config(live));
         for mode in modes {
-            // What the gate never says is a stop all the same.
+            // Outputs that the gate never produces also result in a stop.
             for accel in [-3.0, 2.0] {
                 for speed_mps in [0.0, -7.0, 8.0, 90.0, 1e9, f64::NAN] {
                     let output = GateOutput { mode, ..gate(accel) };
@@ -161,7 +163,7 @@ fn no_vehicle_is_accelerated_while_the_gate_stops_or_holds_it() {
 }
 
 #[test]
-fn raptors_counters_are_the_gates_heartbeat() {
+fn raptor_counters_follow_the_gate_heartbeat() {
     let mut car = interface(Vehicle::Raptor, &config(""));
     let sent = messages(&mut *car, &gate(0.0));
     let AnyMessage::RaptorSteeringCmd(steering) = &sent[&Role::SteeringCommand] else {
@@ -173,7 +175,7 @@ fn raptors_counters_are_the_gates_heartbeat() {
 }
 
 #[test]
-fn autoware_warns_where_nobody_asked_for_the_stop() {
+fn autoware_turns_on_hazard_lights_in_an_unrequested_stop() {
     let mut car = interface(Vehicle::Autoware, &config(""));
     for (mode, warns) in [
         (GateMode::Driving, 1),
@@ -191,7 +193,7 @@ fn autoware_warns_where_nobody_asked_for_the_stop() {
 }
 
 #[test]
-fn reports_become_facts() {
+fn interfaces_convert_reports_to_facts() {
     let raptor = interface(Vehicle::Raptor, &config("steering_ratio = 10.0\n"));
     let misc = raptor_dbw_msgs::MiscReport { vehicle_speed: 36.0, ..Default::default() };
     let facts = raptor.facts(&AnyMessage::RaptorMiscReport(misc));
@@ -204,7 +206,7 @@ fn reports_become_facts() {
     let facts = raptor.facts(&AnyMessage::RaptorSteeringReport(steering));
     assert!((facts.steering_rad.unwrap() - 9.0_f64.to_radians()).abs() < 1e-6);
     assert_eq!((facts.driver, facts.listens), (Some(true), Some(false)));
-    // What a Dataspeed car does not measure is no fact.
+    // A value that a Dataspeed car does not measure is `None`.
     let dataspeed = interface(Vehicle::Dataspeed, &config(""));
     let blind = ds_dbw_msgs::SteeringReport { steering_wheel_angle: f32::NAN, ..Default::default() };
     assert_eq!(dataspeed.facts(&AnyMessage::DataspeedSteeringReport(blind)).steering_rad, None);
@@ -217,7 +219,7 @@ fn reports_become_facts() {
 }
 
 #[test]
-fn a_report_is_as_old_as_its_oldest_part() {
+fn vehicle_report_has_its_oldest_stamp() {
     let needs = [Role::Velocity, Role::Steering];
     let mut car = Car::default();
     let at = |ms| Time::from_ms(ms);
@@ -231,7 +233,7 @@ fn a_report_is_as_old_as_its_oldest_part() {
     assert_eq!((report.stamp, report.speed_mps, report.steering_rad), (at(110), 3.0, 0.1));
     let silent: Vec<Role> = car.silent(&needs, at(500) - Span::from_ms(200)).collect();
     assert_eq!(silent, [Role::Steering]);
-    // Of several who may say that the driver acts, one is enough.
+    // One of several sources of driver activity is sufficient.
     let driver = |driver| Facts { driver: Some(driver), ..Facts::default() };
     car.hear(Role::Brake, Kind::DataspeedBrakeReport, at(600), driver(true));
     car.hear(Role::Steering, Kind::DataspeedSteeringReport, at(600), driver(false));

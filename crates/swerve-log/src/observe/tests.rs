@@ -1,3 +1,5 @@
+//! Tests of the observers on small graphs.
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -50,7 +52,7 @@ fn options() -> RunOptions {
     RunOptions::until(Time::from_ms(2000)).seed(3)
 }
 
-/// Camera, planner (whose slowest step takes `slow_ms`), control.
+/// A graph of camera, planner (slowest step: `slow_ms`) and control.
 fn graph(slow_ms: i64) -> Graph {
     let ms = Span::from_ms;
     let mut graph = Graph::new();
@@ -61,7 +63,7 @@ fn graph(slow_ms: i64) -> Graph {
     graph
 }
 
-/// A run and its log.
+/// Runs a graph; returns its log and report.
 fn logged(graph: Graph) -> (Log, RunReport) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.mcap");
@@ -71,7 +73,7 @@ fn logged(graph: Graph) -> (Log, RunReport) {
     (Log::read(&path).unwrap(), report)
 }
 
-/// The same graph on the camera of a log.
+/// The same graph with the camera played back from a log.
 fn on_camera_of(log: &Log) -> Graph {
     let mut graph = graph(250);
     graph.playback("camera", log.playback("camera")).unwrap();
@@ -80,7 +82,7 @@ fn on_camera_of(log: &Log) -> Graph {
 }
 
 #[test]
-fn a_run_on_logged_sensors_repeats_the_log_byte_for_byte() {
+fn replay_on_logged_sensors_is_byte_identical() {
     let (log, report) = logged(graph(250));
     let (again, repeated) = logged(on_camera_of(&log));
     assert_eq!(repeated.digest, report.digest);
@@ -90,12 +92,12 @@ fn a_run_on_logged_sensors_repeats_the_log_byte_for_byte() {
 }
 
 #[test]
-fn one_changed_bit_of_a_logged_message_changes_what_follows() {
+fn replay_diverges_after_one_flipped_bit_of_an_input() {
     let (mut log, report) = logged(graph(250));
     let camera = |r: &&mut Record| matches!(r, Record::Publication(p) if p.stream.stream == "camera");
     let Some(Record::Publication(first)) = log.records.iter_mut().find(camera) else { panic!("a message") };
     let mut bytes = first.payload_cbor.to_vec();
-    bytes[1] ^= 1; // after the CBOR type, the highest byte of the number
+    bytes[1] ^= 1; // the most significant byte of the number, after the CBOR type
     first.payload_cbor = bytes.into();
     let (again, repeated) = logged(on_camera_of(&log));
     assert_ne!(repeated.digest, report.digest);
@@ -104,7 +106,7 @@ fn one_changed_bit_of_a_logged_message_changes_what_follows() {
 }
 
 #[test]
-fn recorded_run_times_give_the_same_run() {
+fn recorded_run_times_reproduce_the_run() {
     let (log, report) = logged(graph(250));
     let mut graph = graph(1);
     for (operator, times) in log.run_times() {
@@ -117,7 +119,7 @@ fn recorded_run_times_give_the_same_run() {
 }
 
 #[test]
-fn every_started_step_is_in_the_log() {
+fn log_contains_every_started_step() {
     let (log, report) = logged(graph(250));
     for operator in &report.operators {
         assert_eq!(log.held(&operator.name).len() as u64, operator.steps, "{}", operator.name);
@@ -126,7 +128,7 @@ fn every_started_step_is_in_the_log() {
 }
 
 #[test]
-fn a_recorded_run_is_in_its_log() {
+fn log_contains_the_recorded_run() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.mcap");
     let mut recorder = Recorder::create(&path, &RunStart { seed: 3, ..RunStart::default() }).unwrap();
@@ -155,14 +157,14 @@ fn a_recorded_run_is_in_its_log() {
 }
 
 #[test]
-fn recording_and_tracing_change_no_digest() {
+fn recording_and_tracing_preserve_the_digest() {
     let dir = tempfile::tempdir().unwrap();
     let mut recorder = Recorder::create(&dir.path().join("l"), &RunStart::default()).unwrap();
     let mut trace = TraceWriter::create(&dir.path().join("t"), &["control"]).unwrap();
     assert_eq!(run(vec![&mut recorder, &mut trace]).digest, run(vec![]).digest);
 }
 
-/// Start, end, operator and number of the slices by track.
+/// Start, end, and name (operator and number) of the slices, by track.
 fn slices(events: &[Value]) -> BTreeMap<i64, Vec<(f64, f64, String)>> {
     let mut tracks: BTreeMap<i64, Vec<_>> = BTreeMap::new();
     for e in events.iter().filter(|e| e["ph"] == "X") {
@@ -174,7 +176,7 @@ fn slices(events: &[Value]) -> BTreeMap<i64, Vec<(f64, f64, String)>> {
 }
 
 #[test]
-fn arrows_connect_each_frame_with_the_command_that_derives_from_it() {
+fn trace_arrows_connect_each_frame_with_its_command() {
     let mut text = Vec::new();
     let mut trace = TraceWriter::to(Path::new("trace.json"), &mut text, &["control"]);
     run(vec![&mut trace]);
@@ -202,7 +204,7 @@ fn arrows_connect_each_frame_with_the_command_that_derives_from_it() {
 }
 
 #[test]
-fn events_come_in_order_of_time() {
+fn trace_events_are_ordered_by_time() {
     let mut text = Vec::new();
     let mut trace = TraceWriter::to(Path::new("trace.json"), &mut text, &["control"]);
     run(vec![&mut trace]);
@@ -215,7 +217,7 @@ fn events_come_in_order_of_time() {
     assert_eq!(back, None);
 }
 
-/// Shows every command, and an image of a megabyte every tenth time.
+/// Views that show every command, and a megabyte image every tenth time.
 struct Shown(u64);
 
 impl crate::Views for Shown {
@@ -246,7 +248,7 @@ impl crate::Views for Shown {
 }
 
 #[test]
-fn what_is_shown_is_in_the_file_and_no_part_of_the_record() {
+fn views_are_in_the_file_but_not_in_the_record() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.mcap");
     let mut recorder = Recorder::create(&path, &RunStart::default()).unwrap();

@@ -1,12 +1,12 @@
-//! Input and output that fail: at the n-th byte, in parts, by signals.
+//! Tests with failing input and output: at the n-th byte, in short transfers, interrupted by signals.
 
 use std::io::ErrorKind;
 
 use super::*;
 use crate::reader::Reader;
 
-/// A disk that refuses what would go past `room` bytes, takes at most `part` bytes at a time, and lets a signal come
-/// before every call but each second one where `signals`.
+/// A disk that rejects bytes beyond `room` with `refusal`, transfers at most `part` bytes per call and, with
+/// `signals`, interrupts every other call.
 #[derive(Clone)]
 struct Disk {
     file: Shared,
@@ -33,7 +33,7 @@ impl Disk {
         self.file.0.lock().unwrap().get_ref().clone()
     }
 
-    /// How many of `wanted` bytes this call moves.
+    /// Number of bytes, of `wanted`, that this call transfers.
     fn moves(&mut self, wanted: usize) -> io::Result<usize> {
         self.calls += 1;
         if self.signals && self.calls % 2 == 1 {
@@ -70,7 +70,7 @@ impl Seek for Disk {
     }
 }
 
-/// Six seconds of run time in few bytes: more than one chunk is flushed.
+/// Records six seconds of run time in few bytes, so that more than one chunk is flushed.
 fn record_on(disk: &Disk) -> Result<u64, LogError> {
     let mut recorder = Recorder::start(Path::new("log.mcap"), disk.clone(), &start())?;
     for k in 0..40 {
@@ -92,7 +92,7 @@ fn read_from(disk: Disk) -> Result<(Log, Option<LogError>), LogError> {
 }
 
 #[test]
-fn at_whichever_byte_a_disk_is_full_what_was_flushed_is_read() {
+fn log_is_readable_up_to_the_last_flush_wherever_the_disk_is_full() {
     let whole = whole();
     let (mut most, mut none) = (0, 0);
     for room in 0..whole.len() {
@@ -105,7 +105,7 @@ fn at_whichever_byte_a_disk_is_full_what_was_flushed_is_read() {
             none += 1;
             continue;
         };
-        // Only when the sum that closes the file is missing, all records may be there.
+        // All records may be present only if just the closing checksum is missing.
         assert!(damage.is_some(), "{room}: a log that was not finished passes as whole");
         assert!(log.records.len() >= most, "{room}: more room gives no fewer records");
         most = log.records.len();
@@ -118,7 +118,7 @@ fn at_whichever_byte_a_disk_is_full_what_was_flushed_is_read() {
 }
 
 #[test]
-fn a_full_disk_ends_the_recording_with_an_error_and_not_the_run() {
+fn full_disk_ends_the_recording_but_not_the_run() {
     let small = Disk { room: 20_000, ..Disk::new(Vec::new()) };
     let mut recorder = Recorder::start(Path::new("out/log.mcap"), small, &start()).unwrap();
     assert!(recorder.failure().is_none());
@@ -136,7 +136,7 @@ fn a_full_disk_ends_the_recording_with_an_error_and_not_the_run() {
 }
 
 #[test]
-fn the_disks_own_words_are_told() {
+fn recorder_reports_the_system_error() {
     for (refusal, words) in
         [(ErrorKind::StorageFull, "no storage space"), (ErrorKind::PermissionDenied, "permission denied")]
     {
@@ -147,7 +147,7 @@ fn the_disks_own_words_are_told() {
 }
 
 #[test]
-fn parts_and_signals_change_nothing() {
+fn log_is_identical_despite_short_writes_and_signals() {
     let whole = whole();
     for part in [1, 7, 4096] {
         let disk = Disk { part, signals: true, ..Disk::new(Vec::new()) };
@@ -160,7 +160,7 @@ fn parts_and_signals_change_nothing() {
 }
 
 #[test]
-fn at_whichever_byte_a_device_fails_what_came_before_is_read() {
+fn log_is_readable_up_to_the_byte_where_the_device_fails() {
     let whole = whole();
     let mut most = 0;
     for room in (0..whole.len()).step_by(3) {
@@ -176,13 +176,13 @@ fn at_whichever_byte_a_device_fails_what_came_before_is_read() {
     assert!(most > 30, "{most}");
 }
 
-/// Found by fuzzing: `mcap` 0.26.0 subtracts such a record's length from what is left of the chunk.
+/// Found by fuzzing: `mcap` 0.26.0 subtracts the length of such a record from the rest of the chunk.
 #[test]
 fn a_record_longer_than_its_chunk_is_damage() {
     let record = |opcode: u8, body: &[u8]| [&[opcode][..], &(body.len() as u64).to_le_bytes(), body].concat();
     let cut = &record(5, &[0; 40])[..29];
     let length = (cut.len() as u64).to_le_bytes();
-    // Times, both lengths of what the chunk holds, no sum of it, no compression.
+    // Times, both lengths of the chunk's content, no checksum, no compression.
     let chunk = [&[0; 16][..], &length, &[0; 8], &length, cut].concat();
     let bytes =
         [mcap::MAGIC, &record(1, &[0; 8]), &record(6, &chunk), &record(15, &[0; 4]), mcap::MAGIC].concat();

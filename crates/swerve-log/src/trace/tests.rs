@@ -1,3 +1,5 @@
+//! Tests of the trace writer.
+
 use serde_json::Value;
 
 use super::*;
@@ -27,7 +29,7 @@ fn bounds(slice: &Value) -> (i64, i64) {
 }
 
 #[test]
-fn overlapping_steps_of_an_operator_lie_on_tracks_of_their_own() {
+fn trace_puts_overlapping_steps_on_separate_tracks() {
     let mut text = Vec::new();
     let mut trace = TraceWriter::to(Path::new("t"), &mut text, &[]);
     for k in 0..40 {
@@ -56,7 +58,7 @@ fn overlapping_steps_of_an_operator_lie_on_tracks_of_their_own() {
 }
 
 #[test]
-fn a_trace_cut_short_is_valid_json() {
+fn trace_is_valid_json_when_dropped_early() {
     let mut text = Vec::new();
     let mut trace = TraceWriter::to(Path::new("t"), &mut text, &[]);
     trace.step_start("a \"quoted\" name", ms(0), ms(3), none());
@@ -69,14 +71,14 @@ fn a_trace_cut_short_is_valid_json() {
 }
 
 #[test]
-fn times_keep_their_nanoseconds() {
+fn trace_times_have_nanosecond_resolution() {
     assert_eq!(Micros(1_234_567).to_string(), "1234.567");
     assert_eq!(Micros(5).to_string(), "0.005");
     assert_eq!(Micros(-1_001).to_string(), "-1.001");
 }
 
 #[test]
-fn a_full_disk_is_told_at_the_end() {
+fn trace_writer_reports_a_full_disk_on_finish() {
     struct Full;
     impl Write for Full {
         fn write(&mut self, _: &[u8]) -> io::Result<usize> {

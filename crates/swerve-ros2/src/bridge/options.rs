@@ -1,4 +1,4 @@
-//! Settings of a bridge: which topics, which way, delivered how.
+//! Options of a bridge: topics, directions, quality of service.
 
 use super::ServiceSide;
 use crate::clock::ClockParams;
@@ -7,56 +7,56 @@ use crate::mapping::{Mapping, Qos, ServiceMap, Side, TopicMap};
 use crate::message::Kind;
 use serde::{Deserialize, Serialize};
 
-/// Which way a topic goes.
+/// Direction of a topic.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Direction {
-    /// From the others to us.
+    /// Subscribed.
     Receive,
-    /// From us to the others.
+    /// Published.
     Send,
 }
 
 /// One topic of a bridge.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Endpoint {
-    /// Its name here.
+    /// Name in the mapping.
     pub name: String,
-    /// Its name in ROS.
+    /// ROS name.
     pub topic: String,
     /// The type of its messages.
     pub kind: Kind,
-    /// How it is delivered.
+    /// Quality of service.
     pub qos: Qos,
-    /// Which way.
+    /// Direction.
     pub direction: Direction,
-    /// Faster than this is a flood; `None` for any.
+    /// Rate limit, Hz; `None` for no limit.
     pub rate_max_hz: Option<f64>,
 }
 
-/// Settings of a bridge.
+/// Options of a bridge.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Options {
     /// Name of the node.
     pub node: String,
     /// Namespace of the node, beginning with a slash.
     pub namespace: String,
-    /// Where to look for others.
+    /// Domain and interfaces.
     pub network: Network,
-    /// Judge the stamps of what comes by the host's clock; `None` where the stamps are simulated time.
+    /// Parameters for judging stamps by the host's clock; `None` for simulated time.
     pub judge_stamps: Option<ClockParams>,
-    /// How services are mapped.
+    /// Mapping of services in DDS.
     pub service_map: ServiceMap,
-    /// Call or offer Autoware's service for the control mode, of this name.
+    /// Side and name of Autoware's control mode service; `None` without it.
     pub control_mode_service: Option<(ServiceSide, String)>,
     /// The topics.
     pub endpoints: Vec<Endpoint>,
 }
 
 impl Options {
-    /// The topics of a mapping as seen from one side: it sends its own and receives the other's.
+    /// Topics of a mapping as seen from one side: it publishes its own and subscribes to those of the other side.
     ///
-    /// Small messages are always sent reliably: a reader that does not want that takes them too, but one that does
-    /// would not be matched otherwise (REP 2003 has sensors publish so).
+    /// Small messages are always published reliably, as REP 2003 recommends for sensors: best-effort readers match a
+    /// reliable writer, but reliable readers would not match a best-effort one.
     pub fn from_mapping(mapping: &Mapping, side: Side) -> Self {
         let endpoint = |topic: &TopicMap| {
             let direction = if topic.role.side() == side { Direction::Send } else { Direction::Receive };
@@ -81,7 +81,8 @@ impl Options {
         }
     }
 
-    /// The same with these endpoints sent, whoever sends them else: a simulator that shows its own stack's plan.
+    /// Returns the options with these endpoints published regardless of side: for a simulator that shows its own
+    /// stack's plan.
     #[must_use]
     pub fn sending(mut self, names: &[&str]) -> Self {
         for endpoint in self.endpoints.iter_mut().filter(|endpoint| names.contains(&endpoint.name.as_str())) {
@@ -97,7 +98,7 @@ mod tests {
     use crate::mapping::Vehicle;
 
     #[test]
-    fn each_side_sends_what_the_other_receives() {
+    fn each_side_sends_the_topics_that_the_other_receives() {
         let mapping = Mapping::of(Vehicle::Autoware, Network::default());
         let [vehicle, stack] = [Side::Vehicle, Side::Stack].map(|side| Options::from_mapping(&mapping, side));
         assert_eq!(vehicle.endpoints.len(), stack.endpoints.len());

@@ -1,4 +1,4 @@
-//! The receiving thread and what it keeps.
+//! Receiving thread and its state.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::pin::pin;
@@ -18,13 +18,13 @@ use crate::clock::{ClockEstimator, ClockParams};
 use crate::inbox::Inbox;
 use crate::message::{AnyMessage, Kind};
 
-/// Writers of a topic that are told apart; more are all taken for sound.
+/// Writers tracked per topic; the types of further writers are not checked.
 const WRITERS_MAX: usize = 256;
 
-/// A name of sixteen bytes of a reader or writer.
+/// GUID of a reader or writer, sixteen bytes.
 type EndpointGid = [u8; 16];
 
-/// Which of our endpoints has which name.
+/// Indices of our endpoints by GUID.
 #[derive(Default)]
 pub(super) struct Local(BTreeMap<EndpointGid, usize>);
 
@@ -42,12 +42,12 @@ fn name(guid: GUID) -> EndpointGid {
     Gid::from(guid).to_bytes16()
 }
 
-/// All that is known of one topic.
+/// State of one topic.
 struct Topic {
     inbox: Inbox<Received>,
     counters: Counters,
     clock: Option<ClockEstimator>,
-    /// The writers that something came from: the newest number, and the type where it is another than the topic's.
+    /// Known writers: the newest sequence number, and the type if it differs from the topic's.
     writers: BTreeMap<EndpointGid, Writer>,
     matched: BTreeSet<EndpointGid>,
 }
@@ -57,10 +57,10 @@ struct Writer {
     wrong_type: Option<String>,
 }
 
-/// All topics.
+/// State of all topics.
 pub(super) struct State {
     topics: Vec<Topic>,
-    /// Where the next search for a message begins.
+    /// Topic at which the next search for a message starts.
     search_from: usize,
 }
 
@@ -116,7 +116,7 @@ impl State {
 }
 
 impl Topic {
-    /// Takes in a message, unless something is wrong with it.
+    /// Validates a message and queues it.
     fn receive(
         &mut self,
         message: AnyMessage,
@@ -149,7 +149,7 @@ impl Topic {
         self.inbox.push(Received { writer, message, received_ns, source_ns, stamp }, received_ns);
     }
 
-    /// Counts what was lost of this writer; the name of its type where that is another than the topic's.
+    /// Counts messages lost from this writer; returns the name of its type if it differs from the topic's.
     fn follow(
         &mut self,
         info: &MessageInfo,
@@ -226,14 +226,14 @@ fn refuse(topic: &mut Topic, error: &ReadError) {
     topic.counters.last_refusal = Some(error.to_string());
 }
 
-/// A writer's type, by discovery; `None` where it does not know the writer.
+/// Type of a writer according to discovery; `None` if the writer is unknown.
 fn discovered_type(participant: &DomainParticipant, gid: EndpointGid) -> Option<String> {
     let writers = participant.discovered_writers();
     let writer = writers.into_iter().find(|w| name(w.publication_topic_data.key) == gid)?;
     Some(writer.publication_topic_data.type_name)
 }
 
-/// Follows who reads and writes what.
+/// Updates matched readers and writers.
 fn follow(state: &mut State, local: &Local, status: &Status) {
     match status {
         Status::RemoteReaderMatched { local_writer: ours, remote_reader: other }
@@ -258,7 +258,7 @@ fn follow(state: &mut State, local: &Local, status: &Status) {
     }
 }
 
-/// The newest values of something, for medians.
+/// The newest values of a series, for medians.
 #[derive(Default)]
 pub(super) struct Newest(VecDeque<i64>);
 

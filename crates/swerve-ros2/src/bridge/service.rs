@@ -1,4 +1,4 @@
-//! Autoware's service for the control mode: the one service that a vehicle has.
+//! Autoware's control mode service, the only service of a vehicle.
 
 use std::sync::PoisonError;
 use std::time::Duration;
@@ -13,28 +13,28 @@ use crate::msg::autoware_vehicle_msgs::{ControlModeCommandRequest, ControlModeCo
 use crate::msg::builtin_interfaces::Time;
 use serde::{Deserialize, Serialize};
 
-/// How often a client that waits looks for the answer.
+/// Polling period of a client that waits for an answer.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 impl Message for ControlModeCommandRequest {}
 impl Message for ControlModeCommandResponse {}
 
-/// Who of the two we are.
+/// Side of the service.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum ServiceSide {
-    /// We ask.
+    /// Sends requests.
     Client,
-    /// We answer.
+    /// Answers requests.
     Server,
 }
 
-/// A request without a result.
+/// A service request failed.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum ServiceError {
-    /// The bridge was started without it.
+    /// The bridge was started without the service.
     #[error("the bridge was started without this service")]
     NotOpen,
-    /// Nobody answered; the other side may map services differently.
+    /// No answer in time; the other side may map services differently.
     #[error(
         "nobody answered in time; if the vehicle's middleware is Cyclone DDS, set `service_mapping = \"cyclone\"`"
     )]
@@ -84,14 +84,14 @@ impl ControlModeClient {
         let id = self.0.send_request(request).map_err(|e| ServiceError::Transport(e.to_string()))?;
         let looks = timeout.as_micros().div_ceil(LOOK_EVERY.as_micros());
         for _ in 0..looks {
-            // An answer to an earlier request, or one that cannot be read, is not ours.
+            // Skips answers to earlier requests and unreadable ones.
             while let Ok(Some((answered, response))) = self.0.receive_response() {
                 if answered == id {
                     return Ok(response.success);
                 }
             }
             let state = shared.lock();
-            // Nothing wakes this early: it is a pause.
+            // There is no early notification: this is a sleep.
             drop(
                 shared
                     .news

@@ -1,3 +1,5 @@
+//! Statistics of a bridge's topics.
+
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
@@ -6,52 +8,52 @@ use super::receive::Newest;
 use crate::clock::{ClockOffset, StampVerdict};
 use crate::message::Kind;
 
-/// Counts of a topic.
+/// Statistics of a topic.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct TopicStatistics {
-    /// Its name here.
+    /// Name in the mapping.
     pub name: String,
-    /// Its name in ROS.
+    /// ROS name.
     pub topic: String,
     /// The type of its messages.
     pub kind: Kind,
-    /// How many others read or write it now.
+    /// Number of matched readers or writers.
     pub matched: usize,
-    /// How often somebody was found whose wishes for delivery do not go with ours.
+    /// Number of readers or writers with incompatible quality of service.
     pub incompatible: u64,
-    /// Messages that came, sound or not.
+    /// Messages received, valid or not.
     pub received: u64,
-    /// Messages that were taken.
+    /// Messages taken by the reader.
     pub delivered: u64,
-    /// Messages that newer ones replaced before they were taken.
+    /// Messages replaced by newer ones before they were taken.
     pub overwritten: u64,
-    /// Messages beyond the rate that is allowed; each replaced the one before it.
+    /// Messages above the rate limit; each replaced its predecessor.
     pub over_rate: u64,
-    /// Messages that are missing by the writers' numbers.
+    /// Messages missing according to the writers' sequence numbers.
     pub lost: u64,
-    /// Messages that were refused, by reason.
+    /// Rejected messages by reason.
     pub refused: Refused,
-    /// Why the newest of them was.
+    /// Reason for the latest rejection.
     pub last_refusal: Option<String>,
-    /// Messages that were sent.
+    /// Messages sent.
     pub published: u64,
     /// Messages that could not be sent.
     pub not_published: u64,
-    /// Messages a second, over the newest 256.
+    /// Rate over the newest 256 messages, Hz.
     pub rate_hz: Option<f64>,
-    /// Receipt minus the writer's time of writing, by two hosts' clocks.
+    /// Reception minus source timestamp; includes the offset between the hosts' clocks.
     pub latency: Option<Latency>,
-    /// The clock of the stamps.
+    /// Clock of the stamps.
     pub clock: Option<ClockOffset>,
 }
 
 impl TopicStatistics {
-    /// Of a topic of which nothing is known.
+    /// Empty statistics of a topic.
     pub(crate) fn none(endpoint: &Endpoint) -> Self {
         Counters::default().statistics(endpoint)
     }
 
-    /// Adds what was counted before these counts began.
+    /// Adds earlier statistics.
     pub(crate) fn add(&mut self, earlier: &Self) {
         self.incompatible += earlier.incompatible;
         self.received += earlier.received;
@@ -66,24 +68,24 @@ impl TopicStatistics {
     }
 }
 
-/// Messages that were refused, by reason.
+/// Rejected messages by reason.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Refused {
-    /// The bytes are no such message.
+    /// The payload cannot be decoded.
     pub malformed: u64,
-    /// The writer's type is another.
+    /// The writer has another type.
     pub wrong_type: u64,
-    /// Numbers, sizes or names that cannot be.
+    /// Implausible numbers, sizes or names.
     pub implausible: u64,
-    /// The stamp is older than the newest before it.
+    /// Stamp older than the newest one before.
     pub backwards: u64,
-    /// The stamp is from the future.
+    /// Stamp in the future.
     pub ahead: u64,
-    /// The stamp is from long ago.
+    /// Stamp in the distant past.
     pub behind: u64,
-    /// There is no stamp.
+    /// Stamp not set.
     pub unset: u64,
-    /// The transport failed.
+    /// Failure of the transport.
     pub transport: u64,
 }
 
@@ -100,21 +102,21 @@ impl Refused {
         self.transport += transport;
     }
 
-    /// All together.
+    /// Sum over all reasons.
     pub fn total(&self) -> u64 {
         let Self { malformed, wrong_type, implausible, backwards, ahead, behind, unset, transport } = *self;
         malformed + wrong_type + implausible + backwards + ahead + behind + unset + transport
     }
 }
 
-/// How long messages were on their way.
+/// Transport latency.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Latency {
-    /// Half of them at most.
+    /// Median.
     pub median: Span,
-    /// All but a hundredth of them at most.
+    /// 99th percentile.
     pub p99: Span,
-    /// The newest 256 at most.
+    /// Maximum over the newest 256 messages.
     pub max: Span,
 }
 

@@ -1,3 +1,5 @@
+//! Tests of the catalogue's completeness.
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -9,9 +11,9 @@ use super::*;
 use crate::convert::{Epoch, SteeringGear, VehicleState, report_to_ros};
 use crate::samples::sample;
 
-/// A stamp that a message has in its fields but does not say would make it look new for ever.
+/// A message with a stamp that its row does not name would always look new.
 #[test]
-fn a_message_says_the_stamp_that_its_fields_hold() {
+fn catalogue_names_the_stamp_of_every_message_with_one() {
     for &kind in Kind::ALL {
         let message = sample(kind);
         let fields = Table::try_from(&message).expect("messages are tables");
@@ -27,7 +29,7 @@ fn a_message_says_the_stamp_that_its_fields_hold() {
 }
 
 #[test]
-fn every_report_is_made_in_each_of_its_types() {
+fn reports_are_built_in_each_of_their_types() {
     let state = VehicleState {
         wheels: WheelOdometry { stamp: Time::from_ms(1500), speed_mps: 7.0, ..WheelOdometry::default() },
         ..VehicleState::default()
@@ -45,9 +47,9 @@ fn every_report_is_made_in_each_of_its_types() {
     assert!(made > 20, "{made}");
 }
 
-/// A topic that both sides sent would be nobody's to read.
+/// A topic published by both sides would have no reader.
 #[test]
-fn reports_come_from_the_vehicle_and_commands_from_the_stack() {
+fn roles_are_published_by_the_side_of_their_purpose() {
     for role in Role::ALL {
         let side = match role.purpose() {
             Purpose::Sensor
@@ -62,7 +64,7 @@ fn reports_come_from_the_vehicle_and_commands_from_the_stack() {
     }
 }
 
-/// The crates' sources without tests, each with its text up to where its tests begin.
+/// Source files of the crates, each with its text up to its tests.
 fn sources() -> Vec<(PathBuf, String)> {
     fn read(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
         for entry in std::fs::read_dir(folder).expect("sources are there") {
@@ -83,7 +85,7 @@ fn sources() -> Vec<(PathBuf, String)> {
     found
 }
 
-/// Whether `text` names a message: its kind, its form in the type of all, or its Rust type.
+/// Returns true if `text` names a message: as a kind, as a variant of `AnyMessage`, or as a Rust type.
 fn names(text: &str, variant: &str, kind: Kind) -> bool {
     let word = |text: &str, word: &str| {
         let is_part = |c: char| c.is_alphanumeric() || c == '_';
@@ -103,8 +105,8 @@ fn names(text: &str, variant: &str, kind: Kind) -> bool {
         || imported()
 }
 
-/// A message's fields and checks are in its package's file, all else that there is to know of it is in the catalogue.
-/// Another file that names it makes something of it: a conversion, a vehicle's interface, the intake, the simulated car.
+/// The fields and checks of a message are in the file of its package, everything else about it in the catalogue.
+/// Any other file that names it must be a use: a conversion, a vehicle's interface, the intake, the simulated car.
 #[test]
 fn a_message_is_known_in_two_files_beside_what_is_made_of_it() {
     let sources = sources();
@@ -131,7 +133,7 @@ fn a_message_is_known_in_two_files_beside_what_is_made_of_it() {
         assert!(own.1.contains(&format!("pub struct {} {{", kind.name())), "{kind}");
         by_files.entry(2 + uses).or_default().insert(kind);
     }
-    // So many that a search that finds nothing would show.
+    // High enough to fail if the search finds nothing.
     let of_three: usize = by_files.range(3..).map(|(_, kinds)| kinds.len()).sum();
     assert!(of_three > 30, "{by_files:?}");
 }

@@ -1,3 +1,5 @@
+//! Tests of the CDR encoding, including fuzzing.
+
 use proptest::prelude::*;
 
 use swerve_geom::{Point, Transform};
@@ -19,9 +21,9 @@ fn invalid(message: &impl RosMessage) -> String {
     }
 }
 
-/// A header by hand: byte order, stamp, the frame with its length and final zero.
+/// A hand-written header: byte order, stamp, the frame with its length and terminating zero.
 #[test]
-fn bytes_are_those_of_the_standard() {
+fn cdr_bytes_match_the_standard() {
     let mut fix = NavSatFix::default();
     fix.header.stamp.sec = 1;
     fix.header.stamp.nanosec = 2;
@@ -37,7 +39,7 @@ fn bytes_are_those_of_the_standard() {
         0xff, 0, 0x02, 0x01, // status, padding, service
         0, 0, 0, 0, 0, 0, 0xf0, 0x3f, // latitude: offset 24 without the header is a multiple of 8
     ];
-    // The status is at 16 and the service at 18: padding to 24 follows.
+    // The status is at 16 and the service at 18, followed by padding to 24.
     assert_eq!(bytes[..4 + 16], front[..20]);
     assert_eq!(bytes[20..24], front[20..24]);
     assert_eq!(bytes[4 + 24..4 + 32], front[24..32]);
@@ -45,7 +47,7 @@ fn bytes_are_those_of_the_standard() {
 }
 
 #[test]
-fn every_kind_survives_its_bytes() {
+fn cdr_round_trips_every_kind() {
     for &kind in Kind::ALL {
         let message = sample(kind);
         assert_eq!(message.kind(), kind);
@@ -57,7 +59,7 @@ fn every_kind_survives_its_bytes() {
 }
 
 #[test]
-fn the_other_byte_order_is_read_too() {
+fn cdr_reads_big_endian() {
     let message = sample(Kind::Imu);
     let mut bytes = vec![0, 0, 0, 0];
     bytes.extend(cdr_encoding::to_vec::<_, BigEndian>(&message).unwrap());
@@ -65,7 +67,7 @@ fn the_other_byte_order_is_read_too() {
 }
 
 #[test]
-fn a_filled_up_message_is_a_multiple_of_four_long_whatever_its_length() {
+fn padded_messages_are_a_multiple_of_four_bytes_long() {
     for extra in 0..8 {
         let AnyMessage::PointCloud2(mut cloud) = sample(Kind::PointCloud2) else { unreachable!() };
         cloud.header.frame_id = "l".repeat(extra);
@@ -74,9 +76,9 @@ fn a_filled_up_message_is_a_multiple_of_four_long_whatever_its_length() {
     }
 }
 
-/// The transport matches any type with any: most are refused by their length, the rest by their numbers.
+/// The transport matches any type with any: most are rejected by length, the rest by implausible values.
 #[test]
-fn another_type_is_not_taken_for_the_one_asked_for() {
+fn decoder_rejects_messages_of_another_type() {
     for (written, read) in [
         (Kind::Odometry, Kind::Imu),
         (Kind::Imu, Kind::Odometry),
@@ -92,7 +94,7 @@ fn another_type_is_not_taken_for_the_one_asked_for() {
 }
 
 #[test]
-fn lying_clouds_are_refused_with_the_field_that_lies() {
+fn decoder_names_the_inconsistent_field_of_a_cloud() {
     let AnyMessage::PointCloud2(cloud) = sample(Kind::PointCloud2) else { unreachable!() };
     type Lie = fn(&mut PointCloud2);
     let lies: [(Lie, &str); 8] = [
@@ -119,7 +121,7 @@ fn lying_clouds_are_refused_with_the_field_that_lies() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_name() {
+fn decoder_names_implausible_fields() {
     let mut imu = Imu { angular_velocity: Vector3 { x: 0.0, y: f64::NAN, z: 0.0 }, ..Imu::default() };
     assert_eq!(invalid(&imu), "`angular_velocity.y` is not a finite number");
     imu.angular_velocity.y = 5.0e180;
@@ -155,7 +157,7 @@ fn what_cannot_be_is_refused_by_name() {
 }
 
 #[test]
-fn bytes_that_are_left_or_missing_are_told() {
+fn decoder_reports_trailing_and_missing_bytes() {
     let bytes = encode(&sample(Kind::Control));
     assert_eq!(decode_any(Kind::Control, &bytes[..3]), Err(DecodeError::TooShort(3)));
     let cut = decode_any(Kind::Control, &bytes[..bytes.len() - 8]).unwrap_err();
@@ -168,7 +170,7 @@ fn bytes_that_are_left_or_missing_are_told() {
     assert_eq!(decode_any(Kind::Control, &other), Err(DecodeError::Representation([0, 3])));
 }
 
-/// The use that is made of a message that passed its check: nothing of it may panic either.
+/// Uses a validated message in every conversion: none may panic.
 fn use_it(message: &AnyMessage) {
     let (epoch, mut names) = (Epoch { ns: 1_000 }, Identities::default());
     let place = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, 0.0);
@@ -200,7 +202,7 @@ fn use_it(message: &AnyMessage) {
     }
 }
 
-/// How many mutated payloads are tried: more with `SWERVE_FUZZ=1`.
+/// Number of mutated payloads to try; more with `SWERVE_FUZZ=1`.
 fn mutations() -> u32 {
     if std::env::var_os("SWERVE_FUZZ").is_some() { 100_000 } else { 2_000 }
 }
@@ -208,7 +210,7 @@ fn mutations() -> u32 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: mutations(), failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(7), ..ProptestConfig::default() })]
 
-    /// Whatever is done to a payload: a message that passes its own check, or an error.
+    /// A mutated payload yields a message that passes its check, or an error.
     #[test]
     fn mutated_payloads_never_panic(
         kind in prop::sample::select(Kind::ALL),
@@ -231,7 +233,7 @@ proptest! {
         }
     }
 
-    /// Noise is not a message, and its lengths are not believed.
+    /// Noise is not a message, and its length fields are not trusted.
     #[test]
     fn random_payloads_never_panic(
         kind in prop::sample::select(Kind::ALL),

@@ -1,21 +1,21 @@
-//! Checks that messages of several packages have in common: poses, covariances, frames, and the limits of a road.
+//! Common checks of several packages: poses, covariances, frames, physical limits.
 
 use super::{Invalid, Why, invalid, within};
 use crate::msg::geometry_msgs::{Pose, Quaternion, Transform, Twist};
 
-/// Nothing on a road is faster, m/s.
+/// Maximum plausible speed, m/s.
 pub(crate) const SPEED_MAX_MPS: f64 = 150.0;
-/// Nothing turns faster, rad/s.
+/// Maximum plausible yaw rate, rad/s.
 pub(crate) const TURN_MAX_RADPS: f64 = 100.0;
-/// No sensor measures more, m/s²: 50 g.
+/// Maximum plausible acceleration, m/s²: about 50 g.
 pub(crate) const ACCEL_MAX_MPS2: f64 = 500.0;
-/// No road wheel turns further, radians.
+/// Maximum plausible road wheel angle, radians.
 pub(crate) const TIRE_ANGLE_MAX_RAD: f64 = 1.6;
-/// No steering wheel turns further, degrees.
+/// Maximum plausible steering wheel angle, degrees.
 pub(crate) const WHEEL_ANGLE_MAX_DEG: f64 = 2000.0;
-/// How far the length of a quaternion may be from one.
+/// Maximum deviation of a quaternion's norm from one.
 const QUATERNION_TOLERANCE: f64 = 0.01;
-/// No road wheel spins faster, rad/s.
+/// Maximum plausible wheel speed, rad/s.
 pub(crate) const WHEEL_SPEED_MAX_RADPS: f64 = 1000.0;
 
 pub(crate) fn quaternion(field: &str, q: &Quaternion) -> Result<(), Invalid> {
@@ -40,7 +40,7 @@ pub(crate) fn twist(field: &str, twist: &Twist) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Variances are not negative; `row` is the side of the matrix.
+/// Checks that variances are not negative; `row` is the side length of the matrix.
 pub(crate) fn variances(field: &str, covariance: &[f64], row: usize) -> Result<(), Invalid> {
     for i in 0..row {
         within(&format!("{field}[{}]", i * (row + 1)), covariance[i * (row + 1)], 0.0, f64::MAX)?;
@@ -48,7 +48,7 @@ pub(crate) fn variances(field: &str, covariance: &[f64], row: usize) -> Result<(
     Ok(())
 }
 
-/// A covariance that may say with -1 that the quantity is not measured.
+/// Checks a covariance that starts with -1 if the quantity is not measured.
 pub(crate) fn variances_or_none(field: &str, covariance: &[f64; 9]) -> Result<(), Invalid> {
     if covariance[0] == -1.0 { Ok(()) } else { variances(field, covariance, 3) }
 }

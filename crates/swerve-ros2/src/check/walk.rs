@@ -1,4 +1,4 @@
-//! A serializer that keeps nothing: it walks through a message and looks at every number and text.
+//! Serializer without output that checks every number and string of a message.
 
 use core::fmt;
 
@@ -7,11 +7,11 @@ use serde::ser::{self, Impossible};
 
 use super::{Invalid, NAME_MAX, NUMBER_MAX, TEXT_MAX, Why};
 
-/// Looks at every number and text of `message`; a field named in `may_be_nan` may be not-a-number.
+/// Checks every number and string of `message`; the fields named in `may_be_nan` may be NaN.
 ///
 /// # Errors
-/// The first field that is not finite, beyond [`NUMBER_MAX`], a part of a second beyond a second, a frame that
-/// is no name, a text without end.
+/// The first field that is not finite, exceeds [`NUMBER_MAX`], has nanoseconds of a full second or more, is not a
+/// valid frame name, or is too long.
 pub fn check_numbers<T: Serialize>(message: &T, may_be_nan: &[&str]) -> Result<(), Invalid> {
     message.serialize(&mut Walk { path: Vec::new(), may_be_nan }).map_err(|Stop(invalid)| *invalid)
 }
@@ -57,7 +57,7 @@ impl Walk<'_> {
         Stop(Box::new(Invalid { field, why }))
     }
 
-    /// The innermost name on the way here.
+    /// Innermost field name of the present path.
     fn name(&self) -> &'static str {
         let names = self.path.iter().rev().find_map(|step| match step {
             Step::Field(name) => Some(*name),
@@ -96,7 +96,7 @@ impl Walk<'_> {
     }
 }
 
-/// Fields and elements of what holds others; counts the elements.
+/// Visitor of fields and elements; counts the elements.
 struct Inside<'w, 'a> {
     walk: &'w mut Walk<'a>,
     index: usize,
@@ -186,7 +186,7 @@ impl<'w, 'a> ser::Serializer for &'w mut Walk<'a> {
         Ok(Inside { walk: self, index: 0 })
     }
 
-    // What no ROS message has: options, units, enumerations with contents, maps.
+    // Not used in ROS messages: options, units, enumerations with contents, maps.
     fn serialize_none(self) -> Result<(), Stop> {
         Ok(())
     }

@@ -1,3 +1,5 @@
+//! Conversion of commands and of drive-by-wire reports.
+
 use swerve_core::Time;
 use swerve_msg::{Command, MotionCommand};
 
@@ -6,7 +8,7 @@ use crate::AnyMessage;
 use crate::msg::autoware_control_msgs::{Control, Lateral, Longitudinal};
 use crate::msg::{autoware_vehicle_msgs, ds_dbw_msgs, raptor_dbw_msgs};
 
-/// A command as Autoware's control message.
+/// Converts a command to Autoware's control message.
 pub fn control_to_ros(command: &MotionCommand, epoch: Epoch) -> Control {
     let stamp = epoch.stamp(command.stamp);
     Control {
@@ -31,7 +33,7 @@ pub fn control_to_ros(command: &MotionCommand, epoch: Epoch) -> Control {
     }
 }
 
-/// The motion that Autoware's control message asks for; an acceleration that it does not define is zero.
+/// Converts Autoware's control message; an undefined acceleration becomes zero.
 pub fn control_from_ros(control: &Control, epoch: Epoch) -> MotionCommand {
     let longitudinal = &control.longitudinal;
     let accel = if longitudinal.is_defined_acceleration { longitudinal.acceleration } else { 0.0 };
@@ -43,56 +45,57 @@ pub fn control_from_ros(control: &Control, epoch: Epoch) -> MotionCommand {
     }
 }
 
-/// Between the road wheels and the steering wheel.
+/// Steering gear between the steering wheel and the road wheels.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SteeringGear {
-    /// Turns of the steering wheel for a turn of the road wheels.
+    /// Steering ratio: steering wheel angle over road wheel angle.
     pub ratio: f64,
-    /// How far the steering wheel turns to a side, degrees.
+    /// Maximum steering wheel angle to each side, degrees.
     pub wheel_max_deg: f64,
-    /// How fast it is turned, degrees/s; 0 leaves that to the vehicle.
+    /// Steering wheel rate, degrees/s; 0 for the vehicle's default.
     pub wheel_rate_degps: f64,
 }
 
 impl Default for SteeringGear {
-    /// A Lincoln MKZ.
+    /// Values of a Lincoln MKZ.
     fn default() -> Self {
         Self { ratio: 14.8, wheel_max_deg: 470.0, wheel_rate_degps: 0.0 }
     }
 }
 
 impl SteeringGear {
-    /// The steering wheel's angle for the road wheels' angle, degrees, within its travel.
+    /// Steering wheel angle for a road wheel angle in radians, degrees, clamped to the maximum.
     pub fn wheel_deg(&self, steering_rad: f64) -> f64 {
         (steering_rad.to_degrees() * self.ratio).clamp(-self.wheel_max_deg, self.wheel_max_deg)
     }
 
-    /// The road wheels' angle for the steering wheel's angle.
+    /// Road wheel angle for a steering wheel angle in degrees, radians.
     pub fn steering_rad(&self, wheel_deg: f64) -> f64 {
         (wheel_deg / self.ratio).to_radians()
     }
 }
 
-/// The accelerations that a vehicle's own controller keeps within; both are positive.
+/// Acceleration limits of a vehicle's own controller; both are positive.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct AccelLimits {
-    /// When it gets faster, m/s².
+    /// While accelerating, m/s².
     pub accel_mps2: f64,
-    /// When it gets slower, m/s².
+    /// While decelerating, m/s².
     pub decel_mps2: f64,
 }
 
-/// Commands for a vehicle with Dataspeed's interface. `ignore` is never set: the driver always wins.
+/// Builds commands for Dataspeed's interface. Never sets `ignore`: the driver always has priority.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Dataspeed {
-    /// Steering wheel and road wheels.
+    /// Steering gear.
     pub gear: SteeringGear,
-    /// Which instant of ROS's clock the run's time zero is.
+    /// Instant of the ROS clock at run time zero.
     pub epoch: Epoch,
 }
 
 impl Dataspeed {
-    /// Steering by angle. `clear` asks to forget an earlier takeover: set for the first command after enabling.
+    /// Steering wheel angle command. `clear` resets an earlier driver override: set it in the first command after
+    /// enabling.
     pub fn steering(
         &self,
         at: Time,
@@ -112,7 +115,7 @@ impl Dataspeed {
         }
     }
 
-    /// Pedals by travel: throttle and brake.
+    /// Throttle and brake pedal commands, by travel.
     pub fn pedals(
         &self,
         at: Time,
@@ -140,7 +143,7 @@ impl Dataspeed {
         (throttle, brake)
     }
 
-    /// Speed through the universal longitudinal controller, which keeps within the accelerations given.
+    /// Speed command for the universal longitudinal controller, within the given accelerations.
     pub fn speed(
         &self,
         command: &MotionCommand,
@@ -161,10 +164,10 @@ impl Dataspeed {
     }
 }
 
-/// The road wheels' angle of Dataspeed's report.
+/// Road wheel angle of Dataspeed's report, radians.
 ///
 /// # Errors
-/// The vehicle does not measure it.
+/// If the vehicle does not measure it.
 pub fn dataspeed_steering_from_ros(
     report: &ds_dbw_msgs::SteeringReport,
     gear: &SteeringGear,
@@ -175,20 +178,21 @@ pub fn dataspeed_steering_from_ros(
     Ok(gear.steering_rad(f64::from(report.steering_wheel_angle)))
 }
 
-/// The speed of Dataspeed's report: as the brakes measure it, else as the drivetrain does, m/s.
+/// Speed of Dataspeed's report, m/s: measured by the brakes, else by the drivetrain.
 ///
 /// # Errors
-/// The vehicle measures neither.
+/// If the vehicle measures neither.
 pub fn dataspeed_speed_from_ros(report: &ds_dbw_msgs::VehicleVelocity) -> Result<f64, ConvertError> {
     let both = [report.vehicle_velocity_brake, report.vehicle_velocity_propulsion];
     let measured = both.into_iter().find(|speed| !speed.is_nan());
     measured.map(f64::from).ok_or(ConvertError::NotMeasured("vehicle_velocity_brake"))
 }
 
-/// Whether a report says that the driver acts or drives; `None` from messages that say nothing of it.
+/// Returns true if a report indicates driver activity or manual driving; `None` for messages without that
+/// information.
 ///
-/// Autoware's control mode: any mode in which steering or speed is not ours. Dataspeed: an override that is active,
-/// here or at another actuator. Raptor: the driver's activity.
+/// Autoware: any control mode in which steering or speed is not ours. Dataspeed: an active override, at this or
+/// another actuator. Raptor: driver activity.
 pub fn driver_active(report: &AnyMessage) -> Option<bool> {
     use autoware_vehicle_msgs::ControlModeReport;
     match report {
@@ -204,15 +208,15 @@ pub fn driver_active(report: &AnyMessage) -> Option<bool> {
     }
 }
 
-/// Commands for a vehicle with New Eagle's Raptor: they carry a counter that shows that the sender lives.
+/// Builds commands for New Eagle's Raptor, which contain a rolling counter as a heartbeat.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Raptor {
-    /// Steering wheel and road wheels.
+    /// Steering gear.
     pub gear: SteeringGear,
 }
 
 impl Raptor {
-    /// Steering by the angle of the steering wheel.
+    /// Steering wheel angle command.
     pub fn steering(&self, steering_rad: f64, enable: bool, counter: u32) -> raptor_dbw_msgs::SteeringCmd {
         raptor_dbw_msgs::SteeringCmd {
             angle_cmd: self.gear.wheel_deg(steering_rad) as f32,
@@ -224,7 +228,7 @@ impl Raptor {
         }
     }
 
-    /// Pedals by travel: accelerator and brake.
+    /// Accelerator and brake pedal commands, by travel.
     pub fn pedals(
         &self,
         command: &Command,
@@ -256,7 +260,7 @@ fn mode(value: u8) -> raptor_dbw_msgs::ActuatorControlMode {
     raptor_dbw_msgs::ActuatorControlMode { value }
 }
 
-/// The speed of Raptor's report, which is in km/h, m/s.
+/// Speed of Raptor's report, converted from km/h to m/s.
 pub fn raptor_speed_from_ros(report: &raptor_dbw_msgs::MiscReport) -> f64 {
     f64::from(report.vehicle_speed) / 3.6
 }

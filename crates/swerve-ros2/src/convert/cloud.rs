@@ -1,18 +1,20 @@
+//! Conversion of point clouds.
+
 use swerve_msg::{LidarPoint, PointCloud};
 
 use super::{ConvertError, Epoch};
 use crate::msg::sensor_msgs::field_bytes;
 use crate::msg::sensor_msgs::{PointCloud2, PointField};
 
-/// The strongest echo in ROS's clouds.
+/// Maximum intensity in ROS point clouds.
 const INTENSITY_MAX: f32 = 255.0;
-/// Bytes of a point as we write it: x, y, z, intensity, ring, two of padding, time.
+/// Bytes per written point: x, y, z, intensity, ring, two of padding, time.
 const POINT_BYTES: usize = 24;
-/// No sweep takes longer, seconds: a time beyond it is another clock's.
+/// Maximum duration of a sweep, seconds; larger time offsets are from another clock.
 const SWEEP_MAX_S: f64 = 1.0;
 
-/// A sweep as `sensor_msgs/PointCloud2` with the fields `x y z intensity ring time`, the time in seconds from the
-/// stamp as Velodyne's driver has it.
+/// Converts a sweep to `sensor_msgs/PointCloud2` with the fields `x y z intensity ring time`; the time is in
+/// seconds relative to the stamp, as in Velodyne's driver.
 pub fn cloud_to_ros(cloud: &PointCloud, epoch: Epoch, frame_id: &str) -> PointCloud2 {
     let field =
         |name: &str, offset, datatype| PointField { name: name.to_owned(), offset, datatype, count: 1 };
@@ -47,7 +49,7 @@ pub fn cloud_to_ros(cloud: &PointCloud, epoch: Epoch, frame_id: &str) -> PointCl
     }
 }
 
-/// How one quantity of a point is read.
+/// Position and type of a field within a point.
 #[derive(Clone, Copy)]
 struct Reader {
     offset: usize,
@@ -61,7 +63,7 @@ impl Reader {
         Some(Self { offset: field.offset as usize, datatype: field.datatype, big_endian: cloud.is_bigendian })
     }
 
-    /// The number in the bytes of one point; the check has made sure that it lies within them.
+    /// Reads the number from the bytes of one point; the message check guarantees that it is within them.
     fn read(self, point: &[u8]) -> f64 {
         let n = field_bytes(self.datatype).unwrap_or(0) as usize;
         let mut bytes = [0; 8];
@@ -83,7 +85,7 @@ impl Reader {
     }
 }
 
-/// When a point was measured, as different drivers write it.
+/// Encoding of the measurement time by different drivers.
 enum PointTime {
     None,
     /// Seconds from the stamp: `time` (Velodyne).
@@ -107,7 +109,7 @@ impl PointTime {
         }
     }
 
-    /// Seconds from the stamp; zero for what cannot be.
+    /// Time relative to the stamp, seconds; zero if implausible.
     fn offset_s(&self, point: &[u8]) -> f32 {
         let seconds = match self {
             Self::None => 0.0,
@@ -119,11 +121,11 @@ impl PointTime {
     }
 }
 
-/// The points of a message that was checked, in the sensor's frame, without those that have no place
-/// (not-a-number where nothing came back) or of which all coordinates are zero.
+/// Converts a validated message, in the sensor's frame. Skips points without coordinates (NaN for a missing return)
+/// or with all coordinates zero.
 ///
 /// # Errors
-/// There are no coordinates in single or double precision.
+/// If there are no coordinates in single or double precision.
 pub fn cloud_from_ros(cloud: &PointCloud2, epoch: Epoch) -> Result<PointCloud, ConvertError> {
     let place = |name: &'static str| {
         Reader::find(cloud, &[name])

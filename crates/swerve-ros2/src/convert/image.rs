@@ -1,3 +1,5 @@
+//! Conversion of images and camera calibration.
+
 use swerve_geom::{Camera, Ego, Transform};
 use swerve_msg::{CameraInfo, Encoding, Image, Intrinsics, Pixels};
 
@@ -6,11 +8,11 @@ use crate::msg::sensor_msgs as sm;
 use crate::msg::sensor_msgs::bytes_per_pixel;
 use crate::msg::{Matrix, std_msgs::Header};
 
-/// Half a pixel: from the centre of the first pixel, ROS's origin, to its corner, ours.
+/// Half a pixel: from the centre of the first pixel (the origin in ROS) to its corner (the origin here).
 const HALF_PX: f64 = 0.5;
 
-/// An image as `sensor_msgs/Image`: colours as `rgb8`, depth as `32FC1` in metres (REP 118), classes as `mono8`,
-/// instances as `32SC1`.
+/// Converts an image to `sensor_msgs/Image`: colour as `rgb8`, depth as `32FC1` in metres (REP 118), classes as
+/// `mono8`, instances as `32SC1`.
 pub fn image_to_ros(image: &Image, epoch: Epoch, frame_id: &str) -> sm::Image {
     let encoding = match image.encoding() {
         Encoding::Rgb8 => "rgb8",
@@ -29,13 +31,14 @@ pub fn image_to_ros(image: &Image, epoch: Epoch, frame_id: &str) -> sm::Image {
     }
 }
 
-/// Colours (`mono8` as grey) or depth, of a message that was checked. The camera is not in the message.
+/// Converts a validated colour (`mono8` as grey) or depth image. The message does not contain the camera's
+/// calibration.
 ///
 /// # Errors
-/// Another encoding.
+/// If the encoding is not supported.
 pub fn image_from_ros(image: &sm::Image, epoch: Epoch, camera: CameraInfo) -> Result<Image, ConvertError> {
     let encoding = image.encoding.as_str();
-    // For each of red, green, blue: which byte of the pixel.
+    // Byte of the pixel for each of red, green, blue.
     let channels = match encoding {
         "rgb8" | "rgba8" | "8UC3" => Some([0, 1, 2]),
         "bgr8" | "bgra8" => Some([2, 1, 0]),
@@ -69,7 +72,7 @@ fn depth(pixel: &[u8], big_endian: bool) -> f32 {
     if big_endian { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }
 }
 
-/// A camera as `sensor_msgs/CameraInfo`: `plumb_bob`, not rectified.
+/// Converts a camera to `sensor_msgs/CameraInfo`: `plumb_bob`, not rectified.
 pub fn camera_to_ros(camera: &CameraInfo, width_px: u32, height_px: u32, header: Header) -> sm::CameraInfo {
     let Intrinsics { fx_px, fy_px, cx_px, cy_px, distortion, is_parallel: _ } = camera.intrinsics;
     let (cx, cy) = (cx_px - HALF_PX, cy_px - HALF_PX);
@@ -86,10 +89,10 @@ pub fn camera_to_ros(camera: &CameraInfo, width_px: u32, height_px: u32, header:
     }
 }
 
-/// A camera from its calibration and its place on the car.
+/// Converts a calibration, given the mounting pose.
 ///
 /// # Errors
-/// A lens of another model than `plumb_bob`.
+/// If the lens model is not `plumb_bob`.
 pub fn camera_from_ros(
     info: &sm::CameraInfo,
     ego_from_camera: Transform<Ego, Camera>,

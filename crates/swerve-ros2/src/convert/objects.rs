@@ -1,3 +1,5 @@
+//! Conversion of tracks and predictions.
+
 use std::collections::BTreeMap;
 
 use swerve_core::{Span, Time};
@@ -14,18 +16,18 @@ use crate::msg::autoware_perception_msgs::{
 use crate::msg::builtin_interfaces::Duration;
 use crate::msg::geometry_msgs as geo;
 
-/// More poses than this are not read of one path.
+/// Maximum number of poses read from one path.
 const PATH_POSES_MAX: usize = 1000;
-/// Poses further apart than this tell nothing of what is between them.
+/// Maximum time between poses; interpolation is meaningless beyond it.
 const STEP_MAX: Span = Span::from_ms(60_000);
-/// Step between poses where a path has one pose and none is needed.
+/// Time step of a path with a single pose, where the value does not matter.
 const STEP_MIN: Span = Span::from_ms(100);
 
-/// Tracks and what they may do next as Autoware's predicted objects.
+/// Converts tracks and their predictions to Autoware's predicted objects.
 ///
-/// Poses and paths are of the centres of the boxes; velocities along and across the object. Autoware's paths have
-/// equal steps: ours are read off at the step between their first two poses. Predictions of one track are its
-/// paths.
+/// Poses and paths are those of the box centres; velocities are along and across the object. Autoware's paths have
+/// equal time steps: predictions are resampled at the step between their first two poses. All predictions of a
+/// track become its paths.
 pub fn objects_to_ros(
     tracks: &TrackList,
     predictions: &PredictionList,
@@ -74,10 +76,10 @@ fn path_to_ros(prediction: &Prediction, z: f64) -> PredictedPath {
     }
 }
 
-/// Who is who: Autoware names things with sixteen bytes, we with a number.
+/// Maps Autoware's 16-byte identifiers to numbers.
 ///
-/// The same bytes get the same number as long as no more than [`Identities::MAX`] others came since; numbers are
-/// not used again.
+/// The same identifier keeps its number until more than [`Identities::MAX`] others were seen since; numbers are not
+/// reused.
 #[derive(Clone, Debug, Default)]
 pub struct Identities {
     known: BTreeMap<[u8; 16], (u32, u64)>,
@@ -86,10 +88,10 @@ pub struct Identities {
 }
 
 impl Identities {
-    /// How many names are kept.
+    /// Maximum number of identifiers kept.
     pub const MAX: usize = 4096;
 
-    /// The number of a name; a new one from 1 on for a name that is new.
+    /// Number of an identifier; new identifiers get new numbers, from 1.
     pub fn id(&mut self, uuid: UUID) -> ActorId {
         self.uses += 1;
         if let Some((id, used)) = self.known.get_mut(&uuid.uuid) {
@@ -107,10 +109,10 @@ impl Identities {
     }
 }
 
-/// Autoware's predicted objects as tracks and predictions, ordered by identity.
+/// Converts Autoware's predicted objects to tracks and predictions, ordered by identity.
 ///
 /// # Errors
-/// Another frame than `map`.
+/// If the frame is not `map`.
 pub fn objects_from_ros(
     objects: &PredictedObjects,
     epoch: Epoch,
@@ -145,7 +147,7 @@ pub fn objects_from_ros(
     Ok((tracks, predictions))
 }
 
-/// `None` for a path without poses, or with a step that is not forward or beyond [`STEP_MAX`].
+/// Converts a path; `None` if it has no poses, or a time step that is not positive or exceeds [`STEP_MAX`].
 fn path_from_ros(path: &PredictedPath, stamp: Time) -> Option<Vec<PredictedPose>> {
     let step = Span::from_ns(path.time_step.ns());
     if path.path.is_empty() || step > STEP_MAX || (path.path.len() > 1 && step <= Span::ZERO) {
@@ -173,7 +175,7 @@ fn label(kind: ActorKind) -> u8 {
     }
 }
 
-/// The most likely kind; one that we have no word for (animals, hazards) cannot be relied on to move away.
+/// Most likely kind; unsupported ones (animals, hazards) are treated as static, since they may not move away.
 fn kind(classification: &[Label]) -> ActorKind {
     let likeliest = classification.iter().reduce(|a, b| if b.probability > a.probability { b } else { a });
     match likeliest.map_or(Label::UNKNOWN, |one| one.label) {

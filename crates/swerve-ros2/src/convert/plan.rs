@@ -1,3 +1,5 @@
+//! Conversion of plans.
+
 use swerve_core::Span;
 use swerve_geom::{angle_between, math};
 use swerve_msg::{Plan, PlanPoint, PlanStatus};
@@ -7,10 +9,10 @@ use crate::msg::autoware_planning_msgs::{Trajectory, TrajectoryPoint};
 use crate::msg::builtin_interfaces::Duration;
 use crate::msg::{geometry_msgs, nav_msgs};
 
-/// Nothing that moves slower gets an instant from its speed, m/s.
+/// Minimum mean speed from which instants are computed, m/s.
 const CRAWL_MPS: f64 = 0.05;
 
-/// A plan as Autoware's trajectory of `base_link`, with the wheels turned as a car without slip has to.
+/// Converts a plan to Autoware's trajectory of `base_link`; wheel angles are kinematic, without slip.
 pub fn plan_to_ros(plan: &Plan, epoch: Epoch, map: &str, wheelbase_m: f64) -> Trajectory {
     let point = |p: &PlanPoint| TrajectoryPoint {
         time_from_start: Duration::from_ns((p.at - plan.stamp).ns()),
@@ -25,14 +27,14 @@ pub fn plan_to_ros(plan: &Plan, epoch: Epoch, map: &str, wheelbase_m: f64) -> Tr
     Trajectory { header: epoch.header(plan.stamp, map), points: plan.points.iter().map(point).collect() }
 }
 
-/// A trajectory as a plan.
+/// Converts a trajectory to a plan.
 ///
-/// Autoware leaves `time_from_start` zero in most trajectories; where the times do not increase they are computed
-/// from the way between the points and the mean speed there. The curvature is the turn between points over the
-/// way between them. Points after the first standstill are left out.
+/// Autoware leaves `time_from_start` at zero in most trajectories; if the times do not increase, they are computed
+/// from the distance between points and the mean speed. The curvature is the heading change between points over
+/// their distance. Points after the first standstill are dropped.
 ///
 /// # Errors
-/// Another frame than `map`; points that nothing gives an instant to.
+/// If the frame is not `map`, or a point's instant cannot be determined.
 pub fn plan_from_ros(trajectory: &Trajectory, epoch: Epoch, map: &str) -> Result<Plan, ConvertError> {
     expect_frame(&trajectory.header.frame_id, map)?;
     let stamp = epoch.time(trajectory.header.stamp);
@@ -66,7 +68,8 @@ pub fn plan_from_ros(trajectory: &Trajectory, epoch: Epoch, map: &str) -> Result
     Ok(plan)
 }
 
-/// The way of a plan as `nav_msgs/Path`, to look at; each pose has the stamp at which it is to be reached.
+/// Converts a plan to `nav_msgs/Path` for visualisation; each pose is stamped with the instant at which it is
+/// reached.
 pub fn path_to_ros(plan: &Plan, epoch: Epoch, map: &str) -> nav_msgs::Path {
     let pose = |p: &PlanPoint| geometry_msgs::PoseStamped {
         header: epoch.header(p.at, map),

@@ -1,3 +1,5 @@
+//! Reports of a simulated vehicle.
+
 use swerve_msg::{Command, EgoState, WheelOdometry};
 
 use super::{Epoch, SteeringGear, steering_to_ros, velocity_to_ros};
@@ -7,23 +9,23 @@ use crate::msg::autoware_vehicle_msgs::{
 use crate::msg::{ds_dbw_msgs as ds, geometry_msgs as geo, raptor_dbw_msgs as raptor, std_msgs};
 use crate::{AnyMessage, Kind};
 
-/// Turn indicators and hazard lights that are off, in Autoware's words.
+/// Autoware's value for turn indicators and hazard lights that are off.
 const LIGHTS_OFF: u8 = 1;
-/// Dataspeed's and Raptor's word for forward.
+/// Value of the forward gear in Dataspeed's and Raptor's messages.
 const GEAR_DRIVE: u8 = 4;
 
-/// The state that a vehicle reports of itself.
+/// State of a vehicle for its reports.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct VehicleState {
     /// Speed, yaw rate, steering angle and wheels, with their stamp.
     pub wheels: WheelOdometry,
-    /// The pedals as they are pressed.
+    /// Present pedal positions.
     pub pedals: Command,
-    /// Whether it follows commands; else its driver drives.
+    /// True if the vehicle follows commands; otherwise its driver drives.
     pub is_engaged: bool,
 }
 
-/// The ego's acceleration in `base_link`, as Autoware's localization tells it.
+/// Acceleration of the ego in `base_link`, as reported by Autoware's localization.
 pub fn accel_to_ros(ego: &EgoState, epoch: Epoch, base_link: &str) -> geo::AccelWithCovarianceStamped {
     let mut message = geo::AccelWithCovarianceStamped {
         header: epoch.header(ego.stamp, base_link),
@@ -33,7 +35,7 @@ pub fn accel_to_ros(ego: &EgoState, epoch: Epoch, base_link: &str) -> geo::Accel
     message
 }
 
-/// The vehicle's report of this kind; `None` where the kind is no report.
+/// Builds the vehicle's report of this kind; `None` if the kind is not a report.
 pub fn report_to_ros(
     kind: Kind,
     state: &VehicleState,
@@ -96,7 +98,7 @@ pub fn report_to_ros(
     })
 }
 
-/// Reports of steering, pedals and gear of a vehicle driven by wire.
+/// Builds reports of steering, pedals and gear of a drive-by-wire vehicle.
 fn by_wire(kind: Kind, state: &VehicleState, gear: &SteeringGear, epoch: Epoch) -> Option<AnyMessage> {
     let VehicleState { wheels, pedals, is_engaged } = *state;
     let header = epoch.header(wheels.stamp, "");
@@ -170,7 +172,7 @@ fn by_wire(kind: Kind, state: &VehicleState, gear: &SteeringGear, epoch: Epoch) 
     })
 }
 
-/// Whether a car takes this control mode when it is asked to.
+/// Returns true if the simulated car accepts a request for this control mode.
 pub fn is_mode_taken(mode: u8) -> bool {
     [ControlModeReport::AUTONOMOUS, ControlModeReport::MANUAL].contains(&mode)
 }

@@ -1,4 +1,4 @@
-//! Shapes to look at in RViz or Foxglove.
+//! Markers for RViz or Foxglove.
 
 use swerve_msg::{ActorKind, ObstacleList, Plan};
 
@@ -8,10 +8,10 @@ use crate::msg::geometry_msgs::{Point, Vector3};
 use crate::msg::std_msgs::ColorRGBA;
 use crate::msg::visualization_msgs::{Marker, MarkerArray};
 
-/// A shape that is not renewed is gone after this long, ns.
+/// Lifetime of a marker, ns.
 const LIFETIME_NS: i64 = 500_000_000;
 
-/// A box for each obstacle, red where it is a person; shapes of one list replace those of the list before.
+/// A box for each obstacle, red for persons; markers of a list replace those of the previous one.
 pub fn obstacles_to_markers(obstacles: &ObstacleList, epoch: Epoch, map: &str) -> MarkerArray {
     let marker = |obstacle: &swerve_msg::Obstacle| {
         let extent = obstacle.extent;

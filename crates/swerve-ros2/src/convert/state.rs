@@ -1,3 +1,5 @@
+//! Conversion of localization data: inertial measurements, satellite fixes, odometry.
+
 use swerve_geom::{Ego, Transform, Vector};
 use swerve_msg::{EgoState, Gnss, Imu, WheelOdometry};
 
@@ -6,11 +8,11 @@ use super::{ConvertError, Epoch, expect_frame, pose_from_ros, pose_to_ros};
 use crate::msg::std_msgs::Header;
 use crate::msg::{Matrix, autoware_vehicle_msgs, geometry_msgs as geo, nav_msgs, sensor_msgs, tf2_msgs};
 
-/// Deviation of a fix that does not say how good it is: plain GPS in a street, metres.
+/// Assumed standard deviation of a fix without a covariance: plain GPS in a street, metres.
 const UNKNOWN_DEVIATION_M: f64 = 10.0;
 
-/// A reading as `sensor_msgs/Imu`: no orientation, unknown covariances. Both sides hold specific force, so that
-/// a sensor at rest reads +9.81 upwards.
+/// Converts a measurement to `sensor_msgs/Imu`: no orientation, unknown covariances. Both contain specific force: a
+/// sensor at rest reads +9.81 upwards.
 pub fn imu_to_ros(imu: &Imu, epoch: Epoch, frame_id: &str) -> sensor_msgs::Imu {
     let vector = |v: [f64; 3]| geo::Vector3 { x: v[0], y: v[1], z: v[2] };
     let mut no_orientation = Matrix::default();
@@ -24,10 +26,10 @@ pub fn imu_to_ros(imu: &Imu, epoch: Epoch, frame_id: &str) -> sensor_msgs::Imu {
     }
 }
 
-/// A reading in the axes of the ego frame; the sensor's place adds nothing, its orientation all.
+/// Converts a measurement to the axes of the ego frame; applies the sensor's orientation but not its position.
 ///
 /// # Errors
-/// The sensor says that it does not measure one of the two.
+/// If the sensor reports that it does not measure acceleration or angular rate.
 pub fn imu_from_ros(
     imu: &sensor_msgs::Imu,
     epoch: Epoch,
@@ -52,7 +54,7 @@ pub fn imu_from_ros(
     })
 }
 
-/// A fix with the same variance in all directions.
+/// Converts a fix, with the same variance in all directions.
 pub fn gnss_to_ros(gnss: &Gnss, epoch: Epoch, frame_id: &str) -> sensor_msgs::NavSatFix {
     let variance = gnss.deviation_m * gnss.deviation_m;
     sensor_msgs::NavSatFix {
@@ -69,11 +71,11 @@ pub fn gnss_to_ros(gnss: &Gnss, epoch: Epoch, frame_id: &str) -> sensor_msgs::Na
     }
 }
 
-/// A fix; its deviation is the root of the mean variance of east and north, 10 m where that is unknown, its
-/// height zero where there is none.
+/// Converts a fix. The deviation is the root of the mean variance of east and north, 10 m if unknown; a missing
+/// altitude becomes zero.
 ///
 /// # Errors
-/// There is no fix.
+/// If there is no fix.
 pub fn gnss_from_ros(fix: &sensor_msgs::NavSatFix, epoch: Epoch) -> Result<Gnss, ConvertError> {
     if fix.status.status < sensor_msgs::NavSatStatus::FIX {
         return Err(ConvertError::NoFix);
@@ -89,7 +91,7 @@ pub fn gnss_from_ros(fix: &sensor_msgs::NavSatFix, epoch: Epoch) -> Result<Gnss,
     })
 }
 
-/// The ego as `nav_msgs/Odometry`: pose in the map, twist in `base_link`.
+/// Converts the ego's state to `nav_msgs/Odometry`: pose in the map, twist in `base_link`.
 pub fn ego_to_ros(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> nav_msgs::Odometry {
     nav_msgs::Odometry {
         header: epoch.header(ego.stamp, map),
@@ -105,20 +107,19 @@ pub fn ego_to_ros(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> n
     }
 }
 
-/// Parts of the ego's state that an odometry message does not have.
+/// Parts of the ego's state that an odometry message lacks.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Beside {
     /// Acceleration along the heading, m/s².
     pub accel_mps2: f64,
-    /// Angle of the front road wheels, radians, positive to the left.
+    /// Angle of the front road wheels, radians; positive to the left.
     pub steering_rad: f64,
 }
 
-/// The ego as localization reports it, with what the vehicle reports beside it: an odometry message has neither
-/// acceleration nor steering angle.
+/// Converts odometry to the ego's state, with the acceleration and steering angle that the message lacks.
 ///
 /// # Errors
-/// The message is about other frames than `map` and `base_link`.
+/// If the frames are not `map` and `base_link`.
 pub fn ego_from_ros(
     odometry: &nav_msgs::Odometry,
     epoch: Epoch,
@@ -140,11 +141,11 @@ pub fn ego_from_ros(
     })
 }
 
-/// The ego from a pose alone (`PoseStamped`, or `PoseWithCovarianceStamped` without its covariance), with what the
-/// vehicle reports beside it.
+/// Converts a pose (`PoseStamped`, or `PoseWithCovarianceStamped` without its covariance) to the ego's state, with
+/// motion data from the vehicle.
 ///
 /// # Errors
-/// The pose is in another frame than `map`.
+/// If the frame is not `map`.
 pub fn ego_from_pose(
     header: &Header,
     pose: &geo::Pose,
@@ -165,7 +166,7 @@ pub fn ego_from_pose(
     })
 }
 
-/// The edge from the map to `base_link`.
+/// Transform from the map to `base_link`.
 pub fn ego_to_transform(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str) -> tf2_msgs::TFMessage {
     let pose = pose_to_ros(ego.pose);
     let transform = geo::Transform {
@@ -177,7 +178,7 @@ pub fn ego_to_transform(ego: &EgoState, epoch: Epoch, map: &str, base_link: &str
     tf2_msgs::TFMessage { transforms: vec![geo::TransformStamped { header, child_frame_id, transform }] }
 }
 
-/// The wheels' odometry as Autoware's velocity report.
+/// Converts wheel odometry to Autoware's velocity report.
 pub fn velocity_to_ros(
     wheels: &WheelOdometry,
     epoch: Epoch,
@@ -191,7 +192,7 @@ pub fn velocity_to_ros(
     }
 }
 
-/// The angle of the front road wheels as Autoware's steering report.
+/// Converts the angle of the front road wheels to Autoware's steering report.
 pub fn steering_to_ros(wheels: &WheelOdometry, epoch: Epoch) -> autoware_vehicle_msgs::SteeringReport {
     let stamp = epoch.stamp(wheels.stamp);
     autoware_vehicle_msgs::SteeringReport { stamp, steering_tire_angle: wheels.steering_rad as f32 }

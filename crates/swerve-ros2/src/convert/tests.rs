@@ -1,3 +1,5 @@
+//! Tests of the conversions.
+
 mod actuation;
 mod planning;
 mod sensors;
@@ -27,7 +29,7 @@ fn passes(message: &impl RosMessage) {
 }
 
 #[test]
-fn stamps_count_from_another_zero() {
+fn epoch_converts_between_stamps_and_run_time() {
     let stamp = EPOCH.stamp(Time::from_ms(1750));
     assert_eq!((stamp.sec, stamp.nanosec), (1_767_225_602, 0));
     assert_eq!(EPOCH.time(stamp), Time::from_ms(1750));
@@ -39,14 +41,14 @@ fn stamps_count_from_another_zero() {
 }
 
 #[test]
-fn a_heading_to_the_north_is_a_quarter_turn_about_z() {
+fn pose_heading_north_is_a_quarter_turn_about_z() {
     let pose = pose_to_ros(Pose2::new(3.0, -4.0, FRAC_PI_2));
     let half = 0.5_f64.sqrt();
     assert!((pose.orientation.z - half).abs() < 1e-15 && (pose.orientation.w - half).abs() < 1e-15);
     let back = pose_from_ros(&pose);
     assert_eq!((back.x_m, back.y_m), (3.0, -4.0));
     assert!((back.heading_rad - FRAC_PI_2).abs() < 1e-15);
-    // The same rotation written with the other sign.
+    // The same rotation with the opposite sign of the quaternion.
     let q = pose.orientation;
     let other = Quaternion { x: -q.x, y: -q.y, z: -q.z, w: -q.w };
     let same = pose_from_ros(&crate::msg::geometry_msgs::Pose { orientation: other, ..pose });
@@ -54,7 +56,7 @@ fn a_heading_to_the_north_is_a_quarter_turn_about_z() {
 }
 
 #[test]
-fn an_optical_frame_is_the_camera_frame() {
+fn camera_frame_matches_the_ros_optical_frame() {
     // REP 103's example: the optical frame's z is the car's x, its x is the car's -y.
     let rotation = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
     let translation = Vector3 { x: 1.5, y: 0.0, z: 1.2 };
@@ -71,14 +73,14 @@ fn an_optical_frame_is_the_camera_frame() {
 }
 
 #[test]
-fn an_imu_that_lies_on_its_side_reads_gravity_sideways() {
+fn imu_readings_are_rotated_to_the_ego_frame() {
     let imu = Imu { stamp: Time::from_ms(10), accel_mps2: [1.0, 2.0, 9.81], gyro_radps: [0.1, 0.2, 0.3] };
     let ros = imu_to_ros(&imu, EPOCH, "imu");
     passes(&ros);
     assert_eq!(ros.orientation_covariance.0[0], -1.0);
     let straight = Transform::from_roll_pitch_yaw(Point::new(1.0, 0.0, 1.0), 0.0, 0.0, 0.0);
     assert_eq!(imu_from_ros(&ros, EPOCH, &straight), Ok(imu));
-    // Its x points to the car's left: what it reads along x is the car's y.
+    // Its x axis points to the car's left, so its x reading is along the car's y.
     let turned = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.0, FRAC_PI_2);
     let read = imu_from_ros(&ros, EPOCH, &turned).unwrap();
     for (found, wanted) in read.accel_mps2.into_iter().zip([-2.0, 1.0, 9.81]) {
@@ -93,7 +95,7 @@ fn an_imu_that_lies_on_its_side_reads_gravity_sideways() {
 }
 
 #[test]
-fn a_fix_has_a_deviation_from_its_covariance() {
+fn gnss_deviation_comes_from_the_covariance() {
     let stamp = Time::from_ms(200);
     let gnss = Gnss { stamp, latitude_deg: 48.1, longitude_deg: 11.6, altitude_m: 500.0, deviation_m: 1.5 };
     let mut ros = gnss_to_ros(&gnss, EPOCH, "gnss");
@@ -111,7 +113,7 @@ fn a_fix_has_a_deviation_from_its_covariance() {
 }
 
 #[test]
-fn the_ego_is_odometry_of_base_link_in_the_map() {
+fn ego_state_round_trips_through_odometry() {
     let ego = EgoState {
         stamp: Time::from_ms(500),
         pose: Pose2::new(10.0, 20.0, -0.5),
@@ -139,7 +141,7 @@ fn the_ego_is_odometry_of_base_link_in_the_map() {
 }
 
 #[test]
-fn a_pose_alone_gets_the_rest_from_the_wheels() {
+fn ego_state_from_a_pose_takes_motion_from_the_wheels() {
     let wheels =
         WheelOdometry { speed_mps: 4.0, yaw_rate_radps: 0.5, steering_rad: 0.2, ..WheelOdometry::default() };
     let (header, pose) = (EPOCH.header(Time::from_ms(70), "map"), pose_to_ros(Pose2::new(1.0, 2.0, 0.5)));
@@ -150,7 +152,7 @@ fn a_pose_alone_gets_the_rest_from_the_wheels() {
 }
 
 #[test]
-fn a_sensors_place_is_an_edge_below_base_link() {
+fn sensor_mount_is_a_transform_below_base_link() {
     let ego_from_lidar: Transform<Ego, Sensor> =
         Transform::from_roll_pitch_yaw(Point::new(1.5, 0.0, 1.9), 0.0, 0.0, PI);
     let edge = edge_to_ros(&ego_from_lidar, "base_link", "lidar", Time::ZERO, EPOCH);
@@ -165,7 +167,7 @@ fn a_sensors_place_is_an_edge_below_base_link() {
 }
 
 #[test]
-fn wheel_odometry_is_a_velocity_and_an_angle() {
+fn wheel_odometry_converts_to_velocity_and_steering_reports() {
     let wheels = WheelOdometry {
         stamp: Time::from_ms(100),
         speed_mps: 6.0,

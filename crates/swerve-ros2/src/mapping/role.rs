@@ -1,61 +1,63 @@
+//! Roles of topics.
+
 use super::Qos;
 use crate::message::Kind;
 
 pub use crate::catalogue::Role;
 
-/// Who publishes a topic.
+/// Publishing side of a topic.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Side {
-    /// The vehicle, or the simulator in its place: what is measured and reported.
+    /// The vehicle, or its simulator: measurements and reports.
     Vehicle,
-    /// The stack: what is commanded and shown.
+    /// The stack: commands and visualisation.
     Stack,
 }
 
-/// The part that a topic plays in a drive.
+/// Purpose of a topic.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Purpose {
     /// A measurement of a sensor.
     Sensor,
-    /// The ego's place and motion, by localization.
+    /// Pose and motion of the ego from localization.
     Localization,
-    /// The vehicle's report of itself.
+    /// A report of the vehicle.
     Report,
-    /// A person's say in who drives.
+    /// A switch by which a person enables or stops the stack.
     Switch,
     /// Time and frames.
     Frames,
-    /// The other road users, by somebody else's perception.
+    /// Other road users from external perception.
     Perception,
     /// A command that moves the vehicle.
     Motion,
     /// A command that goes with motion: gear and lights.
     Auxiliary,
-    /// The stack's intention, for the eye.
+    /// Visualisation of the stack.
     Display,
 }
 
-/// All that is known of a role.
+/// Properties of a role.
 pub(crate) struct Description {
     pub(crate) name: &'static str,
     pub(crate) side: Side,
     pub(crate) purpose: Purpose,
-    /// Types that it can have; the first where none is given.
+    /// Possible types; the first is the default.
     pub(crate) kinds: &'static [Kind],
     pub(crate) qos: Qos,
-    /// Five times the usual rate.
+    /// Rate limit: five times the usual rate.
     pub(crate) rate_max_hz: f64,
 }
 
-/// Makes `Role` of a table of roles.
+/// Generates `Role` from a table of roles.
 macro_rules! roles {
     ($($role:ident = $name:literal: $side:ident, $purpose:ident, [$($kind:ident),+], $qos:expr, $rate:literal;)*) => {
-        /// The use that a topic is of.
+        /// Role of a topic.
         #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
         pub enum Role { $(#[doc = concat!("`", $name, "`.")] $role,)* }
 
         impl Role {
-            /// All of them, in the order of the table.
+            /// All roles, in table order.
             pub const ALL: &[Self] = &[$(Self::$role,)*];
 
             pub(crate) fn description(self) -> &'static Description {
@@ -74,22 +76,22 @@ macro_rules! roles {
 pub(crate) use roles;
 
 impl Role {
-    /// As it is written in a table.
+    /// Name in configurations.
     pub fn name(self) -> &'static str {
         self.description().name
     }
 
-    /// Who publishes it.
+    /// Publishing side.
     pub fn side(self) -> Side {
         self.description().side
     }
 
-    /// The part that it plays.
+    /// Purpose.
     pub fn purpose(self) -> Purpose {
         self.description().purpose
     }
 
-    /// Types that it can have.
+    /// Possible types.
     pub fn kinds(self) -> &'static [Kind] {
         self.description().kinds
     }

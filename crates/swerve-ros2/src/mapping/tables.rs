@@ -1,35 +1,35 @@
-//! The topics of known vehicles, from the rows of [`crate::catalogue`].
+//! Topics of known vehicles, from the rows of [`crate::catalogue`].
 
 use super::{Qos, Role, TopicMap};
 use crate::message::Kind;
 
 pub use crate::catalogue::Vehicle;
 
-/// A topic of a vehicle's.
+/// A topic of a vehicle.
 #[derive(Clone, Copy)]
 pub(crate) struct Row {
     role: Role,
     topic: &'static str,
     frame: &'static str,
-    /// The type, where the vehicle is driven by wire; else the first that the role can have.
+    /// Type for drive-by-wire topics; otherwise the default type of the role.
     by_wire: Option<Kind>,
 }
 
-/// A topic whose messages are of a role's usual type; `frame` is theirs, empty where they have none.
+/// A topic with the default type of its role; `frame` is empty if its messages have none.
 pub(crate) const fn row(role: Role, topic: &'static str, frame: &'static str) -> Row {
     Row { role, topic, frame, by_wire: None }
 }
 
-/// A topic of a drive-by-wire interface, in the maker's own type.
+/// A topic of a drive-by-wire interface with a vendor-specific type.
 pub(crate) const fn by_wire(role: Role, topic: &'static str, kind: Kind) -> Row {
     Row { role, topic, frame: "", by_wire: Some(kind) }
 }
 
-/// Makes `Vehicle` of a table of vehicles and the tables of their topics.
+/// Generates `Vehicle` from a table of vehicles and the tables of their topics.
 macro_rules! vehicles {
     (@one $vehicle:ident) => { () };
     ($($(#[$attribute:meta])* $vehicle:ident = $name:literal: [$($table:ident),+];)*) => {
-        /// A vehicle whose topics are known.
+        /// A vehicle with known topics.
         #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
         pub enum Vehicle { $($(#[$attribute])* $vehicle,)* }
 
@@ -37,7 +37,7 @@ macro_rules! vehicles {
             pub(crate) const NAMES: [(&str, Self); [$(vehicles!(@one $vehicle)),*].len()] =
                 [$(($name, Self::$vehicle),)*];
 
-            /// As it is written in a table.
+            /// Name in configurations.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$vehicle => $name,)* }
             }
@@ -56,7 +56,7 @@ impl Row {
         let qos = match by_wire {
             None => role.qos(),
             Some(_) if role == Role::Enabled => Qos::LATCHED,
-            // The interfaces of both makers publish and subscribe with a queue of two or more, volatile.
+            // Both vendors' interfaces publish and subscribe with a queue of two or more, volatile.
             Some(_) => Qos { depth: 2, ..Qos::DEFAULT },
         };
         TopicMap {
@@ -71,7 +71,7 @@ impl Row {
     }
 }
 
-/// The topics of a vehicle, by name.
+/// Topics of a vehicle, ordered by name.
 pub(super) fn topics(vehicle: Vehicle) -> Vec<TopicMap> {
     let rows = vehicle.tables().iter().flat_map(|table| table.iter());
     let mut topics: Vec<TopicMap> = rows.map(|row| row.topic()).collect();

@@ -1,3 +1,5 @@
+//! Tests of mappings from TOML.
+
 use super::*;
 use crate::message::Kind;
 
@@ -9,7 +11,7 @@ fn parse(text: &str) -> Result<Mapping, Problems> {
 }
 
 #[test]
-fn built_in_tables_are_whole() {
+fn built_in_mappings_are_complete() {
     for (name, vehicle) in Vehicle::NAMES {
         let mapping = Mapping::of(vehicle, Network::default());
         assert_eq!(vehicle.name(), name);
@@ -38,7 +40,7 @@ fn built_in_tables_are_whole() {
 }
 
 #[test]
-fn a_table_changes_what_it_names_and_nothing_else() {
+fn mapping_table_changes_only_the_named_keys() {
     let mapping = parse(
         r#"
         [ros2]
@@ -85,7 +87,7 @@ fn a_table_changes_what_it_names_and_nothing_else() {
 }
 
 #[test]
-fn mistakes_name_the_key_and_the_nearest() {
+fn mapping_errors_name_the_key_and_the_nearest_valid_one() {
     let roles = || Role::ALL.iter().map(|role| format!("\"{}\"", role.name())).collect::<Vec<_>>().join(", ");
     #[rustfmt::skip]
     let cases = [
@@ -125,16 +127,16 @@ fn mistakes_name_the_key_and_the_nearest() {
 }
 
 #[test]
-fn all_mistakes_are_told_at_once() {
+fn mapping_reports_all_errors_at_once() {
     let text =
         "[ros2]\ndomain = -1\nnode = 3\n[ros2.frames]\nmap = 1\n[ros2.topics.imu]\nqos = 1\nfrme = 'x'\n";
     let keys: Vec<String> = parse(text).unwrap_err().iter().map(|problem| problem.key.clone()).collect();
     assert_eq!(keys, ["node", "domain", "frames.map", "topics.imu.qos", "topics.imu.frme"]);
 }
 
-/// The table that the page about two hosts shows.
+/// The table in the page about two hosts.
 #[test]
-fn the_documented_table_is_one() {
+fn documented_mapping_is_valid() {
     let page = include_str!("../../../../docs/howto/two_hosts.md");
     let start = page.find("[ros2]").unwrap();
     let length = page[start..].find("```").unwrap();

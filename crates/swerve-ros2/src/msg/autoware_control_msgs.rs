@@ -8,7 +8,7 @@ use super::builtin_interfaces::Time;
 use crate::check::parts::{ACCEL_MAX_MPS2, SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD};
 use crate::check::{Check, Invalid, within};
 
-/// Angle of the front road wheels, radians, positive to the left, and its rate.
+/// Angle of the front road wheels, radians, positive to the left, and its rate, rad/s.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Lateral {
     pub stamp: Time,
@@ -30,7 +30,7 @@ pub struct Longitudinal {
     pub is_defined_jerk: bool,
 }
 
-/// The motion that is asked of the vehicle.
+/// Motion command.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Control {
     pub stamp: Time,

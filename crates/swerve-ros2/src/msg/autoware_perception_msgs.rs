@@ -1,4 +1,4 @@
-//! `autoware_perception_msgs`, and the identifier of `unique_identifier_msgs` inside them.
+//! `autoware_perception_msgs`, and `UUID` of `unique_identifier_msgs`.
 
 #![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
 
@@ -12,13 +12,13 @@ use super::std_msgs::Header;
 use crate::check::parts::{frame, pose, twist};
 use crate::check::{Check, Invalid, within};
 
-/// Sixteen bytes that name a thing.
+/// Identifier of an object.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct UUID {
     pub uuid: [u8; 16],
 }
 
-/// A class that it may be of, and how likely.
+/// Possible class of an object, with its probability.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ObjectClassification {
     pub label: u8,
@@ -38,7 +38,7 @@ impl ObjectClassification {
     pub const UNDER_DRIVABLE: u8 = 11;
 }
 
-/// One way that it may go: poses at equal steps of time from now.
+/// One predicted path: poses at equal time steps from now.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PredictedPath {
     pub path: Vec<Pose>,
@@ -46,7 +46,7 @@ pub struct PredictedPath {
     pub confidence: f32,
 }
 
-/// How it moves now, and how it may go on.
+/// Present motion and predicted paths.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PredictedObjectKinematics {
     pub initial_pose_with_covariance: PoseWithCovariance,
@@ -55,7 +55,7 @@ pub struct PredictedObjectKinematics {
     pub predicted_paths: Vec<PredictedPath>,
 }
 
-/// Its outline: full size of a box, or diameter of a cylinder in `x` and `y`, or a footprint.
+/// Outline: dimensions of a box, diameter of a cylinder in `x` and `y`, or a footprint.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Shape {
     #[serde(rename = "type")]
@@ -70,7 +70,7 @@ impl Shape {
     pub const POLYGON: u8 = 2;
 }
 
-/// One thing.
+/// One object.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PredictedObject {
     pub object_id: UUID,
@@ -80,7 +80,7 @@ pub struct PredictedObject {
     pub shape: Shape,
 }
 
-/// All things; poses are of the centres of their boxes.
+/// All objects; poses are those of the box centres.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PredictedObjects {
     pub header: Header,

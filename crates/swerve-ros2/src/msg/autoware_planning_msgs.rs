@@ -10,7 +10,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, frame, pose};
 use crate::check::{Check, Invalid, within};
 
-/// Where base_link is to be, when, and how it moves there.
+/// Pose of base_link at an instant, and its motion there.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TrajectoryPoint {
     pub time_from_start: Duration,
@@ -23,7 +23,7 @@ pub struct TrajectoryPoint {
     pub rear_wheel_angle_rad: f32,
 }
 
-/// Points in the order in which they are to be passed.
+/// Points in the order of travel.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Trajectory {
     pub header: Header,

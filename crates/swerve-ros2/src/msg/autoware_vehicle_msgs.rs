@@ -9,7 +9,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{SPEED_MAX_MPS, TIRE_ANGLE_MAX_RAD, TURN_MAX_RADPS};
 use crate::check::{Check, Invalid, within};
 
-/// Speed of base_link forward and to the left (m/s), and yaw rate (rad/s, positive to the left).
+/// Longitudinal and lateral speed of base_link, m/s, and yaw rate, rad/s; positive to the left.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct VelocityReport {
     pub header: Header,
@@ -25,7 +25,7 @@ pub struct SteeringReport {
     pub steering_tire_angle: f32,
 }
 
-/// Who drives.
+/// Control mode.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ControlModeReport {
     pub stamp: Time,
@@ -42,14 +42,14 @@ impl ControlModeReport {
     pub const NOT_READY: u8 = 6;
 }
 
-/// The gear that is wanted.
+/// Requested gear.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GearCommand {
     pub stamp: Time,
     pub command: u8,
 }
 
-/// The gear that is in.
+/// Present gear.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GearReport {
     pub stamp: Time,
@@ -65,7 +65,7 @@ impl GearReport {
     pub const LAST: u8 = 24;
 }
 
-/// Wanted turn indicators: 0 no command, 1 off, 2 left, 3 right.
+/// Requested turn indicators: 0 no command, 1 off, 2 left, 3 right.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TurnIndicatorsCommand {
     pub stamp: Time,
@@ -79,7 +79,7 @@ pub struct TurnIndicatorsReport {
     pub report: u8,
 }
 
-/// Wanted hazard lights: 0 no command, 1 off, 2 on.
+/// Requested hazard lights: 0 no command, 1 off, 2 on.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct HazardLightsCommand {
     pub stamp: Time,
@@ -93,7 +93,7 @@ pub struct HazardLightsReport {
     pub report: u8,
 }
 
-/// Whether the stack is to drive.
+/// True to engage the stack.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Engage {
     pub stamp: Time,
@@ -107,7 +107,7 @@ pub struct ControlModeCommandRequest {
     pub mode: u8,
 }
 
-/// Its reply.
+/// Reply of the service `ControlModeCommand`.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ControlModeCommandResponse {
     pub success: bool,

@@ -11,7 +11,7 @@ pub struct Time {
     pub nanosec: u32,
 }
 
-/// A length of time; the nanoseconds always count upwards.
+/// A duration; its nanoseconds always count upwards.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct Duration {
     pub sec: i32,

@@ -1,5 +1,5 @@
-//! `ds_dbw_msgs` of Dataspeed (2.3): angles of the steering **wheel** in **degrees**, positive to the left;
-//! pedals in percent. A report's number is not-a-number where the vehicle has no such signal.
+//! `ds_dbw_msgs` of Dataspeed (2.3): angles of the steering **wheel** in **degrees**, positive to the left; pedals
+//! in percent. Values of a report are NaN if the vehicle has no such signal.
 
 #![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
 
@@ -9,7 +9,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{SPEED_MAX_MPS, WHEEL_ANGLE_MAX_DEG, WHEEL_SPEED_MAX_RADPS};
 use crate::check::{Check, Invalid, one_of, within, within_if_any};
 
-/// Steering: `cmd_rate` in degrees/s, 0 for the vehicle's default.
+/// Steering command: `cmd_rate` in degrees/s, 0 for the vehicle's default.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct SteeringCmd {
     pub header: Header,
@@ -32,7 +32,7 @@ impl SteeringCmd {
     pub const CMD_CALIBRATE: u8 = 15;
 }
 
-/// Brake.
+/// Brake command.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct BrakeCmd {
     pub header: Header,
@@ -56,7 +56,7 @@ impl BrakeCmd {
     pub const CMD_PERCENT: u8 = 14;
 }
 
-/// Throttle.
+/// Throttle command.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ThrottleCmd {
     pub header: Header,
@@ -75,7 +75,7 @@ impl ThrottleCmd {
     pub const CMD_PERCENT: u8 = 14;
 }
 
-/// Universal longitudinal controller: speed (m/s) or acceleration (m/s²).
+/// Command to the universal longitudinal controller: speed (m/s) or acceleration (m/s²).
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct UlcCmd {
     pub header: Header,
@@ -104,26 +104,26 @@ pub struct Gear {
     pub value: u8,
 }
 
-/// Who commands: 0 user, 1 universal controller, 2 remote, 3 button, 4 loss of communication, 5 lockout.
+/// Command source: 0 user, 1 universal controller, 2 remote, 3 button, 4 loss of communication, 5 lockout.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct CmdSrc {
     pub value: u8,
 }
 
-/// Why a gear was refused; 0 it was not.
+/// Reason for rejecting a gear; 0 if it was not rejected.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct GearReject {
     pub value: u8,
 }
 
-/// Gear.
+/// Gear command.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GearCmd {
     pub header: Header,
     pub cmd: Gear,
 }
 
-/// Steering as it is.
+/// Report of the steering.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct SteeringReport {
     pub header: Header,
@@ -149,7 +149,7 @@ pub struct SteeringReport {
     pub cmd_src: CmdSrc,
 }
 
-/// Brake as it is.
+/// Report of the brake.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct BrakeReport {
     pub header: Header,
@@ -190,7 +190,7 @@ pub struct BrakeReport {
     pub cmd_src: CmdSrc,
 }
 
-/// Throttle as it is.
+/// Report of the throttle.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct ThrottleReport {
     pub header: Header,
@@ -216,7 +216,7 @@ pub struct ThrottleReport {
     pub cmd_src: CmdSrc,
 }
 
-/// The universal controller as it is.
+/// Report of the universal longitudinal controller.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct UlcReport {
     pub header: Header,
@@ -236,7 +236,7 @@ pub struct UlcReport {
     pub bad_rc: bool,
 }
 
-/// The gear as it is.
+/// Report of the gear.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GearReport {
     pub header: Header,
@@ -255,7 +255,7 @@ pub struct GearReport {
     pub cmd_src: CmdSrc,
 }
 
-/// Speed as brakes and drivetrain measure it, m/s.
+/// Speed measured by brakes and drivetrain, m/s.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct VehicleVelocity {
     pub header: Header,
@@ -264,7 +264,7 @@ pub struct VehicleVelocity {
     pub dir_src: u8,
 }
 
-/// Speeds of the wheels, rad/s.
+/// Wheel speeds, rad/s.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct WheelSpeeds {
     pub header: Header,
@@ -274,7 +274,7 @@ pub struct WheelSpeeds {
     pub rear_right: f32,
 }
 
-/// Numbers that Dataspeed's vehicles may leave out: they are not-a-number then.
+/// Fields that are NaN on vehicles without the signal.
 const NOT_MEASURED: &[&str] = &[
     "steering_wheel_angle",
     "steering_column_torque",

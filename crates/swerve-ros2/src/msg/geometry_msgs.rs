@@ -9,7 +9,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{ACCEL_MAX_MPS2, frame, pose, transform, twist, variances};
 use crate::check::{Check, Invalid, within};
 
-/// A place, metres.
+/// A position, metres.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Point {
     pub x: f64,
@@ -17,7 +17,7 @@ pub struct Point {
     pub z: f64,
 }
 
-/// A place in single precision, metres.
+/// A position in single precision, metres.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Point32 {
     pub x: f32,
@@ -25,7 +25,7 @@ pub struct Point32 {
     pub z: f32,
 }
 
-/// A direction with a length.
+/// A vector.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Vector3 {
     pub x: f64,
@@ -43,13 +43,13 @@ pub struct Quaternion {
 }
 
 impl Default for Quaternion {
-    /// No rotation.
+    /// The identity.
     fn default() -> Self {
         Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
     }
 }
 
-/// Where and how turned.
+/// Position and orientation.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Pose {
     pub position: Point,
@@ -63,7 +63,7 @@ pub struct PoseStamped {
     pub pose: Pose,
 }
 
-/// A pose; covariance of x, y, z and the rotations about them, 6 x 6, row by row.
+/// A pose with the covariance of x, y, z and the rotations about them, 6 x 6, row by row.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PoseWithCovariance {
     pub pose: Pose,
@@ -91,7 +91,7 @@ pub struct TwistStamped {
     pub twist: Twist,
 }
 
-/// A twist; covariance 6 x 6, row by row.
+/// A twist with its covariance, 6 x 6, row by row.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TwistWithCovariance {
     pub twist: Twist,
@@ -112,7 +112,7 @@ pub struct Accel {
     pub angular: Vector3,
 }
 
-/// An acceleration; covariance 6 x 6, row by row.
+/// An acceleration with its covariance, 6 x 6, row by row.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct AccelWithCovariance {
     pub accel: Accel,
@@ -126,14 +126,14 @@ pub struct AccelWithCovarianceStamped {
     pub accel: AccelWithCovariance,
 }
 
-/// Takes coordinates in the child frame to coordinates in the header's frame.
+/// Transform of coordinates from the child frame to the header's frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Transform {
     pub translation: Vector3,
     pub rotation: Quaternion,
 }
 
-/// One edge of the tree of frames.
+/// One edge of the transform tree.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TransformStamped {
     pub header: Header,
@@ -141,7 +141,7 @@ pub struct TransformStamped {
     pub transform: Transform,
 }
 
-/// Corners, in order.
+/// A polygon: corners in order.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Polygon {
     pub points: Vec<Point32>,

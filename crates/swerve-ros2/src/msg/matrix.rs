@@ -1,3 +1,5 @@
+//! Fixed-size arrays of doubles.
+
 use core::fmt;
 
 use serde::de::{Error, SeqAccess, Visitor};

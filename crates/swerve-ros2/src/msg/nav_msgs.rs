@@ -18,7 +18,7 @@ pub struct Odometry {
     pub twist: TwistWithCovariance,
 }
 
-/// Poses to go through.
+/// A path of poses.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Path {
     pub header: Header,

@@ -1,5 +1,5 @@
-//! `raptor_dbw_msgs` of New Eagle: angles of the steering **wheel** in **degrees**, positive to the left; pedals
-//! in percent. Commands carry no stamp but a counter that wraps.
+//! `raptor_dbw_msgs` of New Eagle: angles of the steering **wheel** in **degrees**, positive to the left; pedals in
+//! percent. Commands have no stamp but a counter that wraps.
 
 #![expect(missing_docs, reason = "fields are named and ordered as the ROS definition has them")]
 
@@ -9,7 +9,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{SPEED_MAX_MPS, WHEEL_ANGLE_MAX_DEG, WHEEL_SPEED_MAX_RADPS};
 use crate::check::{Check, Invalid, one_of, within};
 
-/// How a command is followed: 0 open loop, 1 closed at the actuator, 2 closed at the vehicle, 255 none.
+/// Control mode of an actuator: 0 open loop, 1 closed at the actuator, 2 closed at the vehicle, 255 none.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct ActuatorControlMode {
     pub value: u8,
@@ -34,7 +34,7 @@ pub struct Gear {
     pub gear: u8,
 }
 
-/// Accelerator pedal (%), torque (%) or speed (m/s).
+/// Command of the accelerator pedal (%), torque (%) or speed (m/s).
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct AcceleratorPedalCmd {
     pub pedal_cmd: f32,
@@ -49,7 +49,7 @@ pub struct AcceleratorPedalCmd {
     pub accel_positive_jerk_limit: f32,
 }
 
-/// Brake pedal (%).
+/// Command of the brake pedal (%).
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct BrakeCmd {
     pub pedal_cmd: f32,
@@ -62,7 +62,7 @@ pub struct BrakeCmd {
     pub park_brake_cmd: ParkingBrake,
 }
 
-/// Steering wheel (degrees, degrees/s, 0 for the most) or curvature (1/m).
+/// Command of the steering wheel (degrees; degrees/s, 0 for the maximum) or curvature (1/m).
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct SteeringCmd {
     pub angle_cmd: f32,
@@ -75,7 +75,7 @@ pub struct SteeringCmd {
     pub control_type: ActuatorControlMode,
 }
 
-/// Gear.
+/// Gear command.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GearCmd {
     pub cmd: Gear,
@@ -83,7 +83,7 @@ pub struct GearCmd {
     pub rolling_counter: u8,
 }
 
-/// The switch over all others.
+/// Master enable switch.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GlobalEnableCmd {
     pub global_enable: bool,
@@ -92,7 +92,7 @@ pub struct GlobalEnableCmd {
     pub rolling_counter: u8,
 }
 
-/// Steering as it is.
+/// Report of the steering.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct SteeringReport {
     pub header: Header,
@@ -108,7 +108,7 @@ pub struct SteeringReport {
     pub steering_overheat_warning: bool,
 }
 
-/// Accelerator as it is.
+/// Report of the accelerator pedal.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct AcceleratorPedalReport {
     pub header: Header,
@@ -125,7 +125,7 @@ pub struct AcceleratorPedalReport {
     pub control_type: ActuatorControlMode,
 }
 
-/// Brake as it is.
+/// Report of the brake.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct BrakeReport {
     pub header: Header,
@@ -142,7 +142,7 @@ pub struct BrakeReport {
     pub control_type: ActuatorControlMode,
 }
 
-/// The vehicle as a whole; speed in **km/h**.
+/// Report of the whole vehicle; speed in **km/h**.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct MiscReport {
     pub header: Header,
@@ -157,7 +157,7 @@ pub struct MiscReport {
     pub ambient_temp: f32,
 }
 
-/// Speeds of the wheels, rad/s.
+/// Wheel speeds, rad/s.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct WheelSpeedReport {
     pub header: Header,

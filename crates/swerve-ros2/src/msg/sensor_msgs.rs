@@ -10,7 +10,7 @@ use super::std_msgs::Header;
 use crate::check::parts::{ACCEL_MAX_MPS2, TURN_MAX_RADPS, quaternion, variances, variances_or_none};
 use crate::check::{Check, IMAGE_SIDE_MAX, Invalid, POINTS_MAX, Why, invalid, within};
 
-/// Pixels, row by row from the top left; `step` is bytes of a row.
+/// An image, row by row from the top left; `step` is the length of a row, bytes.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Image {
     pub header: Header,
@@ -23,7 +23,7 @@ pub struct Image {
     pub data: Vec<u8>,
 }
 
-/// A file of one picture: `format` says `jpeg` or `png`.
+/// A compressed image; `format` contains `jpeg` or `png`.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct CompressedImage {
     pub header: Header,
@@ -32,7 +32,7 @@ pub struct CompressedImage {
     pub data: Vec<u8>,
 }
 
-/// The part of the sensor that was read; all zero for the whole.
+/// Part of the sensor that was read; all zero for the whole.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct RegionOfInterest {
     pub x_offset: u32,
@@ -58,7 +58,7 @@ pub struct CameraInfo {
     pub roi: RegionOfInterest,
 }
 
-/// Where in a point's bytes a quantity lies.
+/// A field of a point: name, offset and type.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PointField {
     pub name: String,
@@ -78,7 +78,7 @@ impl PointField {
     pub const FLOAT64: u8 = 8;
 }
 
-/// Points as bytes, `point_step` each, `row_step` a row.
+/// A point cloud as bytes: `point_step` per point, `row_step` per row.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PointCloud2 {
     pub header: Header,
@@ -93,8 +93,8 @@ pub struct PointCloud2 {
     pub is_dense: bool,
 }
 
-/// Orientation, angular velocity (rad/s), specific force (m/s²). A covariance that starts with -1 says that the
-/// quantity is not measured; one that is all zero that it is unknown.
+/// Orientation, angular velocity (rad/s), specific force (m/s²). A covariance that starts with -1 marks a quantity
+/// that is not measured; all zero marks an unknown covariance.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Imu {
     pub header: Header,
@@ -106,7 +106,7 @@ pub struct Imu {
     pub linear_acceleration_covariance: Matrix<9>,
 }
 
-/// Which satellites, and whether there is a fix: -1 none, 0 plain, 1 satellite based augmentation, 2 ground based.
+/// Satellite systems and fix: -1 none, 0 plain, 1 satellite-based augmentation, 2 ground-based augmentation.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct NavSatStatus {
     pub status: i8,
@@ -119,7 +119,7 @@ impl NavSatStatus {
     pub const SERVICE_GPS: u16 = 1;
 }
 
-/// A place on WGS 84, degrees and metres; covariance of east, north, up, m². The altitude may be not-a-number.
+/// A position on WGS 84, degrees and metres; covariance of east, north, up, m². The altitude may be NaN.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct NavSatFix {
     pub header: Header,
@@ -195,7 +195,7 @@ impl Check for CameraInfo {
             }
             Some(_) => {}
         }
-        // An uncalibrated camera has zeros here; a focal length below zero is none.
+        // An uncalibrated camera has zeros here; a negative focal length is invalid.
         within("k[0]", self.k.0[0], 0.0, 1e6)?;
         within("k[4]", self.k.0[4], 0.0, 1e6)
     }
@@ -253,7 +253,7 @@ impl Check for PointCloud2 {
 impl Check for Imu {
     fn check(&self) -> Result<(), Invalid> {
         if self.orientation_covariance.0[0] != -1.0 {
-            // All zero is what a sensor without orientation leaves when it forgets the -1.
+            // Some sensors without orientation send all zeros without the -1.
             let q = &self.orientation;
             if [q.x, q.y, q.z, q.w] != [0.0; 4] {
                 quaternion("orientation", q)?;
@@ -288,7 +288,7 @@ impl Check for NavSatFix {
     }
 }
 
-/// Bytes of a pixel of the encodings that `sensor_msgs/image_encodings` has; `None` for others.
+/// Bytes per pixel of an encoding in `sensor_msgs/image_encodings`; `None` for others.
 pub(crate) fn bytes_per_pixel(encoding: &str) -> Option<u32> {
     Some(match encoding {
         "mono8" | "8UC1" | "8SC1" => 1,
@@ -304,7 +304,7 @@ pub(crate) fn bytes_per_pixel(encoding: &str) -> Option<u32> {
     })
 }
 
-/// Bytes of a number of a point field's type.
+/// Bytes per number of a point field's type.
 pub(crate) fn field_bytes(datatype: u8) -> Option<u32> {
     use self::PointField as F;
     Some(match datatype {
@@ -317,7 +317,7 @@ pub(crate) fn field_bytes(datatype: u8) -> Option<u32> {
 }
 
 impl PointCloud2 {
-    /// Makes it one of `height` rows of `width` points: places, intensity, ring; 18 bytes a point.
+    /// Resizes to `height` rows of `width` points with position, intensity and ring; 18 bytes per point.
     fn fit_to(&mut self, width: u32, height: u32) {
         let field =
             |name: &str, offset, datatype| PointField { name: name.to_owned(), offset, datatype, count: 1 };
@@ -340,7 +340,7 @@ impl PointCloud2 {
     }
 }
 
-/// A cloud of `points` points, for tests with payloads that take many datagrams.
+/// A cloud of `points` points, for tests with payloads of many datagrams.
 pub fn large_cloud(points: u32) -> PointCloud2 {
     let mut cloud = PointCloud2 { is_dense: true, ..PointCloud2::default() };
     cloud.header.frame_id = "lidar".to_owned();

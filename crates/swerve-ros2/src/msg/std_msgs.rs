@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::builtin_interfaces::Time;
 use crate::check::{Check, Invalid};
 
-/// When, and in which frame.
+/// Stamp and frame.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Header {
     pub stamp: Time,
@@ -23,13 +23,13 @@ pub struct ColorRGBA {
     pub a: f32,
 }
 
-/// One truth value.
+/// One boolean.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Bool {
     pub data: bool,
 }
 
-/// Nothing; on the wire one byte, since the wire has no empty struct.
+/// Empty; one byte on the wire, which has no empty structs.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Empty {
     pub structure_needs_at_least_one_member: u8,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::geometry_msgs::TransformStamped;
 use crate::check::{Check, Invalid};
 
-/// Edges of the tree of frames.
+/// Edges of the transform tree.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TFMessage {
     pub transforms: Vec<TransformStamped>,

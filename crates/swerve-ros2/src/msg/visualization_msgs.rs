@@ -10,14 +10,14 @@ use super::sensor_msgs::CompressedImage;
 use super::std_msgs::{ColorRGBA, Header};
 use crate::check::{Check, Invalid, within};
 
-/// A place in a texture.
+/// A position in a texture.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct UVCoordinate {
     pub u: f32,
     pub v: f32,
 }
 
-/// A file with a shape.
+/// A mesh file.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct MeshFile {
     pub filename: String,
@@ -25,7 +25,7 @@ pub struct MeshFile {
     pub data: Vec<u8>,
 }
 
-/// One shape to show.
+/// One marker.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Marker {
     pub header: Header,
@@ -62,7 +62,7 @@ impl Marker {
     pub const DELETEALL: i32 = 3;
 }
 
-/// Many shapes to show.
+/// Several markers.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct MarkerArray {
     pub markers: Vec<Marker>,

@@ -1,5 +1,5 @@
-//! What goes between a program and its transport's process: frames of at most [`FRAME_BYTES_MAX`], over a socket that
-//! only the two have.
+//! Protocol between a program and its transport process: frames of at most [`FRAME_BYTES_MAX`] over a private
+//! socket.
 
 use std::io::{self, Read, Write};
 
@@ -9,48 +9,48 @@ use serde::{Deserialize, Serialize};
 use crate::bridge::{Options, TopicStatistics, WriterGuid};
 use crate::clock::StampVerdict;
 
-/// The longest frame: an image of 4,000 by 4,000 pixels fits.
+/// Maximum frame length, bytes: an image of 4,000 by 4,000 pixels fits.
 pub(super) const FRAME_BYTES_MAX: usize = 64 << 20;
 
-/// From the program.
+/// Messages from the program.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Order {
-    /// The first: which topics there are, how much memory may be taken, and the setup of [`Orphan`](super::Orphan).
+    /// First message: topics, memory limit, and the setup of [`Orphan`](super::Orphan).
     Start {
         options: Box<Options>,
         memory_bytes: u64,
         #[serde(with = "serde_bytes")]
         setup: Vec<u8>,
     },
-    /// The state to go on from where the program dies; takes the place of the one before.
+    /// State from which to continue if the program dies; replaces the previous one.
     Leave {
         #[serde(with = "serde_bytes")]
         state: Vec<u8>,
     },
-    /// Send a message, as its bytes in CDR.
+    /// Publish a message, given as CDR bytes.
     Publish {
         endpoint: usize,
         #[serde(with = "serde_bytes")]
         payload: Vec<u8>,
     },
-    /// Ask the vehicle for a control mode.
+    /// Request a control mode of the vehicle.
     AskMode { number: u64, mode: u8, timeout_ms: u64 },
-    /// Say how the topics are.
+    /// Report the statistics.
     Count,
-    /// Leave.
+    /// Shut down.
     End,
 }
 
-/// From the transport.
+/// Messages from the transport process.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum News {
-    /// The node is there.
+    /// The node was created.
     Started,
-    /// It cannot be.
+    /// The node could not be created.
     Refused(String),
-    /// A message was handed to DDS, or not.
+    /// A message was passed to DDS, successfully or not.
     Sent,
-    /// A message came.
+    /// A message was received.
     Message {
         endpoint: usize,
         writer: WriterGuid,
@@ -60,11 +60,11 @@ pub(super) enum News {
         #[serde(with = "serde_bytes")]
         payload: Vec<u8>,
     },
-    /// How the topics are; sent all the time, so that who hangs is found out, and where it was asked for.
+    /// Statistics: sent periodically, so that a hanging process is detected, and on request.
     Counts { counts: Vec<TopicStatistics>, asked: bool },
-    /// Somebody asked for this control mode.
+    /// Another node requested this control mode.
     Mode(u8),
-    /// What the vehicle answered.
+    /// Answer of the vehicle.
     Answer { number: u64, taken: Result<bool, String> },
 }
 
@@ -104,7 +104,7 @@ mod tests {
     use crate::mapping::{Mapping, Side, Vehicle};
 
     #[test]
-    fn a_frame_is_read_as_it_was_written_and_none_is_too_long() {
+    fn frames_round_trip_within_the_length_limit() {
         let options = Options::from_mapping(&Mapping::of(Vehicle::Autoware, Network::default()), Side::Stack);
         let mut bytes = Vec::new();
         write(

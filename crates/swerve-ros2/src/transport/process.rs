@@ -1,4 +1,4 @@
-//! What the transport's process does: DDS in, frames out, and the other way round, until its program is gone.
+//! Transport process: forwards messages between DDS and the program until the program is gone.
 
 use std::io;
 use std::net::Shutdown;
@@ -16,33 +16,33 @@ use crate::bridge::{Bridge, EndpointId, Options, Received, ServiceError, Service
 use crate::cdr;
 use crate::convert::is_mode_taken;
 
-/// Between two looks at what came, where nothing wakes.
+/// Polling period for received messages.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Between two words about the topics.
+/// Period of statistics.
 const COUNT_EVERY: Duration = Duration::from_millis(100);
-/// An order that is not done after so many of these looks hangs.
+/// An order still in progress after more than this many consecutive statistics hangs.
 const LOOKS_MAX: u32 = 9;
-/// The exit status of a process that hangs in DDS.
+/// Exit status of a process that hangs in DDS.
 pub(super) const HANGS: i32 = 75;
-/// How long DDS may take for its end.
+/// Maximum time for the shutdown of DDS.
 const END_WITHIN: Duration = Duration::from_secs(1);
 
-/// The way to the program.
+/// Connection to the program.
 struct Program {
     socket: UnixStream,
-    /// One frame at a time.
+    /// Serialises the writing of frames.
     writing: Mutex<()>,
 }
 
 impl Program {
-    /// Tells the program something. Where it has died, whoever reads its orders gets to know.
+    /// Sends a message to the program. If the program has died, the reader of its orders notices.
     fn tell(&self, news: &News) {
         let _one = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         match write(&self.socket, news) {
             Err(error) if error.kind() != io::ErrorKind::InvalidData => {
                 let _gone = self.socket.shutdown(Shutdown::Both);
             }
-            // What is too long to be handed on stays here.
+            // Messages that are too long to forward are dropped.
             _ => {}
         }
     }
@@ -54,15 +54,15 @@ pub struct Orphan<'a> {
     pub bridge: &'a Bridge,
     /// [`TransportProcess::setup`](super::TransportProcess::setup).
     pub setup: Vec<u8>,
-    /// The last state that was left to it with [`Transport::leave`](super::Transport::leave).
+    /// Last state left with it by [`Transport::leave`](super::Transport::leave).
     pub state: Vec<u8>,
 }
 
-/// Carries messages for the program that started this process, over standard input. Where that dies after it has left a
-/// state here, `orphaned` is called before this process ends.
+/// Forwards messages for the program that started this process, over standard input. If the program dies after it
+/// has left a state, `orphaned` is called before this process ends.
 ///
 /// # Errors
-/// When it was no program of ours that started it.
+/// If the process was not started by a [`Transport`](super::Transport).
 pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
     let socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
     let Order::Start { options, memory_bytes, setup } = read(&socket)? else {
@@ -79,7 +79,7 @@ pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
     };
     program.tell(&News::Started);
     let ended = AtomicBool::new(false);
-    // Odd while an order is carried out.
+    // Odd while an order is being executed.
     let order = AtomicU64::new(0);
     let mut state = None;
     thread::scope(|scope| {
@@ -93,7 +93,7 @@ pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
                 looks = if now.is_some() && now == busy_with { looks + 1 } else { 0 };
                 busy_with = now;
                 if looks > LOOKS_MAX {
-                    // DDS hangs while a message is sent: the next process has not that behind it.
+                    // DDS hangs while publishing; a new process starts without that problem.
                     std::process::exit(HANGS);
                 }
             }
@@ -128,28 +128,28 @@ pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
     if let Some(state) = state {
         orphaned(Orphan { bridge: &bridge, setup, state });
     }
-    // Whether it is through or hangs, this process is at its end.
+    // This process ends in any case, even if DDS hangs.
     let _either_way = bridge.stop(END_WITHIN);
     std::process::exit(0)
 }
 
-/// Has the system refuse memory beyond a bound: whoever makes this process ask for more ends it, and nothing else.
+/// Limits the memory of this process: an excessive allocation ends this process and nothing else.
 fn limit(memory_bytes: u64) -> io::Result<()> {
     let at_most = |bytes| Rlimit { current: Some(bytes), maximum: Some(bytes) };
     setrlimit(Resource::As, at_most(memory_bytes))?;
-    // Its end is not to be held up by the writing of a file.
+    // No core file, which would delay its end.
     Ok(setrlimit(Resource::Core, at_most(0))?)
 }
 
 fn publish(bridge: &Bridge, options: &Options, endpoint: usize, payload: &[u8]) {
     let Some(kind) = options.endpoints.get(endpoint).map(|endpoint| endpoint.kind) else { return };
     if let Ok(message) = cdr::decode_unchecked(kind, payload) {
-        // What is not sent is counted by the bridge.
+        // The bridge counts messages that are not sent.
         let _counted = bridge.publish(EndpointId(endpoint), message);
     }
 }
 
-/// Hands on what comes.
+/// Forwards received messages and requests.
 fn hand_on(bridge: &Bridge, options: &Options, program: &Program, ended: &AtomicBool) {
     let serves = matches!(options.control_mode_service, Some((ServiceSide::Server, _)));
     while !ended.load(Ordering::Relaxed) {
@@ -164,7 +164,7 @@ fn hand_on(bridge: &Bridge, options: &Options, program: &Program, ended: &Atomic
                 program.tell(&News::Mode(mode));
                 is_mode_taken(mode)
             };
-            // There is one: it was just asked for.
+            // The service exists: its request was just received.
             let _served = bridge.serve_control_mode(serve);
         }
     }

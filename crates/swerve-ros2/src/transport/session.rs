@@ -1,4 +1,4 @@
-//! The life of the transport's processes, one after the other.
+//! Life cycle of the transport processes, one after the other.
 
 use std::io;
 use std::net::Shutdown;
@@ -16,17 +16,17 @@ use super::{START_WITHIN, Session, Shared, State, TransportProcess, WINDOW};
 use crate::bridge::{Options, Received};
 use crate::cdr;
 
-/// A process that says nothing for so long, though it is to speak ten times a second, hangs.
+/// Silence after which a process, which reports ten times a second, is considered hanging.
 const SILENCE_MAX: Duration = Duration::from_secs(1);
-/// After a process that did not come up, the next one waits so much longer each time, up to [`PAUSE_MAX`].
+/// Increment of the pause after each process that did not start, up to [`PAUSE_MAX`].
 const PAUSE: Duration = Duration::from_millis(100);
 const PAUSE_MAX: Duration = Duration::from_secs(1);
-/// What was not taken is kept up to here.
+/// Maximum number of losses kept until they are taken.
 const LOSSES_MAX: usize = 100;
 
-/// The end of a process.
+/// End of a process.
 struct End {
-    /// Whether its node came up.
+    /// True if its node was created.
     started: bool,
     why: String,
 }
@@ -63,16 +63,16 @@ pub(super) fn watch(shared: &Shared, options: &Options, process: &TransportProce
     }
 }
 
-/// Starts a process and listens to it until it ends or hangs.
+/// Starts a process and reads from it until it ends or hangs.
 fn live(shared: &Shared, options: &Options, process: &TransportProcess) -> io::Result<End> {
     let (ours, theirs) = UnixStream::pair()?;
     let mut command = (process.command)();
-    // The memory is for messages, not for address space that each thread sets aside.
+    // Limits the address space that each thread reserves, which counts towards the memory limit.
     command.env("MALLOC_ARENA_MAX", "2");
-    // A group of its own: what the terminal sends to the program is the program's business.
+    // A separate process group, so that terminal signals reach only the program.
     command.process_group(0).stdin(OwnedFd::from(theirs)).stdout(Stdio::null());
     let mut child = command.spawn()?;
-    // The command keeps the other end.
+    // The command holds the other end of the socket.
     drop(command);
     let memory_bytes = u64::from(process.memory_mib) << 20;
     let mut started = false;
@@ -110,17 +110,17 @@ fn live(shared: &Shared, options: &Options, process: &TransportProcess) -> io::R
                     break;
                 }
             }
-            // What cannot be told anything is of no use.
+            // A process that cannot be written to is of no use.
             let _gone = ours.shutdown(Shutdown::Both);
         });
         let heard: io::Result<String> = listen();
-        // The thread that writes ends with the last who could give it something.
+        // The writing thread ends when the last sender is dropped.
         shared.lock().session = None;
         orders = None;
         let _gone = ours.shutdown(Shutdown::Both);
         heard
     });
-    // It has ended, or is of no use any more; how it ended by itself stays known.
+    // It has ended or is unusable; the status of a process that ended by itself is kept.
     let _gone = child.kill();
     let status = child.wait()?;
     let why = match heard {
@@ -133,7 +133,7 @@ fn live(shared: &Shared, options: &Options, process: &TransportProcess) -> io::R
     Ok(End { started, why })
 }
 
-/// How a process ended, in words.
+/// Description of the end of a process.
 fn ended(hangs: bool, status: ExitStatus, memory_mib: u32) -> String {
     const ABORT: i32 = 6;
     if status.code() == Some(HANGS) {
@@ -152,7 +152,7 @@ fn ended(hangs: bool, status: ExitStatus, memory_mib: u32) -> String {
 }
 
 impl State {
-    /// Takes in what a process says.
+    /// Processes a message from the process.
     fn hear(&mut self, news: News, options: &Options) {
         match news {
             News::Started => self.began = Some(Ok(())),
@@ -176,7 +176,7 @@ impl State {
                 let Some(kind) = options.endpoints.get(endpoint).map(|endpoint| endpoint.kind) else {
                     return;
                 };
-                // It was checked there; what is no message is none here either.
+                // The process has validated it; drop the message if it does not decode here.
                 if let Ok(message) = cdr::decode_any(kind, &payload) {
                     let received = Received { writer, message, received_ns, source_ns, stamp };
                     self.inboxes[endpoint].push(received, received_ns);
@@ -185,7 +185,7 @@ impl State {
         }
     }
 
-    /// Puts the counts of a process that is gone to those of the ones before.
+    /// Adds the statistics of a process that ended to those of earlier processes.
     fn close(&mut self) {
         self.session = None;
         self.on_their_way = 0;

@@ -1,8 +1,8 @@
-//! Against other implementations of DDS, the families that ROS 2 distributions are made of.
+//! Interoperability with other DDS implementations, those used by ROS 2 distributions.
 //!
-//! A peer (`tests/ros2/`) decodes what it receives with its own types and decoder, encodes it again and sends it
-//! back; what comes back has to be what was sent. So both directions are covered by one exchange. A peer whose tools
-//! are not installed is skipped with a word, unless `SWERVE_CI` is set. Figures are printed (`--nocapture`).
+//! A peer (`tests/ros2/`) decodes messages with its own types and decoder, encodes them again and sends them back;
+//! they must arrive unchanged. One exchange thus covers both directions. Without the peer's tools a test prints a
+//! notice and is skipped, unless `SWERVE_CI` is set. Figures are printed (`--nocapture`).
 
 #![expect(
     clippy::unwrap_used,
@@ -30,13 +30,13 @@ use swerve_ros2::samples::{large_cloud, sample};
 use swerve_ros2::{AnyMessage, Kind};
 
 const PATIENCE: Duration = Duration::from_secs(15);
-/// After this an echo is lost.
+/// Time after which an echo is lost.
 const LOST: Duration = Duration::from_secs(2);
 
-/// One peer at a time: latencies are measured.
+/// One peer at a time, because latencies are measured.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Only for this process and peer.
+/// Network settings unique to this process and peer.
 fn network(peer: u16) -> Network {
     Network { domain: 1 + (std::process::id() % 3) as u16 * 3 + peer, localhost_only: true }
 }
@@ -50,7 +50,7 @@ fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/ros2")
 }
 
-/// Whether the command runs; says so, or fails in CI, where it does not.
+/// Returns true if the command runs; otherwise prints a notice, or fails in CI.
 fn available(what: &str, command: &mut Command) -> bool {
     let ran =
         command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success());
@@ -66,17 +66,17 @@ fn run(command: &mut Command) {
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A program that sends everything back.
+/// A program that sends every message back.
 struct Peer {
     child: Child,
     stdin: Option<ChildStdin>,
-    /// Kept, so that the peer may go on printing.
+    /// Kept open so that the peer can continue to print.
     _stdout: BufReader<ChildStdout>,
 }
 
 impl Peer {
     fn start(command: &[&Path], network: Network, qos: &str, kinds: &[Kind]) -> Self {
-        // Cyclone DDS: this host only, without multicast, as a machine without network has it.
+        // Cyclone DDS on this host only, without multicast, as on a machine without a network.
         let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
             <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
             <Peers><Peer Address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
@@ -101,7 +101,7 @@ impl Peer {
         peer
     }
 
-    /// As `kill -9` does it.
+    /// Kills the peer, as by `kill -9`.
     fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -116,7 +116,7 @@ impl Drop for Peer {
     }
 }
 
-/// Both ways of every kind: `2 i` sends kind `i`, `2 i + 1` receives it.
+/// Both directions of every kind: endpoint `2 i` sends kind `i`, `2 i + 1` receives it.
 fn bridge(network: Network, qos: Qos, kinds: &[Kind]) -> Bridge {
     let endpoints = kinds.iter().flat_map(|kind| {
         [("in", Direction::Send), ("out", Direction::Receive)].map(|(way, direction)| Endpoint {
@@ -133,9 +133,9 @@ fn bridge(network: Network, qos: Qos, kinds: &[Kind]) -> Bridge {
     Bridge::start(&options).unwrap()
 }
 
-/// Sends a message and waits for it to come back; how long that took. `None` where it did not.
+/// Sends a message and waits for its echo; returns the round-trip time, `None` if it was lost.
 fn echo(bridge: &Bridge, i: usize, message: &AnyMessage) -> Option<Duration> {
-    // What comes back of an earlier one is not taken for this one.
+    // Discard the echoes of earlier messages.
     while bridge.take(EndpointId(2 * i + 1)).is_some() {}
     let start = now();
     bridge.publish(EndpointId(2 * i), message.clone()).ok()?;
@@ -160,15 +160,15 @@ fn matched(bridge: &Bridge, n: usize) {
             bridge.endpoints()[i].topic
         );
     }
-    // We know of the peer; whether it knows of us shows with the first message that comes back.
+    // We have discovered the peer; the first echo shows that it has discovered us.
 }
 
-/// A few messages may be lost until both sides have found each other.
+/// A few messages may be lost until both sides have discovered each other.
 fn echo_at_last(bridge: &Bridge, i: usize, message: &AnyMessage) {
     assert!((0..6).any(|_| echo(bridge, i, message).is_some()), "no {} ever came back", message.kind());
 }
 
-/// Median and 99 % of the round trips, and how many were lost.
+/// Measures the median and 99th percentile of round trips, and the number of lost messages.
 fn measure(peer: &str, what: &str, bridge: &Bridge, message: &AnyMessage, n: usize, lost_max: usize) {
     echo_at_last(bridge, 0, message);
     let mut times: Vec<Duration> = (0..n).filter_map(|k| echo(bridge, 0, &numbered(message, k))).collect();
@@ -200,14 +200,14 @@ fn cloud(bytes: u32) -> AnyMessage {
     AnyMessage::PointCloud2(large_cloud(bytes / 18))
 }
 
-/// All that is to hold between us and a peer.
+/// Runs all exchanges with a peer.
 fn talk(name: &str, command: &[&Path], number: u16) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let network = network(number);
     every_kind(name, command, network);
     let small = sample(Kind::Control);
     for (qos_name, qos) in [("reliable", Qos { depth: 50, ..Qos::DEFAULT }), ("best_effort", Qos::SENSOR)] {
-        // On a machine that has other work a burst may not fit into a buffer: then it is lost, or takes too long.
+        // On a busy machine a burst may not fit into a buffer: it is lost or takes too long.
         let may_lose = |n: usize, large: bool| if qos.reliable && !large { 0 } else { n / 3 };
         let peer = Peer::start(command, network, qos_name, &[Kind::Control]);
         let one = bridge(network, qos, &[Kind::Control]);
@@ -218,7 +218,7 @@ fn talk(name: &str, command: &[&Path], number: u16) {
         let one = bridge(network, qos, &[Kind::PointCloud2]);
         matched(&one, 1);
         measure(name, &format!("{qos_name}, 64 KiB"), &one, &cloud(64 << 10), 30, may_lose(30, false));
-        // With a small receive buffer a megabyte in fragments of 256 bytes is lost more often than not.
+        // With a small receive buffer, a megabyte in fragments of 256 bytes is usually lost.
         if receive_buffer_max().is_some_and(|bytes| bytes >= 4 << 20) {
             measure(name, &format!("{qos_name}, 1 MiB"), &one, &cloud(1 << 20), 10, may_lose(10, true));
         } else {
@@ -245,7 +245,7 @@ fn every_kind(name: &str, command: &[&Path], network: Network) {
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }
 
-/// A latched message from before the peer is there reaches it, and comes back.
+/// A latched message sent before the peer starts reaches it and comes back.
 fn late_joiner(name: &str, command: &[&Path], network: Network) {
     let kinds = [Kind::Tf];
     let first = bridge(network, Qos::LATCHED, &kinds);
@@ -259,7 +259,7 @@ fn late_joiner(name: &str, command: &[&Path], network: Network) {
     drop(peer);
 }
 
-/// The peer dies without a word and comes again; we go on.
+/// The peer is killed and restarted; the bridge continues.
 fn restart(name: &str, command: &[&Path], network: Network) {
     let kinds = [Kind::Control];
     let peer = Peer::start(command, network, "reliable", &kinds);
@@ -269,7 +269,7 @@ fn restart(name: &str, command: &[&Path], network: Network) {
     echo_at_last(&one, 0, &message);
     peer.kill();
     for _ in 0..20 {
-        // Nobody acknowledges these: none may block us for long, or end us.
+        // Without acknowledgements: no publication may block for long or end the bridge.
         let _ = one.publish(EndpointId(0), message.clone());
     }
     let start = now();
@@ -280,7 +280,7 @@ fn restart(name: &str, command: &[&Path], network: Network) {
     assert_eq!(one.stop(PATIENCE), Stopped::Clean);
 }
 
-/// A folder for what is built for the peers.
+/// Build folder for the peers.
 fn build_folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
@@ -289,7 +289,7 @@ fn build_folder(name: &str) -> PathBuf {
 
 #[test]
 #[ignore = "other makers' DDS"]
-fn cyclone_dds_in_python_understands_every_kind() {
+fn cyclone_dds_in_python_echoes_every_kind() {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     if !available("Python's package cyclonedds", Command::new(&python).args(["-c", "import cyclonedds"])) {
         return;
@@ -307,7 +307,7 @@ fn cyclone_dds_in_python_understands_every_kind() {
 
 #[test]
 #[ignore = "other makers' DDS"]
-fn cyclone_dds_in_c_understands_every_kind() {
+fn cyclone_dds_in_c_echoes_every_kind() {
     if !available("cyclonedds-tools (idlc)", Command::new("idlc").arg("-v"))
         || !available("a C compiler", Command::new("cc").arg("--version"))
     {
@@ -325,7 +325,7 @@ fn cyclone_dds_in_c_understands_every_kind() {
 
 #[test]
 #[ignore = "other makers' DDS"]
-fn fast_dds_understands_every_kind() {
+fn fast_dds_echoes_every_kind() {
     let header =
         "echo '#include <fastdds/dds/domain/DomainParticipant.hpp>' | c++ -std=c++17 -fsyntax-only -xc++ -";
     if !available("libfastrtps-dev with a C++ compiler", Command::new("sh").args(["-c", header])) {
@@ -340,7 +340,7 @@ fn fast_dds_understands_every_kind() {
     service("Fast DDS", &[&folder.join("echo")], network(2), "service", ServiceMap::Enhanced);
 }
 
-/// The peer takes the modes 1 and 4, and no other.
+/// The peer accepts the modes 1 and 4 only.
 fn service(name: &str, command: &[&Path], network: Network, argument: &str, map: ServiceMap) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let _peer = Peer::start(command, network, argument, &[]);
@@ -357,7 +357,7 @@ fn service(name: &str, command: &[&Path], network: Network, argument: &str, map:
     };
     let right = start(map);
     let brief = Duration::from_millis(500);
-    // Requests are lost until both sides have found each other.
+    // Requests are lost until both sides have discovered each other.
     let first = (0..20).find_map(|_| right.request_control_mode(1, brief).ok());
     assert_eq!(first, Some(true), "{name} does not answer");
     let answers = [1, 2, 3, 4].map(|mode| right.request_control_mode(mode, PATIENCE));
@@ -365,7 +365,7 @@ fn service(name: &str, command: &[&Path], network: Network, argument: &str, map:
     println!("{name}: the service for the control mode answers in its mapping");
 }
 
-/// Payloads under true names that are no messages: counted, refused, and the next true one is understood.
+/// Malformed payloads with valid headers: counted and rejected, and the next valid message is received.
 fn noise(peer: &Path, network: Network) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let kinds = [
@@ -404,7 +404,7 @@ fn noise(peer: &Path, network: Network) {
     assert_eq!(all.stop(PATIENCE), Stopped::Clean);
 }
 
-/// The part of a stack at each pose of the car: sends a command, in the words of the car's interface.
+/// The stack's part at each pose of the car: sends a command through the car's interface.
 type Send = fn(&Bridge, MotionCommand);
 
 fn send_autoware(stack: &Bridge, wish: MotionCommand) {
@@ -425,7 +425,7 @@ fn send_dataspeed(stack: &Bridge, wish: MotionCommand) {
     stack.publish(endpoint("enable"), AnyMessage::Empty(Empty::default())).unwrap();
 }
 
-/// The emulated car is engaged, driven to 3 m/s along its lane, and left alone: it stops by itself.
+/// The emulated car is engaged, driven to 3 m/s along its lane, and left without commands: it stops by itself.
 fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: Send) {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     if !available("Python's package cyclonedds", Command::new(&python).args(["-c", "import cyclonedds"])) {
@@ -468,7 +468,7 @@ fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: S
         }
         panic!("the car does not do what it is told");
     };
-    // The lane is half a metre to its left.
+    // The lane is 0.5 m to the left.
     let driving = drive(&mut |ego| ego.pose.x_m > 8.0, Some(3.0));
     assert!((driving.speed_mps - 3.0).abs() < 0.2, "{driving:?}");
     assert!((driving.pose.y_m - 0.5).abs() < 0.3, "{driving:?}");
@@ -483,14 +483,14 @@ fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: S
 
 #[test]
 #[ignore = "other makers' DDS"]
-fn an_emulated_car_with_autowares_interface_follows_commands_and_stops_without() {
+fn emulated_autoware_car_follows_commands_and_stops_without() {
     let endpoints = ["command", "enable", "odometry", "control_mode", "velocity", "steering"];
     drive_emulated("autoware", Vehicle::Autoware, &endpoints, send_autoware);
 }
 
 #[test]
 #[ignore = "other makers' DDS"]
-fn an_emulated_car_with_dataspeeds_interface_follows_commands_and_stops_without() {
+fn emulated_dataspeed_car_follows_commands_and_stops_without() {
     let endpoints =
         ["steering_command", "speed_command", "enable", "odometry", "steering", "brake", "enabled"];
     drive_emulated("dataspeed", Vehicle::Dataspeed, &endpoints, send_dataspeed);

@@ -1,5 +1,5 @@
-//! Two nodes in one process, over the loopback interface. The transport has time-outs of its own, so all of them
-//! need a machine that has time for it.
+//! Two nodes in one process, over the loopback interface. The transport has wall-clock time-outs, so these tests
+//! need an idle machine.
 
 #![expect(clippy::unwrap_used, reason = "all of this is a test")]
 
@@ -18,7 +18,7 @@ use swerve_ros2::{AnyMessage, Kind};
 const PATIENCE: Duration = Duration::from_secs(10);
 const BRIEF: Duration = Duration::from_millis(300);
 
-/// A domain of this process and test, so that neither disturbs the other.
+/// A domain unique to this process and test.
 fn network(test: u16) -> Network {
     let domain = 10 + (std::process::id() % 200) as u16 / 10 * 10 + test;
     Network { domain, localhost_only: true }
@@ -34,7 +34,7 @@ fn options(node: &str, network: Network, endpoints: Vec<Endpoint>) -> Options {
     Options { node: node.to_owned(), endpoints, ..Options::from_mapping(&mapping, Side::Stack) }
 }
 
-/// A writer and a reader of the same topics.
+/// A publisher and a subscriber of the same topics.
 fn pair(test: u16, topics: &[(&str, Kind, Qos)]) -> (Bridge, Bridge) {
     let side = |direction| topics.iter().map(|(n, k, q)| endpoint(n, *k, *q, direction)).collect();
     let writer = Bridge::start(&options("writer", network(test), side(Direction::Send))).unwrap();
@@ -58,7 +58,7 @@ fn take(bridge: &Bridge, id: usize) -> Option<AnyMessage> {
 
 #[test]
 #[ignore = "real clock"]
-fn every_kind_arrives_as_it_was_sent() {
+fn bridge_delivers_every_kind_unchanged() {
     let names: Vec<String> = (0..Kind::ALL.len()).map(|i| format!("kind{i}")).collect();
     let topics: Vec<_> = Kind::ALL.iter().zip(&names).map(|(k, n)| (n.as_str(), *k, Qos::DEFAULT)).collect();
     let (writer, reader) = pair(0, &topics);
@@ -82,7 +82,7 @@ fn every_kind_arrives_as_it_was_sent() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_megabyte_arrives_whole() {
+fn bridge_delivers_a_megabyte() {
     let (writer, reader) = pair(1, &[("cloud", Kind::PointCloud2, Qos::DEFAULT)]);
     let cloud = AnyMessage::PointCloud2(large_cloud((1 << 20) / 18));
     writer.publish(EndpointId(0), cloud.clone()).unwrap();
@@ -91,7 +91,7 @@ fn a_megabyte_arrives_whole() {
 
 #[test]
 #[ignore = "real clock"]
-fn who_comes_late_gets_what_is_latched() {
+fn late_joiners_receive_latched_messages() {
     let network = network(2);
     let topics = |direction| {
         let tf = endpoint("tf_static", Kind::Tf, Qos::LATCHED, direction);
@@ -104,19 +104,19 @@ fn who_comes_late_gets_what_is_latched() {
     assert_eq!(take(&reader, 0), Some(sample(Kind::Tf)));
     assert!(reader.wait_matched(EndpointId(1), 1, PATIENCE));
     assert!(!reader.wait(BRIEF) && reader.take(EndpointId(1)).is_none());
-    // Its end is noticed.
+    // The end of the writer is noticed.
     drop(writer);
     assert!(!reader.wait_matched(EndpointId(0), 2, BRIEF));
 }
 
-/// The transport matches a reader with a writer of any type.
+/// The transport matches readers with writers of any type.
 #[test]
 #[ignore = "real clock"]
-fn a_writer_of_another_type_is_found_out() {
+fn bridge_rejects_writers_of_another_type() {
     let network = network(3);
     let writer = |kind| vec![endpoint("imu", kind, Qos::DEFAULT, Direction::Send)];
     let reader = vec![endpoint("imu", Kind::SteeringReport, Qos::DEFAULT, Direction::Receive)];
-    // Both are a stamp and a number: the bytes of the one are nearly those of the other.
+    // Both contain a stamp and a number, so their bytes are nearly the same.
     let odd = Bridge::start(&options("odd", network, writer(Kind::GearReport))).unwrap();
     let reader = Bridge::start(&options("reader", network, reader)).unwrap();
     assert!(odd.wait_matched(EndpointId(0), 1, PATIENCE), "the transport compares types by now");
@@ -136,10 +136,10 @@ fn a_writer_of_another_type_is_found_out() {
     assert!(statistics.refused.total() == 5, "{statistics:?}");
 }
 
-/// A reader that wants what is lost to be sent again, and a writer that does not: they never match, and that is told.
+/// A reliable reader and a best-effort writer never match, and this is reported.
 #[test]
 #[ignore = "real clock"]
-fn wishes_for_delivery_that_do_not_go_together_are_counted() {
+fn bridge_counts_incompatible_qos() {
     let network = network(3);
     let topic = |qos, direction| vec![endpoint("hopeless", Kind::Imu, qos, direction)];
     let writer = Bridge::start(&options("writer", network, topic(Qos::SENSOR, Direction::Send))).unwrap();
@@ -157,7 +157,7 @@ fn wishes_for_delivery_that_do_not_go_together_are_counted() {
 
 #[test]
 #[ignore = "real clock"]
-fn what_cannot_be_and_what_is_out_of_time_is_counted_and_not_handed_on() {
+fn bridge_rejects_and_counts_implausible_and_untimely_messages() {
     let network = network(4);
     let topic = |direction| vec![endpoint("steering", Kind::SteeringReport, Qos::DEFAULT, direction)];
     let writer = Bridge::start(&options("writer", network, topic(Direction::Send))).unwrap();
@@ -200,7 +200,7 @@ fn what_cannot_be_and_what_is_out_of_time_is_counted_and_not_handed_on() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_flood_leaves_the_newest() {
+fn bridge_keeps_the_newest_in_a_flood() {
     let network = network(5);
     let topic = |direction, qos| Endpoint {
         rate_max_hz: Some(20.0),
@@ -237,7 +237,7 @@ fn a_flood_leaves_the_newest() {
 
 #[test]
 #[ignore = "real clock"]
-fn the_control_mode_is_asked_for_in_both_mappings() {
+fn control_mode_service_works_in_both_mappings() {
     for (i, map) in [ServiceMap::Enhanced, ServiceMap::Cyclone].into_iter().enumerate() {
         let network = network(6 + i as u16);
         let service = |side| Options {
@@ -250,7 +250,8 @@ fn the_control_mode_is_asked_for_in_both_mappings() {
         let asked = std::sync::atomic::AtomicBool::new(false);
         std::thread::scope(|scope| {
             scope.spawn(|| {
-                // Requests of before the two had found each other are lost; the first that is not is answered.
+                // Requests sent before both sides have discovered each other are lost; the first one after that is
+                // answered.
                 let answered = (0..20).find_map(|_| client.request_control_mode(1, BRIEF).ok());
                 assert_eq!(answered, Some(true), "{map:?}");
                 assert_eq!(client.request_control_mode(4, PATIENCE), Ok(false));
@@ -269,11 +270,11 @@ fn the_control_mode_is_asked_for_in_both_mappings() {
     }
 }
 
-/// Whoever is on the network can send anything to the transport's sockets. It may lose messages over it, or hang at
-/// its end; we go on, and come back from `stop` in time.
+/// Any host on the network can send arbitrary datagrams to the transport's sockets. It may lose messages or hang at
+/// its end; the program continues, and `stop` returns in time.
 #[test]
 #[ignore = "real clock"]
-fn noise_on_the_sockets_ends_nothing() {
+fn bridge_survives_noise_on_its_sockets() {
     let (writer, reader) = pair(9, &[("noisy", Kind::Control, Qos::DEFAULT)]);
     let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let base = 7400 + 250 * network(9).domain;
@@ -285,7 +286,7 @@ fn noise_on_the_sockets_ends_nothing() {
         (state >> 32) as u8
     };
     for i in 0..3000_usize {
-        // Noise behind a header of RTPS 2.3, with kinds of submessages that there are.
+        // Noise behind an RTPS 2.3 header, with valid kinds of submessages.
         let mut datagram = b"RTPS\x02\x03\x01\x12".to_vec();
         datagram.extend((0..12).map(|_| random()));
         const KINDS: [u8; 8] = [0x06, 0x07, 0x08, 0x09, 0x0e, 0x12, 0x15, 0x16];
@@ -307,10 +308,10 @@ fn noise_on_the_sockets_ends_nothing() {
     }
 }
 
-/// Our clock goes with `/clock` as ROS has it.
+/// The clock is compatible with ROS's `/clock`.
 #[test]
 #[ignore = "real clock"]
-fn simulated_time_is_a_topic_like_any_other() {
+fn simulated_time_is_an_ordinary_topic() {
     let network = network(8);
     let side = |side, node: &str| {
         let mapping = Mapping::of(Vehicle::Autoware, network);

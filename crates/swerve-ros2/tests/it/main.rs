@@ -1,6 +1,6 @@
-//! Integration tests: one binary, one module a subject. Those that are ignored need time, a network, other makers'
-//! programs: `cargo test -- --ignored` runs them.
+//! Integration tests: one binary, one module per subject. The ignored tests need time, a network, or third-party
+//! programs: run them with `cargo test -- --ignored`.
 
-mod interop; // other implementations of DDS
+mod interop; // other DDS implementations
 mod loopback; // two nodes in one process
 mod two_hosts; // two nodes on two hosts

@@ -1,7 +1,7 @@
-//! Two hosts on one network: two network namespaces of this machine, joined by a cable of software.
+//! Two hosts on one network: two network namespaces of this machine, joined by a virtual cable.
 //!
-//! Needs Linux, `ip` (Debian `iproute2`) and the right to make namespaces; skipped with a word where these are not
-//! given, which a container may well be without.
+//! Needs Linux, `ip` (Debian `iproute2`) and the right to create namespaces; skipped with a notice otherwise, as in
+//! many containers.
 
 #![expect(clippy::unwrap_used, reason = "all of this is a test")]
 
@@ -14,7 +14,7 @@ use swerve_ros2::mapping::{Mapping, Qos, Side, Vehicle};
 use swerve_ros2::samples::{large_cloud, sample};
 use swerve_ros2::{AnyMessage, Kind};
 
-/// Set for the processes inside the namespaces: which host they are.
+/// Set in the processes inside the namespaces: the role of the host.
 const ROLE: &str = "SWERVE_TWO_HOSTS";
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -24,7 +24,7 @@ fn ip(arguments: &str) -> bool {
     status.is_ok_and(|status| status.success())
 }
 
-/// The two namespaces, gone at the end.
+/// The two namespaces, deleted on drop.
 struct Hosts([String; 2]);
 
 impl Hosts {
@@ -45,7 +45,7 @@ impl Hosts {
         ready.then_some(hosts)
     }
 
-    /// This test again, on one of the hosts, in one of the roles.
+    /// Runs this test again on one of the hosts, in one of the roles.
     fn run(&self, host: usize, role: &str) -> Child {
         Command::new("ip")
             .args(["netns", "exec", &self.0[host]])
@@ -88,7 +88,7 @@ fn bridge(node: &str, ways: [&str; 2]) -> Bridge {
     Bridge::start(&options).unwrap()
 }
 
-/// Sends back what comes, until it is ended.
+/// Echoes messages until killed.
 fn answer() {
     let bridge = bridge("answer", ["back", "there"]);
     for _ in 0..600 {

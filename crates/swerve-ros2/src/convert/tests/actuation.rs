@@ -1,7 +1,9 @@
+//! Tests of command conversions.
+
 use super::*;
 
 #[test]
-fn commands_reach_road_wheels_and_steering_wheels() {
+fn commands_convert_road_wheel_and_steering_wheel_angles() {
     let command =
         MotionCommand { stamp: Time::from_ms(30), steering_rad: 0.125, speed_mps: 10.0, accel_mps2: -1.5 };
     let control = control_to_ros(&command, EPOCH);
@@ -9,7 +11,7 @@ fn commands_reach_road_wheels_and_steering_wheels() {
     assert_eq!(control_from_ros(&control, EPOCH), command);
 
     let gear = SteeringGear { ratio: 16.0, wheel_max_deg: 450.0, wheel_rate_degps: 300.0 };
-    // A 32th of a half turn, times 16: a quarter turn of the steering wheel.
+    // PI / 32 times 16: a quarter turn of the steering wheel.
     assert_eq!(gear.wheel_deg(PI / 32.0), 90.0);
     assert_eq!(gear.wheel_deg(-FRAC_PI_4), -450.0);
     assert!((gear.steering_rad(90.0) - PI / 32.0).abs() < 1e-15);
@@ -40,7 +42,7 @@ fn commands_reach_road_wheels_and_steering_wheels() {
 }
 
 #[test]
-fn reports_in_degrees_and_kilometres_per_hour_are_si_here() {
+fn drive_by_wire_reports_convert_to_si_units() {
     let gear = SteeringGear { ratio: 16.0, ..SteeringGear::default() };
     let mut report =
         crate::msg::ds_dbw_msgs::SteeringReport { steering_wheel_angle: 90.0, ..Default::default() };
@@ -63,7 +65,7 @@ fn reports_in_degrees_and_kilometres_per_hour_are_si_here() {
 }
 
 #[test]
-fn a_driver_who_acts_is_seen_in_every_interface() {
+fn driver_activity_is_detected_in_every_interface() {
     use crate::msg::autoware_vehicle_msgs::ControlModeReport;
     use crate::msg::{ds_dbw_msgs, raptor_dbw_msgs};
     let mode = |mode| AnyMessage::ControlModeReport(ControlModeReport { mode, ..Default::default() });

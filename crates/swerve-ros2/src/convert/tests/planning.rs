@@ -1,3 +1,5 @@
+//! Tests of plan and object conversions.
+
 use super::*;
 
 fn plan() -> Plan {
@@ -17,7 +19,7 @@ fn plan() -> Plan {
 }
 
 #[test]
-fn plans_are_trajectories_of_base_link() {
+fn plans_round_trip_through_trajectories() {
     let mut plan = plan();
     plan.points[2].curvature_1pm = 0.1;
     let ros = plan_to_ros(&plan, EPOCH, "map", 2.85);
@@ -34,14 +36,14 @@ fn plans_are_trajectories_of_base_link() {
 }
 
 #[test]
-fn times_that_are_left_out_come_from_the_speeds() {
+fn trajectory_times_are_computed_from_speeds_if_missing() {
     let plan = plan();
     let mut ros = plan_to_ros(&plan, EPOCH, "map", 2.85);
     for point in &mut ros.points {
         point.time_from_start = Default::default();
     }
     assert_eq!(plan_from_ros(&ros, EPOCH, "map").unwrap().points, plan.points);
-    // It stops at the fourth: 4 m at a mean of 4 m/s; nothing follows.
+    // It stops at the fourth point: 4 m at a mean speed of 4 m/s; later points are dropped.
     ros.points[3].longitudinal_velocity_mps = 0.0;
     ros.points[4].longitudinal_velocity_mps = 0.0;
     let stopping = plan_from_ros(&ros, EPOCH, "map").unwrap();
@@ -53,8 +55,8 @@ fn times_that_are_left_out_come_from_the_speeds() {
 }
 
 #[test]
-fn curvature_comes_from_the_turn_between_points() {
-    // A quarter of a circle of radius 10 m to the left, in steps of a tenth of a radian.
+fn trajectory_curvature_is_computed_from_headings() {
+    // Left turn on a circle of radius 10 m, in steps of 0.1 rad.
     let mut plan = plan();
     plan.points = (0..16)
         .map(|i| {
@@ -89,12 +91,12 @@ fn tracks() -> (TrackList, PredictionList) {
 }
 
 #[test]
-fn tracks_and_their_futures_are_predicted_objects() {
+fn tracks_and_predictions_convert_to_predicted_objects() {
     let (tracks, predictions) = tracks();
     let ros = objects_to_ros(&tracks, &predictions, EPOCH, "map");
     passes(&ros);
     let object = &ros.objects[0];
-    // It heads north: 3 m/s along, and 0.5 m/s to its left, which is west.
+    // Heading north: 3 m/s along, and 0.5 m/s to the left, which is west.
     let linear = object.kinematics.initial_twist_with_covariance.twist.linear;
     assert!((linear.x - 3.0).abs() < 1e-12 && (linear.y - 0.5).abs() < 1e-12);
     assert_eq!(object.kinematics.initial_pose_with_covariance.pose.position.z, 0.75);
@@ -117,7 +119,7 @@ fn tracks_and_their_futures_are_predicted_objects() {
 }
 
 #[test]
-fn names_keep_their_number_and_are_forgotten_oldest_first() {
+fn identities_keep_their_number_and_evict_the_oldest() {
     let name = |i: u32| {
         let mut uuid = [9; 16];
         uuid[12..].copy_from_slice(&i.to_le_bytes());
@@ -136,7 +138,7 @@ fn names_keep_their_number_and_are_forgotten_oldest_first() {
 }
 
 #[test]
-fn what_is_shown_is_where_it_is() {
+fn markers_match_the_poses_of_obstacles_and_plan() {
     let (tracks, _) = tracks();
     let track = &tracks.tracks[0];
     let obstacle = swerve_msg::Obstacle {

@@ -1,7 +1,9 @@
+//! Tests of image and point cloud conversions.
+
 use super::*;
 
 #[test]
-fn images_lose_their_padding_and_change_their_order() {
+fn image_conversion_removes_padding_and_reorders_channels() {
     let bgr = sm::Image {
         header: EPOCH.header(Time::from_ms(50), "camera"),
         height: 2,
@@ -37,7 +39,7 @@ fn images_lose_their_padding_and_change_their_order() {
 }
 
 #[test]
-fn depth_keeps_its_metres_in_both_byte_orders() {
+fn depth_images_convert_in_both_byte_orders() {
     let mut image = Image::new(2, 1, Encoding::DepthF32M);
     image.pixels = Pixels::DepthF32M(vec![1.5, f32::INFINITY].into());
     let ros = image_to_ros(&image, EPOCH, "camera");
@@ -51,7 +53,7 @@ fn depth_keeps_its_metres_in_both_byte_orders() {
 }
 
 #[test]
-fn the_first_pixels_centre_is_half_a_pixel_on() {
+fn camera_conversion_shifts_the_principal_point_by_half_a_pixel() {
     let intrinsics = Intrinsics {
         fx_px: 400.0,
         fy_px: 410.0,
@@ -83,12 +85,12 @@ fn cloud() -> PointCloud {
 }
 
 #[test]
-fn clouds_survive_a_round_trip() {
+fn point_clouds_round_trip_through_ros() {
     let cloud = cloud();
     let ros = cloud_to_ros(&cloud, EPOCH, "lidar");
     passes(&ros);
     assert_eq!((ros.width, ros.point_step, ros.data.len()), (49, 24, 49 * 24));
-    // The first point by hand: 1, -0.5, 0.25, 0.6 * 255 = 153.
+    // The first point, calculated by hand: 1, -0.5, 0.25, 0.6 * 255 = 153.
     assert_eq!(ros.data[..16], [1.0_f32, -0.5, 0.25, 153.0].map(f32::to_le_bytes).concat());
     let mut back = cloud_from_ros(&ros, EPOCH).unwrap();
     for (found, wanted) in back.intensity.iter_mut().zip(&*cloud.intensity) {
@@ -98,9 +100,9 @@ fn clouds_survive_a_round_trip() {
     assert_eq!(back, cloud);
 }
 
-/// Fields in any order and of any type, both byte orders, absolute times, points without a place.
+/// Fields in any order and of any type, both byte orders, absolute times, points without coordinates.
 #[test]
-fn clouds_of_other_drivers_are_read() {
+fn point_clouds_of_other_drivers_are_read() {
     let field =
         |name: &str, offset, datatype| PointField { name: name.to_owned(), offset, datatype, count: 1 };
     let mut data = Vec::new();
