@@ -410,7 +410,7 @@ fn pictures_in(folder: &Path, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
             found.push(path);
         } else if !entry.file_name().to_string_lossy().starts_with('.') {
             anyhow::bail!(
-                "--frames: {} is no picture that --frames wrote: expected a folder without other files",
+                "--frames: {} is not a picture written by --frames: expected a folder without other files",
                 path.display()
             );
         }

@@ -86,7 +86,7 @@ impl Program {
         anyhow::ensure!(
             tried.status.success(),
             "{python} has not the package `swerve` ({}); `pip install ./python` there, or name another one by `interpreter`",
-            said.lines().last().unwrap_or("it said nothing")
+            said.lines().last().unwrap_or("it printed nothing")
         );
         Ok(())
     }

@@ -177,10 +177,10 @@ fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
         };
     }
     let missing = match (last.0, until) {
-        (Milestone::Visible, Until::End | Until::Command) => "; nothing came of it",
-        (Milestone::Visible, Until::Impact) => "; nothing had come of it before the collision",
-        (Milestone::Detected, Until::End | Until::Command) => "; no track came of it",
-        (Milestone::Detected, Until::Impact) => "; no track had come of it before the collision",
+        (Milestone::Visible, Until::End | Until::Command) => "; it had no effect",
+        (Milestone::Visible, Until::Impact) => "; it had no effect before the collision",
+        (Milestone::Detected, Until::End | Until::Command) => "; no track was made",
+        (Milestone::Detected, Until::Impact) => "; no track was made before the collision",
         (Milestone::Tracked, Until::End | Until::Command) => {
             "; no plan would have been another one without it"
         }
@@ -264,7 +264,7 @@ mod tests {
         };
         for (known, missing) in [
             (0, "no sensor frame had it in sight before the collision"),
-            (1, "nothing had come of it before the collision"),
+            (1, "it had no effect before the collision"),
             (2, "no plan had changed because of it before the collision"),
             (3, "no command had followed from that before the collision"),
         ] {

@@ -144,7 +144,7 @@ fn own(folder: &Path) -> io::Result<()> {
     }
     let found = fs::symlink_metadata(folder)?;
     let wrong = if !found.is_dir() {
-        "it is no folder".to_owned()
+        "it is not a folder".to_owned()
     } else if found.uid() != user() {
         format!("it belongs to user {}", found.uid())
     } else {
@@ -259,7 +259,7 @@ mod tests {
         std::os::unix::fs::symlink(at("elsewhere"), at("link")).unwrap();
         fs::write(at("file"), "").unwrap();
         for name in ["link", "file"] {
-            assert!(told(name).starts_with("it is no folder, and not yours"), "{name}: {}", told(name));
+            assert!(told(name).starts_with("it is not a folder, and not yours"), "{name}: {}", told(name));
         }
         assert_eq!(fs::read_dir(at("elsewhere")).unwrap().count(), 0, "nothing is made behind a link");
         // A folder as an older version made it, open to all.

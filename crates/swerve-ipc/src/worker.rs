@@ -48,7 +48,7 @@ impl Setup {
         from.read_exact(&mut length)?;
         let wrong = |what: String| io::Error::new(io::ErrorKind::InvalidData, what);
         let length = Some(u64::from_le_bytes(length)).filter(|length| *length <= BYTES_MAX);
-        let length = length.ok_or_else(|| wrong("this is no setup of a worker".into()))?;
+        let length = length.ok_or_else(|| wrong("this is not a worker's setup".into()))?;
         let mut bytes = Vec::new();
         from.take(length).read_to_end(&mut bytes)?;
         postcard::from_bytes(&bytes).map_err(|error| wrong(format!("the setup of a worker: {error}")))

@@ -175,7 +175,7 @@ impl Drive {
             config.clock.source = Clock::Virtual;
         }
         let live = config.live.clone().with_context(|| {
-            format!("{}: there is no `[live]`: expected at least its key `route`", file.display())
+            format!("{}: `[live]` is missing: expected at least its key `route`", file.display())
         })?;
         let (route, scenario) = route::read(file, &sets, &live)?;
         let mapping = config.ros2_mapping()?;

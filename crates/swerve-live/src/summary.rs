@@ -274,7 +274,7 @@ impl Summary {
             );
         }
         if released == Some(false) {
-            row("", "the vehicle never said that it was released".into());
+            row("", "the vehicle never reported that it was released".into());
         }
         if modes.iter().all(|change| change.mode == GateMode::Manual) {
             row("", "the stack never drove".into());

@@ -177,7 +177,7 @@ impl MapFile {
             return Err(MapError::Content("expected tiles and voxels in order, each once"));
         }
         if !voxels.iter().all(|voxel| is_sound(voxel, resolution_m)) {
-            return Err(MapError::Content("a voxel's mean or covariance is none of points in it"));
+            return Err(MapError::Content("a voxel's mean or covariance does not fit points inside it"));
         }
         Ok(Self { resolution_m, voxels })
     }

@@ -56,7 +56,7 @@ pub fn claim(folder: &Path) -> anyhow::Result<Option<File>> {
     match held.try_lock() {
         Ok(()) => Ok(Some(held)),
         Err(TryLockError::WouldBlock) => bail!(
-            "{}: another run writes its results there: expected an output folder (--out) of its own",
+            "{}: another run writes its results there: expected a separate output folder (--out)",
             folder.display()
         ),
         Err(TryLockError::Error(_)) => Ok(None),

@@ -83,7 +83,7 @@ pub struct Received {
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
     /// A name that is invalid in ROS.
-    #[error("`{name}` is no name in ROS: {reason}")]
+    #[error("`{name}` is not a ROS name: {reason}")]
     Name {
         /// The name.
         name: String,

@@ -33,7 +33,7 @@ pub enum DecodeError {
     #[error("the payload is in representation {0:02x?}, not in plain CDR")]
     Representation([u8; 2]),
     /// Fields are missing or malformed.
-    #[error("the payload is no {kind}: {reason}")]
+    #[error("the payload is not a {kind}: {reason}")]
     Malformed {
         /// Expected type.
         kind: Kind,

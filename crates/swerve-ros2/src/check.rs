@@ -66,7 +66,7 @@ pub enum Why {
     #[error("is {0} ns, not less than a second")]
     Nanoseconds(u32),
     /// Not a valid name.
-    #[error("is no name: {0:?}")]
+    #[error("is not a name: {0:?}")]
     Name(String),
     /// The string is too long.
     #[error("is a text of {0} bytes")]

@@ -114,7 +114,7 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<String, String> {
                 let many: Vec<String> =
                     many.iter().map(|path| format!("actor.{name}.{}", path.join("."))).collect();
                 let many: Vec<&str> = many.iter().map(String::as_str).collect();
-                return Err(format!("stands there several times; expected one of {}", list(&many)));
+                return Err(format!("occurs several times; expected one of {}", list(&many)));
             }
         }
     }

@@ -300,7 +300,7 @@ fn check_outside(config: &Config, operators: &[Placed], problems: &mut KeyProble
     for second in worlds.skip(usize::from(is_simulated)) {
         let message = match is_simulated {
             true => "expected another kind: a run has one simulated world, and that is there already",
-            false => "expected another kind: a vehicle is driven, and there is no simulated world",
+            false => "expected another kind: with a vehicle there is no simulated world",
         };
         problems.push((format!("operator.{}.kind", second.name), message.into()));
     }

@@ -102,7 +102,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         ))
         .with_kind(inputs::source::<WireAlarm>(
             "wire_alarm_input",
-            "what is wrong with the wire between a vehicle and who drives it",
+            "faults of the connection between a vehicle and its driver",
             |s| s.on_wall_clock() && (s.config.live.is_some() || s.config.is_driven_over_ros2()),
         ))
         .with_kind(inputs::source::<MotionCommand>("command_input", "what another stack asks for", |_| true))
@@ -110,7 +110,7 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(inputs::source::<ObstacleList>("object_input", "objects that others see", |_| true))
         .with_kind(inputs::source::<Imu>("imu_input", "accelerations and turn rates of a vehicle", |_| true))
         .with_kind(inputs::source::<Gnss>("gnss_input", "satellite fixes of a vehicle", |_| true))
-        .with_kind(inputs::source::<VehicleReport>("report_input", "what a vehicle says of itself", |_| true))
+        .with_kind(inputs::source::<VehicleReport>("report_input", "the vehicle's report on itself", |_| true))
         .with_kind(inputs::source::<swerve_msg::Switch>(
             "switch_input",
             "the switch that a person holds",

@@ -461,7 +461,7 @@ impl Axis {
         }
         let mut labels = BTreeSet::new();
         if let Some(twice) = steps.iter().find(|step| !labels.insert(&step.label)) {
-            return Err(format!("`{}` stands twice", twice.label));
+            return Err(format!("`{}` occurs twice", twice.label));
         }
         let name = self
             .name

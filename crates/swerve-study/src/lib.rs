@@ -130,7 +130,7 @@ pub fn run(args: &StudyArgs, registry: &Registry) -> anyhow::Result<()> {
             bench.refuse_programs()?;
             anyhow::ensure!(
                 !args.reports || bench.is_of_drives(),
-                "--reports: a cell of this study is no single drive, so there is no page of one to keep"
+                "--reports: a cell of this study is not a single drive, so there is no page to keep"
             );
             let out = &args.out.folder(&bench.study)?;
             if let Some(cluster) = args.on {
@@ -309,7 +309,7 @@ impl Bench {
         let stopping = move || {
             // Cells are stored whole, so a second signal that ends the program at once loses no finished cell.
             on_signal.store(true, Ordering::SeqCst);
-            eprintln!("\nstopping after the cells that are under way; once more to stop at once");
+            eprintln!("\nstopping after the current cells; interrupt again to stop now");
         };
         on_interrupt(stopping).context("listening for Ctrl-C")?;
         let store = CellStore::open(how.out)?;

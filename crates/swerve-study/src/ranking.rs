@@ -201,7 +201,7 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
             format!("{label} {} of {} (95 %: {} to {} %)", s.collisions, s.runs, percent(low), percent(high))
         };
         let likelihood = fisher([best.collisions, best.runs], [next.collisions, next.runs]);
-        let apart = if likelihood < 0.05 { "told apart" } else { "not told apart by so few runs" };
+        let apart = if likelihood < 0.05 { "distinguishable" } else { "not distinguishable with so few runs" };
         let (best, next) = (told(best), told(next));
         let _ =
             writeln!(text, "collisions: {best}, {next}: {apart} (Fisher's exact test: p = {likelihood:.2})");
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(order, ["b 1", "a 3", "a 2", "a 1"]);
         assert_eq!((settings[3].collisions, settings[3].runs, settings[3].misses), (2, 2, 2));
         let text = text(&ranking, &settings);
-        let end = "collisions: b 0 of 2 (95 %: 0 to 66 %), a 1 of 2 (95 %: 9 to 91 %): not told apart by so few runs \
+        let end = "collisions: b 0 of 2 (95 %: 0 to 66 %), a 1 of 2 (95 %: 9 to 91 %): not distinguishable with so few runs \
                    (Fisher's exact test: p = 1.00)\n";
         assert!(text.ends_with(end), "{text}");
         assert!(!text.contains("a      2") && text.contains("  1/2 (0.09-0.91)  "), "{text}");

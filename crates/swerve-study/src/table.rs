@@ -305,7 +305,7 @@ impl Grid {
             text = format!("{:>width$}\n{text}", self.column_axis, width = text.find('\n').unwrap_or(0));
         }
         if self.squares.iter().any(|square| square.budget_ms.is_empty() && square.runs > 0) {
-            text += "without a collision, on the road, median impact (of how many), what else came of it; 95 % intervals\n";
+            text += "without a collision, on the road, median impact (of how many), other outcomes; 95 % intervals\n";
         }
         if let Some(note) = &self.note {
             text += &format!("{note}\n");

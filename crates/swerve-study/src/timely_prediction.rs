@@ -343,7 +343,7 @@ impl Measured<'_> {
             }
             let _infallible = writeln!(
                 text,
-                "{:.1} % of those in sight came within the last {late_ms} ms: who is so late knows nothing of them\n",
+                "{:.1} % of those in sight came within the last {late_ms} ms: a consumer that late does not know them\n",
                 100.0 * set.unseen_per_s * f64::from(late_ms) * 1e-3
             );
             text += &self.crossovers(set, &head);

@@ -36,7 +36,7 @@ fn problem(file: &str, text: &str, error: &Error) -> Problem {
             }
             None => of_value(told),
         },
-        (_, told) => format!("it is no JSON: {told}"),
+        (_, told) => format!("it is not JSON: {told}"),
     };
     Problem { file: file.to_owned(), line: Some(line), key, message }
 }
@@ -204,7 +204,7 @@ mod tests {
                 "{\"size\": 1e999}",
                 "f.json:1: size: expected a number of at most 1.7976931348623157e308, found 1e999",
             ),
-            ("{\"size\": 1,}", "f.json:1: it is no JSON: trailing comma"),
+            ("{\"size\": 1,}", "f.json:1: it is not JSON: trailing comma"),
             ("{\"size\":\n\n", "f.json:3: size: it ends too early, expected whole JSON"),
             ("", "f.json:1: it ends too early, expected whole JSON"),
         ] {

@@ -309,7 +309,7 @@ impl<'a> Chart<'a> {
         };
         add(has(false), Sign::Mark(published), "published");
         add(has(true), Sign::Mark(published_again), "published again (reuse_last)");
-        add(has_many(false) || has_many(true), Sign::Line(MANY), "published, too often to be told apart");
+        add(has_many(false) || has_many(true), Sign::Line(MANY), "published, too often to be drawn singly");
         add(shown(&trace.misses), Sign::Mark(missed), "deadline missed");
         add(shown(&trace.drops), Sign::Mark(dropped), "dropped");
         let late = Sign::Block(bar_style(fill_of(0), LATE));

@@ -162,7 +162,7 @@ impl Reader<'_> {
             self.problem(&key, format!("expected a name to be read, found {name:?}"));
         }
         if self.file.operator[..index].iter().any(|other| other.name == name) {
-            self.problem(&key, format!("another operator is called \"{name}\": expected a name of its own"));
+            self.problem(&key, format!("another operator is called \"{name}\": expected a unique name"));
         }
     }
 

@@ -84,7 +84,7 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     if let Some(log) = &log {
         anyhow::ensure!(
             args.input.set.is_empty() && args.input.config.is_empty(),
-            "{}: a log is shown as it was driven: `swerve replay --set` tells what other settings would have given",
+            "{}: a log is shown as it was driven: `swerve replay --set` computes the result of other settings",
             log.display()
         );
         show.set_page(page_of_log(registry, log)?.html());

@@ -312,7 +312,7 @@ impl Show {
         }
         let mut state = self.state();
         if let Ask::Hold(held) = ask {
-            return state.wheel.as_ref().ok_or("nobody drives this run by hand")?.hold(held);
+            return state.wheel.as_ref().ok_or("this run is not driven by hand")?.hold(held);
         }
         match ask {
             Ask::Go => (state.holds, state.steps) = (false, 0),

@@ -164,7 +164,7 @@ fn no_adapter(document: &Document, config: &Config) -> Problems {
     let adapters = gpu::probe();
     let told = |(key, kind): (String, AdapterKind)| {
         let none = adapters.choose(kind).err()?;
-        Some(document.problem(&key, format!("{none} (on this machine; `swerve doctor` tells more)")))
+        Some(document.problem(&key, format!("{none} (on this machine; `swerve doctor` has details)")))
     };
     asked.into_iter().filter_map(told).collect()
 }

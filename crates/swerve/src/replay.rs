@@ -403,7 +403,7 @@ impl Comparison {
             Some(logged) => {
                 counts.different += 1;
                 match logged.header == said.header {
-                    true => "says something else than in the log",
+                    true => "differs from the log",
                     false => "comes at another time than in the log, or of another frame",
                 }
             }

@@ -84,7 +84,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let mut input = args.input.clone();
     anyhow::ensure!(
         args.ros2.is_none() || args.clock != Some(Clock::Virtual),
-        "--ros2 and --clock virtual: who reads a topic lives by the real clock"
+        "--ros2 and --clock virtual: ROS 2 topics need the real clock"
     );
     let clock = if args.ros2.is_some() { Some(Clock::Wall) } else { args.clock };
     input.set.extend(clock.map(|clock| format!("clock.source={}", clock.name())));

@@ -131,8 +131,8 @@ fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> 
 
 /// The shape of a camera's images, and their kind of numbers as NumPy calls it.
 fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'static str)> {
-    let (camera, output) = stream.rsplit_once('.').with_context(|| format!("`{stream}` is no camera's"))?;
-    let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is no camera's"))?;
+    let (camera, output) = stream.rsplit_once('.').with_context(|| format!("`{stream}` is not a camera's"))?;
+    let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is not a camera's"))?;
     let (rows, columns) = (camera.height_px as usize, camera.width_px as usize);
     Ok(match output {
         "rgb" => (vec![rows, columns, 3], "|u1"),
@@ -210,7 +210,7 @@ impl Drive {
     pub(crate) fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
         ensure!(
             action.iter().all(|number| number.is_finite()),
-            "an action of the level {:?} has a number that is none: {action:?}",
+            "an action of the level {:?} has a number that is not finite: {action:?}",
             task.level
         );
         self.wheel.take(action, &self.ego);

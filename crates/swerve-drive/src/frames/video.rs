@@ -26,7 +26,7 @@ impl Video {
     /// There is no `ffmpeg` on the search path, or it does not start; the file is no regular one.
     pub(super) fn create(file: &Path, size_px: (u32, u32), rate_hz: f64) -> anyhow::Result<Self> {
         let Some(ffmpeg) = find("ffmpeg", std::env::var_os("PATH").as_deref()) else {
-            bail!("--video: there is no `ffmpeg` on the PATH: expected it installed; --frames needs none")
+            bail!("--video: `ffmpeg` is not on the PATH: install it, or use --frames, which does not need it")
         };
         Self::by(&ffmpeg, file, size_px, rate_hz)
     }

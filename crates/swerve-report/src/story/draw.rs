@@ -141,7 +141,7 @@ fn legend(canvas: &mut Canvas, story: &Story, view: &View, at: At) -> f64 {
     let is_tracked = story.tracks.iter().any(|track| !track.is_stale);
     add(is_tracked, Sign::Mark(|canvas, at| tracks::sign(canvas, at, false)), "track");
     let stale = Sign::Mark(|canvas, at| tracks::sign(canvas, at, true));
-    add(tracks::has_stale(story, view), stale, "track of nobody who is there");
+    add(tracks::has_stale(story, view), stale, "track without a road user");
     let predicted = dashed(color::TRACK, 1.0, [1.0, 3.0]);
     add(tracks::has_predictions(story, view), predicted, "predicted at a plan shown");
     let chain = dashed(color::TRACK, 1.2, [1.0, 2.0]);

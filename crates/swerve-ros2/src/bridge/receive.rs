@@ -128,7 +128,7 @@ impl Topic {
         self.counters.receive(received_ns, source_ns);
         if let Some(wrong) = self.follow(info, message.kind(), type_of) {
             self.counters.refused.wrong_type += 1;
-            self.counters.last_refusal = Some(format!("its writer says that it is a {wrong}"));
+            self.counters.last_refusal = Some(format!("its writer declares the type {wrong}"));
             return;
         }
         if let Err(invalid) = message.check() {

@@ -36,7 +36,7 @@ pub enum ServiceError {
     NotOpen,
     /// No answer in time; the other side may map services differently.
     #[error(
-        "nobody answered in time; if the vehicle's middleware is Cyclone DDS, set `service_mapping = \"cyclone\"`"
+        "no answer in time; if the vehicle's middleware is Cyclone DDS, set `service_mapping = \"cyclone\"`"
     )]
     NoAnswer,
     /// The transport refused it.

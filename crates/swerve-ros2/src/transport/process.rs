@@ -66,7 +66,7 @@ pub struct Orphan<'a> {
 pub fn run(orphaned: impl FnOnce(Orphan<'_>)) -> io::Result<()> {
     let socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
     let Order::Start { options, memory_bytes, setup } = read(&socket)? else {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "this is no start of a transport"));
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "this is not a transport's start message"));
     };
     limit(memory_bytes)?;
     let program = Program { socket, writing: Mutex::default() };

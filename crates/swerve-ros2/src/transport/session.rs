@@ -140,7 +140,7 @@ fn ended(hangs: bool, status: ExitStatus, memory_mib: u32) -> String {
         return "hung in DDS for a second and ended itself".to_owned();
     }
     if hangs {
-        return format!("said nothing for {} s and was killed", SILENCE_MAX.as_secs());
+        return format!("was silent for {} s and was killed", SILENCE_MAX.as_secs());
     }
     let hint = match status.signal() {
         Some(ABORT) => {

@@ -253,7 +253,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.predictor]\nenabled = false\n",
-        "c.toml:2: operator.predictor.enabled: `planner` reads `PredictionList`, which nobody else publishes",
+        "c.toml:2: operator.predictor.enabled: `planner` reads `PredictionList`, which no other operator publishes",
     ),
     (
         "[operator.predictor]\nhorizon = 2000\n",

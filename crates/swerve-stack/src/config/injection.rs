@@ -213,7 +213,7 @@ impl Config {
                 (Err((last, message)), _) => told.push((key(last), message)),
                 (Ok(kind), Some((_, carries))) if !fits(kind, *carries) => told.push((
                     key(kind.name()),
-                    format!("`{}` carries {carries}: this fault cannot befall it", fault.stream),
+                    format!("`{}` carries {carries}: this fault does not apply to it", fault.stream),
                 )),
                 _ => {}
             }

@@ -126,7 +126,7 @@ impl Config {
         // Problems of the table itself are reported by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
         if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
-            let message = "a vehicle of the table `plain` is told nothing: it cannot be driven, only watched";
+            let message = "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
             tell("live.enable", message.into());
         }
         if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {
@@ -179,7 +179,7 @@ mod tests {
             ("[live]\nroute = \"r\"\n[camera.left]\n", "c.toml:3: camera.left: no topic of `[ros2.topics]`"),
             (
                 "[live]\nroute = \"r\"\nenable = \"at_start\"\n[ros2]\nvehicle = \"plain\"\n",
-                "c.toml:3: live.enable: a vehicle of the table `plain` is told nothing",
+                "c.toml:3: live.enable: a vehicle of the table `plain` receives no commands",
             ),
             (
                 "[live]\nroute = \"r\"\n[ros2.topics.odometry]\nenabled = false\n",

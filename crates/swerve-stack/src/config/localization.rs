@@ -105,7 +105,7 @@ impl Config {
             faults.push(("planning.lane_sigmas".into(), message));
         }
         if self.localization.estimates() && self.is_driven_over_ros2() {
-            let message = "expected \"truth\": who drives over ROS 2 has poses of its own";
+            let message = "expected \"truth\": a stack that drives over ROS 2 localizes itself";
             faults.push(("localization.localizer".into(), message.into()));
         }
         if self.localization.reads_map() && self.localization.map.is_none() && self.live.is_some() {
@@ -222,7 +222,7 @@ mod tests {
     fn missing_lidar_is_reported_with_the_key_that_adds_one() {
         let said = config("[localization]\nlocalizer = \"ndt\"\n", &[]).unwrap_err();
         let expected =
-            "operator.scan_matcher.reads.points: reads `PointCloud`, which nobody publishes: `[lidar.NAME]`";
+            "operator.scan_matcher.reads.points: reads `PointCloud`, which no operator publishes: `[lidar.NAME]`";
         assert!(said.contains(expected), "{said}");
         let two = format!("{ROOF}[lidar.bumper]\nat_m = [4.0, 0.0, 0.6]\n");
         let said = config(&two, &["localization.localizer=eskf_ndt"]).unwrap_err();

@@ -144,7 +144,7 @@ impl Config {
 /// Names the replacement of a removed key.
 fn hint_at_what_went((key, message): &mut KeyProblem) {
     if key == "render.threads" {
-        *message = "there is no such key any more: --threads counts for all that a run does".into();
+        *message = "this key was removed: --threads sets the threads of the whole run".into();
     }
 }
 

@@ -115,7 +115,7 @@ impl Scheduled {
             }
         };
         let fixed = own.runtime.as_ref().and_then(|runtime| runtime.fixed_ms);
-        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, where no fixed run time says them")?;
+        let ms = given.or(fixed).or(top).ok_or("expected milliseconds, as no fixed run time gives them")?;
         if !(1.0..=10_000.0).contains(&ms) {
             return Err(format!("expected 1 to 10000, found {}", number(ms)));
         }

@@ -287,7 +287,7 @@ impl Config {
             }
             let other = self.named_sensors().find(|(_, first)| *first == name);
             if let Some((other, _)) = other.filter(|(other, _)| *other != kind) {
-                let message = format!("expected a name of its own, found that of `[{other}.{name}]`");
+                let message = format!("expected a unique name, found that of `[{other}.{name}]`");
                 told.push((format!("{kind}.{name}"), message));
             }
         }

@@ -21,7 +21,7 @@ impl Config {
         }
         if self.live.is_none() {
             let message =
-                "a recorded drive stands in for a vehicle of `swerve live`: expected `[live]` as well";
+                "a recorded drive replaces a vehicle of `swerve live`: expected `[live]` as well";
             told.push(("source".into(), message.into()));
         }
     }

@@ -45,7 +45,7 @@ fn asks_for_motion(config: &Config) -> bool {
 
 impl OperatorKind for Controllers {
     fn node(&self) -> Node {
-        Node::new("controller", "follows the newest plan: `control.controller` says by which law")
+        Node::new("controller", "follows the newest plan by the law of `control.controller`")
             .sections(&["control"])
             .stays("it is the actuation")
     }

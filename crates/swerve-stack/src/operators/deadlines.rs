@@ -68,7 +68,7 @@ impl OperatorKind for DeadlinePolicy {
         Node::new("deadline_policy", "deadlines of detector and planner by what is ahead")
             .sections(&["execution"])
             .only_with("execution.model = \"dynamic_deadlines\"")
-            .stays("it says how long the others may take")
+            .stays("it sets the deadlines of other operators")
     }
 
     fn is_there(&self, settings: &Settings<'_>) -> bool {

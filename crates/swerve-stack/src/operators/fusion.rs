@@ -135,7 +135,7 @@ impl OperatorKind for Fusions {
             None => Pose2::default(),
             Some(radar) => {
                 let at = config.radar.get(radar).with_context(|| {
-                    format!("operator.{name}: expected echoes of a [radar.NAME], which says where it sits, found `{radar}`")
+                    format!("operator.{name}: expected echoes of a [radar.NAME], whose mounting pose is known, found `{radar}`")
                 })?;
                 let mount = at.mount(&config.sim.vehicle.shape);
                 Pose2::new(mount.x_m, mount.y_m, mount.yaw_rad)

@@ -48,7 +48,7 @@ impl Kind for Objects {
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
             format!(
-                "operator.{name}: expected points of a [lidar.NAME], which says where it sits, found `{from}`"
+                "operator.{name}: expected points of a [lidar.NAME], whose mounting pose is known, found `{from}`"
             )
         })?;
         let shape = &config.sim.vehicle.shape;

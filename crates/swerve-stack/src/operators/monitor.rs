@@ -26,7 +26,7 @@ struct Clouds {
 
 impl OperatorKind for Monitors {
     fn node(&self) -> Node {
-        Node::new("sensor_monitor", "says of a camera or lidar whether it is frozen, blank or broken")
+        Node::new("sensor_monitor", "detects a frozen, blank or broken camera or lidar")
             .named_section("monitor")
             .heavy(Heavy::OnWallClock)
             .follows_from_world()

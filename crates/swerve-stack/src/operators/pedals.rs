@@ -28,7 +28,7 @@ pub(super) struct In {
 }
 
 impl Kind for PedalsOperator {
-    const NODE: Node = Node::new("pedals", "works the pedals of the simulated car as the safety gate says")
+    const NODE: Node = Node::new("pedals", "actuates the simulated car's pedals from the safety gate's command")
         .only_with("gate.enabled = true")
         .stays("it is the vehicle's side of the safety gate");
     type Table = NoKeys;

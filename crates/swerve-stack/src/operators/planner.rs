@@ -70,7 +70,7 @@ struct LadderOut {
 
 impl OperatorKind for Planners {
     fn node(&self) -> Node {
-        Node::new("planner", "a motion planner: `planning.planner` says which")
+        Node::new("planner", "motion planner, chosen by `planning.planner`")
             .sections(&["planning"])
             .heavy(Heavy::Yes)
             .scheduled(Scheduled::Planner)

@@ -79,7 +79,7 @@ impl OperatorKind for Predictors {
     }
 
     fn stays(&self, settings: &Settings<'_>) -> Option<&'static str> {
-        is_told(settings).then_some("it is told by the world")
+        is_told(settings).then_some("it reads the simulated world")
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {

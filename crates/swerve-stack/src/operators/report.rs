@@ -17,7 +17,7 @@ pub(super) struct Reports;
 
 impl OperatorKind for Reports {
     fn node(&self) -> Node {
-        Node::new("vehicle_report", "what the simulated car says of itself")
+        Node::new("vehicle_report", "the simulated car's report on itself")
             .only_with("gate.enabled = true")
             .stays("it is the vehicle's side of the safety gate")
     }

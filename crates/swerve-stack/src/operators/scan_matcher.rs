@@ -99,7 +99,7 @@ impl Front {
         let from = site.source_of("points").with_context(|| format!("operator.{name}: it reads no lidar"))?;
         let lidar = config.lidar.get(from).with_context(|| {
             format!(
-                "operator.{name}: expected points of a [lidar.NAME], which says where it sits, found `{from}`"
+                "operator.{name}: expected points of a [lidar.NAME], whose mounting pose is known, found `{from}`"
             )
         })?;
         let ego_from_lidar = lidar.ego_from_lidar(&config.sim.vehicle.shape).isometry();

@@ -75,7 +75,7 @@ impl Kind for Lights {
         if table.truth && !table.map {
             told.push((
                 "truth".to_owned(),
-                "expected `map = true` beside it: it is told of the map's lights".to_owned(),
+                "expected `map = true` beside it: it uses the map's lights".to_owned(),
             ));
         }
         told

@@ -161,7 +161,7 @@ fn wrong_coco_files_are_reported_with_their_place() {
         ),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, NaN, 20, 40], "score": 1}"#),
-            "bad.json:2: [0].bbox[1]: it is no JSON: expected value",
+            "bad.json:2: [0].bbox[1]: it is not JSON: expected value",
         ),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, -20, 40], "score": 1}"#),
@@ -173,7 +173,7 @@ fn wrong_coco_files_are_reported_with_their_place() {
         ),
         (
             one(r#"{"image_id": 3, "category_id": 1, "bbox": [0, 0, 20, 40], "score": NaN}"#),
-            "bad.json:2: [0].score: it is no JSON: expected value",
+            "bad.json:2: [0].score: it is not JSON: expected value",
         ),
     ] {
         let folder = Folder::with(&[("gt.json", COCO), ("bad.json", &found)]);

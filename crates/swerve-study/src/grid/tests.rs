@@ -109,7 +109,7 @@ fn wrong_study_files_are_reported_with_their_place() {
     assert_eq!(of_actor.axes, ["speed_mps", "person.speed_mps"]);
     assert_eq!(
         wrong("base = { scenario = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = [3, 1, 3]\n"),
-        "s.toml:2: axis[0]: `3` stands twice"
+        "s.toml:2: axis[0]: `3` occurs twice"
     );
     assert!(wrong("base = { scenario = \"a\" }\naxis = []\n").contains("at least one axis"));
     assert_eq!(

@@ -58,7 +58,7 @@ fn a_rig_that_cannot_be_is_refused_with_all_its_faults() {
             "rig.toml:4: camera.eye.fov_deg: expected 0.1 to 179.9, found 180",
             "rig.toml:6: lidar.roof.at_m: expected a place outside the car's body",
             "rig.toml:7: lidar.roof.beams_deg[1]: expected beams that differ",
-            "rig.toml:8: radar.eye: expected a name of its own, found that of `[camera.eye]`",
+            "rig.toml:8: radar.eye: expected a unique name, found that of `[camera.eye]`",
             "rig.toml:9: radar.eye.period_ms: expected 1 to 60000, found NaN",
         ] {
             assert!(said.stderr.contains(start), "{start}: {}", said.stderr);

@@ -177,7 +177,7 @@ fn a_person_drives_in_the_place_of_the_controller() {
         came_to(&viewed.until(|rows| rows["run"] == run && rows["state"] == "over"))
     };
     let (status, why) = viewed.ask("POST", "control", &held(0.0, 0.0, 1.0).to_string());
-    assert_eq!((status, why.trim()), (400, "nobody drives this run by hand"));
+    assert_eq!((status, why.trim()), (400, "this run is not driven by hand"));
     let (speed, left) = drive(2, &held(0.0, 0.0, 1.0));
     assert!(speed == 0 && left.abs() < 20, "it brakes: {speed} mm/s, {left} cm to the left");
     let (speed, left) = drive(3, &held(0.5, 0.0, 0.0));

@@ -115,11 +115,11 @@ fn sensor_names_must_be_unique() {
     told("[lidar.\"a b\"]\n", "c.toml:1: lidar.a b: expected a name of");
     told(
         "[camera.front]\n[radar.front]\n",
-        "c.toml:2: radar.front: expected a name of its own, found that of `[camera.front]`",
+        "c.toml:2: radar.front: expected a unique name, found that of `[camera.front]`",
     );
     told(
         "[radar.front]\n[lidar.front]\n",
-        "c.toml:2: lidar.front: expected a name of its own, found that of `[radar.front]`",
+        "c.toml:2: lidar.front: expected a unique name, found that of `[radar.front]`",
     );
 }
 
