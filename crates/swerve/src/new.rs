@@ -1,4 +1,4 @@
-//! `swerve new`: a folder to begin in.
+//! `swerve new`: creates a project folder.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +10,11 @@ use swerve_report::output::quoted;
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct NewArgs {
-    /// The folder: one that is not there yet, or is empty
+    /// Folder to create; it must not exist or be empty
     folder: PathBuf,
 }
 
-/// What a new folder holds: every file of `template/`.
+/// Contents of a new folder: all files of `template/`.
 static TEMPLATE: &[Shipped] = shipped! { "../template":
     "README.md"
     "config.toml"
@@ -26,10 +26,10 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
     "src/slow_down.rs"
 };
 
-/// Makes the folder.
+/// Creates the folder.
 ///
 /// # Errors
-/// There is something in it already, or it cannot be written.
+/// If the folder is not empty or cannot be written.
 pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
     let folder = &args.folder;
     let making = || format!("making {}", folder.display());
@@ -59,13 +59,13 @@ pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
     ))
 }
 
-/// What a file of the template is called in a new folder: a manifest in this one would be taken for a package.
+/// Name of a template file in a new folder. A manifest named `Cargo.toml` in the template would be taken for a package.
 fn name(file: &Shipped) -> &'static str {
     if file.path == "package.toml" { "Cargo.toml" } else { file.path }
 }
 
-/// The crates of Swerve that the operator of the template needs: of the checkout that this program was made from, while
-/// that is there.
+/// Dependency lines for the template's operator: paths into the checkout that this program was built from, if it still
+/// exists.
 fn dependencies(checkout: Option<&Path>) -> String {
     const CRATES: [&str; 5] = ["swerve", "swerve-core", "swerve-flow", "swerve-msg", "swerve-stack"];
     let from = |name: &str| match checkout {
