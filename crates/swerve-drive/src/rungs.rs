@@ -23,11 +23,11 @@ pub struct RungCount {
 /// Time that a deadline policy allotted from a frame to its plan.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Budgets {
-    /// Least, ms.
+    /// Minimum, ms.
     pub least_ms: f64,
     /// Mean over the frames, ms.
     pub mean_ms: f64,
-    /// Most, ms.
+    /// Maximum, ms.
     pub most_ms: f64,
 }
 

@@ -1,18 +1,18 @@
-//! As much of HTTP/1.1 (RFC 9112) as a page needs that is shown on this machine alone: one request a connection.
+//! The subset of HTTP/1.1 (RFC 9112) needed by a page shown on this machine only: one request per connection.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-/// Bytes of a request at most, its body included.
+/// Maximum size of a request, bytes, including its body.
 pub(crate) const LONGEST: usize = 16 * 1024;
-/// Longest time for a client to send its request, and to take a part of the answer.
+/// Time limit for a client to send its request, and to read a part of the answer.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What a client asks for, checked: it knows the token and is no other site's page.
+/// A validated request: it has the token and does not come from a page of another site.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Request {
-    /// `POST`, otherwise `GET`.
+    /// True for `POST`, false for `GET`.
     pub(crate) is_post: bool,
     /// What stands behind the token.
     pub(crate) path: String,

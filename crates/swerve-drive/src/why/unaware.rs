@@ -38,7 +38,7 @@ pub(super) enum Answer {
     Effect(Time),
     /// The car does not deviate.
     Nothing,
-    /// The drives differ before any command of a changed plan: the one tells nothing about the other.
+    /// The drives differ before any command of a changed plan, so that the comparison is meaningless.
     Unknown,
 }
 
