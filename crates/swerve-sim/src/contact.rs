@@ -14,7 +14,7 @@ pub(crate) struct Nearest {
 /// Planar motion of a rigid body, which gives the velocity of any of its points.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Motion2 {
-    /// Where `velocity_mps` is measured.
+    /// Reference point of `velocity_mps`.
     pub(crate) at: Point2,
     pub(crate) velocity_mps: Vector2,
     pub(crate) yaw_rate_radps: f64,

@@ -21,7 +21,7 @@ use convert::{from_vec, pose_from_transform, to_transform, to_vec};
 /// Height of the chassis' underside above ground, metres.
 const CLEARANCE_M: f64 = 0.16;
 
-/// The body as `apply` found it, to difference against after the world's step.
+/// Motion of the body at `apply`, for differences after the world step.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     velocity_mps: [f64; 3],

@@ -22,13 +22,13 @@ const FACE_M: f64 = 1e-3;
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorMount {
-    /// Ahead of the ego origin (rear axle), metres.
+    /// Forward of the ego origin (rear axle), metres.
     pub x_m: f64,
-    /// To the left of it, metres.
+    /// To the left of the ego origin, metres.
     pub y_m: f64,
     /// Above the ground, metres.
     pub z_m: f64,
-    /// Turned from the ego's heading, radians; positive to the left.
+    /// Yaw relative to the ego's heading, radians; positive to the left.
     pub yaw_rad: f64,
 }
 

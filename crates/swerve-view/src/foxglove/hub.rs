@@ -40,7 +40,7 @@ impl Message {
 
 /// Next item to send to a viewer.
 pub(super) enum Todo {
-    /// Another run begins; the topics of the one before are gone.
+    /// Starts a session: the topics of the previous run end.
     Session(String),
     Offer(Arc<str>, Arc<Form>),
     Dropped(u64),
