@@ -101,7 +101,7 @@ impl serde::de::Error for Fault {
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a>(pub(super) &'a Value);
 
-/// A whole table.
+/// A table as a deserializer.
 #[derive(Clone, Copy)]
 pub(super) struct Whole<'a>(pub(super) &'a Table);
 
