@@ -240,7 +240,6 @@ fn pages_keep_their_length() {
 /// Number of files touched by a new operator, four, and by a new sensor, five: for existing ones, the sources that know
 /// the operator or its message by name. The text that places it in the built-in pipeline does not count: a custom
 /// operator is placed by its configuration.
-/// that places it in the built-in pipeline is beside the point: one's own is placed by its configuration.
 #[test]
 fn few_files_know_an_operator_and_its_message() {
     let cases: [(&str, &[&str], &[&str]); 2] = [

@@ -53,7 +53,7 @@ struct Seen {
     world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
-    /// Names of the actors, in the order of their identities.
+    /// Names of the actors, in the order of their ids.
     names: Vec<String>,
     /// Latest lane lines of each operator, and the ego pose at that time.
     lanes: BTreeMap<String, (Lanes, Transform<Map, Ego>)>,

@@ -8,7 +8,7 @@ use swerve_msg::EgoState;
 /// Metrics of the ego's motion.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct DriveMetrics {
-    /// From the first to the last state, seconds.
+    /// Time from the first to the last state, seconds.
     pub duration_s: f64,
     /// Length of the path of the ego origin, metres.
     pub path_length_m: f64,

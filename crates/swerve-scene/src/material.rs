@@ -36,18 +36,18 @@ pub enum Texture {
     Glass,
     /// The word STOP in the second colour; one tile is one sign.
     Stop,
-    /// The number of a speed limit in the second colour; the tile of 30.
+    /// Speed limit of 30, its number in the second colour; one tile is one sign.
     Limit30,
-    /// As [`Self::Limit30`], 50.
+    /// Same as [`Self::Limit30`], for 50.
     Limit50,
-    /// As [`Self::Limit30`], 80.
+    /// Same as [`Self::Limit30`], for 80.
     Limit80,
     /// A number plate with characters in the second colour; one tile is one plate.
     Plate,
 }
 
 impl Texture {
-    /// All textures, by number.
+    /// All textures, in order of their numbers.
     pub const ALL: [Self; 18] = [
         Self::Plain,
         Self::Asphalt,

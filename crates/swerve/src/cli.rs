@@ -77,7 +77,7 @@ enum Command {
     /// Step operators for a run in another process, which starts this one
     #[command(hide = true)]
     Worker,
-    /// Speak DDS for a run in another process, which starts this one
+    /// Run the DDS transport of a run in another process, which starts this one
     #[command(hide = true)]
     Transport,
 }

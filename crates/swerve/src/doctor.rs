@@ -100,14 +100,14 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_is_named_and_used() {
+    fn available_gpu_is_named_and_used() {
         let text = told(vec![adapter("Strong One", AdapterKind::Gpu, None)], &[]);
         assert!(text.contains("Strong One (vulkan, discrete): gpu"), "{text}");
         assert!(text.contains("wall clock, data sets: gpu, Strong One"), "{text}");
     }
 
     #[test]
-    fn without_one_the_reasons_are_told() {
+    fn missing_gpu_is_reported_with_reasons() {
         let found = vec![
             adapter("Broken", AdapterKind::Gpu, Some("parent device is lost")),
             adapter("llvmpipe", AdapterKind::Software, None),

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_package_finds_swerve_in_a_checkout_or_says_what_to_set() {
+    fn package_dependencies_point_to_a_checkout_or_state_what_to_set() {
         let read = |text: String| text.parse::<toml::Table>().unwrap();
         let here = read(dependencies(Some(Path::new("/a b/crates"))));
         assert_eq!(here["swerve-flow"]["path"].as_str(), Some("/a b/crates/swerve-flow"));
@@ -97,14 +97,14 @@ mod tests {
     }
 
     #[test]
-    fn a_new_folder_builds_with_the_compiler_that_swerve_builds_with() {
+    fn new_folder_builds_with_the_compiler_of_swerve() {
         let channel = |text: &str| text.parse::<toml::Table>().unwrap()["toolchain"]["channel"].to_string();
         let ours = channel(include_str!("../../../rust-toolchain.toml"));
         assert_eq!(channel(include_str!("../template/rust-toolchain.toml")), ours);
     }
 
     #[test]
-    fn every_file_of_the_template_is_in_the_program() {
+    fn every_template_file_is_built_in() {
         fn files(folder: &Path, found: &mut Vec<PathBuf>) {
             for entry in std::fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();

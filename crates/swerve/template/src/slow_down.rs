@@ -13,7 +13,7 @@ pub struct SlowDown {
     target_mps: f64,
 }
 
-/// Its keys in `[operator.NAME]`.
+/// Keys in `[operator.NAME]`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Keys {

@@ -338,7 +338,7 @@ fn endless_key_is_refused() {
     }
 }
 
-/// A FIFO without a writer, and a symbolic link to the parent.
+/// A FIFO without a writer, and a symbolic link back to the folder.
 #[cfg(unix)]
 #[test]
 fn check_of_a_folder_skips_pipes_and_link_loops() {

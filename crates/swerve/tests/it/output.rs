@@ -38,7 +38,7 @@ fn json_output_is_one_object() {
 }
 
 #[test]
-fn the_seed_varies_the_run_and_threads_do_not() {
+fn seed_varies_the_run_and_threads_do_not() {
     let bench = Bench::new();
     let digest = |extra: &[&str]| {
         let args = [&["run", "short.toml", "--json", "--out", "o"][..], extra].concat();
@@ -170,7 +170,7 @@ fn renamed_expected_verdict_is_accepted_with_a_note() {
 
 /// The README's picture is the output of the command beside it.
 #[test]
-fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
+fn readme_picture_and_digest_match_its_first_command() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
     let scenario = format!("{root}/scenarios/person_behind_truck.toml");

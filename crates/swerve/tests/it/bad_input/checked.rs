@@ -126,7 +126,7 @@ fn check_reports_all_missing_and_mistyped_keys() {
 
 /// A million cells of independent axes need only a few hundred configurations.
 #[test]
-fn a_study_of_a_million_cells_is_checked_by_its_axes() {
+fn study_of_a_million_cells_is_checked_by_its_axes() {
     let bench = Bench::new();
     let numbers = |scale: f64| (1..=100).map(|i| format!("{}, ", f64::from(i) * scale)).collect::<String>();
     let axis = |key: &str, values: &str| format!("[[axis]]\nkey = \"{key}\"\nvalues = [{values}]\n");

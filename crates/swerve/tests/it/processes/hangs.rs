@@ -51,7 +51,7 @@ fn is_there(process: u32) -> bool {
 }
 
 #[test]
-fn second_interrupt_ends_a_run_at_once_whose_worker_hangs() {
+fn second_interrupt_ends_a_run_with_a_hanging_worker_at_once() {
     let configs = root().join("configs/two_processes.toml");
     for [first, second] in [["INT", "INT"], ["INT", "TERM"]] {
         let out = tempfile::tempdir().unwrap();
