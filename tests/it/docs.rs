@@ -2,8 +2,8 @@
 //! quoted literally.
 //!
 //! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
-//! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of `swerve
-//! plan`.
+//! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of
+//! `swerve plan`.
 //! Names with `my_` are the reader's.
 
 use std::path::{Path, PathBuf};

@@ -49,8 +49,7 @@ enum Command {
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
-    /// Measure the planners' run times on this host, or fit an emulated detector, and store the result in a
-    /// configuration
+    /// Measure the planners' run times on this host, or fit an emulated detector, and store that in a configuration
     Calibrate(calibrate::CalibrateArgs),
     /// Write labelled images and point clouds of scenarios in KITTI and COCO format
     Dataset(dataset::DatasetArgs),

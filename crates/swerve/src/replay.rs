@@ -1,5 +1,4 @@
-//! `swerve replay`: recomputes a log's streams downstream of a cut and compares them byte for byte, or recomputes them
-//! under other settings.
+//! `swerve replay`: recomputes a log's streams below a cut, to compare them byte for byte or under other settings.
 //!
 //! Open loop: operators upstream of the cut publish the logged messages at their logged instants; recomputed commands
 //! have no effect. Only the log is read.
@@ -38,8 +37,7 @@ pub struct ReplayArgs {
     /// Fail unless every stream below the cut is recomputed as logged, byte for byte
     #[arg(long)]
     verify: bool,
-    /// First operator to recompute, with all that follow it [default: localization, else tracker, else the first
-    /// operator]
+    /// First operator to recompute, with all after it [default: localization, else tracker, else the first operator]
     #[arg(long, value_name = "OPERATOR")]
     from: Option<String>,
     /// Set a configuration key for the recomputed streams

@@ -64,8 +64,7 @@ pub(crate) struct RunArgs {
     /// Clock that advances the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
-    /// Connect the car to ROS 2 topics, as configured in [ros2], under wall clock: only publish it, or let another
-    /// stack drive it
+    /// Under wall clock, publish the car on the ROS 2 topics of [ros2], and let this or another stack drive it
     #[arg(long, value_name = "ROLE", num_args = 0..=1, require_equals = true, default_missing_value = "show")]
     ros2: Option<Ros2Role>,
 }

@@ -10,8 +10,8 @@
 //! distance, grows with the cross-section ([`rcs_dbsm`]), and falls towards the edges of the field of view. From scan
 //! to scan the echo fluctuates as that of many small scatterers (Swerling's case 1: P. Swerling, *Probability of
 //! detection for fluctuating targets*, RAND RM-1217, 1954): detected power over noise is exponentially distributed with
-//! mean `1 + SNR`. With the threshold that noise alone exceeds with probability `P_fa`, the echo is detected with `P_d
-//! = P_fa^(1 / (1 + SNR))`.
+//! mean `1 + SNR`. With the threshold that noise alone exceeds with probability `P_fa`, the echo is detected with
+//! `P_d = P_fa^(1 / (1 + SNR))`.
 //!
 //! **Random numbers.** All are drawn per (seed, sensor, stamp, actor, scatterer), so that the draws for one actor do
 //! not depend on the presence of others.

@@ -41,8 +41,7 @@ pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<S
     }
 }
 
-/// Calls `call` [`REPEATS`] times and returns the solution that `finish` makes of the last result, with the time of the
-/// fastest call.
+/// Calls `call` [`REPEATS`] times; returns the solution that `finish` makes of the last result, with the fastest time.
 fn timed<R>(mut call: impl FnMut() -> R, finish: impl FnOnce(R) -> Solution) -> Solution {
     let mut fastest_ms = f64::INFINITY;
     let mut result = None;

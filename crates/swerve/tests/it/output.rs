@@ -54,7 +54,7 @@ fn seed_varies_the_run_and_threads_do_not() {
 /// With one thread every frame is drawn in turn; with several, all frames of an instant are left to the adapter
 /// meanwhile.
 #[test]
-fn threads_do_not_change_what_an_adapter_draws() {
+fn threads_do_not_change_the_images_of_an_adapter() {
     if adapter_or_skip(Gpu::shared(AdapterKind::Software)).is_none() {
         return;
     }
