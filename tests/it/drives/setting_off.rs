@@ -17,7 +17,7 @@ const STARTS: [[f64; 3]; 6] = [
     [0.4, -0.2, -0.05],
 ];
 
-/// Minimum distance of a car from rest in five seconds, based on a third of the comfortable 2 m/s².
+/// Distance that a car at rest more than covers in five seconds at a third of the comfortable 2 m/s², metres.
 const LEAST_M: f64 = 5.0;
 
 fn road([d_m, heading_rad, curvature_1pm]: [f64; 3]) -> Scenario {

@@ -199,8 +199,8 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
         }
     }
     assert!(driven.succeeded, "{}", driven.notes);
-    // From standstill to 8 m/s and along bends. A car 1.9 m wide has 1.05 m to each side in its lane. While it is
-    // stopped the wheels are held straight on, so it leaves the middle of a bend.
+    // From standstill to 8 m/s and along bends. A car 1.9 m wide has 1.05 m to each side in its lane. During the
+    // stop the steering is held, so the car leaves the middle of a bend.
     let (beside_m, driving_m) =
         (driven.beside_m(), driven.metrics["drive"]["beside_max_m"].as_f64().unwrap());
     assert!(driving_m < 0.3 && beside_m < 1.0, "{driving_m} m beside the lane, {beside_m} m with the stop");
