@@ -1,7 +1,7 @@
-//! How well perception sees, each figure with its floor: streets that it has not learnt from by camera and lidar, and
-//! what tests hold of real images, rendered streets and other programs' results. Images that are not there are rendered
-//! first: some minutes, once. `-- tests` prints the figures of the tests alone, `-- drives` also drives the study of the
-//! rungs, which takes an hour of two cores and goes on where it was stopped.
+//! Accuracy of perception, with a lower limit for each figure: held-out rendered streets by camera and lidar, and the
+//! test limits for real images, rendered streets and other programs' results. Missing images are rendered first: some
+//! minutes, once. `-- tests` prints only the figures of the tests; `-- drives` also runs the ladder study, which takes
+//! an hour of two cores and can be resumed.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,10 +10,10 @@ use swerve_benches::{Goal, Rows, is_asked_to_measure, print};
 use swerve_study::train::{HeldOut, held_out, lidar_cars};
 
 const VISION: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/swerve-vision");
-/// Where the images are kept.
+/// Folder of the images.
 const DATA: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/held_out");
 
-/// What the best rung is to reach at least: by set and class.
+/// Minimum of the best rung, by set and class.
 const FLOORS: [(&str, &str, f64); 4] = [
     ("clear_noon", "pedestrian", 0.90),
     ("soft_rain_sunset", "pedestrian", 0.85),
@@ -21,7 +21,7 @@ const FLOORS: [(&str, &str, f64); 4] = [
     ("soft_rain_sunset", "car", 0.75),
 ];
 
-/// A number of a table; 0 where there is none.
+/// Parses a table cell; 0 if it is not a number.
 fn number(cell: &str) -> f64 {
     cell.parse().unwrap_or(0.0)
 }
@@ -74,7 +74,7 @@ fn lidar(rows: &mut Rows) {
     }
 }
 
-/// The tests that hold a floor, by package: each prints lines of `floor: WHAT: FIGURE >= FLOOR`.
+/// Tests with lower limits, by package; each prints lines of `floor: WHAT: FIGURE >= FLOOR`.
 const TESTS: [(&str, &[&str]); 3] = [
     (
         "swerve-vision",
@@ -93,7 +93,7 @@ const TESTS: [(&str, &[&str]); 3] = [
     ("swerve-tests", &["lights_are_told_as_they_are_from_15_to_40_m"]),
 ];
 
-/// Figure and floor of a line that a test printed.
+/// Parses a `floor:` line of a test.
 fn floor(line: &str) -> Option<(&str, f64, &str, Goal)> {
     let (what, figures) = line.strip_prefix("floor: ")?.rsplit_once(": ")?;
     let (reads, floor) = figures.split_once(' ')?;
@@ -105,7 +105,7 @@ fn floor(line: &str) -> Option<(&str, f64, &str, Goal)> {
     Some((what, reads.parse().ok()?, reads, goal))
 }
 
-/// What the tests see. A test that does not find its data or its peer says so and has no row.
+/// Figures of the tests. A test without its data or peer program prints a note and gives no row.
 fn tests(rows: &mut Rows) {
     for (package, names) in TESTS {
         let mut call = Command::new(env!("CARGO"));
@@ -126,7 +126,7 @@ fn tests(rows: &mut Rows) {
     }
 }
 
-/// Drives that touched nothing, by what sees: no truth behind the sensors, and the emulated detector beside it.
+/// Drives without contact, by perception: sensors only, and the emulated detector for comparison.
 fn drives(rows: &mut Rows) -> anyhow::Result<()> {
     let study = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/studies/detector_ladder.toml");
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("detector_ladder");
@@ -137,7 +137,7 @@ fn drives(rows: &mut Rows) -> anyhow::Result<()> {
     let mut counts: Vec<(&str, usize, usize)> = Vec::new();
     for line in table.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
-        // Settings with a comma in their name are quoted.
+        // Names with a comma are quoted.
         let name = line.strip_prefix('"').and_then(|rest| rest.split('"').next()).unwrap_or(cells[0]);
         if counts.last().is_none_or(|last| last.0 != name) {
             counts.push((name, 0, 0));

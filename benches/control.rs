@@ -1,4 +1,4 @@
-//! Controllers: one quadratic program of the predictive law, and one step of every law.
+//! Controllers: one quadratic program of the MPC, and one step of every control law.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -16,14 +16,14 @@ mod control_record;
 mod control_ticks;
 use control_ticks::{Drive, WHEELBASE_M, ticks};
 
-/// Calls of the predictive controller in drives, as `-- record` wrote them.
+/// Calls of the MPC in drives, as written by `-- record`.
 const DRIVES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/mpc/drives.json");
 
 fn solver(horizon: usize) -> Mpc {
     Mpc::new(mpc::Params { horizon, ..Default::default() }, WHEELBASE_M, &Limits::default())
 }
 
-/// The predictive law alone: with new data in a solver that is kept, and with a new solver every time.
+/// MPC alone: with new data in a reused solver, and with a new solver every time.
 fn programs(criterion: &mut Criterion) {
     for horizon in [20, 40] {
         let ticks = ticks(200, horizon);
@@ -64,7 +64,7 @@ fn plan() -> Plan {
     Plan { points, ..Plan::default() }
 }
 
-/// One step of each law with everything around it: reference, projection, pedals.
+/// One step of each law including reference, projection and pedals.
 fn laws(criterion: &mut Criterion) {
     let plan = plan();
     let line = Polyline::new(&[Point2::new(-50.0, 0.0), Point2::new(400.0, 0.0)]).expect("two points");
@@ -100,8 +100,8 @@ fn laws(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Times of the calls of recorded drives, the fastest of some repetitions each: calm drives and emergencies apart, calls
-/// with and without an active bound apart.
+/// Times of the calls of recorded drives, each the fastest of some repetitions: separately for calm drives and
+/// emergencies, and for calls with and without active bounds.
 fn drives(rows: &mut Rows) {
     const REPETITIONS: usize = 20;
     let mut mpc = solver(20);
@@ -138,7 +138,7 @@ criterion_group! {
     targets = programs, laws
 }
 
-/// Median of a bench by criterion's estimate, milliseconds.
+/// Median of criterion's estimates for a benchmark, milliseconds.
 fn median_ms(group: &str, name: &str) -> Option<f64> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../criterion").join(group.replace('/', "_"));
     let text = std::fs::read_to_string(folder.join(name).join("new/estimates.json")).ok()?;

@@ -1,4 +1,4 @@
-//! Records the calls of the predictive controller in drives: `cargo bench -p swerve-benches --bench control -- record`.
+//! Records the calls of the MPC in drives: `cargo bench -p swerve-benches --bench control -- record`.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -19,7 +19,7 @@ use super::control_ticks::Tick;
 const INSTANTS: usize = 16;
 const CALLS: usize = 4;
 
-/// Scenario, assignments, emergency or not.
+/// Scenario, assignments, true for an emergency.
 const RECORDED: [(&str, &[&str], bool); 6] = [
     ("lane", &[], false),
     ("street", &[], false),

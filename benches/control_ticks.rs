@@ -1,5 +1,5 @@
-//! Calls of the predictive controller: on y = 2 sin(x / 12) at 10 m/s, and of recorded drives. Shared by the bench of
-//! this workspace and the one beside peers.
+//! Calls of the MPC: on y = 2 sin(x / 12) at 10 m/s, and from recorded drives. Shared by the benchmark of this
+//! workspace and the one against peers.
 
 use serde::Deserialize;
 use swerve_control::mpc::{Knot, State};
@@ -9,15 +9,15 @@ use swerve_geom::{Pose2, math};
 /// Wheelbase of the car, metres.
 pub(crate) const WHEELBASE_M: f64 = 2.85;
 
-/// One call of the predictive controller.
+/// One call of the MPC.
 pub(crate) struct Tick {
-    /// Where the car is.
+    /// State of the car.
     pub(crate) start: State,
     /// The path ahead.
     pub(crate) knots: Vec<Knot>,
 }
 
-/// What the path is after `s` metres of way, to good approximation.
+/// State on the path after `s` metres, to good approximation.
 fn on_path(s: f64) -> State {
     // The curve is 1.4 % longer than its projection.
     let x = s / 1.0138;
@@ -33,7 +33,7 @@ fn on_path(s: f64) -> State {
     }
 }
 
-/// `n` ticks of 10 ms with a car that strays by decimetres, one every 0.1 s of the path.
+/// `n` ticks of 10 ms with a car that deviates by decimetres, one every 0.1 s of the path.
 pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
     let mut rng = Rng::keyed(1, "ticks", &[]);
     (0..n)
@@ -68,7 +68,7 @@ pub(crate) fn ticks(n: usize, horizon: usize) -> Vec<Tick> {
 /// Calls of one recorded drive.
 #[derive(Deserialize)]
 pub(crate) struct Drive {
-    /// True if the drive has an emergency.
+    /// True for an emergency.
     pub(crate) emergency: bool,
     calls: Vec<Call>,
 }
@@ -111,13 +111,13 @@ impl Call {
 }
 
 impl Drive {
-    /// The recorded drives in a file.
+    /// Reads the recorded drives of a file.
     pub(crate) fn all(path: &str) -> Vec<Self> {
         let text = std::fs::read_to_string(path).expect("tests/reference/mpc/drives.json");
         serde_json::from_str(&text).expect("written by `--bench control -- record`")
     }
 
-    /// Its calls in order: four consecutive ones at each of several instants.
+    /// Calls in order: four consecutive ones at each of several instants.
     pub(crate) fn ticks(&self) -> Vec<Tick> {
         let tick = |call: &Call| {
             let [x_m, y_m, heading_rad, speed_mps, steering_rad, accel_mps2] = call.start;

@@ -1,5 +1,5 @@
-//! The closed loop: how many times faster than real time a core drives, what all sensors at once take on one thread and on
-//! all, and how long the paper's Table I takes. `--bench drive -- loops sensors showcase study` measures only those parts.
+//! Closed loop: real-time factor of one core, cost of all sensors at once on one thread and on all, and duration of the
+//! paper's Table I. `--bench drive -- loops sensors showcase study` measures only those parts.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Processor seconds of this process so far, all threads; zero where the system does not tell.
+/// Processor time of this process so far, all threads, seconds; zero if the system does not report it.
 fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after = text.rsplit_once(')').map_or("", |(_, after)| after);
@@ -29,7 +29,7 @@ fn cpu_s() -> f64 {
     ticks.sum::<f64>() / 100.0
 }
 
-/// Drives once on as many threads; gives the simulated seconds.
+/// Drives once on this many threads; returns the simulated seconds.
 fn drive(config: &Config, scenario: &Scenario, threads: usize, log: Option<&Path>) -> anyhow::Result<f64> {
     let Some(log) = log else {
         return Ok(drive_observed(config, scenario, threads, &mut [])?.report.at.as_secs());
@@ -48,7 +48,7 @@ fn drive(config: &Config, scenario: &Scenario, threads: usize, log: Option<&Path
     Ok(outcome.report.at.as_secs())
 }
 
-/// Simulated seconds per processor second and per second, over drives of half a second together.
+/// Simulated seconds per processor second and per second, over drives of half a second in total.
 fn rates(
     config: &Config,
     scenario: &Scenario,
@@ -65,7 +65,7 @@ fn rates(
     Ok((simulated_s / used_s.max(0.01), simulated_s / wall_s))
 }
 
-/// Keys and values as a command line sets them.
+/// Parses command-line assignments.
 fn assignments(set: &[&str]) -> anyhow::Result<Vec<(String, toml::Value)>> {
     Ok(set.iter().map(|one| swerve_text::parse_assignment(one)).collect::<Result<_, _>>()?)
 }
@@ -97,7 +97,7 @@ fn loops(rows: &mut Rows) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A camera at 20 Hz and a lidar of 32 x 1800 at 10 Hz in the loop. Each message's digest reads every byte of it.
+/// A camera at 20 Hz and a lidar of 32 x 1800 at 10 Hz in the loop. The digest reads every byte of each message.
 const SENSORS: &str = "
 [log]
 sensors = ['front', 'roof']
@@ -131,7 +131,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
         );
         let size_mb = std::fs::metadata(&file).map_or(0.0, |data| data.len() as f64 * 1e-6);
         let reads = format!("{}, per core {:.1} x, log {size_mb:.1} MB", wall.text(1, "x"), core.median());
-        // The goal is that of a run that logs no images; what logging them costs stands beside it.
+        // The goal applies to a run that logs no images; the cost of logging them is listed beside it.
         let goal = if images == "none" { Goal::Least(goal) } else { Goal::None };
         rows.row(&what, wall.median(), &reads, goal);
     }
@@ -139,7 +139,7 @@ fn sensors(rows: &mut Rows) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Six cameras and 64 beams: on one thread, on all, and with cameras on a graphics processor where there is one.
+/// Six cameras and 64 beams: on one thread, on all, and with cameras on a GPU if available.
 fn showcase(rows: &mut Rows) -> anyhow::Result<()> {
     let scenario = read_scenario(&root().join("scenarios/street.toml"))?;
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("showcase.mcap");

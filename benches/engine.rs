@@ -1,6 +1,7 @@
-//! The dataflow engine: cost of a hop, of a wake-up, of a big payload, steps per second, threads, memory.
+//! Dataflow engine: cost of a hop, of a wake-up, of a large payload; steps per second, threads, memory.
 //!
-//! Every run has an observer, as all runs of the product have. Peers run in turn with ours, round by round, so that a noisy host hits both.
+//! Every run has an observer, as in production. Peers run alternately with Swerve, round by round, so that host noise
+//! affects both.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use swerve_flow::{
 
 const ROUNDS: usize = 7;
 
-/// 64 bytes, as in the measurements of the peers.
+/// 64 bytes, as in the peers' measurements.
 type Small = [u64; 8];
 
 struct Ticker;
@@ -29,7 +30,7 @@ impl Operator for Ticker {
     }
 }
 
-/// Makes 64 bytes of the 64 bytes that it gets.
+/// Makes 64 bytes from its 64 bytes of input.
 struct Copy;
 impl Operator for Copy {
     type In = At<Small>;
@@ -43,7 +44,7 @@ impl Operator for Copy {
     }
 }
 
-/// Lets them pass.
+/// Passes its input on.
 struct Through;
 impl Operator for Through {
     type In = At<Small>;
@@ -64,7 +65,7 @@ impl Operator for Sink {
     }
 }
 
-/// Counts messages: stands for what looks on at every run (log, metrics), without the time that it takes.
+/// Counts messages; represents the observers of every run (log, metrics) without their run time.
 #[derive(Default)]
 struct Watcher {
     messages: u64,
@@ -124,13 +125,13 @@ fn hops(rows: &mut Rows) {
     rows.row(what, channel.median(), &channel.text(1, "ns"), Goal::None);
 }
 
-/// When a message was sent, nanoseconds on the bench's clock.
+/// Send time, nanoseconds on the benchmark's clock.
 #[derive(Serialize, Deserialize, Clone)]
 struct Sent {
     at_ns: u64,
 }
 
-/// The bench's clock and what the receivers measured.
+/// The benchmark's clock and the receivers' measurements.
 #[derive(Clone)]
 struct Stopwatch {
     begin: std::time::Instant,
@@ -201,7 +202,7 @@ fn engine_wake_us() -> Sample {
     watch.sample()
 }
 
-/// The same pace through a bounded channel to one sleeping receiver.
+/// The same rate through a bounded channel to one sleeping receiver.
 fn channel_wake_us() -> Sample {
     let watch = Stopwatch::new();
     let (sender, receiver) = crossbeam_channel::bounded::<Arc<Sent>>(16);
@@ -243,7 +244,7 @@ fn wakes(rows: &mut Rows) {
     rows.row("  the former over the latter", ratios.median(), &ratios.text(2, "x"), Goal::Most(1.5));
 }
 
-/// 6 MiB, as an image is.
+/// 6 MiB, the size of an image.
 #[derive(Serialize, Deserialize)]
 struct Image(#[serde(serialize_with = "as_bytes")] Vec<u8>);
 
@@ -324,7 +325,7 @@ fn images(rows: &mut Rows) {
     rows.row("  one copy of 6 MiB, for scale", copies.median(), &copies.text(1, "us"), Goal::None);
 }
 
-/// Four operators with fixed run times and deadlines, one of which is missed now and then.
+/// Four operators with fixed run times and deadlines, one of which is occasionally missed.
 fn pipeline(period: Span) -> Graph {
     let us = Span::from_us;
     let mut graph = Graph::new();
@@ -355,7 +356,7 @@ fn steps(rows: &mut Rows) {
     rows.row(what, rates.median(), &rates.text(2, "M/s"), Goal::Least(3.0));
 }
 
-/// Works for some milliseconds.
+/// Computes for some milliseconds.
 struct Heavy;
 impl Operator for Heavy {
     type In = (Every, Latest<u64>);
@@ -385,7 +386,7 @@ fn heavy_ms(threads: usize) -> (f64, u64) {
     (began.elapsed().as_secs_f64() * 1e3, report.overlapped_steps)
 }
 
-/// The same work in bare threads: what this host gives two of them over one, at this moment.
+/// Speed-up of two bare threads over one with the same work, on this host at this moment.
 fn bare_ratio() -> f64 {
     let work = || {
         let mut x = 1_u64;
@@ -424,7 +425,7 @@ fn threads(rows: &mut Rows) {
 
 static RESIDENT: [AtomicU64; 2] = [const { AtomicU64::new(0) }; 2];
 
-/// Notes the resident memory at message 100,000 and at message 1,000,000.
+/// Records the resident memory at message 100,000 and at message 1,000,000.
 struct Probe(u64);
 impl Operator for Probe {
     type In = At<Small>;
@@ -460,7 +461,7 @@ fn memory(rows: &mut Rows) {
     rows.row("resident memory, message 1e5 to 1e6", percent.abs(), &reads, Goal::Most(1.0));
 }
 
-/// A part of the bench.
+/// A part of the benchmark.
 type Part = fn(&mut Rows);
 
 fn main() {

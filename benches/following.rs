@@ -1,6 +1,6 @@
-//! A lead car that brakes to a stop, in the whole closed loop: every planner, speeds of 5 to 30 m/s, braking of 1 to 8 m/s²,
-//! time gaps of 0.8 to 3 s, twenty seeds each. Every row counts collisions that physics does not excuse, and says by how much
-//! the hardest braking exceeds the least that suffices. `-- 3` drives three seeds.
+//! A lead car that brakes to a stop, in the closed loop: every planner, speeds of 5 to 30 m/s, braking of 1 to 8 m/s²,
+//! time gaps of 0.8 to 3 s, twenty seeds each. Every row counts avoidable collisions, and states by how much the
+//! hardest braking exceeds the necessary minimum. `-- 3` drives three seeds.
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use swerve_benches::{Goal, Rows, Sample, asked_number, is_asked_to_measure};
@@ -15,20 +15,20 @@ const BRAKES_MPS2: [f64; 5] = [1.0, 2.0, 4.0, 6.0, 8.0];
 const GAPS_S: [f64; 3] = [0.8, 1.5, 3.0];
 const SEEDS: u64 = 20;
 
-/// From the lead's first braking to the ego's, and the time in which its brakes build up, seconds.
+/// Time from the lead's first braking to the ego's, and brake build-up time, seconds.
 const REACTION_S: f64 = 0.5;
-/// Asked for between the two at rest, metres.
+/// Required gap at standstill, metres.
 const STANDSTILL_M: f64 = 2.0;
-/// From the middle of the lead to its rear and from the ego's reference point to its front, metres.
+/// Distance from the centre of the lead to its rear plus that from the ego's reference point to its front, metres.
 const BODIES_M: f64 = 4.7;
 /// Largest deceleration on a dry road, m/s².
 const GRIP_MPS2: f64 = 8.5;
-/// Braking for comfort when the gap is opened again, m/s².
+/// Comfortable braking while the gap is reopened, m/s².
 const COMFORT_MPS2: f64 = 1.0;
-/// Allowed above the least that suffices, m/s².
+/// Allowed excess over the necessary minimum, m/s².
 const ALLOWANCE_MPS2: f64 = 1.0;
 
-/// One lead car: its speed, how hard it brakes, and how far ahead it is.
+/// A lead car: speed, braking and distance ahead.
 #[derive(Clone, Copy)]
 struct Lead {
     speed_mps: f64,
@@ -37,7 +37,7 @@ struct Lead {
 }
 
 impl Lead {
-    /// The scenario: the lead keeps its speed for 2 s, then brakes to a stop, on a road without a second lane.
+    /// Scenario in which the lead keeps its speed for 2 s, then brakes to a stop, on a road without a second lane.
     fn scenario(self) -> anyhow::Result<Scenario> {
         let Self { speed_mps, brake_mps2, gap_m } = self;
         let stop_s = 2.0 + speed_mps / brake_mps2;
@@ -63,13 +63,13 @@ impl Lead {
         Scenario::parse("following", &text).map_err(|problems| problems_error(&problems))
     }
 
-    /// The least deceleration that leaves `rest_m` to the lead, m/s².
+    /// Minimum deceleration that leaves a gap of `rest_m` to the lead, m/s².
     fn least_mps2(self, rest_m: f64) -> f64 {
         least_braking_mps2(self.speed_mps, self.brake_mps2, self.gap_m, REACTION_S, rest_m)
     }
 }
 
-/// The scenario of a lead, with the decelerations that leave the standstill gap and nothing, m/s².
+/// Scenario of a lead, with the decelerations that leave the standstill gap and a gap of zero, m/s².
 struct Behind {
     lead: Lead,
     scenario: Scenario,
@@ -88,7 +88,7 @@ impl Behind {
 struct Drive<'a> {
     behind: &'a Behind,
     collides: bool,
-    /// Bumper to bumper, least, metres.
+    /// Minimum bumper-to-bumper gap, metres.
     gap_m: f64,
     brake_mps2: f64,
 }

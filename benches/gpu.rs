@@ -1,8 +1,8 @@
-//! Cameras on a graphics processor: frames per second with all four images in memory of the caller.
+//! Cameras on a GPU: frames per second with all four images in the caller's memory.
 //!
-//! The town of the bench `render`; in every frame the car goes on, and everything that moves is somewhere else,
-//! so that uploads are counted. With the argument `--software` the same on an adapter that computes on the
-//! processor, without goals and in one round: to try the bench out.
+//! The town of the benchmark `render`; in every frame the car and all moving objects are at new positions, so that
+//! uploads count. With `--software`, the same on a software adapter, without goals and in one round, to try the
+//! benchmark out.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_camera::{
@@ -13,21 +13,21 @@ use swerve_gpu::{AdapterKind, probe};
 use swerve_scene::town::town;
 use swerve_scene::{Instance, Scene, WeatherPreset};
 
-/// Length of one measurement, seconds.
+/// Duration of one measurement, seconds.
 const LENGTH_S: f64 = 0.8;
-/// Measurements of each row; rows take turns.
+/// Measurements of each row; rows alternate.
 const ROUNDS: usize = 5;
-/// How much of the town there is.
+/// Reach of the town, metres.
 const REACH_M: f64 = 42.0;
-/// Submissions that are on the way at once.
+/// Number of submissions in flight.
 const ON_THE_WAY: usize = 2;
 
-/// How frames are asked for.
+/// Order of submission and collection.
 #[derive(Clone, Copy)]
 enum How {
-    /// One after the other, each waited for.
+    /// Each frame is awaited before the next.
     OneByOne,
-    /// The next ones are submitted before the last one is collected.
+    /// The next frame is submitted before the last one is collected.
     DoubleBuffered,
 }
 
@@ -40,7 +40,7 @@ struct Row {
     rounds: Vec<f64>,
 }
 
-/// The town and how it moves.
+/// The town and its motion.
 struct Town {
     scene: Scene,
     start: Vec<Instance>,

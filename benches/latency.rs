@@ -1,9 +1,9 @@
-//! The latency study: what run-time model and busy policy make of the latency of a pipeline, in virtual time.
+//! Latency study: effect of run-time model and busy policy on the latency of a pipeline, in virtual time.
 //!
-//! A camera at 20 Hz, a detector of about 80 ms under the model and policy of each row, a tracker of 10 ms, a planner of
-//! 20 ms, a controller at 100 Hz. The latency of an operator is the age of the stamp at its publication; end to end is
-//! the age of the newest frame behind a command, at every command. All but `measured` give the same figures anywhere.
-//! `timing` is how fast `swerve timing` is; `--bench latency -- timing` measures it alone.
+//! A camera at 20 Hz, a detector of about 80 ms under the model and policy of each row, a tracker of 10 ms, a planner
+//! of 20 ms, a controller at 100 Hz. The latency of an operator is the age of the stamp at its publication; end to end
+//! is the age of the newest frame behind a command, for every command. All except `measured` give the same figures on
+//! any host. `timing` is the speed of `swerve timing`; `--bench latency -- timing` measures it alone.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -19,13 +19,13 @@ use swerve_flow::{
 };
 use swerve_report::output::align;
 
-/// Twenty minutes: 24,000 frames, so that p99.9 rests on some two dozen.
+/// Twenty minutes: 24,000 frames, so that p99.9 is based on some two dozen.
 const UNTIL_MS: i64 = 1_200_000;
 const OPERATORS: [&str; 5] = ["camera", "detector", "tracker", "planner", "controller"];
 const SHARES: [f64; 3] = [0.5, 0.99, 0.999];
-/// Host time over modelled time of the measured detector, whose steps really take about 20 us.
+/// Ratio of modelled to host time of the measured detector, whose steps take about 20 us.
 const SCALE: f64 = 4000.0;
-/// Histograms: this many bins over this many milliseconds.
+/// Number of bins of a histogram, and its range, milliseconds.
 const BINS: usize = 40;
 const RANGE_MS: f64 = 600.0;
 
@@ -38,7 +38,7 @@ impl Operator for Camera {
     }
 }
 
-/// Counts 300 to 1,100 units of work, and where it is measured works for some microseconds.
+/// Reports 300 to 1,100 units of work; if measured, computes for some microseconds.
 struct Detector {
     measured: bool,
 }
@@ -85,7 +85,7 @@ impl Operator for Controller {
 #[derive(Default)]
 struct Ages {
     ms: [Vec<f64>; 5],
-    /// The newest frame that a plan derives from, and how many plans there were.
+    /// The newest frame that a plan derives from, and the number of such plans.
     plans: usize,
 }
 
@@ -135,7 +135,7 @@ fn policies() -> [(&'static str, Policy); 4] {
     ]
 }
 
-/// One row: model, policy, ages, and how many frames of the camera came through to a plan.
+/// One row: model, policy, ages, and the number of camera frames that led to a plan.
 struct Case {
     model: &'static str,
     policy: &'static str,
@@ -161,7 +161,7 @@ fn run(model: (&'static str, RuntimeModel), policy: (&'static str, Policy)) -> C
     Case { model: model.0, policy: policy.0, ages: ages.ms.into_iter().map(Sample::new).collect(), through }
 }
 
-/// Shares of the end-to-end ages by bin; what is beyond the range counts in the last.
+/// Shares of the end-to-end ages by bin; values beyond the range count in the last bin.
 fn histogram(case: &Case) -> Vec<f64> {
     let mut bins = vec![0.0; BINS];
     let figures = case.ages[4].figures();
@@ -256,7 +256,7 @@ fn panel(canvas: &mut Canvas, case: &Case, corner: (f64, f64), size: (f64, f64))
     canvas.text((corner.0, corner.1 + size.1 + 12.0), &text, Text { size: 10.0, ..Text::SOFT });
 }
 
-/// `swerve timing` of a chain of 20 operators, 2 million steps: what it prints is in the time.
+/// `swerve timing` of a chain of 20 operators, 2 million steps, including its output.
 fn timing(rows: &mut Rows) {
     const STEPS: f64 = 2e6;
     const ROUNDS: usize = 7;
@@ -273,7 +273,7 @@ fn timing(rows: &mut Rows) {
         let tally = swerve_timing::tally(&pipeline, 1, 1).expect("a sound run");
         let table = swerve_timing::table(&pipeline, &tally);
         rates.push(STEPS / began.elapsed().as_secs_f64() * 1e-6);
-        // Later rounds use the memory of the first again.
+        // Later rounds reuse the memory of the first.
         bytes = bytes.max(resident_kib().saturating_sub(before_kib) as f64 * 1024.0 / STEPS);
         assert_eq!(tally.operators.iter().map(|operator| operator.steps).sum::<u64>(), STEPS as u64);
         black_box(table);

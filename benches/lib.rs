@@ -1,4 +1,4 @@
-//! Benches of the workspace: see the files beside this one. What they share: rows, medians, the summary's files.
+//! Common parts of the benchmarks: rows, medians, files of the summary.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// The present moment of the real clock.
+/// Present instant of the wall clock.
 #[expect(clippy::disallowed_methods, reason = "benches measure this host")]
 pub fn now() -> Instant {
     Instant::now()
 }
 
-/// Waits; for senders that are to find their receiver asleep.
+/// Sleeps; for senders whose receiver must be asleep.
 #[expect(clippy::disallowed_methods, reason = "a sender at a fixed rate is what is measured")]
 pub fn sleep_ms(ms: u64) {
     std::thread::sleep(std::time::Duration::from_millis(ms));
@@ -24,67 +24,67 @@ pub fn print(text: &str) {
     println!("{text}");
 }
 
-/// What was measured several times: sorted, never empty.
+/// Repeated measurements: sorted, never empty.
 #[derive(Clone, Debug)]
 pub struct Sample(Vec<f64>);
 
 impl Sample {
-    /// Of at least one figure.
+    /// Creates a sample of at least one figure.
     ///
     /// # Panics
-    /// Without any.
+    /// If there is none.
     pub fn new(mut figures: Vec<f64>) -> Self {
         assert!(!figures.is_empty(), "nothing was measured");
         figures.sort_by(f64::total_cmp);
         Self(figures)
     }
 
-    /// The figure that a share of them stays at or below.
+    /// Quantile: the figure that this share of the sample does not exceed.
     pub fn at(&self, share: f64) -> f64 {
         self.0[((self.0.len() - 1) as f64 * share).round() as usize]
     }
 
-    /// All of them, in order.
+    /// All figures in ascending order.
     pub fn figures(&self) -> &[f64] {
         &self.0
     }
 
-    /// The middle one.
+    /// Median.
     pub fn median(&self) -> f64 {
         self.at(0.5)
     }
 
-    /// The least one: what the host does when nobody disturbs it.
+    /// Minimum: the result without disturbance by the host.
     pub fn least(&self) -> f64 {
         self.at(0.0)
     }
 
-    /// `median [least .. largest] unit`
+    /// `median [minimum .. maximum] unit`
     pub fn text(&self, digits: usize, unit: &str) -> String {
         format!("{:.digits$} [{:.digits$} .. {:.digits$}] {unit}", self.median(), self.least(), self.at(1.0))
     }
 }
 
-/// What a figure is held against.
+/// Goal of a figure.
 #[derive(Clone, Copy, Debug)]
 pub enum Goal {
-    /// At most this.
+    /// At most this value.
     Most(f64),
-    /// At least this.
+    /// At least this value.
     Least(f64),
-    /// It is there for comparison.
+    /// For comparison only.
     None,
 }
 
-/// The rows of one bench, printed as they come and kept for the summary.
+/// Rows of one benchmark, printed at once and kept for the summary.
 pub struct Rows {
     file: PathBuf,
     lines: String,
 }
 
 impl Rows {
-    /// Starts the rows of the bench `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`. What is
-    /// measured in part, or on a machine of other cores, is kept beside the rest.
+    /// Starts the rows of the benchmark `name`; `folder` is Cargo's folder for such files, `CARGO_TARGET_TMPDIR`.
+    /// Partial measurements, and those of machines with another number of cores, are kept separately.
     pub fn new(folder: &str, name: &str) -> Self {
         let parts: String = asked().map(|part| format!(" {part}")).collect();
         let parts = if parts.is_empty() { parts } else { format!(" --{parts}") };
@@ -99,7 +99,7 @@ impl Rows {
         Self { file: Path::new(folder).join(file), lines }
     }
 
-    /// One row: what, the figure that is held against the goal, how it reads, and what the goal says.
+    /// Adds a row: description, figure to compare with the goal, text of the figure, and goal.
     pub fn row(&mut self, what: &str, figure: f64, reads: &str, goal: Goal) {
         let (goal, verdict) = match goal {
             Goal::Most(most) => {
@@ -114,12 +114,12 @@ impl Rows {
         let _infallible = writeln!(self.lines, "{what}\t{reads}\t{goal}\t{verdict}");
     }
 
-    /// Something that could not be measured.
+    /// Adds a row for a skipped measurement.
     pub fn skipped(&mut self, what: &str, why: &str) {
         self.row(what, 0.0, &format!("skipped: {why}"), Goal::None);
     }
 
-    /// Keeps the rows for the summary.
+    /// Writes the rows for the summary.
     pub fn finish(self) {
         if let Err(error) = std::fs::write(&self.file, self.lines) {
             print(&format!("{}: {error}", self.file.display()));
@@ -127,16 +127,16 @@ impl Rows {
     }
 }
 
-/// What stands between the name of a bench and the cores that it had, in the names of the summary's files.
+/// Separator between benchmark name and number of cores in the file names of the summary.
 const ON: &str = " on ";
 
-/// What the line begins with, in a summary's file, that tells the machine.
+/// Start of the line with the machine in a summary file.
 pub const MACHINE: &str = "# ";
 
-/// What the line begins with that tells the command.
+/// Start of the line with the command.
 pub const COMMAND: &str = "$ ";
 
-/// What measures here, and how busy it is: processor, cores, and how many threads waited for them in the last minute.
+/// Processor, cores, and load of the last minute.
 fn machine() -> String {
     let read = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
     let cpu = read("/proc/cpuinfo");
@@ -155,38 +155,38 @@ fn machine() -> String {
     )
 }
 
-/// Whether the program was called to measure (`cargo bench`), not to be tried out (`cargo test --benches`).
+/// True if the program was called to measure (`cargo bench`), not to be tried out (`cargo test --benches`).
 pub fn is_asked_to_measure() -> bool {
     std::env::args().any(|argument| argument == "--bench")
 }
 
-/// The parts that the command line names, behind `--`.
+/// Parts named on the command line after `--`.
 fn asked() -> impl Iterator<Item = String> {
     std::env::args().skip(1).filter(|argument| !argument.starts_with("--"))
 }
 
-/// Whether a part of a bench is to be measured: it is named, or no part is.
+/// True if this part is to be measured: it is named, or no part is.
 pub fn is_asked(part: &str) -> bool {
     asked().next().is_none() || asked().any(|name| name == part)
 }
 
-/// The first number behind `--`, or `usual`.
+/// First number after `--`, or `usual`.
 pub fn asked_number(usual: u64) -> u64 {
     asked().find_map(|word| word.parse().ok()).unwrap_or(usual)
 }
 
-/// Processors of this machine.
+/// Number of processors of this machine.
 pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Resident memory of this process; zero where the system does not tell.
+/// Resident memory of this process; zero if the system does not report it.
 pub fn resident_kib() -> u64 {
     let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     4 * text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0)
 }
 
-/// What a program of `tests/reference` prints, run by the Python of `SWERVE_PYTHON`; nothing where that is not to be had.
+/// Output of a script of `tests/reference`, run by the Python of `SWERVE_PYTHON`; empty if it cannot be run.
 pub fn python(script: &str, arguments: &[&Path]) -> String {
     let script = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference")).join(script);
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
@@ -194,7 +194,7 @@ pub fn python(script: &str, arguments: &[&Path]) -> String {
     output.map_or_else(|_| String::new(), |output| String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// The figures of lines with a name and a figure.
+/// Parses lines of a name and a figure.
 pub fn named(lines: &str) -> BTreeMap<String, f64> {
     let row = |line: &str| line.split_once(' ').and_then(|(name, x)| Some((name.into(), x.parse().ok()?)));
     lines.lines().filter_map(row).collect()

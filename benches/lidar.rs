@@ -1,8 +1,8 @@
-//! Rays of lidars: our trees beside rapier's query pipeline on the same triangles, in turn, round by round; and
-//! the same turns on a graphics processor where there is one.
+//! Lidar rays: Swerve's trees and rapier's query pipeline on the same triangles, alternately, round by round; and the
+//! same scans on a GPU if available.
 //!
-//! `--bench compute` measures the latter alone; with `SWERVE_SOFTWARE_ADAPTER=1` on a software adapter, if there is
-//! no other. `--bench objects` measures what is found in a turn's points alone.
+//! `--bench compute` measures only the latter, with `SWERVE_SOFTWARE_ADAPTER=1` on a software adapter if there is no
+//! other. `--bench objects` measures only object detection in a scan.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -19,16 +19,16 @@ use swerve_perception::lidar::{Params, Scan};
 use swerve_scene::town::town;
 use swerve_scene::{Instance, Scene, WeatherPreset};
 
-/// Where the sensor stands in the town.
+/// Position of the sensor in the town.
 const SENSOR_M: [f64; 3] = [0.0, -1.9, 1.9];
-/// No ray is longer, metres.
+/// Maximum length of a ray, metres.
 const RANGE_M: f64 = 120.0;
 /// Reach of a town of about 64,000 triangles, metres.
 const NEAR_M: f64 = 38.0;
 /// Reach of the whole town, metres.
 const WHOLE_M: f64 = 200.0;
 const ROUNDS: usize = 15;
-/// Lidars that share a graphics processor.
+/// Number of lidars that share a GPU.
 const LIDARS: usize = 4;
 
 fn triangles(scene: &Scene, instance: &Instance) -> usize {
@@ -57,7 +57,7 @@ fn physics(scene: &Scene) -> PhysicsWorld {
     world
 }
 
-/// Directions of a whole turn, column by column.
+/// Ray directions of a full scan, column by column.
 fn directions(spec: &LidarSpec) -> Vec<[f64; 3]> {
     let mut rays = Vec::new();
     for column in 0..spec.columns {
@@ -71,7 +71,7 @@ fn directions(spec: &LidarSpec) -> Vec<[f64; 3]> {
     rays
 }
 
-/// Million rays per second of a piece of work.
+/// Million rays per second of `work`.
 fn rate(rays: usize, work: impl FnOnce()) -> f64 {
     let began = now();
     work();
@@ -97,7 +97,7 @@ impl Turn {
         Self { sweeper, cloud, pose }
     }
 
-    /// Whole turns in one world.
+    /// Full scans of one world.
     fn fire_at_rest(&mut self, tree: &SceneTree, turns: usize) {
         let rest = Firing::turn_at_rest(&self.sweeper, self.pose);
         for turn in 0..turns {
@@ -107,7 +107,7 @@ impl Turn {
         }
     }
 
-    /// Whole turns in one world, each on its way while the one before is taken over.
+    /// Full scans of one world, each in flight while the previous one is collected.
     fn fire_double_buffered(&mut self, tree: &SceneTree, turns: usize) {
         let rest = Firing::turn_at_rest(&self.sweeper, self.pose);
         self.sweeper.submit(0, tree, &rest).expect("a sound firing");
@@ -122,7 +122,7 @@ impl Turn {
         }
     }
 
-    /// A whole turn in steps of 5 ms, the tree updated before each.
+    /// A full scan in steps of 5 ms, with the tree updated before each.
     fn fire(&mut self, scene: &Scene, tree: &mut SceneTree) {
         let rest = Firing::turn_at_rest(&self.sweeper, self.pose);
         self.sweeper.begin_turn(0, &mut self.cloud.as_mut());
@@ -135,7 +135,7 @@ impl Turn {
     }
 }
 
-/// One town: our rays alone, whole turns with noise, and rapier's rays, each round in turn.
+/// One town: Swerve's rays alone, full scans with noise, and rapier's rays, alternating each round.
 fn compare(rows: &mut Rows, scene: &Scene, is_held: bool) {
     let count: usize = all(scene).map(|instance| triangles(scene, instance)).sum();
     let name = format!("{}k triangles", (count + 500) / 1000);
@@ -192,7 +192,7 @@ fn compare(rows: &mut Rows, scene: &Scene, is_held: bool) {
     row("ours, 64x2048 with noise, two threads", &twos, "Mray/s", Goal::None);
 }
 
-/// What a step costs besides its rays.
+/// Cost of a step besides its rays.
 fn trees(rows: &mut Rows, scene: &Scene) {
     let (mut fresh, mut kept) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
@@ -209,7 +209,7 @@ fn trees(rows: &mut Rows, scene: &Scene) {
     rows.row("trees over all that never moves, once", fresh.median(), &fresh.text(1, "ms"), Goal::None);
 }
 
-/// Objects in the points of a turn, on one core.
+/// Object detection in the points of a scan, on one core.
 fn objects(rows: &mut Rows, scene: &Scene) {
     let mut turn = Turn::new(LidarPreset::Vlp32.spec(), 1);
     turn.fire_at_rest(&SceneTree::new(scene).expect("a sound scene"), 1);
@@ -247,15 +247,15 @@ fn objects(rows: &mut Rows, scene: &Scene) {
     }
 }
 
-/// The adapter to measure on: a graphics processor, or software where that is asked for.
+/// Adapter to measure on: a GPU, or a software adapter on request.
 fn adapter() -> Result<Arc<Gpu>, NoAdapter> {
     let software = std::env::var("SWERVE_SOFTWARE_ADAPTER").is_ok_and(|value| value == "1");
     Gpu::shared(AdapterKind::Gpu)
         .or_else(|none| if software { Gpu::shared(AdapterKind::Software) } else { Err(none) })
 }
 
-/// Whole turns on a graphics processor: all that changes sent there, fired with noise, and back as points with truth
-/// in the arrays of a cloud.
+/// Full scans on a GPU: upload of all changes, firing with noise, and download as points with ground truth in the
+/// arrays of a cloud.
 fn compute(rows: &mut Rows, scene: &Scene) {
     let gpu = match adapter() {
         Ok(gpu) => gpu,

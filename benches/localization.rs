@@ -1,6 +1,6 @@
-//! Localization on one core: the filter, turns of a lidar along `scenarios/street.toml` matched with a map and with each
-//! other, and the pair of scans beside the repository, with what small_gicp takes for that in the same run where the
-//! Python of `SWERVE_PYTHON` has it.
+//! Localization on one core: the filter, lidar scans along `scenarios/street.toml` matched with a map and with each
+//! other, and the pair of scans beside the repository, with the times of small_gicp in the same run if the Python of
+//! `SWERVE_PYTHON` has it.
 
 mod street;
 
@@ -23,7 +23,7 @@ use swerve_stack::config::sensors::LidarConfig;
 use swerve_stack::street::EGO_INSTANCE;
 use swerve_vehicle::VehicleParams;
 
-/// What the lidar moves in a turn, metres: 14 m/s at 10 Hz.
+/// Motion of the lidar in one scan, metres: 14 m/s at 10 Hz.
 const STEP_M: f64 = 1.4;
 const VOXEL_M: f64 = 1.0;
 const ROUNDS: usize = 15;
@@ -33,7 +33,7 @@ fn ms(since: std::time::Instant) -> f64 {
     1e3 * since.elapsed().as_secs_f64()
 }
 
-/// The filter alone, driving on with fixes at 10 Hz.
+/// The filter alone, driving with fixes at 10 Hz.
 fn filter(rows: &mut Rows, seconds: i64) {
     let initial = Initial {
         position_m: Vector3::zeros(),
@@ -69,13 +69,13 @@ fn filter(rows: &mut Rows, seconds: i64) {
     rows.row("filter, a fix taken in order", sample.median(), &sample.text(2, "us"), Goal::Most(5.0));
 }
 
-/// A turn: where the lidar is at its end, and its points as measured with the share of the turn from its end.
+/// A scan: pose of the lidar at its end, and its measured points with their time before the end as a share of the scan.
 struct Turn {
     map_from_lidar: Isometry3<f64>,
     points: Vec<(Vector3<f64>, f64)>,
 }
 
-/// Turns of the lidar on a car's roof along the street, of at most so many columns.
+/// Scans of a roof-mounted lidar along the street, with at most this many columns.
 fn turns(steps: usize, columns: u32) -> Vec<Turn> {
     let vehicle = VehicleParams::default();
     let (scenario, street) = street::at_start(&vehicle);
@@ -98,7 +98,7 @@ fn turns(steps: usize, columns: u32) -> Vec<Turn> {
         cloud.len = 0;
         sweeper.begin_turn(k as u64, &mut cloud.as_mut());
         sweeper.fire(&tree, &firing, &mut cloud.as_mut()).expect("a sound firing");
-        // As seen on the way: what is fired at first is seen from further back.
+        // Motion distortion: points fired first are seen from further back.
         let measured = |point: usize| {
             let share = (point + 1) as f64 / cloud.len as f64 - 1.0;
             let at_end = Vector3::from(cloud.point_m(point).map(f64::from));
@@ -109,12 +109,12 @@ fn turns(steps: usize, columns: u32) -> Vec<Turn> {
     (0..steps).map(turn).collect()
 }
 
-/// How a lidar that sits straight moves in a turn, about.
+/// Approximate motion of a forward-facing lidar during one scan.
 fn motion() -> Isometry3<f64> {
     Isometry3::translation(STEP_M, 0.0, 0.0)
 }
 
-/// So many points of each turn, spread over it.
+/// This many points of each scan, evenly spread.
 fn thinned(turns: &[Turn], count: usize) -> Vec<Turn> {
     let of = |turn: &Turn| {
         let len = turn.points.len();
@@ -135,7 +135,7 @@ fn map(turns: &[Turn]) -> MapFile {
     MapFile::new(VOXEL_M, sums.voxels())
 }
 
-/// Milliseconds of each turn, the fastest of some rounds: what it takes when nobody disturbs this host.
+/// Milliseconds of each scan, the fastest of several rounds: the time without disturbance by the host.
 fn fastest(rounds: usize, mut round: impl FnMut() -> Vec<f64>) -> Vec<f64> {
     let mut least = round();
     for _ in 1..rounds {
@@ -144,7 +144,7 @@ fn fastest(rounds: usize, mut round: impl FnMut() -> Vec<f64>) -> Vec<f64> {
     least
 }
 
-/// Turns followed on a map.
+/// Localization of scans on a map.
 fn on_a_map(rows: &mut Rows, map: &MapFile, turns: &[Turn], goals: [Goal; 2], rounds: usize) {
     let (sweep, motion) = (Sweep::steady(&motion()), motion());
     let start = turns[0].map_from_lidar * Isometry3::translation(-0.5, 0.3, 0.0);
@@ -170,7 +170,7 @@ fn on_a_map(rows: &mut Rows, map: &MapFile, turns: &[Turn], goals: [Goal; 2], ro
     rows.row("  the first one, looked around for", first_ms, &format!("{first_ms:.1} ms"), Goal::None);
 }
 
-/// Turns matched with those before.
+/// Scan-to-scan odometry.
 fn odometry(rows: &mut Rows, turns: &[Turn], rounds: usize) {
     let (sweep, motion) = (Sweep::steady(&motion()), motion());
     let took = fastest(rounds, || {
@@ -191,19 +191,19 @@ fn longest(turns: &[Turn]) -> usize {
     turns.iter().map(|turn| turn.points.len()).max().unwrap_or(0)
 }
 
-/// The pair of scans, where it lies beside the repository.
+/// Folder of the pair of scans beside the repository, if available.
 fn pair_folder() -> Option<PathBuf> {
     let folder =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/localization/registration_pair");
     folder.exists().then_some(folder)
 }
 
-/// Milliseconds that small_gicp takes in this run, by what it does; none where this Python (`SWERVE_PYTHON`) has it not.
+/// Milliseconds of small_gicp in this run, by task; empty if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_small_gicp(folder: &Path) -> BTreeMap<String, f64> {
     named(&python("localization/speed.py", &[folder]))
 }
 
-/// What is matched, with its times: thinning and mapping, then the match.
+/// Result of a match and its times: thinning and mapping, then the match.
 fn matched(source: &[Vector3<f64>], target: &[Vector3<f64>]) -> Option<(Matched, [f64; 2])> {
     let began = now();
     let scan = downsampled(source, 0.25);

@@ -1,6 +1,6 @@
-//! Posed problems: ours (`best`) beside the recorded figures of the C++ planners that the paper used.
+//! Posed problems: Swerve (`best`) compared with recorded figures of the C++ planners used in the paper.
 //!
-//! The problem file lies beside the repository, not in it; without it the bench says so and ends.
+//! The problem file is beside the repository, not in it; without it the benchmark prints a note and ends.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use swerve_planning::{Budget, Progress, Unlimited};
 use swerve_pylot::Preset;
 use swerve_pylot::posed::{FotConfig, ProblemFile, Solution, rrt_star};
 
-/// What the file records of the peers: planner, configuration, problem.
+/// Recorded figures of the peers: planner, configuration, problem.
 #[derive(Deserialize)]
 struct Recorded {
     results: Groups,
@@ -35,7 +35,7 @@ struct FotPeer {
     cf: f64,
     #[serde(default)]
     min_clearance: f64,
-    /// How far it gets from the line, by its own reckoning.
+    /// Maximum lateral offset, as reported by the planner.
     #[serde(default)]
     max_abs_d: f64,
     #[serde(default)]
@@ -48,14 +48,14 @@ struct FotPeer {
 }
 
 impl FotPeer {
-    /// Whether it found a path that keeps the clearance and stays between the limits of the road.
+    /// True if it found a path that keeps the clearance and the limits of the road.
     fn passes(&self, config: &FotConfig) -> bool {
         self.success == 1
             && self.min_clearance >= config.obstacle_clearance
             && self.max_abs_d <= config.max_road_width_l.max(config.max_road_width_r)
     }
 
-    /// Whether its quartic from `speed_mps` keeps the acceleration: the peak is 1.5 times the mean.
+    /// True if its quartic from `speed_mps` keeps the acceleration limit: the peak is 1.5 times the mean.
     fn keeps_acceleration(&self, speed_mps: f64, config: &FotConfig) -> bool {
         0.75 * (self.v_end * self.v_end - speed_mps * speed_mps) <= config.max_accel * self.length
     }
@@ -84,13 +84,13 @@ fn share(part: usize, whole: usize) -> f64 {
     part as f64 / whole.max(1) as f64
 }
 
-/// `p50 and p99 of ours, p50 of theirs`
+/// `p50 and p99 of Swerve, p50 of the peer`
 fn times(ours: &Sample, theirs: &Sample) -> String {
     format!("{:.3} ms, p99 {:.3}; peer {:.1} ms", ours.median(), ours.at(0.99), theirs.median())
 }
 
-/// Frenet: the peer's figures count where its recorded path keeps the clearance and the road, and its costs where its
-/// reference frame is right, on straight lines, and it keeps the acceleration that its settings allow.
+/// Frenet: the peer's times count where its recorded path keeps the clearance and the road; its costs count where its
+/// reference frame is correct, on straight lines, and it keeps its configured acceleration limit.
 fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
     for name in ["pylot_fast", "pylot_slow"] {
         let config = &file.configs.fot[name];
@@ -157,7 +157,7 @@ fn fot(rows: &mut Rows, file: &ProblemFile, recorded: &Recorded) {
     }
 }
 
-/// Stops when the real clock says so.
+/// Budget that ends at a wall-clock instant.
 struct UntilClock(std::time::Instant);
 
 impl Budget for UntilClock {
@@ -166,7 +166,7 @@ impl Budget for UntilClock {
     }
 }
 
-/// How an RRT* search is cut.
+/// Termination of an RRT* search.
 #[derive(Clone, Copy, PartialEq)]
 enum Cut {
     Iterations,

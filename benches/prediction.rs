@@ -1,5 +1,5 @@
-//! Predictors, on one core: 24 vehicles in two lanes of a bend and eight people beside them, 5 s ahead in steps of 0.1 s, by
-//! 3.2 s of their past at 20 Hz.
+//! Predictors, on one core: 24 vehicles in two lanes of a bend and eight people beside them, 5 s ahead in steps of 0.1
+//! s, from 3.2 s of history at 20 Hz.
 
 use std::hint::black_box;
 
@@ -9,7 +9,7 @@ use swerve_geom::{FrenetPoint, Point2, Polyline, Pose2, Vector2, math};
 use swerve_msg::{ActorId, ActorKind, Extent, Route, Sighting, Track, TrackList};
 use swerve_prediction::{Ground, Horizon, PredictorName, forecast};
 
-/// Sightings of the past, and how far apart.
+/// Number of past observations, and their interval.
 const PAST: i64 = 64;
 const EVERY_MS: i64 = 50;
 

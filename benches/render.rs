@@ -1,9 +1,9 @@
-//! Cameras on the CPU: one frame of a town, by what is asked for and by weather.
+//! Cameras on the CPU: one frame of a town, by output and by weather.
 //!
-//! Beside it the same on an adapter of software, lavapipe where it is installed, in the same run and with the
-//! threads that it takes: one for each processor, or `LP_NUM_THREADS`.
+//! Also on a software adapter (lavapipe), if installed, in the same run and with its default number of threads: one per
+//! processor, or `LP_NUM_THREADS`.
 //!
-//! The town has about 64,000 triangles, a quarter of them moving; colour means textures, shadows, reflections.
+//! The town has about 64,000 triangles, a quarter of them moving; colour includes textures, shadows and reflections.
 
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_camera::{
@@ -16,12 +16,12 @@ use swerve_scene::{Scene, WeatherPreset};
 
 /// Frames of one measurement.
 const FRAMES: usize = 5;
-/// Measurements of each row; rows take turns, so that a disturbance of the host meets all of them.
+/// Measurements of each row; rows alternate, so that host noise affects all of them.
 const ROUNDS: usize = 25;
-/// How much of the town there is: houses and traffic within this distance.
+/// Reach of the town, metres: houses and traffic within this distance.
 const REACH_M: f64 = 42.0;
 
-/// One row: what is drawn, through what, with how many threads.
+/// One row: output, back end, number of threads.
 struct Row {
     what: &'static str,
     camera: Camera,
@@ -40,7 +40,7 @@ fn camera(change: impl Fn(&mut CameraSpec)) -> Camera {
     Camera::new(spec).expect("the camera is fine")
 }
 
-/// Processor time of this process so far, milliseconds, where the system tells it.
+/// Processor time of this process so far, milliseconds, if the system reports it.
 fn busy_ms() -> Option<f64> {
     let threads = std::fs::read_dir("/proc/self/task").ok()?;
     threads
@@ -72,7 +72,7 @@ fn measure(row: &Row, scene: &Scene, renderer: &mut Renderer) -> (f64, Option<f6
     (median, busy)
 }
 
-/// Rows of the software adapter, and how much faster the CPU back end was with the same images.
+/// Rows of the software adapter, and the speed of the CPU back end relative to it with the same images.
 fn compare(table: &mut Rows, software: &Renderer, rows: &[Row], references: &[Row]) {
     if let Some(adapter) = software.adapter() {
         table.row("software adapter", 0.0, &adapter.to_string(), Goal::None);
@@ -88,7 +88,7 @@ fn compare(table: &mut Rows, software: &Renderer, rows: &[Row], references: &[Ro
             reads += &format!(", busy {:.2} ms", busy.median());
         }
         table.row(&format!("{}, software adapter", row.what), sample.least(), &reads, Goal::None);
-        // Turn by turn, so that a disturbance of the host weighs on both.
+        // Round by round, so that host noise affects both.
         let ratios = row.rounds.iter().zip(&reference.rounds).map(|(cpu, software)| software / cpu);
         let ratio = Sample::new(ratios.collect());
         let what = format!("{}, how much faster", row.what);
@@ -158,7 +158,7 @@ fn main() {
     }
     for row in rows {
         let sample = Sample::new(row.rounds);
-        // The least round is held against the goal: what the host does when nobody disturbs it.
+        // The fastest round is compared with the goal: the time without disturbance by the host.
         let mut reads = sample.text(2, "ms");
         if !row.busy.is_empty() {
             reads += &format!(", busy {:.2} ms", Sample::new(row.busy).median());

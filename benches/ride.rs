@@ -1,5 +1,5 @@
-//! Comfort of drives with the comfortable layer and without: for the ten scenarios and four planners, medians over
-//! twenty seeds. The table is Markdown, as docs/comfort.md has it. `-- 3` drives three seeds.
+//! Comfort of drives with and without the comfortable layer: for the ten scenarios and four planners, medians over
+//! twenty seeds. The table is Markdown, as in docs/comfort.md. `-- 3` drives three seeds.
 
 use std::path::Path;
 
@@ -24,7 +24,8 @@ const SCENARIOS: [&str; 10] = [
 const PLANNERS: [&str; 4] = ["fot", "rrt_star", "hybrid_astar", "waypoint"];
 const SEEDS: u64 = 20;
 
-/// Lateral acceleration, braking, lateral jerk, share of the time within nuPlan's limits: medians, and the collisions.
+/// Medians of lateral acceleration, braking, lateral jerk and share of the time within nuPlan's limits, and the number
+/// of collisions.
 fn cell(drives: &[Metrics]) -> String {
     let median = |figure: fn(&Metrics) -> f64| Sample::new(drives.iter().map(figure).collect()).median();
     let across = median(|drive| drive.drive.lateral_accel_max_mps2);

@@ -9,7 +9,7 @@ use swerve_sim::{SimParams, Simulator};
 use swerve_stack::street::Street;
 use swerve_vehicle::VehicleParams;
 
-/// The scenario, and its street with everybody where he begins.
+/// The scenario, and its street with all actors at their start.
 pub(crate) fn at_start(vehicle: &VehicleParams) -> (Scenario, Street) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/street.toml");
     let scenario = Scenario::read(&file).expect("a scenario of ours");

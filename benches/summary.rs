@@ -1,12 +1,12 @@
-//! The joined table of all benches: the last one of `cargo bench`. `--bench summary -- --page docs/performance.md` writes
-//! the rows of those that have been run into that page, between the marks that bear their names; folders named after the
-//! page hold rows of other machines.
+//! Combined table of all benchmarks, the last one of `cargo bench`. `--bench summary -- --page docs/performance.md`
+//! writes the rows of the benchmarks that have been run to that page, between the marks with their names; folders named
+//! after the page contain rows of other machines.
 
 use std::path::Path;
 
 use swerve_benches::{COMMAND, MACHINE, is_asked_to_measure, print};
 
-/// One bench: its name, the machine that it ran on, what makes it run again, and its rows of what, how it reads, goal, verdict.
+/// One benchmark: name, machine, command, and rows of description, text, goal and verdict.
 struct Bench {
     name: String,
     machine: String,
@@ -32,7 +32,7 @@ impl Bench {
         Some(Self { name, machine, command, rows })
     }
 
-    /// What stands between its marks.
+    /// Text between its marks.
     fn block(&self) -> String {
         let mut text = format!("Rows of `{}` on {}:\n\n", self.command, self.machine);
         text += "| what | measured | goal | |\n|---|---|---|---|\n";
@@ -42,7 +42,7 @@ impl Bench {
         text
     }
 
-    /// Its block anew within a page, at the page's end where it has none.
+    /// Replaces its block in a page, or appends it.
     fn write_into(&self, page: &mut String) {
         let [begin, end] = ["rows of", "end of"].map(|mark| format!("<!-- {mark} {} -->\n", self.name));
         let inner = page.find(&begin).map(|at| at + begin.len());
@@ -65,7 +65,7 @@ fn main() {
     files.sort();
     let benches: Vec<Bench> = files.iter().filter_map(|file| Bench::read(file)).collect();
     if let Some(page) = page {
-        // Cargo calls a bench in its package's folder.
+        // Cargo runs a benchmark in its package's folder.
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(page);
         let mut page = std::fs::read_to_string(&path).expect("a page that is there");
         benches.iter().for_each(|bench| bench.write_into(&mut page));

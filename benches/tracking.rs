@@ -1,5 +1,5 @@
-//! Trackers, on one thread: frames of MOT15's detections a second, in the image, beside the program of SORT's authors in
-//! the same run; a crowd on the ground; a target followed by its pixels.
+//! Trackers, on one thread: frames of MOT15's detections per second in the image, compared with the program of SORT's
+//! authors in the same run; a crowd on the ground; a target tracked by its pixels.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -17,14 +17,14 @@ use swerve_vision::{Plane, Rgb};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 
-/// Where the detections are, if they are there: a file a sequence, of frame,left,top,width,height,score.
+/// Folder of the detections, if available: one file per sequence, of frame,left,top,width,height,score.
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/mot15/det");
 
-/// The frames that dlib follows a target in.
+/// Frames in which dlib tracks a target.
 const VIDEO: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/perception/dlib/examples/video_frames");
 
-/// How many times as fast as SORT's authors' program ours is to be.
+/// Required speed relative to the program of SORT's authors.
 const TIMES: f64 = 20.0;
 
 /// Passes over all sequences in a round.
@@ -32,7 +32,7 @@ const PASSES: usize = 20;
 
 type Frames = Vec<Vec<ImageDetection>>;
 
-/// A tracker's name, all sequences tracked by it, and how many frames a second are asked for.
+/// A tracker's name, its run over all sequences, and the goal in frames per second.
 type Row = (&'static str, fn(&[Frames]), Goal);
 
 fn sequence(path: &Path) -> Option<Frames> {
@@ -52,7 +52,7 @@ fn sequences() -> Vec<Frames> {
     files.filter_map(|entry| sequence(&entry.ok()?.path())).collect()
 }
 
-/// Tracks all sequences, a new tracker each.
+/// Tracks all sequences, each with a new tracker.
 fn pass<T: ImageTracker + Default>(sequences: &[Frames]) {
     for frames in sequences {
         let mut tracker = T::default();
@@ -68,17 +68,17 @@ fn per_second(sequences: &[Frames], pass: fn(&[Frames])) -> f64 {
     (PASSES * frames) as f64 / start.elapsed().as_secs_f64()
 }
 
-/// Frames a second of the program of SORT's authors; none where this Python (`SWERVE_PYTHON`) has it not.
+/// Frames per second of the program of SORT's authors; `None` if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_the_authors() -> Option<f64> {
     python("tracking/sort_speed.py", &[Path::new(FOLDER)]).trim().parse().ok()
 }
 
-/// Milliseconds that dlib takes for a frame of its video; none where this Python (`SWERVE_PYTHON`) has it not.
+/// Milliseconds of dlib for a frame of its video; `None` if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_dlib() -> Option<f64> {
     python("tracking/dlib_speed.py", &[Path::new(VIDEO)]).trim().parse().ok()
 }
 
-/// Fifty cars and fifty people who go their ways, frame by frame.
+/// Fifty cars and fifty people in motion, frame by frame.
 fn crowd() -> Vec<Detections> {
     let mut rng = Rng::keyed(1, "crowd", &[]);
     let all: Vec<[f64; 4]> = (0..100)
@@ -109,7 +109,7 @@ fn crowd() -> Vec<Detections> {
     (0..100).map(frame).collect()
 }
 
-/// Milliseconds that each tracker on the ground takes for a frame of a hundred boxes.
+/// Milliseconds of each ground-plane tracker for a frame of a hundred boxes.
 fn on_the_ground(rows: &mut Rows) {
     let crowd = crowd();
     let trackers = [
@@ -130,7 +130,7 @@ fn on_the_ground(rows: &mut Rows) {
     }
 }
 
-/// Milliseconds of a frame of dlib's video: a target followed, and what it looks like told.
+/// Milliseconds for a frame of dlib's video: tracking a target, and describing its appearance.
 fn by_pixels(rows: &mut Rows) {
     let mut paths: Vec<_> =
         std::fs::read_dir(VIDEO).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path())).collect();

@@ -1,6 +1,6 @@
-//! Vision without neural networks on one thread, on rendered streets and on real images beside the repository, and what
-//! OpenCV takes for the same in the same run, where the Python of `SWERVE_PYTHON` has it; and what each rung of the
-//! camera detector takes.
+//! Vision without neural networks on one thread, on rendered streets and on real images beside the repository, compared
+//! with OpenCV in the same run if the Python of `SWERVE_PYTHON` has it; and the time of each rung of the camera
+//! detector.
 
 mod street;
 
@@ -29,13 +29,13 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 
 const ROUNDS: usize = 15;
 
-/// Real data, where it lies beside the repository.
+/// Folder of real data beside the repository, if available.
 fn data() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     folder.exists().then_some(folder)
 }
 
-/// Milliseconds that a piece of work takes.
+/// Milliseconds of `work`.
 fn ms(mut work: impl FnMut()) -> Sample {
     work();
     let figures = (0..ROUNDS).map(|_| {
@@ -56,15 +56,15 @@ fn gray(path: &Path) -> Plane<u8> {
     gray
 }
 
-/// Where OpenCV leaves a frame of its video, 768 x 576 pixels.
+/// File to which OpenCV writes a frame of its video, 768 x 576 pixels.
 const FRAME: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/vtest.rgb");
 
-/// Milliseconds that OpenCV takes in this run, by what it does; none where this Python (`SWERVE_PYTHON`) has it not.
+/// Milliseconds of OpenCV in this run, by task; empty if this Python (`SWERVE_PYTHON`) does not have it.
 fn of_opencv(folder: &Path) -> BTreeMap<String, f64> {
     named(&python("vision/speed.py", &[&folder.join("perception"), Path::new(FRAME)]))
 }
 
-/// How many times as fast as OpenCV something is, both in this run.
+/// Speed relative to OpenCV, both in this run.
 fn beside(rows: &mut Rows, what: &str, opencv: Option<&f64>, took: &Sample, goal: f64) {
     let what = format!("{what}, times as fast as OpenCV");
     match opencv {
@@ -89,7 +89,7 @@ fn hog(opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
     beside(rows, what, opencv.get("hog"), &took, 1.5);
 }
 
-/// Pairs, beside OpenCV's 3WAY.
+/// Stereo pairs, compared with OpenCV's 3WAY.
 fn stereo(folder: &Path, opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
     let pairs = [
         ("cones", ["middlebury_2003/cones/im2.png", "middlebury_2003/cones/im6.png"], 64),
@@ -116,8 +116,8 @@ fn stereo(folder: &Path, opencv: &BTreeMap<String, f64>, rows: &mut Rows) {
     }
 }
 
-/// Images of what the camera of `configs/camera_objects.toml` sees along a street, 800 x 600 pixels: the ego is put
-/// every 4 m, the others stand where they begin.
+/// Images of the camera of `configs/camera_objects.toml` along a street, 800 x 600 pixels: the ego is placed every 4 m,
+/// the others stay at their start.
 fn street_images() -> Vec<Image> {
     let (_, street) = street::at_start(&VehicleParams::default());
     let intrinsics = Intrinsics::HorizontalFovRad(70.0_f64.to_radians());
@@ -144,7 +144,7 @@ fn street_images() -> Vec<Image> {
     (0..25).map(take).collect()
 }
 
-/// What was found, as it is followed to the next image: the ego is 4 m farther on.
+/// Detections as tracks predicted to the next image: the ego is 4 m further on.
 fn followed(found: &Detections) -> TrackList {
     let track = |(k, one): (usize, &DetectedBox)| Track {
         id: ActorId(k as u32),
@@ -157,7 +157,7 @@ fn followed(found: &Detections) -> TrackList {
     TrackList { stamp: found.stamp, tracks: found.boxes.iter().enumerate().map(track).collect() }
 }
 
-/// What each rung of the camera detectors takes an image, boxes put on the ground: one thread, each image in turn.
+/// Milliseconds per image of each rung of the camera detectors, boxes placed on the ground: one thread, images in turn.
 fn rungs(rows: &mut Rows) {
     let images = street_images();
     for detector in ["street", "hog_street"] {
@@ -200,7 +200,7 @@ fn rungs(rows: &mut Rows) {
     }
 }
 
-/// A photograph of a road with a camera about as it was.
+/// A photograph of a road with an approximate camera model.
 fn lanes(folder: &Path, rows: &mut Rows) {
     let path = folder.join("lanes_real/solidWhiteRight.jpg");
     let file = std::fs::read(path).expect("the folder is there");
@@ -217,7 +217,7 @@ fn lanes(folder: &Path, rows: &mut Rows) {
     }
 }
 
-/// A street of the simulator, as a camera sees it.
+/// A simulated street as seen by a camera.
 fn street([width_px, height_px]: [u32; 2], fov_deg: f64) -> (Frame, Ground) {
     let intrinsics = Intrinsics::HorizontalFovRad(fov_deg.to_radians());
     let spec = CameraSpec { width_px, height_px, intrinsics, ..CameraSpec::default() };
@@ -231,7 +231,7 @@ fn street([width_px, height_px]: [u32; 2], fov_deg: f64) -> (Frame, Ground) {
     (frame, Ground { horizon_px: 0.5 * f64::from(height_px), focal_px: camera.focal_px().0, height_m: 1.35 })
 }
 
-/// Labels of pixels: by the camera of the recipe, and by that of `configs/studies/timely_segmentation.toml`.
+/// Pixel labels: with the camera of the recipe, and with that of `configs/studies/timely_segmentation.toml`.
 fn segmentation(rows: &mut Rows) {
     segmentation_of(rows, [800, 600], 70.0, Goal::Most(30.0));
     segmentation_of(rows, [1280, 720], 90.0, Goal::None);

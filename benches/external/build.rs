@@ -1,4 +1,4 @@
-//! Sets what copper's macros ask of the crate that uses them (`LOG_INDEX_DIR`), so that no user has to.
+//! Sets the variable that copper's macros require (`LOG_INDEX_DIR`), so that users need not.
 
 fn main() {
     cu29_build::setup();

@@ -1,1 +1,1 @@
-//! Benches beside peers: see the folder `benches`.
+//! Benchmarks against peers: see the folder `benches`.

@@ -1,4 +1,4 @@
-//! Long work on a thread of its own, while Python looks for Ctrl-C and is told how far it came.
+//! Long work on a separate thread, while Python checks for Ctrl-C and reports progress.
 
 use core::time::Duration;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -7,11 +7,11 @@ use std::thread::Builder;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-/// How often Python has a look.
+/// Interval of the checks.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Does `work` on a thread. In between `look` is called under the interpreter's lock; where it fails, or a signal came,
-/// `stop` is called, and the work is waited for.
+/// Runs `work` on a thread. Meanwhile calls `look` under the interpreter's lock; if that fails, or a signal arrives,
+/// calls `stop` and waits for the work to end.
 pub(crate) fn do_in_background<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> anyhow::Result<T> + Send + 'static,
@@ -20,7 +20,7 @@ pub(crate) fn do_in_background<T: Send + 'static>(
 ) -> PyResult<T> {
     let (tell, mut told) = channel();
     let thread = Builder::new().name("swerve".into()).spawn(move || {
-        // Nobody is left to be told where this one was given up.
+        // The receiver is gone if this was given up.
         let _given_up = tell.send(work());
     })?;
     let mut ended_by = None;

@@ -1,4 +1,4 @@
-//! The command line, from Python.
+//! The command line from Python.
 
 use std::path::PathBuf;
 
@@ -6,26 +6,26 @@ use pyo3::prelude::*;
 use swerve_drive::program::Program;
 use swerve_drive::shipped::Kind;
 
-/// Says which program this module is a part of, and in which file it is.
+/// Registers the host program of this module, and the file that contains it.
 #[pyfunction]
 pub(crate) fn host(path: PathBuf, arguments: Vec<String>, code: PathBuf) {
     Program { path, arguments, code }.is_part_of();
 }
 
-/// The scenarios that are in the program: names and texts.
+/// Built-in scenarios: names and texts.
 #[pyfunction]
 pub(crate) fn scenarios() -> Vec<(&'static str, &'static str)> {
     Kind::Scenario.all().map(|(name, file)| (name, file.text)).collect()
 }
 
-/// Runs a command line, the program's name first; gives the exit code.
+/// Runs a command line, program name first; returns the exit code.
 #[pyfunction]
 pub(crate) fn main(py: Python<'_>, words: Vec<String>) -> i32 {
     py.detach(|| {
         let cli = match swerve::cli::parse(words) {
             Ok(cli) => cli,
             Err(error) => {
-                // Where nobody reads what is wrong, the exit code still tells.
+                // If standard error is closed, the exit code still reports the failure.
                 let _unread = error.print();
                 return error.exit_code();
             }

@@ -1,16 +1,16 @@
-//! Plain values of Python to TOML and CBOR and back.
+//! Conversion of plain Python values to TOML and CBOR and back.
 
 use ciborium::Value;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 
-/// An error of ours as Python's, told as the terminal would.
+/// Converts an error to a Python exception with the message of the terminal.
 pub(crate) fn error(error: anyhow::Error) -> PyErr {
     PyValueError::new_err(swerve_report::output::message(&error))
 }
 
-/// A CBOR value as plain Python: dictionaries, lists, numbers, texts, bytes.
+/// Converts a CBOR value to plain Python: dictionaries, lists, numbers, texts, bytes.
 pub(crate) fn plain<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::Null => py.None().into_bound(py),
@@ -35,7 +35,7 @@ pub(crate) fn plain<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, 
     })
 }
 
-/// Plain Python as a CBOR value.
+/// Converts plain Python to a CBOR value.
 pub(crate) fn cbor_value(any: &Bound<'_, PyAny>) -> PyResult<Value> {
     if any.is_none() {
         return Ok(Value::Null);
@@ -65,14 +65,14 @@ pub(crate) fn cbor_value(any: &Bound<'_, PyAny>) -> PyResult<Value> {
         let values = any.try_iter()?.map(|value| cbor_value(&value?));
         return Ok(Value::Array(values.collect::<PyResult<_>>()?));
     }
-    // Numbers of NumPy are numbers too.
+    // NumPy numbers are accepted, too.
     if let Ok(number) = any.extract::<f64>() {
         return Ok(Value::Float(number));
     }
     Err(PyTypeError::new_err(format!("a message cannot hold {}", any.repr()?)))
 }
 
-/// The CBOR form of plain Python.
+/// Encodes plain Python as CBOR.
 pub(crate) fn cbor(any: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     let mut bytes = Vec::new();
     ciborium::into_writer(&cbor_value(any)?, &mut bytes)
@@ -80,26 +80,26 @@ pub(crate) fn cbor(any: &Bound<'_, PyAny>) -> PyResult<Vec<u8>> {
     Ok(bytes)
 }
 
-/// What CBOR bytes say, as plain Python.
+/// Decodes CBOR to plain Python.
 pub(crate) fn read_cbor<'py>(py: Python<'py>, bytes: &[u8]) -> PyResult<Bound<'py, PyAny>> {
     let value: Value =
         ciborium::from_reader(bytes).map_err(|error| PyValueError::new_err(error.to_string()))?;
     plain(py, &value)
 }
 
-/// What CBOR bytes say, as plain Python.
+/// Decodes CBOR to plain Python.
 #[pyfunction]
 pub(crate) fn from_cbor<'py>(py: Python<'py>, bytes: &[u8]) -> PyResult<Bound<'py, PyAny>> {
     read_cbor(py, bytes)
 }
 
-/// The CBOR form of plain Python.
+/// Encodes plain Python as CBOR.
 #[pyfunction]
 pub(crate) fn to_cbor<'py>(py: Python<'py>, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
     Ok(PyBytes::new(py, &cbor(value)?))
 }
 
-/// A value as configurations hold it.
+/// Converts a value to TOML.
 fn toml_value(any: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     if let Ok(yes) = any.cast::<PyBool>() {
         return Ok(toml::Value::Boolean(yes.is_true()));
@@ -123,7 +123,7 @@ fn toml_value(any: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     Err(PyTypeError::new_err(format!("a configuration cannot hold {}", any.repr()?)))
 }
 
-/// A dictionary as a table of a configuration; what is `None` is left out.
+/// Converts a dictionary to a TOML table; `None` entries are left out.
 pub(crate) fn toml_table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     let mut table = toml::Table::new();
     for (key, value) in dict.iter().filter(|(_, value)| !value.is_none()) {
@@ -132,7 +132,7 @@ pub(crate) fn toml_table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     Ok(table)
 }
 
-/// Assignments by dotted key, as `--set` makes them.
+/// Converts a dictionary to assignments of dotted keys, as for `--set`.
 pub(crate) fn sets(dict: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<(String, toml::Value)>> {
     let Some(dict) = dict else { return Ok(Vec::new()) };
     dict.iter().map(|(key, value)| Ok((key.extract()?, toml_value(&value)?))).collect()

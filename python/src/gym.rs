@@ -1,4 +1,4 @@
-//! Drives that an agent outside steps: one or many at once, as Gymnasium's environments need them.
+//! Drives stepped by an external agent: one or many at once, as required by Gymnasium's environments.
 
 mod action;
 mod drive;
@@ -19,7 +19,7 @@ use crate::run::{FileOr, Inputs};
 use action::Level;
 use drive::{Drive, FACTS, Task};
 
-/// Several drives of one scenario, each with an agent of its own.
+/// Several drives of one scenario, each with a separate agent.
 #[pyclass(frozen, module = "swerve._swerve")]
 pub(crate) struct Drives {
     task: Task,
@@ -27,11 +27,11 @@ pub(crate) struct Drives {
     pool: Option<rayon::ThreadPool>,
 }
 
-/// One of the drives, and what its next one begins with.
+/// One drive, and the seed of its next one.
 struct Lane {
     drive: Option<Drive>,
     seed: i64,
-    /// Drives so far under that seed.
+    /// Number of drives so far under that seed.
     count: i64,
     over: bool,
 }
@@ -48,7 +48,7 @@ impl Lane {
         Ok(())
     }
 
-    /// Goes on to the next decision, or, where the drive is over, begins the next one.
+    /// Continues to the next decision, or starts the next drive if this one is over.
     fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
         match &mut self.drive {
             Some(drive) if !self.over => {
@@ -61,7 +61,7 @@ impl Lane {
     }
 }
 
-/// What a step came to: observations (32-bit numbers of all drives), facts (64-bit numbers of all drives).
+/// Result of a step: observations (float32 of all drives), facts (float64 of all drives).
 type Stepped<'py> = (Bound<'py, PyByteArray>, Bound<'py, PyByteArray>);
 
 #[pymethods]
@@ -91,29 +91,29 @@ impl Drives {
         Ok(Self { task, drives: Mutex::new((0..count).map(lane).collect()), pool })
     }
 
-    /// What is observed, in order: the stream's name, its shape, its kind of numbers, and what they are called.
+    /// Observations in order: stream name, shape, data type, and names of the numbers.
     fn observations(&self) -> Vec<(String, Vec<usize>, &'static str, Vec<String>)> {
         self.task.observations()
     }
 
-    /// The least and the greatest of each number of an action, and what it is called.
+    /// Minimum, maximum and name of each number of an action.
     fn actions(&self) -> Vec<(f64, f64, String)> {
         self.task.actions()
     }
 
-    /// What the numbers of the facts are called.
+    /// Names of the facts.
     #[staticmethod]
     fn facts() -> Vec<&'static str> {
         FACTS.to_vec()
     }
 
-    /// From one decision to the next, seconds.
+    /// Time between decisions, seconds.
     fn period_s(&self) -> f64 {
         self.task.period_s()
     }
 
-    /// Begins the drive at `index` anew under a seed; all of them, each under a seed of its own drawn from it, where
-    /// there is no index.
+    /// Restarts the drive at `index` under a seed; without an index, all drives, each under a separate seed drawn from
+    /// it.
     #[pyo3(signature = (seed, index=None))]
     fn reset<'py>(&self, py: Python<'py>, seed: i64, index: Option<usize>) -> PyResult<Stepped<'py>> {
         py.detach(|| {
@@ -138,8 +138,8 @@ impl Drives {
         self.told(py)
     }
 
-    /// Goes on to the next decision under actions (64-bit numbers of all drives, one behind the other). A drive that
-    /// is over begins anew instead.
+    /// Continues to the next decision under actions (float64 of all drives, concatenated). A drive that is over
+    /// restarts instead.
     fn step<'py>(&self, py: Python<'py>, actions: Vec<f64>) -> PyResult<Stepped<'py>> {
         let size = self.task.actions_len();
         py.detach(|| {
@@ -156,12 +156,12 @@ impl Drives {
         self.told(py)
     }
 
-    /// The newest image of a stream that is observed, of the drive at `index`; none before the first.
+    /// Newest image of an observed stream, of the drive at `index`; `None` before the first.
     fn image(&self, index: usize, stream: &str) -> Option<Numbers> {
         self.lanes().get(index)?.drive.as_ref()?.image(&self.task, stream)
     }
 
-    /// How the drive at `index` ended, if it did: `goal`, `stopped`, `collision`, `timeout`.
+    /// Reason for the end of the drive at `index`, if it ended: `goal`, `stopped`, `collision`, `timeout`.
     fn ended(&self, index: usize) -> Option<&'static str> {
         self.lanes().get(index)?.drive.as_ref()?.ended()
     }
@@ -172,7 +172,7 @@ impl Drives {
         self.drives.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does something with each drive, on several threads where there are any.
+    /// Applies a function to each drive, on several threads if available.
     fn each(
         &self,
         lanes: &mut [Lane],

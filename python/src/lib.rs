@@ -1,16 +1,16 @@
-//! The extension module of the Python package `swerve`: what Python calls, and how its values come and go.
+//! Extension module of the Python package `swerve`: functions called from Python, and conversion of values.
 //!
 //! | file | what |
 //! |---|---|
-//! | `convert.rs` | plain values of Python to TOML and CBOR and back |
-//! | `numbers.rs` | arrays of ours as NumPy sees them, where they lie |
-//! | `streams.rs` | the messages of a stream, as columns and one by one |
-//! | `background.rs` | long work on a thread, while Python looks for Ctrl-C |
+//! | `convert.rs` | conversion of plain Python values to TOML and CBOR and back |
+//! | `numbers.rs` | zero-copy arrays for NumPy |
+//! | `streams.rs` | the messages of a stream, as columns and individually |
+//! | `background.rs` | long work on a thread, while Python checks for Ctrl-C |
 //! | `run.rs`, `study.rs`, `log.rs`, `command.rs` | one function each |
-//! | `gym/` | drives that an agent steps |
-//! | `worker.rs` | operators written in Python, in processes of their own |
+//! | `gym/` | drives stepped by an agent |
+//! | `worker.rs` | operators written in Python, in separate processes |
 //!
-//! What a user sees is in the Python files; this module is theirs alone.
+//! The public interface is in the Python files; this module is internal to them.
 
 mod background;
 mod command;

@@ -1,4 +1,4 @@
-//! `swerve.read_log`: what a run left behind.
+//! `swerve.read_log`: reads the log of a run.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use swerve_log::{Log, Record};
 use crate::convert::error;
 use crate::streams::{Streams, bytes_of};
 
-/// Reads a log, damaged or not; gives what is in it as a dictionary.
+/// Reads a log, damaged or not; returns its content as a dictionary.
 #[pyfunction]
 pub(crate) fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let (log, damage) = py.detach(|| Log::salvage(&path)).map_err(|e| error(e.into()))?;

@@ -1,4 +1,4 @@
-//! Arrays of ours as NumPy sees them, where they lie.
+//! Zero-copy arrays for NumPy.
 
 use std::sync::Arc;
 
@@ -7,10 +7,10 @@ use pyo3::types::{PyDict, PyTuple};
 use swerve_flow::{AnyMessage, ErasedPayload};
 use swerve_msg::{Image, Packable, Pixels, PointCloud};
 
-/// Numbers in memory of ours, which NumPy reads in place (`numpy.asarray`): nothing is copied, and nobody may write.
+/// Numbers in this module's memory that NumPy reads in place (`numpy.asarray`), without a copy and read-only.
 #[pyclass(frozen, module = "swerve._swerve")]
 pub(crate) struct Numbers {
-    /// What the numbers are a part of: they stay as long as this.
+    /// Owner of the numbers, which keeps them alive.
     _of: Arc<dyn ErasedPayload>,
     address: usize,
     shape: Vec<usize>,
@@ -19,7 +19,7 @@ pub(crate) struct Numbers {
 
 #[pymethods]
 impl Numbers {
-    /// As NumPy's array interface, version 3, has it.
+    /// NumPy array interface, version 3.
     #[getter]
     fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let interface = PyDict::new(py);
@@ -30,14 +30,14 @@ impl Numbers {
         Ok(interface)
     }
 
-    /// Where the first of them is.
+    /// Address of the first number.
     #[getter]
     fn address(&self) -> usize {
         self.address
     }
 }
 
-/// How NumPy calls a kind of number.
+/// NumPy name of a number type.
 trait Kind: Packable {
     const NAME: &'static str;
 }
@@ -56,13 +56,13 @@ impl Kind for f32 {
 }
 
 fn view<T: Kind>(of: &Arc<dyn ErasedPayload>, numbers: &[T], shape: Vec<usize>) -> Numbers {
-    // An empty array lies nowhere, and NumPy wants no address of nothing.
+    // An empty array has no address, and NumPy expects none for it.
     let address = if numbers.is_empty() { 0 } else { numbers.as_ptr().addr() };
     let shape = if shape.iter().product::<usize>() == numbers.len() { shape } else { vec![numbers.len()] };
     Numbers { _of: of.clone(), address, shape, kind: T::NAME }
 }
 
-/// The pixels of an image.
+/// Pixels of an image.
 fn pixels(of: &Arc<dyn ErasedPayload>, image: &Image) -> Numbers {
     let (rows, columns) = (image.height_px as usize, image.width_px as usize);
     match &image.pixels {
@@ -73,7 +73,7 @@ fn pixels(of: &Arc<dyn ErasedPayload>, image: &Image) -> Numbers {
     }
 }
 
-/// A message as plain Python; the numbers of images and point clouds where they lie.
+/// Converts a message to plain Python, with zero-copy numbers of images and point clouds.
 pub(crate) fn plain<'py>(py: Python<'py>, message: &AnyMessage) -> PyResult<Bound<'py, PyAny>> {
     let of = &message.payload;
     let any = (**of).as_any();
@@ -109,7 +109,7 @@ fn plain_payload<'py>(py: Python<'py>, payload: &dyn ErasedPayload) -> PyResult<
     crate::convert::read_cbor(py, &bytes)
 }
 
-/// The image that a message carries, for NumPy.
+/// Image carried by a message, for NumPy.
 pub(crate) fn image(payload: &Arc<dyn ErasedPayload>) -> Option<Numbers> {
     (**payload).as_any().downcast_ref::<Image>().map(|image| pixels(payload, image))
 }

@@ -1,4 +1,4 @@
-//! `swerve.run`: one drive.
+//! `swerve.run`: runs one drive.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -34,7 +34,7 @@ pub(crate) enum FileOr<'py> {
     File(PathBuf),
 }
 
-/// What is driven, by what.
+/// Inputs of a drive.
 pub(crate) struct Inputs {
     pub(crate) config: Config,
     pub(crate) scenario: Scenario,
@@ -43,7 +43,7 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// Reads and checks what was given.
+    /// Reads and checks the inputs.
     pub(crate) fn load(
         scenario: &FileOr<'_>,
         config: Option<&FileOr<'_>>,
@@ -65,7 +65,7 @@ impl Inputs {
         };
         let is_file = matches!(config_of, Some(FileOr::File(_)));
         let mut config = config.map_err(|problems| error(problems_error(&problems)))?;
-        // A dictionary is the calling program's own.
+        // A dictionary comes from the calling program itself and is trusted.
         CodeArgs { allow_code: code.allow_code || !is_file }.apply(&mut config);
         let (scenario, scenario_text, scenario_file) = match scenario {
             FileOr::File(path) => {
@@ -88,14 +88,14 @@ fn text(dict: &Bound<'_, PyDict>) -> PyResult<String> {
     Ok(toml_table(dict)?.to_string())
 }
 
-/// What else a run is asked for.
+/// Options of a run.
 struct Wanted {
     threads: usize,
     streams: Option<Vec<String>>,
     log: Option<PathBuf>,
 }
 
-/// Says how far a run came, and ends it.
+/// Reports the progress of a run, and ends it.
 #[derive(Clone, Default)]
 struct Reins {
     reached_ns: Arc<AtomicI64>,
@@ -118,7 +118,7 @@ impl Reins {
     }
 }
 
-/// What a run came to.
+/// Result of a run.
 struct Driven {
     metrics: String,
     story: String,
@@ -178,7 +178,7 @@ fn drive(inputs: &Inputs, wanted: Wanted, reins: &Reins) -> anyhow::Result<Drive
     })
 }
 
-/// Begins a log, in the place of an earlier one but of nothing else.
+/// Creates a log; replaces an earlier log, but no other file.
 fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Recorder> {
     if path.symlink_metadata().is_ok_and(|there| there.is_file()) && Reader::open(path).is_ok() {
         std::fs::remove_file(path).with_context(|| format!("removing {}", path.display()))?;
@@ -188,7 +188,7 @@ fn recorder(path: &Path, start: &RunStart, config: &Config, pipeline: &Pipeline)
     Ok(recorder)
 }
 
-/// Drives a scenario; gives what it came to as a dictionary.
+/// Runs a scenario; returns the result as a dictionary.
 #[pyfunction]
 #[pyo3(signature = (scenario, config=None, set=None, seed=None, *, threads=1, streams=None, log=None, progress=None, allow_code=false))]
 #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]

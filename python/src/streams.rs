@@ -1,4 +1,4 @@
-//! The messages of a stream: as columns of numbers, and one by one.
+//! The messages of a stream: as columns of numbers, and individually.
 
 use ciborium::Value;
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -14,28 +14,28 @@ use swerve_msg::{Image, PointCloud};
 #[pyclass(frozen, module = "swerve._swerve")]
 #[derive(Default)]
 pub(crate) struct StreamData {
-    /// The stream's name.
+    /// Stream name.
     #[pyo3(get)]
     name: String,
-    /// The operator that publishes it.
+    /// Name of the operator that publishes it.
     #[pyo3(get)]
     operator: String,
-    /// The Rust type of its messages.
+    /// Rust type of its messages.
     #[pyo3(get)]
     type_name: String,
     stamps: Vec<i64>,
     visible_at: Vec<i64>,
     origins: Vec<i64>,
-    /// All payloads, CBOR, one behind the other.
+    /// All payloads as CBOR, concatenated.
     bytes: Vec<u8>,
-    /// Where each ends.
+    /// End offset of each payload.
     ends: Vec<usize>,
 }
 
-/// Stands for an origin that is not there.
+/// Marks a missing origin.
 const NO_ORIGIN: i64 = i64::MIN;
 
-/// Arrays of no more numbers than this are columns of their own.
+/// Maximum length of arrays that become separate columns.
 const ARRAY_MAX: usize = 8;
 
 fn ns(time: Time) -> i64 {
@@ -60,7 +60,7 @@ impl StreamData {
     }
 }
 
-/// The streams of a run or a log, in the order of their first message.
+/// Streams of a run or a log, in the order of their first message.
 #[derive(Default)]
 pub(crate) struct Streams(Vec<StreamData>);
 
@@ -73,7 +73,7 @@ impl Streams {
         &mut self.0[index]
     }
 
-    /// Takes in a message of a log.
+    /// Adds a message of a log.
     pub(crate) fn take(&mut self, record: &PublicationRecord) {
         let info = &record.stream;
         let stream = self.of(&info.stream, &info.operator, || info.type_name.clone());
@@ -82,7 +82,7 @@ impl Streams {
         stream.push_header(header.stamp, header.visible_at, header.origin);
     }
 
-    /// By their names.
+    /// Converts to a dictionary by name.
     pub(crate) fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let dict = PyDict::new(py);
         for stream in self.0 {
@@ -92,10 +92,10 @@ impl Streams {
     }
 }
 
-/// Keeps the messages of a run.
+/// Collects the messages of a run.
 pub(crate) struct Capture {
     pub(crate) streams: Streams,
-    /// Which streams; all where there is no list.
+    /// Streams to keep; all if `None`.
     wanted: Option<Vec<String>>,
 }
 
@@ -104,7 +104,7 @@ impl Capture {
         Self { streams: Streams::default(), wanted }
     }
 
-    /// Images and point clouds are big: they are kept where they are asked for by name.
+    /// Images and point clouds are large: they are kept only if requested by name.
     fn wants(&self, publication: &Publication<'_>) -> bool {
         match (&self.wanted, publication.payload) {
             (_, None) => false,
@@ -139,12 +139,12 @@ enum Cell {
     Text(String),
 }
 
-/// Columns by name, in the order in which they were met.
+/// Columns by name, in order of first occurrence.
 #[derive(Default)]
 struct Columns(Vec<(String, Vec<Cell>)>);
 
 impl Columns {
-    /// Notes an entry of a row; rows before that had none are filled.
+    /// Adds an entry of a row; fills earlier rows without one.
     fn note(&mut self, name: &str, row: usize, cell: Cell) {
         let index = self.0.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
             self.0.push((name.to_owned(), Vec::new()));
@@ -191,7 +191,7 @@ fn within(name: &str, key: &str) -> String {
     if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") }
 }
 
-/// The little-endian bytes of numbers.
+/// Little-endian bytes of numbers.
 pub(crate) fn bytes_of<'py, const N: usize, T>(
     py: Python<'py>,
     numbers: impl IntoIterator<Item = T>,
@@ -201,7 +201,7 @@ pub(crate) fn bytes_of<'py, const N: usize, T>(
     PyBytes::new(py, &all)
 }
 
-/// What kind of numbers a column holds, for NumPy, and their bytes; texts as a list.
+/// NumPy type of a column and its bytes; texts as a list.
 fn column<'py>(py: Python<'py>, cells: &[Cell]) -> PyResult<(&'static str, Bound<'py, PyAny>)> {
     if cells.iter().any(|cell| matches!(cell, Cell::Text(_))) {
         let text = |cell: &Cell| match cell {
@@ -242,22 +242,22 @@ impl StreamData {
         self.ends.len()
     }
 
-    /// The instants that the messages describe, nanoseconds, as 64-bit integers.
+    /// Stamps of the messages, nanoseconds, as 64-bit integers.
     fn stamps<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         bytes_of(py, &self.stamps, |ns| ns.to_le_bytes())
     }
 
-    /// The instants at which they were published, nanoseconds.
+    /// Publication instants, nanoseconds.
     fn visible_at<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         bytes_of(py, &self.visible_at, |ns| ns.to_le_bytes())
     }
 
-    /// The stamps of the sensor frames that they derive from, nanoseconds; the least integer where there is none.
+    /// Stamps of the sensor frames that the messages derive from, nanoseconds; the smallest integer if there is none.
     fn origins<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         bytes_of(py, &self.origins, |ns| ns.to_le_bytes())
     }
 
-    /// The CBOR bytes of a message.
+    /// CBOR bytes of a message.
     fn cbor<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
         if index >= self.ends.len() {
             return Err(PyIndexError::new_err(format!("message {index} of {}", self.ends.len())));
@@ -273,8 +273,8 @@ impl StreamData {
         crate::convert::read_cbor(py, self.payload(index))
     }
 
-    /// All numbers, texts and truth values of the messages, by dotted name: what NumPy calls their kind, and their
-    /// bytes or (kind `O`) a list. A list of messages is the column of its length, `name.count`.
+    /// All numbers, texts and booleans of the messages, by dotted name: their NumPy type, and their bytes or (type `O`)
+    /// a list. A list of messages is represented by the column of its length, `name.count`.
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let rows = self.ends.len();
         let columns = py.detach(|| {

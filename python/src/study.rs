@@ -1,4 +1,4 @@
-//! `swerve.study`: many drives.
+//! `swerve.study`: runs many drives.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use swerve_study::{Bench, heatmap, table};
 use crate::background::do_in_background;
 use crate::convert::error;
 
-/// What a study came to.
+/// Result of a study.
 struct Studied {
     name: String,
     axes: Vec<String>,
@@ -43,14 +43,14 @@ fn run(bench: &Bench, out: &std::path::Path, threads: usize, reins: &Reins) -> a
     })
 }
 
-/// Says how far a study came, and ends it.
+/// Reports the progress of a study, and ends it.
 #[derive(Clone, Default)]
 struct Reins {
     done: Arc<AtomicUsize>,
     stop: Arc<AtomicBool>,
 }
 
-/// Runs a study; gives what it came to as a dictionary. Finished cells are kept in `out`.
+/// Runs a study; returns the result as a dictionary. Finished cells are kept in `out`.
 #[pyfunction]
 #[pyo3(signature = (file, out, set=Vec::new(), threads=1, progress=None, allow_code=false))]
 pub(crate) fn study<'py>(

@@ -1,8 +1,8 @@
-//! Operators written in Python, in a process of their own.
+//! Operators written in Python, in a separate process.
 //!
-//! The other end is a run, which started this process and has the steps of its operators taken here. What an operator
-//! reads comes as plain Python, the numbers of images and point clouds where their sensor wrote them; what it answers
-//! goes back in CBOR, and is checked against the type of its stream.
+//! The coordinator of a run has started this process and calls it for the steps of its operators. Inputs of an operator
+//! are plain Python values, with numbers of images and point clouds read in place; outputs are returned in CBOR and
+//! checked against the type of their stream.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -18,11 +18,11 @@ use swerve_stack::pipeline::Pipeline;
 use crate::convert::{cbor, error};
 use crate::numbers;
 
-/// An operator whose steps Python takes.
+/// An operator whose steps are taken in Python.
 struct PythonOperator {
-    /// Called with the facts of a frame and its inputs; gives an output or none for each port.
+    /// Called with the facts of a frame and its inputs; returns an output or `None` for each port.
     step: Py<PyAny>,
-    /// Which of the ports are timers.
+    /// True for the ports that are timers.
     timers: Vec<bool>,
 }
 
@@ -33,7 +33,7 @@ impl AnyOperator for PythonOperator {
             outputs.map_err(|error| told(py, &error))
         });
         if let Err(why) = stepped {
-            // Goes to the run as what this operator panicked with, without a report of the panic here.
+            // Reported to the run as this operator's panic, without a panic message here.
             std::panic::resume_unwind(Box::new(why));
         }
     }
@@ -79,7 +79,7 @@ fn header<'py>(py: Python<'py>, header: &Header) -> PyResult<Bound<'py, PyDict>>
     Ok(dict)
 }
 
-/// Publishes what a step answered: a list with a plain value or `None` for each port.
+/// Publishes the result of a step: a list with a plain value or `None` for each port.
 fn send(py: Python<'_>, answer: &Bound<'_, PyAny>, out: &mut AnyOutputs<'_>) -> PyResult<()> {
     for (port, value) in answer.try_iter()?.enumerate() {
         let value = value?;
@@ -93,16 +93,16 @@ fn send(py: Python<'_>, answer: &Bound<'_, PyAny>, out: &mut AnyOutputs<'_>) -> 
     Ok(())
 }
 
-/// An exception with where it came from.
+/// An exception with its traceback.
 fn told(py: Python<'_>, error: &PyErr) -> String {
     let trace = error.traceback(py).and_then(|trace| trace.format().ok()).unwrap_or_default();
     format!("{error}\n{trace}").trim_end().to_owned()
 }
 
-/// The name of a port where the configuration declares it, how it is read, of which stream, the type of its messages.
+/// Name of a port if declared in the configuration, its mode, its stream, the type of its messages.
 type Read = (Option<String>, String, String, String);
 
-/// What an operator reads, timers left out.
+/// Inputs of an operator, without timers.
 fn inputs(graph: &Graph, operator: &OperatorInfo, names: Vec<String>) -> Vec<Read> {
     let mut names = names.into_iter();
     let mut of = |input: &swerve_flow::InputInfo| {
@@ -119,16 +119,16 @@ fn inputs(graph: &Graph, operator: &OperatorInfo, names: Vec<String>) -> Vec<Rea
     operator.inputs.iter().filter_map(&mut of).collect()
 }
 
-/// What an operator publishes: the name of the port where the configuration declares it, the stream, its messages' type.
+/// Outputs of an operator: name of the port if declared in the configuration, stream, type of its messages.
 fn outputs(operator: &OperatorInfo, names: Vec<String>) -> Vec<(Option<String>, String, String)> {
     let mut names = names.into_iter();
     let of = |(stream, type_name): &(String, String)| (names.next(), stream.clone(), type_name.clone());
     operator.outputs.iter().map(of).collect()
 }
 
-/// Takes steps until the run that started this process is over. `make` is called once for each operator, with its
-/// name, inputs (port, how, stream, Rust type) and outputs (port, stream, Rust type), and gives what is called for each
-/// frame. Ports have names where the configuration declares them.
+/// Takes steps until the run that started this process ends. `make` is called once for each operator, with its name,
+/// inputs (port, mode, stream, Rust type) and outputs (port, stream, Rust type), and returns the function called for
+/// each frame. Ports have names if the configuration declares them.
 #[pyfunction]
 pub(crate) fn work(py: Python<'_>, make: Py<PyAny>) -> PyResult<()> {
     let prepare = |setup: &Setup, pipeline: Pipeline| {

@@ -1,14 +1,14 @@
-//! What others build on: the public items of the crates that a package of one's own uses, held against the lists that
-//! are kept beside this file. A change there is one that somebody else's code may notice, so a review has to see it.
+//! Public API: the public items of the crates used by external packages, compared with the lists kept beside this file.
+//! A change may affect external code, so it must be visible in a review.
 //!
-//! `.ci/api` holds them against each other, `.ci/api renew` writes the lists anew.
+//! `.ci/api` compares them, `.ci/api renew` rewrites the lists.
 
 use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// The crates that pages tell others to build on, and those whose items stand in their signatures.
+/// Crates on which the pages tell others to build, and crates with items in their signatures.
 const CRATES: [&str; 13] = [
     "swerve",
     "swerve-core",
@@ -60,10 +60,10 @@ fn run(wish: Option<&str>) -> Outcome<String> {
     Ok(changes)
 }
 
-/// Has rustdoc write what it knows of each crate as JSON, beside the pages.
+/// Runs rustdoc with JSON output for each crate.
 fn document(here: &Path) -> Outcome<()> {
     let mut call = Command::new("cargo");
-    // Of the whole workspace, as CI documents it: for some crates alone cargo would compile others' with other features.
+    // Of the whole workspace, as in CI: for a few crates alone cargo would compile dependencies with other features.
     call.args(["doc", "--locked", "--quiet", "--workspace", "--no-deps"]);
     call.env("RUSTDOC", here.join("rustdoc")).env("SWERVE_API_CRATES", CRATES.join(" ").replace('-', "_"));
     call.env("RUSTDOCFLAGS", "-Zunstable-options --output-format=json --cap-lints=allow");
@@ -76,7 +76,7 @@ fn target(here: &Path) -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| here.join("../../target"), PathBuf::from)
 }
 
-/// The public items of a crate, a line each, in order. Of what is derived the `impl` alone is kept.
+/// Public items of a crate, one per line, in order. For derived traits only the `impl` is kept.
 fn items(here: &Path, name: &str) -> Outcome<String> {
     let json = target(here).join("doc").join(name.replace('-', "_")).with_extension("json");
     let read = |derived_too: bool| {
@@ -93,7 +93,7 @@ fn items(here: &Path, name: &str) -> Outcome<String> {
     Ok(lines.filter(|line| own.contains(line) || line.starts_with("impl")).map(|line| line + "\n").collect())
 }
 
-/// What is in one of two lists alone.
+/// Lines that are in only one of two lists.
 fn difference(name: &str, kept: &str, now: &str) -> String {
     let (kept, now): (BTreeSet<&str>, BTreeSet<&str>) = (kept.lines().collect(), now.lines().collect());
     let gone = kept.difference(&now).map(|line| format!("{name} - {line}\n"));

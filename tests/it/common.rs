@@ -8,7 +8,7 @@ use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::parse_assignment;
 
-/// The repository.
+/// Root of the repository.
 pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
@@ -23,12 +23,12 @@ pub(crate) fn sets(assignments: &[&str]) -> Vec<(String, toml::Value)> {
     assignments.iter().map(|a| parse_assignment(a).unwrap()).collect()
 }
 
-/// The default configuration under some assignments.
+/// The default configuration with some assignments.
 pub(crate) fn config(assignments: &[&str]) -> Config {
     Config::load(None, &sets(assignments)).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// Drives the scenario in `file` and records it in `log`.
+/// Runs the scenario in `file` and records it to `log`.
 pub(crate) fn record(config: &Config, file: &Path, log: &Path, threads: usize) -> Outcome {
     let pipeline = Pipeline::build(config, &read_scenario(file).unwrap()).unwrap();
     let _earlier = std::fs::remove_file(log);

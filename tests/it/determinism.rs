@@ -1,4 +1,4 @@
-//! One number that equal runs share, whatever the machine does meanwhile.
+//! Digests of equal runs are equal, whatever the load of the machine.
 
 use swerve_core::Digest;
 use swerve_drive::{drive_observed, drive_pipeline, read_scenario, record_run_times};
@@ -8,8 +8,8 @@ use swerve_stack::pipeline::Pipeline;
 
 use crate::common::{config, record, scenario_file};
 
-/// Plans that take longer than a frame, four at a time, in random times: steps that overlap on more than one
-/// thread and finish out of order.
+/// Plans that take longer than a frame, four at a time, with random run times: steps overlap on several threads and
+/// finish out of order.
 const OVERLAPPING: [&str; 2] = [
     "operator.planner.runtime={ normal_ms = [120, 40] }",
     "operator.planner.policy=\"pipelined(4, overtaking)\"",
@@ -21,7 +21,7 @@ fn digest(config: &Config, threads: usize) -> Digest {
 }
 
 #[test]
-fn threads_and_repeats_change_nothing_and_seeds_do() {
+fn digest_depends_on_the_seed_and_not_on_threads_or_repeats() {
     let config = config(&OVERLAPPING);
     let one = digest(&config, 1);
     for threads in [1, 2, 8, 8] {
@@ -33,13 +33,13 @@ fn threads_and_repeats_change_nothing_and_seeds_do() {
 }
 
 #[test]
-fn a_random_planner_repeats_itself_on_any_number_of_threads() {
+fn random_planner_is_repeatable_on_any_number_of_threads() {
     let config = config(&[OVERLAPPING[0], OVERLAPPING[1], "planning.planner=rrt_star"]);
     assert_eq!(digest(&config, 2), digest(&config, 1));
 }
 
 #[test]
-fn an_emulated_detector_repeats_itself_on_any_number_of_threads() {
+fn emulated_detector_is_repeatable_on_any_number_of_threads() {
     let of = |detector: &str| {
         config(&[OVERLAPPING[0], OVERLAPPING[1], &format!("perception.detector={detector}")])
     };
@@ -51,7 +51,7 @@ fn an_emulated_detector_repeats_itself_on_any_number_of_threads() {
 }
 
 #[test]
-fn recorded_run_times_give_back_the_run_that_they_are_of() {
+fn recorded_run_times_reproduce_their_run() {
     let folder = tempfile::tempdir().unwrap();
     let file = scenario_file("person_crossing");
     let scenario = read_scenario(&file).unwrap();
@@ -61,7 +61,7 @@ fn recorded_run_times_give_back_the_run_that_they_are_of() {
         let log = folder.path().join(format!("{i}.mcap"));
         let assignment = format!("operator.planner.runtime={runtime}");
         let modelled = record(&config(&[&assignment]), &file, &log, 1);
-        // Another model under the recorded times: it must not be asked.
+        // Another model under the recorded times: it must not be used.
         let other = config(&["operator.planner.runtime={ fixed_ms = 1 }"]);
         let mut pipeline = Pipeline::build(&other, &scenario).unwrap();
         record_run_times(&mut pipeline, &Log::read(&log).unwrap(), |_| true);

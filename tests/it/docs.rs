@@ -1,9 +1,10 @@
-//! README, ARCHITECTURE and the how-to pages tell no lies: commands parse, files exist, settings check, code is quoted.
+//! README, ARCHITECTURE and the how-to pages are correct: commands parse, files exist, settings are valid, code is
+//! quoted literally.
 //!
-//! In fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file;
-//! `rust PATH` lines that stand in that file, word for word; `python FILE` a whole file beside those of settings;
-//! `json problems` a file of `swerve plan`.
-//! Names with `my_` are the reader's own.
+//! Fenced blocks: `sh` holds commands; `toml KIND` (`scenario`, `config`, `study`, `timing`) a whole file; `rust PATH`
+//! literal lines of that file; `python FILE` a whole file beside those of settings; `json problems` a file of
+//! `swerve plan`.
+//! Names with `my_` are the reader's.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +14,7 @@ fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// A page: its path from the root, and its text.
+/// A page: path relative to the root, and text.
 fn pages() -> Vec<(PathBuf, String)> {
     let mut paths: Vec<PathBuf> =
         ["README.md", "ARCHITECTURE.md", "docs/README.md"].map(PathBuf::from).into();
@@ -27,14 +28,14 @@ fn pages() -> Vec<(PathBuf, String)> {
     paths.into_iter().map(read).collect()
 }
 
-/// The pages in a folder.
+/// Pages in a folder.
 fn markdown(folder: &str) -> impl Iterator<Item = PathBuf> {
     let files = std::fs::read_dir(root().join(folder)).unwrap();
     let files = files.map(move |entry| Path::new(folder).join(entry.unwrap().file_name()));
     files.filter(|path| path.extension().is_some_and(|extension| extension == "md"))
 }
 
-/// A fenced block: where it begins, what its fence says, its text.
+/// A fenced block: location, info string, text.
 struct Block {
     place: String,
     info: String,
@@ -65,7 +66,7 @@ fn blocks_of(pages: Vec<(PathBuf, String)>) -> Vec<Block> {
     blocks
 }
 
-/// The words of a shell line as far as pages need it: quotes, comments; variables stand for 1.
+/// Words of a shell line, as far as pages need it: quotes, comments; variables are replaced by 1.
 fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for c in line.chars() {
@@ -84,7 +85,7 @@ fn words(line: &str) -> Vec<String> {
     words.iter().map(|word| filled(word)).collect()
 }
 
-/// With `{}` and `$NAME` filled in.
+/// Fills in `{}` and `$NAME`.
 fn filled(word: &str) -> String {
     let mut parts = word.split('$');
     let first = parts.next().unwrap_or_default().to_owned();
@@ -93,7 +94,7 @@ fn filled(word: &str) -> String {
     rest.fold(first, |all, part| all + &part).replace("{}", "1")
 }
 
-/// The command lines of Swerve in a shell line, each as it would be split.
+/// Swerve command lines in a shell line, each split into words.
 fn calls(line: &str) -> Vec<Vec<String>> {
     const ENDS: [&str; 8] = ["|", "||", "&", "&&", ";", ">", "<", ":::"];
     let words = words(line);
@@ -133,14 +134,14 @@ fn every_command_parses() {
     assert!(seen >= 20, "only {seen} commands found");
 }
 
-/// The README names every argument that a command requires; names in capitals are the reader's.
+/// The README names every required argument of its commands; names in capitals are placeholders.
 #[test]
-fn commands_in_the_readmes_text_parse() {
+fn commands_in_the_text_of_the_readme_parse() {
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
     let mut seen = 0;
     for quoted in readme.split('`').skip(1).step_by(2).filter(|quoted| quoted.starts_with("swerve ")) {
         let words: Vec<&str> = quoted.split_whitespace().collect();
-        // A command's name alone is no call.
+        // A command's name alone is not a call.
         if words.len() > 2 && words[1] != "help" {
             let parsed = cli::parse(&words);
             assert!(parsed.is_ok(), "README.md: `{quoted}`\n{}", parsed.unwrap_err());
@@ -150,7 +151,7 @@ fn commands_in_the_readmes_text_parse() {
     assert!(seen >= 10, "only {seen} commands found");
 }
 
-/// The texts that `.ci/figures` compares are in the pages, and its commands parse.
+/// The texts compared by `.ci/figures` are in the pages, and its commands parse.
 #[test]
 fn listed_figures_are_in_their_pages() {
     let list = std::fs::read_to_string(root().join("tests/reference/figures.toml")).unwrap();
@@ -188,7 +189,7 @@ fn listed_figures_are_in_their_pages() {
     assert!(seen >= 20, "only {seen} figures found");
 }
 
-/// Those who read the folder and those who read the site (`docs/SUMMARY.md` is its list) find the same pages.
+/// The folder and the site (`docs/SUMMARY.md` is its list) have the same pages.
 #[test]
 fn every_page_is_in_the_lists() {
     let docs = root().join("docs");
@@ -208,9 +209,9 @@ fn every_page_is_in_the_lists() {
     }
 }
 
-/// `swerve keys --markdown > docs/keys.md` mends it.
+/// `swerve keys --markdown > docs/keys.md` updates it.
 #[test]
-fn the_page_of_keys_is_that_of_the_program() {
+fn page_of_keys_equals_the_programs_output() {
     let page = std::fs::read_to_string(root().join("docs/keys.md")).unwrap_or_default();
     assert!(
         page == swerve_reference::keys::whole_page(&swerve::Registry::standard()),
@@ -236,7 +237,7 @@ fn commands_in_running_text_exist() {
 }
 
 #[test]
-fn every_file_that_is_named_exists() {
+fn every_named_file_exists() {
     let top = [
         "README.md",
         "ARCHITECTURE.md",
@@ -279,10 +280,10 @@ fn every_file_that_is_named_exists() {
     assert!(seen >= 40, "only {seen} files found");
 }
 
-/// Links lead to pages, pictures and headings that are there, on the site as in the folder: the site has what is in `docs/`,
-/// and gives headings the same anchors as the folder's reader (mdBook's and GitHub's slugs).
+/// Links lead to existing pages, pictures and headings, on the site as in the folder: the site contains `docs/`, and
+/// gives headings the same anchors as the folder (mdBook's and GitHub's slugs).
 #[test]
-fn links_lead_to_what_is_there_and_out_of_the_site_only_by_https() {
+fn links_lead_to_existing_targets_and_leave_the_site_only_by_https() {
     let root = root().canonicalize().unwrap();
     let mut anchors = 0;
     let mut pages =
@@ -313,7 +314,7 @@ fn links_lead_to_what_is_there_and_out_of_the_site_only_by_https() {
     assert!(anchors >= 5, "only {anchors} links to headings found");
 }
 
-/// The lines of a page that are in no fenced block.
+/// Lines of a page outside fenced blocks.
 fn running_text(page: &str) -> impl Iterator<Item = &str> {
     let mut fenced = false;
     page.lines().filter(move |line| {
@@ -323,10 +324,10 @@ fn running_text(page: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Where a page's links and pictures lead.
+/// Targets of a page's links and pictures.
 fn links(page: &str) -> Vec<String> {
     let of = |line: &str| {
-        // What stands between backticks is code.
+        // Text between backticks is code.
         let text: String = line.split('`').step_by(2).collect::<Vec<_>>().join("`");
         let links = text.split("](").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0.to_owned()));
         links.collect::<Vec<_>>()
@@ -334,8 +335,8 @@ fn links(page: &str) -> Vec<String> {
     running_text(page).flat_map(of).collect()
 }
 
-/// The anchors of a page's headings: letters, digits, `-` and `_` in lower case, blanks as `-`, all else left out; what is
-/// there already gets a number.
+/// Anchors of a page's headings: letters, digits, `-` and `_` in lower case, blanks as `-`, all else left out;
+/// duplicates get a number.
 fn slugs(page: &str) -> Vec<String> {
     let mut slugs: Vec<String> = Vec::new();
     for line in running_text(page).filter(|line| line.starts_with('#')) {
@@ -349,7 +350,7 @@ fn slugs(page: &str) -> Vec<String> {
 }
 
 #[test]
-fn headings_have_the_anchors_that_the_site_makes() {
+fn headings_have_the_anchors_of_the_site() {
     let page = "# The `data` flow, 2.5\n```sh\n# no heading\n```\n## RRT\\*: *why*?\n### Run_times\n## RRT\\*: why\n";
     assert_eq!(slugs(page), ["the-data-flow-25", "rrt-why", "run_times", "rrt-why-1"]);
     let page = "see [a](b.md#c), `x[0](1)` and ![d](e.svg)\n```sh\n[f](g)\n```\n[`h`](i.md)";
@@ -357,7 +358,7 @@ fn headings_have_the_anchors_that_the_site_makes() {
 }
 
 #[test]
-fn every_setting_shown_is_sound() {
+fn every_setting_shown_is_valid() {
     let top = tempfile::tempdir().unwrap();
     copy_toml(&root().join("scenarios"), &top.path().join("scenarios"));
     copy_toml(&root().join("configs"), &top.path().join("configs"));
@@ -411,8 +412,8 @@ fn copy_toml(from: &Path, to: &Path) {
 }
 
 #[test]
-fn code_is_quoted_word_for_word() {
-    /// Lines without what a doc comment or an indentation puts before them; blank ones left out.
+fn code_is_quoted_literally() {
+    /// Lines without doc comment markers and indentation; blank lines left out.
     fn plain(text: &str) -> String {
         let bare = |line: &str| {
             let line = line.trim();

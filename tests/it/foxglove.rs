@@ -1,4 +1,4 @@
-//! Logs as Foxglove finds them: which topics, in what form, read by others' libraries.
+//! Logs in Foxglove: topics and formats, read by third-party libraries.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 use crate::common::{config, record, root, scenario_file, sets};
 
-/// Two seconds of the street.
+/// Two seconds of the street scenario.
 fn short_street(folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(scenario_file("street")).unwrap();
     let short = text.replacen("[expect]", "[end]\ntimeout_s = 2.0\n\n[expect]", 1);
@@ -24,7 +24,7 @@ fn short_street(folder: &Path) -> PathBuf {
     file
 }
 
-/// Columns and rows of the cameras of the showcase, made small, and their fields of view.
+/// Columns and rows of the showcase's cameras, reduced, and their fields of view.
 const CAMERAS: [(&str, u32, u32, f64); 6] = [
     ("front_left", 200, 150, 70.0),
     ("front_right", 200, 150, 70.0),
@@ -57,7 +57,7 @@ fn log_of(config: &Config) -> (TempDir, PathBuf) {
     (folder, log)
 }
 
-/// The topics of a log, with their schemas.
+/// Topics of a log, with their schemas.
 fn topics(log: &Path) -> BTreeSet<(String, String)> {
     let bytes = std::fs::read(log).unwrap();
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
@@ -65,7 +65,7 @@ fn topics(log: &Path) -> BTreeSet<(String, String)> {
     summary.channels.values().map(|channel| (channel.topic.clone(), schema(channel))).collect()
 }
 
-/// Every text in a layout that names a topic, keys too.
+/// All texts in a layout that name a topic, including keys.
 fn named(value: &Value, found: &mut BTreeSet<String>) {
     let mut take = |text: &str| {
         if text.starts_with('/') {
@@ -83,7 +83,7 @@ fn named(value: &Value, found: &mut BTreeSet<String>) {
     }
 }
 
-/// The panels that the arrangement of a layout names.
+/// Panels named in the arrangement of a layout.
 fn panels<'a>(layout: &'a Value, found: &mut BTreeSet<&'a str>) {
     match layout {
         Value::String(panel) => {
@@ -114,7 +114,7 @@ fn check_layout(name: &str, log: &Path) {
 }
 
 #[test]
-fn layouts_name_topics_that_logs_have() {
+fn layouts_name_topics_of_the_logs() {
     let (_folder, log) = log_of(&showcase(&["log.images=jpeg"]));
     check_layout("showcase.json", &log);
     let (_folder, log) = log_of(&config(&[]));
@@ -122,7 +122,7 @@ fn layouts_name_topics_that_logs_have() {
 }
 
 #[test]
-fn what_is_shown_changes_no_run_and_no_replay() {
+fn foxglove_data_affects_no_run_and_no_replay() {
     let (folder, with) = log_of(&showcase(&["log.images=jpeg"]));
     let shown = Log::read(&with).unwrap();
     let config = showcase(&["log.foxglove=false"]);
@@ -141,13 +141,13 @@ fn what_is_shown_changes_no_run_and_no_replay() {
 }
 
 #[test]
-fn jpeg_without_a_place_for_it_is_refused() {
+fn jpeg_without_a_destination_is_refused() {
     let told = |set: &[&str]| Config::load(None, &sets(set)).unwrap_err()[0].to_string();
     assert!(told(&["log.images=jpeg", "log.foxglove=false"]).contains("log.foxglove"));
     assert!(told(&["log.images=jpeg", "log.jpeg_quality=0"]).contains("expected 1 to 100"));
 }
 
-/// Where `tests/readers/install` puts the readers; nothing, and why, where it did not.
+/// Folder where `tests/readers/install` puts the readers; `None`, with a printed reason, if it is missing.
 fn readers() -> Option<PathBuf> {
     let folder = root().join("target/readers");
     let there = folder.join("python/bin/python").exists() && folder.join("node/node_modules/@mcap").exists();
@@ -166,7 +166,7 @@ fn run(command: &mut Command) -> String {
     said.into_owned()
 }
 
-/// Reads a log with both libraries, which have to agree on how much there is.
+/// Reads a log with both libraries, which must agree on its contents.
 fn read_by_others(folder: &Path, log: &Path, expected: &Value) {
     let facts = log.with_extension("json");
     std::fs::write(&facts, expected.to_string()).unwrap();

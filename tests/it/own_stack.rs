@@ -1,4 +1,4 @@
-//! Operators of somebody else's package, `examples/own_stack`, in all that Swerve does with operators.
+//! Operators of an external package, `examples/own_stack`, with all functions that apply to operators.
 #![expect(unreachable_pub, reason = "to a package of its own they are what it shows")]
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ mod nearest_ahead;
 #[path = "../../examples/own_stack/src/slow_down.rs"]
 mod slow_down;
 
-// What `swerve new` puts into a folder.
+// Planner of `swerve new`.
 #[path = "../../crates/swerve/template/src/slow_down.rs"]
 mod new_slow_down;
 
@@ -41,7 +41,7 @@ fn config(assignments: &[&str]) -> Config {
     config.unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// What the message of one's own said, and when it was there.
+/// Values of the custom message with their stamps and publication times.
 #[derive(Default)]
 struct Seen(Vec<(Time, Time, f64)>);
 
@@ -75,7 +75,7 @@ fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Seen, Outcome)
 }
 
 #[test]
-fn they_drive_with_run_times_and_the_same_digest_on_any_threads() {
+fn custom_operators_drive_with_run_times_and_the_same_digest_on_any_threads() {
     let (seen, one) = drive(&config(&[]), 1, None);
     assert!(seen.0.len() > 60, "{}", seen.0.len());
     let after_ms = |(stamp, at, _): &(Time, Time, f64)| (*at - *stamp).ns() / 1_000_000;
@@ -87,7 +87,7 @@ fn they_drive_with_run_times_and_the_same_digest_on_any_threads() {
 }
 
 #[test]
-fn their_log_replays_and_asks_what_would_have_been() {
+fn log_of_custom_operators_replays_and_can_be_recomputed_with_other_settings() {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join("log.mcap");
     drive(&config(&[]), 1, Some(&path));
@@ -109,7 +109,7 @@ fn their_log_replays_and_asks_what_would_have_been() {
 }
 
 #[test]
-fn faults_befall_what_they_read_and_wrong_keys_are_refused_with_their_line() {
+fn faults_apply_to_inputs_of_custom_operators_and_wrong_keys_are_refused_with_their_line() {
     let (_, sound) = drive(&config(&[]), 1, None);
     let late = config(&["fault.late={ stream = \"obstacles\", delay_ms = 300 }"]);
     let (seen, faulty) = drive(&late, 1, None);
@@ -124,9 +124,9 @@ fn faults_befall_what_they_read_and_wrong_keys_are_refused_with_their_line() {
     assert!(problems[0].contains("unknown key; did you mean \"range_m\"?"), "{problems:?}");
 }
 
-/// The planner of a new folder, without a package around it: that one is built by a slow test.
+/// Planner of a new folder, without its package: building that is a slow test.
 #[test]
-fn the_planner_of_a_new_folder_drives_its_scenario() {
+fn planner_of_a_new_folder_drives_its_scenario() {
     let registry = Registry::standard().with::<new_slow_down::SlowDown>();
     let folder = root().join("crates/swerve/template");
     let config = Config::load_with(&registry, Some(&folder.join("own.toml")), &[]).unwrap();
@@ -137,9 +137,9 @@ fn the_planner_of_a_new_folder_drives_its_scenario() {
     assert_eq!(outcome.broken(expected), Vec::<String>::new());
 }
 
-/// What their README says of the drive that it shows.
+/// Their README's statements on the drive that it shows.
 #[test]
-fn the_readme_says_what_the_drive_comes_to() {
+fn readme_states_the_result_of_its_drive() {
     let readme = std::fs::read_to_string(root().join("examples/own_stack/README.md")).unwrap();
     let config = config(&[]);
     let scenario = read_scenario(&scenario_file("person_crossing")).unwrap();

@@ -1,4 +1,4 @@
-//! A log's streams computed again: as they were, altered, under other settings, from damaged files.
+//! Replay of logs: unchanged, altered, under other settings, from damaged files.
 
 use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ fn every_cut_verifies_on_any_number_of_threads() {
 }
 
 #[test]
-fn the_scenario_file_is_not_needed() {
+fn scenario_file_is_not_needed() {
     let elsewhere = tempfile::tempdir().unwrap();
     let file = elsewhere.path().join("gone.toml");
     std::fs::copy(scenario_file("person_crossing"), &file).unwrap();
@@ -56,8 +56,7 @@ fn the_scenario_file_is_not_needed() {
     assert!(replay(&recorded.log(), "tracker", &[], 1).unwrap().is_same());
 }
 
-/// Flips the lowest bit of the first full-length number of the payload that is a coordinate: still an obstacle
-/// list, and another one.
+/// Flips the lowest bit of the payload's first full-length coordinate: still an obstacle list, but a different one.
 fn flip_one_bit(payload: &[u8]) -> Option<Vec<u8>> {
     let read = |bytes: &[u8]| -> Option<ObstacleList> { ciborium::from_reader(bytes).ok() };
     let before = read(payload)?;
@@ -71,7 +70,7 @@ fn flip_one_bit(payload: &[u8]) -> Option<Vec<u8>> {
 }
 
 #[test]
-fn one_flipped_bit_in_a_sensor_message_is_found() {
+fn one_flipped_bit_in_a_sensor_message_is_detected() {
     let mut log = Recorded::of(&scenario_file("person_crossing")).log();
     let mut flipped = false;
     for record in &mut log.records {
@@ -129,7 +128,7 @@ fn damaged_logs_are_one_error_that_names_the_file() {
     }
 }
 
-/// Keys of all maps within.
+/// Keys of all nested maps.
 fn keys(value: &ciborium::Value, into: &mut std::collections::BTreeSet<String>) {
     match value {
         ciborium::Value::Map(entries) => entries.iter().for_each(|(key, value)| {
@@ -187,7 +186,7 @@ fn schemas_name_every_field_of_their_messages() {
     }
 }
 
-/// One of each.
+/// One decision of each kind.
 fn every_decision() -> [Decision; 9] {
     let (operator, stamp, at) = ("planner".to_owned(), Time::ZERO, Time::ZERO);
     [
@@ -204,7 +203,7 @@ fn every_decision() -> [Decision; 9] {
 }
 
 #[test]
-fn a_log_that_was_cut_off_comes_out_as_far_as_it_is_whole() {
+fn truncated_log_is_replayed_up_to_its_last_complete_instant() {
     let recorded = Recorded::of(&scenario_file("person_crossing"));
     let whole = std::fs::read(recorded.path()).unwrap();
     for bytes in [whole.len() * 3 / 10, whole.len() * 7 / 10, whole.len() - 1] {

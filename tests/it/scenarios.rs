@@ -1,4 +1,4 @@
-//! Every shipped scenario, under every pipeline that it expects something of.
+//! Every shipped scenario under every pipeline with an expectation.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ fn files() -> Vec<PathBuf> {
     files
 }
 
-/// The pipeline that scenarios call `name`.
+/// Pipeline by its name in scenarios.
 fn named(name: &str) -> Config {
     let (preset, planner) = match name.strip_prefix("paper_") {
         Some(planner) => ("paper", planner),
@@ -25,7 +25,7 @@ fn named(name: &str) -> Config {
     config
 }
 
-/// In what way the run of `file` under `config` is not as the scenario expects.
+/// Deviations of a run of `file` under `config` from the expected result.
 fn broken(file: &Path, config: &Config) -> Vec<String> {
     let scenario = read_scenario(file).unwrap();
     let pipeline = config.pipeline_name();
@@ -38,13 +38,13 @@ fn broken(file: &Path, config: &Config) -> Vec<String> {
 }
 
 #[test]
-fn the_default_pipeline_does_as_every_scenario_expects() {
+fn default_pipeline_meets_the_expectation_of_every_scenario() {
     let broken: Vec<String> = files().iter().flat_map(|file| broken(file, &Config::default())).collect();
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
 #[test]
-fn every_pipeline_that_a_scenario_names_does_as_it_expects() {
+fn every_pipeline_named_in_a_scenario_meets_its_expectation() {
     let default = Config::default().pipeline_name();
     let (mut runs, mut all_broken) = (0, Vec::new());
     for file in files() {
@@ -58,7 +58,7 @@ fn every_pipeline_that_a_scenario_names_does_as_it_expects() {
     assert!(runs >= 7, "only {runs} expectations name a pipeline");
 }
 
-/// Each file of `scenarios/everyday/` states what is right of any planner.
+/// Each file of `scenarios/everyday/` states the correct result for any planner.
 #[test]
 fn everyday_scenarios_hold_under_every_planner() {
     let everyday: Vec<PathBuf> =
@@ -71,7 +71,7 @@ fn everyday_scenarios_hold_under_every_planner() {
 }
 
 #[test]
-fn other_seeds_end_the_same_way() {
+fn other_seeds_give_the_same_result() {
     for (name, seeds) in [("person_behind_truck", 2..5), ("person_behind_parked_car", 2..4)] {
         for seed in seeds {
             let config = Config { seed, ..Config::default() };
@@ -82,7 +82,7 @@ fn other_seeds_end_the_same_way() {
 }
 
 #[test]
-fn our_presets_slow_for_people_who_stop_in_the_lane() {
+fn presets_slow_for_people_who_stop_in_the_lane() {
     for name in ["people_crossing", "person_crossing"] {
         let scenario = read_scenario(&crate::common::scenario_file(name)).unwrap();
         for planner in ["fot", "rrt_star", "hybrid_astar", "aeb"] {
@@ -96,7 +96,7 @@ fn our_presets_slow_for_people_who_stop_in_the_lane() {
     }
 }
 
-/// Of so many seeds, how many drives of a scenario end without a collision and on the road.
+/// Number of drives of a scenario, one per seed, that end without a collision and on the road.
 fn good(scenario: &Scenario, seeds: u64, sets: &[&str]) -> u64 {
     let ends_well = |seed: &u64| {
         let config = Config { seed: *seed, ..config(sets) };
@@ -106,10 +106,10 @@ fn good(scenario: &Scenario, seeds: u64, sets: &[&str]) -> u64 {
     (1..=seeds).filter(ends_well).count() as u64
 }
 
-/// Who studies latency must not measure the controller instead: the defaults are near the best there is at any latency,
-/// and what it costs shows step by step. `SWERVE_SEEDS=20` looks at all that is asked for, in three minutes.
+/// Latency studies must not measure the controller instead: the defaults are near-optimal at any latency, and the cost
+/// of latency increases step by step. `SWERVE_SEEDS=20` checks the full requirement in three minutes.
 #[test]
-fn with_the_defaults_latency_costs_what_it_must() {
+fn latency_costs_only_the_unavoidable_with_the_defaults() {
     let runner = root().join("../shared/data/scenarios/runner_two_trucks.toml");
     let shipped = crate::common::scenario_file("person_behind_truck");
     let mut cases = vec![(shipped, "ego.speed_mps=16")];

@@ -1,4 +1,4 @@
-//! What others made that is built in: the rules of `deny.toml`, the bill of materials, the oldest compiler.
+//! Third-party code: the rules of `deny.toml`, the bill of materials, the oldest supported compiler.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::common::root;
 use crate::tidy::metadata;
 
-/// Every folder with a lock file of its own.
+/// All folders with a separate lock file.
 const WORKSPACES: [&str; 6] = [".", "fuzz", "examples/own_stack", "python", "benches/external", "tests/api"];
 
 fn table(file: &str) -> toml::Table {
@@ -21,9 +21,9 @@ fn said(output: &Output) -> String {
     [&output.stdout[..], &output.stderr].map(String::from_utf8_lossy).concat()
 }
 
-/// The oldest compiler that is promised is the one that CI builds with: an older one was never tried.
+/// The oldest supported compiler is the one used in CI: an older one was never tried.
 #[test]
-fn the_promised_compiler_is_the_one_that_is_used() {
+fn minimum_supported_compiler_is_the_one_used() {
     let promised = table("Cargo.toml")["workspace"]["package"]["rust-version"].as_str().unwrap().to_owned();
     let used = table("rust-toolchain.toml")["toolchain"]["channel"].as_str().unwrap().to_owned();
     assert!(
@@ -36,9 +36,9 @@ fn the_promised_compiler_is_the_one_that_is_used() {
     }
 }
 
-/// Nobody builds with a compiler that is older than a dependency asks for, so the promise would be empty.
+/// A dependency that requires a newer compiler would make the supported version meaningless.
 #[test]
-fn no_package_asks_for_a_newer_compiler() {
+fn dependencies_require_no_newer_compiler() {
     let number = |version: &str| -> Vec<u64> {
         let parts = version.split('-').next().unwrap_or_default().split('.');
         parts.map(|part| part.parse().unwrap_or_else(|_| panic!("{version} is no version"))).collect()
@@ -62,7 +62,7 @@ fn no_package_asks_for_a_newer_compiler() {
     assert!(ours >= 37 && asked > 200, "{ours} packages of ours, {asked} that say what they ask for");
 }
 
-/// cargo-deny as `.ci/deny install` leaves it.
+/// cargo-deny as installed by `.ci/deny install`.
 fn cargo_deny() -> Option<PathBuf> {
     let program = root().join("target/tools/bin/cargo-deny");
     if !program.exists() {
@@ -78,9 +78,9 @@ fn package<'a>(metadata: &'a mut Value, name: &str) -> &'a mut Value {
     packages.find(|package| package["name"] == name).unwrap_or_else(|| panic!("no package {name}"))
 }
 
-/// The rules refuse what they are there for: in the packages of today one thing is changed at a time.
+/// The rules refuse violations: one package property is changed at a time.
 #[test]
-fn what_the_rules_forbid_is_refused() {
+fn rule_violations_are_refused() {
     let Some(program) = cargo_deny() else { return };
     type Change = fn(&mut Value);
     let cases: [(&str, &str, Option<&str>, Change); 6] = [
@@ -118,7 +118,7 @@ fn what_the_rules_forbid_is_refused() {
     }
 }
 
-/// CI has every lock file held against the rules; a lock file that is new has to be in the list.
+/// CI checks every lock file against the rules; a new one must be added to the list.
 #[test]
 fn every_lock_file_is_checked() {
     let script = std::fs::read_to_string(root().join(".ci/deny")).unwrap();
@@ -137,7 +137,7 @@ fn folder_of(file: &str) -> String {
     if folder.as_os_str().is_empty() { ".".to_owned() } else { folder.display().to_string() }
 }
 
-/// Runs `.ci/sbom`; `None` where there is no Python.
+/// Runs `.ci/sbom`; `None` without Python.
 fn bill(into: &Path) -> Option<String> {
     let python = Command::new("python3").args(["-c", "import tomllib"]).output();
     if !python.is_ok_and(|output| output.status.success()) {
@@ -155,7 +155,7 @@ fn bill(into: &Path) -> Option<String> {
     Some(std::fs::read_to_string(into).unwrap())
 }
 
-/// Name and version of what cargo would build for the program, as `cargo tree` lists it.
+/// Name and version of the packages that cargo would build for the program, as listed by `cargo tree`.
 fn built() -> BTreeSet<(String, String)> {
     let mut call = Command::new(env!("CARGO"));
     call.args(["tree", "--locked", "--offline", "--package=swerve", "--edges=normal,build"]);
@@ -174,7 +174,7 @@ fn text<'a>(value: &'a Value, key: &str) -> &'a str {
 }
 
 #[test]
-fn the_bill_of_materials_is_what_the_lock_file_says() {
+fn bill_of_materials_matches_the_lock_file() {
     let folder = tempfile::tempdir().unwrap();
     let Some(first) = bill(&folder.path().join("a.json")) else { return };
     assert!(bill(&folder.path().join("b.json")).is_some_and(|second| second == first), "not repeatable");
@@ -203,7 +203,7 @@ fn the_bill_of_materials_is_what_the_lock_file_says() {
     }
     assert_eq!(listed, built());
 
-    // The graph has every component once, and each is reached from the program.
+    // The graph has every component once, each reachable from the program.
     let edges: BTreeMap<&str, Vec<&str>> = bill["dependencies"]
         .as_array()
         .unwrap()
@@ -225,7 +225,7 @@ fn the_bill_of_materials_is_what_the_lock_file_says() {
     is_valid(&folder.path().join("a.json"));
 }
 
-/// Holds a bill against CycloneDX's own schema, where `tests/readers/install` has put it.
+/// Validates a bill against CycloneDX's schema, if `tests/readers/install` has installed it.
 fn is_valid(bill: &Path) {
     const CHECK: &str = "import sys; from cyclonedx.schema import SchemaVersion; \
          from cyclonedx.validation.json import JsonStrictValidator as Validator; \

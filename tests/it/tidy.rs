@@ -1,4 +1,4 @@
-//! The house: who may depend on whom, under which licences, and how long pages are.
+//! Project rules: dependencies of crates, licences, and length of pages.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -10,9 +10,9 @@ fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// What cargo knows of the workspace and all that it depends on.
+/// Cargo metadata of the workspace and all its dependencies.
 pub(crate) fn metadata() -> Value {
-    // For this host only: what cargo fetched to build this test is then all that is needed, and no network.
+    // For this host only: needs only the packages fetched to build this test, and no network.
     let host = Command::new("rustc").arg("-vV").output().expect("rustc runs: it compiled this test");
     let host = String::from_utf8(host.stdout).unwrap();
     let host = host.lines().find_map(|line| line.strip_prefix("host: ")).unwrap();
@@ -25,7 +25,7 @@ pub(crate) fn metadata() -> Value {
     serde_json::from_slice(&output.stdout).expect("cargo metadata is JSON")
 }
 
-/// The crate table of ARCHITECTURE.md: crate -> ours that it may use ("all" for every one).
+/// Crate table of ARCHITECTURE.md: crate -> crates of the workspace that it may use ("all" for every one).
 fn allowed() -> BTreeMap<String, BTreeSet<String>> {
     let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
     text.lines()
@@ -68,7 +68,7 @@ fn crates_use_only_what_the_architecture_lists() {
     assert!(seen >= 13, "only {seen} crates found");
 }
 
-/// Heavy packages, and what is to be done in one place only, with the crates of ours that may name them.
+/// Heavy packages, and functions confined to one place, with the crates that may name them.
 #[test]
 fn packages_stay_behind_one_crate() {
     let owners = [
@@ -124,7 +124,7 @@ fn every_licence_is_permissive() {
     ];
     for package in metadata()["packages"].as_array().unwrap() {
         let licence = package["license"].as_str().unwrap_or("none");
-        // `A OR B` gives the choice, `A AND B` does not; `/` is the old spelling of OR.
+        // `A OR B` is a choice, `A AND B` is not; `/` is the old notation of OR.
         let normal = licence.replace(['(', ')'], "").replace('/', " OR ");
         let permissive =
             normal.split(" AND ").all(|part| part.split(" OR ").any(|one| ALLOWED.contains(&one.trim())));
@@ -132,7 +132,7 @@ fn every_licence_is_permissive() {
     }
 }
 
-/// What is downloaded has been checksums in one place: no git revision, no other registry.
+/// Downloads have checksums from one source: no git revision, no other registry.
 #[test]
 fn every_package_is_from_the_one_registry() {
     for package in metadata()["packages"].as_array().unwrap() {
@@ -142,13 +142,13 @@ fn every_package_is_from_the_one_registry() {
     }
 }
 
-/// A test binary links all that its crate uses, and what links it all costs half a minute: a new subject is a module of
-/// one that is there, and a new crate has its tests beside its code.
+/// A test binary links all dependencies of its crate, and one that links everything costs half a minute: a new subject
+/// is a module of an existing binary, and a new crate has its tests beside its code.
 #[test]
 fn test_binaries_are_few() {
     let expected = [
         ("swerve", "it"),
-        ("swerve-ipc", "places"), // with a `main` of its own: it is the other process, too
+        ("swerve-ipc", "places"), // a separate `main`: it is also the other process
         ("swerve-pylot", "posed_paths_driven"),
         ("swerve-ros2", "it"),
         ("swerve-tests", "it"),
@@ -193,7 +193,7 @@ fn files_are_short_and_the_command_line_stays_thin() {
     assert!(files.len() > 500, "{}", files.len());
     let long: Vec<_> = files.iter().filter(|(_, lines)| *lines > 500).collect();
     assert!(long.is_empty(), "split by subject: {long:?}");
-    // A module with parts is `name.rs` beside `name/`: files of one name each are told apart in an editor.
+    // A module with parts is `name.rs` beside `name/`, so that files are distinguishable in an editor.
     let is_mod =
         |path: &Path| path.ends_with("mod.rs") && path.components().any(|part| part.as_os_str() == "src");
     assert!(!files.iter().any(|(path, _)| path.starts_with(root().join("crates")) && is_mod(path)));
@@ -202,7 +202,7 @@ fn files_are_short_and_the_command_line_stays_thin() {
     assert!(lines <= 3000, "crate swerve has {lines} lines: what is no command belongs in another crate");
 }
 
-/// What is optimised in a build for tests takes several times as long to compile: each has its reason in numbers, in
+/// A package optimised in test builds takes several times as long to compile: each has its measured reason in
 /// docs/performance.md.
 #[test]
 fn few_packages_are_optimised_for_tests() {
@@ -221,12 +221,12 @@ fn few_packages_are_optimised_for_tests() {
     }
 }
 
-/// Whether a package's own settings have it optimised.
+/// True if a package's settings enable optimisation.
 fn optimised(settings: &toml::Value) -> bool {
     settings.get("opt-level").is_some_and(|level| level.as_integer() != Some(0))
 }
 
-/// Packages with an opt-level of their own in one profile, at most.
+/// Maximum number of packages with a separate opt-level in one profile.
 const OPTIMISED_MAX: usize = 30;
 
 #[test]
@@ -237,8 +237,9 @@ fn pages_keep_their_length() {
     }
 }
 
-/// What a new operator touches, four files, and a new sensor, five: of one that is there, the sources that know it or its message by a name of its own. Text
-/// that places it in the built-in pipeline is beside the point: one's own is placed by its configuration.
+/// Number of files touched by a new operator, four, and by a new sensor, five: for existing ones, the sources that know
+/// the operator or its message by name. The text that places it in the built-in pipeline does not count: a custom
+/// operator is placed by its configuration.
 #[test]
 fn few_files_know_an_operator_and_its_message() {
     let cases: [(&str, &[&str], &[&str]); 2] = [
@@ -250,7 +251,7 @@ fn few_files_know_an_operator_and_its_message() {
                 "swerve-msg/src/lib.rs",
                 "swerve-stack/src/operators.rs",
                 "swerve-stack/src/operators/deadlines.rs",
-                // Reads the message, to sum it up after a run.
+                // Reads the message to summarize it after a run.
                 "swerve-drive/src/rungs.rs",
             ],
         ),
@@ -277,10 +278,10 @@ fn few_files_know_an_operator_and_its_message() {
     }
 }
 
-/// A named pipe or a device in the place of a file would be waited for: files are opened by `swerve_text::open_file`.
+/// A named pipe or a device in place of a file could block: files are opened by `swerve_text::open_file`.
 #[test]
 fn files_are_opened_in_one_place() {
-    // Files of the system and of the program itself: no name of them comes from outside.
+    // Files of the system and of the program itself, whose names do not come from outside.
     const OTHERS: [&str; 10] = [
         "swerve-text/src/file.rs",
         "swerve-flow/src/host.rs",
@@ -304,7 +305,7 @@ fn files_are_opened_in_one_place() {
     assert!(found.is_empty(), "expected `swerve_text::open_file`, `read_bytes` or `read_string`: {found:?}");
 }
 
-/// What stands in the root is meant to be there: results of runs are not.
+/// The root contains only intended files: no results of runs.
 #[test]
 fn root_holds_no_results() {
     let listed = Command::new("git").args(["ls-files"]).current_dir(root()).output();
@@ -318,7 +319,7 @@ fn root_holds_no_results() {
     assert!(strays.is_empty(), "{strays:?}");
 }
 
-/// The sources of all crates but their tests: path from `crates/`, text.
+/// Sources of all crates without their tests: path relative to `crates/`, text.
 fn sources() -> Vec<(String, String)> {
     let crates = root().join("crates");
     let files = source_files(&crates).into_iter().map(|(path, _)| path);

@@ -1,32 +1,32 @@
-//! Shapes and texts, in the order in which they lie on each other.
+//! Shapes and texts in drawing order.
 
 use swerve_geom::math;
 
 use crate::style::{Style, Text};
 
-/// A place in the picture, pixels from its top left corner.
+/// A position in the picture, pixels from its top left corner.
 pub type At = (f64, f64);
 
 /// A step of an outline.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Step {
-    /// Begins a line.
+    /// Starts a line.
     Move(At),
-    /// Straight on to a place.
+    /// Straight line to a position.
     Line(At),
-    /// By a cubic curve: two places that pull, and the place where it ends.
+    /// Cubic Bézier curve: two control points and the end.
     Curve(At, At, At),
-    /// Back to where the line began.
+    /// Closes the line.
     Close,
 }
 
-/// A part of a picture.
+/// An element of a picture.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) enum Element {
     Path(Vec<Step>, Style),
     Circle(At, f64, Style),
     Rect(At, (f64, f64), Style),
-    /// A text, its base line at a place, turned clockwise about it by degrees.
+    /// A text with its baseline at a position, rotated clockwise about it by degrees.
     Text(At, f64, String, Text),
     BeginClip(At, (f64, f64)),
     EndClip,
@@ -49,12 +49,12 @@ pub struct Picture {
 }
 
 impl Canvas {
-    /// The finished picture.
+    /// Finishes the picture.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Picture {
         Picture { size: (width, height), title: title.to_owned(), elements: self.elements }
     }
 
-    /// An open or closed line through points.
+    /// Adds an open or closed line through points.
     pub fn path(&mut self, points: impl IntoIterator<Item = At>, closed: bool, style: Style) {
         let mut steps: Vec<Step> = Vec::new();
         for at in points {
@@ -66,19 +66,19 @@ impl Canvas {
         self.outline(steps, style);
     }
 
-    /// A line of straight and bent steps.
+    /// Adds a line of straight and curved steps.
     pub fn outline(&mut self, steps: Vec<Step>, style: Style) {
         if !steps.is_empty() {
             self.elements.push(Element::Path(steps, style));
         }
     }
 
-    /// A straight line.
+    /// Adds a straight line.
     pub fn line(&mut self, from: At, to: At, style: Style) {
         self.path([from, to], false, style);
     }
 
-    /// The head of an arrow whose tip is at a place, pointing along a direction (radians, clockwise from the right).
+    /// Adds an arrow head with its tip at a position, pointing in a direction (radians, clockwise from the right).
     pub fn arrow_head(&mut self, (x, y): At, direction: f64, style: Style) {
         const LENGTH: f64 = 8.0;
         let wing = |turn: f64| {
@@ -88,17 +88,17 @@ impl Canvas {
         self.path([wing(0.4), (x, y), wing(-0.4)], true, style);
     }
 
-    /// A circle about a place.
+    /// Adds a circle around a position.
     pub fn circle(&mut self, at: At, radius: f64, style: Style) {
         self.elements.push(Element::Circle(at, radius, style));
     }
 
-    /// A rectangle: its top left corner, its width and height.
+    /// Adds a rectangle: top left corner, width and height.
     pub fn rect(&mut self, at: At, size: (f64, f64), style: Style) {
         self.elements.push(Element::Rect(at, size, style));
     }
 
-    /// Slanting lines over a rectangle: what no colour has to be told apart for.
+    /// Adds diagonal hatching over a rectangle, which is distinguishable without colour.
     pub fn hatch(&mut self, (x, y): At, (width, height): (f64, f64), style: Style) {
         const GAP: f64 = 6.0;
         self.begin_clip((x, y), (width, height));
@@ -110,7 +110,7 @@ impl Canvas {
         self.end_clip();
     }
 
-    /// A star with eight points.
+    /// Adds an eight-pointed star.
     pub fn star(&mut self, (x, y): At, radius: f64, style: Style) {
         let spike = |k: u32| {
             let r = if k.is_multiple_of(2) { radius } else { 0.45 * radius };
@@ -120,46 +120,46 @@ impl Canvas {
         self.path((0..16).map(spike), true, style);
     }
 
-    /// A text, its base line at a place.
+    /// Adds a text with its baseline at a position.
     pub fn text(&mut self, at: At, text: &str, how: Text) {
         self.turned_text(at, 0.0, text, how);
     }
 
-    /// A text that is turned about its place, clockwise.
+    /// Adds a text rotated clockwise about its position.
     pub fn turned_text(&mut self, at: At, turn_deg: f64, text: &str, how: Text) {
         self.elements.push(Element::Text(at, turn_deg, text.to_owned(), how));
     }
 
-    /// Whatever is drawn until [`end_clip`](Self::end_clip) shows only inside a rectangle.
+    /// Clips everything drawn until [`end_clip`](Self::end_clip) to a rectangle.
     pub fn begin_clip(&mut self, at: At, size: (f64, f64)) {
         self.elements.push(Element::BeginClip(at, size));
     }
 
-    /// Ends the clip that was begun last.
+    /// Ends the last clip.
     pub fn end_clip(&mut self) {
         self.elements.push(Element::EndClip);
     }
 
-    /// Whatever is drawn until [`end_titled`](Self::end_titled) tells this when it is pointed at, in SVG.
+    /// Gives everything drawn until [`end_titled`](Self::end_titled) this tooltip, in SVG.
     pub fn begin_titled(&mut self, title: &str) {
         self.elements.push(Element::BeginTitled(title.to_owned()));
     }
 
-    /// Ends what was begun last.
+    /// Ends the last title.
     pub fn end_titled(&mut self) {
         self.elements.push(Element::EndTitled);
     }
 }
 
-/// How far from its ends the pulling places of a quarter of a circle lie, over its radius.
+/// Distance of the control points of a quarter circle from its ends, over the radius.
 const QUARTER: f64 = 0.552_284_75;
 
-/// The outline of a circle.
+/// Outline of a circle.
 pub(crate) fn circle((x, y): At, r: f64) -> Vec<Step> {
     rounded((x - r, y - r), (2.0 * r, 2.0 * r), r)
 }
 
-/// The outline of a rectangle.
+/// Outline of a rectangle.
 pub(crate) fn rectangle((x, y): At, (w, h): (f64, f64)) -> Vec<Step> {
     let corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)];
     let [first, others @ ..] = corners;
@@ -167,7 +167,7 @@ pub(crate) fn rectangle((x, y): At, (w, h): (f64, f64)) -> Vec<Step> {
     [Step::Move(first)].into_iter().chain(others).chain([Step::Close]).collect()
 }
 
-/// The outline of a rectangle with round corners.
+/// Outline of a rectangle with rounded corners.
 pub(crate) fn rounded((x, y): At, (w, h): (f64, f64), radius: f64) -> Vec<Step> {
     let r = radius.min(0.5 * w).min(0.5 * h);
     if r <= 0.0 {

@@ -1,4 +1,4 @@
-//! The one palette: told apart in grey and by the colour-blind, held by the tests beside it.
+//! The colour palette: distinguishable in greyscale and with colour-vision deficiency, as checked by the tests.
 
 use core::fmt;
 
@@ -14,12 +14,12 @@ impl fmt::Display for Color {
 }
 
 impl Color {
-    /// From a number such as `0x0072B2`.
+    /// Creates a colour from a number such as `0x0072B2`.
     pub const fn hex(rgb: u32) -> Self {
         Self([(rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8])
     }
 
-    /// This colour with a share of another one in it, 0 to 1.
+    /// This colour mixed with a share of another one, 0 to 1.
     #[must_use]
     pub fn mixed(self, other: Self, share: f64) -> Self {
         let mix = |i: usize| {
@@ -30,64 +30,63 @@ impl Color {
     }
 }
 
-/// The sheet.
+/// Background of the picture.
 pub const PAPER: Color = Color::hex(0xFFFFFF);
-/// Texts.
+/// Text.
 pub const INK: Color = Color::hex(0x1F2328);
-/// Texts that explain, frames, ticks.
+/// Secondary text, frames, ticks.
 pub const SOFT: Color = Color::hex(0x5B636D);
-/// Lines behind everything.
+/// Grid lines.
 pub const GRID: Color = Color::hex(0xD9DDE2);
-/// The ground of a plot.
+/// Background of a plot.
 pub const PANEL: Color = Color::hex(0xFCFCFD);
-/// Where nothing is known.
+/// Missing data.
 pub const NOTHING: Color = Color::hex(0xEEEEEE);
 
 /// The ego vehicle.
 pub const EGO: Color = Color::hex(0x0072B2);
-/// People on foot or wheels.
+/// Pedestrians and cyclists.
 pub const PERSON: Color = Color::hex(0xD55E00);
-/// Vehicles and things.
+/// Vehicles and objects.
 pub const VEHICLE: Color = Color::hex(0x6F7781);
-/// A plan that was found.
+/// A plan found.
 pub const PLAN: Color = Color::hex(0x007D5A);
-/// A plan for want of one.
+/// A fallback plan.
 pub const FALLBACK: Color = Color::hex(0xB8578F);
-/// When somebody was first visible.
+/// Instant at which an actor was first visible.
 pub const SIGHT: Color = Color::hex(0xB07A00);
-/// The same as text.
+/// Text colour for `SIGHT`.
 pub const SIGHT_TEXT: Color = Color::hex(0x8A5E00);
 /// Collisions, misses, limits.
 pub const ALARM: Color = Color::hex(0xB00020);
-/// Ends as they should be.
+/// Expected endings.
 pub const GOOD: Color = Color::hex(0x00704F);
 /// A safe stop.
 pub const STOPPED: Color = Color::hex(0x6A4FA3);
 /// Off the road.
 pub const LEFT_ROAD: Color = Color::hex(0xA14A00);
-/// What the stack took somebody for.
+/// Tracked object.
 pub const TRACK: Color = Color::hex(0x7B3FA0);
 
-/// The ground beside a road.
+/// Ground beside a road.
 pub const GROUND: Color = Color::hex(0xF4F3EF);
 /// A road.
 pub const ROAD: Color = Color::hex(0xE6E8EB);
-/// Its edge.
+/// Edge of a road.
 pub const ROAD_EDGE: Color = Color::hex(0x7A828C);
 /// Lines between lanes.
 pub const LANE: Color = Color::hex(0xFFFFFF);
 
-/// How one of several lines in a plot looks.
+/// Appearance of one of several lines in a plot.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Look {
-    /// Its colour.
+    /// Colour.
     pub color: Color,
-    /// Its dashes and gaps; all zero for an unbroken line.
+    /// Lengths of dashes and gaps; all zero for a solid line.
     pub dash: [f64; 4],
 }
 
-/// Lines of a plot, in this order: four colours that differ in lightness, then the same dashed, dotted, and with dashes and
-/// dots in turn.
+/// Line styles of a plot, in order: four colours of different lightness, then the same dashed, dotted and dash-dotted.
 pub const SERIES: [Look; 16] = {
     const DASHES: [[f64; 4]; 4] =
         [[0.0; 4], [7.0, 3.0, 7.0, 3.0], [1.5, 3.0, 1.5, 3.0], [9.0, 3.0, 1.5, 3.0]];
@@ -102,19 +101,19 @@ pub const SERIES: [Look; 16] = {
     looks
 };
 
-/// Look of the `k`-th line of a plot; beyond [`SERIES`] the looks repeat, which [`looks_repeat`] notes.
+/// Style of the `k`-th line of a plot; beyond [`SERIES`] the styles repeat, which [`looks_repeat`] notes.
 pub fn series(k: usize) -> Look {
     SERIES[k % SERIES.len()]
 }
 
-/// Note for a plot with more lines than there are looks.
+/// Note for a plot with more lines than styles.
 pub fn looks_repeat(lines: usize) -> Option<String> {
     let looks = SERIES.len();
     (lines > looks)
         .then(|| format!("{lines} lines; their looks repeat after {looks}, in the order of the legend"))
 }
 
-/// A share from 0 (bad, pale orange) to 1 (good, dark blue): the lightness alone tells the order.
+/// Colour for a share from 0 (bad, pale orange) to 1 (good, dark blue); lightness alone gives the order.
 pub fn graded(share: f64) -> Color {
     const STOPS: [Color; 4] =
         [Color::hex(0xFBD9B0), Color::hex(0xAEB8C6), Color::hex(0x5D8CB8), Color::hex(0x003F73)];
@@ -123,7 +122,7 @@ pub fn graded(share: f64) -> Color {
     STOPS[below].mixed(STOPS[below + 1], along - below as f64)
 }
 
-/// Ink or paper, whichever can be read better on a colour.
+/// Ink or paper, whichever has more contrast on a background colour.
 pub fn ink_on(ground: Color) -> Color {
     if contrast(ground, INK) >= contrast(ground, PAPER) { INK } else { PAPER }
 }
@@ -140,7 +139,7 @@ pub fn luminance(color: Color) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// A channel of sRGB as light.
+/// Linear light of an sRGB channel.
 pub(crate) fn linear(channel: u8) -> f64 {
     let c = f64::from(channel) / 255.0;
     if c <= 0.04045 { c / 12.92 } else { swerve_geom::math::pow((c + 0.055) / 1.055, 2.4) }

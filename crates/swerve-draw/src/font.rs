@@ -1,4 +1,4 @@
-//! The one font: its name in SVG, its letters elsewhere.
+//! The font: its name in SVG, its glyphs elsewhere.
 
 use std::sync::LazyLock;
 
@@ -7,16 +7,17 @@ use ttf_parser::{Face, GlyphId};
 use crate::canvas::{At, Step};
 use crate::style::Text;
 
-/// The families that SVG and pages ask for, the first that a viewer has; the last but one is what is drawn here.
+/// Font families of SVG and pages, of which a viewer uses the first it has; the one before the generic ones is embedded
+/// here.
 pub const STACK: &str = "Helvetica, Arial, Arimo, 'DejaVu Sans', sans-serif";
 
 const REGULAR: &[u8] = include_bytes!("../fonts/Arimo-Regular.ttf");
 const BOLD: &[u8] = include_bytes!("../fonts/Arimo-Bold.ttf");
 
-/// Letters of other families that a viewer may have are wider than ours by up to this.
+/// Maximum width of a viewer's font relative to the embedded one.
 const WIDER: f64 = 1.12;
 
-/// A font of the program.
+/// An embedded font.
 pub(crate) struct Font {
     pub(crate) bytes: &'static [u8],
     pub(crate) name: &'static str,
@@ -30,30 +31,30 @@ impl Font {
         Self { bytes, name, per_em: f64::from(face.units_per_em()), face }
     }
 
-    /// Regular or bold.
+    /// Regular or bold font.
     pub(crate) fn of(bold: bool) -> &'static Self {
         static FONTS: LazyLock<[Font; 2]> =
             LazyLock::new(|| [Font::new(REGULAR, "Arimo"), Font::new(BOLD, "Arimo-Bold")]);
         &FONTS[usize::from(bold)]
     }
 
-    /// The glyph of a letter; the first one, an empty box, where there is none.
+    /// Glyph of a character; an empty box if it is missing.
     pub(crate) fn glyph(&self, letter: char) -> GlyphId {
         let letter = if letter == '\u{a0}' { ' ' } else { letter };
         self.face.glyph_index(letter).unwrap_or_default()
     }
 
-    /// Width of a glyph over the height of the font.
+    /// Width of a glyph over the font size.
     pub(crate) fn advance(&self, glyph: GlyphId) -> f64 {
         f64::from(self.face.glyph_hor_advance(glyph).unwrap_or(0)) / self.per_em
     }
 
-    /// Width of a text over the height of the font.
+    /// Width of a text over the font size.
     pub(crate) fn width(&self, text: &str) -> f64 {
         text.chars().map(|letter| self.advance(self.glyph(letter))).sum()
     }
 
-    /// The outlines of a text from a place on, its base line turned by a sine and a cosine (clockwise).
+    /// Outlines of a text from a position on, with its baseline rotated clockwise, given as sine and cosine.
     pub(crate) fn outlines(&self, text: &str, (x, y): At, size: f64, (sin, cos): (f64, f64)) -> Vec<Step> {
         let mut pen = Pen {
             steps: Vec::new(),
@@ -72,14 +73,14 @@ impl Font {
     }
 }
 
-/// Puts glyphs behind each other.
+/// Appends glyph outlines.
 struct Pen {
     steps: Vec<Step>,
     along: f64,
     scale: f64,
     at: At,
     turn: (f64, f64),
-    /// The last place, in the glyph's own units.
+    /// Last position, in the glyph's units.
     last: (f32, f32),
 }
 
@@ -120,13 +121,13 @@ impl ttf_parser::OutlineBuilder for Pen {
     }
 }
 
-/// Width of a text in the program's font, pixels. SVG states it with each text (`textLength`), so that a text in another
-/// font is as wide.
+/// Width of a text in the embedded font, pixels. SVG states it with each text (`textLength`), so that it has the same
+/// width in another font.
 pub(crate) fn drawn_width(text: &str, how: Text) -> f64 {
     how.size * Font::of(how.bold).width(text)
 }
 
-/// Room that a text needs, pixels: its width and a reserve for viewers of SVG that ignore `textLength`.
+/// Space for a text, pixels: its width with a margin for SVG viewers that ignore `textLength`.
 pub fn width_of(text: &str, how: Text) -> f64 {
     WIDER * drawn_width(text, how)
 }

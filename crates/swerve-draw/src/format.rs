@@ -1,4 +1,4 @@
-//! The forms that pictures are written in.
+//! File formats of pictures.
 
 use core::fmt;
 use core::str::FromStr;
@@ -6,23 +6,23 @@ use std::path::Path;
 
 use crate::canvas::Picture;
 
-/// A form of a picture's file.
+/// File format of a picture.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub enum Format {
-    /// Scalable Vector Graphics, with titles on what is pointed at.
+    /// Scalable Vector Graphics, with tooltips.
     #[default]
     Svg,
-    /// One page of PDF, its letters embedded.
+    /// One page of PDF with embedded fonts.
     Pdf,
-    /// Pixels, twice as many as the picture's size either way.
+    /// PNG with twice the picture's size in pixels along each side.
     Png,
 }
 
 impl Format {
-    /// All of them.
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Svg, Self::Pdf, Self::Png];
 
-    /// Its name, which is also how its files end.
+    /// Name, which is also the file extension.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Svg => "svg",
@@ -31,7 +31,7 @@ impl Format {
         }
     }
 
-    /// That of a file by how its name ends; none where it ends otherwise.
+    /// Format by file extension; `None` for other extensions.
     pub fn of(path: &Path) -> Option<Self> {
         let end = path.extension()?.to_str()?.to_ascii_lowercase();
         Self::ALL.into_iter().find(|format| format.name() == end)
@@ -53,27 +53,27 @@ impl FromStr for Format {
     }
 }
 
-/// Why a picture has no file of a form.
+/// Error while encoding a picture.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// It has more pixels than an image can hold.
+    /// The picture has more pixels than an image can hold.
     #[error("a picture of {columns} x {rows} pixels is too large for a PNG")]
     TooLarge {
-        /// Its width, pixels.
+        /// Width, pixels.
         columns: f64,
-        /// Its height, pixels.
+        /// Height, pixels.
         rows: f64,
     },
-    /// The pixels could not be written.
+    /// The PNG could not be encoded.
     #[error("no PNG: {0}")]
     Png(#[from] png::EncodingError),
 }
 
 impl Picture {
-    /// The picture's file in a form; the same bytes on every machine.
+    /// Encodes the picture; the bytes are identical on every machine.
     ///
     /// # Errors
-    /// As [`PictureError`] says.
+    /// See [`PictureError`].
     pub fn bytes(&self, format: Format) -> Result<Vec<u8>, PictureError> {
         match format {
             Format::Svg => Ok(self.svg().into_bytes()),
@@ -82,7 +82,7 @@ impl Picture {
         }
     }
 
-    /// The texts in it, in order.
+    /// Texts in the picture, in order.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
         self.elements.iter().filter_map(|element| match element {
             crate::canvas::Element::Text(_, _, text, _) => Some(&**text),

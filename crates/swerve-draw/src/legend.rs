@@ -1,30 +1,30 @@
-//! What the signs in a picture mean.
+//! Legends.
 
 use crate::canvas::{At, Canvas};
 use crate::font::width_of;
 use crate::style::{Style, Text};
 
-/// Width of a sign.
+/// Width of a symbol.
 const SIGN: f64 = 24.0;
 const TO_TEXT: f64 = 6.0;
 const BETWEEN: f64 = 20.0;
 const LINE: f64 = 20.0;
 
-/// A sign as a legend shows it.
+/// A symbol of a legend.
 #[derive(Clone, Copy)]
 pub enum Sign {
     /// A line.
     Line(Style),
     /// An area.
     Block(Style),
-    /// What is drawn about a place.
+    /// Drawn around a position.
     Mark(fn(&mut Canvas, At)),
 }
 
-/// A sign and what it means.
+/// A symbol and its meaning.
 pub type Entry = (Sign, String);
 
-/// Draws lines and their names below each other from a place beside a plot; gives the width that they take.
+/// Draws lines with their names in a column beside a plot; returns its width.
 pub fn names_beside(canvas: &mut Canvas, (left, top): At, lines: &[(Style, String)]) -> f64 {
     const ROW: f64 = 16.0;
     let mut most = 0.0_f64;
@@ -37,8 +37,7 @@ pub fn names_beside(canvas: &mut Canvas, (left, top): At, lines: &[(Style, Strin
     SIGN + TO_TEXT + most
 }
 
-/// Draws entries beside each other from a place on, in as many lines as they need up to the right edge; gives the
-/// height of the last line.
+/// Draws entries side by side, in as many rows as they need up to the right edge; returns the height of the last row.
 pub fn legend(canvas: &mut Canvas, (left, top): At, right: f64, entries: &[Entry]) -> f64 {
     let how = Text::PLAIN;
     let (mut x, mut y) = (left, top);

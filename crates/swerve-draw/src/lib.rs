@@ -1,6 +1,7 @@
-//! The drawing kit of all pictures: one palette, one font, axes and legends; written as SVG, PDF or PNG.
+//! Drawing library of all pictures: one palette, one font, axes and legends; output as SVG, PDF or PNG.
 //!
-//! A [`Canvas`] takes shapes and texts and becomes a [`Picture`]. Nothing here knows what is drawn.
+//! A [`Canvas`] collects shapes and texts and is finished to a [`Picture`]. The library is independent of the contents
+//! of pictures.
 
 mod axes;
 mod canvas;

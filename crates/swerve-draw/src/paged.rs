@@ -1,4 +1,4 @@
-//! Pictures as one page of PDF.
+//! Encoding as one page of PDF.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::color::{self, Color};
 use crate::font::Font;
 use crate::style::{RIM, Style, Text};
 
-/// Points of PDF (1/72 inch) along a pixel (1/96 inch).
+/// PDF points (1/72 inch) per pixel (1/96 inch).
 const POINT: f64 = 0.75;
 const LEVEL: u8 = 9;
 
@@ -21,12 +21,12 @@ const PAGES: Ref = Ref::new(2);
 const PAGE: Ref = Ref::new(3);
 const CONTENT: Ref = Ref::new(4);
 const INFO: Ref = Ref::new(5);
-/// The first of the five objects of each font.
+/// First of the five objects of each font.
 const FONTS: [i32; 2] = [10, 20];
 const STATES: i32 = 30;
 
 impl Picture {
-    /// As PDF.
+    /// Encodes as PDF.
     pub(crate) fn pdf(&self) -> Vec<u8> {
         let (width, height) = (self.size.0 * POINT, self.size.1 * POINT);
         let mut sheet = Sheet { content: Content::new(), states: BTreeMap::new() };
@@ -72,10 +72,10 @@ fn state_name(number: i32) -> String {
     format!("Alpha{number}")
 }
 
-/// The page under construction.
+/// A page under construction.
 struct Sheet {
     content: Content,
-    /// Opacities of areas and lines, in thousandths, with a number each.
+    /// Opacities of areas and lines, in thousandths, with their numbers.
     states: BTreeMap<(u16, u16), i32>,
 }
 
@@ -148,7 +148,7 @@ impl Sheet {
         let (sin, cos) = math::sin_cos(turn_deg.to_radians());
         let before = how.anchor.share() * how.size * font.width(text);
         let glyphs: Vec<u8> = text.chars().flat_map(|letter| font.glyph(letter).0.to_be_bytes()).collect();
-        // Letters stand upright where all else is upside down.
+        // The page is flipped vertically; letters are flipped back.
         let matrix = [cos, sin, sin, -cos, x - before * cos, y - before * sin].map(|x| x as f32);
         let [r, g, b] = parts(how.color);
         for is_rim in [true, false] {
@@ -178,7 +178,7 @@ fn parts(color: Color) -> [f32; 3] {
     color.0.map(|part| f32::from(part) / 255.0)
 }
 
-/// Puts a font into the file: five objects from `first` on.
+/// Embeds a font: five objects from `first` on.
 fn embed(pdf: &mut Pdf, font: &Font, first: i32) {
     let [whole, letters, descriptor, meanings, data] = [0, 1, 2, 3, 4].map(|k| Ref::new(first + k));
     let name = Name(font.name.as_bytes());
@@ -214,7 +214,7 @@ fn embed(pdf: &mut Pdf, font: &Font, first: i32) {
     pdf.stream(data, &packed).filter(Filter::FlateDecode).pair(Name(b"Length1"), font.bytes.len() as i32);
 }
 
-/// Which letter each glyph is, so that texts can be found and copied; of several the first.
+/// Character of each glyph, so that texts can be searched and copied; of several the first.
 fn meanings_of(font: &Font) -> BTreeMap<u16, char> {
     let mut meanings = BTreeMap::new();
     for letter in ('\u{20}'..='\u{2265}').filter(|letter| font.face.glyph_index(*letter).is_some()) {

@@ -1,4 +1,4 @@
-//! Pictures as pixels.
+//! Encoding as pixels.
 
 use swerve_geom::math;
 use tiny_skia::{FillRule, LineJoin, Mask, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform};
@@ -9,15 +9,15 @@ use crate::font::Font;
 use crate::format::PictureError;
 use crate::style::{RIM, Style, Text};
 
-/// Pixels of the image along one of the picture.
+/// Image pixels per picture pixel, along a side.
 const SCALE: f64 = 2.0;
-/// Pictures that would have more pixels along a side get one for one.
+/// Maximum side of an image at that scale; larger pictures are drawn one to one.
 const SIDE_MAX: f64 = 16_384.0;
-/// Images of more pixels are not made: four bytes each.
+/// Maximum number of pixels of an image, four bytes each.
 const PIXELS_MAX: f64 = 128.0 * 1024.0 * 1024.0;
 
 impl Picture {
-    /// As PNG.
+    /// Encodes as PNG.
     pub(crate) fn png(&self) -> Result<Vec<u8>, PictureError> {
         let (width, height) = self.size;
         let scale = if width.max(height) * SCALE <= SIDE_MAX { SCALE } else { 1.0 };
@@ -31,7 +31,7 @@ impl Picture {
         let mut sheet = Sheet { pixmap, clips: Vec::new(), transform: Transform::from_scale(scale, scale) };
         sheet.draw(&rectangle((0.0, 0.0), self.size), Style::fill(color::PAPER));
         self.elements.iter().for_each(|element| sheet.element(element));
-        // All is on paper, so that nothing is left to see through.
+        // The background is opaque, so alpha is dropped.
         let opaque: Vec<u8> = sheet.pixmap.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, columns, rows);
@@ -43,7 +43,7 @@ impl Picture {
     }
 }
 
-/// The image under construction.
+/// An image under construction.
 struct Sheet {
     pixmap: Pixmap,
     clips: Vec<Option<Mask>>,

@@ -1,8 +1,8 @@
-//! How shapes and texts look.
+//! Styles of shapes and texts.
 
 use crate::color::{self, Color};
 
-/// How a shape is filled and outlined.
+/// Fill and outline of a shape.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Style {
     pub(crate) fill: Option<Color>,
@@ -10,7 +10,7 @@ pub struct Style {
     pub(crate) stroke: Option<Color>,
     pub(crate) width: f64,
     pub(crate) stroke_opacity: f64,
-    /// Lengths of dash, gap, dash, gap; all zero for an unbroken line.
+    /// Lengths of dash, gap, dash, gap; all zero for a solid line.
     pub(crate) dash: [f64; 4],
     /// Radius of the corners of a rectangle.
     pub(crate) corner: f64,
@@ -27,7 +27,7 @@ impl Style {
         corner: 0.0,
     };
 
-    /// An area.
+    /// A filled area.
     pub const fn fill(color: Color) -> Self {
         Self { fill: Some(color), ..Self::NONE }
     }
@@ -37,43 +37,43 @@ impl Style {
         Self { stroke: Some(color), width, ..Self::NONE }
     }
 
-    /// The same with an outline.
+    /// This style with an outline.
     #[must_use]
     pub const fn outlined(self, color: Color, width: f64) -> Self {
         Self { stroke: Some(color), width, ..self }
     }
 
-    /// The same with an area that lets through what is below, 0 to 1.
+    /// This style with an area of this opacity, 0 to 1.
     #[must_use]
     pub const fn filled_by(self, opacity: f64) -> Self {
         Self { fill_opacity: opacity, ..self }
     }
 
-    /// The same with a line that lets through what is below, 0 to 1.
+    /// This style with a line of this opacity, 0 to 1.
     #[must_use]
     pub const fn lined_by(self, opacity: f64) -> Self {
         Self { stroke_opacity: opacity, ..self }
     }
 
-    /// The same with a line of dashes and gaps of these lengths.
+    /// This style with dashes and gaps of these lengths.
     #[must_use]
     pub const fn dashed(self, dash: f64, gap: f64) -> Self {
         self.dashes([dash, gap, dash, gap])
     }
 
-    /// The same with a line of dash, gap, dash, gap of these lengths; unbroken where all are zero.
+    /// This style with dash, gap, dash, gap of these lengths; solid if all are zero.
     #[must_use]
     pub const fn dashes(self, dash: [f64; 4]) -> Self {
         Self { dash, ..self }
     }
 
-    /// The same with round corners.
+    /// This style with rounded corners.
     #[must_use]
     pub const fn rounded(self, radius: f64) -> Self {
         Self { corner: radius, ..self }
     }
 
-    /// The colour of its line.
+    /// Colour of the line.
     pub const fn color(&self) -> Option<Color> {
         self.stroke
     }
@@ -83,19 +83,19 @@ impl Style {
     }
 }
 
-/// Which part of a text stands at its place.
+/// Horizontal alignment of a text at its position.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Anchor {
-    /// Its beginning.
+    /// The text starts there.
     Start,
-    /// Its middle.
+    /// The text is centred there.
     Middle,
-    /// Its end.
+    /// The text ends there.
     End,
 }
 
 impl Anchor {
-    /// How much of a text's width is before its place.
+    /// Share of a text's width before its position.
     pub(crate) fn share(self) -> f64 {
         match self {
             Self::Start => 0.0,
@@ -105,30 +105,30 @@ impl Anchor {
     }
 }
 
-/// How a text stands.
+/// Style of a text.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Text {
-    /// Height, pixels.
+    /// Font size, pixels.
     pub size: f64,
-    /// Its colour.
+    /// Colour.
     pub color: Color,
-    /// What of it is at its place.
+    /// Alignment.
     pub anchor: Anchor,
-    /// Whether in bold letters.
+    /// True for bold letters.
     pub bold: bool,
-    /// Whether a light rim sets it off from what is below.
+    /// True for a light outline that separates the text from its background.
     pub rim: bool,
 }
 
 impl Text {
-    /// Upright, dark, from its place on.
+    /// Regular, dark, left-aligned.
     pub const PLAIN: Self =
         Self { size: 12.0, color: color::INK, anchor: Anchor::Start, bold: false, rim: false };
-    /// The heading of a picture.
+    /// Title of a picture.
     pub const TITLE: Self = Self { size: 16.0, bold: true, ..Self::PLAIN };
-    /// What explains, in grey.
+    /// Secondary text, in grey.
     pub const SOFT: Self = Self { color: color::SOFT, ..Self::PLAIN };
-    /// The numbers along an axis.
+    /// Tick labels of an axis.
     pub const TICK: Self = Self { size: 11.0, anchor: Anchor::Middle, ..Self::SOFT };
 }
 
@@ -138,5 +138,5 @@ impl Default for Text {
     }
 }
 
-/// Rims of texts: how wide, and how much of what is below they hide.
+/// Outline of texts: width and opacity.
 pub(crate) const RIM: Style = Style::line(color::PAPER, 3.0).lined_by(0.85);

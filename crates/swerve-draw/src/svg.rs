@@ -1,4 +1,4 @@
-//! Pictures as SVG: every text escaped, every number rounded.
+//! Encoding as SVG: texts are escaped, numbers rounded.
 
 use core::fmt::Write;
 
@@ -9,7 +9,7 @@ use crate::font::{STACK, drawn_width};
 use crate::style::{Anchor, RIM, Style, Text};
 
 impl Picture {
-    /// As SVG.
+    /// Encodes as SVG.
     pub fn svg(&self) -> String {
         let (w, h) = (number(self.size.0), number(self.size.1));
         let mut out = format!(
@@ -106,7 +106,7 @@ fn text(((x, y), turn_deg): ((f64, f64), f64), text: &str, how: Text) -> String 
         0.0 => String::new(),
         turn_deg => format!(" transform=\"rotate({} {x} {y})\"", number(turn_deg)),
     };
-    // The length that the layout assumes, whatever font the viewer has.
+    // The width assumed by the layout, in any font.
     let head = format!(
         "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{weight}{turn} \
          textLength=\"{length}\" lengthAdjust=\"spacingAndGlyphs\""
@@ -119,7 +119,7 @@ fn text(((x, y), turn_deg): ((f64, f64), f64), text: &str, how: Text) -> String 
     format!("{head} {} stroke-linejoin=\"round\">{text}</text>\n{written}", attributes(&RIM))
 }
 
-/// A text as it stands in XML. Characters that XML has no way to write become U+FFFD (XML 1.0, section 2.2).
+/// Escapes a text for XML. Characters that XML cannot represent become U+FFFD (XML 1.0, section 2.2).
 pub fn escape(text: &str) -> String {
     let is_refused =
         |c: char| c.is_ascii_control() && !"\t\n\r".contains(c) || matches!(c, '\u{fffe}' | '\u{ffff}');

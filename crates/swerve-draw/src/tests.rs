@@ -1,9 +1,9 @@
-//! The palette under the eyes of others; every form of a picture.
+//! Perception of the palette, and all formats of a picture.
 
 use super::color::{self, Color, contrast, graded, luminance};
 use super::*;
 
-/// What the colour-blind see of linear light, in full severity (Machado, Oliveira and Fernandes 2009); and everybody.
+/// Linear light as perceived with complete colour-vision deficiency (Machado, Oliveira and Fernandes 2009) and without.
 const EYES: [(&str, [[f64; 3]; 3]); 3] = [
     ("all colours", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     (
@@ -37,14 +37,14 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// Lightness of what a printer without colours makes of it, 0 to 100.
+/// Lightness in greyscale print, 0 to 100.
 fn lightness(color: Color) -> f64 {
     let y = luminance(color);
     lab([y, y, y])[0]
 }
 
 #[test]
-fn lines_of_a_plot_are_told_apart_by_all_eyes_and_in_grey() {
+fn lines_of_a_plot_differ_to_all_viewers_and_in_grey() {
     for (i, a) in color::SERIES.iter().enumerate() {
         assert!(
             contrast(a.color, color::PAPER) >= 2.9,
@@ -64,7 +64,7 @@ fn lines_of_a_plot_are_told_apart_by_all_eyes_and_in_grey() {
 }
 
 #[test]
-fn nine_lines_and_more_have_looks_and_repeated_looks_are_noted() {
+fn nine_or_more_lines_have_styles_and_repeats_are_noted() {
     let looks: Vec<_> = (0..17).map(color::series).collect();
     for k in 0..16 {
         assert!(looks[..k].iter().all(|before| *before != looks[k]), "line {k}");
@@ -74,7 +74,7 @@ fn nine_lines_and_more_have_looks_and_repeated_looks_are_noted() {
 }
 
 #[test]
-fn a_scale_gets_darker_all_the_way_for_all_eyes() {
+fn graded_scale_darkens_monotonically_for_all_viewers() {
     for (eyes, by) in EYES {
         let steps: Vec<f64> = (0..=10).map(|k| seen(graded(0.1 * f64::from(k)), &by)[0]).collect();
         assert!(steps.windows(2).all(|pair| pair[0] - pair[1] >= 3.0), "{eyes}: {steps:?}");
@@ -83,14 +83,14 @@ fn a_scale_gets_darker_all_the_way_for_all_eyes() {
     for k in 0..=20 {
         let ground = graded(0.05 * f64::from(k));
         let read = contrast(ground, color::ink_on(ground));
-        // Between ink and paper no ground has more than 4 with both.
+        // No background has a contrast of more than 4 with both ink and paper.
         assert!(read >= 3.9, "text at {k}: {read:.2}");
     }
 }
 
-/// What lies beside each other in a picture with the same shape.
+/// Elements of the same shape that occur side by side in a picture.
 #[test]
-fn signs_of_one_shape_are_told_apart_by_all_eyes() {
+fn elements_of_one_shape_differ_to_all_viewers() {
     let fills = [("ego", color::EGO), ("person", color::PERSON), ("vehicle", color::VEHICLE)];
     let lines = [("ego", color::EGO), ("plan", color::PLAN), ("collision", color::ALARM)];
     let dashed = [("fallback", color::FALLBACK), ("sight", color::SIGHT), ("track", color::TRACK)];
@@ -155,7 +155,7 @@ fn sample() -> Picture {
 }
 
 #[test]
-fn a_picture_is_the_same_bytes_every_time() {
+fn picture_bytes_are_identical_every_time() {
     for format in Format::ALL {
         let once = sample().bytes(format).unwrap();
         assert!(once == sample().bytes(format).unwrap(), "{format}");
@@ -171,7 +171,7 @@ fn a_picture_is_the_same_bytes_every_time() {
 }
 
 #[test]
-fn svg_has_only_characters_that_xml_can_hold() {
+fn svg_has_only_xml_characters() {
     let text = "a\u{0}b\u{1b}[2J\u{7f}\u{fffe}\n\u{e9}";
     assert_eq!(crate::escape(text), "a\u{fffd}b\u{fffd}[2J\u{fffd}\u{fffd}\n\u{e9}");
 }
@@ -184,7 +184,7 @@ fn svg_escapes_and_names_its_font() {
 }
 
 #[test]
-fn png_has_the_size_and_what_was_drawn() {
+fn png_has_the_size_and_contents_of_the_picture() {
     let file = sample().bytes(Format::Png).unwrap();
     let mut reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -192,22 +192,22 @@ fn png_has_the_size_and_what_was_drawn() {
     assert_eq!((info.width, info.height, info.color_type), (800, 480, png::ColorType::Rgb));
     let at = |x: usize, y: usize| [0, 1, 2].map(|k| pixels[3 * (800 * y + x) + k]);
     assert_eq!((at(1, 1), at(640, 240)), (color::PAPER.0, color::PERSON.0), "paper, and the circle");
-    // Letters: the heading has dark pixels, and none are outside of it.
+    // The heading has dark pixels, and the area outside it has none.
     let dark = |xs: core::ops::Range<usize>, ys: core::ops::Range<usize>| {
         ys.flat_map(|y| xs.clone().map(move |x| (x, y)))
             .filter(|(x, y)| luminance(Color(at(*x, *y))) < 0.3)
             .count()
     };
     assert!(dark(140..400, 44..68) > 100 && dark(600..800, 20..60) == 0);
-    // A clip holds: the waves end at the frame.
+    // The clip works: the curves end at the frame.
     assert_eq!(dark(742..800, 90..300), 0);
     let huge = Canvas::default().finish(1e7, 1e7, "");
     assert!(huge.bytes(Format::Png).is_err());
 }
 
-/// Every object is where the table of the file says; the page has the picture's size, its letters and its texts.
+/// Every object is at the offset in the file's table; the page has the picture's size, its fonts and its texts.
 #[test]
-fn pdf_can_be_read() {
+fn pdf_is_readable() {
     let file = sample().bytes(Format::Pdf).unwrap();
     let find = |what: &[u8], from: usize| {
         file[from..].windows(what.len()).position(|part| part == what).map(|at| at + from)
@@ -242,7 +242,7 @@ fn pdf_can_be_read() {
 }
 
 #[test]
-fn texts_are_as_wide_as_their_letters() {
+fn text_width_is_the_sum_of_its_letters() {
     let font = font::Font::of(false);
     assert!(
         (font.width("A\u{a0}b\u{2026}") - (0.667 + 0.278 + 0.556 + 1.0)).abs() < 2e-3,
@@ -250,7 +250,7 @@ fn texts_are_as_wide_as_their_letters() {
         font.width("A b\u{2026}")
     );
     assert!(width_of("width", Text { bold: true, ..Text::PLAIN }) > width_of("width", Text::PLAIN));
-    // Letters that the font lacks are boxes, and take room.
+    // Missing characters are drawn as boxes, which have a width.
     assert!(font.width("\u{4e2d}") > 0.3);
 }
 

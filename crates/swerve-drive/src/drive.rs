@@ -1,4 +1,4 @@
-//! A drive, and what it came to.
+//! Running a pipeline, and its outcome.
 
 use std::sync::Arc;
 
@@ -16,29 +16,29 @@ use crate::measured::Measured;
 use crate::process::Processes;
 use crate::rungs::Rungs;
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Its measures.
+    /// Metrics.
     pub metrics: Metrics,
-    /// One number that two equal runs share.
+    /// Digest of the run; equal for identical runs.
     pub digest: Digest,
     /// Smallest distance of the ego's outline to the edge of the drivable ground, m; negative outside.
     pub road_margin_m: f64,
-    /// What the engine counted.
+    /// Counters of the engine.
     pub report: RunReport,
-    /// What computed the images, if there were any.
+    /// Device that rendered the images, if any.
     pub rendered: Option<Rendered>,
-    /// What deadlines made of it.
+    /// Rungs and time budgets chosen under deadlines.
     pub rungs: Rungs,
 }
 
-/// Drives a scenario without leaving files.
+/// Runs a scenario without writing files.
 pub fn drive(config: &Config, scenario: &Scenario) -> anyhow::Result<Outcome> {
     drive_observed(config, scenario, 1, &mut [])
 }
 
-/// Drives a scenario; `observers` are told everything that happens.
+/// Runs a scenario and passes all events to `observers`.
 pub fn drive_observed(
     config: &Config,
     scenario: &Scenario,
@@ -50,7 +50,7 @@ pub fn drive_observed(
     drive_pipeline(pipeline, config.seed, threads, observers)
 }
 
-/// Runs a pipeline that is already built.
+/// Runs a pipeline.
 pub fn drive_pipeline(
     pipeline: Pipeline,
     seed: u64,
@@ -79,7 +79,7 @@ pub fn drive_pipeline(
     })
 }
 
-/// Gives every operator that `takes` them the run times that it had in an earlier run.
+/// Gives every operator accepted by `takes` its run times from a log.
 pub fn record_run_times(pipeline: &mut Pipeline, log: &Log, takes: impl Fn(&str) -> bool) {
     for (operator, times) in log.run_times().into_iter().filter(|(operator, _)| takes(operator)) {
         if let Ok(node) = pipeline.graph.operator(&operator) {
@@ -90,14 +90,14 @@ pub fn record_run_times(pipeline: &mut Pipeline, log: &Log, takes: impl Fn(&str)
 }
 
 impl Outcome {
-    /// In what way the run differs from what is expected.
+    /// Lists the deviations from the expected result.
     pub fn broken(&self, expected: &Expectation) -> Vec<String> {
         if self.metrics.verdict == Verdict::Unfinished {
             return vec!["the run was ended before the scenario was".into()];
         }
         let plans = &self.metrics.plans;
         match self.metrics.verdict {
-            // Who rests because of its pose has a place and a time of its own to end at.
+            // A stop for an uncertain pose may end at another place and time.
             Verdict::Stopped
                 if plans.pose_uncertain_since_s.or(self.metrics.pose_silent_since_s).is_some() =>
             {
@@ -108,7 +108,7 @@ impl Outcome {
         }
     }
 
-    /// A metric that a scenario can put bounds on.
+    /// Value of a metric that a scenario can bound.
     fn value_of(&self, metric: Metric) -> Option<f64> {
         let metrics = &self.metrics;
         match metric {

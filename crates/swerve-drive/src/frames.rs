@@ -1,8 +1,8 @@
-//! Pictures of a drive as it goes: what a driver and a follower would see, with plan and obstacles drawn in.
+//! Pictures of a running drive: the driver's view and a chase view, with plan and obstacles drawn in.
 //!
-//! Beside them, in a folder for each camera of the configuration, the images that it publishes, and in another one the
-//! same with what the operators that read them find.
-//! An observer of the run: it changes nothing in it. Its pictures are the same bytes for the same run.
+//! For each camera of the configuration, the published images are written to one folder, and the same images with the
+//! detections of the operators that read them to another.
+//! The frames are written by an observer, which does not affect the run. Identical runs give identical files.
 
 mod annotate;
 mod colours;
@@ -32,45 +32,46 @@ use video::Video;
 
 pub use overlay::overlay;
 
-/// Between two pictures.
+/// Interval between pictures.
 const PERIOD: Span = Span::from_ms(50);
-/// What a picture says of itself: one without it is somebody else's, whatever its name.
+/// PNG comment that marks a picture as written by this module; pictures without it are foreign, whatever their name.
 const OURS: &str = "swerve --frames";
-/// Ends the name of the folder of a stream's images with what was found in them.
+/// Suffix of the folder with a stream's images and detections.
 const SEEN: &str = "seen";
-/// How long the ego's poses are remembered, for what is told later than it was seen.
+/// Length of the history of ego poses, for messages that are published later than their stamp.
 const MEMORY: Span = Span::from_ms(1000);
-/// The follower's view, pixels. Beside it, where they hide nobody, the driver's and below that the one from above.
+/// Sizes in pixels: the chase view, and beside it, where it hides nothing important, the driver's view above the top
+/// view.
 const WIDTH_PX: u32 = 1280;
 const HEIGHT_PX: u32 = 720;
 const BESIDE_PX: u32 = 448;
 const DRIVER_HEIGHT_PX: u32 = 252;
 
-/// What a picture has besides the world.
+/// Contents of a picture besides the world.
 #[derive(Default)]
 struct Seen {
     world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
-    /// Names of the actors, in the order of their identities.
+    /// Names of the actors, in the order of their ids.
     names: Vec<String>,
-    /// The lines of the lane that each operator found last, and where the ego was then.
+    /// Latest lane lines of each operator, and the ego pose at that time.
     lanes: BTreeMap<String, (Lanes, Transform<Map, Ego>)>,
-    /// Where the ego was of late, oldest first.
+    /// Recent ego poses, oldest first.
     poses: VecDeque<(Time, Transform<Map, Ego>)>,
 }
 
-/// Where the pictures go.
+/// Destinations of the pictures.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Sinks<'a> {
-    /// A folder, one file a picture; and beside them the images of the configuration's cameras.
+    /// Folder for one file per picture, and for the images of the configured cameras.
     pub folder: Option<&'a Path>,
-    /// A file, as a video.
+    /// Video file.
     pub video: Option<&'a Path>,
 }
 
 impl Sinks<'_> {
-    /// Whether nobody asks for pictures.
+    /// True if no pictures are requested.
     pub fn is_none(&self) -> bool {
         self.folder.is_none() && self.video.is_none()
     }
@@ -79,7 +80,7 @@ impl Sinks<'_> {
 /// Draws a picture of the run every 50 ms.
 pub struct Frames {
     folder: Option<PathBuf>,
-    /// Pictures of an earlier run, which go when this one's first comes.
+    /// Pictures of an earlier run, deleted when the first new one is written.
     earlier: Vec<PathBuf>,
     video: Option<Video>,
     sheet: Frame,
@@ -92,17 +93,17 @@ pub struct Frames {
     next: Time,
     count: usize,
     seen: Seen,
-    /// Of each stream of images: the camera, and how many were written.
+    /// Camera and number of written images of each image stream.
     cameras: BTreeMap<String, Camera>,
     written: BTreeMap<String, usize>,
-    /// Of each stream the newest image with its number, which detectors still look at; and who looks at which.
+    /// Newest image of each stream with its number, which waits for detections; and the stream read by each detector.
     waiting: BTreeMap<String, (Time, usize, Frame)>,
     detectors: BTreeMap<String, String>,
     failure: Option<anyhow::Error>,
 }
 
 impl Seen {
-    /// Draws all but the world itself over a view of it.
+    /// Draws everything except the world over a view of it.
     fn draw(&self, canvas: &mut Canvas<'_>, world: &WorldState) {
         if let Some(plan) = &self.plan {
             canvas.plan(plan, world.stamp);
@@ -114,13 +115,13 @@ impl Seen {
     }
 }
 
-/// A camera on the ego with room for its image.
+/// A camera on the ego with an image buffer.
 struct Eye {
     camera: Camera,
     ego_from_camera: Transform<Ego, swerve_geom::Camera>,
     frame: Frame,
     hides_ego: bool,
-    /// True to see through fog and rain, as a map does: over 60 m little of the road would be left.
+    /// True for a map view that ignores fog and rain: at 60 m little of the road would be visible.
     is_map: bool,
 }
 
@@ -161,10 +162,11 @@ impl Eye {
 }
 
 impl Frames {
-    /// Pictures of a scenario. The folder is made; pictures of an earlier run in it go when the first one comes.
+    /// Creates a writer for pictures of a scenario. Creates the folder; pictures of an earlier run are deleted when the
+    /// first new one is written.
     ///
     /// # Errors
-    /// A folder that cannot be made or has files of others in it, or a video without `ffmpeg`.
+    /// If the folder cannot be created or contains foreign files, or if a video is requested without `ffmpeg`.
     pub fn create(
         to: Sinks<'_>,
         title: String,
@@ -188,7 +190,7 @@ impl Frames {
         let eye_m = [ahead_m + 0.35, 0.36, 1.25];
         let mut driver = Eye::new((BESIDE_PX, DRIVER_HEIGHT_PX), 75.0, eye_m, 2.0)?;
         driver.hides_ego = true;
-        // From 7 m behind to 29 m ahead, 34 m across.
+        // From 7 m behind to 29 m ahead, 34 m wide.
         let above_px = (BESIDE_PX, HEIGHT_PX - DRIVER_HEIGHT_PX);
         let mut above = Eye::new(above_px, 32.0, [ahead_m + 11.0, 0.0, 60.0], 90.0)?;
         above.is_map = true;
@@ -221,10 +223,10 @@ impl Frames {
         })
     }
 
-    /// How many pictures were written.
+    /// Finishes and returns the number of pictures written.
     ///
     /// # Errors
-    /// The first that could not be.
+    /// The first error while writing pictures.
     pub fn finish(&mut self) -> anyhow::Result<usize> {
         let waiting: Vec<String> = self.waiting.keys().cloned().collect();
         let written = waiting.iter().try_for_each(|stream| self.write(stream));
@@ -233,8 +235,8 @@ impl Frames {
         failure.map_or(Ok(self.count), Err)
     }
 
-    /// Writes an image of a camera of the configuration as it was published. Where operators read it, a copy waits for what
-    /// they find: it is written with their boxes, or without when the next image comes.
+    /// Writes an image of a configured camera as published. If operators read it, a copy waits for their detections: it
+    /// is written with their boxes, or without them when the next image arrives.
     fn camera(&mut self, operator: &str, stream: &str, image: &Image) -> anyhow::Result<()> {
         if self.folder.is_none() {
             return Ok(());
@@ -256,7 +258,7 @@ impl Frames {
         Ok(())
     }
 
-    /// What a detector found, drawn into the image that it looked at, if that is the newest one.
+    /// Draws a detector's boxes into the image that it processed, if that is still the newest one.
     fn found(&mut self, operator: &str, found: &Detections) -> anyhow::Result<()> {
         if !self.draw(operator, found.stamp, |canvas| canvas.found(found)) {
             return Ok(());
@@ -264,7 +266,7 @@ impl Frames {
         self.detectors.get(operator).cloned().map_or(Ok(()), |stream| self.write(&stream))
     }
 
-    /// Draws into the image of this stamp that an operator looked at, and tells whether it still waits.
+    /// Draws into the image of this stamp that an operator processed; returns true if it is still waiting.
     fn draw(&mut self, operator: &str, stamp: Time, draw: impl FnOnce(&mut Canvas<'_>)) -> bool {
         let Some(stream) = self.detectors.get(operator) else { return false };
         let newest = self.waiting.get_mut(stream).filter(|(at, ..)| *at == stamp);
@@ -274,13 +276,13 @@ impl Frames {
         true
     }
 
-    /// Writes the image of a stream that waits, with what was found in it.
+    /// Writes the waiting image of a stream with its annotations.
     fn write(&mut self, stream: &str) -> anyhow::Result<()> {
         let Some((_, number, frame)) = self.waiting.remove(stream) else { return Ok(()) };
         self.write_image(&format!("{}_{SEEN}", stream.replace('.', "/")), number, &frame)
     }
 
-    /// Writes an image into a folder below that of the pictures, which is made for the first.
+    /// Writes an image into a subfolder, which is created for the first one.
     fn write_image(&self, below: &str, number: usize, frame: &Frame) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
         let folder = folder.join(below);
@@ -290,7 +292,7 @@ impl Frames {
         write_picture(&folder.join(format!("{number:05}.png")), frame)
     }
 
-    /// Takes away the pictures of an earlier run, once.
+    /// Deletes the pictures of an earlier run, once.
     fn clear(&mut self) -> anyhow::Result<()> {
         let earlier = std::mem::take(&mut self.earlier);
         earlier.iter().try_for_each(|path| {
@@ -300,7 +302,7 @@ impl Frames {
 
     fn take(&mut self, world: &WorldState) -> anyhow::Result<()> {
         self.street.show(world);
-        // Roll and pitch of the body are the driver's, not the follower's.
+        // Roll and pitch of the body affect the driver's view, not the chase view.
         let level = level(world.ego.map_from_ego);
         self.driver.look(&mut self.renderer, &self.street, world.ego.map_from_ego)?;
         for eye in [&mut self.follower, &mut self.above] {
@@ -341,7 +343,7 @@ impl Observer for Frames {
                 self.failure = self.found(publication.operator, found).err();
             }
         } else if let Some(seen) = payload.downcast_ref::<TrafficLights>() {
-            // The image still waits for boxes, or for the next one.
+            // The image still waits for boxes or for the next image.
             self.draw(publication.operator, seen.stamp, |canvas| canvas.lights(seen));
         } else if let Some(plan) = payload.downcast_ref::<Plan>() {
             self.seen.plan = Some(plan.clone());
@@ -368,18 +370,18 @@ impl Observer for Frames {
     }
 }
 
-/// For what is drawn by its place in the image, not in the map.
+/// Placeholder pose for drawings in image coordinates.
 fn nowhere() -> Transform<swerve_geom::Camera, Map> {
     Transform::from_roll_pitch_yaw(swerve_geom::Point::default(), 0.0, 0.0, 0.0)
 }
 
-/// An empty picture.
+/// Creates a black picture.
 fn sheet((width_px, height_px): (u32, u32)) -> Frame {
     let (width_px, height_px) = (width_px as usize, height_px as usize);
     Frame { width_px, height_px, rgb: vec![0; 3 * width_px * height_px], ..Frame::default() }
 }
 
-/// Copies a picture into a larger one, its top left corner to a place, pixels.
+/// Copies a picture into a larger one with its top left corner at a position, pixels.
 fn paste(sheet: &mut Frame, view: &Frame, (left, top): (u32, u32)) {
     for (row, pixels) in view.rgb.chunks_exact(3 * view.width_px).enumerate() {
         let start = 3 * ((row + top as usize) * sheet.width_px + left as usize);
@@ -387,18 +389,18 @@ fn paste(sheet: &mut Frame, view: &Frame, (left, top): (u32, u32)) {
     }
 }
 
-/// The same place and heading without roll and pitch.
+/// The pose without roll and pitch.
 fn level(pose: Transform<Map, Ego>) -> Transform<Map, Ego> {
     let ahead = pose * swerve_geom::Vector::new(1.0, 0.0, 0.0);
     let yaw_rad = swerve_geom::math::atan2(ahead.coords.y, ahead.coords.x);
     Transform::from_roll_pitch_yaw(pose.origin(), 0.0, 0.0, yaw_rad)
 }
 
-/// The pictures of an earlier run in a folder and those below it.
+/// Collects the pictures of an earlier run in a folder and its subfolders.
 ///
 /// # Errors
-/// Anything else is there: what somebody keeps beside pictures, or in their names, is not to be lost. What is hidden, as
-/// file managers leave it, counts for nothing.
+/// If anything else is there, so that files kept beside the pictures or under their names are not lost. Hidden files,
+/// such as those of file managers, are ignored.
 fn pictures_in(folder: &Path, found: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
     for entry in entries {

@@ -1,4 +1,4 @@
-//! `swerve graph`: the dataflow that a configuration makes.
+//! `swerve graph`: prints the dataflow of a configuration.
 
 use std::path::PathBuf;
 
@@ -16,13 +16,13 @@ use crate::{RunInput, load};
 pub struct GraphArgs {
     #[command(flatten)]
     input: RunInput,
-    /// Graphviz instead of text
+    /// Print Graphviz instead of text
     #[arg(long, conflicts_with = "picture")]
     dot: bool,
-    /// The text that makes this pipeline, to start a configuration from
+    /// Print the complete configuration of this pipeline as TOML, as a starting point
     #[arg(long, conflicts_with_all = ["dot", "picture"])]
     toml: bool,
-    /// Draw it into this file
+    /// Draw the graph into this file
     #[arg(long, value_name = "FILE", alias = "svg")]
     picture: Option<PathBuf>,
     #[command(flatten)]
@@ -34,7 +34,7 @@ pub struct GraphArgs {
 /// Prints the graph.
 ///
 /// # Errors
-/// All that is wrong with scenario and configuration, or the picture cannot be written.
+/// All errors in scenario and configuration, or a failure to write the picture.
 pub fn run(args: &GraphArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(file) = &args.picture {
         swerve_report::files::refuse_toml(file)?;

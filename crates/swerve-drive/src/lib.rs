@@ -1,7 +1,7 @@
-//! A pipeline driven: read, run, measured, recorded; in this process and in others.
+//! Runs of a pipeline: loading, running, measuring and recording, in one or several processes.
 //!
-//! The engine and the operators do not know of files, names and processes: this is where a scenario and a configuration
-//! become a run with an [`Outcome`].
+//! The engine and the operators are independent of files, names and processes. This crate turns a scenario and a
+//! configuration into a run with an [`Outcome`].
 
 mod drive;
 mod lights;

@@ -1,11 +1,11 @@
-//! The traffic lights of a scenario as a run has them.
+//! Traffic light signals during a run.
 
 use swerve_core::{Span, Time};
 use swerve_eval::LightCourse;
 use swerve_msg::Signal;
 use swerve_scenario::{Scenario, TrafficLight};
 
-/// What each light of a scenario shows from the start until an instant.
+/// Signal phases of each light of a scenario, from the start until an instant.
 pub(crate) fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse> {
     let course = |light: &TrafficLight| {
         let (mut shows, mut at) = (Vec::new(), Time::ZERO);
@@ -18,7 +18,7 @@ pub(crate) fn light_courses(scenario: &Scenario, until: Time) -> Vec<LightCourse
                 Signal::Red => light.red_s,
             };
             let next = at - since + Span::from_secs(length_s);
-            // A light that is not checked may have no phases.
+            // An unchecked light may have no phases.
             if next <= at {
                 break;
             }
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_shows_what_the_light_does() {
+    fn course_matches_the_light() {
         let file =
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/traffic_light.toml");
         let scenario = Scenario::read(&file).unwrap();

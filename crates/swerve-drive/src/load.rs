@@ -1,4 +1,4 @@
-//! What a command line names, read and checked.
+//! Loading and checking of the files named on a command line.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,47 +12,47 @@ use swerve_text::{nearest, parse_assignment, parse_assignments};
 use crate::shipped::Kind;
 use crate::trust::CodeArgs;
 
-/// What is driven, by what.
+/// Scenario, configuration and overrides of a run.
 #[derive(clap::Args, Clone, Debug)]
 pub struct RunInput {
-    /// Scenario file (TOML), or the name of one that is in the program: `swerve scenarios`
+    /// Scenario file (TOML), or the name of a built-in one, see `swerve scenarios`
     pub scenario: PathBuf,
-    /// Configuration file (TOML), or the name of one that is in the program, such as paper; several: the later over the
-    /// earlier. What they leave out has a default
+    /// Configuration file (TOML), or the name of a built-in one, such as paper. Repeatable: later files override
+    /// earlier ones; missing keys have defaults
     #[arg(short, long)]
     pub config: Vec<PathBuf>,
     /// Set a key of the configuration (planning.planner=rrt_star) or the scenario (actor.person.speed_mps=4)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Seed of everything random
+    /// Random seed
     #[arg(long, allow_negative_numbers = true, value_parser = clap::value_parser!(i64).range(0..))]
     pub seed: Option<i64>,
-    /// Start the programs that files name which are not yours: process.NAME.start, python and interpreter of
-    /// configurations from outside the current folder
-    // Not flattened: an optional group of arguments has no other within.
+    /// Start programs named in configurations from outside the current folder: process.NAME.start, python and
+    /// interpreter
+    // Not flattened: clap does not allow an optional group of arguments to contain another one.
     #[arg(long)]
     pub allow_code: bool,
 }
 
 impl RunInput {
-    /// The consent to programs.
+    /// Consent to start programs.
     pub fn code(&self) -> CodeArgs {
         CodeArgs { allow_code: self.allow_code }
     }
 }
 
-/// Several problems as one error.
+/// Joins several problems to one error.
 pub fn problems_error<P: ToString>(problems: &[P]) -> anyhow::Error {
     let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
     anyhow!(lines.join("\n"))
 }
 
-/// Reads a scenario, from a file or by its name; all its problems in one error.
+/// Reads a scenario from a file or by its name; reports all its problems in one error.
 pub fn read_scenario(path: &Path) -> anyhow::Result<Scenario> {
     read_scenario_with(path, &[])
 }
 
-/// As [`read_scenario`], with single keys changed.
+/// Same as [`read_scenario`], with single keys changed.
 fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Result<Scenario> {
     let document = Kind::scenario(path)?;
     let scenario = Scenario::parse_with(&document.file, &document.text, sets)
@@ -72,7 +72,7 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
     Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
 }
 
-/// Reads and checks what a command line names.
+/// Reads and checks the files named on a command line.
 pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Scenario)> {
     let mut sets = parse_assignments(&input.set)?;
     if let Some(seed) = input.seed {
@@ -86,11 +86,11 @@ pub fn load(registry: &Registry, input: &RunInput) -> anyhow::Result<(Config, Sc
     Ok((config, read_scenario_with(&input.scenario, &of_scenario)?))
 }
 
-/// Reads the configuration of files for drives, with assignments and the consent of a command line; reports the programs that
-/// it starts.
+/// Reads configuration files for a drive, with the assignments and the consent of a command line; reports the programs
+/// that it starts.
 ///
 /// # Errors
-/// All that is wrong with it, or a program that the user has not consented to.
+/// All errors in the configuration, or a program without the user's consent.
 pub fn load_config(
     registry: &Registry,
     files: &[PathBuf],
@@ -104,10 +104,10 @@ pub fn load_config(
     Ok(config)
 }
 
-/// The operators to which `--set` gives run times.
+/// Collects the operators whose run times are set with `--set`.
 ///
 /// # Errors
-/// What is no assignment, or sets a key within another's value.
+/// If a word is not an assignment, or sets a key inside another's value.
 pub fn operators_with_runtime(words: &[String]) -> anyhow::Result<BTreeSet<String>> {
     let mut table = toml::Table::new();
     for word in words {

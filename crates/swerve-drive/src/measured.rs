@@ -1,4 +1,4 @@
-//! The measures of a run, from what the engine tells.
+//! Metrics of a run, from the engine's events.
 
 use swerve_core::Span;
 use swerve_eval::{Evaluation, Norm, Outline};
@@ -11,15 +11,15 @@ use swerve_vehicle::Shape;
 use crate::lights::light_courses;
 use crate::rungs::Rungs;
 
-/// The operators whose messages are measured: what a fault makes of one is no second one.
+/// Operators whose messages are measured. A fault injector's copy of a message is not counted again.
 struct Publishers {
     imu: Option<String>,
     pose: Option<String>,
-    /// The last fault of that stream, whose poses the readers get.
+    /// Last fault injector of the pose stream, whose poses the readers get.
     pose_heard: Option<String>,
     obstacles: Option<String>,
     plan: Option<String>,
-    /// Who commands the car's pedals; nobody where a gate lets commands through.
+    /// Operator that commands the car's pedals; `None` if a gate passes commands through.
     pedals: Option<String>,
 }
 
@@ -38,7 +38,7 @@ impl Publishers {
     }
 }
 
-/// Feeds the evaluation with what the engine tells.
+/// Feeds the evaluation with the engine's events.
 pub(crate) struct Measured {
     pub(crate) evaluation: Evaluation,
     operators: Vec<String>,
@@ -49,12 +49,12 @@ pub(crate) struct Measured {
     pub(crate) rungs: Rungs,
 }
 
-/// The outline of a vehicle as the evaluation has it.
+/// Outline of a vehicle for the evaluation.
 pub(crate) fn outline(shape: &Shape) -> Outline {
     Outline { length_m: shape.length_m, width_m: shape.width_m, center_ahead_m: shape.center_ahead_m() }
 }
 
-/// The lane and the speed that a scenario asks the ego to keep.
+/// Lane and speed that the scenario requires of the ego.
 pub(crate) fn norm(pipeline: &Pipeline) -> Norm {
     let scenario = &pipeline.scenario;
     Norm {

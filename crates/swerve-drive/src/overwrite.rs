@@ -1,19 +1,19 @@
-//! The option of every command that writes a file of a given name.
+//! The `--overwrite` option of commands that write a named file.
 
 use std::path::Path;
 
 use swerve_report::files::refuse_unwritable;
 
-/// Consent to the replacement of files.
+/// Consent to replace files.
 #[derive(clap::Args, Clone, Copy, Default, Debug)]
 pub struct OverwriteArgs {
-    /// Replace a file that is there already; without it only what this program wrote and nobody changed since
+    /// Replace an existing file; without it, only files that this program wrote and nobody changed are replaced
     #[arg(long)]
     pub overwrite: bool,
 }
 
 impl OverwriteArgs {
-    /// Refuses files for results that cannot be written or may not be replaced; to be asked before long work.
+    /// Refuses output files that cannot be written or may not be replaced; call this before long work.
     ///
     /// # Errors
     /// The first such file.

@@ -24,13 +24,13 @@ use crate::measured::outline;
 use crate::story::title;
 use crate::trust;
 
-/// The name of the page within a run's folder.
+/// Name of the page within a run's folder.
 pub const REPORT: &str = "report.html";
 
-/// Where the head of a log has the command line of its run.
+/// Key of the run's command line in the head of a log.
 pub const COMMAND: &str = "command";
 
-/// The page of a run, to be filled in while it drives.
+/// Page of a run, filled during the run.
 #[derive(Clone)]
 pub struct RunReport {
     collector: Collector,
@@ -39,24 +39,24 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// Of a run that is about to begin.
+    /// Creates the page of a run that is about to start.
     pub fn new(config: &Config, pipeline: &Pipeline, command: String) -> Self {
         let mut report = Self::of_config(config, &pipeline.scenario, command);
         report.set_up(config, pipeline);
         report
     }
 
-    /// Of a drive with a vehicle that is about to begin.
+    /// Creates the page of a drive with a vehicle that is about to start.
     ///
     /// # Errors
-    /// The configuration makes no pipeline.
+    /// If the configuration does not make a pipeline.
     pub fn live(config: &Config, scenario: &Scenario, command: String) -> anyhow::Result<Self> {
         let mut report = Self::of_config(config, scenario, command);
         report.set_up_live(config, scenario)?;
         Ok(report)
     }
 
-    /// Says in the place of the command line why none repeats the run.
+    /// Replaces the command line by the reason why no command repeats the run.
     #[must_use]
     pub fn without_command(mut self, why: &str) -> Self {
         self.page.command.clear();
@@ -84,13 +84,13 @@ impl RunReport {
         self.collector.set_ground(&pipeline.route, scenario.road.lane_width_m, shape);
         self.collector.set_lights(lights(&scenario.road, &pipeline.route));
         self.collector.keep_photos(config.log.images != Images::None);
-        // Actors are numbered in the order of the scenario, from 1.
+        // Actor ids follow the order of the scenario, starting at 1.
         let names = scenario.actors.iter().zip(1..);
         self.collector.set_names(names.map(|(actor, id)| (ActorId(id), actor.name.clone())));
         set_inputs(&mut self.collector, &pipeline.assembly);
     }
 
-    /// The graph needs the vehicle; who reads what does not.
+    /// Sets up a live drive. The graph needs the vehicle; the inputs do not.
     fn set_up_live(&mut self, config: &Config, scenario: &Scenario) -> anyhow::Result<()> {
         let shape = outline(&config.sim.vehicle.shape);
         self.collector.set_ground(&scenario.road.route(), scenario.road.lane_width_m, shape);
@@ -98,7 +98,7 @@ impl RunReport {
         Ok(())
     }
 
-    /// What heads the page, and what it holds before anything is measured.
+    /// Title and page before any measurement.
     pub fn head(&self) -> (String, RunPage) {
         self.clone().into_head()
     }
@@ -114,20 +114,20 @@ impl RunReport {
         (self.title, page)
     }
 
-    /// The drive as far as it goes by now.
+    /// The drive up to now.
     pub fn so_far(&self) -> &RunPage {
         self.collector.so_far()
     }
 
-    /// What is known of it by now beyond what a page has.
+    /// Rows added since those a page already has.
     pub fn rows(&self, have: &Have) -> Rows {
         self.collector.rows(have)
     }
 
-    /// The page of the run, now that it is over; `metrics` is what `metrics.json` holds.
+    /// Completes the page of a finished run; `metrics` is the content of `metrics.json`.
     ///
     /// # Errors
-    /// The metrics are no JSON.
+    /// If the metrics are not JSON.
     pub fn finish(self, digest: &str, metrics: &str) -> anyhow::Result<Page<RunPage>> {
         let metrics = serde_json::from_str(metrics).context("reading the metrics of the run")?;
         let (title, head) = self.into_head();
@@ -138,7 +138,7 @@ impl RunReport {
     /// Writes `report.html` into a folder.
     ///
     /// # Errors
-    /// As [`finish`](Self::finish), or it cannot be written.
+    /// Same as [`finish`](Self::finish), or if it cannot be written.
     pub fn write(self, folder: &Path, digest: &str, metrics: &str) -> anyhow::Result<()> {
         write_whole(&folder.join(REPORT), self.finish(digest, metrics)?.html().as_bytes())
     }
@@ -150,7 +150,7 @@ impl Observer for RunReport {
     }
 }
 
-/// The traffic lights of a road.
+/// Traffic lights of a road.
 fn lights(road: &Road, route: &Route) -> Vec<Light> {
     let cm = |s_m: f64, d_m: f64| {
         let point = route.unproject(FrenetPoint { s_m, d_m });
@@ -181,7 +181,7 @@ fn set_inputs(collector: &mut Collector, assembly: &Assembly) {
     }
 }
 
-/// The command line that repeats a run.
+/// Command line that repeats a run.
 pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
     let mut line = format!("swerve run {}", quoted(&input.scenario.display().to_string()));
     for config in &input.config {
@@ -200,7 +200,7 @@ pub fn command_line(input: &RunInput, run_times: Option<&Path>) -> String {
     line
 }
 
-/// The keys of a configuration that are not at their defaults.
+/// Keys of a configuration that are not at their defaults.
 fn changed(config: &Config) -> Vec<Changed> {
     let flat = |config: &Config| {
         let mut keys = Vec::new();
@@ -212,7 +212,7 @@ fn changed(config: &Config) -> Vec<Changed> {
         let document = Document::parse("defaults", text).ok()?;
         Config::from_document_with(&config.registry, &document, &[]).ok()
     };
-    // A sensor that is set up differs from one of its name that says nothing more; that it is there at all is told too.
+    // The defaults include an empty table for each sensor; the presence of the sensor itself is reported too.
     let sensors = sensors(config);
     let tables: String = sensors.iter().map(|sensor| format!("[{sensor}]\n")).collect();
     let default = of(tables).or_else(|| of(String::new()));
@@ -231,7 +231,7 @@ fn changed(config: &Config) -> Vec<Changed> {
     changed
 }
 
-/// The tables of a configuration's cameras, lidars and radars.
+/// Tables of a configuration's cameras, lidars and radars.
 fn sensors(config: &Config) -> Vec<String> {
     let table = |kind: &'static str| move |name: &String| format!("{kind}.{name}");
     let cameras = config.camera.keys().map(table("camera"));

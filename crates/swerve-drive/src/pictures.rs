@@ -1,4 +1,4 @@
-//! The form that pictures are written in: one option of every command that draws.
+//! The `--format` option of commands that draw pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -6,28 +6,28 @@ use anyhow::Context as _;
 use swerve_draw::{Format, Picture};
 use swerve_report::files::{is_ours, write_whole};
 
-/// How pictures are written.
+/// Output format of pictures.
 #[derive(clap::Args, Clone, Copy, Debug, Default)]
 pub struct PictureArgs {
-    /// Pictures as svg, pdf or png [default: as the file's name ends, else svg]
+    /// Picture format: svg, pdf or png [default: by the file extension, else svg]
     #[arg(long, value_name = "FORMAT")]
     format: Option<Format>,
 }
 
 impl PictureArgs {
-    /// The name of the picture `stem` with the ending of its format.
+    /// File name of the picture `stem` with the extension of its format.
     pub fn name(self, stem: &str) -> String {
         format!("{stem}.{}", self.format.unwrap_or_default())
     }
 
-    /// Writes a picture into a folder; gives the file's name.
+    /// Writes a picture into a folder and returns the file name.
     ///
     /// # Errors
-    /// It cannot be drawn or written.
+    /// If it cannot be drawn or written.
     pub fn write_in(self, folder: &Path, stem: &str, picture: &Picture) -> anyhow::Result<String> {
         let name = self.name(stem);
         write_whole(&folder.join(&name), &picture.bytes(self.format.unwrap_or_default())?)?;
-        // What an earlier run drew in another form is not of this one.
+        // Remove the same picture of an earlier run in another format.
         for other in Format::ALL.into_iter().filter(|other| *other != self.format.unwrap_or_default()) {
             let old: PathBuf = folder.join(format!("{stem}.{other}"));
             if is_ours(&old) {
@@ -37,10 +37,10 @@ impl PictureArgs {
         Ok(name)
     }
 
-    /// Writes a picture into the file that was asked for.
+    /// Writes a picture to the given file.
     ///
     /// # Errors
-    /// It cannot be drawn or written.
+    /// If it cannot be drawn or written.
     pub fn write(self, file: &Path, picture: &Picture) -> anyhow::Result<()> {
         let format = self.format.or(Format::of(file)).or(file.extension().is_none().then(Format::default));
         let format = format.with_context(|| {

@@ -1,7 +1,7 @@
-//! The processes of a run, from the coordinator's side; and what such a process does.
+//! Processes of a run: the coordinator's side and the worker's side.
 //!
-//! Both sides build the same pipeline from the same texts. The coordinator drives it, and has the steps of the
-//! operators that `[process.NAME]` names taken by the process of that name.
+//! Both sides build the same pipeline from the same texts. The coordinator drives it; each process named by
+//! `[process.NAME]` takes the steps of its operators.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -26,13 +26,13 @@ use crate::problems_error;
 use crate::program::Program;
 use crate::trust;
 
-/// A process that takes longer to build its pipeline is given up.
+/// Time limit for a process to build its pipeline.
 const READY_WITHIN: Duration = Duration::from_secs(60);
 
-/// After so long a person is told what is waited for.
+/// Delay after which a waiting message is printed.
 const TOLD_AFTER: Duration = Duration::from_secs(2);
 
-/// What starts a process, in the words of the configuration; nothing where it is this program.
+/// Start command of a process as in the configuration; `None` if it is this program.
 fn started_by(config: &Config, process: &str) -> Option<String> {
     let start = &config.process.get(process)?.start;
     (!start.is_empty()).then(|| format!("process.{process}.start = {start:?}"))
@@ -44,7 +44,7 @@ fn waiting(config: &Config, process: &str) -> String {
     format!("waiting for process `{process}` to say that it is ready{by}; it is given up after {seconds} s")
 }
 
-/// Why a process did not come up, with what its start has to do.
+/// Error for a process that did not start, with its start command.
 fn unready(program: &Program, config: &Config, error: IpcError) -> anyhow::Error {
     let IpcError::Worker { process, .. } = &error else { return error.into() };
     if let Some(own) = config.process.get(process).filter(|own| own.python.is_some()) {
@@ -67,7 +67,7 @@ fn tell(what: &str) {
     eprintln!("{what}");
 }
 
-/// Passes on what becomes of processes, so that the controller reads it and the log has it.
+/// Publishes lost and restarted processes, for the controller and the log.
 fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
     let gone: Mutex<Vec<GoneProcess>> = Mutex::default();
     Arc::new(move |event| {
@@ -86,13 +86,13 @@ fn on_event(supervisor: Option<SourceHandle<Supervision>>) -> OnWorkerEvent {
             WorkerEvent::Restarted { process } => gone.retain(|one| one.process != process),
         }
         if let Some(supervisor) = &supervisor {
-            // A run that is over has nobody to be told.
+            // After the end of the run there is no receiver.
             let _over = supervisor.send_now(Supervision { gone: gone.clone() });
         }
     })
 }
 
-/// Which process reads which streams.
+/// Streams read by each process.
 fn streams_read(config: &Config, pipeline: &Pipeline) -> anyhow::Result<Vec<(String, String)>> {
     let mut read = Vec::new();
     for operator in pipeline.graph.describe()?.operators {
@@ -103,7 +103,8 @@ fn streams_read(config: &Config, pipeline: &Pipeline) -> anyhow::Result<Vec<(Str
     Ok(read)
 }
 
-/// What starts a process: its own command, else this program, or the Python that has its class.
+/// Program that starts a process: the configured command, else this program, or the Python interpreter with the
+/// operator's class.
 fn starting(program: &Program, name: &str, process: &ProcessConfig) -> anyhow::Result<Program> {
     if let Some((path, arguments)) = process.start.split_first() {
         return Ok(Program { path: path.into(), arguments: arguments.to_vec(), ..program.clone() });
@@ -113,24 +114,24 @@ fn starting(program: &Program, name: &str, process: &ProcessConfig) -> anyhow::R
     Ok(python.with_context(|| format!("process.{name}.python"))?.with(&["worker", class]))
 }
 
-/// What a process builds its pipeline from.
+/// Texts from which a process builds its pipeline.
 #[derive(Serialize, Deserialize)]
 struct Texts {
     config: String,
     scenario: String,
 }
 
-/// The processes of one run. They end with this.
+/// Processes of one run. They end when this is dropped.
 pub struct Processes {
     workers: WorkerPool,
 }
 
 impl Processes {
-    /// Starts those processes of a configuration that it does not go without: they take steps in Python. The others'
-    /// steps come out the same here. What plays records back needs none.
+    /// Starts the processes that a replay cannot do without: those that take steps in Python. Operators of the others
+    /// are stepped in this process with the same results, and played-back operators need no process.
     ///
     /// # Errors
-    /// As [`start`](Self::start).
+    /// Same as [`start`](Self::start).
     pub fn start_needed(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
         let mut needed: BTreeMap<String, ProcessConfig> = config
             .processes_elsewhere(&pipeline.assembly)
@@ -153,18 +154,17 @@ impl Processes {
     /// Starts the processes of a configuration with this program, if it has any.
     ///
     /// # Errors
-    /// As [`start`](Self::start).
+    /// Same as [`start`](Self::start).
     pub fn start_all(config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Option<Self>> {
         let start = || Self::start(&Program::this()?, config, pipeline);
         (!config.process.is_empty()).then(start).transpose()
     }
 
-    /// Starts the processes of a configuration, and has the steps of their operators taken there. `program` is
-    /// this program.
+    /// Starts the processes of a configuration and moves the steps of their operators there. `program` is this program.
     ///
     /// # Errors
-    /// The user has not consented to a program that the configuration names; there is no shared memory, or a process does
-    /// not come up.
+    /// If the user has not consented to a program named in the configuration, if there is no shared memory, or if a
+    /// process does not start.
     pub fn start(program: &Program, config: &Config, pipeline: &mut Pipeline) -> anyhow::Result<Self> {
         trust::check(config, config.process.keys())?;
         let texts = Texts { config: config.to_text(), scenario: pipeline.scenario.text.to_string() };
@@ -206,26 +206,26 @@ impl Processes {
         Ok(Self { workers })
     }
 
-    /// What went between the processes so far.
+    /// Traffic between the processes so far.
     pub fn traffic(&self) -> Traffic {
         self.workers.traffic()
     }
 
-    /// The processes and who they are.
+    /// Pool of the worker processes.
     pub fn workers(&self) -> &WorkerPool {
         &self.workers
     }
 }
 
-/// What a process of a run does: it takes the steps that it is called for.
+/// Main function of a worker process: takes the steps requested by the coordinator.
 pub fn run_worker(registry: &Registry) -> anyhow::Result<()> {
     run_worker_with(registry, |_, pipeline| Ok(pipeline.graph))
 }
 
-/// The same, after `prepare` has had a hand in the pipeline whose operators' steps it takes.
+/// Same as [`run_worker`], after `prepare` has modified the pipeline.
 ///
 /// # Errors
-/// When it was not started by a run, or the run's shared memory is not there; or as `prepare`.
+/// If it was not started by a run, if the run's shared memory is missing, or any error of `prepare`.
 pub fn run_worker_with(
     registry: &Registry,
     prepare: impl FnOnce(&Setup, Pipeline) -> anyhow::Result<Graph>,
@@ -238,13 +238,14 @@ pub fn run_worker_with(
         Config::from_document_with(registry, &document, &[]).map_err(|problems| problems_error(&problems))?;
     let scenario = Scenario::parse("scenario of the run", &texts.scenario)
         .map_err(|problems| problems_error(&problems))?;
-    // Neither cameras nor lidars are stepped here.
+    // Cameras and lidars are not stepped here.
     let pipeline = Pipeline::build_without_stage(&config, &scenario)?;
     let worker = prepare(&setup, pipeline)?.into_worker(&setup.operators)?;
     Ok(work(&setup, worker)?)
 }
 
-/// Threads of a run: against the real clock each process needs one that waits for it, beside those that were asked for.
+/// Number of threads of a run. Under wall clock each process needs one that waits for it, in addition to the requested
+/// ones.
 pub fn threads(asked: usize, config: &Config) -> usize {
     match config.clock.source {
         Clock::Virtual => asked,
@@ -257,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_waits_and_who_gives_up_says_for_what() {
+    fn waiting_and_giving_up_name_the_missing_process() {
         let text = "[process.far]\noperators = [\"planner\"]\nstart = [\"sleep\", \"100\"]\n\
                     [process.near]\noperators = [\"tracker\"]\n";
         let config = Config::from_document(&Document::parse("c.toml", text).unwrap(), &[]).unwrap();

@@ -1,4 +1,4 @@
-//! The program that processes of a run are started from: this one, unless who has this library in it says otherwise.
+//! The program from which worker processes are started: this one, unless a host program with this library sets another.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -6,21 +6,21 @@ use std::sync::OnceLock;
 
 use anyhow::Context as _;
 
-/// A program that has this library in it.
+/// A program that contains this library.
 #[derive(Clone, Debug)]
 pub struct Program {
-    /// What is started.
+    /// Executable.
     pub path: PathBuf,
-    /// What comes before its own arguments, such as `worker`.
+    /// Arguments before the worker's own, such as `worker`.
     pub arguments: Vec<String>,
-    /// The file with this library in it: what a result depends on.
+    /// File that contains this library, on which results depend.
     pub code: PathBuf,
 }
 
-/// How an interpreter runs Swerve's package.
+/// Arguments with which an interpreter runs the Swerve package.
 const MODULE: [&str; 2] = ["-m", "swerve"];
 
-/// The Python of the environment that is active, else the first one on the path.
+/// Python of the active virtual environment, else the first one on the path.
 fn found_python() -> Option<PathBuf> {
     let active = std::env::var_os("VIRTUAL_ENV").map(|folder| Path::new(&folder).join("bin"));
     let path = std::env::var_os("PATH").unwrap_or_default();
@@ -32,10 +32,10 @@ fn found_python() -> Option<PathBuf> {
 static HOST: OnceLock<Program> = OnceLock::new();
 
 impl Program {
-    /// The program that runs.
+    /// Returns the running program.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// If the system does not report it.
     pub fn this() -> anyhow::Result<Self> {
         if let Some(host) = HOST.get() {
             return Ok(host.clone());
@@ -44,23 +44,23 @@ impl Program {
         Ok(Self { code: path.clone(), path, arguments: Vec::new() })
     }
 
-    /// Says that this library is a part of another program. Only the first time counts.
+    /// Registers this as the host program of the library. Only the first call counts.
     pub fn is_part_of(self) {
         let _first = HOST.set(self);
     }
 
-    /// The same with more arguments.
+    /// The same program with more arguments.
     #[must_use]
     pub fn with(&self, arguments: &[&str]) -> Self {
         let more = arguments.iter().map(|argument| (*argument).to_owned());
         Self { arguments: self.arguments.iter().cloned().chain(more).collect(), ..self.clone() }
     }
 
-    /// Swerve in Python: by the interpreter that is named, else this program where it is one, else by the one of
+    /// Swerve in Python: run by the given interpreter, else by this program if it is Python, else by that of
     /// `VIRTUAL_ENV`, else by the first `python3` or `python` on the path.
     ///
     /// # Errors
-    /// When there is no Python.
+    /// If there is no Python.
     pub fn python(&self, interpreter: Option<&Path>) -> anyhow::Result<Self> {
         if self.arguments == MODULE && interpreter.is_none() {
             return Ok(self.clone());
@@ -74,10 +74,10 @@ impl Program {
         Ok(Self { path, arguments: MODULE.map(str::to_owned).to_vec(), code: self.code.clone() })
     }
 
-    /// Says why a Python does not run Swerve's package, if it does not.
+    /// Checks that a Python interpreter can run the Swerve package.
     ///
     /// # Errors
-    /// That.
+    /// The reason why it cannot.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         let python = self.path.display();
         let tried = Command::new(&self.path).args(["-c", "import swerve"]).stdin(Stdio::null()).output();
@@ -91,7 +91,7 @@ impl Program {
         Ok(())
     }
 
-    /// It, to be started with arguments of its own.
+    /// Command to which further arguments can be added.
     pub fn command(&self) -> Command {
         let mut command = Command::new(&self.path);
         command.args(&self.arguments);

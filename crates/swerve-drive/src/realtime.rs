@@ -1,8 +1,8 @@
 //! A run's processors and priority under wall clock, as far as the machine permits.
 //!
-//! The engine's thread moves the run: it takes the ticks, and the steps that are not heavy. It gets the first of the
-//! processors in `clock.pin` and the priority `clock.priority`. All others that belong to the run (threads of heavy
-//! steps, the log's writer, worker processes) get the other processors, and no priority.
+//! The engine's thread advances the run: it takes the ticks and the light steps. It gets the first processor of
+//! `clock.pin` and the priority `clock.priority`. All others of the run (threads of heavy steps, the log writer, worker
+//! processes) get the other processors, and no priority.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -15,16 +15,16 @@ use thread_priority::{
     thread_native_id,
 };
 
-/// What of `clock.pin` and `clock.priority` was obtained.
+/// Processors and priority obtained of those requested by `clock.pin` and `clock.priority`.
 #[derive(Serialize, Clone, PartialEq, Eq, Debug, Default)]
 pub struct Obtained {
-    /// The processor of the engine's thread.
+    /// Processor of the engine's thread.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pinned_to: Option<usize>,
-    /// Its real-time priority (`SCHED_FIFO`).
+    /// Real-time priority of the engine's thread (`SCHED_FIFO`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub priority: Option<u8>,
-    /// What the machine refused, and why.
+    /// Refused settings, with reasons.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub refused: Vec<String>,
 }
@@ -40,7 +40,7 @@ impl Obtained {
     }
 }
 
-/// Sets up the threads of a run: an observer, because what it observes happens on the engine's thread.
+/// Sets up the threads of a run. It is an observer because observers are called on the engine's thread.
 pub struct Realtime {
     wanted: ClockConfig,
     begun: bool,
@@ -48,8 +48,8 @@ pub struct Realtime {
 }
 
 impl Realtime {
-    /// Whatever this thread starts from now on gets the processors that are not the engine's. None where nothing
-    /// is wanted, or the run is in virtual time.
+    /// Restricts all threads that this thread starts from now on to the processors other than the engine's. `None` if
+    /// nothing is requested or the run is in virtual time.
     pub fn begin(wanted: &ClockConfig) -> Option<Self> {
         if wanted.source == Clock::Virtual || (wanted.pin.is_empty() && wanted.priority.is_none()) {
             return None;
@@ -64,7 +64,7 @@ impl Realtime {
         Some(Self { wanted: wanted.clone(), begun: false, obtained })
     }
 
-    /// What came of it; to be asked for once the run is over.
+    /// Settings obtained; complete once the run is over.
     pub fn obtained(&self) -> Obtained {
         self.obtained.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -98,7 +98,7 @@ impl Observer for Realtime {
     }
 }
 
-/// The run goes on without.
+/// Records a refusal; the run continues without.
 fn refuse(obtained: &Mutex<Obtained>, why: String) {
     #[expect(clippy::print_stderr, reason = "said once, before the drive")]
     {
@@ -107,7 +107,7 @@ fn refuse(obtained: &Mutex<Obtained>, why: String) {
     obtained.lock().unwrap_or_else(PoisonError::into_inner).refused.push(why);
 }
 
-/// Keeps this thread, and those that it starts, on some processors.
+/// Restricts this thread, and those that it starts, to these processors.
 fn pin(cpus: &[usize]) -> Result<(), String> {
     let mut set = CpuSet::new();
     for cpu in cpus {
@@ -122,7 +122,7 @@ fn pin(cpus: &[usize]) -> Result<(), String> {
     })
 }
 
-/// Puts this thread before all others that have no real-time priority.
+/// Gives this thread real-time priority.
 fn prioritise(priority: u8) -> Result<(), String> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let error = |error: &dyn core::fmt::Display| {
@@ -143,7 +143,7 @@ mod tests {
         ClockConfig { source: Clock::Wall, pin: pin.to_vec(), priority }
     }
 
-    /// A field of this thread's status.
+    /// Field of this thread's status.
     fn status(field: &str) -> String {
         let status = std::fs::read_to_string("/proc/thread-self/status").unwrap();
         let line = status.lines().find_map(|line| line.strip_prefix(field)).unwrap();
@@ -151,14 +151,14 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_set_unless_it_is_asked_for() {
+    fn nothing_is_set_unless_requested() {
         assert!(Realtime::begin(&wanted(&[], None)).is_none());
         assert!(Realtime::begin(&ClockConfig { pin: vec![0], ..ClockConfig::default() }).is_none());
     }
 
     #[test]
-    fn a_thread_is_pinned_and_what_it_starts_before_is_not() {
-        // On a thread of its own, which ends with what was set.
+    fn thread_is_pinned_and_threads_started_before_are_not() {
+        // On a separate thread, which takes the settings with it when it ends.
         let run = || {
             let realtime = Realtime::begin(&wanted(&[0], None)).unwrap();
             realtime.set_up_this_thread();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_machine_refuses_is_told_and_the_run_goes_on() {
+    fn refused_settings_are_reported_and_the_run_continues() {
         let run = || {
             let realtime = Realtime::begin(&wanted(&[100_000], None)).unwrap();
             realtime.set_up_this_thread();

@@ -1,4 +1,4 @@
-//! The log of a run: what it holds, and what becomes of the run when it cannot be written any more.
+//! Log of a run: its contents, and the reaction to a write failure.
 
 use std::path::Path;
 
@@ -14,26 +14,26 @@ use swerve_stack::pipeline::Pipeline;
 
 use crate::views::views_of;
 
-/// Records a run. When that fails it is said at once, on standard error; a run in virtual time ends then, one against
-/// the real clock drives on.
+/// Records a run. A failure is reported at once on standard error. It ends a run in virtual time; a run under wall
+/// clock continues.
 pub struct Recording {
     recorder: Recorder,
-    /// Ends the run.
+    /// Ends the run on failure; `None` under wall clock.
     stop: Option<StopHandle>,
     told: bool,
 }
 
 impl Recording {
-    /// Of a run that this clock moves.
+    /// Creates the recording of a run under this clock.
     pub fn new(recorder: Recorder, clock: Clock, stop: StopHandle) -> Self {
         let stop = (clock == Clock::Virtual).then_some(stop);
         Self { recorder, stop, told: false }
     }
 
-    /// Waits until all is written.
+    /// Waits until everything is written.
     ///
     /// # Errors
-    /// What failed, once more.
+    /// The write failure, again.
     pub fn finish(self) -> Result<u64, LogError> {
         self.recorder.finish()
     }
@@ -62,7 +62,7 @@ impl Observer for Recording {
     }
 }
 
-/// The payloads of which a log holds the digest alone.
+/// Payloads of which a log holds only the digest.
 pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
     match images {
         Images::None | Images::Jpeg => Some(|payload| {
@@ -72,7 +72,7 @@ pub fn left_out_of_logs(images: Images) -> Option<LeavesOut> {
     }
 }
 
-/// Has a log hold of a run what its configuration says.
+/// Configures the recorder as the configuration requires.
 pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
     if let Some(images) = left_out_of_logs(config.log.images) {
         recorder.leave_out(images);
@@ -83,7 +83,7 @@ pub fn set_up(recorder: &mut Recorder, config: &Config, pipeline: &Pipeline) {
     }
 }
 
-/// The head of a log: all that it takes to run again without the files.
+/// Head of a log: everything needed to run again without the files.
 pub fn run_start(config: &Config, scenario: &Scenario, file: &Path) -> RunStart {
     let text = scenario.text.to_string();
     RunStart {

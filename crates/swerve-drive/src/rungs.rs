@@ -1,4 +1,4 @@
-//! What deadlines made of a run: which rungs were taken, how much time there was.
+//! Effect of deadlines on a run: rungs used and time budgets.
 
 use std::collections::BTreeMap;
 
@@ -7,31 +7,31 @@ use swerve_core::Span;
 use swerve_flow::{Event, Observer};
 use swerve_msg::{ResponseBudget, RungTaken};
 
-/// How often a rung of a ladder was taken.
+/// Number of uses of a rung of a ladder.
 #[derive(Serialize, Clone, PartialEq, Debug)]
 pub struct RungCount {
-    /// The operator on the ladder.
+    /// Operator with the ladder.
     pub operator: String,
-    /// The rung.
+    /// Rung.
     pub rung: String,
-    /// What it takes, ms.
+    /// Run time of the rung, ms.
     pub ms: f64,
-    /// Frames that were answered from it in time.
+    /// Number of frames answered by this rung in time.
     pub steps: u64,
 }
 
-/// The time that a deadline policy gave from a frame to its plan.
+/// Time that a deadline policy allotted from a frame to its plan.
 #[derive(Serialize, Clone, Copy, PartialEq, Debug)]
 pub struct Budgets {
-    /// Least, ms.
+    /// Minimum, ms.
     pub least_ms: f64,
     /// Mean over the frames, ms.
     pub mean_ms: f64,
-    /// Most, ms.
+    /// Maximum, ms.
     pub most_ms: f64,
 }
 
-/// Both, counted while a run goes on.
+/// Counters of rungs and budgets during a run.
 #[derive(Default, Clone, Debug)]
 pub struct Rungs {
     taken: BTreeMap<(String, Span, String), u64>,
@@ -39,7 +39,7 @@ pub struct Rungs {
 }
 
 impl Rungs {
-    /// By operator, the fastest rung first.
+    /// Counts by operator, fastest rung first.
     pub fn counts(&self) -> Vec<RungCount> {
         let count = |((operator, run_time, rung), steps): (&(String, Span, String), &u64)| RungCount {
             operator: operator.clone(),
@@ -50,7 +50,7 @@ impl Rungs {
         self.taken.iter().map(count).collect()
     }
 
-    /// None where no policy said anything.
+    /// Budgets; `None` if no policy published any.
     pub fn budgets(&self) -> Option<Budgets> {
         let all = &self.budgets_ms;
         let least_ms = all.iter().copied().reduce(f64::min)?;
@@ -58,7 +58,7 @@ impl Rungs {
         Some(Budgets { least_ms, mean_ms: all.iter().sum::<f64>() / all.len() as f64, most_ms })
     }
 
-    /// For the terminal; empty where there is nothing to tell.
+    /// Text for the terminal; empty if there is nothing to report.
     pub fn text(&self) -> String {
         let mut text = String::new();
         if let Some(Budgets { least_ms, mean_ms, most_ms }) = self.budgets() {

@@ -1,4 +1,4 @@
-//! `swerve scenarios`: what there is to drive.
+//! `swerve scenarios`: lists scenarios.
 
 use std::path::{Path, PathBuf};
 
@@ -8,17 +8,17 @@ use swerve_scenario::Scenario;
 use crate::shipped::Kind;
 use crate::{problems_error, read_scenario};
 
-/// Where scenarios are looked for.
+/// Default folder of scenarios.
 const FOLDER: &str = "scenarios";
 
 /// `swerve scenarios`.
 #[derive(clap::Args, Debug)]
 pub struct ScenariosArgs {
-    /// Folder of scenario files [default: scenarios, if it is there]
+    /// Folder of scenario files [default: scenarios, if it exists]
     folder: Option<PathBuf>,
 }
 
-/// Lists the scenarios of a folder, then those that are in the program, each with what it is about.
+/// Lists the scenarios of a folder, then the built-in ones, each with its description.
 pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
     let folder = match &args.folder {
         Some(folder) => Some(folder.as_path()),
@@ -38,13 +38,13 @@ pub fn run(args: &ScenariosArgs) -> anyhow::Result<()> {
     swerve_report::output::print(&left(&lines))
 }
 
-/// What is typed to drive a scenario, and what it is about.
+/// Argument that selects a scenario, and its description.
 fn line(typed: String, scenario: &Scenario) -> [String; 2] {
     [typed, scenario.description.lines().next().unwrap_or_default().to_owned()]
 }
 
 fn left(lines: &[[String; 2]]) -> String {
-    // `align` pads the last column to the left; sentences read better as they are.
+    // `align` right-aligns the last column; sentences read better left-aligned.
     let names: Vec<Vec<String>> = lines.iter().map(|[name, _]| vec![name.clone()]).collect();
     let width = align(&names).lines().map(|l| l.chars().count()).max().unwrap_or(0);
     lines.iter().map(|[name, about]| format!("{name:width$}  {about}\n")).collect()

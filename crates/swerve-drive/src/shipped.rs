@@ -1,7 +1,7 @@
-//! Scenarios, configurations, studies that are in the program: a run by name needs no checkout.
+//! Built-in scenarios, configurations and studies: a run by name needs no checkout.
 //!
-//! A file that is there goes first. Else a path is looked up among those that the repository had when the program was
-//! built, in the folder of its kind and with `.toml` or without: `person_behind_truck`, `live/autoware`,
+//! An existing file takes precedence. Otherwise a path is looked up among the repository's files at build time, in the
+//! folder of its kind and with or without `.toml`: `person_behind_truck`, `live/autoware`,
 //! `configs/studies/planners.toml`.
 
 use std::borrow::Cow;
@@ -16,16 +16,16 @@ use swerve_text::{Document, Problem, Problems, nearest};
 
 use crate::trust;
 
-/// A file that is in the program.
+/// A built-in file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Shipped {
-    /// Its path from the root that it was taken from.
+    /// Path relative to the root given to `shipped!`.
     pub path: &'static str,
-    /// What is in it.
+    /// Content.
     pub text: &'static str,
 }
 
-/// Takes files, by their paths from a root, into the program.
+/// Includes files in the program, by paths relative to a root.
 #[macro_export]
 macro_rules! shipped {
     ($root:literal: $($path:literal)*) => {
@@ -34,7 +34,7 @@ macro_rules! shipped {
 }
 pub use shipped;
 
-/// Every `.toml` file of `scenarios/` and `configs/`, and the problem files.
+/// All `.toml` files of `scenarios/` and `configs/`, and the problem files.
 static FILES: &[Shipped] = shipped! { "../../..":
     "scenarios/car_behind_truck.toml"
     "scenarios/car_from_alley.toml"
@@ -140,7 +140,7 @@ static FILES: &[Shipped] = shipped! { "../../..":
     "configs/urban_gnss.toml"
 };
 
-/// What is asked for: where names are looked up.
+/// Kind of file, which selects the folder where names are looked up.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {
     /// A scenario.
@@ -151,7 +151,7 @@ pub enum Kind {
     Live,
     /// A study.
     Study,
-    /// A pipeline of black boxes.
+    /// A timing pipeline.
     Timing,
     /// Posed planning problems.
     Problems,
@@ -183,8 +183,8 @@ impl Kind {
         if self == Self::Problems { ".json" } else { ".toml" }
     }
 
-    /// The shipped files of this kind with their names, in order. A scenario in a folder of `scenarios/` is named with
-    /// it: `everyday/start_in_jam`. The folders of `configs/` hold other kinds.
+    /// The built-in files of this kind with their names, in order. The name of a scenario in a subfolder of
+    /// `scenarios/` includes the subfolder: `everyday/start_in_jam`. The subfolders of `configs/` hold other kinds.
     pub fn all(self) -> impl Iterator<Item = (&'static str, &'static Shipped)> {
         FILES.iter().filter_map(move |file| {
             let name =
@@ -193,7 +193,8 @@ impl Kind {
         })
     }
 
-    /// The names of the shipped files of this kind in a folder, such as `everyday`; empty where there is no such folder.
+    /// Names of the built-in files of this kind in a subfolder, such as `everyday`; empty if there is no such
+    /// subfolder.
     pub fn in_folder(self, folder: &Path) -> Vec<&'static str> {
         let Some(folder) = plain(folder) else { return Vec::new() };
         let folder = folder.strip_prefix(self.folder()).map_or(&*folder, |rest| rest.trim_start_matches('/'));
@@ -201,7 +202,7 @@ impl Kind {
         self.all().map(|(name, _)| name).filter(is_in).collect()
     }
 
-    /// The shipped name whose last part is nearest to that of `given`.
+    /// Built-in name whose last component is nearest to that of `given`.
     fn nearest(self, given: &Path) -> Option<&'static str> {
         let last = |name: &'static str| name.rsplit('/').next().unwrap_or(name);
         let stem = given.file_stem().unwrap_or_default().to_string_lossy();
@@ -209,7 +210,7 @@ impl Kind {
         self.all().map(|(name, _)| name).find(|name| last(name) == near)
     }
 
-    /// Where to look for a shipped name: the names themselves, if they are few.
+    /// Hint on where to find the built-in names: the names themselves, if few.
     fn listed(self) -> String {
         const FEW: usize = 5;
         let names: Vec<&str> = self.all().map(|(name, _)| name).collect();
@@ -220,7 +221,7 @@ impl Kind {
         }
     }
 
-    /// The shipped file that `given` names.
+    /// Built-in file named by `given`.
     fn find(self, given: &Path) -> Option<&'static Shipped> {
         let path = plain(given)?;
         let path = path.strip_suffix(self.ending()).unwrap_or(&path);
@@ -232,10 +233,10 @@ impl Kind {
         FILES.iter().find(is_meant)
     }
 
-    /// The text of a file, or of the shipped one of this name.
+    /// Returns the text of a file, or of the built-in one of this name.
     ///
     /// # Errors
-    /// It cannot be read; where there is no such file, with the nearest name that there is.
+    /// If it cannot be read. If there is no such file, the error gives the nearest name.
     pub fn text(self, given: &Path) -> Result<Cow<'static, str>, Problem> {
         self.text_by(swerve_text::read_text, given)
     }
@@ -271,19 +272,20 @@ impl Kind {
         Err(problem)
     }
 
-    /// As [`text`](Self::text), parsed; of the command line, a descriptor of the caller (`/dev/stdin`, `<(...)`) is read, too.
+    /// Same as [`text`](Self::text), parsed. Also reads a descriptor passed by the caller on the command line
+    /// (`/dev/stdin`, `<(...)`).
     ///
     /// # Errors
-    /// It cannot be read, or is no TOML.
+    /// If it cannot be read, or is not TOML.
     pub fn document(self, given: &Path) -> Result<Document, Problem> {
         let text = self.text_by(swerve_text::read_given_text, given)?;
         Document::parse(&given.display().to_string(), text)
     }
 
-    /// A scenario, parsed as TOML; none where it is a configuration.
+    /// Parses a scenario file as TOML.
     ///
     /// # Errors
-    /// As [`document`](Self::document), or it is a configuration.
+    /// Same as [`document`](Self::document), or if it is a configuration.
     pub(crate) fn scenario(given: &Path) -> Result<Document, Problem> {
         let document = Self::Scenario.document(given)?;
         let has = |is_one: &dyn Fn(&str) -> bool| document.table.keys().any(|key| is_one(key));
@@ -294,16 +296,16 @@ impl Kind {
         }
     }
 
-    /// Several configuration files, or shipped ones of these names, as one document: what a later one says goes before.
-    /// Those of them that name programs are given as layers, in order.
+    /// Merges several configuration files, or built-in ones of these names, to one document; later files override
+    /// earlier ones. Files that name programs are also returned as layers, in order.
     ///
     /// # Errors
-    /// One cannot be read, or is no TOML.
+    /// If one cannot be read, or is not TOML.
     pub fn layers(self, given: &[PathBuf]) -> Result<(Document, Vec<Layer>), Problem> {
         let documents: Vec<Document> =
             given.iter().map(|path| self.document(path)).collect::<Result<_, _>>()?;
         for document in &documents {
-            // Every scenario has a road, no configuration has one.
+            // Every scenario has a road; no configuration has one.
             if document.table.contains_key("road") {
                 return Err(document.problem("", Self::Scenario.in_place_of(self)));
             }
@@ -320,17 +322,18 @@ impl Kind {
         }
     }
 
-    /// The reason to start no program that a file of this text names; `None` for a shipped one and one of the user's own.
+    /// Reason to distrust the programs named in a file with this text; `None` for a built-in file and for the user's
+    /// own.
     pub fn doubt(self, given: &Path, text: &str) -> Option<String> {
         let is_shipped = self.find(given).is_some_and(|file| file.text == text);
         if is_shipped { None } else { trust::doubt(given, text) }
     }
 
-    /// What is said of a file of this kind in the place of another one.
+    /// Error for a file of this kind in place of another one.
     fn in_place_of(self, expected: Self) -> String {
         let (noun, other) = (self.noun(), expected.noun());
         let how = match (self, expected) {
-            // `swerve live` drives no scenario.
+            // `swerve live` does not take scenarios.
             (_, Self::Live) => "",
             (Self::Config, _) => ": a configuration is given after `-c`",
             _ => ": a scenario is given without `-c`",
@@ -338,12 +341,12 @@ impl Kind {
         format!("it is a {noun}, expected a {other}{how}")
     }
 
-    /// The configuration of files, or of the shipped ones of these names, the later over the earlier, under the
-    /// assignments of a command line; without any all defaults. It may start the programs that the user's own files and
-    /// the command line name.
+    /// Reads the configuration of files, or of the built-in ones of these names, later over earlier, with the
+    /// assignments of a command line; all defaults if there is none. It may start the programs named in the user's own
+    /// files and on the command line.
     ///
     /// # Errors
-    /// All that is wrong with it.
+    /// All errors in the configuration.
     pub fn config(
         self,
         registry: &Registry,
@@ -352,7 +355,7 @@ impl Kind {
     ) -> Result<Config, Problems> {
         let mut assigned = toml::Table::new();
         for (key, value) in sets {
-            // What cannot be set is told by the one who sets it.
+            // The error is reported when the assignment is applied.
             let _ = swerve_text::set(&mut assigned, key, value.clone());
         }
         old_names(&assigned).iter().for_each(|line| eprintln!("note: --set: {line}"));
@@ -363,13 +366,13 @@ impl Kind {
         Ok(config)
     }
 
-    /// What a file means by `named`, which is `at` as seen from that file: a file that is there, or one in the program.
+    /// Resolves `named` in a file, where `at` is the path relative to that file: an existing file, or a built-in one.
     pub fn meant(self, named: &Path, at: PathBuf) -> PathBuf {
         let is_name = !at.exists() && self.find(&at).is_none() && self.find(named).is_some();
         if is_name { named.to_owned() } else { at }
     }
 
-    /// Where the file is that `given` names: what it names itself is beside that.
+    /// Location of the file named by `given`, for resolving the paths in it.
     pub fn place(self, given: &Path) -> &Path {
         match self.find(given) {
             Some(file) if !given.is_file() => Path::new(file.path),
@@ -378,7 +381,7 @@ impl Kind {
     }
 }
 
-/// A relative path without detours; none for one that leads out of where it begins.
+/// Normalized relative path; `None` if it leads out of its base.
 fn plain(path: &Path) -> Option<String> {
     let mut parts: Vec<&str> = Vec::new();
     for part in path.components() {
@@ -399,7 +402,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_file_of_the_folders_is_in_the_program() {
+    fn every_file_of_the_folders_is_built_in() {
         let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
         let mut there = Vec::new();
         for folder in ["scenarios", "configs"] {
@@ -418,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scenario_and_a_configuration_in_each_others_place_are_told() {
+    fn swapped_scenario_and_configuration_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str, text: &str| {
             let path = folder.path().join(name);
@@ -438,13 +441,13 @@ mod tests {
             let expected = "it is a configuration, expected a scenario: a configuration is given after `-c`";
             assert_eq!(as_scenario(path), format!("{}: {expected}", path.display()));
         }
-        // What has keys of neither is told by what is wrong with it.
+        // A file with keys of neither is reported by its other errors.
         assert!(Kind::scenario(&file("other", "[rod]\n")).is_ok());
         assert!(Kind::scenario(&scenario).is_ok() && Kind::Config.layers(&[config]).is_ok());
     }
 
     #[test]
-    fn scenarios_in_a_folder_are_listed_with_it_and_suggested() {
+    fn scenarios_in_a_subfolder_are_listed_with_it_and_suggested() {
         let names: Vec<&str> = Kind::Scenario.all().map(|(name, _)| name).collect();
         let everyday = Kind::Scenario.in_folder(Path::new("everyday"));
         assert!(everyday.len() >= 24 && everyday.iter().all(|name| names.contains(name)), "{everyday:?}");
@@ -458,7 +461,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_is_found_however_it_is_written() {
+    fn name_is_found_in_any_notation() {
         let path = |kind: Kind, given: &str| kind.find(Path::new(given)).map(|file| file.path);
         let lane = Some("scenarios/lane.toml");
         for given in [

@@ -1,4 +1,4 @@
-//! The picture of a drive, while it is driven.
+//! Story picture of a run, filled during the run.
 
 use swerve_report::story::Story;
 use swerve_scenario::Scenario;
@@ -8,7 +8,7 @@ use swerve_stack::pipeline::Pipeline;
 use crate::lights::light_courses;
 use crate::measured::outline;
 
-/// What a picture is headed with.
+/// Title of the picture.
 pub fn title(config: &Config, scenario: &Scenario) -> String {
     format!(
         "{}: {} at {:.0} m/s, seed {}",
@@ -19,7 +19,7 @@ pub fn title(config: &Config, scenario: &Scenario) -> String {
     )
 }
 
-/// The picture of the run, to be filled in while it drives.
+/// Creates the picture of a run, to be filled during the run.
 pub fn story(config: &Config, scenario: &Scenario, pipeline: &Pipeline) -> Story {
     let lane_width_m = Some(scenario.road.lane_width_m);
     let mut story = Story::new(

@@ -1,10 +1,9 @@
-//! Suggestions for a command that there is not.
+//! Suggestions for unknown commands.
 
 use clap::Command;
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 
-/// The error with the nearest command that the help lists as its suggestion, in place of one that the help hides; another
-/// error as it is.
+/// Replaces a suggested hidden command by the nearest command listed in the help; returns other errors unchanged.
 pub fn visible(error: Error, program: &Command) -> Error {
     if error.kind() != ErrorKind::InvalidSubcommand {
         return error;

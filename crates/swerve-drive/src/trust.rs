@@ -1,9 +1,9 @@
-//! Trust in the files that name programs: a file of the user's own may start them, any other may not.
+//! Trust in files that name programs: the user's own files may start them, others may not.
 //!
-//! A file is the user's own if it is in the program, or if it is a regular file in or below the current folder, symbolic
+//! A file is the user's own if it is built in, or if it is a regular file in or below the current folder, symbolic
 //! links resolved, where the file and every folder up to the current one belong to the user or to root and are not
-//! writable by everybody. The root folder and the home folder make nothing below them the user's own: downloads are
-//! below them. A log is never the user's own: it holds the configuration of whoever recorded it.
+//! world-writable. If the current folder is the root or the home folder, no file is the user's own: downloads are below
+//! them. A log is never the user's own: it holds the configuration of its recorder.
 
 use std::path::Path;
 
@@ -11,42 +11,42 @@ use swerve_report::output::tell;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::shown;
 
-/// Consent to the programs that files name.
+/// Consent to the programs named in files.
 #[derive(clap::Args, Clone, Copy, Default, Debug)]
 pub struct CodeArgs {
-    /// Start the programs that files name which are not yours: process.NAME.start, python and interpreter of logs, and of
-    /// configurations and studies from outside the current folder
+    /// Start programs named in logs, and in configurations and studies from outside the current folder:
+    /// process.NAME.start, python and interpreter
     #[arg(long)]
     pub allow_code: bool,
 }
 
 impl CodeArgs {
-    /// Has the user's consent, if it is given, cover all that a configuration names.
+    /// Allows all programs of a configuration if the user has consented.
     pub fn apply(self, config: &mut Config) {
         if self.allow_code {
             config.allow_programs();
         }
     }
 
-    /// As [`apply`](Self::apply), for a configuration that is about to be driven.
+    /// Same as [`apply`](Self::apply), for a configuration that is about to be run.
     ///
     /// # Errors
-    /// As [`start`].
+    /// Same as [`start`].
     pub fn start(self, config: &mut Config) -> anyhow::Result<()> {
         self.apply(config);
         start(config)
     }
 
-    /// The option as a command line has it, after a space.
+    /// The option for a command line, after a space; empty without consent.
     pub fn words(self) -> &'static str {
         if self.allow_code { " --allow-code" } else { "" }
     }
 }
 
-/// The reason why a log names no programs that are started.
+/// Reason why programs named in a log are not started.
 pub const DOUBT_OF_LOGS: &str = "a log does not start programs";
 
-/// The reason why a file of this text is not the user's own; `None` for one that is.
+/// Reason why a file with this text is not the user's own; `None` if it is.
 pub fn doubt(path: &Path, text: &str) -> Option<String> {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
     let (Ok(real), Ok(here)) = (path.canonicalize(), here) else {
@@ -55,13 +55,13 @@ pub fn doubt(path: &Path, text: &str) -> Option<String> {
     if let Some(doubt) = doubt_of_place(&real, &here) {
         return Some(doubt);
     }
-    // Nobody else can change what is there now: it is what was read, or that came from elsewhere.
+    // No other user can change the file now; it is either the text that was read, or that text came from elsewhere.
     let is_same = swerve_text::read_bytes(&real, swerve_text::FILE_MAX)
         .is_ok_and(|bytes| without_mark(&bytes) == without_mark(text.as_bytes()));
     (!is_same).then(|| "the file changed while it was read".into())
 }
 
-/// Text without the byte-order mark of UTF-8.
+/// Text without the UTF-8 byte-order mark.
 fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes)
 }
@@ -80,7 +80,7 @@ fn doubt_of_place(real: &Path, here: &Path) -> Option<String> {
     up_to_here.enumerate().find_map(|(k, path)| doubt_of_owner(path, k == 0))
 }
 
-/// The reason why others may have written a file or folder.
+/// Reason why another user may have written a file or folder.
 #[cfg(unix)]
 fn doubt_of_owner(path: &Path, is_file: bool) -> Option<String> {
     use std::os::unix::fs::MetadataExt as _;
@@ -101,12 +101,12 @@ fn doubt_of_owner(_: &Path, _: bool) -> Option<String> {
     None
 }
 
-/// Lists the programs of a configuration, a line each, as in `process.far.start runs `ssh far``.
+/// Lists the programs of a configuration, one per line, as in `process.far.start runs `ssh far``.
 pub fn programs(config: &Config) -> Vec<String> {
     config.programs().map(|program| format!("{} runs `{}`", program.key, shown(&program.words))).collect()
 }
 
-/// As [`programs`], with the reasons why some take `--allow-code`.
+/// Same as [`programs`], with the reasons why some need `--allow-code`.
 pub fn programs_with_doubts(config: &Config) -> Vec<String> {
     let line = |(line, name): (String, &String)| match config.refusal(name) {
         Some(refusal) => format!("{line}, with --allow-code only ({})", refusal.why),
@@ -116,10 +116,10 @@ pub fn programs_with_doubts(config: &Config) -> Vec<String> {
     programs(config).into_iter().zip(named).map(line).collect()
 }
 
-/// Reports on standard error the programs that a drive starts; before the drive, so that a refusal has no other effect.
+/// Reports the programs of a drive on standard error. Called before the drive, so that a refusal has no other effect.
 ///
 /// # Errors
-/// One that the user has not consented to.
+/// If the user has not consented to one of them.
 pub fn start(config: &Config) -> anyhow::Result<()> {
     check(config, config.process.keys())?;
     programs(config).iter().for_each(|line| tell(&format!("note: {line}")));
@@ -144,14 +144,14 @@ mod tests {
 
     use super::*;
 
-    /// Whether a file is the user's own, seen from a folder.
+    /// Reason why a file is not the user's own, as seen from a folder; empty if it is.
     fn place(file: &Path, here: &Path) -> String {
         let [file, here] = [file, here].map(|path| path.canonicalize().unwrap());
         doubt_of_place(&file, &here).unwrap_or_default()
     }
 
     #[test]
-    fn own_files_are_those_below_the_current_folder_that_nobody_else_can_write() {
+    fn own_files_are_below_the_current_folder_and_not_writable_by_others() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let mode =
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_was_read_elsewhere_is_not_trusted() {
+    fn text_read_elsewhere_is_not_trusted() {
         // Unit tests run in the folder of their crate.
         let manifest = Path::new("Cargo.toml");
         let text = std::fs::read_to_string(manifest).unwrap();

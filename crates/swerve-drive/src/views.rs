@@ -1,4 +1,4 @@
-//! What Foxglove needs to know of a run before it begins.
+//! Static data of a run for Foxglove.
 
 use std::sync::Arc;
 
@@ -22,12 +22,12 @@ pub fn views_of(config: &Config, pipeline: &Pipeline) -> Setup {
     Setup { mounts, detectors, actors, ..setup(config, &pipeline.scenario) }
 }
 
-/// Road, car and sensors of a drive with a vehicle: all sensors that have a place run.
+/// Road, car and sensors of a drive with a vehicle; all mounted sensors run.
 pub fn live_views(config: &Config, scenario: &Scenario) -> Setup {
     Setup { ego_from_pose: true, mounts: mounts(config, |_| true), ..setup(config, scenario) }
 }
 
-/// The borders of the ego's lane within the drivable ground, metres to the left of its centre.
+/// Lane borders of the ego lane within the drivable area, metres to the left of its centre.
 fn lane_lines_m(road: &Road) -> Vec<f64> {
     let inner = |line| matches!(line, RoadLine::LaneLeft | RoadLine::LaneRight);
     road.lines().into_iter().filter(|&(line, _)| inner(line)).map(|(_, d_m)| d_m).collect()
@@ -53,7 +53,7 @@ fn setup(config: &Config, scenario: &Scenario) -> Setup {
     }
 }
 
-/// Where the sensors that run sit.
+/// Mounting poses of the running sensors.
 fn mounts(config: &Config, runs: impl Fn(&str) -> bool) -> Vec<Mount> {
     let shape = &config.sim.vehicle.shape;
     let runs = |name: &&String| runs(name);

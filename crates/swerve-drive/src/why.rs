@@ -1,9 +1,9 @@
-//! Why a drive ended as it did, from its log: see [`Why`].
+//! Causal chain that explains the end of a drive, from its log: see [`Why`].
 //!
-//! Times are those of the log's messages, waits those of its steps, drops and missed deadlines. Whether a plan would
-//! have been another one without an actor is computed: the log's planner plans again from what it was given then,
-//! without the predictions of the actor's tracks. What the car did because of that is, too: with such plans it is driven
-//! again, from the log, up to where it drives otherwise.
+//! Times are the stamps of logged messages; waits follow from logged steps, drops and missed deadlines. Changes of
+//! plans due to an actor are computed: the logged planner plans again from its logged inputs without the predictions of
+//! the actor's tracks. The effect on the car is computed by driving again from the log with such plans, up to where the
+//! car deviates.
 
 mod command;
 mod other;
@@ -40,26 +40,26 @@ use sightings::Sightings;
 use timeline::{Seen, Timeline};
 use unaware::Answer;
 
-/// More deceleration than when the safety gate began to stop the car by this much is an effect, m/s².
+/// Deceleration beyond that at the start of a safety-gate stop that counts as an effect, m/s².
 const BRAKES_MPS2: f64 = 0.5;
 
-/// A log, and what it was driven with.
+/// A log with its configuration and scenario.
 pub struct Logged {
     log: Log,
     config: Config,
     scenario: Scenario,
 }
 
-/// How a drive ended, and who decided that.
+/// End of a drive, and the actor that decided it.
 struct Ending {
     actor: ActorId,
     verdict: Verdict,
     words: String,
-    /// When the car hit somebody: what came then or later is no part of why.
+    /// Time of the collision; later events are not part of the chain.
     impact: Option<Time>,
 }
 
-/// How a drive ended that an actor decided, in words.
+/// Describes the end of a drive that an actor decided.
 fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
     let came = || format!("it came within {:.2} m of {}", decided.min_distance_m, decided.name);
     let stands_before = metrics.stands_before == Some(decided.actor);
@@ -83,7 +83,7 @@ fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
         _ if stands_before => format!("it stands before {}", decided.name),
         (Verdict::Timeout, _) if metrics.end == Some(EndReason::Timeout) => {
             let (at_s, speed_mps) = (metrics.drive.duration_s, metrics.drive.speed_end_mps);
-            // Backwards by less than is shown is no motion.
+            // Backward motion below the displayed resolution counts as none.
             let speed_mps = if speed_mps.abs() < 0.05 { 0.0 } else { speed_mps };
             format!("the time was over at {at_s:.2} s, at {speed_mps:.1} m/s; {}", came())
         }
@@ -98,10 +98,10 @@ fn ending(metrics: &Metrics, decided: &ActorMetrics) -> String {
     }
 }
 
-/// Slower than this an ego that is hit stands, m/s.
+/// Speed below which an ego that is hit counts as stationary, m/s.
 const STANDS_MPS: f64 = 0.1;
 
-/// A contact in words: who stands does not hit anybody, and two who both drive into each other collide.
+/// Describes a contact: a stationary ego is hit, and two vehicles moving towards each other collide.
 fn hit(name: &str, impact: &Impact) -> String {
     let Impact { at_s, ego_speed_mps, closing_speed_mps, .. } = *impact;
     if ego_speed_mps.abs() < STANDS_MPS {
@@ -119,18 +119,19 @@ fn impact_of(metrics: &Metrics) -> Option<Time> {
 }
 
 impl Logged {
-    /// Reads a log, but for images and point clouds; of one that was cut off what there is, as standard error says.
+    /// Reads a log without images and point clouds. A truncated log is read as far as possible, with a note on standard
+    /// error.
     ///
     /// # Errors
-    /// When it is none, or is of a vehicle: of that nobody knows where the others were.
+    /// If it is not a log, or is the log of a vehicle, which has no ground truth.
     pub fn read(path: &Path, registry: &Registry) -> anyhow::Result<Self> {
         Self::read_within(path, registry, usize::MAX)
     }
 
-    /// As [`read`](Self::read), of a log that fits in about so many bytes of memory.
+    /// Same as [`read`](Self::read), for a log that fits into about `bytes_max` bytes of memory.
     ///
     /// # Errors
-    /// As there, or it does not fit.
+    /// Same as there, or if it does not fit.
     fn read_within(path: &Path, registry: &Registry, bytes_max: usize) -> anyhow::Result<Self> {
         const BIG: [&str; 3] = ["::Image", "::PointCloud", "::PointInstances"];
         let bytes = Cell::new(0_usize);
@@ -160,7 +161,8 @@ impl Logged {
         Ok(Self { log, config, scenario })
     }
 
-    /// The chain of the actor that decided the verdict of a run with these measures; where none did, what did.
+    /// Causal chain of the actor that decided the verdict of a run with these metrics, or of the event that did if no
+    /// actor did.
     pub fn why(&self, metrics: &Metrics) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let DecidedBy::Actor(decided) = metrics.decided_by() else {
@@ -172,11 +174,11 @@ impl Logged {
         self.chain(pipeline, ending)
     }
 
-    /// The chain of one actor by its name, else of the one nearest at an instant, else of the one that decided the
-    /// verdict; where none did, what did.
+    /// Causal chain of the named actor, else of the nearest one at an instant, else of the one that decided the
+    /// verdict, or of the event that did if no actor did.
     ///
     /// # Errors
-    /// When there is no actor of that name, or no state of the world at that instant.
+    /// If there is no actor of that name, or no world state at that instant.
     pub fn why_of(&self, actor: Option<&str>, at_s: Option<f64>) -> anyhow::Result<Why> {
         let pipeline = Pipeline::build_without_stage(&self.config, &self.scenario)?;
         let names = || pipeline.scenario.actors.iter().map(|actor| actor.name.as_str());
@@ -255,12 +257,12 @@ impl Logged {
         self.chain(pipeline, Ending { actor, verdict: metrics.verdict, words, impact })
     }
 
-    /// The chain of one actor.
+    /// Causal chain of one actor.
     fn chain(&self, pipeline: Pipeline, ending: Ending) -> anyhow::Result<Why> {
         let name = pipeline.scenario.actors.get(ending.actor.0 as usize - 1);
         let name = name.map_or_else(|| ending.actor.0.to_string(), |actor| actor.name.clone());
         let (mut steps, until) = self.steps(pipeline, ending.actor, ending.impact)?;
-        // They are in order of time.
+        // The steps are in order of time.
         steps.retain(|(_, at, _)| ending.impact.is_none_or(|impact| *at < impact));
         Ok(Why::new(name, ending.verdict, (&ending.words, until), &steps))
     }
@@ -281,7 +283,7 @@ impl Logged {
         let mut steps = Vec::new();
         let Some(seen) = sightings.first_visible(&pipeline.assembly)? else { return Ok((steps, until)) };
         steps.push((Milestone::Visible, seen, Vec::new()));
-        // The newest step: its instant, and the frame that it is of.
+        // The newest step: its instant and the stamp of its frame.
         let mut last = Seen { stamp: seen, at: seen };
         let predicted =
             timeline.upstream::<PredictionList>(&planner).context("the planner reads no predictions")?;
@@ -305,7 +307,7 @@ impl Logged {
         let end = path.last().map_or(planner.as_str(), String::as_str);
         let (dead_time, delay) = (Span::from_secs(pipeline.vehicle.dead_time_s), timeline.delay(&planner));
         let without = without::Without { log: &self.log, stream: &predicted, ids: &ids, from: tracked.stamp };
-        // From a plan to the step of the world that takes up its first command.
+        // From a plan to the simulation step that applies its first command.
         let way = |stamp| {
             let planned = timeline.seen(&plans, stamp)?;
             let mut waits = vec![(format!("delay of {planner}"), delay)];
@@ -324,7 +326,7 @@ impl Logged {
         match unaware.answer {
             Answer::Effect(at) if change.3.is_some_and(|tick| tick < at) => {
                 effect = Some(at);
-                // Plans that came and went without an effect are not what it follows from.
+                // Earlier changes of plans that had no effect are not causes.
                 let later = unaware.changes.into_iter().skip(1).rev();
                 if let Some(led) = later.filter_map(way).find(|led| led.3.is_some_and(|tick| tick < at)) {
                     (change, idle) = (led, "no lasting difference to");
@@ -353,13 +355,13 @@ impl Logged {
     }
 }
 
-/// Whether an operator published this as a message of the type.
+/// True if an operator published this as a message of the type.
 fn is_of<T>(publication: &PublicationRecord, operator: Option<&str>) -> bool {
     let stream = &publication.stream;
     operator == Some(stream.operator.as_str()) && stream.type_name == core::any::type_name::<T>()
 }
 
-/// The ego of a logged state of the world: what comes after it, the others, is most of the state and is not read.
+/// The ego of a logged world state. The other actors, which follow it and are most of the state, are not decoded.
 struct EgoOnly(EgoTruth);
 
 impl<'de> Deserialize<'de> for EgoOnly {

@@ -1,14 +1,14 @@
-//! Average precision: how far down its list of scores a detector can be believed.
+//! Average precision of a detector over its score thresholds.
 //!
-//! Boxes are matched frame by frame as COCO does it (Lin et al. 2014; `pycocotools`): by falling score, each takes the
-//! wanted box with the largest overlap of at least the threshold that none before it has taken, and one that counts
-//! before one that does not. What takes a box that does not count, or takes none and would not count itself, is left
-//! out. The precision at a recall is the largest at that recall or beyond; average precision is its mean over fixed
+//! Boxes are matched frame by frame as in COCO (Lin et al. 2014; `pycocotools`): by descending score, each takes the
+//! unmatched ground-truth box with the largest overlap of at least the threshold, boxes that count before boxes that do
+//! not. A detection that matches a box that does not count, or that matches nothing and does not count itself, is
+//! ignored. The precision at a recall is the largest at that recall or beyond; average precision is its mean over fixed
 //! recalls.
 
 use serde::{Deserialize, Serialize};
 
-/// The recalls over which the mean is taken. Numbers under different ones are not comparable.
+/// Recall values over which the mean is taken. Results under different ones are not comparable.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Recalls {
@@ -25,7 +25,7 @@ impl Recalls {
     fn points(self) -> Vec<f64> {
         let even = |parts: u32, from: u32| (from..=parts).map(move |k| f64::from(k) / f64::from(parts));
         match self {
-            // Multiples of the rounded step, as there: the mark at 35 % is not reached by 35 of 100.
+            // Multiples of the rounded step, as in pycocotools: the mark at 35 % is not reached by 35 of 100.
             Self::Coco101 => (0..100).map(|k| f64::from(k) * 0.01).chain([1.0]).collect(),
             Self::Kitti11 => even(10, 0).collect(),
             Self::Kitti40 => even(40, 1).collect(),
@@ -33,32 +33,32 @@ impl Recalls {
     }
 }
 
-/// One box that a detector reports.
+/// One detected box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Found {
-    /// The larger, the surer.
+    /// Confidence; higher is more certain.
     pub score: f64,
-    /// Whether it is a false positive if it matches nothing; else it is then left out.
+    /// True if an unmatched box is a false positive; otherwise it is then ignored.
     pub counts: bool,
 }
 
-/// Takes in frames of one class and gives its average precision.
+/// Accumulates frames of one class and computes the average precision.
 #[derive(Clone, PartialEq, Debug)]
 pub struct AveragePrecision {
     overlap_min: f64,
-    /// Score, and whether it is true; in the order of the frames, within a frame by falling score.
+    /// Score, and true for a true positive; in frame order, within a frame by descending score.
     judged: Vec<(f64, bool)>,
     wanted: u64,
 }
 
 impl AveragePrecision {
-    /// With the least overlap of a match.
+    /// Creates an accumulator with the minimum overlap of a match.
     pub fn new(overlap_min: f64) -> Self {
         Self { overlap_min, judged: Vec::new(), wanted: 0 }
     }
 
-    /// Takes in one frame: what was found, and for each box that is there whether it counts;
-    /// `overlap(f, w)` is that of the found box `f` with the wanted box `w`.
+    /// Adds one frame: detections, and for each ground-truth box true if it counts. `overlap(f, w)` is the overlap of
+    /// detection `f` with ground-truth box `w`.
     pub fn frame(&mut self, found: &[Found], wanted: &[bool], overlap: impl Fn(usize, usize) -> f64) {
         let mut order: Vec<usize> = (0..found.len()).filter(|&f| !found[f].score.is_nan()).collect();
         order.sort_by(|&a, &b| found[b].score.total_cmp(&found[a].score));
@@ -82,24 +82,25 @@ impl AveragePrecision {
         self.wanted += wanted.iter().filter(|counts| **counts).count() as u64;
     }
 
-    /// Takes in boxes judged elsewhere, by falling score: each is true or false, or left out; `wanted` were to be found.
+    /// Adds boxes judged elsewhere, by descending score: true positive, false positive, or ignored; `wanted` is the
+    /// number of ground-truth boxes.
     pub(crate) fn judged(&mut self, judged: impl Iterator<Item = (f64, Option<bool>)>, wanted: u64) {
         self.judged.extend(judged.filter_map(|(score, is_true)| Some((score, is_true?))));
         self.wanted += wanted;
     }
 
-    /// The share of the wanted boxes that were found; `None` if nothing was to be found.
+    /// Share of the ground-truth boxes that were found; `None` without any.
     pub fn recall(&self) -> Option<f64> {
         let right = self.judged.iter().filter(|(_, is_true)| *is_true).count();
         (self.wanted > 0).then(|| right as f64 / self.wanted as f64)
     }
 
-    /// Boxes that were to be found.
+    /// Number of ground-truth boxes.
     pub fn wanted(&self) -> u64 {
         self.wanted
     }
 
-    /// The mean precision, 0 to 1; `None` if nothing was to be found.
+    /// Average precision, 0 to 1; `None` without ground-truth boxes.
     pub fn value(&self, recalls: Recalls) -> Option<f64> {
         let curve = self.curve()?;
         let mut best = 0.0_f64;
@@ -117,7 +118,7 @@ impl AveragePrecision {
         Some(points.iter().map(|recall| at(recall).unwrap_or(0.0)).sum::<f64>() / points.len() as f64)
     }
 
-    /// Recall and precision after each box, by falling score; `None` if nothing was to be found.
+    /// Recall and precision after each box, by descending score; `None` without ground-truth boxes.
     pub fn curve(&self) -> Option<Vec<(f64, f64)>> {
         if self.wanted == 0 {
             return None;
@@ -151,14 +152,14 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Frame {
-        /// Left, top, right, bottom, and whether it counts.
+        /// Left, top, right, bottom, and true if it counts.
         wanted: Vec<([f64; 4], bool)>,
-        /// The same, and the score.
+        /// Left, top, right, bottom, and the score.
         found: Vec<([f64; 4], f64)>,
     }
 
     #[test]
-    fn it_is_what_pycocotools_computes() {
+    fn average_precision_matches_pycocotools() {
         let text = include_str!("../../../tests/reference/average_precision/cases.json");
         let cases: Vec<Case> = serde_json::from_str(text).unwrap();
         assert!(cases.len() >= 12);
@@ -184,7 +185,7 @@ mod tests {
         }
     }
 
-    /// One frame with three things wanted; the boxes found lie on the first, the second, nothing, the third.
+    /// One frame with three ground-truth boxes; the detections match the first, the second, nothing and the third.
     fn by_hand(last_counts: bool, ghost_counts: bool) -> AveragePrecision {
         let mut ap = AveragePrecision::new(0.5);
         let on = [Some(0), Some(1), None, Some(2)];
@@ -194,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_by_hand() {
+    fn precision_recall_curve_matches_hand_computation() {
         let ap = by_hand(true, true);
         let third = 1.0 / 3.0;
         assert_eq!(
@@ -209,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_count_is_neither_wanted_nor_wrong() {
+    fn boxes_that_do_not_count_are_neither_missed_nor_false() {
         assert_eq!(by_hand(true, false).value(Recalls::Coco101), Some(1.0));
         assert_eq!(by_hand(false, false).value(Recalls::Coco101), Some(1.0));
         assert_eq!(by_hand(false, false).wanted(), 2);

@@ -1,4 +1,4 @@
-//! COCO's twelve numbers for boxes (Lin et al. 2014), as `pycocotools` 2.0.11 computes them.
+//! COCO's twelve box metrics (Lin et al. 2014), as computed by `pycocotools` 2.0.11.
 
 use serde::Serialize;
 
@@ -7,67 +7,67 @@ use crate::average_precision::{AveragePrecision, Recalls};
 /// Overlaps 0.50, 0.55, ... 0.95.
 const THRESHOLDS: usize = 10;
 
-/// Of the found boxes of an image the surest this many count, in the numbers AR@1, AR@10 and all others.
+/// Maximum number of detections per image, by score, for AR@1, AR@10 and all other metrics.
 const FOUND_MAX: [usize; 3] = [1, 10, 100];
 
-/// Areas that count, px²: all, small, medium, large.
+/// Area ranges, px²: all, small, medium, large.
 const AREAS_PX2: [[f64; 2]; 4] = [[0.0, 1e10], [0.0, 1024.0], [1024.0, 9216.0], [9216.0, 1e10]];
 
-/// One thing that is there.
+/// One ground-truth object.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct CocoTruth {
     /// Left, top, width, height, pixels.
     pub box_px: [f64; 4],
-    /// Of its pixels, px²: it decides on small, medium and large.
+    /// Area of the object's pixels, px²; selects small, medium or large.
     pub area_px2: f64,
-    /// Whether it is many things in one box: it is not wanted, and found boxes that lie in it are not wrong.
+    /// True for a crowd, many objects in one box: it is not counted, and detections inside are not false positives.
     pub is_crowd: bool,
 }
 
-/// One box that a detector reports.
+/// One detected box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct CocoFound {
     /// Left, top, width, height, pixels.
     pub box_px: [f64; 4],
-    /// The larger, the surer; no NaN.
+    /// Confidence; higher is more certain. Not NaN.
     pub score: f64,
 }
 
-/// Takes in images of one class, by rising identity: with equal scores the earlier box comes first.
+/// Accumulates images of one class, by ascending image id: of equal scores the earlier box comes first.
 #[derive(Clone, PartialEq, Debug)]
 pub struct CocoClass {
-    /// By area and overlap.
+    /// Accumulators by area range and overlap.
     curves: Vec<[AveragePrecision; THRESHOLDS]>,
-    /// Boxes rightly found if no more than [`FOUND_MAX`] of an image count, by that and overlap.
+    /// True positives with at most [`FOUND_MAX`] detections per image, by that and overlap.
     right: [[u64; THRESHOLDS]; 3],
 }
 
-/// The twelve numbers, 0 to 1; `None` where nothing was to be found (`pycocotools`: -1).
+/// The twelve metrics, 0 to 1; `None` without ground-truth objects (`pycocotools`: -1).
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct CocoMetrics {
-    /// Average precision, the mean over overlaps 0.50 to 0.95.
+    /// Average precision, mean over overlaps 0.50 to 0.95.
     pub ap: Option<f64>,
-    /// At overlap 0.50.
+    /// Average precision at overlap 0.50.
     pub ap50: Option<f64>,
-    /// At overlap 0.75.
+    /// Average precision at overlap 0.75.
     pub ap75: Option<f64>,
-    /// Of things up to 32² pixels.
+    /// Average precision of objects up to 32² pixels.
     pub ap_small: Option<f64>,
-    /// Of things from 32² to 96² pixels.
+    /// Average precision of objects from 32² to 96² pixels.
     pub ap_medium: Option<f64>,
-    /// Of things from 96² pixels.
+    /// Average precision of objects from 96² pixels.
     pub ap_large: Option<f64>,
-    /// Average recall, the mean over overlaps, with one found box an image.
+    /// Average recall, mean over overlaps, with one detection per image.
     pub ar_1: Option<f64>,
-    /// With ten.
+    /// Average recall with ten detections per image.
     pub ar_10: Option<f64>,
-    /// With a hundred.
+    /// Average recall with a hundred detections per image.
     pub ar_100: Option<f64>,
-    /// The last of things up to 32² pixels.
+    /// `ar_100` of objects up to 32² pixels.
     pub ar_small: Option<f64>,
-    /// Of things from 32² to 96² pixels.
+    /// `ar_100` of objects from 32² to 96² pixels.
     pub ar_medium: Option<f64>,
-    /// Of things from 96² pixels.
+    /// `ar_100` of objects from 96² pixels.
     pub ar_large: Option<f64>,
 }
 
@@ -79,7 +79,7 @@ impl Default for CocoClass {
 }
 
 impl CocoClass {
-    /// Takes in an image.
+    /// Adds an image.
     pub fn image(&mut self, truth: &[CocoTruth], found: &[CocoFound]) {
         let mut found = found.to_vec();
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -107,7 +107,7 @@ impl CocoClass {
         }
     }
 
-    /// The numbers of this class alone.
+    /// Metrics of this class alone.
     pub fn metrics(&self) -> CocoMetrics {
         let precision = |area: usize, k: usize| self.curves[area][k].value(Recalls::Coco101);
         let ap = |area: usize| mean((0..THRESHOLDS).map(|k| precision(area, k)));
@@ -134,7 +134,7 @@ impl CocoClass {
 }
 
 impl CocoMetrics {
-    /// The mean over classes, of each number over those that have it.
+    /// Mean over classes, for each metric over the classes that have it.
     pub fn mean(classes: &[Self]) -> Self {
         let of = |number: fn(&Self) -> Option<f64>| mean(classes.iter().map(number));
         Self {
@@ -159,7 +159,7 @@ fn overlap_min(k: usize) -> f64 {
     if k + 1 == THRESHOLDS { 0.95 } else { 0.5 + k as f64 * ((0.95 - 0.5) / 9.0) }
 }
 
-/// Intersection over union; with a crowd, over the found box alone.
+/// Intersection over union; for a crowd, intersection over the area of the detection.
 fn overlap(found: &CocoFound, truth: &CocoTruth) -> f64 {
     let ([fx, fy, fw, fh], [tx, ty, tw, th]) = (found.box_px, truth.box_px);
     let width = (fx + fw).min(tx + tw) - fx.max(tx);
@@ -171,8 +171,8 @@ fn overlap(found: &CocoFound, truth: &CocoTruth) -> f64 {
     shared / if truth.is_crowd { fw * fh } else { fw * fh + tw * th - shared }
 }
 
-/// The thing that each found box takes: of those that are wanted the nearest one that is free, else of the others. Of
-/// equal overlaps the last; a crowd is never taken up.
+/// Ground-truth object matched by each detection: the unmatched counted one with the largest overlap, else one of the
+/// others. Of equal overlaps the last one; a crowd can be matched repeatedly.
 fn matches(
     truth: &[CocoTruth],
     wanted: &[bool],
@@ -209,20 +209,20 @@ mod tests {
     #[derive(Deserialize)]
     struct Case {
         classes: Vec<Vec<Image>>,
-        /// In the order of `CocoMetrics`, -1 for none.
+        /// In the order of `CocoMetrics`; -1 for `None`.
         expected: [f64; 12],
     }
 
     #[derive(Deserialize)]
     struct Image {
-        /// Left, top, width, height; area; whether it is a crowd.
+        /// Left, top, width, height; area; true for a crowd.
         truth: Vec<([f64; 4], f64, bool)>,
-        /// The same, and the score.
+        /// Left, top, width, height, and the score.
         found: Vec<([f64; 4], f64)>,
     }
 
     #[test]
-    fn the_twelve_numbers_are_those_of_pycocotools() {
+    fn coco_metrics_match_pycocotools() {
         let text = include_str!("../../../tests/reference/perception_metrics/coco.json");
         let cases: Vec<Case> = serde_json::from_str(text).unwrap();
         assert!(cases.len() >= 12);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_find_is_no_number() {
+    fn metrics_are_none_without_ground_truth() {
         let mut class = CocoClass::default();
         class.image(&[], &[CocoFound { box_px: [0.0, 0.0, 9.0, 9.0], score: 1.0 }]);
         assert_eq!(class.metrics(), CocoMetrics::default());

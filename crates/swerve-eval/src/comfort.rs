@@ -1,67 +1,67 @@
-//! Comfort, as nuPlan's metrics define it (`ego_is_comfortable` of nuplan-devkit e924167).
+//! Comfort, as defined by nuPlan's metrics (`ego_is_comfortable` of nuplan-devkit e924167).
 //!
-//! States are taken every 100 ms, as its simulation has them. Each series goes through a Savitzky-Golay filter (Analytical
-//! Chemistry 36, 1964; the ends by the polynomial of the first and last window): accelerations by 8 samples and order 2,
-//! jerk from these by 15 and 2, yaw rate by 5 and 2, yaw acceleration by 5 and 3.
+//! States are sampled every 100 ms, as in nuPlan's simulation. Each series is smoothed with a Savitzky-Golay filter
+//! (Analytical Chemistry 36, 1964; at the ends, the polynomial of the first and last window): accelerations with 8
+//! samples and order 2, jerk from these with 15 and 2, yaw rate with 5 and 2, yaw acceleration with 5 and 3.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_geom::{angle_between, math};
 use swerve_msg::EgoState;
 
-/// Between two states that are looked at.
+/// Sampling interval.
 const PERIOD: Span = Span::from_ms(100);
 const PERIOD_S: f64 = 0.1;
 
-/// What nuPlan calls comfortable, as read from its thresholds.
+/// Comfort limits: nuPlan's thresholds.
 pub mod limits {
-    /// Braking and gaining speed, m/s².
+    /// Longitudinal acceleration, minimum and maximum, m/s².
     pub const LON_ACCEL: [f64; 2] = [-4.05, 2.40];
-    /// To either side, m/s².
+    /// Lateral acceleration, absolute, m/s².
     pub const LAT_ACCEL: f64 = 4.89;
-    /// Along the car, m/s³.
+    /// Longitudinal jerk, absolute, m/s³.
     pub const LON_JERK: f64 = 4.13;
-    /// Of the magnitude, m/s³.
+    /// Magnitude of the jerk, m/s³.
     pub const JERK: f64 = 8.37;
-    /// Rad/s.
+    /// Yaw rate, rad/s.
     pub const YAW_RATE: f64 = 0.95;
-    /// Rad/s².
+    /// Yaw acceleration, rad/s².
     pub const YAW_ACCEL: f64 = 1.93;
 }
 
-/// How comfortable a drive is, until its first contact.
+/// Comfort of a drive, until its first contact.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ComfortMetrics {
-    /// Share of the instants at which all of it is within nuPlan's limits, 0 to 1.
+    /// Share of the samples at which all quantities are within nuPlan's limits, 0 to 1.
     pub share_within: f64,
-    /// Hardest braking along the car, m/s² (negative).
+    /// Minimum longitudinal acceleration, m/s² (negative when braking).
     pub lon_accel_min: f64,
-    /// Hardest gain of speed, m/s².
+    /// Maximum longitudinal acceleration, m/s².
     pub lon_accel_max: f64,
-    /// Hardest acceleration to a side, m/s².
+    /// Maximum absolute lateral acceleration, m/s².
     pub lat_accel_max: f64,
-    /// Largest jerk along the car, m/s³.
+    /// Maximum absolute longitudinal jerk, m/s³.
     pub lon_jerk_max: f64,
-    /// Largest change of the acceleration's magnitude, m/s³.
+    /// Maximum rate of change of the acceleration's magnitude, m/s³.
     pub jerk_max: f64,
-    /// Fastest turn, rad/s.
+    /// Maximum absolute yaw rate, rad/s.
     pub yaw_rate_max: f64,
-    /// Largest change of that, rad/s².
+    /// Maximum absolute yaw acceleration, rad/s².
     pub yaw_accel_max: f64,
 }
 
-/// Takes in the states of a drive.
+/// Accumulates the states of a drive.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Comfort {
     next: Option<Time>,
     along: Vec<f64>,
     across: Vec<f64>,
-    /// Without jumps by a turn.
+    /// Unwrapped heading.
     heading: Vec<f64>,
 }
 
 impl Comfort {
-    /// Takes in the next state.
+    /// Adds the next state.
     pub(crate) fn take(&mut self, ego: &EgoState) {
         let next = *self.next.get_or_insert(ego.stamp);
         if ego.stamp >= next {
@@ -77,7 +77,7 @@ impl Comfort {
         self.heading.push(self.heading.last().map_or(heading_rad, turned));
     }
 
-    /// The figures; none for less than four states, of which no polynomial is to be had.
+    /// Metrics; `None` for fewer than four states, too few to fit a polynomial.
     pub(crate) fn metrics(&self) -> Option<ComfortMetrics> {
         if self.along.len() < 4 {
             return None;
@@ -119,7 +119,7 @@ impl Comfort {
     }
 }
 
-/// A Savitzky-Golay filter: at each sample the value, or a derivative, of the polynomial that fits the window best.
+/// A Savitzky-Golay filter: at each sample, the value or a derivative of the polynomial fitted to the window.
 #[derive(Clone, Copy, Debug)]
 struct Filter {
     window: usize,
@@ -128,14 +128,14 @@ struct Filter {
 }
 
 impl Filter {
-    /// A series filtered, [`PERIOD_S`] between its samples. A shorter one than the window has one as long as itself.
+    /// Filters a series with [`PERIOD_S`] between samples. The window is shortened to the length of a shorter series.
     fn of(self, series: &[f64]) -> Vec<f64> {
         let (n, window) = (series.len(), self.window.min(series.len()));
         let half = window / 2;
         let dot = |weights: &[f64], from: usize| -> f64 {
             weights.iter().zip(&series[from..]).map(|(weight, x)| weight * x).sum()
         };
-        // An even window has no sample in its middle: its polynomial is taken there nevertheless, as SciPy does.
+        // An even window has no centre sample; its polynomial is evaluated at the centre all the same, as in SciPy.
         let before = (window - 1) / 2;
         let inner = self.weights(window, 0.5 * (window - 1) as f64);
         (0..n)
@@ -147,7 +147,7 @@ impl Filter {
             .collect()
     }
 
-    /// The weight of each sample of a window, for what is wanted at `at` samples from its first.
+    /// Weights of the samples of a window, for evaluation at `at` samples from its first.
     fn weights(self, window: usize, at: f64) -> Vec<f64> {
         let terms = self.order + 1;
         let middle = 0.5 * (window - 1) as f64;
@@ -156,7 +156,7 @@ impl Filter {
             (0..terms).scan(1.0, |power, _| Some(core::mem::replace(power, *power * u))).collect()
         };
         let rows: Vec<Vec<f64>> = (0..window).map(powers).collect();
-        // Normal equations of the fit, beside what is asked of the coefficients.
+        // Normal equations of the fit, with the derivative at `at` on the right side.
         let mut system: Vec<Vec<f64>> = (0..terms)
             .map(|a| {
                 let sums = (0..terms).map(|b| rows.iter().map(|row| row[a] * row[b]).sum());
@@ -167,7 +167,7 @@ impl Filter {
         rows.iter().map(|row| row.iter().zip(&solved).map(|(x, c)| x * c).sum()).collect()
     }
 
-    /// The derivative of the power `a` at `u` samples, per second.
+    /// Derivative of the monomial of power `a` at `u` samples, per second.
     fn asked(self, a: usize, u: f64) -> f64 {
         if a < self.derivative {
             return 0.0;
@@ -177,7 +177,7 @@ impl Filter {
     }
 }
 
-/// Solves a symmetric positive definite system, its right side in the last column, by elimination.
+/// Solves a symmetric positive definite system by elimination, with its right side in the last column.
 fn solve(system: &mut [Vec<f64>]) -> Vec<f64> {
     let n = system.len();
     for pivot in 0..n {
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_figures_are_those_of_scipys_filter() {
+    fn comfort_metrics_match_scipys_filter() {
         let text = include_str!("../../../tests/reference/comfort/cases.json");
         let cases: Vec<Case> = serde_json::from_str(text).unwrap();
         assert!(cases.len() > 10);
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn states_are_looked_at_every_tenth_of_a_second() {
+    fn states_are_sampled_every_tenth_of_a_second() {
         let mut comfort = Comfort::default();
         for k in 0..=200 {
             comfort.take(&EgoState { stamp: Time::from_ms(5 * k), accel_mps2: -2.0, ..EgoState::default() });

@@ -1,4 +1,4 @@
-//! How near the ego came to each actor.
+//! Minimum distances between the ego and each actor.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
@@ -15,34 +15,34 @@ pub struct Outline {
     pub length_m: f64,
     /// Overall width, metres.
     pub width_m: f64,
-    /// From the origin forward to the middle of the outline, metres.
+    /// Distance from the origin forward to the centre of the outline, metres.
     pub center_ahead_m: f64,
 }
 
 impl Outline {
-    /// The outline with the ego origin at `pose`.
+    /// Rectangle covered by the ego with its origin at `pose`.
     pub fn footprint(&self, pose: Pose2) -> Obb {
         Obb::new(pose.ahead(self.center_ahead_m), self.length_m, self.width_m)
     }
 }
 
-/// The nearest that the ego came to one actor.
+/// Minimum distance between the ego and one actor.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Clearance {
     /// The actor.
     pub actor: ActorId,
-    /// Kind of road user or thing.
+    /// Kind of road user or object.
     pub kind: ActorKind,
-    /// Smallest distance between the outlines, metres; zero when they touched.
+    /// Smallest distance between the outlines, metres; zero on contact.
     pub distance_m: f64,
     /// The first instant of that distance.
     pub at: Time,
 }
 
-/// Smallest distance between the ego's outline and each actor, over the world states taken in.
+/// Smallest distance between the ego's outline and each actor, over the world states added.
 ///
-/// Outlines are exact: a pedestrian is a circle with half its width as radius, everything else an oriented
-/// rectangle. An actor reported hit has distance zero, whatever the sampled poses say.
+/// Outlines are exact: a pedestrian is a circle with half its width as radius, everything else an oriented rectangle.
+/// An actor with a reported collision has distance zero, whatever the sampled poses.
 #[derive(Clone, Debug)]
 pub struct Clearances {
     ego: Outline,
@@ -50,12 +50,12 @@ pub struct Clearances {
 }
 
 impl Clearances {
-    /// For an ego of the given outline.
+    /// Creates an accumulator for an ego of the given outline.
     pub fn new(ego: Outline) -> Self {
         Self { ego, nearest: Vec::new() }
     }
 
-    /// Takes in the state of the world after one step.
+    /// Adds the world state after one step.
     pub fn take(&mut self, world: &WorldState) {
         let footprint = self.ego.footprint(world.ego.state.pose);
         for actor in &world.actors {
@@ -70,12 +70,12 @@ impl Clearances {
         }
     }
 
-    /// The nearest to each actor, in order of identity.
+    /// Minimum distance to each actor, in order of actor id.
     pub fn each(&self) -> &[Clearance] {
         &self.nearest
     }
 
-    /// The smallest of all; of equal ones the earliest.
+    /// Smallest distance of all; of equal ones the earliest.
     pub fn smallest(&self) -> Option<Clearance> {
         let order =
             |a: &&Clearance, b: &&Clearance| a.distance_m.total_cmp(&b.distance_m).then(a.at.cmp(&b.at));
@@ -95,7 +95,7 @@ impl Clearances {
     }
 }
 
-/// Distance from the ego's footprint to an actor; `known_m` at once when it cannot be less than that.
+/// Distance from the ego's footprint to an actor; returns `known_m` early if it cannot be smaller.
 fn distance(ego: &Obb, actor: &Actor, known_m: f64) -> f64 {
     let circle = actor.kind == ActorKind::Pedestrian;
     let half_m = 0.5 * actor.extent.width_m;
@@ -120,7 +120,7 @@ mod tests {
     const EGO: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
     #[test]
-    fn a_pedestrian_is_a_circle_and_a_car_a_rectangle() {
+    fn pedestrian_is_a_circle_and_car_a_rectangle() {
         let mut clearances = Clearances::new(EGO);
         // Front left corner of the ego at (3.89, 0.93); both actors 3 m ahead and 4 m left of it.
         let (x, y) = (3.89 + 3.0, 0.93 + 4.0);
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_distance_of_a_drive_past_keeps_its_instant() {
+    fn smallest_distance_of_a_pass_keeps_its_instant() {
         let mut clearances = Clearances::new(EGO);
         for k in 0..200 {
             let mut state = world(i64::from(k) * 50, f64::from(k) * 0.5);
@@ -145,13 +145,13 @@ mod tests {
             clearances.take(&state);
         }
         let nearest = clearances.smallest().unwrap();
-        // Alongside as soon as the front end reaches x = 50: 46.11 m, so at the 93rd half metre.
+        // Alongside once the front end reaches x = 50: 46.11 m, i.e. at the 93rd half metre.
         assert!((nearest.distance_m - (2.0 - 0.93 - 0.25)).abs() < 1e-12);
         assert_eq!(nearest.at, Time::from_ms(93 * 50));
     }
 
     #[test]
-    fn a_reported_contact_counts_as_touching() {
+    fn reported_contact_counts_as_touching() {
         let mut clearances = Clearances::new(EGO);
         let mut state = world(5, 10.0);
         state.actors = vec![actor(1, ActorKind::Car, Pose2::new(17.0, 0.0, 0.0), 4.0, 2.0)];
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_short_cut_gives_the_full_computation() {
+    fn early_exit_matches_the_full_computation() {
         let mut clearances = Clearances::new(EGO);
         let mut smallest = f64::INFINITY;
         for k in 0..400 {

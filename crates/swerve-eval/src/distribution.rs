@@ -1,15 +1,15 @@
-//! Exact percentiles of samples that come one by one.
+//! Exact percentiles of a stream of samples.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 
-/// How many samples are held unsorted before they are merged into the sorted ones.
+/// Number of samples buffered unsorted before they are merged into the sorted ones.
 const RECENT: usize = 4096;
 
-/// Time spans, kept as sorted distinct values with their counts: exact, and small where values repeat.
+/// Time spans, stored as sorted distinct values with their counts: exact, and small where values repeat.
 ///
-/// Percentiles are **nearest-rank**: the smallest sample that at least the given share of all samples does
-/// not exceed. Every percentile is thus a value that occurred.
+/// Percentiles are **nearest-rank**: the smallest sample that at least the given share of all samples does not exceed.
+/// Every percentile is thus a value that occurred.
 #[derive(Clone, Debug, Default)]
 pub struct Distribution {
     sorted: Vec<(i64, u64)>,
@@ -17,7 +17,7 @@ pub struct Distribution {
     count: u64,
 }
 
-/// A distribution in five numbers, milliseconds.
+/// Summary of a distribution, milliseconds.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
     /// Number of samples.
@@ -33,11 +33,11 @@ pub struct Summary {
 }
 
 impl Distribution {
-    /// Takes in one sample.
+    /// Adds one sample.
     pub fn take(&mut self, sample: Span) {
         self.count += 1;
         self.recent.push(sample.ns());
-        // Waiting for as many new samples as there are old values keeps the merging cost low in the long run.
+        // Buffering as many new samples as there are sorted values keeps the amortized merging cost low.
         if self.recent.len() >= RECENT.max(self.sorted.len()) {
             self.sorted = self.merged();
             self.recent.clear();
@@ -54,7 +54,7 @@ impl Distribution {
         rank_value(&self.merged(), self.count, share)
     }
 
-    /// The five numbers; `None` without samples.
+    /// Summary; `None` without samples.
     pub fn summary(&self) -> Option<Summary> {
         let merged = self.merged();
         let ms = |share| rank_value(&merged, self.count, share).map(|span| span.ns() as f64 / 1e6);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hundred_values_have_their_own_number_as_percentile() {
+    fn percentile_of_one_to_a_hundred_is_its_number() {
         let s = distribution((1..=100).rev()).summary().unwrap();
         assert_eq!((s.count, s.p50_ms, s.p90_ms, s.p99_ms, s.max_ms), (100, 50.0, 90.0, 99.0, 100.0));
     }
@@ -131,14 +131,14 @@ mod tests {
     }
 
     #[test]
-    fn equal_values_take_no_room() {
+    fn equal_values_take_no_memory() {
         let d = distribution(std::iter::repeat_n(5, 100_000));
         assert!(d.sorted.len() == 1 && d.recent.len() < RECENT);
         assert_eq!(d.percentile(0.5), Some(Span::from_ms(5)));
     }
 
     #[test]
-    fn nothing_has_no_percentile() {
+    fn empty_distribution_has_no_percentile() {
         assert_eq!(Distribution::default().percentile(0.5), None);
         assert_eq!(Distribution::default().summary(), None);
     }

@@ -1,16 +1,16 @@
-//! How the ego drove.
+//! Metrics of the ego's motion.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_geom::Point2;
 use swerve_msg::EgoState;
 
-/// The drive in figures.
+/// Metrics of the ego's motion.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct DriveMetrics {
-    /// From the first to the last state, seconds.
+    /// Time from the first to the last state, seconds.
     pub duration_s: f64,
-    /// Length of the way of the ego origin, metres.
+    /// Length of the path of the ego origin, metres.
     pub path_length_m: f64,
     /// Speed at the first state, m/s.
     pub speed_start_mps: f64,
@@ -24,7 +24,7 @@ pub struct DriveMetrics {
     pub yaw_rate_max_radps: f64,
 }
 
-/// Takes in ego states.
+/// Accumulates ego states.
 #[derive(Clone, Debug, Default)]
 pub struct Drive {
     first: Option<Time>,
@@ -33,8 +33,8 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// Takes in the next state. `comfort` is false where accelerations and turn rates do not count, because
-    /// the ego has hit something.
+    /// Adds the next state. `comfort` is false if accelerations and turn rates do not count, because the ego has hit
+    /// something.
     pub fn take(&mut self, ego: &EgoState, comfort: bool) {
         let figures = &mut self.figures;
         let first = *self.first.get_or_insert(ego.stamp);
@@ -54,7 +54,7 @@ impl Drive {
         }
     }
 
-    /// The figures so far.
+    /// Metrics so far.
     pub fn metrics(&self) -> DriveMetrics {
         self.figures
     }
@@ -66,7 +66,7 @@ mod tests {
     use swerve_geom::{Pose2, math};
 
     #[test]
-    fn a_quarter_circle_has_its_length() {
+    fn path_length_matches_a_quarter_circle() {
         let mut drive = Drive::default();
         for k in 0..=1000_i64 {
             let (sin, cos) = math::sin_cos(core::f64::consts::FRAC_PI_2 * k as f64 / 1000.0);

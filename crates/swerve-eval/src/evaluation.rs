@@ -1,4 +1,4 @@
-//! All measures of one run.
+//! All metrics of a run.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
@@ -17,118 +17,117 @@ use crate::{
     ResponseTimes, RunTimes, Summary, Verdict, seconds,
 };
 
-/// Facts that an evaluation has to know beforehand.
+/// Inputs of an evaluation that are known before the run.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Params {
     /// The ego's outline.
     pub ego: Outline,
-    /// From latching a command to its first effect.
+    /// Time from latching a command to its first effect.
     pub dead_time: Span,
-    /// Names of the operators, in the order of their numbers.
+    /// Operator names, in the order of their numbers.
     pub operators: Vec<String>,
-    /// Names of the actors, in the order of their identities, which begin at 1; one without is called by its number.
+    /// Actor names, in the order of their ids, which start at 1; an actor without a name is called by its number.
     pub actors: Vec<String>,
-    /// The way that the ego is to go, where it is known.
+    /// Route of the ego, if known.
     pub route: Option<Route>,
-    /// The traffic lights of that way.
+    /// Traffic lights along the route.
     pub lights: Vec<LightCourse>,
-    /// The lane and the speed that the ego is to keep.
+    /// Lane and speed that the ego is to keep.
     pub norm: Norm,
 }
 
-/// The result of a run; `metrics.json` is this struct.
+/// Result of a run; the content of `metrics.json`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Metrics {
-    /// The outcome in one word.
+    /// Outcome of the run.
     pub verdict: Verdict,
-    /// Why the scenario ended; null when the run was ended before.
+    /// Reason for the end of the scenario; null if the run ended before.
     pub end: Option<EndReason>,
     /// Smallest distance between the outlines of the ego and any actor, metres; null without actors.
     pub min_distance_m: Option<f64>,
-    /// The actor of that distance.
+    /// Id of the actor at that distance.
     pub min_distance_actor: Option<ActorId>,
-    /// Its name in the scenario.
+    /// Name of that actor in the scenario.
     pub min_distance_name: Option<String>,
-    /// Its instant, seconds.
+    /// Instant of that distance, seconds.
     pub min_distance_at_s: Option<f64>,
-    /// The first contact; null when nothing was hit.
+    /// First contact; null without a collision.
     pub impact: Option<Impact>,
-    /// Name of the actor that was hit.
+    /// Name of the actor hit.
     pub impact_name: Option<String>,
-    /// The actor that the ego stood before at the end; null when it drove, or stood before nothing.
+    /// Actor in front of which the ego stood at the end; null if it was moving, or stood before nothing.
     pub stands_before: Option<ActorId>,
-    /// The traffic light that the ego waited at when the run ended; null where it did not.
+    /// Traffic light at which the ego waited when the run ended; null if it did not.
     #[serde(default)]
     pub waits_at_light: Option<String>,
-    /// How many stop lines the ego's front went over while their light was red.
+    /// Number of stop lines that the ego's front passed at red.
     #[serde(default)]
     pub red_lights_passed: usize,
-    /// Speed of the ego at the first contact, m/s; null when nothing was hit.
+    /// Speed of the ego at the first contact, m/s; null without a collision.
     pub impact_speed_mps: Option<f64>,
-    /// Instant at which part of the ego first left the drivable ground, seconds.
+    /// Instant at which part of the ego first left the drivable area, seconds.
     pub left_road_at_s: Option<f64>,
     /// Largest lateral jerk before the first contact.
     pub lateral_jerk: JerkMetrics,
     /// Comfort as nuPlan defines it; null for a drive of less than 0.4 s.
     pub comfort: Option<ComfortMetrics>,
-    /// Driving among others: time to collision, headway, the other lane.
+    /// Interaction with traffic: time to collision, headway, use of the opposite lane.
     #[serde(default)]
     pub safety: TrafficMetrics,
-    /// The drive; its accelerations and turn rates are those before the first contact.
+    /// Motion of the ego; accelerations and turn rates only before the first contact.
     pub drive: DriveMetrics,
-    /// Response times; null when no command took effect.
+    /// Response times; null if no command took effect.
     pub response: Option<Summary>,
-    /// The actors, ordered by identity.
+    /// Actors, ordered by id.
     pub actors: Vec<ActorMetrics>,
-    /// Plans by status.
+    /// Plan counts by status.
     pub plans: PlanMetrics,
-    /// Use of the safety gate; absent without one.
+    /// Use of the safety gate; absent without a gate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<GateMetrics>,
-    /// How far the poses that it drove by were off; absent where they were the simulator's own.
+    /// Error of the poses used for driving; absent if they are the simulator's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub localization: Option<LocalizationMetrics>,
-    /// Stamp of the last pose that reached its readers and said something new, seconds, where none came any more up to the end;
-    /// absent otherwise.
+    /// Stamp of the last new pose that reached its readers, if none arrived up to the end, seconds; absent otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_silent_since_s: Option<f64>,
-    /// Times in which no new pose reached its readers.
+    /// Periods in which no new pose reached its readers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pose_gaps: Vec<PoseGap>,
     /// Run times per operator.
     pub operators: Vec<OperatorMetrics>,
 }
 
-/// An ego that leaves the road within this time after a gap between poses left it because of that, seconds: plans take as
-/// long to lead back to the middle of the lane.
+/// Maximum time from a gap between poses to leaving the road because of it, seconds: the time that plans take to lead
+/// back to the lane centre.
 const AFTER_GAP_S: f64 = 4.0;
 
-/// An ego that stood for less than this for its pose did not run out of time for it, seconds.
+/// Standstill because of the pose below which a time-out is not attributed to it, seconds.
 const STOOD_MIN_S: f64 = 1.0;
 
-/// Who or what decided how a run went.
+/// Actor or cause that decided the result of a run.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum DecidedBy<'a> {
-    /// An actor: it was hit, is what the ego stands before, or was passed nearest.
+    /// An actor: it was hit, blocks the ego, or was passed nearest.
     Actor(&'a ActorMetrics),
     /// The safety gate, which was stopping or holding the car at the end.
     Gate(GateStop),
-    /// A red light, at which the ego waited at the end; its name.
+    /// A red light at which the ego waited at the end, by name.
     Light(&'a str),
-    /// The accuracy of the pose, for which the planner stopped the ego: since this instant, seconds.
+    /// Pose uncertainty, because of which the planner stopped the ego; since this instant, seconds.
     Pose(f64),
-    /// The controller stopped the ego, since there was no pose from this instant on, seconds.
+    /// A missing pose, because of which the controller stopped the ego; since this instant, seconds.
     NoPose(f64),
-    /// The ego left the road without a pose, or soon after.
+    /// A gap between poses: the ego left the road during it, or soon after.
     LostPose(PoseGap),
-    /// The accuracy of the pose, for which the ego stood most of the time that it stood until the time was over, seconds.
+    /// Pose uncertainty, because of which the ego stood most of its time at rest until the time-out; duration, seconds.
     PoseDelay(f64),
-    /// Nobody: there was no other.
+    /// No cause: there was no actor.
     Nobody,
 }
 
 impl Metrics {
-    /// Who or what decided how the run went. What was hit comes before all, then what held the car at the end.
+    /// Cause of the result. A collision has precedence over what held the car at the end.
     pub fn decided_by(&self) -> DecidedBy<'_> {
         let actor = || self.deciding_actor().map_or(DecidedBy::Nobody, DecidedBy::Actor);
         if self.impact.is_some() {
@@ -154,7 +153,7 @@ impl Metrics {
         }
     }
 
-    /// The gap between poses in which the ego left the road, or after which it did soon.
+    /// Gap between poses during which, or soon after which, the ego left the road.
     fn gap_before_leaving(&self) -> Option<PoseGap> {
         let left_s = self.left_road_at_s?;
         let is_before = |gap: &&PoseGap| {
@@ -163,14 +162,14 @@ impl Metrics {
         self.pose_gaps.iter().rev().find(is_before).copied()
     }
 
-    /// Whether the ego stood for long, and most of that for its pose.
+    /// True if the ego stood for long, mostly because of its pose.
     fn stood_for_pose(&self) -> bool {
         let PlanMetrics { stood_s, stood_uncertain_s, .. } = self.plans;
         stood_uncertain_s >= STOOD_MIN_S && stood_uncertain_s > 0.5 * stood_s
     }
 
-    /// The actor that decided the verdict: the one hit, else the one that the ego stands before, else of the people,
-    /// else of all, the one passed nearest.
+    /// Actor that decided the verdict: the one hit, else the one that blocks the ego, else the nearest pedestrian, else
+    /// the nearest actor.
     pub fn deciding_actor(&self) -> Option<&ActorMetrics> {
         let decided = self.impact.map(|impact| impact.actor).or(self.stands_before);
         if let Some(actor) = decided {
@@ -187,30 +186,30 @@ impl Metrics {
 /// Largest lateral jerk of the readings at the centre of gravity.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct JerkMetrics {
-    /// Raw difference of successive readings, m/s³.
+    /// Difference of successive readings over their spacing, m/s³.
     pub raw_max_mps3: Option<f64>,
     /// After the low-pass of [`crate::CUTOFF_HZ`], m/s³.
     pub smooth_max_mps3: Option<f64>,
 }
 
-/// One actor's part in the run.
+/// Metrics of one actor.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ActorMetrics {
-    /// Identity.
+    /// Actor id.
     pub actor: ActorId,
     /// Name in the scenario.
     pub name: String,
-    /// Kind of road user or thing.
+    /// Kind of road user or object.
     pub kind: ActorKind,
     /// Smallest distance between its outline and the ego's, metres.
     pub min_distance_m: f64,
     /// Instant of that distance, seconds.
     pub min_distance_at_s: f64,
-    /// When a sensor first saw part of it, seconds; null when none did.
+    /// Stamp of the first sensor frame in which part of it was visible, seconds; null if never.
     pub first_sight_s: Option<f64>,
 }
 
-/// The first instant at which a sensor saw part of an actor.
+/// First sensor frame in which part of an actor was visible.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Sight {
     /// The actor.
@@ -219,7 +218,7 @@ pub struct Sight {
     pub at: Time,
 }
 
-/// Takes in what happens in a run, message by message, and gives its [`Metrics`].
+/// Accumulates the messages of a run and computes its [`Metrics`].
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     outcome: Outcome,
@@ -242,7 +241,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Nothing taken in yet.
+    /// Creates an empty evaluation.
     pub fn new(params: Params) -> Self {
         Self {
             traffic: Traffic::new(params.ego, params.route.clone(), params.norm),
@@ -263,7 +262,7 @@ impl Evaluation {
         }
     }
 
-    /// The state of the world after one step.
+    /// Adds the world state after one step.
     pub fn world(&mut self, world: &WorldState) {
         self.outcome.take(world);
         self.clearances.take(world);
@@ -278,23 +277,23 @@ impl Evaluation {
         self.localization.truth(&world.ego.state);
     }
 
-    /// A pose as it reaches its readers, after the faults of its stream.
+    /// Adds a pose as it reaches its readers, after the faults of its stream.
     pub fn pose_heard(&mut self, ego: &EgoState) {
         self.localization.heard(ego);
     }
 
-    /// A pose that the stack drives by, after the world state of its stamp.
+    /// Adds a pose used for driving, after the world state of its stamp.
     pub fn pose(&mut self, ego: &EgoState) {
         let _off_m = self.localization.pose(ego);
     }
 
-    /// What localization says of the pose of the same stamp, after that.
+    /// Adds the pose quality reported by localization, after the pose of the same stamp.
     pub fn pose_quality(&mut self, quality: &PoseQuality) {
         self.localization.quality(quality);
     }
 
-    /// A reading of the inertial measurement unit, after the world state of its stamp. Its instants are those of the jerk;
-    /// in a simulated world the acceleration is the true one, without the sensor's noise.
+    /// Adds an IMU reading, after the world state of its stamp. The jerk is sampled at its instants; in a simulated
+    /// world the true acceleration is used, without sensor noise.
     pub fn imu(&mut self, imu: &Imu) {
         if self.counts_for_comfort(imu.stamp) {
             let felt = self.felt_mps2.filter(|(at, _)| *at == imu.stamp);
@@ -302,7 +301,7 @@ impl Evaluation {
         }
     }
 
-    /// Takes in a sensor's sight of the actors.
+    /// Adds the actors seen by a sensor.
     pub fn seen(&mut self, list: &ObstacleList) {
         for obstacle in list.obstacles.iter().filter(|o| o.visible_share > 0.0) {
             if let Err(slot) = self.sights.binary_search_by_key(&obstacle.id, |s| s.actor) {
@@ -311,7 +310,7 @@ impl Evaluation {
         }
     }
 
-    /// A plan was published.
+    /// Adds a published plan.
     pub fn plan(&mut self, plan: &Plan) {
         let before = self.last_plan.replace((plan.stamp, plan.status));
         if let Some((since, status)) = before.filter(|_| self.outcome.stands_again()) {
@@ -320,18 +319,18 @@ impl Evaluation {
         self.plans.take(plan);
     }
 
-    /// A command became visible to the world; `origin` is the newest sensor stamp that it derives from.
+    /// Adds a command that became visible to the world; `origin` is the newest sensor stamp that it derives from.
     pub fn command(&mut self, visible_at: Time, origin: Option<Time>) {
         self.response.command(visible_at, origin);
     }
 
-    /// The safety gate spoke.
+    /// Adds an output of the safety gate.
     pub fn gate(&mut self, at: Time, output: &GateOutput) {
         self.outcome.gate(output.mode);
         self.gate.take(at, output);
     }
 
-    /// The run-time table, for what the engine tells of steps, misses and drops.
+    /// Run-time table, to which the engine's steps, misses and drops are added.
     pub fn runtimes(&mut self) -> &mut RunTimes {
         &mut self.runtimes
     }
@@ -341,17 +340,17 @@ impl Evaluation {
         &self.sights
     }
 
-    /// The outcome so far.
+    /// Outcome so far.
     pub fn outcome(&self) -> &Outcome {
         &self.outcome
     }
 
-    /// The distances so far.
+    /// Distances so far.
     pub fn clearances(&self) -> &Clearances {
         &self.clearances
     }
 
-    /// The result.
+    /// Metrics so far.
     pub fn metrics(&self) -> Metrics {
         let nearest = self.clearances.smallest();
         let impact = self.outcome.impact();
@@ -387,7 +386,7 @@ impl Evaluation {
         }
     }
 
-    /// The outcome's verdict; an ego at rest that was stopped for its pose did not run out of time.
+    /// Verdict of the outcome; an ego at rest that was stopped for its pose counts as stopped, not as out of time.
     fn verdict(&self) -> Verdict {
         let rests = self.drive.metrics().speed_end_mps.abs() <= STANDS_MPS;
         match self.outcome.verdict() {
@@ -396,7 +395,7 @@ impl Evaluation {
         }
     }
 
-    /// True if the ego stopped, or had to, for a pose that was too uncertain or missing.
+    /// True if the ego stopped, or had to, because its pose was too uncertain or missing.
     fn stops_for_pose(&self) -> bool {
         self.plans.pose_uncertain_since_s.is_some() || self.localization.silent_since().is_some()
     }
@@ -419,7 +418,7 @@ impl Evaluation {
         place.and_then(|place| self.names.get(place)).cloned().unwrap_or_else(|| actor.0.to_string())
     }
 
-    /// Whether what was felt at `stamp` is the driving and not a crash.
+    /// True if the acceleration at `stamp` is due to driving and not to a crash.
     fn counts_for_comfort(&self, stamp: Time) -> bool {
         self.outcome.impact_at().is_none_or(|impact| stamp < impact)
     }

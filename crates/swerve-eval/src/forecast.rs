@@ -1,8 +1,8 @@
-//! How good predictions of others' ways are: distances of the best of several modes, of all actors together, densities,
-//! and whether the stated spread is the true one.
+//! Metrics of motion prediction: displacement errors of the best of several modes, joint over actors, likelihoods, and
+//! calibration of the predicted spread.
 //!
-//! Distances as in Argoverse 2's evaluation (`av2.datasets.motion_forecasting.eval.metrics`); where others define them
-//! otherwise it is said at the field.
+//! Distances as in Argoverse 2's evaluation (`av2.datasets.motion_forecasting.eval.metrics`); other definitions are
+//! noted at the field.
 
 mod calibration;
 
@@ -11,13 +11,13 @@ use swerve_geom::{Obb, Point2, math};
 
 pub use calibration::{Coverage, LEVELS, Recalibration};
 
-/// Who ends further off than this is missed, metres (Argoverse 1 and 2).
+/// Final distance above which a prediction is a miss, metres (Argoverse 1 and 2).
 pub const MISS_M: f64 = 2.0;
 
-/// A place at one instant as a normal distribution on the ground.
+/// Position at one instant as a normal distribution on the ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Gaussian {
-    /// Its share in a mixture, 0 to 1.
+    /// Weight in a mixture, 0 to 1.
     pub weight: f64,
     /// Mean.
     pub mean: Point2,
@@ -25,10 +25,10 @@ pub struct Gaussian {
     pub covariance_m2: [f64; 3],
 }
 
-/// Errors of one mode against what happened.
+/// Errors of one mode.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct ModeErrors {
-    /// What the mode was given, 0 to 1.
+    /// Probability of the mode, 0 to 1.
     pub probability: f64,
     /// Mean distance over all instants, metres.
     pub ade_m: f64,
@@ -39,7 +39,7 @@ pub struct ModeErrors {
 }
 
 impl ModeErrors {
-    /// Of a path, as many points as `truth`; none without any.
+    /// Errors of a path with as many points as `truth`; `None` without points.
     pub fn of(probability: f64, path: &[Point2], truth: &[Point2]) -> Option<Self> {
         let distances = path.iter().zip(truth).map(|(p, g)| p.distance(*g));
         let fde_m = distances.clone().next_back()?;
@@ -48,22 +48,22 @@ impl ModeErrors {
         Some(Self { probability, ade_m, fde_m, largest_m })
     }
 
-    /// Final distance with what the probability lacks of one, squared, on it: the Brier score's.
+    /// Final distance plus the squared complement of the probability, as in the Brier score.
     pub fn brier_fde_m(&self) -> f64 {
         let lacks = 1.0 - self.probability;
         self.fde_m + lacks * lacks
     }
 
-    /// Whether it ends further off than [`MISS_M`].
+    /// True if the final distance exceeds [`MISS_M`].
     pub fn missed(&self) -> bool {
         self.fde_m > MISS_M
     }
 }
 
-/// Probabilities of the modes of a scene, where modes are joint: the product of what they are given by each actor, over
-/// their sum. `actors[m][k]`, as many modes each.
+/// Probabilities of the joint modes of a scene: the product of the actors' probabilities, normalized. `actors[m][k]`,
+/// with equal numbers of modes.
 ///
-/// Actors are taken to judge by what they see apart from each other, so that the logarithms add up.
+/// The actors' probabilities are assumed to rest on independent evidence, so that logarithms add up.
 pub fn joint_probabilities(actors: &[Vec<ModeErrors>]) -> Vec<f64> {
     let modes = actors.iter().map(Vec::len).min().unwrap_or(0);
     let sum = |k: usize| actors.iter().map(|modes| math::ln(modes[k].probability.max(1e-12))).sum::<f64>();
@@ -74,7 +74,7 @@ pub fn joint_probabilities(actors: &[Vec<ModeErrors>]) -> Vec<f64> {
     shares.into_iter().map(|share| share / total).collect()
 }
 
-/// Errors of mode `k` of all actors together, where modes are joint: means over actors. `actors[m][k]`, as many modes each;
+/// Errors of the joint modes of all actors: means over actors. `actors[m][k]`, with equal numbers of modes;
 /// `probabilities[k]` of the scene.
 pub fn joint(actors: &[Vec<ModeErrors>], probabilities: &[f64]) -> Vec<ModeErrors> {
     let modes = actors.iter().map(Vec::len).min().unwrap_or(0).min(probabilities.len());
@@ -90,31 +90,32 @@ pub fn joint(actors: &[Vec<ModeErrors>], probabilities: &[f64]) -> Vec<ModeError
     (0..modes).map(mode).collect()
 }
 
-/// Errors of the best of the `K` likeliest modes.
+/// Errors of the best of the `K` most probable modes.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct BestOf {
-    /// Mean distance of the likeliest mode, metres.
+    /// Mean distance of the most probable mode, metres.
     pub ade_m: f64,
-    /// Its final distance, metres.
+    /// Final distance of the most probable mode, metres.
     pub fde_m: f64,
-    /// Least mean distance, metres (nuScenes, Waymo).
+    /// Smallest mean distance, metres (nuScenes, Waymo).
     pub min_ade_m: f64,
-    /// Least final distance, metres.
+    /// Smallest final distance, metres.
     pub min_fde_m: f64,
-    /// Mean distance of the mode with the least final one, metres (Argoverse 1).
+    /// Mean distance of the mode with the smallest final distance, metres (Argoverse 1).
     pub ade_of_min_fde_m: f64,
-    /// Final distance of that mode with the Brier score of its probability on it (Argoverse 2).
+    /// Final distance of that mode plus the Brier score of its probability (Argoverse 2).
     pub brier_min_fde_m: f64,
-    /// The same with its probability's logarithm, at most that of 1/20 (Argoverse 1's p-minFDE).
+    /// Final distance of that mode minus the logarithm of its probability, limited to that of 1/20 (Argoverse 1's
+    /// p-minFDE).
     pub p_min_fde_m: f64,
-    /// Whether every mode ends further off than [`MISS_M`].
+    /// True if the final distance of every mode exceeds [`MISS_M`].
     pub missed: bool,
-    /// Whether every mode is at least [`MISS_M`] off at some instant (nuScenes).
+    /// True if every mode is at least [`MISS_M`] off at some instant (nuScenes).
     pub missed_anywhere: bool,
 }
 
 impl BestOf {
-    /// Of the `k` likeliest; of equals the first. None without any.
+    /// Errors of the best of the `k` most probable modes; of equals the first. `None` without modes.
     pub fn of(modes: &[ModeErrors], k: usize) -> Option<Self> {
         let mut order: Vec<_> = modes.iter().collect();
         order.sort_by(|a, b| b.probability.total_cmp(&a.probability));
@@ -141,19 +142,19 @@ impl Gaussian {
         xx * yy - xy * xy
     }
 
-    /// Squared distance of `point` from the mean in deviations (Mahalanobis).
+    /// Squared Mahalanobis distance of `point` from the mean.
     pub fn mahalanobis_squared(&self, point: Point2) -> f64 {
         let ([xx, xy, yy], off) = (self.covariance_m2, point - self.mean);
         (yy * off.x * off.x - 2.0 * xy * off.x * off.y + xx * off.y * off.y) / self.determinant()
     }
 
-    /// Logarithm of weight times density, nats with metres.
+    /// Logarithm of weight times density, nats, with metres.
     fn ln_density(&self, point: Point2) -> f64 {
         let ln_norm = math::ln(core::f64::consts::TAU) + 0.5 * math::ln(self.determinant());
         math::ln(self.weight) - 0.5 * self.mahalanobis_squared(point) - ln_norm
     }
 
-    /// The normal distribution with a mixture's mean and covariance; none for an empty one.
+    /// Normal distribution with the mean and covariance of a mixture; `None` for an empty one.
     pub fn of_mixture(parts: &[Self]) -> Option<Self> {
         let weight = parts.iter().map(|part| part.weight).sum::<f64>();
         let mean_of =
@@ -169,7 +170,7 @@ impl Gaussian {
     }
 }
 
-/// Negative logarithm of a mixture's density where something was, nats with metres. Infinite for an empty mixture.
+/// Negative log-likelihood of a position under a mixture, nats, with metres. Infinite for an empty mixture.
 pub fn nll(mixture: &[Gaussian], place: Point2) -> f64 {
     let parts = mixture.iter().map(|part| part.ln_density(place));
     let largest = parts.clone().fold(f64::NEG_INFINITY, f64::max);
@@ -179,7 +180,7 @@ pub fn nll(mixture: &[Gaussian], place: Point2) -> f64 {
     -largest - math::ln(parts.map(|part| math::exp(part - largest)).sum())
 }
 
-/// Whether two outlines, each at the same instants, ever share a point.
+/// True if two outlines overlap at any common instant.
 pub fn collide(a: &[Obb], b: &[Obb]) -> bool {
     a.iter().zip(b).any(|(a, b)| a.overlaps(b))
 }

@@ -6,38 +6,38 @@ use swerve_msg::{GateMode, GateOutput, Refusals, StopCause};
 
 use crate::seconds;
 
-/// How long the gate was in which mode, and what it kept from the vehicle.
+/// Time spent in each mode of the gate, and its interventions.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct GateMetrics {
-    /// The driver drove, seconds.
+    /// Time in which the driver drove, seconds.
     pub manual_s: f64,
-    /// The stack drove, seconds.
+    /// Time in which the stack drove, seconds.
     pub driving_s: f64,
-    /// The car was brought to a standstill, seconds.
+    /// Time in which the car was brought to a standstill, seconds.
     pub stopping_s: f64,
-    /// The car was held, seconds.
+    /// Time in which the car was held, seconds.
     pub holding_s: f64,
-    /// Time in which the command let through was not the one given, for limits or rates, while the stack drove; seconds.
+    /// Time in which the stack drove and its command was modified by limits or rates, seconds.
     pub limited_s: f64,
-    /// The mode at the end.
+    /// Mode at the end.
     pub end: GateMode,
-    /// When it began to stop the car, and why; an emergency on top of another cause is one more. Where the car rolls and is
-    /// braked again that is the same stop.
+    /// Stops with start and cause; an emergency during another stop counts separately. If the car rolls and is braked
+    /// again, it is the same stop.
     pub stops: Vec<GateStop>,
-    /// Commands that it refused, by reason.
+    /// Refused commands, by reason.
     pub refused: Refusals,
 }
 
-/// A stop that the gate began.
+/// A stop by the gate.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct GateStop {
-    /// Instant, seconds.
+    /// Start, seconds.
     pub at_s: f64,
-    /// Why.
+    /// Cause.
     pub cause: StopCause,
 }
 
-/// Why the car is being stopped or held in a mode; none where the driver or the stack drives.
+/// Cause of a stop or hold; `None` while the driver or the stack drives.
 pub(crate) fn stop_cause(mode: GateMode) -> Option<StopCause> {
     match mode {
         GateMode::Manual | GateMode::Driving => None,
@@ -45,17 +45,17 @@ pub(crate) fn stop_cause(mode: GateMode) -> Option<StopCause> {
     }
 }
 
-/// Takes in what a gate says, tick by tick.
+/// Accumulates the outputs of a gate, tick by tick.
 #[derive(Clone, Debug, Default)]
 pub struct GateUse {
     last: Option<(Time, GateOutput)>,
-    /// Manual, driving, stopping, holding; and limited.
+    /// Time in manual, driving, stopping and holding; and limited.
     spans: [Span; 5],
     stops: Vec<(Time, StopCause)>,
 }
 
 impl GateUse {
-    /// Takes in the gate's output at an instant. It holds until the next.
+    /// Adds the gate's output at an instant. It holds until the next.
     pub fn take(&mut self, at: Time, output: &GateOutput) {
         let before = self.last.and_then(|(_, before)| stop_cause(before.mode));
         if let Some((since, before)) = &self.last {
@@ -79,7 +79,7 @@ impl GateUse {
         self.last = Some((at, *output));
     }
 
-    /// The result; none where there was no gate.
+    /// Metrics; `None` without a gate.
     pub fn metrics(&self) -> Option<GateMetrics> {
         let (_, last) = self.last.as_ref()?;
         let [manual_s, driving_s, stopping_s, holding_s, limited_s] = self.spans.map(|span| span.as_secs());
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn modes_are_counted_until_the_next_word() {
+    fn mode_durations_last_until_the_next_output() {
         let mut gate = GateUse::default();
         assert_eq!(gate.metrics(), None);
         let modes = [

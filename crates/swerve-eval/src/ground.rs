@@ -1,31 +1,31 @@
-//! Outlines on the ground, measured by parry.
+//! Distances between outlines on the ground, computed by parry.
 
 use parry2d_f64::math::{Pose, Rotation, Vector};
 use parry2d_f64::query;
 use parry2d_f64::shape::{Ball, Cuboid, Shape};
 use swerve_geom::{Obb, Pose2, math};
 
-/// A rectangle or a circle at its place.
+/// A rectangle or a circle with its pose.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body<S> {
     pose: Pose,
     shape: S,
 }
 
-/// A rectangle as a body.
+/// Rectangle as a body.
 pub(crate) fn rectangle(obb: &Obb) -> Body<Cuboid> {
     Body { pose: pose(obb.center), shape: Cuboid::new(Vector::new(obb.half_length_m, obb.half_width_m)) }
 }
 
-/// A circle around a pose as a body.
+/// Circle around a pose as a body.
 pub(crate) fn circle(center: Pose2, radius_m: f64) -> Body<Ball> {
     Body { pose: pose(center), shape: Ball::new(radius_m) }
 }
 
 impl<S: Shape> Body<S> {
-    /// Distance between the two, metres; zero when they share a point, not a number where a pose is not finite.
+    /// Distance between two bodies, metres; zero if they touch, NaN if a pose is not finite.
     pub(crate) fn distance_m<T: Shape>(&self, other: &Body<T>) -> f64 {
-        // parry asserts what holds for numbers only.
+        // parry asserts conditions that NaN violates.
         if !(self.pose.is_finite() && other.pose.is_finite()) {
             return f64::NAN;
         }
@@ -34,7 +34,7 @@ impl<S: Shape> Body<S> {
     }
 }
 
-/// A pose with our own sine and cosine, which are the same bits on every machine.
+/// Pose with Swerve's sine and cosine, which are bit-identical on every machine.
 fn pose(pose: Pose2) -> Pose {
     let (sin, cos) = math::sin_cos(pose.heading_rad);
     Pose::from_parts(Vector::new(pose.x_m, pose.y_m), Rotation::from_cos_sin_unchecked(cos, sin))
@@ -47,7 +47,7 @@ mod tests {
     use parry2d_f64::transformation::convex_polygons_intersection_points;
     use swerve_core::Rng;
 
-    /// Up to 12 m long and 3 m wide, centred within `reach_m` of the origin along each axis.
+    /// A random rectangle up to 12 m long and 3 m wide, centred within `reach_m` of the origin along each axis.
     fn random(rng: &mut Rng, reach_m: f64) -> Obb {
         let at = [rng.uniform(-reach_m, reach_m), rng.uniform(-reach_m, reach_m)];
         let center = Pose2::new(at[0], at[1], rng.uniform(-4.0, 4.0));
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn our_rectangles_are_as_far_apart_as_parrys() {
+    fn rectangle_distances_match_parry() {
         let mut rng = Rng::keyed(1, "rectangles", &[]);
         let (mut apart, mut worst_m) = (0, 0.0_f64);
         for _ in 0..20_000 {
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn our_circles_are_as_far_from_rectangles_as_parrys() {
+    fn circle_to_rectangle_distances_match_parry() {
         let mut rng = Rng::keyed(1, "circles", &[]);
         for _ in 0..20_000 {
             let a = random(&mut rng, 4.0);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_has_no_distance() {
+    fn distance_of_non_finite_poses_is_nan() {
         let mut rng = Rng::keyed(1, "not finite", &[]);
         let (a, mut b) = (random(&mut rng, 4.0), random(&mut rng, 4.0));
         for bad in [f64::NAN, f64::INFINITY] {
@@ -102,14 +102,15 @@ mod tests {
     }
 
     #[test]
-    fn our_shared_areas_are_parrys_but_for_what_coincides() {
+    fn shared_areas_match_parry_except_for_coincident_rectangles() {
         let mut rng = Rng::keyed(1, "areas", &[]);
         for _ in 0..20_000 {
             let (a, b) = (random(&mut rng, 2.0), random(&mut rng, 2.0));
             let (ours, theirs) = (shared_area_m2(&a, &b), shared_by_parry_m2(&a, &b));
             assert!((ours - theirs).abs() < 1e-12, "{a:?} {b:?}: {ours} {theirs}");
         }
-        // The reason for our own: a perfect detection is where the wanted box is, and parry counts that twice.
+        // Reason for the separate implementation: for coincident rectangles, i.e. a perfect detection, parry counts the
+        // area twice.
         let square = Obb::new(Pose2::new(0.0, 0.0, 0.0), 2.0, 2.0);
         assert_eq!((shared_area_m2(&square, &square), shared_by_parry_m2(&square, &square)), (4.0, 8.0));
     }

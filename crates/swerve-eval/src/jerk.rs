@@ -5,8 +5,7 @@ use core::f64::consts::SQRT_2;
 use swerve_core::{Span, Time};
 use swerve_geom::math;
 
-/// Corner frequency of the low-pass before the smoothed jerk is formed, Hz: above what a driver steers, below
-/// the suspension's and the noise.
+/// Corner frequency of the low-pass for the smoothed jerk, Hz: above a driver's steering, below suspension and noise.
 pub const CUTOFF_HZ: f64 = 10.0;
 
 /// Second-order Butterworth low-pass, causal (bilinear transform with the corner frequency pre-warped;
@@ -23,7 +22,7 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// A filter that has seen `value` for ever. `None` unless `0 < cutoff_hz < rate_hz / 2`.
+    /// Creates a filter in steady state at `value`. `None` unless `0 < cutoff_hz < rate_hz / 2`.
     pub fn new(cutoff_hz: f64, rate_hz: f64, value: f64) -> Option<Self> {
         if !(cutoff_hz > 0.0 && cutoff_hz < 0.5 * rate_hz) {
             return None;
@@ -43,15 +42,15 @@ impl LowPass {
         Self { cutoff_hz, rate_hz, k, b, a, state: [0.0; 2] }
     }
 
-    /// The filter at another rate, going on where this one is after the sample `x` with the output `y`: the bilinear
-    /// transform is the trapezoidal rule, whose state, `y` and its slope, does not depend on the spacing. The
-    /// corner stays pre-warped as at first: it is no other one after every step. `None` as for [`new`](Self::new).
+    /// Filter at another rate, continued after the sample `x` with the output `y`: the bilinear transform is the
+    /// trapezoidal rule, whose state, `y` and its slope, does not depend on the spacing. The corner frequency keeps its
+    /// initial pre-warping and so does not change at each step. `None` as for [`new`](Self::new).
     fn at_rate(&self, rate_hz: f64, (x, y): (f64, f64)) -> Option<Self> {
         if self.cutoff_hz >= 0.5 * rate_hz {
             return None;
         }
         let mut other = Self::of(self.cutoff_hz, rate_hz, self.k * self.rate_hz / rate_hz);
-        // Half a spacing of the slope is added twice in a step; the rest of a step's sum is of `x` and `y`.
+        // Half a spacing of the slope is added twice in a step; the rest of a step's sum depends on `x` and `y`.
         let rest = |of: &Self| of.k * of.k * x + (1.0 + SQRT_2 * of.k - of.k * of.k) * y;
         let scale = |of: &Self| 1.0 + SQRT_2 * of.k + of.k * of.k;
         let slope = (self.state[0] * scale(self) - rest(self)) * self.rate_hz;
@@ -59,7 +58,7 @@ impl LowPass {
         Some(other)
     }
 
-    /// Takes in the next sample, gives the next output.
+    /// Adds the next sample and returns the next output.
     pub fn next(&mut self, x: f64) -> f64 {
         let y = self.b[0] * x + self.state[0];
         self.state[0] = self.b[1] * x - self.a[0] * y + self.state[1];
@@ -68,11 +67,11 @@ impl LowPass {
     }
 }
 
-/// Largest lateral jerk: raw, the difference of two readings over their spacing (as Pylot logs it), and of
-/// the readings after a [`LowPass`] at [`CUTOFF_HZ`].
+/// Largest lateral jerk: raw, the difference of two readings over their spacing (as logged by Pylot), and of the
+/// readings after a [`LowPass`] at [`CUTOFF_HZ`].
 ///
-/// The filter starts settled on the first reading, and goes on where the spacing of readings changes. Readings
-/// slower than twice the cut-off pass unfiltered, and it starts anew after them.
+/// The filter starts in steady state at the first reading and continues when the spacing of readings changes. Readings
+/// slower than twice the cut-off are not filtered, and the filter restarts after them.
 #[derive(Clone, Debug, Default)]
 pub struct LateralJerk {
     last: Option<Reading>,
@@ -89,8 +88,7 @@ struct Reading {
 }
 
 impl LateralJerk {
-    /// Takes in one reading: lateral specific force at `stamp`, m/s². One that is not later than the last is
-    /// left out.
+    /// Adds one reading: lateral specific force at `stamp`, m/s². Ignored unless later than the last one.
     pub fn take(&mut self, stamp: Time, lateral_mps2: f64) {
         let mut smooth_mps2 = lateral_mps2;
         if let Some(last) = self.last {
@@ -150,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn the_low_pass_is_scipys_butterworth() {
+    fn low_pass_matches_scipys_butterworth() {
         let o = oracle();
         let mut filter = LowPass::new(CUTOFF_HZ, 100.0, o.input[0]).unwrap();
         for (k, (x, y)) in o.input.iter().zip(&o.output).enumerate() {
@@ -159,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn jerk_is_that_of_the_same_data_in_numpy() {
+    fn jerk_matches_numpy() {
         let o = oracle();
         let mut jerk = LateralJerk::default();
         for (k, x) in o.input.iter().enumerate() {
@@ -170,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_has_its_slope_as_jerk_in_both_ways() {
+    fn jerk_of_a_ramp_is_its_slope() {
         let mut jerk = LateralJerk::default();
         for k in 0..200_i64 {
             jerk.take(Time::from_ms(10 * k), 0.04 * k as f64);
@@ -180,13 +178,13 @@ mod tests {
         assert!(smooth > 4.0 && smooth < 4.0 * 1.05, "a slight overshoot of the filter: {smooth}");
     }
 
-    /// Spacings of readings in turn, ms: a period and steps of the simulation that are no multiples of each other.
+    /// Successive spacings of readings, ms: a period and simulation steps that are not multiples of each other.
     const SPACINGS_MS: [&[i64]; 5] = [&[10], &[8, 12], &[7, 14, 7], &[5, 10], &[10, 10, 10, 20]];
 
     #[test]
-    fn uneven_spacing_leaves_the_smoothed_jerk_of_a_swerve_as_it_is() {
+    fn smoothed_jerk_is_independent_of_uneven_spacing() {
         let (amplitude, rate) = (2.0, 2.0 * core::f64::consts::PI * 1.5);
-        // Of a harmonic motion far below the cut-off: the gain of Butterworth's filter, 1 / sqrt(1 + (f / fc)^4).
+        // Harmonic motion far below the cut-off; gain of the Butterworth filter, 1 / sqrt(1 + (f / fc)^4).
         let expected = amplitude * rate / (1.0 + (1.5 / CUTOFF_HZ).powi(4)).sqrt();
         for spacings in SPACINGS_MS {
             let (mut jerk, mut ms) = (LateralJerk::default(), 0);
@@ -201,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn another_rate_goes_on_where_the_filter_is() {
+    fn filter_state_is_kept_at_another_rate() {
         let mut filter = LowPass::new(CUTOFF_HZ, 100.0, 1.0).unwrap();
         let x = 3.0;
         let y = filter.next(x);
@@ -212,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_readings_pass_unfiltered_and_a_gap_makes_no_jerk() {
+    fn slow_readings_pass_unfiltered_and_gaps_cause_no_jerk() {
         let mut slow = LateralJerk::default();
         [0.0, 1.0, 0.0].iter().enumerate().for_each(|(k, x)| slow.take(Time::from_ms(100 * k as i64), *x));
         assert_eq!(slow.raw_max_mps3(), slow.smooth_max_mps3());
@@ -224,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_off_beyond_half_the_rate_is_refused() {
+    fn cut_off_beyond_half_the_rate_is_refused() {
         assert!(LowPass::new(50.0, 100.0, 0.0).is_none());
         assert!(LowPass::new(0.0, 100.0, 0.0).is_none());
         assert!(LowPass::new(f64::NAN, 100.0, 0.0).is_none());

@@ -1,17 +1,17 @@
-//! KITTI's average precision of boxes in the image (Geiger et al. 2012), by the rules of its development kit: at up to
-//! 41 thresholds of the score, with neighbours of a class, small boxes and regions that nobody labelled left out.
+//! KITTI's average precision of image boxes (Geiger et al. 2012), by the rules of its development kit: at up to 41
+//! score thresholds; similar classes, small boxes and unlabelled regions (DontCare) are ignored.
 //!
-//! [`crate::AveragePrecision`] takes every score for a threshold, which gives other numbers where things to be found
-//! are few.
+//! [`crate::AveragePrecision`] uses every score as a threshold, which gives different results for few ground-truth
+//! boxes.
 
 use serde::{Deserialize, Serialize};
 
 use crate::overlap::overlapping;
 
-/// Steps of recall between thresholds.
+/// Number of recall steps between thresholds.
 const STEPS: usize = 40;
 
-/// What a label names, as KITTI spells it.
+/// Object type of a label, in KITTI's spelling.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum KittiKind {
@@ -28,7 +28,7 @@ pub enum KittiKind {
 }
 
 impl KittiKind {
-    /// All, with their names.
+    /// All types with their names.
     pub const ALL: [(&'static str, Self); 9] = [
         ("Car", Self::Car),
         ("Van", Self::Van),
@@ -42,19 +42,19 @@ impl KittiKind {
     ];
 }
 
-/// What is evaluated.
+/// Evaluated class.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KittiClass {
-    /// Overlap above 0.7; a van found is not wrong.
+    /// Overlap above 0.7; a detected van is not a false positive.
     Car,
-    /// Overlap above 0.5; a sitting person found is not wrong.
+    /// Overlap above 0.5; a detected sitting person is not a false positive.
     Pedestrian,
     /// Overlap above 0.5.
     Cyclist,
 }
 
-/// How hard what counts may be to see.
+/// Difficulty: limits on the visibility of boxes that count.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KittiLevel {
@@ -69,9 +69,9 @@ pub enum KittiLevel {
 /// A label.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct KittiTruth {
-    /// What it is.
+    /// Object type.
     pub kind: KittiKind,
-    /// Share that is outside of the image.
+    /// Share outside the image.
     pub truncation: f64,
     /// 0 fully visible, 1 partly, 2 largely occluded, 3 unknown.
     pub occlusion: f64,
@@ -79,28 +79,28 @@ pub struct KittiTruth {
     pub box_px: [f64; 4],
 }
 
-/// A box that a detector reports.
+/// A detected box.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct KittiFound {
-    /// What it is taken for.
+    /// Detected type.
     pub kind: KittiKind,
     /// Left, top, right, bottom, pixels.
     pub box_px: [f64; 4],
-    /// The larger, the surer.
+    /// Confidence; higher is more certain.
     pub score: f64,
 }
 
-/// Average precision, 0 to 1; `None` where nothing is to be found.
+/// Average precision, 0 to 1; `None` without ground-truth boxes.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize)]
 pub struct KittiAp {
-    /// At recalls 0, 0.1, ... 1: until October 2019.
+    /// Over recalls 0, 0.1, ... 1: used until October 2019.
     pub r11: Option<f64>,
-    /// At recalls 1/40, 2/40, ... 1: since.
+    /// Over recalls 1/40, 2/40, ... 1: used since.
     pub r40: Option<f64>,
 }
 
 impl KittiClass {
-    /// All, as KITTI lists them.
+    /// All classes, in KITTI's order.
     pub const ALL: [Self; 3] = [Self::Car, Self::Pedestrian, Self::Cyclist];
 
     const fn kind(self) -> KittiKind {
@@ -125,10 +125,10 @@ impl KittiClass {
 }
 
 impl KittiLevel {
-    /// All, the easiest first.
+    /// All levels, easiest first.
     pub const ALL: [Self; 3] = [Self::Easy, Self::Moderate, Self::Hard];
 
-    /// Least height, px; most occlusion; most truncation.
+    /// Minimum height, px; maximum occlusion; maximum truncation.
     const fn limits(self) -> (f64, f64, f64) {
         match self {
             Self::Easy => (40.0, 0.0, 0.15),
@@ -138,21 +138,21 @@ impl KittiLevel {
     }
 }
 
-/// One frame as one class at one level sees it.
+/// One frame for one class and level.
 struct Frame {
-    /// Of what is there and concerns the class, whether it counts, and the found boxes that overlap it enough.
+    /// For each ground-truth box of the class: true if it counts, and the detections that overlap it enough.
     truth: Vec<(bool, Vec<(usize, f64)>)>,
     found: Vec<Candidate>,
 }
 
 struct Candidate {
     score: f64,
-    /// High enough to be wrong.
+    /// Tall enough to be a false positive.
     counts: bool,
     is_unlabelled: bool,
 }
 
-/// Average precision of a class at a level over frames: labels, and what is found.
+/// Average precision of a class at a level over frames of labels and detections.
 pub fn kitti_ap(
     frames: &[(Vec<KittiTruth>, Vec<KittiFound>)],
     class: KittiClass,
@@ -186,7 +186,7 @@ impl Frame {
         let truth_of_class: Vec<&KittiTruth> = truth.iter().filter(concerns).collect();
         let found: Vec<&KittiFound> = found
             .iter()
-            // What is too low is left out whatever it is taken for.
+            // Boxes below the minimum height are ignored, whatever their type.
             .filter(|f| f.kind == class.kind() || height(f.box_px) < height_min)
             .collect();
         let boxes: Vec<[f64; 4]> = truth_of_class.iter().map(|t| t.box_px).collect();
@@ -215,7 +215,7 @@ impl Frame {
         }
     }
 
-    /// Scores of the boxes that are right if the surest goes first.
+    /// Scores of the true positives when each label takes the highest score.
     fn right_scores(&self) -> Vec<f64> {
         let mut is_taken = vec![false; self.found.len()];
         let mut scores = Vec::new();
@@ -235,7 +235,7 @@ impl Frame {
         scores
     }
 
-    /// Boxes that are right and wrong among those of at least this score.
+    /// True and false positives among the detections of at least this score.
     fn count(&self, score_min: f64) -> (u64, u64) {
         let is_sure = |f: usize| self.found[f].score >= score_min;
         let mut is_taken = vec![false; self.found.len()];
@@ -259,7 +259,7 @@ impl Frame {
     }
 }
 
-/// The scores at which recall has gone up by a step, as near as the scores allow.
+/// Scores at which recall has increased by one step, as closely as the scores allow.
 fn thresholds(mut scores: Vec<f64>, wanted: usize) -> Vec<f64> {
     scores.sort_by(|a, b| b.total_cmp(a));
     let mut recall = 0.0;
@@ -276,7 +276,7 @@ fn thresholds(mut scores: Vec<f64>, wanted: usize) -> Vec<f64> {
     at
 }
 
-/// The share of a box that lies in a region.
+/// Share of a box inside a region.
 fn share_in(of: [f64; 4], region: [f64; 4]) -> f64 {
     let area = |[left, top, right, bottom]: [f64; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);
     let shared = [of[0].max(region[0]), of[1].max(region[1]), of[2].min(region[2]), of[3].min(region[3])];
@@ -290,7 +290,7 @@ mod tests {
     #[derive(Deserialize)]
     struct Case {
         frames: Vec<Frame>,
-        /// By class and level, -1 for none: R11 and R40.
+        /// R11 and R40 by class and level; -1 for `None`.
         expected: [[[f64; 2]; 3]; 3],
     }
 
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_those_of_a_model_of_the_development_kit() {
+    fn average_precision_matches_a_model_of_the_development_kit() {
         let text = include_str!("../../../tests/reference/perception_metrics/kitti.json");
         let cases: Vec<Case> = serde_json::from_str(text).unwrap();
         assert!(cases.len() >= 8);

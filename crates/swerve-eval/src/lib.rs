@@ -1,12 +1,12 @@
-//! Evaluation of a drive: verdict, distances, impact, comfort, response times, run times; and of perception:
-//! detections, tracks, segmentation, each also at the instant at which it can be used ([`timely`]); and of localization:
-//! errors of trajectories, and whether a filter knows its own; and of predictions ([`forecast`]).
+//! Evaluation of driving: verdict, distances, impact, comfort, response times, run times; of perception: detections,
+//! tracks, segmentation, also with latency taken into account ([`timely`]); of localization: trajectory errors and
+//! filter consistency; and of predictions ([`forecast`]).
 //!
-//! Every measure is a small accumulator that takes in one sample at a time, so that a run of any length is
-//! evaluated while it happens; [`Evaluation`] holds one of each and gives [`Metrics`], which serialise to
-//! `metrics.json`. Inputs are messages and the simulator's truth (map frame, SI units, radians); all times
-//! are instants of the run.
-//! Absences: no engine, no simulator, no file, no clock; whether a result is good enough is for the caller.
+//! Every metric is a small accumulator of samples, so that runs of any length are evaluated online. [`Evaluation`]
+//! holds one of each and computes [`Metrics`], which serialise to `metrics.json`. Inputs are messages and the
+//! simulator's ground truth (map frame, SI units, radians); all times are instants of the run.
+//! The crate depends on no engine, simulator, file or clock. Judging whether a result is good enough is up to the
+//! caller.
 
 mod average_precision;
 mod coco;

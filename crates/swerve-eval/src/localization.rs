@@ -1,4 +1,4 @@
-//! How far the pose that the stack drives by is from the true one, and whether localization knows that.
+//! Errors of the pose used for driving, and their consistency with the reported uncertainty.
 
 use std::collections::VecDeque;
 
@@ -8,31 +8,31 @@ use swerve_core::{Span, Time};
 use swerve_geom::{math, wrap_angle};
 use swerve_msg::{EgoState, PoseMode, PoseQuality};
 
-/// Localization in figures.
+/// Localization metrics.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct LocalizationMetrics {
-    /// Root mean square of the distance on the ground, metres (`evo`'s absolute pose error in x and y, unaligned).
+    /// Root mean square of the horizontal position error, metres (`evo`'s absolute pose error in x and y, unaligned).
     pub rms_m: f64,
-    /// Median of that distance, metres: the start, before much is known, does not weigh in it.
+    /// Median of that error, metres; not affected by the initial convergence.
     pub median_m: f64,
-    /// What it is below in 99 of 100 poses, metres.
+    /// 99th percentile of that error, metres.
     pub p99_m: f64,
-    /// Root mean square across the true heading: what takes a car off its lane, metres.
+    /// Root mean square of the error across the true heading, metres, which moves a car off its lane.
     pub across_rms_m: f64,
-    /// The largest distance, metres.
+    /// Maximum of the position error, metres.
     pub max_m: f64,
-    /// Its instant, seconds.
+    /// Instant of the maximum, seconds.
     pub max_at_s: f64,
-    /// Root mean square of the heading's error, degrees.
+    /// Root mean square of the heading error, degrees.
     pub heading_rms_deg: f64,
     /// Longest time without a pose, seconds.
     pub silent_max_s: f64,
-    /// What localization says of itself; null where it says nothing.
+    /// Quality reported by localization; null if it reports none.
     pub quality: Option<QualityMetrics>,
 }
 
 impl LocalizationMetrics {
-    /// For the terminal, in one line.
+    /// Text for the terminal, in one line.
     pub fn text(&self) -> String {
         let Self { rms_m, median_m, max_m, heading_rms_deg, .. } = self;
         let known = self.quality.map_or_else(String::new, |q| format!(", NEES {:.1} (3 is right)", q.nees));
@@ -42,45 +42,45 @@ impl LocalizationMetrics {
     }
 }
 
-/// A time in which no new pose reached its readers, for longer than the controller waits for one.
+/// A period in which no new pose reached its readers, longer than the controller waits for one.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct PoseGap {
-    /// Stamp of the last pose before it, or the beginning of the drive, seconds.
+    /// Stamp of the last pose before it, or the start of the drive, seconds.
     pub from_s: f64,
-    /// Stamp of the first new pose after it, seconds; null where none came up to the end.
+    /// Stamp of the first new pose after it, seconds; null if none arrived up to the end.
     pub until_s: Option<f64>,
 }
 
-/// What localization says of itself.
+/// Evaluation of the reported pose quality.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct QualityMetrics {
-    /// Mean standard deviation of the place along its worst direction, metres.
+    /// Mean standard deviation of the position along its worst direction, metres.
     pub sigma_mean_m: f64,
-    /// Mean square of the error of x, y and heading over its covariance; 3 where it knows how good it is.
+    /// Mean normalized squared error of x, y and heading (NEES); 3 for a consistent filter.
     pub nees: f64,
-    /// Longest time in which the mode was good although the place was off by more than five standard deviations, seconds.
+    /// Longest period of mode `good` with a position error of more than five standard deviations, seconds.
     #[serde(default)]
     pub false_good_max_s: f64,
-    /// Share of the time by inertia and wheels alone.
+    /// Share of the time in dead reckoning by IMU and wheels.
     pub coasting_share: f64,
-    /// Share of the time without a pose to be driven by.
+    /// Share of the time without a usable pose.
     pub lost_share: f64,
 }
 
-/// A place that is off by more standard deviations than this is wrong.
+/// Normalized position error above which a pose counts as wrong, standard deviations.
 const FALSE_SIGMAS: f64 = 5.0;
-/// Without a pose for longer than this at its end a drive had none any more: the controller's `stop.blind_after_s`.
+/// Silence at the end beyond which a drive had lost its pose: the controller's `stop.blind_after_s`.
 const SILENT: Span = Span::from_ms(300);
-/// True states that are kept: more than a pose takes to be published.
+/// Number of true states kept: more than the latency of a pose.
 const KEPT: usize = 512;
 
-/// Takes in poses and what they should have been.
+/// Accumulates poses and the true states.
 #[derive(Clone, Debug, Default)]
 pub struct Localization {
     truth: VecDeque<EgoState>,
-    /// Stamp and error of the newest pose: forward, to the left, heading; and in the map.
+    /// Stamp and error of the newest pose: forward, left, heading; and in the map frame.
     newest: Option<(Time, Vector3<f64>)>,
-    /// The newest pose that reached its readers and said something new.
+    /// The newest new pose that reached its readers.
     heard: Option<EgoState>,
     gaps: Vec<PoseGap>,
     first_truth: Option<Time>,
@@ -94,7 +94,7 @@ pub struct Localization {
     told: u64,
     sigma_sum: f64,
     nees_sum: f64,
-    /// Since when the mode is good and the place is wrong, and for how long that was at most, seconds.
+    /// Start of the current period of a good mode with a wrong position, and the longest such period, seconds.
     false_good_since: Option<Time>,
     false_good_max_s: f64,
     coasting: u64,
@@ -102,7 +102,7 @@ pub struct Localization {
 }
 
 impl Localization {
-    /// The true state after one step.
+    /// Adds the true state after one step.
     pub fn truth(&mut self, ego: &EgoState) {
         self.first_truth.get_or_insert(ego.stamp);
         self.truth.push_back(*ego);
@@ -111,7 +111,7 @@ impl Localization {
         }
     }
 
-    /// The pose that the stack gets, and by how much it is off, metres; none counts that is older than what is kept.
+    /// Adds a pose of the stack and returns its position error, metres; `None` if it is older than the states kept.
     pub fn pose(&mut self, found: &EgoState) -> Option<f64> {
         let until = self.truth.partition_point(|truth| truth.stamp <= found.stamp);
         let truth = self.truth.get(until.checked_sub(1)?)?;
@@ -136,7 +136,7 @@ impl Localization {
         Some(distance_m)
     }
 
-    /// What localization says of itself, after the pose of its stamp.
+    /// Adds a reported quality, after the pose of its stamp.
     pub fn quality(&mut self, quality: &PoseQuality) {
         self.qualities += 1;
         match quality.mode {
@@ -154,7 +154,7 @@ impl Localization {
         self.false_good(quality, &off);
     }
 
-    /// The time in which the mode is `good` although the pose is wrong.
+    /// Accounts for the time of mode `good` with a wrong pose.
     fn false_good(&mut self, quality: &PoseQuality, off: &Vector3<f64>) {
         let [xx, xy, yy, ..] = quality.covariance;
         let determinant = xx * yy - xy * xy;
@@ -167,7 +167,7 @@ impl Localization {
         }
     }
 
-    /// A pose as it reaches its readers, after the faults of its stream.
+    /// Adds a pose as it reaches its readers, after the faults of its stream.
     pub fn heard(&mut self, pose: &EgoState) {
         if !pose.is_plausible() || self.heard.is_some_and(|before| pose.repeats(&before)) {
             return;
@@ -180,14 +180,13 @@ impl Localization {
         self.heard = Some(*pose);
     }
 
-    /// The gaps between poses as they reached their readers, in order of time.
+    /// Gaps between poses as they reached their readers, in order of time.
     pub fn gaps(&self) -> Vec<PoseGap> {
         let last = self.silent_since().map(|since| PoseGap { from_s: crate::seconds(since), until_s: None });
         self.gaps.iter().copied().chain(last).collect()
     }
 
-    /// Stamp of the last pose that reached its readers and said something new, or of the beginning, where none came any more up
-    /// to the end.
+    /// Stamp of the last new pose that reached its readers, or of the start, if none arrived up to the end.
     pub fn silent_since(&self) -> Option<Time> {
         let localizes = self.qualities > 0;
         let never = || self.first_truth.filter(|_| localizes);
@@ -195,7 +194,7 @@ impl Localization {
         self.truth.back().filter(|last| last.stamp - since > SILENT).map(|_| since)
     }
 
-    /// The figures so far; none where every pose is the true one, as the simulator tells it.
+    /// Metrics so far; `None` if all poses are the simulator's.
     pub fn metrics(&self) -> Option<LocalizationMetrics> {
         if self.qualities == 0 && self.max.0 == 0.0 {
             return None;
@@ -278,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_simulators_own_poses_are_no_localization() {
+    fn simulator_poses_are_not_evaluated_as_localization() {
         let mut localization = Localization::default();
         localization.truth(&ego(0, 1.0, 2.0, 0.0));
         localization.pose(&ego(0, 1.0, 2.0, 0.0));
@@ -286,12 +285,13 @@ mod tests {
     }
 
     #[test]
-    fn good_modes_at_wrong_places_are_timed() {
+    fn good_modes_at_wrong_positions_are_timed() {
         let mut localization = Localization::default();
         for k in 0..=300 {
             let stamp = Time::from_ms(10 * k);
             localization.truth(&ego(10 * k, 0.0, 0.0, 0.0));
-            // Six deviations off from 1 to 1.5 s and from 2 to 3 s; in the second half of the latter it is coasting.
+            // Six standard deviations off from 1 to 1.5 s and from 2 to 3 s; in the second half of the latter the mode
+            // is coasting.
             let is_wrong = (100..=150).contains(&k) || k >= 200;
             localization.pose(&ego(10 * k, if is_wrong { 0.6 } else { 0.4 }, 0.0, 0.0));
             let mode = if k > 270 { PoseMode::Coasting } else { PoseMode::Good };
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_and_what_it_says_of_itself_count() {
+    fn silence_and_reported_quality_are_counted() {
         let mut localization = Localization::default();
         for k in 0..=300 {
             localization.truth(&ego(10 * k, 0.0, 0.0, 0.0));
@@ -318,7 +318,7 @@ mod tests {
         let quality = metrics.quality.unwrap();
         assert!((metrics.silent_max_s - 1.0).abs() < 1e-12);
         assert!((quality.nees - 3.0).abs() < 1e-9 && (quality.sigma_mean_m - 0.2).abs() < 1e-12);
-        // 0.2 m and 0.1 m of 0.2 m and 0.1 m deviation: the square is 2.
+        // 0.2 m and 0.1 m at standard deviations of 0.2 m and 0.1 m: the square is 2.
         assert!(quality.false_good_max_s == 0.0);
         assert!((quality.lost_share - 100.0 / 301.0).abs() < 1e-12 && quality.coasting_share == 0.0);
     }

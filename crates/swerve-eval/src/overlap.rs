@@ -1,4 +1,4 @@
-//! How much two boxes have in common: intersection over union.
+//! Overlap of boxes: intersection over union.
 
 use swerve_geom::{Obb, image_iou};
 use swerve_msg::DetectedBox;
@@ -10,7 +10,7 @@ pub fn ground_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
     over_union(shared_area_m2(&footprint(a), &footprint(b)), area_m2(a), area_m2(b))
 }
 
-/// Intersection over union of the upright boxes, 0 to 1.
+/// Intersection over union of upright boxes, 0 to 1.
 pub fn volume_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
     let top = |x: &DetectedBox| x.bottom_m + x.extent.height_m;
     let height_m = (top(a).min(top(b)) - a.bottom_m.max(b.bottom_m)).max(0.0);
@@ -18,8 +18,8 @@ pub fn volume_iou(a: &DetectedBox, b: &DetectedBox) -> f64 {
     over_union(shared, area_m2(a) * a.extent.height_m, area_m2(b) * b.extent.height_m)
 }
 
-/// Pairs of rectangles in an image (left, top, right, bottom) that overlap: place in `a`, place in `b`, intersection over
-/// union above 0; by place in `a`, then in `b`. Takes time for the pairs and for sorting, not for all against all.
+/// Overlapping pairs of image rectangles (left, top, right, bottom): index in `a`, index in `b`, intersection over
+/// union above 0; sorted by index in `a`, then in `b`. Its cost is that of the pairs and of sorting, not of all pairs.
 pub fn overlapping(a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<(usize, usize, f64)> {
     let mut by_left: Vec<usize> = (0..b.len()).collect();
     by_left.sort_by(|&i, &k| b[i][0].total_cmp(&b[k][0]));
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn the_area_is_that_of_points_in_both() {
+    fn shared_area_matches_sampled_points() {
         let mut rng = Rng::keyed(2, "overlap", &[]);
         for k in 0..60 {
             let mut rectangle = || {
@@ -88,12 +88,12 @@ mod tests {
     }
 
     #[test]
-    fn squares_by_hand() {
+    fn overlap_of_squares_matches_hand_computation() {
         let square = |x: f64, y: f64, turn: f64| Obb::<Map>::new(Pose2::new(x, y, turn), 2.0, 2.0);
         near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(0.0, 0.0, 0.0)), 4.0);
         near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(1.0, 1.0, 0.0)), 1.0);
         near(shared_area_m2(&square(0.0, 0.0, 0.0), &square(2.0, 0.0, 0.0)), 0.0);
-        // Turned by an eighth the octagon in both is left: 8 (sqrt 2 - 1) for squares of side 2.
+        // Turned by 45 degrees, the intersection is an octagon: 8 (sqrt 2 - 1) for squares of side 2.
         let eighth = core::f64::consts::FRAC_PI_4;
         near(
             shared_area_m2(&square(0.0, 0.0, 0.0), &square(0.0, 0.0, eighth)),
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn overlapping_pairs_are_those_of_all_against_all() {
+    fn overlapping_pairs_match_exhaustive_search() {
         let mut rng = Rng::keyed(3, "overlapping", &[]);
         for _ in 0..50 {
             let mut boxes = |n: usize| -> Vec<[f64; 4]> {
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_by_hand() {
+    fn overlap_of_boxes_matches_hand_computation() {
         let cube = |x: f64, bottom_m: f64| DetectedBox {
             kind: ActorKind::Car,
             score: 1.0,

@@ -1,70 +1,71 @@
-//! Plans by status, and when the first path was found.
+//! Plan counts by status, and the first path found.
 
 use serde::{Deserialize, Serialize};
 use swerve_msg::{Plan, PlanStatus};
 
 use crate::seconds;
 
-/// Plans by how they came about.
+/// Plan counts by status.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub struct PlanCounts {
-    /// The route was followed, nothing asked for planning.
+    /// Route followed; no planning was needed.
     pub route: u64,
-    /// A path was found.
+    /// Path found.
     pub found: u64,
-    /// None found, the previous plan went on.
+    /// No path found; the previous plan was continued.
     pub kept: u64,
-    /// None found, full brake along the previous path.
+    /// No path found; full brake along the previous path.
     pub brake: u64,
-    /// None found, speed zero along the route.
+    /// No path found; speed zero along the route.
     pub stop: u64,
-    /// None found, the route was followed regardless.
+    /// No path found; the route was followed regardless.
     pub gave_up: u64,
-    /// A path within the limits of comfort was found.
+    /// Path within the comfort limits found.
     #[serde(default)]
     pub comfortable: u64,
-    /// A stop, since the pose was too uncertain for the lane.
+    /// Stop because the pose was too uncertain for the lane.
     #[serde(default)]
     pub pose_uncertain: u64,
 }
 
 impl PlanCounts {
-    /// How many there are.
+    /// Total number of plans.
     pub fn all(&self) -> u64 {
         let Self { route, found, kept, brake, stop, gave_up, comfortable, pose_uncertain } = self;
         route + found + kept + brake + stop + gave_up + comfortable + pose_uncertain
     }
 }
 
-/// Plan counts, and when the planner itself first found a path.
+/// Plan counts, and times of finding paths and of standing.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct PlanMetrics {
-    /// How many plans came about how.
+    /// Plan counts by status.
     pub counts: PlanCounts,
-    /// Stamp of the first path found that is not within the limits of comfort, seconds.
+    /// Stamp of the first path found outside the comfort limits, seconds.
     pub first_found_s: Option<f64>,
-    /// Share of the plans that the comfortable layer made, 0 to 1; the planner itself made the others. Null without a plan.
+    /// Share of the plans from the comfortable layer, 0 to 1; the others are from the planner itself. Null without a
+    /// plan.
     #[serde(default)]
     pub comfortable_share: Option<f64>,
-    /// Stamp since which all plans up to the end stop for an uncertain pose, seconds.
+    /// Stamp since which all plans up to the end are stops for an uncertain pose, seconds.
     #[serde(default)]
     pub pose_uncertain_since_s: Option<f64>,
-    /// Time that the ego stood after it had set off, seconds.
+    /// Time at rest after setting off, seconds.
     #[serde(default)]
     pub stood_s: f64,
-    /// Part of that time in which the plan stopped for an uncertain pose, seconds.
+    /// Part of that time under plans that stop for an uncertain pose, seconds.
     #[serde(default)]
     pub stood_uncertain_s: f64,
 }
 
 impl PlanMetrics {
-    /// The ego, which had set off before, stood for so long under a plan of this status.
+    /// Adds time at rest, after setting off, under a plan of this status.
     pub fn stood(&mut self, status: PlanStatus, for_s: f64) {
         self.stood_s += for_s;
         self.stood_uncertain_s += if status == PlanStatus::PoseUncertain { for_s } else { 0.0 };
     }
 
-    /// Takes in one plan.
+    /// Adds one plan.
     pub fn take(&mut self, plan: &Plan) {
         let counts = &mut self.counts;
         *match plan.status {

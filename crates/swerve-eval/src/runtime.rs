@@ -8,9 +8,9 @@ use crate::Distribution;
 /// Run times of one operator's steps.
 #[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct OperatorMetrics {
-    /// Its name.
+    /// Operator name.
     pub operator: String,
-    /// Number of steps that came to their modelled end.
+    /// Number of steps that reached their modelled end.
     pub steps: u64,
     /// Median run time, ms; zero without steps.
     pub p50_ms: f64,
@@ -24,7 +24,7 @@ pub struct OperatorMetrics {
     pub drops: u64,
 }
 
-/// The run-time table under construction; operators are numbered from 0 in the order of the table.
+/// Run-time table under construction; operators are numbered from 0 in table order.
 #[derive(Clone, Debug, Default)]
 pub struct RunTimes {
     operators: Vec<Counts>,
@@ -39,31 +39,31 @@ struct Counts {
 }
 
 impl RunTimes {
-    /// A table of the named operators, in this order.
+    /// Creates a table of the named operators, in this order.
     pub fn new<S: Into<String>>(names: impl IntoIterator<Item = S>) -> Self {
         let counts = |name: S| Counts { name: name.into(), ..Counts::default() };
         Self { operators: names.into_iter().map(counts).collect() }
     }
 
-    /// A step of operator number `operator` took `runtime`.
+    /// Records a step of operator number `operator` that took `runtime`.
     ///
     /// # Panics
-    /// As the other two: when there is no operator of that number.
+    /// If there is no operator of that number, as in the other two methods.
     pub fn step(&mut self, operator: usize, runtime: Span) {
         self.operators[operator].steps.take(runtime);
     }
 
-    /// Operator number `operator` missed a deadline.
+    /// Records a missed deadline of operator number `operator`.
     pub fn missed(&mut self, operator: usize) {
         self.operators[operator].misses += 1;
     }
 
-    /// Operator number `operator` dropped a frame.
+    /// Records a dropped frame of operator number `operator`.
     pub fn dropped(&mut self, operator: usize) {
         self.operators[operator].drops += 1;
     }
 
-    /// The table so far.
+    /// Table so far.
     pub fn table(&self) -> Vec<OperatorMetrics> {
         let row = |counts: &Counts| {
             let steps = counts.steps.summary().unwrap_or_default();
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_counts_per_operator() {
+    fn table_counts_per_operator() {
         let mut times = RunTimes::new(["detector", "planner"]);
         (1..=4).for_each(|ms| times.step(1, Span::from_ms(ms)));
         times.missed(1);

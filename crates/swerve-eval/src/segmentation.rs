@@ -1,37 +1,38 @@
 //! Semantic segmentation: intersection over union of classes (Everingham et al. 2010; Cityscapes).
 
-/// Pixels by their true class and the one that is reported.
+/// Confusion matrix: pixel counts by true and by predicted class.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Confusion {
     classes: usize,
     ignored: Option<u8>,
-    /// Row by row, a true class each.
+    /// Row-major, one row per true class.
     counts: Vec<u64>,
 }
 
-/// A label that is no class.
+/// A label outside the classes.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("pixel {pixel}: label {label}, expected one below {classes}")]
 pub struct UnknownClass {
-    /// Its place in the image, row by row.
+    /// Index of the pixel, row-major.
     pub pixel: usize,
-    /// What it has.
+    /// Its label.
     pub label: u8,
-    /// How many classes there are.
+    /// Number of classes.
     pub classes: usize,
 }
 
 impl Confusion {
-    /// Of classes 0 to `classes` - 1; pixels whose true label is `ignored` (Cityscapes: 255) are left out.
+    /// Creates a matrix for classes 0 to `classes` - 1; pixels with the true label `ignored` (Cityscapes: 255) are left
+    /// out.
     pub fn new(classes: u8, ignored: Option<u8>) -> Self {
         let classes = usize::from(classes);
         Self { classes, ignored, counts: vec![0; classes * classes] }
     }
 
-    /// Takes in an image: its true labels, and those reported, pixel by pixel. Nothing is counted on an error.
+    /// Adds an image with its true and its predicted labels, pixel by pixel. On an error nothing is counted.
     ///
     /// # Errors
-    /// A label that is no class.
+    /// A label outside the classes.
     ///
     /// # Panics
     /// If the two have different sizes.
@@ -60,12 +61,12 @@ impl Confusion {
         Ok(())
     }
 
-    /// Pixels of a true class that are reported as another or the same.
+    /// Number of pixels of a true class that were predicted as `found`.
     pub fn count(&self, truth: u8, found: u8) -> u64 {
         self.counts[usize::from(truth) * self.classes + usize::from(found)]
     }
 
-    /// Intersection over union of a class, 0 to 1; `None` where it is neither there nor reported.
+    /// Intersection over union of a class, 0 to 1; `None` if the class is neither present nor predicted.
     pub fn iou(&self, class: u8) -> Option<f64> {
         let class = usize::from(class);
         let shared = self.counts[class * self.classes + class];
@@ -75,7 +76,7 @@ impl Confusion {
         (union > 0).then(|| shared as f64 / union as f64)
     }
 
-    /// Mean over the classes that are there or reported; `None` if there is none.
+    /// Mean over the classes present or predicted; `None` if there are none.
     pub fn mean_iou(&self) -> Option<f64> {
         let ious: Vec<f64> = (0..self.classes).filter_map(|class| self.iou(class as u8)).collect();
         (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
@@ -100,13 +101,13 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_those_of_scikit_learn() {
+    fn iou_matches_scikit_learn() {
         let text = include_str!("../../../tests/reference/perception_metrics/segmentation.json");
         let cases: Vec<Case> = serde_json::from_str(text).unwrap();
         assert!(cases.len() >= 6);
         for case in cases {
             let mut confusion = Confusion::new(case.classes, Some(255));
-            // In two parts: images add up.
+            // In two parts, to check that images add up.
             let (t, f) = (case.truth.split_at(100), case.found.split_at(100));
             confusion.image(t.0, f.0).unwrap();
             confusion.image(t.1, f.1).unwrap();
@@ -123,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn labels_that_are_no_class_are_refused_unless_ignored() {
+    fn labels_outside_the_classes_are_refused_unless_ignored() {
         let mut confusion = Confusion::new(2, Some(255));
         let error = confusion.image(&[0, 1, 1], &[0, 1, 2]).unwrap_err();
         assert_eq!(error, UnknownClass { pixel: 2, label: 2, classes: 2 });

@@ -1,36 +1,36 @@
-//! Timely accuracy: what a result is worth at the instant at which it can be used (Gog et al. 2021, section 5; Li et al.
+//! Timely accuracy: accuracy of a result at the instant at which it can be used (Gog et al. 2021, section 5; Li et al.
 //! 2020 for the end-anchored form, streaming accuracy).
 //!
-//! Results have the stamp of the frame that they describe and are finished a run time later. Truth is known at its
-//! frames' instants only, so the end of a run is moved to one of them. Here is decided which result is judged against
-//! which frame; any metric then judges the pair.
+//! Results have the stamp of the frame that they describe and are finished a run time later. Ground truth exists only
+//! at the instants of frames, so the end of a run is moved to a frame. This module decides which result is compared
+//! with which frame; any metric can then evaluate the pair.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 
-/// To which frame the end of a run is moved.
+/// Rule for moving the end of a run to a frame.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Snap {
-    /// The first one that is not earlier.
+    /// First frame that is not earlier.
     #[default]
     Ceil,
-    /// The nearest, of two the later one.
+    /// Nearest frame; of two the later one.
     Round,
 }
 
-/// When a result is there.
+/// Time of a finished result.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct Finished {
-    /// The instant that it describes.
+    /// Instant that it describes.
     pub stamp: Time,
-    /// From then until it can be used: run time and all waiting.
+    /// Time from then until it can be used: run time and all waiting.
     pub after: Span,
 }
 
 impl Snap {
-    /// The frame of an instant; `None` behind the last one (for `Round`, by more than half of the last gap).
-    /// `frames` are increasing.
+    /// Frame of an instant; `None` beyond the last one (for `Round`, by more than half of the last gap). `frames` must
+    /// be increasing.
     pub fn frame(self, frames: &[Time], at: Time) -> Option<usize> {
         let next = frames.partition_point(|frame| *frame < at);
         let Some(before) = next.checked_sub(1).filter(|_| self == Self::Round) else {
@@ -48,15 +48,15 @@ impl Snap {
     }
 }
 
-/// For every result, in their order, the frame at which it is finished: (result, frame). Those that end behind the
-/// last frame are left out.
+/// For every result, in order, the frame at which it is finished: (result, frame). Results that end beyond the last
+/// frame are left out.
 pub fn start_anchored(frames: &[Time], results: &[Finished], snap: Snap) -> Vec<(usize, usize)> {
     let of = |(k, r): (usize, &Finished)| Some((k, snap.frame(frames, r.stamp + r.after)?));
     results.iter().enumerate().filter_map(of).collect()
 }
 
-/// For every frame the result with the newest stamp of those that are finished by then, of equal ones the later in
-/// their order; `None` where there is none yet, which is to be judged as a report of nothing.
+/// For every frame, the result with the newest stamp among those finished by then, of equal ones the later in their
+/// order; `None` if there is none yet, which counts as an empty result.
 pub fn end_anchored(frames: &[Time], results: &[Finished], snap: Snap) -> Vec<Option<usize>> {
     let mut newest: Vec<Option<usize>> = vec![None; frames.len()];
     for (result, frame) in start_anchored(frames, results, snap) {
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn results_are_judged_when_they_end_or_when_frames_ask() {
+    fn results_are_paired_by_their_end_and_by_frames() {
         let frames = [0, 100, 200, 300, 400].map(Time::from_ms);
         // The second takes long; the third, of a newer frame, is finished before it.
         let results = results(&[(0, 110), (100, 290), (200, 90), (300, 120)]);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn at_no_run_time_each_frame_has_its_own_result() {
+    fn each_frame_has_its_own_result_at_zero_run_time() {
         let frames = [0, 33, 67, 100].map(Time::from_ms);
         let results = results(&[(0, 0), (33, 0), (67, 0), (100, 0)]);
         for snap in [Snap::Ceil, Snap::Round] {

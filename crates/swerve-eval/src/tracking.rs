@@ -1,7 +1,7 @@
-//! Metrics of tracking: CLEAR MOT, IDF1 and HOTA of one sequence.
+//! Tracking metrics: CLEAR MOT, IDF1 and HOTA of one sequence.
 //!
-//! They count what TrackEval 1.3 counts, frame by frame: its tolerance of one unit in the last place at thresholds, its
-//! order of matching. A ratio without anything to divide by is `None`, where TrackEval prints 0 or 1.
+//! They match TrackEval 1.3 frame by frame, including its tolerance of one unit in the last place at thresholds and its
+//! order of matching. A ratio with a zero denominator is `None`, where TrackEval prints 0 or 1.
 
 mod clear;
 mod hota;
@@ -17,22 +17,22 @@ pub use clear::ClearMot;
 pub use hota::Hota;
 pub use identity::IdentityScore;
 
-/// The least overlap of a match in CLEAR MOT and IDF1.
+/// Minimum overlap of a match in CLEAR MOT and IDF1.
 pub const SIMILARITY_MIN: f64 = 0.5;
 
-/// One instant: who is there, who is reported, and how alike they are. No identity is there twice.
+/// One frame: ground truth ids, track ids and similarities. Each id occurs at most once.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct TrackingFrame {
-    /// Identities that are there.
+    /// Ground truth ids.
     pub truth: Vec<u64>,
-    /// Identities that are reported.
+    /// Track ids.
     pub found: Vec<u64>,
-    /// Place in `truth`, place in `found`, similarity above 0 and at most 1; each pair at most once.
+    /// Index in `truth`, index in `found`, similarity above 0 and at most 1; each pair at most once.
     pub alike: Vec<(usize, usize, f64)>,
 }
 
 impl TrackingFrame {
-    /// Of boxes in an image, each an identity with left, top, right and bottom, pixels; similarity is intersection over
+    /// Frame from image boxes, each an id with left, top, right and bottom, pixels; similarity is intersection over
     /// union.
     pub fn of_boxes(truth: &[(u64, [f64; 4])], found: &[(u64, [f64; 4])]) -> Self {
         let ids = |of: &[(u64, [f64; 4])]| of.iter().map(|(id, _)| *id).collect();
@@ -44,20 +44,20 @@ impl TrackingFrame {
 /// All metrics of a sequence.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct TrackingMetrics {
-    /// Of all frames, boxes that are there.
+    /// Number of ground truth boxes over all frames.
     pub truth_boxes: usize,
-    /// Of all frames, boxes that are reported.
+    /// Number of track boxes over all frames.
     pub found_boxes: usize,
-    /// Misses, false alarms, switches.
+    /// CLEAR MOT: misses, false positives, switches.
     pub clear: ClearMot,
-    /// Who is followed longest under one identity.
+    /// IDF1: consistency of identities.
     pub identity: IdentityScore,
-    /// Detection and association in balance.
+    /// HOTA: detection and association in balance.
     pub hota: Hota,
 }
 
 impl TrackingMetrics {
-    /// Of a sequence's frames in order; those without any box may be absent.
+    /// Computes the metrics of a sequence's frames in order; frames without boxes may be omitted.
     pub fn of(frames: &[TrackingFrame]) -> Self {
         Self {
             truth_boxes: frames.iter().map(|f| f.truth.len()).sum(),
@@ -69,7 +69,7 @@ impl TrackingMetrics {
     }
 }
 
-/// The quotient, unless there is nothing to divide by.
+/// Quotient; `None` for a zero denominator.
 fn ratio(of: f64, by: f64) -> Option<f64> {
     (by > 0.0).then(|| of / by)
 }

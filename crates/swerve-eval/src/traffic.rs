@@ -1,7 +1,9 @@
-//! Driving among others: time to collision, time headway, use of the ground beside the own lane, speed over the target.
+//! Interaction with traffic: time to collision, time headway, use of the ground beside the own lane, speed above the
+//! target.
 //!
-//! The own lane is the strip of the lane's width around the route; what is to the left of it counts as the oncoming lane,
-//! whatever its direction. Places along the route are sought near the one before, so that a road may cross itself.
+//! The own lane is the strip of the lane's width around the route; the ground to the left of it counts as the opposite
+//! lane, whatever its direction. Projections to the route are searched near the previous one, so that a road may cross
+//! itself.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
@@ -11,64 +13,64 @@ use swerve_msg::{ActorId, ActorKind, Route};
 
 use crate::{Outline, seconds};
 
-/// Between two states that are looked at; nuPlan's metrics look every 100 ms.
+/// Sampling interval; nuPlan's metrics use 100 ms.
 const PERIOD: Span = Span::from_ms(50);
-/// No longer headways than this are looked for, metres.
+/// Maximum distance of a lead vehicle, metres.
 const AHEAD_M: f64 = 100.0;
-/// The ego and its corners are this near to its place one period before, metres.
+/// Maximum distance of the ego and its corners from its position one period earlier, metres.
 const NEAR_M: f64 = 20.0;
-/// A lead has the lane's direction within this, radians (45 degrees): a crossing car is not followed.
+/// Maximum angle between a lead's heading and the lane, radians (45 degrees): crossing cars are not leads.
 const ALONG_RAD: f64 = core::f64::consts::FRAC_PI_4;
-/// A time to collision beyond this is none, seconds: of an ego at rest whose speed is not exactly zero, say.
+/// Maximum time to collision, seconds; excludes, for example, an ego at rest with a speed not exactly zero.
 const TTC_MAX_S: f64 = 100.0;
-/// An ego that is slower has no headway, m/s.
+/// Minimum speed of the ego for a headway, m/s.
 const STANDS_MPS: f64 = 0.1;
 
-/// The lane and the speed that the ego is to keep, as far as they are known.
+/// Lane and speed that the ego is to keep, if known.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Norm {
     /// Width of the own lane, metres.
     pub lane_width_m: Option<f64>,
-    /// The speed it is to drive at, m/s.
+    /// Target speed, m/s.
     pub target_speed_mps: Option<f64>,
 }
 
-/// How the ego drove among others, until its first contact.
+/// Metrics of interaction with traffic, until the first contact.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct TrafficMetrics {
-    /// Least time to collision, seconds: until the outlines of the ego and an actor touch if both keep velocity and heading
-    /// (Hayward 1972; as in nuPlan's `time_to_collision_within_bound`, without its horizon). Absent where the ego was never
-    /// on the way to touch anybody within 100 s.
+    /// Minimum time to collision, seconds: until the outlines of the ego and an actor touch if both keep velocity and
+    /// heading (Hayward 1972; as nuPlan's `time_to_collision_within_bound`, without its horizon). Absent if the ego was
+    /// never within 100 s of a contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ttc_s: Option<f64>,
-    /// The actor of that time.
+    /// Actor of that time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ttc_actor: Option<ActorId>,
-    /// Its instant, seconds.
+    /// Instant of that time, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ttc_at_s: Option<f64>,
-    /// Least time headway, seconds: the distance along the route from the ego's front to the rear of the lead, over the ego's
-    /// speed (time gap of ISO 15622). The lead is the nearest vehicle ahead with its centre in the own lane and at most 45
-    /// degrees to its direction. Absent where there never was one within 100 m while the ego drove in its lane.
+    /// Minimum time headway, seconds: the distance along the route from the ego's front to the rear of the lead, over
+    /// the ego's speed (time gap of ISO 15622). The lead is the nearest vehicle ahead with its centre in the own lane
+    /// and at most 45 degrees to its direction. Absent if there was no lead within 100 m while the ego drove in its
+    /// lane.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_headway_s: Option<f64>,
-    /// Its instant, seconds.
+    /// Instant of that headway, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_headway_at_s: Option<f64>,
-    /// Way of the ego origin while part of the outline was outside the own lane, to either side, metres. Absent where the
-    /// lane is not known.
+    /// Path length of the ego origin while part of the outline was outside the own lane, on either side, metres. Absent
+    /// if the lane is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_over_line_m: Option<f64>,
-    /// Time during which part of the outline was to the left of the own lane, seconds.
+    /// Time in which part of the outline was to the left of the own lane, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_in_oncoming_lane_s: Option<f64>,
-    /// Largest excess of the speed over the target speed, m/s; zero where it never was above. Absent where no target speed
-    /// is known.
+    /// Maximum excess of the speed over the target speed, m/s; zero if never above. Absent if no target speed is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed_over_target_mps: Option<f64>,
 }
 
-/// Takes in the states of a drive.
+/// Accumulates the states of a drive.
 #[derive(Clone, Debug)]
 pub(crate) struct Traffic {
     ego: Outline,
@@ -81,13 +83,13 @@ pub(crate) struct Traffic {
 }
 
 impl Traffic {
-    /// For an ego of this outline on its way along a route.
+    /// Creates an accumulator for an ego of this outline on a route.
     pub(crate) fn new(ego: Outline, route: Option<Route>, norm: Norm) -> Self {
         let figures = TrafficMetrics::default();
         Self { ego, norm, route, next: None, last: None, s_m: None, figures }
     }
 
-    /// Takes in the state of the world after one step.
+    /// Adds the world state after one step.
     pub(crate) fn take(&mut self, world: &WorldState) {
         let next = *self.next.get_or_insert(world.stamp);
         if world.stamp < next {
@@ -104,7 +106,7 @@ impl Traffic {
         self.last = Some((world.stamp, world.ego.state.pose.point()));
     }
 
-    /// The figures so far.
+    /// Metrics so far.
     pub(crate) fn metrics(&self) -> TrafficMetrics {
         self.figures
     }
@@ -165,7 +167,7 @@ impl Traffic {
     }
 }
 
-/// The place along the route of a vehicle that is ahead of `s_m` and goes or faces along the lane.
+/// Position along the route of a vehicle ahead of `s_m` that moves or faces along the lane.
 fn lead_place(actor: &Actor, route: &Route, s_m: f64) -> Option<FrenetPoint> {
     if matches!(actor.kind, ActorKind::Pedestrian | ActorKind::Static) {
         return None;
@@ -182,7 +184,7 @@ mod tests {
     use crate::verdict::tests::{actor, world};
     use swerve_geom::{Polyline, Pose2, Vector};
 
-    /// The centre of its outline is its origin: its front is 2.5 m ahead of that.
+    /// The outline's centre is the origin: the front is 2.5 m ahead of it.
     const EGO: Outline = Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 0.0 };
 
     fn traffic() -> Traffic {
@@ -210,7 +212,7 @@ mod tests {
     #[test]
     fn ttc_is_gap_over_closing_speed_and_absent_when_not_closing() {
         let mut drive = traffic();
-        // 20.5 m between the bumpers; the lead is faster, as fast, then slower by 4 m/s.
+        // 20.5 m between the bumpers; the lead is faster, equally fast, then slower by 4 m/s.
         for (k, lead_mps) in [(0, 12.0), (1, 10.0)] {
             drive.take(&at(50 * k, (0.0, 0.0), 10.0, vec![car(1, (25.0, 0.0, 0.0), lead_mps)]));
             assert_eq!(drive.metrics().min_ttc_s, None);
@@ -222,7 +224,7 @@ mod tests {
         let found = drive.metrics();
         assert_eq!(found.min_ttc_s, Some(20.5 / 4.0));
         assert_eq!((found.min_ttc_actor, found.min_ttc_at_s), (Some(ActorId(1)), Some(0.1)));
-        // An oncoming car in the next lane is passed, one in the own lane is met.
+        // An oncoming car in the next lane passes by; one in the own lane is on a collision course.
         let half_turn = core::f64::consts::PI;
         drive.take(&at(200, (0.0, 0.0), 10.0, vec![car(2, (44.5, 4.0, half_turn), 10.0)]));
         assert_eq!(drive.metrics().min_ttc_s, Some(20.5 / 4.0));
@@ -245,7 +247,7 @@ mod tests {
         // 20 m between the bumpers at 10 m/s.
         drive.take(&at(0, (0.0, 0.0), 10.0, others.clone()));
         assert_eq!(drive.metrics().min_headway_s, Some(2.0));
-        // Who stands, or is not in the lane, follows nobody.
+        // An ego that stands or is outside the lane has no headway.
         drive.take(&at(50, (10.0, 0.0), 0.05, others.clone()));
         drive.take(&at(100, (10.0, 2.1), 10.0, others[..1].to_vec()));
         assert_eq!(drive.metrics().min_headway_s, Some(2.0));
@@ -256,9 +258,9 @@ mod tests {
     }
 
     #[test]
-    fn the_way_over_a_line_and_the_time_left_of_it_count_part_of_the_outline() {
+    fn distance_over_line_and_time_in_oncoming_lane_use_the_outline() {
         let mut drive = traffic();
-        // 1 m on either side of the ego's middle is its own: over a line from 1 m aside on.
+        // The ego extends 1 m to either side: it is over a line from 1 m off centre.
         for k in 0..400_i64 {
             let d_m = match k {
                 100..140 => 1.1,
@@ -269,7 +271,8 @@ mod tests {
             drive.take(&at(5 * k, (0.05 * k as f64, d_m), 10.0, Vec::new()));
         }
         let found = drive.metrics();
-        // Looked at every 50 ms, 0.5 m: 4 times to the left, 6 times to the right, of which the first of each moves across.
+        // Sampled every 50 ms, 0.5 m: 4 samples to the left, 6 to the right, of which the first of each includes the
+        // lateral step.
         let wanted_m = 2.0 * swerve_geom::math::hypot(0.5, 1.1) + 8.0 * 0.5;
         assert!((found.time_in_oncoming_lane_s.unwrap() - 0.2).abs() < 1e-9, "{found:?}");
         assert!((found.distance_over_line_m.unwrap() - wanted_m).abs() < 1e-9, "{found:?}");
@@ -277,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn speed_over_the_target_is_zero_below_it() {
+    fn speed_over_target_is_zero_below_it() {
         let mut drive = traffic();
         drive.take(&at(0, (0.0, 0.0), 8.0, Vec::new()));
         assert_eq!(drive.metrics().speed_over_target_mps, Some(0.0));

@@ -1,7 +1,8 @@
-//! How far a trajectory is from the true one, as `evo` (Grupp 2017, the field's program) has it: absolute pose error
-//! after the alignment of Umeyama 1991, and relative pose error over a number of frames.
+//! Trajectory errors as computed by `evo` (Grupp 2017): absolute pose error after Umeyama alignment (1991), and
+//! relative pose error over a number of frames.
 //!
-//! Both trajectories are of equal instants, pose by pose; for people, so bits may differ in the last places.
+//! The poses of both trajectories are at equal instants. Results are for display; the last bits may differ between
+//! machines.
 
 use serde::Serialize;
 use swerve_geom::math;
@@ -9,27 +10,27 @@ use swerve_geom::math;
 type Vector = [f64; 3];
 type Matrix = [Vector; 3];
 
-/// A pose in space.
+/// A 3D pose.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct SpacePose {
-    /// Rotation from the body's axes to the map's, row by row.
+    /// Rotation from body axes to map axes, row-major.
     pub rotation: Matrix,
-    /// In the map, metres.
+    /// Position in the map, metres.
     pub position_m: Vector,
 }
 
-/// What an estimate may be moved by before it is compared.
+/// Alignment of an estimate before the comparison.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Alignment {
-    /// Nothing.
+    /// No alignment.
     None,
-    /// The rotation and translation that fit best.
+    /// Least-squares rotation and translation.
     Rigid,
-    /// These and a scale: for a single camera.
+    /// Rotation, translation and scale: for monocular estimates.
     Scaled,
 }
 
-/// Errors of all poses.
+/// Statistics of the errors of all poses.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct TrajectoryErrors {
     /// Root mean square.
@@ -40,26 +41,26 @@ pub struct TrajectoryErrors {
     pub median: f64,
     /// Standard deviation.
     pub std: f64,
-    /// Least.
+    /// Minimum.
     pub min: f64,
-    /// Largest.
+    /// Maximum.
     pub max: f64,
 }
 
-/// Errors in place and attitude.
+/// Errors in position and attitude.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
 pub struct PoseErrors {
-    /// Of the position, metres.
+    /// Position error, metres.
     pub position_m: TrajectoryErrors,
-    /// Of the attitude, degrees.
+    /// Attitude error, degrees.
     pub angle_deg: TrajectoryErrors,
 }
 
 impl SpacePose {
-    /// The poses of a text in KITTI's form: 12 numbers a line, the upper three rows of the pose's matrix.
+    /// Parses poses in KITTI's format: 12 numbers per line, the upper three rows of the pose matrix.
     ///
     /// # Errors
-    /// The line, from 1, that is no pose.
+    /// The number of the invalid line, starting at 1.
     pub fn from_kitti(text: &str) -> Result<Vec<Self>, usize> {
         let pose = |line: &str| -> Option<Self> {
             let numbers: Vec<f64> =
@@ -73,7 +74,7 @@ impl SpacePose {
         text.lines().enumerate().map(|(k, line)| pose(line).ok_or(k + 1)).collect()
     }
 
-    /// Where `other` is, seen from here.
+    /// Pose of `other` relative to this one.
     fn to(&self, other: &Self) -> Self {
         let back = transposed(&self.rotation);
         let apart = less(other.position_m, self.position_m);
@@ -88,7 +89,7 @@ impl SpacePose {
 }
 
 impl TrajectoryErrors {
-    /// What is to be told of these; zeros where there are none.
+    /// Statistics of these errors; zeros if there are none.
     pub fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let (Some(&min), Some(&max)) = (errors.first(), errors.last()) else { return Self::default() };
@@ -112,7 +113,7 @@ pub fn absolute_errors(truth: &[SpacePose], found: &[SpacePose]) -> PoseErrors {
     }
 }
 
-/// Relative pose error: of the motions over each `delta` frames, one after another.
+/// Relative pose error: of the motions over successive intervals of `delta` frames.
 pub fn relative_errors(truth: &[SpacePose], found: &[SpacePose], delta: usize) -> PoseErrors {
     let n = truth.len().min(found.len());
     let starts = (0..n).step_by(delta.max(1)).filter(|i| i + delta < n);
@@ -124,7 +125,7 @@ pub fn relative_errors(truth: &[SpacePose], found: &[SpacePose], delta: usize) -
     }
 }
 
-/// The estimate moved as a whole so that its positions fit those of the truth best, by least squares.
+/// Aligns the estimate's positions with the truth by least squares.
 pub fn aligned(truth: &[SpacePose], found: &[SpacePose], alignment: Alignment) -> Vec<SpacePose> {
     let n = truth.len().min(found.len());
     if alignment == Alignment::None || n == 0 {
@@ -157,8 +158,8 @@ pub fn aligned(truth: &[SpacePose], found: &[SpacePose], alignment: Alignment) -
     found.iter().map(moved).collect()
 }
 
-/// The rotation that takes the first of all pairs to the second best, from their products: Horn 1987, the eigenvector of
-/// the largest eigenvalue is its quaternion.
+/// Best rotation from the first to the second vectors of all pairs, from their products: Horn 1987, its quaternion is
+/// the eigenvector of the largest eigenvalue.
 fn best_turn(s: &Matrix) -> Matrix {
     let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = *s;
     let [w, x, y, z] = largest_eigenvector([
@@ -174,7 +175,7 @@ fn best_turn(s: &Matrix) -> Matrix {
     ]
 }
 
-/// Of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvector of the largest eigenvalue of a symmetric matrix, by Jacobi rotations.
 fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
     let mut vectors: [[f64; 4]; 4] = core::array::from_fn(|i| core::array::from_fn(|j| f64::from(i == j)));
     for _sweep in 0..20 {

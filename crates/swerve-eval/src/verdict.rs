@@ -1,4 +1,4 @@
-//! How a scenario ended.
+//! Verdict on the end of a scenario.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Time;
@@ -9,34 +9,34 @@ use swerve_msg::{ActorId, GateMode, Route, Signal};
 use crate::gate::stop_cause;
 use crate::{LightCourse, Outline, seconds};
 
-/// Below this the ego stands, m/s.
+/// Speed below which the ego counts as stationary, m/s.
 pub(crate) const STANDS_MPS: f64 = 0.1;
-/// As far ahead as this something is in the way of an ego that stands, metres.
+/// Maximum distance ahead of a stationary ego at which an actor blocks it, metres.
 const IN_THE_WAY_M: f64 = 25.0;
 
-/// Reach of the search for places beside the ego along the route, metres.
+/// Search range for positions along the route near the ego, metres.
 const FRONT_REACH_M: f64 = 15.0;
-/// As far beyond a stop line, with its front, an ego still waits at it, metres.
+/// Distance beyond a stop line, measured at the front, up to which an ego still waits at it, metres.
 const BEYOND_LINE_M: f64 = 1.0;
-/// And as far beside the outline, metres.
+/// Lateral margin around the outline for blocking actors, metres.
 const BESIDE_M: f64 = 0.5;
 
-/// The first contact of the ego with anything.
+/// First contact of the ego with an actor.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Impact {
-    /// The actor that was hit.
+    /// Actor hit.
     pub actor: ActorId,
     /// Instant, seconds since the run started.
     pub at_s: f64,
     /// Speed of the ego just before, m/s.
     pub ego_speed_mps: f64,
-    /// Speed at which the two closed along the contact normal just before, m/s.
+    /// Closing speed along the contact normal just before, m/s.
     pub closing_speed_mps: f64,
     /// Impulse of the first contact step, N s.
     pub impulse_n_s: f64,
 }
 
-/// Takes in world states and tells the verdict.
+/// Accumulates world states and determines the verdict.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     ego: Outline,
@@ -48,23 +48,23 @@ pub struct Outcome {
     impact: Option<(Time, Impact)>,
     left_road: Option<Time>,
     end: Option<EndReason>,
-    /// What the ego stood before at the end.
+    /// Actor that blocks the ego at the end.
     stands_before: Option<ActorId>,
     is_alone: bool,
-    /// Which light it waited at then.
+    /// Light at which it waits at the end.
     waits_at: Option<usize>,
-    /// Whether it was at rest then, and the gate held it so.
+    /// True if it is at rest at the end, held by the gate.
     is_held: bool,
-    /// Where the front was along the route, where there are lights.
+    /// Position of the front along the route, if there are lights.
     front_s_m: Option<f64>,
-    /// The ego's place along the route, and the arc length of it, metres.
+    /// Tracker of the ego's projection to the route, and its arc length, metres.
     place: LineTracker,
     ego_s_m: Option<f64>,
     red_lights_passed: usize,
 }
 
 impl Outcome {
-    /// For an ego of this outline on its way along a route, past the lights of that.
+    /// Creates an accumulator for an ego of this outline on a route with these lights.
     pub fn new(ego: Outline, route: Option<Route>, lights: Vec<LightCourse>) -> Self {
         Self {
             ego,
@@ -87,12 +87,12 @@ impl Outcome {
         }
     }
 
-    /// The safety gate is in this mode from now on.
+    /// Sets the mode of the safety gate from now on.
     pub fn gate(&mut self, mode: GateMode) {
         self.gate = mode;
     }
 
-    /// Takes in the state of the world after one step.
+    /// Adds the world state after one step.
     pub fn take(&mut self, world: &WorldState) {
         for c in &world.collisions {
             if self.impact.is_none_or(|(first, _)| c.stamp < first) {
@@ -122,7 +122,7 @@ impl Outcome {
         self.stands = stands;
         if self.end.is_none() && world.ended.is_some() {
             self.end = world.ended;
-            // One that never set off was not brought to rest by anything.
+            // An ego that never set off was not brought to rest by anything.
             if stands && self.has_driven {
                 self.stands_before = in_the_way(world, self.ego, self.route.as_ref().zip(self.ego_s_m));
                 self.waits_at = self.light_ahead(world);
@@ -131,13 +131,12 @@ impl Outcome {
         }
     }
 
-    /// Whether the ego stands that has set off.
+    /// True if the ego is at rest after having set off.
     pub(crate) fn stands_again(&self) -> bool {
         self.has_driven && self.stands
     }
 
-    /// The verdict on what was taken in. A collision outweighs leaving the road, that
-    /// whatever else ended the run.
+    /// Verdict so far. Precedence: collision, then leaving the road, then how the run ended.
     pub fn verdict(&self) -> Verdict {
         match (self.impact, self.left_road, self.end) {
             (Some(_), _, _) | (None, None, Some(EndReason::Collision)) => Verdict::Collision,
@@ -154,7 +153,7 @@ impl Outcome {
         }
     }
 
-    /// The first contact.
+    /// First contact.
     pub fn impact(&self) -> Option<Impact> {
         self.impact.map(|(_, impact)| impact)
     }
@@ -164,22 +163,22 @@ impl Outcome {
         self.impact.map(|(at, _)| at)
     }
 
-    /// Instant at which part of the ego first left the drivable ground.
+    /// Instant at which part of the ego first left the drivable area.
     pub fn left_road_at(&self) -> Option<Time> {
         self.left_road
     }
 
-    /// The actor that the ego stood before when the scenario ended.
+    /// Actor that blocked the ego when the scenario ended.
     pub fn stands_before(&self) -> Option<ActorId> {
         self.stands_before
     }
 
-    /// The traffic light that the ego waited at when the scenario ended.
+    /// Traffic light at which the ego waited when the scenario ended.
     pub fn waits_at_light(&self) -> Option<&str> {
         self.waits_at.map(|light| self.lights[light].name.as_str())
     }
 
-    /// How many stop lines the ego's front went over while their light was red.
+    /// Number of stop lines that the ego's front passed at red.
     pub fn red_lights_passed(&self) -> usize {
         self.red_lights_passed
     }
@@ -207,7 +206,7 @@ impl Outcome {
         self.front_s_m = now_m;
     }
 
-    /// The nearest light whose stop line is just before the ego and which is not green.
+    /// Nearest light that is not green and whose stop line is just ahead of the ego.
     fn light_ahead(&self, world: &WorldState) -> Option<usize> {
         let front_s_m = self.front_s_m(world)?;
         let ahead = |light: &LightCourse| light.stop_s_m - front_s_m;
@@ -219,13 +218,13 @@ impl Outcome {
         waited_for.min_by(|a, b| ahead(a.1).total_cmp(&ahead(b.1))).map(|(k, _)| k)
     }
 
-    /// Why the scenario ended; `None` while it goes on.
+    /// Reason for the end of the scenario; `None` while it continues.
     pub fn end(&self) -> Option<EndReason> {
         self.end
     }
 }
 
-/// The nearest actor in the way of an ego that stands: ahead of its outline, or on its route, or nearly.
+/// Nearest actor that blocks a stationary ego: ahead of its outline or on its route, with a margin.
 fn in_the_way(world: &WorldState, ego: Outline, route: Option<(&Route, f64)>) -> Option<ActorId> {
     let state = &world.ego.state;
     let lane = Outline {
@@ -290,7 +289,7 @@ pub(crate) mod tests {
 
     const EGO: Outline = Outline { length_m: 4.93, width_m: 1.86, center_ahead_m: 1.425 };
 
-    /// Half a second before, at speed.
+    /// World state half a second earlier, at speed.
     fn driving() -> WorldState {
         let mut state = world(500, -3.0);
         state.ego.state.speed_mps = 6.0;
@@ -323,7 +322,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn who_stands_before_what_is_in_the_way_has_stopped() {
+    fn ego_standing_before_an_obstacle_has_stopped() {
         let at_end = |x_m: f64, y_m: f64, speed_mps: f64| {
             outcome(|w| {
                 w.ended = Some(EndReason::Timeout);
@@ -353,7 +352,7 @@ pub(crate) mod tests {
         assert_eq!(at_end(6.0, 0.0, 1.0).verdict(), Verdict::Timeout, "it drives");
     }
 
-    /// A light that shows this from 0.7 s on.
+    /// A light with this signal from 0.7 s on.
     fn light(stop_s_m: f64, signal: Signal) -> LightCourse {
         LightCourse {
             name: "crossing".into(),
@@ -365,7 +364,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_stop_line_that_is_passed_at_red_is_counted_once() {
+    fn stop_line_passed_at_red_is_counted_once() {
         let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
         for (signal, passed) in [(Signal::Red, 1), (Signal::Yellow, 0), (Signal::Green, 0)] {
             let route = Route::uniform(line.clone(), 6.0, 2.0);
@@ -379,10 +378,10 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn who_is_brought_to_rest_by_the_gate_or_a_red_light_has_stopped_and_who_never_drove_has_not() {
+    fn ego_stopped_by_gate_or_red_light_has_stopped_unless_it_never_drove() {
         let line = Polyline::new(&[Point2::new(-90.0, 0.0), Point2::new(99.0, 0.0)]).unwrap();
         let (far, holds) = (light(300.0, Signal::Red), GateMode::Holding(StopCause::Emergency));
-        // The front is at 93.9 m of the route.
+        // The front is at 93.9 m along the route.
         for (light, gate, drove, speed_mps, verdict, waits) in [
             (&far, holds, true, 0.0, Verdict::Stopped, None),
             (&far, GateMode::Stopping(StopCause::Released), true, 0.0, Verdict::Stopped, None),
@@ -410,7 +409,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_collision_outweighs_leaving_the_road_and_that_the_goal() {
+    fn verdict_prefers_collision_over_leaving_the_road_over_goal() {
         let left = Infraction { stamp: Time::from_ms(900), kind: InfractionKind::LeftRoad };
         let off = outcome(|w| {
             w.infractions.push(left.clone());
@@ -425,7 +424,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_first_contact_counts() {
+    fn first_contact_counts() {
         let o = outcome(|w| w.collisions = vec![hit(980, 3), hit(950, 2), hit(999, 1)]);
         let impact = o.impact().unwrap();
         assert_eq!((impact.actor, impact.at_s), (ActorId(2), 0.95));
@@ -433,7 +432,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn names_are_those_of_the_files() {
+    fn verdict_names_match_the_files() {
         for verdict in Verdict::ALL {
             assert_eq!(serde_json::to_string(&verdict).unwrap(), format!("\"{}\"", verdict.name()));
         }

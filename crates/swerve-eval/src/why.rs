@@ -1,63 +1,65 @@
-//! Why a drive ended as it did: the chain from the first sight of an actor to the car's answer, or what else decided it.
+//! Causal chain that explains the end of a drive: from the first sight of an actor to the car's response, or another
+//! cause.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::{Span, Time};
 use swerve_msg::truth::Verdict;
 
-/// The chain of one actor, or of what stopped the car where that decided; `why` in `metrics.json` is this struct.
+/// Causal chain of one actor, or of another cause that decided the drive; `why` in `metrics.json`.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Why {
-    /// Name of the actor in the scenario; null where none decided how the drive ended.
+    /// Name of the actor in the scenario; null if no actor decided the drive.
     pub actor: Option<String>,
-    /// How the drive ended.
+    /// Verdict on the drive.
     pub verdict: Verdict,
-    /// The chain in one sentence.
+    /// Summary of the chain in one sentence.
     pub sentence: String,
-    /// What happened of the chain, in order of time; it breaks off where nothing more came of it.
+    /// Steps in order of time; the chain may end before its last milestone.
     pub steps: Vec<WhyStep>,
 }
 
 /// One step of a chain.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct WhyStep {
-    /// What happened.
+    /// Milestone.
     pub what: Milestone,
-    /// When, seconds of the run.
+    /// Instant, seconds of the run.
     pub at_s: f64,
-    /// What went by since the step before, without a gap, in order of time; what took no time is left out.
+    /// Account of the time since the previous step, without gaps, in order of time; entries of zero length are left
+    /// out.
     pub waited: Vec<Wait>,
 }
 
-/// What happens to an actor on its way through the stack; and what else makes a car stop and go on.
+/// Milestones of an actor in the stack, and other events that make a car stop and go.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Milestone {
-    /// A sensor frame in which some of it is in sight was taken.
+    /// A sensor frame was taken in which part of the actor is visible.
     Visible,
-    /// A detector's result with it was published; absent where nothing detects.
+    /// A detection of the actor was published; absent without a detector.
     Detected,
-    /// A list of tracks with one of it was published.
+    /// A track of the actor was published.
     Tracked,
-    /// A plan was published that would have been another one without it.
+    /// A plan was published that the actor changed.
     Planned,
     /// A command that follows from such a plan was published.
     Commanded,
-    /// The car drove otherwise than it would have, had no plan known of the actor; of the safety gate, it braked.
+    /// The car began to deviate from the same drive without the actor; for the safety gate, it braked.
     Effect,
     /// The safety gate began to stop the car.
     GateStop,
-    /// A traffic light turned from green, or was in sight of a car that had to stop at it.
+    /// A traffic light changed from green, or came into view of a car that had to stop at it.
     Light,
-    /// The car stood.
+    /// The car came to a standstill.
     Standstill,
-    /// The car went on.
+    /// The car set off again.
     MovesOff,
-    /// The scenario was over.
+    /// The scenario ended.
     End,
 }
 
 impl Milestone {
-    /// The name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Visible => "visible",
@@ -75,40 +77,40 @@ impl Milestone {
     }
 }
 
-/// A step before it is told: what happened, when, and what went by since the one before, in order of time.
+/// A step's input: milestone, instant, and the account of the time since the previous one, in order of time.
 pub type Account = (Milestone, Time, Vec<(String, Span)>);
 
-/// Up to when a chain is looked for.
+/// End of the time span of a chain.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Until {
-    /// The end of the drive.
+    /// End of the drive.
     End,
-    /// The collision: what came after it is no part of why.
+    /// The collision: later events are not part of the chain.
     Impact,
-    /// The command: how the car would have driven without the actor is not known.
+    /// The command: the drive without the actor is not known.
     Command,
 }
 
 /// A part of the time between two steps.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Wait {
-    /// What was waited for, such as `run time of planner`.
+    /// Reason for the wait, such as `run time of planner`.
     #[serde(rename = "for")]
     pub reason: String,
-    /// How long, milliseconds.
+    /// Duration, milliseconds.
     pub ms: f64,
 }
 
 impl Why {
-    /// A chain from its steps: each has its instant and how long was waited for what. `ending` begins the sentence.
+    /// Creates a chain from its steps, each with its instant and its account. `ending` starts the sentence.
     ///
-    /// The waits of a step have to be the time since the one before; a build for tests panics where they are not.
+    /// The waits of a step must add up to the time since the previous one; debug builds panic otherwise.
     pub fn new(actor: String, verdict: Verdict, (ending, until): (&str, Until), steps: &[Account]) -> Self {
         let sentence = sentence(ending, until, steps);
         Self::told(Some(actor), verdict, sentence, steps)
     }
 
-    /// What decided a drive where that was no actor, in a sentence and in steps like those of a chain.
+    /// Creates the explanation of a drive that no actor decided, with a sentence and steps like those of a chain.
     pub fn without_actor(verdict: Verdict, sentence: String, steps: &[Account]) -> Self {
         Self::told(None, verdict, sentence, steps)
     }
@@ -127,7 +129,7 @@ impl Why {
         Self { actor, verdict, sentence, steps: steps.iter().map(step).collect() }
     }
 
-    /// For the terminal: the sentence, and a line a step.
+    /// Text for the terminal: the sentence, and one line per step.
     pub fn text(&self) -> String {
         let mut text = format!("why: {}\n", self.sentence);
         let mut last_s = None;
@@ -145,13 +147,13 @@ impl Why {
         text
     }
 
-    /// When a step happened, seconds; none where the chain broke off before.
+    /// Instant of a step, seconds; `None` if the chain ended before.
     pub fn at_s(&self, what: Milestone) -> Option<f64> {
         self.steps.iter().find(|step| step.what == what).map(|step| step.at_s)
     }
 }
 
-/// Milliseconds as a person reads them: what is below one is not nothing.
+/// Formats milliseconds; values below one keep two decimals.
 fn round(ms: f64) -> String {
     if ms < 1.0 { format!("{ms:.2}") } else { format!("{ms:.0}") }
 }
@@ -197,7 +199,7 @@ fn sentence(ending: &str, until: Until, steps: &[Account]) -> String {
         _ => "",
     };
     text += missing;
-    // The longest wait of all, where there is one to name.
+    // The longest wait of all, if there is one.
     let mut sums: Vec<(&str, Span)> = Vec::new();
     for (reason, span) in steps[1..].iter().flat_map(|step| &step.2) {
         match sums.iter_mut().find(|(known, _)| known == reason) {
@@ -229,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_that_breaks_off_says_so_and_names_the_longest_wait() {
+    fn incomplete_chain_is_stated_with_its_longest_wait() {
         let why = Why::new(
             "person".into(),
             Verdict::Unfinished,
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_missing_at_the_impact_is_told_as_that() {
+    fn milestones_missing_at_impact_are_reported() {
         let all = steps();
         let told = |steps: &[Account]| {
             let ending = ("it hit person at 5.00 s", Until::Impact);
@@ -276,7 +278,7 @@ mod tests {
     #[test]
     #[cfg(debug_assertions)]
     #[should_panic(expected = "planned of person")]
-    fn accounts_that_leave_a_gap_are_refused() {
+    fn accounts_with_gaps_are_refused() {
         let mut steps = steps();
         steps[2].2.pop();
         let _ = Why::new("person".into(), Verdict::Collision, ("", Until::Impact), &steps);

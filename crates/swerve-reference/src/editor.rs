@@ -1,4 +1,4 @@
-//! What editors read, so that they check what is typed into a file.
+//! Files with which editors check configuration files while they are edited.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use swerve_report::files::write_whole;
 
 use crate::FileKind;
 
-/// Which files are of which kind, for editors: they find it where the folder is opened.
+/// Taplo configuration that assigns a kind to each file; editors find it in the opened folder.
 const EDITOR: &str = r#"# Editors with Taplo (`Even Better TOML` in VS Code) check what is typed and tell what each key is for. The schemas are those
 # of `swerve keys --schema config` and the like: made anew by it after an update.
 [[rule]]
@@ -27,10 +27,10 @@ include = ["timing*.toml", "timing/*.toml"]
 schema = { path = ".schemas/timing.json", enabled = true }
 "#;
 
-/// Writes what editors read into a folder: which of its files are of which kind, and the schemas of these.
+/// Writes the editor files into a folder: the kinds of its files, and their schemas.
 ///
 /// # Errors
-/// It cannot be written.
+/// If they cannot be written.
 pub fn write_for_editors(folder: &Path) -> anyhow::Result<()> {
     let schemas = folder.join(".schemas");
     std::fs::create_dir_all(&schemas).with_context(|| format!("making {}", schemas.display()))?;

@@ -1,7 +1,7 @@
 //! JSON schemas of the files that people write (<https://json-schema.org>).
 //!
-//! Those of configurations, studies and timing files come of the types that the files are read into. A scenario is read
-//! key by key, so that its schema stands in a file; the tests below hold it against the reader.
+//! The schemas of configurations, studies and timing files are derived from the types that the files are read into. A
+//! scenario is read key by key, so its schema is a file, which the tests below compare with the reader.
 
 use std::sync::LazyLock;
 
@@ -15,21 +15,21 @@ use crate::limits;
 /// A kind of file.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 pub enum FileKind {
-    /// Which algorithms, how long each takes: `-c FILE`
+    /// Algorithms and their run times, passed with `-c FILE`
     Config,
-    /// A road, the ego, other actors, what is expected
+    /// Road, ego, other actors, expected result
     Scenario,
-    /// What `swerve study` varies
+    /// Axes of `swerve study`
     Study,
-    /// What `swerve timing` reads
+    /// Pipeline of `swerve timing`
     Timing,
 }
 
 impl FileKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 4] = [Self::Config, Self::Scenario, Self::Study, Self::Timing];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Config => "config",
@@ -39,11 +39,11 @@ impl FileKind {
         }
     }
 
-    /// Its JSON schema.
+    /// JSON schema.
     pub fn schema(self) -> Schema {
         match self {
             Self::Config => {
-                // The reader is asked for thousands of numbers.
+                // Computing the limits calls the reader thousands of times.
                 static CONFIG: LazyLock<Schema> = LazyLock::new(config);
                 CONFIG.clone()
             }
@@ -56,8 +56,7 @@ impl FileKind {
     }
 }
 
-/// The schema of a configuration. No key is required: one that is left out has a default, or stands in another file
-/// of several.
+/// Schema of a configuration. No key is required: an omitted one has a default, or is in another one of several files.
 fn config() -> Schema {
     let mut schema = schema_for!(Config).to_value();
     require_nothing(&mut schema, false);
@@ -66,7 +65,7 @@ fn config() -> Schema {
     schema
 }
 
-/// Takes `required` out of all tables but those that it tells apart.
+/// Removes `required` from all tables except those that distinguish choices.
 fn require_nothing(schema: &mut Value, is_choice: bool) {
     match schema {
         Value::Object(keywords) => {
@@ -77,7 +76,7 @@ fn require_nothing(schema: &mut Value, is_choice: bool) {
                 require_nothing(inner, ["anyOf", "oneOf"].contains(&keyword.as_str()));
             }
         }
-        // Of an array of choices each one is.
+        // Each entry of an array of choices is one.
         Value::Array(all) => all.iter_mut().for_each(|one| require_nothing(one, is_choice)),
         _ => {}
     }

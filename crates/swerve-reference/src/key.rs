@@ -2,51 +2,51 @@
 
 use serde::Serialize;
 
-/// A key, and all that is known of it.
+/// Reference entry of a key.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 pub struct Key {
-    /// Dotted, from the top; `NAME` stands for any name.
+    /// Dotted path from the top; `NAME` stands for any name.
     pub key: String,
-    /// Under which setting it is there, where that is not always.
+    /// Setting under which the key exists; `None` if it always does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub only_with: Option<String>,
-    /// What it takes: `number`, `true or false`, `array of 3 x number`.
+    /// Type of the value: `number`, `true or false`, `array of 3 x number`.
     #[serde(rename = "type")]
     pub form: String,
-    /// What it is when nothing says otherwise, as TOML; none where it is then absent.
+    /// Default as TOML; `None` if the key is then absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<String>,
-    /// As its name says.
+    /// Unit, by the suffix of the name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<&'static str>,
-    /// As the check tells it of a value far outside.
+    /// Range, as stated by the check for a value far outside.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
-    /// What it is for.
+    /// Description.
     pub doc: String,
-    /// The values that it takes, where these are names.
+    /// Valid names, if the values are names.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<Choice>,
 }
 
-/// A value that has a name.
+/// A named value.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize)]
 pub struct Choice {
-    /// As it is written.
+    /// Spelling.
     pub name: String,
-    /// What it means.
+    /// Description.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub doc: String,
 }
 
 impl Key {
-    /// Its last part.
+    /// Last component of the path.
     pub(crate) fn name(&self) -> &str {
         self.key.rsplit('.').next().unwrap_or(&self.key)
     }
 }
 
-/// The unit that the end of a name says; the longer endings first.
+/// Unit by suffix of a name; longer suffixes first.
 const UNITS: [(&str, &str); 22] = [
     ("_mps3", "m/s³"),
     ("_mps2", "m/s²"),
@@ -72,7 +72,7 @@ const UNITS: [(&str, &str); 22] = [
     ("_s", "s"),
 ];
 
-/// The unit of a key of this name.
+/// Unit of a key of this name.
 pub(crate) fn unit(name: &str) -> Option<&'static str> {
     UNITS.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, unit)| *unit)
 }
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_end_of_a_name_says_the_unit() {
+    fn unit_follows_from_the_suffix() {
         for (name, wanted) in [
             ("speed_mps", Some("m/s")),
             ("decel_mps2", Some("m/s²")),

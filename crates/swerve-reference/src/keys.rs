@@ -1,4 +1,4 @@
-//! `swerve keys`: every key of a configuration or another file, and what each takes.
+//! `swerve keys`: lists the keys of a configuration or another file.
 
 use std::fmt::Write as _;
 
@@ -17,18 +17,19 @@ use crate::{limits, params};
 /// `swerve keys`.
 #[derive(clap::Args, Debug)]
 pub struct KeysArgs {
-    /// Those that begin so (planning, camera.NAME); or whose name, values or text has this word (weather)
+    /// Keys that begin with this (planning, camera.NAME), or whose name, values or description contain this word
+    /// (weather)
     prefix: Option<String>,
-    /// Those of another file [default: config, and where it has none of this name the others]
+    /// File whose keys are listed [default: config; the others if it has no such key]
     #[arg(long, value_name = "FILE", conflicts_with = "schema")]
     of: Option<FileKind>,
-    /// As JSON
+    /// Print JSON
     #[arg(long, conflicts_with_all = ["markdown", "schema"])]
     json: bool,
-    /// As a page
+    /// Print a Markdown page
     #[arg(long, conflicts_with = "schema")]
     markdown: bool,
-    /// The JSON schema of a file, for editors that check what is typed (taplo) [default: config]
+    /// Print the JSON schema of a file, for editors that check what is typed (taplo) [default: config]
     #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "config", conflicts_with = "prefix")]
     schema: Option<FileKind>,
 }
@@ -36,7 +37,7 @@ pub struct KeysArgs {
 /// Lists keys.
 ///
 /// # Errors
-/// There is none of that name.
+/// If there is no key of that name.
 pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
     if let Some(kind) = args.schema {
         return print(&(serde_json::to_string_pretty(&kind.schema())? + "\n"));
@@ -69,7 +70,7 @@ fn told(args: &KeysArgs, found: &[&Key]) -> anyhow::Result<()> {
     print(&if args.markdown { page(found) } else { text(found) })
 }
 
-/// Every key of another file, an entry of an array of tables as `NAME`.
+/// Every key of another file; an entry of an array of tables is `NAME`.
 fn of_file(kind: FileKind) -> Vec<Key> {
     schema::keys(&kind.schema(), "", None, Arrays::Within)
 }
@@ -85,24 +86,24 @@ pub fn keys(registry: &Registry) -> Vec<Key> {
     for key in &mut keys {
         key.range = limits::range(key);
     }
-    // Kinds that have keys in common, such as those of `[operator.NAME]`, tell them in one place.
+    // Kinds with common keys, such as those of `[operator.NAME]`, are listed in one place.
     keys.sort_by(|a, b| (&a.key, &a.only_with).cmp(&(&b.key, &b.only_with)));
     keys
 }
 
-/// The kinds of operators, which are those of the registry.
+/// Operator kinds of the registry.
 fn kinds(key: &str, registry: &Registry) -> Vec<Choice> {
     let choice = |name: &str, doc: &str| Choice { name: name.to_owned(), doc: doc.to_owned() };
     let kinds = registry.kinds().filter(|_| key == "operator.NAME.kind");
     kinds.map(|kind| choice(kind.node().kind, kind.node().doc)).collect()
 }
 
-/// The page of all keys.
+/// Page of all keys.
 pub fn whole_page(registry: &Registry) -> String {
     page(&keys(registry).iter().collect::<Vec<_>>())
 }
 
-/// The keys that are asked for.
+/// Keys that match a request.
 fn find<'a>(all: &'a [Key], asked: &str) -> Vec<&'a Key> {
     let begins = |key: &&Key| {
         let rest = key.key.strip_prefix(asked);
@@ -120,7 +121,7 @@ fn find<'a>(all: &'a [Key], asked: &str) -> Vec<&'a Key> {
     all.iter().filter(has).collect()
 }
 
-/// Two lines a key: what it is, and what it is for; the meaning of every value where only a few are asked for.
+/// Two lines per key: type and description; also the meaning of every value if few keys are requested.
 fn text(keys: &[&Key]) -> String {
     const FEW: usize = 3;
     let mut text = String::new();
@@ -142,7 +143,7 @@ fn text(keys: &[&Key]) -> String {
     text
 }
 
-/// Type, unit and range; the names where it takes names.
+/// Type, unit and range; the names if the values are names.
 fn what_it_takes(key: &Key) -> String {
     let names: Vec<&str> = key.choices.iter().map(|choice| choice.name.as_str()).collect();
     let mut told = match (key.form.as_str(), names.is_empty()) {
@@ -159,7 +160,7 @@ fn what_it_takes(key: &Key) -> String {
     told
 }
 
-/// A page with a table for each part of a configuration.
+/// Page with one table for each part of a configuration.
 fn page(keys: &[&Key]) -> String {
     let mut text = "# Keys of a configuration\n\n\
         Made by `swerve keys --markdown`; `swerve keys PREFIX` shows a part of it, `swerve keys WORD` finds a word, and \
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_has_its_type_default_unit_range_and_meaning() {
+    fn key_has_its_type_default_unit_range_and_description() {
         let all = all();
         let dt = key(&all, "sim.dt_ms");
         assert_eq!((dt.form.as_str(), dt.default.as_deref(), dt.unit), ("number", Some("5.0"), Some("ms")));
@@ -221,13 +222,13 @@ mod tests {
     }
 
     #[test]
-    fn every_key_tells_what_it_is_for_and_takes_its_own_default() {
+    fn every_key_has_a_description_and_accepts_its_default() {
         let all = all();
         assert!(all.len() > 300, "{}", all.len());
         let silent: Vec<&str> = all.iter().filter(|key| key.doc.is_empty()).map(|key| &*key.key).collect();
         assert!(silent.is_empty(), "without a doc comment: {silent:?}");
         for key in all.iter().filter(|key| key.only_with.is_none() && !key.key.contains("NAME")) {
-            // What is long is told in short, what has to be said is empty.
+            // Long defaults are abbreviated, and required values are empty.
             let is_whole = |text: &&String| !text.starts_with('a') && **text != "\"\"";
             let Some(default) = key.default.as_ref().filter(is_whole) else { continue };
             let set = parse_assignment(&format!("{}={default}", key.key)).unwrap();
@@ -258,14 +259,14 @@ mod tests {
             })
         };
         let missing: Vec<_> = wanted.iter().filter(|key| !is_listed(key)).collect();
-        // Empty tables of things that have names.
+        // Empty tables of named entries.
         let missing: Vec<_> =
             missing.iter().filter(|key| !all.iter().any(|one| one.key.starts_with(&***key))).collect();
         assert!(missing.is_empty(), "{missing:?}");
     }
 
     #[test]
-    fn a_word_finds_keys_by_name_value_or_text() {
+    fn word_finds_keys_by_name_value_or_description() {
         let all = all();
         let found = |asked: &str| find(&all, asked).iter().map(|key| key.key.clone()).collect::<Vec<_>>();
         assert!(found("sim").iter().all(|key| key.starts_with("sim.")));

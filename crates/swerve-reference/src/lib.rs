@@ -1,7 +1,7 @@
-//! What a configuration can hold, told by the code itself: kinds of operators with their ports (`swerve operators`),
-//! keys with type, default, unit, range and values (`swerve keys`), the schema that editors read.
+//! Reference of configurations, generated from the code: operator kinds with their ports (`swerve operators`), keys
+//! with type, default, unit, range and values (`swerve keys`), and schemas for editors.
 //!
-//! Absences: no run, no file but what is asked for; nothing here is written down a second time.
+//! The crate starts no run and writes no file except on request; nothing in it is maintained by hand twice.
 
 pub mod editor;
 mod files;

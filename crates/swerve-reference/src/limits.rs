@@ -1,7 +1,7 @@
-//! What a configuration may say at a key beyond the form of its type: within which ends a number, which of some names a text.
+//! Limits of a key beyond its type: the range of a number, and the valid names of a text.
 //!
-//! The ends are the reader's own: what it says of a number far outside names them, and numbers just beside them are
-//! given to it to see on which side of each they are taken. So an end that depends on another key is none here.
+//! The limits are the reader's own: its error for a number far outside states them, and numbers next to them are passed
+//! to it to determine which side is accepted. A limit that depends on another key is therefore not included.
 
 use std::collections::BTreeMap;
 
@@ -17,8 +17,8 @@ use crate::schema::{Arrays, keys_with_places};
 /// Keywords of a JSON schema with their values.
 type Keywords = Map<String, Value>;
 
-/// Puts the limits of all keys into the schema of a configuration, where their values stand. A place that stands for several
-/// keys takes what holds for all of them.
+/// Adds the limits of all keys to the schema of a configuration. A place that several keys share gets the limits common
+/// to all of them.
 pub(crate) fn narrow(schema: &mut Schema) {
     let mut at: BTreeMap<String, Vec<Keywords>> = BTreeMap::new();
     for (key, place) in keys_with_places(schema, "", None, Arrays::Whole) {
@@ -45,7 +45,7 @@ fn keywords(key: &Key) -> Keywords {
     range(key).map_or_else(Keywords::new, |range| ends(key, &range))
 }
 
-/// Names that a text may be, where the type does not say them and there are no others.
+/// Complete list of valid names of a text, where the type does not contain them.
 pub(crate) fn known_names(key: &str) -> Vec<Choice> {
     let choice = |name: &str, doc: &str| Choice { name: name.to_owned(), doc: doc.to_owned() };
     match key {
@@ -61,15 +61,14 @@ pub(crate) fn known_names(key: &str) -> Vec<Choice> {
     }
 }
 
-/// The same with other spellings that the reader takes.
+/// These names with the other spellings accepted by the reader.
 fn accepted_names(key: &str) -> Vec<String> {
     let carla =
         WeatherPreset::ALL.iter().filter(|_| key == "render.weather").map(|preset| format!("{preset:?}"));
     known_names(key).into_iter().map(|choice| choice.name).chain(carla).collect()
 }
 
-/// Settings without which the check does not come to a key, by the beginning of the key: a preset, or keys beside it that
-/// have no default.
+/// Settings without which the check does not reach a key, by key prefix: a preset, or adjacent keys without a default.
 const NEEDED: [(&str, &str); 10] = [
     ("execution.detector_ms", "execution.model = \"periodic\"\nperception.detector = \"efficientdet-d5@d3\""),
     ("execution.planner_ms", "execution.model = \"periodic\""),
@@ -94,7 +93,7 @@ const NEEDED: [(&str, &str); 10] = [
     ),
 ];
 
-/// A configuration in which a key of the list can be set, as TOML, and the key in it.
+/// Configuration as TOML in which a key of the list can be set, and its path there.
 fn surroundings(key: &Key) -> (toml::Table, String) {
     let needed = NEEDED.iter().find(|(start, _)| key.key.starts_with(start)).map_or("", |(_, needed)| needed);
     let mut table: toml::Table = needed.parse().expect("a test asks for every key");
@@ -111,7 +110,7 @@ fn surroundings(key: &Key) -> (toml::Table, String) {
     (table, place)
 }
 
-/// A number in the form of a key: an array has it everywhere.
+/// A number in the form of a key: an array holds it at every position.
 fn of_form(form: &str, number: &toml::Value) -> Option<toml::Value> {
     if matches!(form, "number" | "whole number") {
         return Some(number.clone());
@@ -122,10 +121,10 @@ fn of_form(form: &str, number: &toml::Value) -> Option<toml::Value> {
     Some(toml::Value::Array(vec![of_form(of, number)?; count]))
 }
 
-/// The range that the check of a configuration states for a number that is far too large, or too small.
+/// Range stated by the check of a configuration for a number far too large or too small.
 pub(crate) fn range(key: &Key) -> Option<String> {
     const FAR: [&str; 6] = ["1e300", "-1e300", "4000000000000000000", "4000000000", "255", "0"];
-    // The type of a number states that it is whole, and a choice of names belongs to other keys.
+    // Messages about whole numbers concern the type, and choices of names belong to other keys.
     let is_range = |told: &String| {
         !["a whole number", "one of", "exactly one of"].iter().any(|start| told.starts_with(start))
     };
@@ -137,12 +136,12 @@ pub(crate) fn range(key: &Key) -> Option<String> {
     told.or_else(|| expected(key, "-1").into_iter().find(|told| told.starts_with("a whole number")))
 }
 
-/// The ranges that the check expected in the place of a value; none where it accepts the value.
+/// Ranges expected by the check in place of a value; empty if the value is accepted.
 fn expected(key: &Key, value: &str) -> Vec<String> {
     expected_with(key, value, &[])
 }
 
-/// The same, with other keys set too.
+/// Same as [`expected`], with other keys also set.
 fn expected_with(key: &Key, value: &str, with: &[(String, toml::Value)]) -> Vec<String> {
     let (mut table, place) = surroundings(key);
     for (key, value) in with {
@@ -169,7 +168,7 @@ fn expected_with(key: &Key, value: &str, with: &[(String, toml::Value)]) -> Vec<
     ranges.collect()
 }
 
-/// The ends of a range that is stated in words.
+/// Limits of a range stated in words.
 fn ends(key: &Key, range: &str) -> Keywords {
     let whole = key.form == "whole number";
     let text = |x: f64| if whole { format!("{x:.0}") } else { format!("{x:e}") };
@@ -190,7 +189,7 @@ fn ends(key: &Key, range: &str) -> Keywords {
     found
 }
 
-/// The numbers in a text; nothing is where one says that something is not negative.
+/// Numbers in a text; "not negative" counts as zero.
 fn numbers(text: &str) -> Vec<f64> {
     let words = text.split([' ', ',']).filter_map(|word| word.parse().ok());
     let zero = text.contains("not negative").then_some(0.0);

@@ -1,4 +1,4 @@
-//! `swerve operators`: the kinds of operators that a configuration can name.
+//! `swerve operators`: lists the operator kinds of a configuration.
 
 use anyhow::bail;
 use swerve_flow::{OutputInfo, PayloadType, PortInfo, PortMode};
@@ -13,14 +13,14 @@ use swerve_text::nearest;
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
 pub struct OperatorsArgs {
-    /// Show this one: ports, messages, keys with their defaults
+    /// Kind to show: ports, messages, keys with their defaults
     kind: Option<String>,
 }
 
 /// Lists the kinds, or shows one.
 ///
 /// # Errors
-/// A kind that is not there.
+/// If the kind does not exist.
 pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
     let Some(name) = &args.kind else { return print(&list(registry)) };
     let Some(kind) = registry.kind(name) else {
@@ -37,7 +37,7 @@ fn list(registry: &Registry) -> String {
     align(&rows.collect::<Vec<_>>())
 }
 
-/// Columns, each as wide as its widest entry.
+/// Aligns columns to their widest entry.
 fn align(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width =
@@ -71,7 +71,7 @@ fn show(kind: &dyn OperatorKind, registry: &Registry) -> String {
     text + &section("keys of [operator.NAME] that every operator has", common.collect())
 }
 
-/// Settings under which kinds have other ports than without any, and how they are called.
+/// Settings under which kinds have other ports, with labels.
 fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Config)> {
     const TEXTS: [(&str, &str); 7] = [
         ("", ""),
@@ -89,7 +89,7 @@ fn settings_that_matter(registry: &Registry) -> Vec<(&'static str, Config)> {
     TEXTS.iter().map(|(name, text)| (*name, read(text))).collect()
 }
 
-/// The ports of a kind, those that it always has first; behind the others the settings under which it has them.
+/// Ports of a kind: unconditional ones first, then the others with the settings under which they exist.
 fn rows(
     kind: &str,
     under: &[(&'static str, Config)],
@@ -132,7 +132,7 @@ fn output(port: &OutputInfo) -> Vec<String> {
     vec![port.name.to_string(), port.payload.name(), port.doc.to_owned()]
 }
 
-/// The keys of a kind with their defaults: its own, or those of the tables that it is set by.
+/// Keys of a kind with their defaults: its own, or those of the tables that configure it.
 fn keys(kind: &dyn OperatorKind) -> String {
     let node = kind.node();
     let mut text = String::new();
@@ -163,7 +163,7 @@ fn keys(kind: &dyn OperatorKind) -> String {
     text
 }
 
-/// A line for each key of a table and of those in it; `known` are all keys that it has, with a default or without.
+/// One line for each key of a table and its subtables; `known` lists all keys, with or without a default.
 fn defaults(table: &toml::Table, known: &[&str]) -> String {
     fn lines(prefix: &str, value: &toml::Value, into: &mut Vec<String>) {
         match value {
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kind_tells_all_its_ports_and_keys() {
+    fn kind_lists_all_its_ports_and_keys() {
         let registry = Registry::standard();
         for (kind, tells) in [
             ("tracker", &["boxes", "Detections", "(behind a detector)", "tracker = {}", "  reads  "][..]),

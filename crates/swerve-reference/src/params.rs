@@ -1,4 +1,4 @@
-//! Tables whose keys depend on other keys: the parameters of planners and trackers, the keys of kinds of operators.
+//! Tables whose keys depend on other keys: parameters of planners and trackers, keys of operator kinds.
 
 use schemars::{JsonSchema, schema_for};
 use serde::Serialize;
@@ -11,7 +11,7 @@ use swerve_stack::Registry;
 use crate::key::Key;
 use crate::schema::{self, Arrays};
 
-/// The keys of all such tables.
+/// Keys of all such tables.
 pub(crate) fn keys(registry: &Registry) -> Vec<Key> {
     let planning = "planning.params";
     let mut all = Vec::new();

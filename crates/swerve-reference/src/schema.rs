@@ -1,26 +1,26 @@
-//! From the schema of a type to its keys.
+//! Conversion of the schema of a type to its keys.
 
 use schemars::Schema;
 use serde_json::{Map, Value};
 
 use crate::key::{Choice, Key, unit};
 
-/// What becomes of an array of tables.
+/// Treatment of arrays of tables.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Arrays {
-    /// It is one key.
+    /// One key for the whole array.
     Whole,
-    /// So are the keys of its entries: `actor.NAME.kind`.
+    /// One key for each key of its entries: `actor.NAME.kind`.
     Within,
 }
 
-/// All keys of a type, in the order of their names; each begins with `prefix`. `defaults` are those of the whole, where
-/// the type does not say them key by key.
+/// All keys of a type, ordered by name, with `prefix`. `defaults` are the defaults of the whole value, used where the
+/// type does not give them per key.
 pub(crate) fn keys(schema: &Schema, prefix: &str, defaults: Option<&Value>, arrays: Arrays) -> Vec<Key> {
     keys_with_places(schema, prefix, defaults, arrays).into_iter().map(|(key, _)| key).collect()
 }
 
-/// As [`keys`], each with the place in the schema (a JSON pointer) of what its value is.
+/// Same as [`keys`], with the location of each value's schema (a JSON pointer).
 pub(crate) fn keys_with_places(
     schema: &Schema,
     prefix: &str,
@@ -36,7 +36,7 @@ pub(crate) fn keys_with_places(
     keys
 }
 
-/// Tables within tables end somewhere; a type that holds itself does not.
+/// Maximum nesting depth, which stops at recursive types.
 const DEPTH_MAX: usize = 12;
 
 struct Walk<'a> {
@@ -46,7 +46,7 @@ struct Walk<'a> {
     arrays: Arrays,
 }
 
-/// A part of a schema and where it stands.
+/// A part of a schema and its location.
 struct Node<'a> {
     schema: &'a Value,
     place: String,
@@ -59,7 +59,7 @@ impl<'a> Node<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// A table's keys, or the one key that a value is.
+    /// Adds the keys of a table, or the one key of a value.
     fn node(&mut self, node: Node<'a>, at: &str, default: Option<&Value>) {
         let schema = node.schema;
         let default = schema.get("default").or(default);
@@ -105,12 +105,12 @@ fn join(at: &str, name: &str) -> String {
     if at.is_empty() { name.to_owned() } else { format!("{at}.{name}") }
 }
 
-/// The schema that stands behind references and `anything or null`.
+/// Resolves references and `anything or null`.
 fn resolved<'a>(defs: &'a Map<String, Value>, schema: &'a Value) -> &'a Value {
     meant(defs, Node { schema, place: String::new() }).schema
 }
 
-/// As [`resolved`], with where it stands.
+/// Same as [`resolved`], with the location.
 fn meant<'a>(defs: &'a Map<String, Value>, node: Node<'a>) -> Node<'a> {
     let schema = node.schema;
     if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
@@ -132,7 +132,7 @@ fn is_table(defs: &Map<String, Value>, schema: &Value) -> bool {
     inner.get("properties").is_some() || inner.get("additionalProperties").is_some_and(Value::is_object)
 }
 
-/// What a value looks like, in words.
+/// Describes the type of a value.
 fn form(defs: &Map<String, Value>, schema: &Value) -> String {
     let schema = resolved(defs, schema);
     if schema.get("const").or(schema.get("enum")).is_some() {
@@ -166,13 +166,13 @@ fn form(defs: &Map<String, Value>, schema: &Value) -> String {
     if told.is_empty() { "any value".to_owned() } else { told.join(" or ") }
 }
 
-/// The range of a number that has both ends.
+/// Range of a number with both limits.
 fn range(schema: &Value) -> Option<String> {
     let end = |keyword| schema.get(keyword).and_then(Value::as_f64);
     Some(format!("{} to {}", end("minimum")?, end("maximum")?))
 }
 
-/// The names that a value may be.
+/// Valid names of a value.
 fn choices(schema: &Value) -> Vec<Choice> {
     let plain = schema.get("enum").and_then(Value::as_array).into_iter().flatten();
     let plain = plain.filter_map(|name| Some(Choice { name: name.as_str()?.into(), doc: String::new() }));
@@ -191,7 +191,7 @@ fn choices(schema: &Value) -> Vec<Choice> {
     plain.chain(told).collect()
 }
 
-/// A default as a configuration would say it, in short.
+/// A default as TOML, abbreviated.
 fn as_toml(value: &Value) -> Option<String> {
     const LONG: usize = 60;
     let value = toml::Value::try_from(value).ok()?;

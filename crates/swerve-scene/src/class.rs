@@ -1,4 +1,5 @@
-//! Classes of surfaces: the label set of Cityscapes (Cordts et al. 2016), ids as in its published label table.
+//! Semantic classes of surfaces: the label set of Cityscapes (Cordts et al. 2016), with the ids of its published label
+//! table.
 
 /// Declares the labels with id and name.
 macro_rules! classes {
@@ -14,7 +15,7 @@ macro_rules! classes {
             /// All classes, by id.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// The class with an id of Cityscapes.
+            /// Class of a Cityscapes id.
             pub fn from_id(id: u8) -> Option<Self> {
                 match id {
                     $($id => Some(Self::$variant),)+
@@ -22,7 +23,7 @@ macro_rules! classes {
                 }
             }
 
-            /// Name in Cityscapes' table.
+            /// Name in Cityscapes' label table.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => $name,)+
@@ -33,20 +34,20 @@ macro_rules! classes {
 }
 
 classes! {
-    /// Nothing known.
+    /// Unknown.
     #[default]
     Unlabeled = 0, "unlabeled";
     /// Part of the vehicle that carries the camera.
     EgoVehicle = 1, "ego vehicle";
-    /// Things that stand: bins, boxes, benches.
+    /// Stationary objects: bins, boxes, benches.
     Static = 4, "static";
-    /// Things that move and are nothing else.
+    /// Other moving objects.
     Dynamic = 5, "dynamic";
-    /// Ground that is none of the others.
+    /// Other ground.
     Ground = 6, "ground";
-    /// Where cars drive, with its markings.
+    /// Carriageway with its markings.
     Road = 7, "road";
-    /// Where people walk, with its kerb.
+    /// Pavement with its kerb.
     Sidewalk = 8, "sidewalk";
     /// Parking places.
     Parking = 9, "parking";
@@ -54,7 +55,7 @@ classes! {
     RailTrack = 10, "rail track";
     /// Houses.
     Building = 11, "building";
-    /// Walls that stand alone.
+    /// Free-standing walls.
     Wall = 12, "wall";
     /// Fences.
     Fence = 13, "fence";
@@ -64,21 +65,21 @@ classes! {
     Bridge = 15, "bridge";
     /// Tunnels.
     Tunnel = 16, "tunnel";
-    /// Poles, of signs and lights too.
+    /// Poles, including those of signs and lights.
     Pole = 17, "pole";
-    /// Heads of traffic lights.
+    /// Traffic light heads.
     TrafficLight = 19, "traffic light";
-    /// Faces of traffic signs.
+    /// Traffic sign faces.
     TrafficSign = 20, "traffic sign";
     /// Trees, hedges.
     Vegetation = 21, "vegetation";
     /// Grass, soil, sand.
     Terrain = 22, "terrain";
-    /// The open sky.
+    /// Open sky.
     Sky = 23, "sky";
-    /// People on their feet.
+    /// Pedestrians.
     Person = 24, "person";
-    /// People on two wheels.
+    /// Riders of two-wheelers.
     Rider = 25, "rider";
     /// Cars, vans.
     Car = 26, "car";

@@ -1,6 +1,6 @@
-//! Random numbers without state: integer hashes of what they are for.
+//! Stateless random numbers: integer hashes keyed by their purpose.
 //!
-//! Multiplications and exclusive ors of 32-bit integers, so that a shader can compute the same.
+//! They use multiplications and exclusive ors of 32-bit integers, so that a shader can compute the same.
 
 /// Mixes 32 bits; every bit of the input changes about half of the output.
 pub fn mix(mut x: u32) -> u32 {
@@ -21,12 +21,12 @@ pub fn keyed(seed: u64, purpose: u32) -> u32 {
     mix(fold(seed) ^ mix(purpose.wrapping_add(0x51ed_270b)))
 }
 
-/// In [0, 1), of a hash.
+/// Converts a hash to a number in [0, 1).
 pub fn unit(hash: u32) -> f32 {
     (hash >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// Draws that follow each other from one seed: for building meshes and colours.
+/// Sequence of random draws from one seed, for meshes and colours.
 #[derive(Clone, Debug)]
 pub struct Draws {
     seed: u64,
@@ -34,39 +34,39 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// Draws for one purpose of a seed.
+    /// Creates draws for one purpose of a seed.
     pub fn new(seed: u64, purpose: u32) -> Self {
         Self { seed: seed ^ (u64::from(mix(purpose)) << 32 | u64::from(purpose)), count: 0 }
     }
 
-    /// The next hash.
+    /// Next hash.
     pub fn bits(&mut self) -> u32 {
         self.count = self.count.wrapping_add(1);
         keyed(self.seed, self.count)
     }
 
-    /// The next number in [low, high).
+    /// Next number in [low, high).
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * unit(self.bits())
     }
 
-    /// The next index below `count`, which is at least 1.
+    /// Next index below `count`, which must be at least 1.
     pub fn below(&mut self, count: usize) -> usize {
         ((u64::from(self.bits()) * count as u64) >> 32) as usize
     }
 
-    /// Whether something with this probability comes true.
+    /// True with this probability.
     pub fn chance(&mut self, probability: f32) -> bool {
         unit(self.bits()) < probability
     }
 
-    /// One of several values, of which there is at least one.
+    /// One of several values, of which there must be at least one.
     pub fn one_of<T: Copy>(&mut self, values: &[T]) -> T {
         values[self.below(values.len())]
     }
 }
 
-/// Folds values to a 64-bit key, for caches that must notice change (FNV-1a over 32-bit words).
+/// Folds values to a 64-bit key for caches (FNV-1a over 32-bit words).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key(pub u64);
 
@@ -89,7 +89,7 @@ impl Key {
         self.word((long >> 32) as u32);
     }
 
-    /// Adds a number by its bits.
+    /// Adds the bits of a number.
     pub fn number(&mut self, number: f32) {
         self.word(number.to_bits());
     }

@@ -1,18 +1,18 @@
-//! The scene that sensors see: procedural shapes, roads, materials, weather, things with a place.
+//! The scene rendered for sensors: procedural shapes, roads, materials, weather, instances.
 //!
-//! Fill a [`Scene`] from any world (poses, kinds, seeds; nothing here knows the simulator, nor any sensor):
+//! A [`Scene`] can be filled from any world (poses, kinds, seeds); the crate is independent of simulator and sensors:
 //!
 //! ```text
 //! MeshLibrary::model ─> Instance ─┐
 //! RoadLayout ─> road_pieces ──────┴─> Scene
 //! ```
 //!
-//! [`Mesh`] has the triangles, [`Material`] colours for cameras and the reflectance for lidars.
+//! [`Mesh`] contains the triangles, [`Material`] the colours for cameras and the reflectance for lidars.
 //!
 //! **Frames.** Map and body: x forward, y left, z up. Colours are linear reflectances.
 //!
-//! **Promises.** A scene is a function of the calls that filled it: shapes and colours follow their seeds and are
-//! the same bits on every x86-64 machine. Versions and keys are hashes of content, for caches.
+//! **Guarantees.** A scene is a function of the calls that filled it: shapes and colours depend only on their seeds and
+//! are bit-identical on every x86-64 machine. Versions and keys are content hashes, for caches.
 
 mod class;
 pub mod hash;

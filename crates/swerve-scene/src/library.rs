@@ -1,4 +1,4 @@
-//! Procedural shapes, made once per kind and variation and then shared by all instances.
+//! Procedural shapes, created once per kind and variation and shared by all instances.
 
 mod building;
 mod cycle;
@@ -31,7 +31,7 @@ impl MeshId {
     }
 }
 
-/// Outline of a thing, millimetres: whole numbers, so that equal sizes share a mesh.
+/// Bounding box of an object, millimetres: integers, so that equal sizes share a mesh.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 pub struct Size {
     /// Along x.
@@ -43,7 +43,7 @@ pub struct Size {
 }
 
 impl Size {
-    /// From metres; between a millimetre and a kilometre.
+    /// Converts from metres, clamped to the range from a millimetre to a kilometre.
     pub fn from_m(length_m: f64, width_m: f64, height_m: f64) -> Self {
         let mm = |m: f64| (m * 1e3).round().clamp(1.0, 1e6) as u32;
         Self { length_mm: mm(length_m), width_mm: mm(width_m), height_mm: mm(height_m) }
@@ -57,7 +57,7 @@ impl Size {
 
 /// Kind of shape.
 ///
-/// All stand on the ground with their origin at the centre of their footprint and look along +x.
+/// All have their origin on the ground at the centre of their footprint and face +x.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -70,7 +70,7 @@ pub enum Kind {
     Suv,
     /// Delivery van.
     Van,
-    /// Truck with a box behind its cab.
+    /// Truck with a box body.
     BoxTruck,
     /// City bus.
     Bus,
@@ -86,7 +86,7 @@ pub enum Kind {
         /// Below [`PHASES`]; taken modulo it.
         phase: u8,
     },
-    /// A person who stands.
+    /// A standing person.
     Standing,
     /// House with windows and doors.
     Building,
@@ -94,31 +94,31 @@ pub enum Kind {
     Tree,
     /// Bush.
     Bush,
-    /// Street lamp; the arm reaches along +x.
+    /// Street lamp; the arm extends along +x.
     StreetLamp,
     /// Bare pole.
     Pole,
-    /// Traffic light on a pole; its face looks along +x. Lamps: [`crate::lamps::RED`] and the others.
+    /// Traffic light on a pole, facing +x. Lamps: [`crate::lamps::RED`] and the others.
     TrafficLight,
-    /// Stop sign; its face looks along +x.
+    /// Stop sign, facing +x.
     StopSign,
-    /// Speed limit of 30, 50 or 80 km/h; its face looks along +x.
+    /// Speed limit of 30, 50 or 80 km/h, facing +x.
     SpeedSign {
-        /// The number; others than 30, 50, 80 become the nearest of these.
+        /// The limit; other values are rounded to the nearest of 30, 50, 80.
         kmh: u8,
     },
     /// Guard rail along x.
     GuardRail,
     /// Litter bin.
     Bin,
-    /// Plain box: for things of which nothing but their size is known.
+    /// Plain box: for objects of which only the size is known.
     Block,
 }
 
 /// Phases of a walk or pedalling cycle.
 pub const PHASES: u8 = 16;
 
-/// The phase of a walk after a distance: two steps are one cycle.
+/// Phase of a walk after a distance: two steps are one cycle.
 pub fn walk_phase(distance_m: f64, height_m: f64) -> u8 {
     let cycle_m = 0.82 * height_m.clamp(0.5, 3.0);
     let turns = distance_m / cycle_m;
@@ -127,7 +127,7 @@ pub fn walk_phase(distance_m: f64, height_m: f64) -> u8 {
 }
 
 impl Kind {
-    /// The size that a seed gives it.
+    /// Default size for a seed.
     fn usual_size(self, seed: u64) -> Size {
         let mut draws = Draws::new(seed, 0x512e);
         let mut near =
@@ -180,7 +180,7 @@ impl Kind {
         }
     }
 
-    /// Shapes of one kind and size that differ by seed.
+    /// Number of shapes of one kind and size that differ by seed.
     fn variations(self) -> u64 {
         match self {
             Self::Building => 64,
@@ -192,20 +192,20 @@ impl Kind {
     }
 }
 
-/// A shape of the library and how to show it.
+/// A shape of the library with its appearance.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Model {
-    /// Shape.
+    /// Mesh.
     pub mesh: MeshId,
-    /// Class of an instance of it.
+    /// Class of its instances.
     pub class: SemanticClass,
-    /// Colours that the seed drew, lamps off.
+    /// Colours drawn from the seed, lamps off.
     pub look: Look,
-    /// Outline.
+    /// Size.
     pub size: Size,
 }
 
-/// All meshes of a scene, and which of them were made for what. Copies share the meshes.
+/// All meshes of a scene with the kinds they were made for. Copies share the meshes.
 #[derive(Clone, Debug, Default)]
 pub struct MeshLibrary {
     meshes: Vec<Arc<Mesh>>,
@@ -214,37 +214,37 @@ pub struct MeshLibrary {
 }
 
 impl MeshLibrary {
-    /// Adds a mesh of the caller.
+    /// Adds a custom mesh.
     pub fn add(&mut self, mesh: Mesh) -> MeshId {
         self.version.long(mesh.key().0);
         self.meshes.push(Arc::new(mesh));
         MeshId(self.meshes.len() as u32 - 1)
     }
 
-    /// A mesh of this library.
+    /// Mesh of this library.
     ///
     /// # Panics
-    /// With an id of another library.
+    /// If the id is from another library.
     pub fn get(&self, id: MeshId) -> &Mesh {
         &self.meshes[id.index()]
     }
 
-    /// All meshes, by id. They are only ever appended.
+    /// All meshes, by id. The list is append-only.
     pub fn meshes(&self) -> &[Arc<Mesh>] {
         &self.meshes
     }
 
-    /// A hash of the content: equal versions are equal libraries.
+    /// Content hash: libraries with equal versions are equal.
     pub fn version(&self) -> u64 {
         self.version.0
     }
 
-    /// A kind in its usual size; shape and colours by seed.
+    /// Model of a kind in its default size; shape and colours by seed.
     pub fn model(&mut self, kind: Kind, seed: u64) -> Model {
         self.model_sized(kind, kind.usual_size(seed), seed)
     }
 
-    /// A kind built to a size; shape and colours by seed.
+    /// Model of a kind in a given size; shape and colours by seed.
     pub fn model_sized(&mut self, kind: Kind, size: Size, seed: u64) -> Model {
         let variation = u64::from(crate::hash::keyed(seed, 0x5a9e)) % kind.variations();
         let key = (kind, size, variation);

@@ -1,10 +1,9 @@
-//! Materials: colour, polish and reflectance of surfaces, as cameras and lidars see them.
+//! Materials: colour, gloss and reflectance of surfaces for cameras and lidars.
 
 use crate::SemanticClass;
 use crate::hash::Key;
 
-/// Patterns that mix a material's two colours; baked once into square tiles of grey, see
-/// [`Material::tile_m`].
+/// Patterns that mix the two colours of a material; baked once into square greyscale tiles, see [`Material::tile_m`].
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default)]
 #[repr(u8)]
 pub enum Texture {
@@ -29,7 +28,7 @@ pub enum Texture {
     RoofTiles,
     /// Weave and folds of cloth.
     Cloth,
-    /// Road paint that wear has taken in places; the second colour is what shows through.
+    /// Worn road paint; the second colour shows through.
     WornPaint,
     /// Corrugated sheet, ribs along the tile's second axis.
     Corrugated,
@@ -37,18 +36,18 @@ pub enum Texture {
     Glass,
     /// The word STOP in the second colour; one tile is one sign.
     Stop,
-    /// The number of a speed limit in the second colour; the tile of 30.
+    /// Speed limit of 30, its number in the second colour; one tile is one sign.
     Limit30,
-    /// As [`Self::Limit30`], 50.
+    /// Same as [`Self::Limit30`], for 50.
     Limit50,
-    /// As [`Self::Limit30`], 80.
+    /// Same as [`Self::Limit30`], for 80.
     Limit80,
     /// A number plate with characters in the second colour; one tile is one plate.
     Plate,
 }
 
 impl Texture {
-    /// All textures, by number.
+    /// All textures, in order of their numbers.
     pub const ALL: [Self; 18] = [
         Self::Plain,
         Self::Asphalt,
@@ -80,29 +79,29 @@ pub struct Material {
     pub albedo: [f32; 3],
     /// Diffuse reflectance where the texture is 1.
     pub albedo_b: [f32; 3],
-    /// Pattern that mixes the two.
+    /// Pattern that mixes the two colours.
     pub texture: Texture,
     /// Length of one texture tile in units of the mesh's uv (metres, or 1 for a sign's face).
     pub tile_m: f32,
     /// 0 (mirror) to 1 (matt).
     pub roughness: f32,
-    /// Mirror reflectance at normal incidence: 0.04 for paint and plastics, 0.6 for bare metal.
+    /// Specular reflectance at normal incidence: 0.04 for paint and plastics, 0.6 for bare metal.
     pub specular: f32,
-    /// Radiance of its own.
+    /// Emitted radiance.
     pub emissive: [f32; 3],
-    /// It shines only while this bit of [`crate::Look::lamps`] is set; always if `None`.
+    /// Bit of [`crate::Look::lamps`] that switches the emission; always on if `None`.
     pub lamp: Option<u8>,
-    /// Both colours are multiplied by this entry of [`crate::Look::tints`].
+    /// Index into [`crate::Look::tints`] of a factor for both colours.
     pub tint: Option<u8>,
-    /// Class of these triangles where it is not that of the instance.
+    /// Class of these triangles, if other than the instance's.
     pub class: Option<SemanticClass>,
-    /// Lies on the ground and gets wet, with puddles.
+    /// True for ground, which gets wet and has puddles.
     pub is_ground: bool,
-    /// Seen from behind too.
+    /// True if visible from both sides.
     pub is_two_sided: bool,
     /// Diffuse reflectance at 905 nm.
     pub reflectance: f32,
-    /// Sends light back to its source: plates, signs, road paint.
+    /// True for retroreflective surfaces: plates, signs, road paint.
     pub is_retro_reflective: bool,
 }
 
@@ -128,42 +127,42 @@ impl Default for Material {
 }
 
 impl Material {
-    /// One matt colour.
+    /// A single-coloured matt material.
     pub fn matt(albedo: [f32; 3], reflectance: f32) -> Self {
         Self { albedo, albedo_b: albedo, reflectance, ..Self::default() }
     }
 
-    /// With two colours mixed by a texture, a tile of which has this length.
+    /// This material with two colours mixed by a texture with tiles of this length.
     #[must_use]
     pub fn textured(self, texture: Texture, albedo_b: [f32; 3], tile_m: f32) -> Self {
         Self { texture, albedo_b, tile_m, ..self }
     }
 
-    /// With a polished surface.
+    /// This material with a glossy surface.
     #[must_use]
     pub fn glossy(self, roughness: f32, specular: f32) -> Self {
         Self { roughness, specular, ..self }
     }
 
-    /// Coloured by an entry of the instance's tints.
+    /// This material coloured by an entry of the instance's tints.
     #[must_use]
     pub fn tinted(self, tint: u8) -> Self {
         Self { tint: Some(tint), ..self }
     }
 
-    /// Shining while a lamp of the instance is on.
+    /// This material with emission, switched by a lamp of the instance.
     #[must_use]
     pub fn lit(self, emissive: [f32; 3], lamp: Option<u8>) -> Self {
         Self { emissive, lamp, ..self }
     }
 
-    /// Of another class than the rest of the instance.
+    /// This material with another class than the instance's.
     #[must_use]
     pub fn with_class(self, class: SemanticClass) -> Self {
         Self { class: Some(class), ..self }
     }
 
-    /// Sending light back to where it came from.
+    /// This material as a retroreflector.
     #[must_use]
     pub fn retro_reflective(self) -> Self {
         Self { is_retro_reflective: true, ..self }

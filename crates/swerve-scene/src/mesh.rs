@@ -8,98 +8,98 @@ pub(crate) use builder::{Placed, circle};
 use crate::hash::Key;
 use crate::material::Material;
 
-/// Frame of one mesh: x forward, y left, z up; for things that stand on the ground the origin is on it, at
-/// the centre of their footprint.
+/// Frame of one mesh: x forward, y left, z up; for objects on the ground the origin is on it, at the centre of their
+/// footprint.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
 pub struct Body;
 
-/// Arrays that a mesh is made from.
+/// Arrays from which a mesh is created.
 ///
 /// Triangles are counter-clockwise seen from outside; coordinates in the frame [`Body`], metres.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct MeshParts {
-    /// Of each vertex.
+    /// Position of each vertex.
     pub positions: Vec<[f32; 3]>,
-    /// Of each vertex, unit length.
+    /// Normal of each vertex, unit length.
     pub normals: Vec<[f32; 3]>,
-    /// Of each vertex: texture coordinates, metres along the surface (or 0 to 1 over a sign's face).
+    /// Texture coordinates of each vertex, metres along the surface (or 0 to 1 over a sign's face).
     pub uvs: Vec<[f32; 2]>,
-    /// Three vertices each.
+    /// Triangles, three vertex indices each.
     pub triangles: Vec<[u32; 3]>,
-    /// Of each triangle: index into `materials`.
+    /// Material of each triangle: index into `materials`.
     pub triangle_materials: Vec<u16>,
     /// Surfaces.
     pub materials: Vec<Material>,
 }
 
-/// Arrays do not make a mesh.
+/// Reason why arrays do not form a mesh.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 pub enum MeshError {
-    /// Arrays of one kind differ in length.
+    /// Arrays per vertex differ in length.
     #[error(
         "{positions} positions, {normals} normals and {uvs} texture coordinates: expected as many of each"
     )]
     Vertices {
-        /// Number of them.
+        /// Number of positions.
         positions: usize,
-        /// Number of them.
+        /// Number of normals.
         normals: usize,
-        /// Number of them.
+        /// Number of texture coordinates.
         uvs: usize,
     },
-    /// A triangle has no material, or a material no triangle list.
+    /// The numbers of triangles and triangle materials differ.
     #[error("{triangles} triangles, but {materials} material indices")]
     Triangles {
-        /// Number of them.
+        /// Number of triangles.
         triangles: usize,
-        /// Number of them.
+        /// Number of triangle materials.
         materials: usize,
     },
-    /// A triangle names a vertex or material that does not exist.
+    /// A triangle refers to a vertex or material that does not exist.
     #[error("triangle {triangle} names a vertex or material that does not exist")]
     Index {
-        /// Which triangle.
+        /// Index of the triangle.
         triangle: usize,
     },
     /// A number is not finite.
     #[error("vertex {vertex} is not finite")]
     NotFinite {
-        /// Which vertex.
+        /// Index of the vertex.
         vertex: usize,
     },
-    /// More than the renderer's ids can count.
+    /// More triangles than the renderer's ids can count.
     #[error("{triangles} triangles, at most {most} in one mesh")]
     TooLarge {
-        /// Number of them.
+        /// Number of triangles.
         triangles: usize,
-        /// Limit.
+        /// Maximum.
         most: usize,
     },
 }
 
-/// Most triangles of one mesh.
+/// Maximum number of triangles of one mesh.
 const MESH_TRIANGLES_MAX: usize = 1 << 22;
 
-/// Height above the lowest point up to which vertices belong to where a thing stands, metres.
+/// Height above the lowest point up to which vertices count for the base, metres.
 const BASE_M: f32 = 0.8;
 
-/// A checked mesh that no longer changes.
+/// A validated, immutable mesh.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Mesh {
     parts: MeshParts,
     min: [f32; 3],
     max: [f32; 3],
     radius_m: f32,
-    /// Smallest and largest x and y of what is near the ground.
+    /// Smallest and largest x and y near the ground.
     base: [[f32; 2]; 2],
     key: Key,
 }
 
 impl Mesh {
-    /// Checks the arrays.
+    /// Validates the arrays.
     ///
     /// # Errors
-    /// Lengths that differ, indices out of range, numbers that are not finite.
+    /// If lengths differ, indices are out of range, or numbers are not finite.
     pub fn new(parts: MeshParts) -> Result<Self, MeshError> {
         let (positions, normals, uvs) = (parts.positions.len(), parts.normals.len(), parts.uvs.len());
         if positions != normals || positions != uvs {
@@ -164,27 +164,27 @@ impl Mesh {
         Self { parts, min, max, radius_m, base, key }
     }
 
-    /// Of each vertex.
+    /// Position of each vertex.
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.parts.positions
     }
 
-    /// Of each vertex, unit length.
+    /// Normal of each vertex, unit length.
     pub fn normals(&self) -> &[[f32; 3]] {
         &self.parts.normals
     }
 
-    /// Of each vertex.
+    /// Texture coordinates of each vertex.
     pub fn uvs(&self) -> &[[f32; 2]] {
         &self.parts.uvs
     }
 
-    /// Corners, counter-clockwise seen from outside.
+    /// Triangles, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.parts.triangles
     }
 
-    /// Of each triangle: index into [`Self::materials`].
+    /// Material of each triangle: index into [`Self::materials`].
     pub fn triangle_materials(&self) -> &[u16] {
         &self.parts.triangle_materials
     }
@@ -199,17 +199,17 @@ impl Mesh {
         (self.min, self.max)
     }
 
-    /// Centre of the bounds, and the radius around it that holds every vertex.
+    /// Centre of the bounds, and radius of the bounding sphere around it.
     pub fn sphere(&self) -> ([f32; 3], f32) {
         ([0, 1, 2].map(|axis| 0.5 * (self.min[axis] + self.max[axis])), self.radius_m)
     }
 
-    /// Smallest and largest x and y of what is near its lowest point: where it stands.
+    /// Smallest and largest x and y near its lowest point.
     pub fn base(&self) -> [[f32; 2]; 2] {
         self.base
     }
 
-    /// Hash of the content: equal keys are equal meshes.
+    /// Content hash: meshes with equal keys are equal.
     pub fn key(&self) -> Key {
         self.key
     }

@@ -1,4 +1,4 @@
-//! The scene: things with a place, lights, weather. Plain data; whoever has a world fills it in.
+//! The scene: instances, lights and weather, as plain data.
 
 use std::sync::Arc;
 
@@ -28,16 +28,16 @@ pub mod lamps {
     pub const YELLOW: u8 = 1;
     /// Green of a traffic light.
     pub const GREEN: u8 = 2;
-    /// Street lamps and lit windows: set by the scene's weather.
+    /// Street lamps and lit windows, switched by the scene's weather.
     pub const NIGHT: u8 = 7;
 }
 
-/// How one instance differs from others of its mesh.
+/// Appearance of one instance of a mesh.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Look {
-    /// Colours that materials with a tint are multiplied by, linear.
+    /// Factors for the colours of tinted materials, linear.
     pub tints: [[f32; 3]; 4],
-    /// Which lamps are on, one bit each: see [`lamps`].
+    /// Bit mask of lamps that are on, see [`lamps`].
     pub lamps: u8,
 }
 
@@ -48,7 +48,7 @@ impl Default for Look {
 }
 
 impl Look {
-    /// With a lamp switched.
+    /// This appearance with a lamp switched.
     #[must_use]
     pub fn with_lamp(mut self, lamp: u8, on: bool) -> Self {
         if on {
@@ -60,25 +60,25 @@ impl Look {
     }
 }
 
-/// How something moves, for motion blur and rolling shutters; map frame.
+/// Motion of an instance, for motion blur and rolling shutters; map frame.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Motion {
-    /// Velocity of its origin.
+    /// Velocity of its origin, m/s.
     pub linear_mps: [f64; 3],
-    /// Turning about its origin, as a vector.
+    /// Angular velocity about its origin, rad/s.
     pub angular_radps: [f64; 3],
 }
 
-/// One thing in the scene.
+/// One object in the scene.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Instance {
-    /// Shape, an id of the scene's own library.
+    /// Mesh, an id of the scene's own library.
     pub mesh: MeshId,
-    /// Place.
+    /// Pose.
     pub map_from_body: Transform<Map, Body>,
-    /// Id in the instance image; 0 for things that are not told apart.
+    /// Id in the instance image; 0 for objects without one.
     pub instance_id: u32,
-    /// Class of its triangles, but for those whose material has its own.
+    /// Class of its triangles, except those whose material has its own class.
     pub class: SemanticClass,
     /// Colours and lamps.
     pub look: Look,
@@ -87,12 +87,12 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// A model on the ground plane: at rest, with no instance id.
+    /// A model on the ground plane, at rest, without an instance id.
     pub fn new(model: &Model, x_m: f64, y_m: f64, yaw_rad: f64) -> Self {
         Self::placed(model, Transform::from_roll_pitch_yaw(Point::new(x_m, y_m, 0.0), 0.0, 0.0, yaw_rad))
     }
 
-    /// A model anywhere: at rest, with no instance id.
+    /// A model at any pose, at rest, without an instance id.
     pub fn placed(model: &Model, map_from_body: Transform<Map, Body>) -> Self {
         Self {
             mesh: model.mesh,
@@ -104,7 +104,7 @@ impl Instance {
         }
     }
 
-    /// With an instance id.
+    /// This instance with an instance id.
     #[must_use]
     pub fn with_id(self, instance_id: u32) -> Self {
         Self { instance_id, ..self }
@@ -122,8 +122,7 @@ impl Instance {
     }
 }
 
-/// The part that never moves. Back ends keep what they computed from it for as long as its version stays; copies share
-/// it.
+/// The static part of a scene. Back ends cache results by its version; copies share it.
 #[derive(Clone, Debug, Default)]
 pub struct StaticPart {
     instances: Arc<Vec<Instance>>,
@@ -131,39 +130,39 @@ pub struct StaticPart {
 }
 
 impl StaticPart {
-    /// Its instances.
+    /// Static instances.
     pub fn instances(&self) -> &[Instance] {
         &self.instances
     }
 
-    /// A hash of the content: equal versions are equal scenes.
+    /// Content hash: static parts with equal versions are equal.
     pub fn version(&self) -> u64 {
         self.version.0
     }
 }
 
-/// A lamp that lights up its surroundings.
+/// A lamp that illuminates its surroundings.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Light {
-    /// Place, map frame.
+    /// Position, map frame.
     pub position_m: [f64; 3],
     /// Axis of its cone, unit length, map frame.
     pub direction: [f64; 3],
-    /// Radiance of white paper on the axis times its distance squared, for distances well above 3 m.
+    /// Radiance of white paper on the axis times the distance squared, for distances well above 3 m.
     pub intensity: [f32; 3],
-    /// It lights nothing beyond.
+    /// Range beyond which it illuminates nothing, metres.
     pub range_m: f32,
-    /// Cosine of the angle from the axis up to which it is full.
+    /// Cosine of the angle from the axis up to which it has full intensity.
     pub cos_inner: f32,
-    /// Cosine of the angle from which on it is dark; -1 for a lamp that shines all around.
+    /// Cosine of the angle beyond which it is dark; -1 for an omnidirectional lamp.
     pub cos_outer: f32,
 }
 
 impl Light {
-    /// The pair of head lamps of a vehicle on low beam; `front_m` is from the body's origin to the lamps.
+    /// The two head lamps of a vehicle on low beam; `front_m` is the distance from the body's origin to the lamps.
     ///
-    /// A beam that lights a person at 60 m (UN Regulation 112 asks for 12 lx at 25 m: as much as street lamps give), and a
-    /// weak wide one for what is close by and beside the lane.
+    /// A beam that illuminates a person at 60 m (UN Regulation 112 requires 12 lx at 25 m, as much as street lamps
+    /// give), and a weak wide one for the surroundings close by and beside the lane.
     pub fn head_lamps(map_from_body: &Transform<Map, Body>, front_m: f64, height_m: f64) -> [Self; 2] {
         let position = *map_from_body * Point::new(front_m + 0.1, 0.0, height_m);
         let aimed = |down: f64| -> [f64; 3] {
@@ -190,7 +189,7 @@ impl Light {
         [far, wide]
     }
 
-    /// A street lamp that shines down.
+    /// A street lamp that shines downwards.
     pub fn street_lamp(position_m: [f64; 3]) -> Self {
         Self {
             position_m,
@@ -203,19 +202,19 @@ impl Light {
     }
 }
 
-/// Everything that can be seen.
+/// All visible objects with lights and weather.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Shapes of all instances.
+    /// Meshes of all instances.
     pub meshes: MeshLibrary,
     statics: StaticPart,
-    /// Instances that move; replaced or changed before each pass.
+    /// Moving instances; replaced or changed before each pass.
     pub dynamics: Vec<Instance>,
-    /// Lamps that shine on other things; used while the weather has lamps on.
+    /// Lamps that illuminate other objects; used while the weather has lamps on.
     pub lights: Vec<Light>,
     /// Air and ground.
     pub weather: Weather,
-    /// Where the sun stands.
+    /// Position of the sun.
     pub sun: Sun,
 }
 
@@ -226,22 +225,22 @@ impl Default for Sun {
 }
 
 impl Scene {
-    /// An empty scene in a weather.
+    /// Creates an empty scene with a weather.
     pub fn new(preset: WeatherPreset) -> Self {
         Self { weather: preset.weather(), sun: preset.sun(), ..Self::default() }
     }
 
-    /// Takes over weather and sun of a preset.
+    /// Sets weather and sun to a preset.
     pub fn set_weather(&mut self, preset: WeatherPreset) {
         (self.weather, self.sun) = (preset.weather(), preset.sun());
     }
 
-    /// The part that never moves.
+    /// Static part.
     pub fn statics(&self) -> &StaticPart {
         &self.statics
     }
 
-    /// Adds something that never moves.
+    /// Adds a static instance.
     pub fn add_static(&mut self, instance: Instance) {
         instance.add_to(&mut self.statics.version);
         self.statics.version.long(self.meshes.get(instance.mesh).key().0);
@@ -256,7 +255,7 @@ impl Scene {
         self.add_static(Instance { mesh, map_from_body, instance_id: 0, class, look, motion });
     }
 
-    /// Takes everything away that never moves.
+    /// Removes all static instances.
     pub fn clear_statics(&mut self) {
         self.statics = StaticPart::default();
     }

@@ -1,4 +1,4 @@
-//! A made-up town: two streets that cross, houses, traffic. For examples, tests and benches.
+//! A synthetic town: two crossing streets, houses, traffic. For examples, tests and benchmarks.
 
 use swerve_geom::{Point, Point2, Transform};
 
@@ -14,14 +14,14 @@ use crate::weather::WeatherPreset;
 
 /// Half of the width of the main street, metres.
 const HALF_M: f64 = 6.0;
-/// Where the side street crosses the main one.
+/// Position of the crossing of side street and main street along x, metres.
 const CROSSING_X_M: f64 = 38.0;
 
-/// A town in a weather: the main street runs along +x through the origin, with a lane each way and parked
-/// cars.
+/// Creates a town in a weather: the main street runs along +x through the origin, with one lane in each direction and
+/// parked cars.
 ///
-/// The seed varies houses, trees, cars, people. Nothing but ground is farther from the origin than `reach_m`;
-/// with 200 m there are about 170,000 triangles, with 42 m about 63,000.
+/// The seed varies houses, trees, cars and people. Except for ground, nothing is farther from the origin than
+/// `reach_m`; with 200 m there are about 170,000 triangles, with 42 m about 63,000.
 pub fn town(preset: WeatherPreset, seed: u64, reach_m: f64) -> Scene {
     let mut scene = Scene::new(preset);
     ground(&mut scene);
@@ -42,7 +42,7 @@ pub fn town(preset: WeatherPreset, seed: u64, reach_m: f64) -> Scene {
     scene
 }
 
-/// Where something stands in the ground plane: metres, and the angle from the x axis in radians.
+/// Pose in the ground plane: metres, and the angle from the x axis in radians.
 #[derive(Clone, Copy)]
 struct Spot {
     x: f64,
@@ -59,7 +59,7 @@ fn add(scene: &mut Scene, kind: Kind, seed: u64, spot: Spot) {
     scene.add_static(Instance::new(&model, spot.x, spot.y, spot.yaw));
 }
 
-/// Grass to the horizon.
+/// Grass up to the horizon.
 fn ground(scene: &mut Scene) {
     for piece in ground_pieces(Point2::new(-360.0, -360.0), Point2::new(520.0, 360.0), -0.06) {
         scene.add_piece(piece);
@@ -86,7 +86,7 @@ fn streets(scene: &mut Scene, seed: u64) {
         )
     };
     let mut pieces = road_pieces(&main, seed);
-    // The side street ends at the kerbs of the main one, whose pavement is lowered there.
+    // The side street ends at the kerbs of the main street, whose pavement is lowered there.
     for out in [1.0, -1.0] {
         let centre =
             vec![Point2::new(CROSSING_X_M, out * (HALF_M - 0.2)), Point2::new(CROSSING_X_M, out * 120.0)];
@@ -98,7 +98,7 @@ fn streets(scene: &mut Scene, seed: u64) {
     apron(scene);
 }
 
-/// Asphalt over the pavements where the side street opens, a touch above them.
+/// Asphalt over the pavements at the mouth of the side street, slightly above them.
 fn apron(scene: &mut Scene) {
     let mut builder = MeshBuilder::new(20.0);
     let asphalt = Material { is_ground: true, ..Material::matt([0.115, 0.115, 0.118], 0.17) };
@@ -190,7 +190,7 @@ fn furniture(scene: &mut Scene, seed: u64) {
             }
         }
     }
-    // Signs look against the traffic that they are for.
+    // Signs face the traffic that they apply to.
     let right = -(HALF_M + 0.5);
     add(scene, Kind::SpeedSign { kmh: 50 }, seed, at(16.0, right, core::f64::consts::PI));
     add(scene, Kind::SpeedSign { kmh: 30 }, seed, at(74.0, right, core::f64::consts::PI));

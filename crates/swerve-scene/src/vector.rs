@@ -10,7 +10,7 @@ pub fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// Multiple.
+/// Product with a scalar.
 pub fn scale(a: [f32; 3], by: f32) -> [f32; 3] {
     [a[0] * by, a[1] * by, a[2] * by]
 }
@@ -20,18 +20,18 @@ pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Outer product.
+/// Cross product.
 pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The same direction with length 1; of nothing, up.
+/// Unit vector of the same direction; for zero, up.
 pub fn normalized(a: [f32; 3]) -> [f32; 3] {
     let length = dot(a, a).sqrt();
     if length > 0.0 { scale(a, 1.0 / length) } else { [0.0, 0.0, 1.0] }
 }
 
-/// From one to the other.
+/// Linear interpolation.
 pub fn mix(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
     add(scale(a, 1.0 - t), scale(b, t))
 }

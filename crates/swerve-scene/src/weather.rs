@@ -1,4 +1,4 @@
-//! Weather: fourteen presets in the manner of CARLA's, a clear night, and the numbers behind them.
+//! Weather: fourteen presets modelled on CARLA's, a clear night, and their parameters.
 
 use std::str::FromStr;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_all_within};
 use swerve_geom::math;
 
-/// A weather by name.
+/// Weather preset.
 #[derive(
     Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug, Default, Serialize, Deserialize, JsonSchema,
 )]
@@ -46,11 +46,11 @@ pub enum WeatherPreset {
     ClearNight,
 }
 
-/// A weather that does not exist was asked for.
+/// Error for an unknown weather.
 #[derive(Clone, PartialEq, Eq, Debug, thiserror::Error)]
 #[error("unknown weather `{asked}`; the weathers are {}", WeatherPreset::names())]
 pub struct UnknownWeather {
-    /// The name that was asked for.
+    /// The unknown name.
     pub asked: String,
 }
 
@@ -109,7 +109,7 @@ impl From<WeatherPreset> for &'static str {
 impl FromStr for WeatherPreset {
     type Err = UnknownWeather;
 
-    /// Takes `clear_noon` and, as CARLA writes it, `ClearNoon`.
+    /// Accepts `clear_noon` and, as in CARLA, `ClearNoon`.
     fn from_str(text: &str) -> Result<Self, UnknownWeather> {
         let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
         Self::ALL
@@ -128,12 +128,12 @@ impl TryFrom<String> for WeatherPreset {
     }
 }
 
-/// Where the sun stands, seen from anywhere in the map.
+/// Position of the sun, the same everywhere in the map.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Sun {
-    /// Direction in the ground plane from which it shines, counter-clockwise from the map's x axis, radians.
+    /// Direction of the sun in the ground plane, counter-clockwise from the map's x axis, radians.
     pub azimuth_rad: f64,
-    /// Height above the horizon, radians; at night negative.
+    /// Elevation above the horizon, radians; negative at night.
     pub elevation_rad: f64,
 }
 
@@ -146,20 +146,20 @@ impl Sun {
     }
 }
 
-/// The state of the air and the ground.
+/// State of air and ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Weather {
     /// Share of the sky that clouds cover, 0 to 1; at 1 the sun casts no shadow.
     pub cloudiness: f64,
     /// Rain, 0 (none) to 1 (heavy, about 50 mm/h).
     pub rain: f64,
-    /// How wet surfaces are, 0 to 1.
+    /// Wetness of surfaces, 0 to 1.
     pub wetness: f64,
     /// Share of the ground under standing water, 0 to 1.
     pub puddles: f64,
-    /// Extinction of the air, 1/m: at a distance of 3 over it contrast is down to 5 %.
+    /// Extinction of the air, 1/m: contrast is 5 % at a distance of 3 / `fog_1pm`.
     pub fog_1pm: f64,
-    /// Whether street lamps, lit windows and vehicle lamps are on.
+    /// True if street lamps, lit windows and vehicle lamps are on.
     pub lamps_on: bool,
 }
 
@@ -170,7 +170,7 @@ impl Default for Weather {
 }
 
 impl WeatherPreset {
-    /// Where the sun stands: 60 degrees high at noon, 9 at sunset; below the horizon at night.
+    /// Position of the sun: 60 degrees high at noon, 9 at sunset; below the horizon at night.
     pub fn sun(self) -> Sun {
         let degrees = core::f64::consts::PI / 180.0;
         let name = self.name();
@@ -184,7 +184,7 @@ impl WeatherPreset {
         Sun { azimuth_rad: azimuth * degrees, elevation_rad: elevation * degrees }
     }
 
-    /// Air and ground.
+    /// Air and ground of the preset.
     pub fn weather(self) -> Weather {
         let (cloudiness, rain, wetness, puddles, fog_1pm) = match self {
             Self::ClearNoon | Self::ClearSunset => (0.12, 0.0, 0.0, 0.0, 0.0004),
@@ -202,7 +202,7 @@ impl WeatherPreset {
 }
 
 impl Weather {
-    /// Whether every number is in its range.
+    /// Checks that every number is in its range.
     ///
     /// # Errors
     /// The first field that is not.
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sun_stands_where_its_angles_say() {
+    fn sun_position_matches_its_angles() {
         let sun =
             Sun { azimuth_rad: core::f64::consts::FRAC_PI_2, elevation_rad: core::f64::consts::FRAC_PI_4 };
         let [x, y, z] = sun.direction();

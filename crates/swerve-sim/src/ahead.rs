@@ -1,8 +1,8 @@
-//! Where the scripted actors of a scenario will be, as far as that is settled.
+//! Future poses of scripted actors, as far as they are determined.
 //!
-//! An actor that was set off goes through its script whatever the ego does, and one that waits for an instant sets off
-//! then. Not settled is when the ego or another actor sets somebody off, and where somebody goes who was hit: the first
-//! counts as standing until it happens, of the second nothing is known.
+//! A triggered actor follows its script whatever the ego does, and one with a time trigger starts at that time. Not
+//! determined are triggers by the ego or another actor, and motion after a collision: the former count as standing
+//! until triggered, for the latter no pose is returned.
 
 use swerve_core::{Span, Time};
 use swerve_geom::Pose2;
@@ -16,32 +16,32 @@ use crate::rules::Rules;
 use crate::script::Script;
 use crate::trigger::Situation;
 
-/// Who is this far from where its script has it was hit, metres.
+/// Distance from its scripted pose at which an actor counts as hit, metres.
 const OFF_SCRIPT_M: f64 = 0.05;
 
-/// What becomes of the actors of one run, by what was seen of it so far.
+/// Predicted motion of the actors of one run, based on the states observed so far.
 #[derive(Clone, Debug)]
 pub struct Ahead {
     shape: Shape,
     route: Route,
     rules: Rules,
     actors: Vec<Settled>,
-    /// The newest state that was taken in.
+    /// Stamp of the newest state observed.
     newest: Option<Time>,
 }
 
-/// What is settled of one actor.
+/// Determined motion of one actor.
 #[derive(Clone, Debug)]
 struct Settled {
     script: Script,
     trigger: Option<Trigger>,
-    /// When it sets off, or did.
+    /// Time at which it starts or started.
     set_off: Option<Time>,
     is_off_script: bool,
 }
 
 impl Ahead {
-    /// Before the first step of a scenario, which is taken exactly as given.
+    /// Creates the predictor before the first step of a scenario, which is taken without further random draws.
     pub fn new(scenario: &Scenario, params: &SimParams) -> Self {
         let route = scenario.road.route();
         let settled = |actor: &swerve_scenario::Actor| {
@@ -57,8 +57,8 @@ impl Ahead {
         Self { shape: params.vehicle.shape, rules: Rules::new(scenario), actors, newest: None, route }
     }
 
-    /// Takes in a state of the world. Each step's is to be taken in, in order: an event that is missed is found late. One
-    /// that is no newer than the last is left out.
+    /// Observes a world state. All steps must be observed in order, or events are detected late. States that are not
+    /// newer than the last one are ignored.
     pub fn watch(&mut self, world: &WorldState) {
         if self.newest.is_some_and(|newest| world.stamp <= newest) {
             return;
@@ -80,13 +80,13 @@ impl Ahead {
         }
     }
 
-    /// Where an actor will be at an instant, or was; none of whom nothing is known.
+    /// Pose of an actor at an instant, past or future; `None` if unknown.
     pub fn pose(&self, id: ActorId, at: Time) -> Option<Pose2> {
         let actor = self.actors.get(usize::try_from(id.0).ok()?.checked_sub(1)?)?;
         (!actor.is_off_script).then(|| actor.pose(at, &self.route))
     }
 
-    /// All actors of which something is known, where they are at an instant.
+    /// Poses of all actors with a known pose at an instant.
     pub fn all_at(&self, at: Time) -> impl Iterator<Item = (ActorId, Pose2)> {
         let ids = (0..self.actors.len()).map(Scenario::id);
         ids.filter_map(move |id| Some((id, self.pose(id, at)?)))
@@ -100,7 +100,7 @@ impl Settled {
     }
 }
 
-/// The first step of the world that is no earlier.
+/// First simulation step that is not earlier.
 fn first_step(after: Span, dt: Span) -> Time {
     let steps = after.ns().div_euclid(dt.ns()) + i64::from(after.ns().rem_euclid(dt.ns()) > 0);
     Time::ZERO + dt * steps.max(0)
@@ -112,7 +112,7 @@ mod tests {
     use crate::Simulator;
     use swerve_msg::Command;
 
-    /// One goes at once, one at 1.003 s, one once the ego is near, one never.
+    /// One actor starts at once, one at 1.003 s, one when the ego is near, one never.
     const TEXT: &str = "name = \"x\"\n[road]\nsegments = [{ length_m = 200.0 }]\nleft_m = 9.0\n\
         [ego]\ntarget_speed_mps = 8.0\nstart_speed_mps = 8.0\nend_m = 150.0\n\
         [[actor]]\nname = \"a\"\nkind = \"car\"\ns_m = 60.0\nd_m = 6.0\n\
@@ -126,7 +126,7 @@ mod tests {
         [expect]\nverdict = \"avoided\"\nduration_s = { max = 60.0 }\n";
 
     #[test]
-    fn what_is_told_ahead_is_what_happens_once_it_is_settled() {
+    fn predicted_poses_match_the_simulation_once_determined() {
         let scenario = Scenario::parse("x.toml", TEXT).unwrap_or_else(|p| panic!("{p:#?}"));
         let params = SimParams::default();
         let mut simulator = Simulator::exact(scenario.clone(), &params).unwrap();
@@ -143,7 +143,7 @@ mod tests {
                 assert_eq!(told.len(), 4);
                 for ((id, pose), actor) in told.iter().zip(&world.actors) {
                     let off_m = pose.point().distance(actor.pose.point());
-                    // Of the third nothing is settled before the ego comes.
+                    // The third is not determined before the ego comes near.
                     let settled = id.0 != 3 || set_off.is_some_and(|set_off| set_off <= *stamp);
                     assert!(off_m < 1e-9 || !settled, "{id:?} told at {stamp}: {off_m} m off");
                 }
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn who_was_hit_has_no_script_any_more_and_old_states_are_left_out() {
+    fn hit_actor_has_no_prediction_and_old_states_are_ignored() {
         let scenario = Scenario::parse("x.toml", TEXT).unwrap_or_else(|p| panic!("{p:#?}"));
         let params = SimParams::default();
         let simulator = Simulator::exact(scenario.clone(), &params).unwrap();

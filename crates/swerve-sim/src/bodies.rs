@@ -1,4 +1,4 @@
-//! Actors as rapier bodies: kinematic on their script, dynamic once hit.
+//! Actors as rapier bodies: kinematic along their script, dynamic after a collision.
 
 use glam::{Quat, Vec3};
 use rapier3d::prelude::*;
@@ -7,32 +7,32 @@ use swerve_msg::{ActorKind, truth};
 
 use crate::script::Moment;
 
-/// The body of one actor.
+/// Rigid body of one actor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     pub(crate) handle: RigidBodyHandle,
     pub(crate) collider: ColliderHandle,
-    /// From its bottom to its centre, metres.
+    /// Distance from its bottom to its centre, metres.
     half_height_m: f64,
     pub(crate) mode: Mode,
 }
 
-/// Who moves a body.
+/// Motion mode of a body.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Mode {
-    /// Nobody, ever.
+    /// Never moves.
     Fixed,
-    /// Its script.
+    /// Follows its script.
     Scripted,
-    /// Physics, for this one step: a contact may come in it.
+    /// Moved by physics for this step only, in which a contact may occur.
     Trial,
-    /// Physics, for good: it has been hit.
+    /// Moved by physics from now on: it has been hit.
     Hit,
 }
 
-/// Friction of actors against the ground and each other.
+/// Friction of actors with the ground and each other.
 const FRICTION: f32 = 0.7;
-/// Farther than any body moves in one step: contacts are foreseen within it.
+/// Contact prediction distance; more than any body moves in one step.
 const FORESIGHT_M: f32 = 1.0;
 
 /// Adds the ground.
@@ -43,18 +43,18 @@ pub(crate) fn ground(world: &mut PhysicsWorld, friction: f64) {
     world.insert_collider(plane, None);
 }
 
-/// Makes contacts of this body with others be solved in the step in which the two meet, not one step later.
+/// Solves contacts of this body with others in the step in which they meet, not one step later.
 pub(crate) fn foresee_contacts(world: &mut PhysicsWorld, body: RigidBodyHandle) {
     world.bodies[body].set_soft_ccd_prediction(FORESIGHT_M);
 }
 
-/// A moment of a script on the ground that is there.
+/// A moment of a script, placed on the ground.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Placed {
     pub(crate) moment: Moment,
     /// Height of the ground, metres.
     pub(crate) z_m: f64,
-    /// Where along the road that is, metres.
+    /// Position along the road, metres.
     pub(crate) s_m: f64,
 }
 
@@ -62,7 +62,7 @@ impl Body {
     pub(crate) fn insert(world: &mut PhysicsWorld, actor: &truth::Actor, mass_kg: f64) -> Self {
         let half = |m: f64| 0.5 * m as f32;
         let collider = if actor.is_round() {
-            // rapier's cylinders stand along y.
+            // rapier's cylinders have their axis along y.
             let upright = core::f32::consts::FRAC_PI_2;
             ColliderBuilder::cylinder(half(actor.extent.height_m), half(actor.extent.width_m))
                 .rotation(Vec3::new(upright, 0.0, 0.0))
@@ -81,12 +81,12 @@ impl Body {
         Self { handle, collider, half_height_m, mode: if fixed { Mode::Fixed } else { Mode::Scripted } }
     }
 
-    /// Sends it to where its script has it at the end of the coming step.
+    /// Moves the body to its scripted pose at the end of the coming step.
     pub(crate) fn follow(&self, world: &mut PhysicsWorld, next: &Placed) {
         world.bodies[self.handle].set_next_kinematic_position(self.pose(next));
     }
 
-    /// Hands it to physics for the coming step, at its present pose and velocity.
+    /// Makes the body dynamic for the coming step, at its present pose and velocity.
     pub(crate) fn try_physics(&mut self, world: &mut PhysicsWorld, now: &Placed) {
         let (pose, velocity_mps) = (self.pose(now), now.moment.velocity_mps);
         let body = &mut world.bodies[self.handle];
@@ -97,7 +97,7 @@ impl Body {
         self.mode = Mode::Trial;
     }
 
-    /// Hands it back to its script, which has it here by now.
+    /// Makes the body kinematic again, at its scripted pose.
     pub(crate) fn restore(&mut self, world: &mut PhysicsWorld, now: &Placed) {
         let pose = self.pose(now);
         let body = &mut world.bodies[self.handle];
@@ -106,12 +106,12 @@ impl Body {
         self.mode = Mode::Scripted;
     }
 
-    /// The middle of the body where its foot stands here.
+    /// Pose of the body's centre for a pose on the ground.
     fn pose(&self, at: &Placed) -> Pose {
         pose3(at.moment.pose, at.z_m + self.half_height_m)
     }
 
-    /// Reads pose and velocity of a body that physics moves.
+    /// Reads pose and velocity of a dynamic body.
     pub(crate) fn read(&self, world: &PhysicsWorld, actor: &mut truth::Actor) {
         let body = &world.bodies[self.handle];
         let (at, velocity) = (body.translation(), body.linvel());
@@ -123,7 +123,7 @@ impl Body {
     }
 }
 
-/// Size of the impulse between two colliders in the last step, N s.
+/// Magnitude of the impulse between two colliders in the last step, N s.
 pub(crate) fn impulse_n_s(world: &PhysicsWorld, a: ColliderHandle, b: ColliderHandle) -> f64 {
     world.contact_pair(a, b).map_or(0.0, |pair| f64::from(pair.total_impulse().length()))
 }

@@ -3,7 +3,7 @@
 use swerve_geom::{Obb, Point2, Pose2, Vector2};
 use swerve_msg::truth::Actor;
 
-/// The places where two bodies are nearest, both in the map.
+/// Closest points of two bodies, both in the map frame.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Nearest {
     pub(crate) gap_m: f64,
@@ -11,10 +11,10 @@ pub(crate) struct Nearest {
     pub(crate) on_actor: Point2,
 }
 
-/// A body moving in the plane: the velocity of any of its points.
+/// Planar motion of a rigid body, which gives the velocity of any of its points.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Motion2 {
-    /// Where `velocity_mps` is measured.
+    /// Reference point of `velocity_mps`.
     pub(crate) at: Point2,
     pub(crate) velocity_mps: Vector2,
     pub(crate) yaw_rate_radps: f64,
@@ -25,14 +25,14 @@ impl Motion2 {
         self.velocity_mps + (point - self.at).left() * self.yaw_rate_radps
     }
 
-    /// A pose fixed to the body, `after_s` seconds later at unchanged velocity.
+    /// A pose fixed to the body, `after_s` seconds later at constant velocity.
     fn moved(&self, pose: Pose2, after_s: f64) -> Pose2 {
         let by = self.velocity_of(pose.point()) * after_s;
         Pose2::new(pose.x_m + by.x, pose.y_m + by.y, pose.heading_rad + self.yaw_rate_radps * after_s)
     }
 }
 
-/// Nearest places of the ego's outline and an actor; `None` when they overlap.
+/// Closest points of the ego's outline and an actor; `None` if they overlap.
 pub(crate) fn nearest(ego: &Obb, actor: &Actor) -> Option<Nearest> {
     if actor.is_round() {
         let center = actor.pose.point();
@@ -65,7 +65,7 @@ pub(crate) fn nearest(ego: &Obb, actor: &Actor) -> Option<Nearest> {
     (best.gap_m > 0.0).then_some(best)
 }
 
-/// The point of a rectangle nearest to `point`.
+/// Point of a rectangle closest to `point`.
 fn nearest_on(rectangle: &Obb, point: Point2) -> Point2 {
     let local: Point2 = rectangle.center.to_local(point);
     let (l, w) = (rectangle.half_length_m, rectangle.half_width_m);
@@ -74,10 +74,10 @@ fn nearest_on(rectangle: &Obb, point: Point2) -> Point2 {
         .from_local(Point2::<swerve_geom::Map>::new(local.x_m.clamp(-l, l), local.y_m.clamp(-w, w)))
 }
 
-/// Speed at which the two close along the contact normal just before they touch, m/s, never negative.
+/// Closing speed along the contact normal just before contact, m/s, never negative.
 ///
-/// Both are moved on from states shortly before the contact at unchanged velocities; the normal is the line
-/// between their nearest places at the last moment apart (to 0.1 mm or `horizon_s` ahead).
+/// Both bodies are extrapolated from states shortly before the contact at constant velocities. The normal is the line
+/// between their closest points at the last instant apart (to 0.1 mm or `horizon_s` ahead).
 pub(crate) fn closing_speed(ego: &Obb, ego_motion: &Motion2, actor: &Actor, horizon_s: f64) -> f64 {
     let at = |after_s: f64| {
         let outline = Obb { center: ego_motion.moved(ego.center, after_s), ..*ego };
@@ -115,7 +115,7 @@ pub(crate) fn closing_speed(ego: &Obb, ego_motion: &Motion2, actor: &Actor, hori
         }
     }
     let normal = last_apart.on_actor - last_apart.on_ego;
-    // The place on the ego was found on its moved outline; its velocity is that of the unmoved body's point.
+    // The point on the ego was found on its extrapolated outline; its velocity is that of the unmoved body's point.
     let shift = ego_motion.velocity_of(ego.center.point()) * apart_s;
     along(ego_motion, actor, last_apart.on_ego - shift, normal)
 }

@@ -1,9 +1,9 @@
 //! The ego car as a rigid body of the physics world.
 //!
-//! The car's own model ([`swerve_vehicle::Car`]) gives the forces of tyres, springs and air; rapier
-//! integrates the body and adds gravity and collisions. The ground is the plane z = 0 of the map, met
-//! analytically by the wheels; the chassis' box does not touch it. rapier computes in `f32`; this module is
-//! where its numbers become `f64` and typed frames, and back.
+//! The car model ([`swerve_vehicle::Car`]) computes the forces of tyres, springs and air; rapier integrates the body
+//! and adds gravity and collisions. The ground is the plane z = 0 of the map, with analytic wheel contact; the box of
+//! the chassis does not touch it. rapier computes in `f32`; this module converts its numbers to `f64` and typed frames,
+//! and back.
 
 mod convert;
 
@@ -21,7 +21,7 @@ use convert::{from_vec, pose_from_transform, to_transform, to_vec};
 /// Height of the chassis' underside above ground, metres.
 const CLEARANCE_M: f64 = 0.16;
 
-/// The body as `apply` found it, to difference against after the world's step.
+/// Motion of the body at `apply`, for differences after the world step.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     velocity_mps: [f64; 3],
@@ -31,7 +31,7 @@ struct Before {
 
 /// The ego car: its model and its body in a physics world.
 ///
-/// Per step: [`EgoCar::apply`], then the world's step, then [`EgoCar::truth`].
+/// Call per step: [`EgoCar::apply`], then the world step, then [`EgoCar::truth`].
 #[derive(Clone, Debug)]
 pub struct EgoCar {
     car: Car,
@@ -42,7 +42,7 @@ pub struct EgoCar {
 }
 
 impl EgoCar {
-    /// Puts a car into the world: settled on its springs at `map_from_ego`, rolling at `speed_mps`.
+    /// Spawns a car in the world: at rest on its springs at `map_from_ego`, moving at `speed_mps`.
     ///
     /// The world's gravity must point along -z.
     pub fn spawn(
@@ -79,25 +79,25 @@ impl EgoCar {
         Self { car, body, collider, stamp: Time::default(), before: None }
     }
 
-    /// The body in the world.
+    /// Handle of the body in the world.
     pub fn handle(&self) -> RigidBodyHandle {
         self.body
     }
 
-    /// The box around the chassis: whatever it touches is a collision of the ego.
+    /// Collider of the chassis box; its contacts are collisions of the ego.
     pub fn collider(&self) -> ColliderHandle {
         self.collider
     }
 
-    /// The car's model, with its wheels and actuators.
+    /// Car model, with wheels and actuators.
     pub fn car(&self) -> &Car {
         &self.car
     }
 
-    /// Hands the forces of this step to the body; call it before each step of the world, with the same `dt_s`.
+    /// Applies the forces of this step to the body; must be called before each world step, with the same `dt_s`.
     ///
-    /// `friction` is that of the ground below all wheels. A command that is not finite is refused (the one
-    /// before goes on), one out of range is clamped.
+    /// `friction` is that of the ground below all wheels. A command that is not finite is refused (the previous one
+    /// stays in force); one out of range is clamped.
     pub fn apply(&mut self, world: &mut PhysicsWorld, command: &Command, friction: f64, dt_s: f64) {
         let motion = self.motion(world);
         let controls =
@@ -110,8 +110,8 @@ impl EgoCar {
             dt_s,
         });
         self.stamp += Span::from_secs(dt_s);
-        // Summed here, in double precision about the true centre of gravity: rapier knows that of a new body
-        // only after its first step.
+        // Summed here, in double precision about the true centre of gravity, which rapier knows for a new body only
+        // after its first step.
         let cg = motion.map_from_ego * self.car.center_of_gravity();
         let (mut force_n, mut torque_nm) = (forces.drag_n.coords, Vector::<Map>::default().coords);
         for wheel in &forces.wheels {
@@ -125,8 +125,8 @@ impl EgoCar {
         body.add_torque(to_vec(torque_nm), true);
     }
 
-    /// The car after the world's step. Accelerations are the mean over that step, collisions included; the
-    /// stamp counts from the spawn at zero.
+    /// State of the car after the world step. Accelerations are the mean over that step, including collisions; the
+    /// stamp counts from zero at the spawn.
     pub fn truth(&self, world: &PhysicsWorld) -> EgoTruth {
         let motion = self.motion(world);
         let pose = motion.map_from_ego;
@@ -172,7 +172,7 @@ impl EgoCar {
     }
 }
 
-/// The chassis as a box without mass of its own.
+/// Massless box of the chassis.
 fn chassis(params: &VehicleParams) -> ColliderBuilder {
     let shape = &params.shape;
     let half_height = 0.5 * (shape.height_m - CLEARANCE_M).max(0.1);
@@ -186,7 +186,7 @@ fn chassis(params: &VehicleParams) -> ColliderBuilder {
         .friction(0.4)
 }
 
-/// Speed of the ego origin along its heading and to the left, in the ground plane, m/s.
+/// Velocity of the ego origin in the ground plane, forward and to the left, m/s.
 fn origin_motion(car: &Car, motion: &BodyMotion) -> (f64, f64) {
     let pose = motion.map_from_ego;
     let lever = (pose.origin() - pose * car.center_of_gravity()).coords;

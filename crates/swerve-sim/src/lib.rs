@@ -1,17 +1,16 @@
 //! The simulated world: a rapier scene with the ego, scripted actors, collisions, infractions and sensors.
 //!
-//! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step. Sensors
-//! ([`sense`]) are functions of that state. Everything is a function of scenario, parameters and seed: no
-//! clock, no order of threads, no unseeded random number.
+//! [`Simulator`] turns a `Scenario` and one `Command` per step into one `WorldState` per step. Sensors ([`sense`]) are
+//! functions of that state. Everything is a function of scenario, parameters and seed: no clock, no thread order, no
+//! unseeded random number.
 //!
-//! **Frames**: the map of `swerve_geom`; rapier runs in the same axes with gravity along -z, in `f32`.
-//! Scripted motion, distances, contacts and sight lines are computed in `f64` beside it; the conversion to
-//! rapier's types is in `bodies` and `ego`, and none of them appears in a public signature of this crate
-//! outside `ego`.
+//! **Frames**: the map frame of `swerve_geom`; rapier runs in the same axes with gravity along -z, in `f32`. Scripted
+//! motion, distances, contacts and sight lines are computed in `f64` beside it. The conversion to rapier's types is in
+//! `bodies` and `ego`; none of them appears in a public signature of this crate outside `ego`.
 //!
-//! [`Ahead`] tells where scripted actors will be, as far as that is settled.
+//! [`Ahead`] predicts scripted actors, as far as their motion is determined.
 //!
-//! Absences: no rendering, no operators, no files.
+//! The crate contains no rendering, operators or file access.
 
 mod ahead;
 mod bodies;

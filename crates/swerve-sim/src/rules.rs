@@ -1,4 +1,4 @@
-//! Rules of the road and of the scenario: when the ego is off the road, and when the run is over.
+//! Rules of the road and of the scenario: departure from the road, and the end of the run.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{Obb, Point2};
@@ -6,12 +6,12 @@ use swerve_msg::Route;
 use swerve_msg::truth::{EndReason, WorldState};
 use swerve_scenario::{End, Scenario, Standstill};
 
-/// Below this the ego stands still, m/s.
+/// Speed below which the ego counts as stationary, m/s.
 const STILL_MPS: f64 = 0.05;
-/// How far from its last known place along the road the ego is looked for, metres.
+/// Search range around the ego's last position along the road, metres.
 const REACH_M: f64 = 15.0;
 
-/// The rules, with what they remember from step to step.
+/// The rules with their state.
 #[derive(Clone, Debug)]
 pub(crate) struct Rules {
     end: End,
@@ -34,17 +34,17 @@ impl Rules {
         }
     }
 
-    /// Where the centre of the ego's outline is along the road; called once per step, before the others.
+    /// Updates the position of the centre of the ego's outline along the road; called once per step, before the others.
     pub(crate) fn follow(&mut self, route: &Route, center: Point2) {
         self.s_m = route.project_near(center, self.s_m, REACH_M).s_m;
     }
 
-    /// Metres along the road of the centre of the ego's outline.
+    /// Position of the centre of the ego's outline along the road, metres.
     pub(crate) fn s_m(&self) -> f64 {
         self.s_m
     }
 
-    /// Whether the ego leaves the drivable ground in this step, having been on it before.
+    /// True if the ego leaves the drivable area in this step, after having been on it.
     pub(crate) fn leaves_road(&mut self, route: &Route, outline: &Obb) -> bool {
         let near = |point: Point2| route.project_near(point, self.s_m, REACH_M);
         let off_road = route.borders().margin_m(outline.corners(), near) < 0.0;
@@ -53,7 +53,7 @@ impl Rules {
         leaves
     }
 
-    /// Whether and why the run is over with this state.
+    /// Reason for the end of the run in this state; `None` while it continues.
     pub(crate) fn ended(&mut self, state: &WorldState, center: Point2) -> Option<EndReason> {
         let now = state.stamp;
         if self.first_collision.is_none() {
@@ -93,7 +93,7 @@ mod tests {
     use swerve_map::{Border, Borders, Station};
 
     #[test]
-    fn who_stays_where_the_road_narrows_leaves_it() {
+    fn ego_leaves_a_road_that_narrows() {
         let text = include_str!("../../../scenarios/lane.toml");
         let scenario = Scenario::parse("lane.toml", text).unwrap_or_else(|p| panic!("{p:#?}"));
         let stations = [(20.0, 6.0), (30.0, 2.0), (40.0, 2.0), (50.0, 6.0)];

@@ -1,28 +1,28 @@
-//! Scripted motion in closed form: where an actor is and how fast, so many seconds after it was set off.
+//! Scripted motion in closed form: pose and velocity of an actor at a time since its start.
 
 use swerve_geom::{FrenetPoint, LineTracker, Point2, Polyline, Pose2, Vector2};
 use swerve_scenario::{Actor, Along, Direction, Motion, RoadPlace, SpeedPoint};
 
-/// Pose and velocity of an actor at one moment.
+/// Pose and velocity of an actor at one instant.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Moment {
     pub(crate) pose: Pose2,
     pub(crate) velocity_mps: Vector2,
 }
 
-/// All legs of one actor, one after the other, from the moment it is set off.
+/// All legs of one actor in sequence, from its start.
 #[derive(Clone, PartialEq, Debug)]
 pub(crate) struct Script {
     start: Pose2,
     legs: Vec<Leg>,
 }
 
-/// One leg. Its motion is a way (metres since its beginning) along a course.
+/// One leg. Its motion is a distance (metres since its start) along a course.
 #[derive(Clone, PartialEq, Debug)]
 struct Leg {
-    /// Seconds since the script began.
+    /// Start, seconds since the start of the script.
     begins_s: f64,
-    /// Seconds; infinite for a drive without end.
+    /// Duration, seconds; infinite for an unlimited drive.
     lasts_s: f64,
     course: Course,
     speeds: Vec<SpeedPoint>,
@@ -54,17 +54,17 @@ impl Script {
         script
     }
 
-    /// Whether it ever moves.
+    /// True if it ever moves.
     pub(crate) fn moves(&self) -> bool {
         !self.legs.is_empty()
     }
 
-    /// Whether it stands still for good from `after_s` seconds on.
+    /// True if it is at rest for good `after_s` seconds after its start.
     pub(crate) fn is_over(&self, after_s: f64) -> bool {
         self.legs.last().is_none_or(|leg| after_s > leg.begins_s + leg.lasts_s)
     }
 
-    /// Where it is `after_s` seconds after it was set off; `None`: not set off yet.
+    /// Pose and velocity `after_s` seconds after its start; `None` before the start.
     pub(crate) fn at(&self, after_s: Option<f64>, line: &Polyline) -> Moment {
         let standing = |pose| Moment { pose, velocity_mps: Vector2::default() };
         let (Some(after_s), false) = (after_s, self.legs.is_empty()) else { return standing(self.start) };
@@ -90,7 +90,8 @@ impl Leg {
                 let s_m = from.s_m + sign * way_m;
                 let on_line = line.at(s_m);
                 let place = line.to_map(FrenetPoint { s_m, d_m: from.d_m });
-                // The way counts along the road's line; beside it, in a bend, the ground speed differs.
+                // The distance is measured along the road's centre line; beside it, in a bend, the ground speed
+                // differs.
                 let ground = sign * speed_mps * (1.0 - on_line.curvature_1pm * from.d_m);
                 Moment {
                     pose: Pose2::new(place.x_m, place.y_m, on_line.pose.heading_rad + turn_rad),
@@ -101,7 +102,7 @@ impl Leg {
     }
 }
 
-/// The courses of one motion from `at`, at that place along the road, each with its speeds and duration (seconds).
+/// Courses of one motion from `at`, at this position along the road, each with speeds and duration (seconds).
 fn courses(
     motion: &Motion,
     at: Pose2,
@@ -162,7 +163,7 @@ fn path(
     legs
 }
 
-/// Speed `after_s` seconds into a leg, m/s: linear between the points, held after the last.
+/// Speed `after_s` seconds into a leg, m/s: linear between the points, constant after the last.
 fn speed(speeds: &[SpeedPoint], after_s: f64) -> f64 {
     let next = speeds.partition_point(|p| p.at_s <= after_s);
     if next == 0 || next == speeds.len() {
@@ -172,7 +173,7 @@ fn speed(speeds: &[SpeedPoint], after_s: f64) -> f64 {
     a.speed_mps + (b.speed_mps - a.speed_mps) * (after_s - a.at_s) / (b.at_s - a.at_s)
 }
 
-/// Way covered `after_s` seconds into a leg, metres: the area under the speeds.
+/// Distance covered `after_s` seconds into a leg, metres: the integral of the speed.
 fn way(speeds: &[SpeedPoint], after_s: f64) -> f64 {
     let mut way_m = 0.0;
     for two in speeds.windows(2) {
@@ -185,12 +186,12 @@ fn way(speeds: &[SpeedPoint], after_s: f64) -> f64 {
     way_m + 0.5 * (since.speed_mps + speed(speeds, after_s)) * (after_s - since.at_s).max(0.0)
 }
 
-/// When a leg without a given way ends: at the last point if that is a stop, else never.
+/// End of a leg without a given distance, seconds: at the last point if that is a stop, else infinite.
 fn ends(speeds: &[SpeedPoint]) -> f64 {
     speeds.last().filter(|last| last.speed_mps == 0.0).map_or(f64::INFINITY, |last| last.at_s)
 }
 
-/// When `way_m` metres are covered, seconds; infinite if never.
+/// Time after which `way_m` metres are covered, seconds; infinite if never.
 fn time_for(speeds: &[SpeedPoint], way_m: f64) -> f64 {
     let mut left_m = way_m;
     for two in speeds.windows(2) {
@@ -226,7 +227,7 @@ mod tests {
     const STRAIGHT: &str = "[{ length_m = 200.0 }]";
 
     #[test]
-    fn braking_from_10_over_4_s_takes_20_m() {
+    fn braking_from_10_mps_over_4_s_takes_20_m() {
         let (script, line) = script(
             STRAIGHT,
             "s_m = 30.0\nd_m = 4.0\nmotion = [{ drive = { speeds = [[0.0, 10.0], [4.0, 0.0]] } }]",
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_ends_a_drive_within_a_ramp() {
+    fn distance_limit_ends_a_drive_within_a_ramp() {
         // 2 m/s² from rest: 9 m after 3 s at 6 m/s.
         let (script, line) = script(
             STRAIGHT,
@@ -254,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_along_a_bend_keeps_its_distance_and_its_velocity_is_its_motion() {
+    fn drive_along_a_bend_keeps_its_offset_and_its_velocity_is_its_derivative() {
         let road = "[{ length_m = 20.0 }, { length_m = 100.0, curvature_1pm = 0.02 }]";
         for (heading, sign) in [(0.0, 1.0), (3.0, -1.0)] {
             let motion = "motion = [{ drive = { speed_mps = 8.0 } }]";
@@ -265,7 +266,7 @@ mod tests {
                 let next = script.at(Some(t + 1e-5), &line);
                 let place = line.project(now.pose.point());
                 assert!((place.d_m - 4.0).abs() < 1e-3, "{place:?}");
-                // Beside a line with a point every metre, a place has its arc length to 0.1 m.
+                // Beside a line with a point every metre, arc length is accurate to 0.1 m.
                 assert!((place.s_m - (60.0 + sign * 8.0 * t)).abs() < 0.1, "{place:?}");
                 let moved = (next.pose.point() - now.pose.point()) * 1e5;
                 assert!((moved - now.velocity_mps).norm() < 0.2, "{moved:?} {:?}", now.velocity_mps);
@@ -274,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn legs_follow_one_another_without_a_jump() {
+    fn legs_follow_each_other_continuously() {
         let (script, line) = script(
             STRAIGHT,
             "s_m = 30.0\nd_m = 4.0\nmotion = [{ wait = { for_s = 1.0 } }, { walk = { speed_mps = 2.0, distance_m = 3.0, \

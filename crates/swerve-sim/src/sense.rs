@@ -1,9 +1,8 @@
-//! Sensors: functions of the world's state, and for those with noise of (seed, sensor, stamp).
+//! Sensors: functions of the world state and, if noisy, of (seed, sensor, stamp).
 //!
-//! `WorldState` in; messages of the stack out, stamped with the state's stamp. No sensor draws from anything
-//! but its key, so the order in which they are asked, or whether, changes nothing. Those that count or compare
-//! (wheel encoders, lines, stop lines) or whose errors wander (satellite receiver, inertial unit) remember their own
-//! last reading and nothing else.
+//! They turn a `WorldState` into messages of the stack with the state's stamp. Each sensor draws only from its own key,
+//! so that the order of evaluation, or omission of sensors, changes nothing. Sensors that count or compare (wheel
+//! encoders, lane lines, stop lines) or whose errors drift (GNSS receiver, IMU) keep only their last reading.
 
 mod events;
 mod gnss;

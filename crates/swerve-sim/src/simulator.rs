@@ -16,10 +16,10 @@ use crate::rules::Rules;
 use crate::script::Script;
 use crate::trigger::Situation;
 
-/// How the world is simulated.
+/// Simulation parameters.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct SimParams {
-    /// Length of one step. Default 5 ms (200 Hz); 1 ms to 20 ms are accepted.
+    /// Length of one step. Default 5 ms (200 Hz); range 1 ms to 20 ms.
     pub dt: Span,
     /// The ego vehicle.
     pub vehicle: VehicleParams,
@@ -31,21 +31,21 @@ impl Default for SimParams {
     }
 }
 
-/// Why a scenario cannot be simulated with the given parameters.
+/// Reason why a scenario cannot be simulated with the given parameters.
 #[derive(Clone, PartialEq, Debug, thiserror::Error)]
 pub enum SimError {
     /// The step is too long for contacts or too short for `f32`.
     #[error("a world step of {0} is outside 1 ms to 20 ms")]
     Step(Span),
-    /// The scenario's actors and the ego must start apart.
+    /// An actor overlaps the ego at the start.
     #[error("the ego starts inside the actor \"{0}\"")]
     EgoInside(String),
-    /// The ego must start on the road.
+    /// The ego does not start on the road.
     #[error("the ego starts {0:.2} m outside the drivable ground")]
     OffRoad(f64),
 }
 
-/// One run of one scenario, a step at a time.
+/// One run of one scenario, step by step.
 pub struct Simulator {
     scenario: Scenario,
     params: SimParams,
@@ -58,62 +58,63 @@ pub struct Simulator {
     state: WorldState,
 }
 
-/// Body, script and contact of one actor, beside its state.
+/// Body, script and contact of one actor, in addition to its state.
 #[derive(Debug)]
 struct Player {
     body: Body,
     script: Script,
     set_off: Option<Time>,
     contact: Contact,
-    /// Where along the road it was last, metres.
+    /// Last position along the road, metres.
     s_m: f64,
 }
 
-/// In one step nobody gets farther along the road than this, metres.
+/// Maximum distance along the road in one step, metres.
 const STEP_MAX_M: f64 = 5.0;
 
-/// The contact of the ego with one actor.
+/// Contact of the ego with one actor.
 #[derive(Clone, PartialEq, Debug)]
 enum Contact {
-    /// They are apart.
+    /// No contact.
     None,
-    /// They touch; reported once the impulse is known, or without one after `patience` more steps.
+    /// Contact; reported once the impulse is known, or without one after `patience` more steps.
     Begun { collision: Collision, patience: u8 },
-    /// Reported. Over once they have been apart by [`PARTED_M`] for [`PARTED`] since `touched`.
+    /// Reported contact. Ends once they have been apart by [`PARTED_M`] for [`PARTED`] since `touched`.
     Reported { touched: Time },
 }
 
-/// What moves freely just before a step: the ego, and the actors that were pushed.
+/// Dynamic bodies just before a step: the ego, and the actors that were hit.
 struct Before {
-    /// Indices of the actors.
+    /// Indices of these actors.
     loose: Vec<usize>,
     outline: Obb,
     motion: Motion2,
     speed_mps: f64,
 }
 
-/// A contact is over when the gap has been this wide for [`PARTED`], metres.
+/// Gap that ends a contact after [`PARTED`], metres.
 const PARTED_M: f64 = 0.1;
-/// How long two bodies must be apart until touching again is a collision of its own, not a rebound.
+/// Time that two bodies must be apart for another contact to be a new collision and not a rebound.
 const PARTED: Span = Span::from_ms(1_000);
-/// Steps that a contact of the outlines waits for an impulse of the bodies.
+/// Number of steps that a contact of the outlines waits for an impulse of the bodies.
 const PATIENCE: u8 = 2;
-/// Physics may act on bodies across a gap of this much, metres.
+/// Gap across which physics may act on bodies, metres.
 const MARGIN_M: f64 = 0.05;
 
 impl Simulator {
-    /// The scenario as `seed` draws it, at instant 0. A scenario that carries draws already is run as it is.
+    /// Creates a run of the scenario with the random draws of `seed`, at instant 0. A scenario that already contains
+    /// draws is run unchanged.
     ///
     /// # Errors
-    /// When the step is out of range, or the ego (in the outline of `params`) does not start on free road.
+    /// If the step is out of range, or the ego (in the outline of `params`) does not start on free road.
     pub fn new(scenario: &Scenario, params: &SimParams, seed: u64) -> Result<Self, SimError> {
         Self::exact(scenario.drawn(seed), params)
     }
 
-    /// The scenario exactly as given, without drawing anything.
+    /// Creates a run of the scenario exactly as given, without random draws.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// Same as [`new`](Self::new).
     pub fn exact(scenario: Scenario, params: &SimParams) -> Result<Self, SimError> {
         if params.dt < Span::from_ms(1) || params.dt > Span::from_ms(20) {
             return Err(SimError::Step(params.dt));
@@ -157,7 +158,7 @@ impl Simulator {
         for (i, actor) in self.scenario.actors.iter().enumerate() {
             let script = Script::new(actor, self.route.line());
             let set_off = (actor.trigger.is_none() && script.moves()).then_some(Time::ZERO);
-            // Who is under way from the beginning has a speed in the first state, too.
+            // An actor that moves from the start has a speed in the first state, too.
             let moment = script.at(set_off.map(|_| 0.0), self.route.line());
             let at = self.route.line().project_near(moment.pose.point(), actor.s_m, STEP_MAX_M);
             let state = Actor {
@@ -174,22 +175,22 @@ impl Simulator {
         }
     }
 
-    /// The scenario that is run, with the draws of the seed.
+    /// Scenario of the run, with the draws of the seed.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
     }
 
-    /// The road as the stack knows it.
+    /// Road as published to the stack.
     pub fn route(&self) -> &Route {
         &self.route
     }
 
-    /// The parameters.
+    /// Simulation parameters.
     pub fn params(&self) -> &SimParams {
         &self.params
     }
 
-    /// The state after the last step; that of instant 0 before the first.
+    /// State after the last step; that of instant 0 before the first.
     pub fn state(&self) -> &WorldState {
         &self.state
     }
@@ -199,9 +200,9 @@ impl Simulator {
         self.ego.car().wheels().map(|wheel| wheel.spin_radps)
     }
 
-    /// Moves the world on by one step under `command` and returns the new state.
+    /// Advances the world by one step under `command` and returns the new state.
     ///
-    /// A command that is not finite is refused: the one before goes on. One out of range is clamped.
+    /// A command that is not finite is refused: the previous one stays in force. One out of range is clamped.
     pub fn step(&mut self, command: Command) -> &WorldState {
         let before = self.before();
         self.state.stamp += self.params.dt;
@@ -242,7 +243,7 @@ impl Simulator {
         Before { loose, outline: self.outline(), motion, speed_mps: velocity_mps.norm() }
     }
 
-    /// Where the script has actor `i` at `instant`.
+    /// Scripted pose of actor `i` at `instant`.
     fn scripted(&self, i: usize, instant: Time) -> Placed {
         let player = &self.actors[i];
         let line = self.route.line();
@@ -264,14 +265,14 @@ impl Simulator {
         }
         let Some(set_off) = self.actors[i].set_off else { return };
         let after_s = (self.state.stamp - set_off).as_secs();
-        // One step beyond the end still counts: it brings the body to rest at its place.
+        // One step beyond the end still counts: it brings the body to rest in place.
         if !self.actors[i].script.is_over(after_s - self.params.dt.as_secs()) {
             let next = self.scripted(i, self.state.stamp);
             self.actors[i].body.follow(&mut self.world, &next);
         }
     }
 
-    /// Whether actor `i` could be touched by the ego or a loose actor within one step.
+    /// True if the ego or another dynamic body could touch actor `i` within one step.
     fn may_be_hit(&self, i: usize, before: &Before) -> bool {
         let dt_s = self.params.dt.as_secs();
         let actor = &self.state.actors[i];
@@ -288,7 +289,7 @@ impl Simulator {
         })
     }
 
-    /// Takes over the state of actor `i` after the step, and notes a contact with the ego.
+    /// Updates the state of actor `i` after the step, and records a contact with the ego.
     fn receive(&mut self, i: usize, before: &Before, outline: &Obb) {
         let earlier = self.state.actors[i].clone();
         match self.actors[i].body.mode {
@@ -329,7 +330,7 @@ impl Simulator {
         })
     }
 
-    /// Follows the contact between the ego and actor `i`; whether they touch in this step.
+    /// Updates the contact between the ego and actor `i`; returns true if they touch in this step.
     fn contact(&mut self, i: usize, earlier: &Actor, before: &Before, outline: &Obb) -> bool {
         let actor = &self.state.actors[i];
         if self.actors[i].contact == Contact::None && !near(outline, actor, 2.0 * PARTED_M) {
@@ -383,7 +384,7 @@ impl Simulator {
         self.state.ended = self.state.ended.or(ended);
     }
 
-    /// Sets off the actors whose trigger is met by the present state.
+    /// Starts the actors whose trigger is met by the present state.
     fn pull_triggers(&mut self) {
         let met: Vec<bool> = {
             let poses = |i: usize| self.state.actors[i].pose;
@@ -407,7 +408,7 @@ impl core::fmt::Debug for Simulator {
     }
 }
 
-/// Whether the circles around the two come within `reach_m` of each other.
+/// True if the bounding circles of the two come within `reach_m` of each other.
 fn near(outline: &Obb, actor: &Actor, reach_m: f64) -> bool {
     let radius = outline.radius() + actor.footprint().radius() + reach_m;
     (outline.center.point() - actor.pose.point()).norm_squared() <= radius * radius

@@ -1,4 +1,4 @@
-//! The world as a whole, against closed forms.
+//! The simulated world against closed forms.
 
 mod scenarios;
 
@@ -24,13 +24,13 @@ pub(crate) fn exact(scenario: &Scenario, hz: i64) -> Simulator {
     Simulator::exact(scenario.clone(), &at_hz(hz)).unwrap()
 }
 
-/// A pedal that keeps the speed, and straight wheels.
+/// Command that keeps the speed with straight wheels.
 pub(crate) fn keep(state: &WorldState, speed_mps: f64) -> Command {
     let wish = 0.8 * (speed_mps - state.ego.state.speed_mps);
     Command { steering_rad: 0.0, throttle: wish.clamp(0.0, 1.0), brake: (-wish).clamp(0.0, 1.0) }
 }
 
-/// Steps until the run is over; every state goes to `see`.
+/// Steps until the run ends; passes every state to `see`.
 pub(crate) fn drive(
     sim: &mut Simulator,
     command: impl Fn(&WorldState) -> Command,
@@ -49,7 +49,7 @@ fn at_speed(speed_mps: f64) -> Scenario {
 }
 
 #[test]
-fn the_person_starts_at_26_m_to_the_tick() {
+fn person_starts_at_26_m_to_the_tick() {
     for speed_mps in [16.0, 22.0] {
         let mut sim = exact(&at_speed(speed_mps), 200);
         let mut within_since = None;
@@ -77,7 +77,7 @@ fn the_person_starts_at_26_m_to_the_tick() {
 }
 
 #[test]
-fn the_person_ends_on_the_lane_centre_after_its_way() {
+fn person_ends_on_the_lane_centre() {
     let mut scenario = at_speed(20.0);
     scenario.actors[1].trigger = None;
     let mut sim = exact(&scenario, 200);
@@ -96,11 +96,11 @@ fn the_person_ends_on_the_lane_centre_after_its_way() {
 }
 
 /// Distance along the road from the sensor to the person's centre when the first of the given points of the person
-/// (relative to the centre) comes into sight past the truck.
+/// (relative to the centre) becomes visible past the truck.
 ///
-/// Closed form: the eye is on y = 0 and below the truck's roof; the corner that hides the person is the far one on the
-/// lane's side, at x = 112.6, y = 2.7. A point is seen once it is on the lane's side of the line from the eye
-/// through that corner. The ego keeps its speed from the trigger at 26 m on.
+/// Closed form: the eye is on y = 0 and below the truck's roof; the occluding corner is the far one on the lane's side,
+/// at x = 112.6, y = 2.7. A point is visible once it is on the lane's side of the line from the eye through that
+/// corner. The ego keeps its speed after the trigger at 26 m.
 fn sight_opens_at(speed_mps: f64, points: &[(f64, f64)]) -> f64 {
     let (corner_x, corner_y) = (110.0 + 2.6, 4.0 - 1.3);
     let eye_at = |t: f64| 117.0 - (26.0_f64 * 26.0 - 4.5 * 4.5).sqrt() + speed_mps * t;
@@ -118,10 +118,10 @@ fn sight_opens_at(speed_mps: f64, points: &[(f64, f64)]) -> f64 {
 }
 
 #[test]
-fn sight_of_the_person_opens_where_geometry_says() {
+fn person_becomes_visible_as_geometry_requires() {
     let rim = [(0.0, -0.25), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25)];
     for (speed_mps, of_the_centre) in [(16.0, 19.6), (18.0, 19.0), (20.0, 18.5), (22.0, 18.1)] {
-        // The figures known for this scenario are of the person's centre; of nine points the first counts.
+        // The known figures of this scenario are for the person's centre; with nine points the first one counts.
         assert!((sight_opens_at(speed_mps, &[(0.0, 0.0)]) - of_the_centre).abs() < 0.2);
         let want = sight_opens_at(speed_mps, &rim);
         let mut sim = exact(&at_speed(speed_mps), 1000);
@@ -154,7 +154,7 @@ fn street(extra: &str) -> String {
 }
 
 #[test]
-fn an_empty_street_ends_at_the_goal() {
+fn empty_street_ends_at_the_goal() {
     let mut sim = exact(&scenario(&street("")), 200);
     drive(&mut sim, |state| keep(state, 15.0), |state| assert!(state.collisions.is_empty()));
     assert_eq!(sim.state().ended, Some(EndReason::Goal));
@@ -183,14 +183,14 @@ fn run_into(
 const PARKED: &str = "[[actor]]\nname = \"parked\"\nkind = \"car\"\ns_m = 60.0\nd_m = 0.0\n";
 
 #[test]
-fn a_car_hit_head_on_is_pushed_and_reported_once() {
+fn car_hit_head_on_is_pushed_and_reported_once() {
     let (collisions, start, end) = run_into(PARKED, 200, 15.0);
     assert_eq!(collisions.len(), 1, "{collisions:?}");
     let hit = &collisions[0];
     println!("{hit:?}");
     assert_eq!(hit.actor, ActorId(1));
     assert!((hit.closing_speed_mps - 15.0).abs() < 0.1 && (hit.ego_speed_mps - 15.0).abs() < 0.1, "{hit:?}");
-    // Inelastic: m1 m2 / (m1 + m2) of the closing speed.
+    // Inelastic: m1 m2 / (m1 + m2) times the closing speed.
     let want = 1800.0 * 1500.0 / 3300.0 * 15.0;
     assert!((hit.impulse_n_s - want).abs() < 0.15 * want, "{} {want}", hit.impulse_n_s);
     assert!(end.actors[0].pose.x_m > start.actors[0].pose.x_m + 1.0, "{:?}", end.actors[0]);
@@ -209,7 +209,7 @@ fn an_oncoming_car_closes_with_both_speeds() {
 }
 
 #[test]
-fn a_wall_does_not_move() {
+fn wall_does_not_move() {
     let wall = "[[actor]]\nname = \"wall\"\nkind = \"static\"\nsize = { length_m = 1.0, width_m = 6.0, height_m = 2.0 }\ns_m = 60.0\nd_m = 0.0\n";
     let (collisions, start, end) = run_into(wall, 200, 15.0);
     assert_eq!(collisions.len(), 1, "{collisions:?}");
@@ -219,8 +219,8 @@ fn a_wall_does_not_move() {
 }
 
 #[test]
-fn a_car_from_the_side_closes_with_its_own_speed() {
-    // At 6 s the ego's middle passes s = 60 and the other's nose reaches the ego's left side.
+fn car_from_the_side_closes_with_its_own_speed() {
+    // At 6 s the ego's centre passes s = 60 and the other's nose reaches the ego's left side.
     let side = "[[actor]]\nname = \"side\"\nkind = \"car\"\ns_m = 60.0\nd_m = 11.18\nheading_rad = -1.5707963267948966\n\
                 trigger = { time = { at_s = 5.0 } }\nmotion = [{ drive = { along = \"heading\", speed_mps = 8.0 } }]\n";
     let mut scenario = scenario(&street(side));
@@ -236,7 +236,7 @@ fn a_car_from_the_side_closes_with_its_own_speed() {
     assert!(hits[0].impulse_n_s > 1000.0);
 }
 
-/// Drives at constant speed past the truck without minding the person.
+/// Drives at constant speed past the truck, ignoring the person.
 fn ignore_the_person(speed_mps: f64) -> (swerve_msg::truth::Collision, WorldState) {
     let mut sim = exact(&at_speed(speed_mps), 200);
     let mut hits = Vec::new();
@@ -249,19 +249,19 @@ fn ignore_the_person(speed_mps: f64) -> (swerve_msg::truth::Collision, WorldStat
 }
 
 #[test]
-fn at_16_mps_the_person_is_hit_by_the_front_and_thrown() {
+fn person_is_hit_by_the_front_and_thrown_at_16_mps() {
     let (hit, end) = ignore_the_person(16.0);
     assert!((hit.closing_speed_mps - 16.0).abs() < 0.2, "{hit:?}");
-    // 75 kg brought to the common speed of 15.4 m/s or somewhat more.
+    // 75 kg accelerated to the common speed of 15.4 m/s or somewhat more.
     assert!(hit.impulse_n_s > 900.0 && hit.impulse_n_s < 1700.0, "{hit:?}");
-    // Still in front of the car two seconds later, which has lost some speed to pushing.
+    // Still in front of the car two seconds later, which has lost some speed.
     let front_m = end.ego.state.pose.x_m + 3.8;
     assert!(end.actors[1].pose.x_m > front_m, "{end:?}");
     assert!(end.ego.state.speed_mps > 10.0 && end.ego.state.speed_mps < 15.5, "{end:?}");
 }
 
 #[test]
-fn at_20_mps_the_front_is_past_and_the_person_walks_into_the_side() {
+fn person_walks_into_the_side_at_20_mps() {
     // The front passes 1.15 s after the trigger; the person is then at y = 1.33, 0.15 m from the side.
     let (hit, _) = ignore_the_person(20.0);
     assert!((hit.closing_speed_mps - 2.75).abs() < 0.05, "{hit:?}");
@@ -269,7 +269,7 @@ fn at_20_mps_the_front_is_past_and_the_person_walks_into_the_side() {
 }
 
 #[test]
-fn a_pushed_car_pushes_the_next() {
+fn pushed_car_pushes_the_next() {
     let row = format!("{PARKED}[[actor]]\nname = \"next\"\nkind = \"car\"\ns_m = 65.5\nd_m = 0.0\n");
     let (collisions, start, end) = run_into(&row, 200, 15.0);
     assert_eq!(collisions.len(), 1, "the ego hits only the first: {collisions:?}");
@@ -277,7 +277,7 @@ fn a_pushed_car_pushes_the_next() {
 }
 
 #[test]
-fn someone_passed_closely_keeps_to_the_script() {
+fn closely_passed_actor_keeps_to_its_script() {
     let walker = "[[actor]]\nname = \"walker\"\nkind = \"pedestrian\"\ns_m = 60.0\nd_m = 1.2\n\
                   motion = [{ walk = { speed_mps = 1.0, distance_m = 20.0, direction = \"ahead\" } }]\n";
     let mut sim = exact(&scenario(&street(walker)), 200);
@@ -303,7 +303,7 @@ fn someone_passed_closely_keeps_to_the_script() {
 }
 
 #[test]
-fn leaving_the_road_is_noted_at_the_first_tick_with_a_corner_outside() {
+fn leaving_the_road_is_recorded_at_the_first_tick_with_a_corner_outside() {
     let mut scenario = scenario(&street(""));
     scenario.ego.heading_rad = -0.05;
     let mut sim = exact(&scenario, 200);
@@ -312,7 +312,7 @@ fn leaving_the_road_is_noted_at_the_first_tick_with_a_corner_outside() {
     while sim.state().stamp < Time::from_ms(4000) {
         let command = keep(sim.state(), 15.0);
         let state = sim.step(command);
-        // Independently: the front right corner leads.
+        // Independent computation: the front right corner leads.
         let center = shape.center(state.ego.state.pose);
         let (sin, cos) = swerve_geom::math::sin_cos(state.ego.state.pose.heading_rad);
         let corner_y = center.y_m + 0.5 * shape.length_m * sin - 0.5 * shape.width_m * cos;
@@ -326,7 +326,7 @@ fn leaving_the_road_is_noted_at_the_first_tick_with_a_corner_outside() {
 }
 
 #[test]
-fn standing_long_enough_and_running_out_of_time_end_a_run() {
+fn standstill_and_timeout_end_a_run() {
     let mut scenario = scenario(&street(""));
     scenario.ego.start_speed_mps = Some(0.0);
     scenario.end.timeout_s = 3.0;
@@ -342,7 +342,7 @@ fn standing_long_enough_and_running_out_of_time_end_a_run() {
 }
 
 #[test]
-fn what_cannot_be_simulated_is_refused() {
+fn invalid_simulations_are_refused() {
     let try_with = |change: &dyn Fn(&mut Scenario, &mut SimParams)| {
         let (mut scenario, mut params) = (scenario(&street(PARKED)), SimParams::default());
         change(&mut scenario, &mut params);
@@ -356,7 +356,7 @@ fn what_cannot_be_simulated_is_refused() {
 }
 
 #[test]
-fn a_seed_is_drawn_once_and_shown() {
+fn seed_is_drawn_once_and_reported() {
     let scenario = scenario(PERSON_BEHIND_TRUCK);
     let sim = Simulator::new(&scenario, &SimParams::default(), 4).unwrap();
     assert_eq!(*sim.scenario(), scenario.drawn(4));
@@ -368,7 +368,7 @@ fn a_seed_is_drawn_once_and_shown() {
 }
 
 #[test]
-fn a_command_that_is_no_number_changes_nothing() {
+fn nan_command_changes_nothing() {
     let mut sim = exact(&scenario(&street("")), 200);
     for _ in 0..200 {
         sim.step(Command { steering_rad: f64::NAN, throttle: f64::INFINITY, brake: f64::NAN });
@@ -378,7 +378,7 @@ fn a_command_that_is_no_number_changes_nothing() {
 }
 
 #[test]
-fn two_runs_share_every_bit_and_the_rate_does_not_change_the_outcome() {
+fn runs_are_bit_identical_and_the_rate_does_not_change_the_outcome() {
     let run = |hz: i64| {
         let mut sim = exact(&scenario(&street(PARKED)), hz);
         let (mut digests, mut hits) = (Vec::new(), Vec::new());

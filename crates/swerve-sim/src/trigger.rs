@@ -1,22 +1,22 @@
-//! What sets an actor off.
+//! Triggers of actors.
 
 use swerve_core::{Span, Time};
 use swerve_geom::Pose2;
 use swerve_msg::Route;
 use swerve_scenario::{Subject, Trigger};
 
-/// Who is where at one step of the world.
+/// Positions of all actors at one simulation step.
 pub(crate) struct Situation<'a> {
     pub(crate) now: Time,
     pub(crate) route: &'a Route,
-    /// Centre of the ego's outline, and how far along the road that is, metres.
+    /// Centre of the ego's outline, and its position along the road, metres.
     pub(crate) ego: (Pose2, f64),
-    /// The others, by index in the scenario.
+    /// The other actors, by index in the scenario.
     pub(crate) actor: &'a dyn Fn(usize) -> Pose2,
 }
 
 impl Situation<'_> {
-    /// Whether what sets off an actor at `own` is there; never for who waits for nothing.
+    /// True if the trigger of an actor at `own` is met; always false without a trigger.
     pub(crate) fn meets(&self, trigger: Option<Trigger>, own: Pose2) -> bool {
         let center = |who: Subject| match who {
             Subject::Ego => self.ego.0,

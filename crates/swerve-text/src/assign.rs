@@ -1,14 +1,14 @@
-//! Single keys set from outside: `--set key=value`.
+//! Assignments of single keys: `--set key=value`.
 
 use crate::{KeyProblem, Problem};
 
-/// Parts of a key, as deep as the reader of files goes: tables are walked by recursion.
+/// Maximum depth of a key, as for the file reader: tables are walked recursively.
 const DEPTH_MAX: usize = 80;
 
-/// Sets the value at dotted `key`, making tables on the way.
+/// Sets the value at dotted `key` and creates the tables on its path.
 ///
 /// # Errors
-/// A part of the way is a value, or the key is deeper than TOML nests: `key` (its beginning) and a message.
+/// If a part of the path is a value, or the key is nested too deeply: the start of `key` and a message.
 pub fn set(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(), KeyProblem> {
     if key.split('.').count() > DEPTH_MAX {
         let start: String = key.chars().take(40).collect();
@@ -25,10 +25,10 @@ pub fn set(table: &mut toml::Table, key: &str, value: toml::Value) -> Result<(),
     Ok(())
 }
 
-/// Reads `key=value` as `--set` takes it; a value that is no TOML is a string.
+/// Parses `key=value` as given to `--set`; a value that is not TOML is a string.
 ///
 /// # Errors
-/// There is no `=`, or no key before it.
+/// If there is no `=`, or no key before it.
 pub fn parse_assignment(text: &str) -> Result<(String, toml::Value), Problem> {
     let problem = |message: &str| Problem {
         file: "--set".to_owned(),
@@ -46,10 +46,10 @@ pub fn parse_assignment(text: &str) -> Result<(String, toml::Value), Problem> {
     Ok((key.to_owned(), parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()))))
 }
 
-/// Reads all that `--set` was given, in order.
+/// Parses all `--set` arguments in order.
 ///
 /// # Errors
-/// The first one that is no assignment ([`parse_assignment`]).
+/// The first one that is not an assignment ([`parse_assignment`]).
 pub fn parse_assignments(texts: &[String]) -> Result<Vec<(String, toml::Value)>, Problem> {
     texts.iter().map(|text| parse_assignment(text)).collect()
 }
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_deeper_than_any_file_is_refused_in_short() {
+    fn key_nested_too_deeply_is_refused_briefly() {
         let set = |parts: usize| set(&mut toml::Table::new(), &vec!["a"; parts].join("."), true.into());
         assert_eq!(set(DEPTH_MAX), Ok(()));
         let (key, message) = set(20_000).unwrap_err();

@@ -1,38 +1,38 @@
-//! Bounds on keys and texts: on those that are read, and on those that messages repeat.
+//! Limits of keys and texts, both in input and in messages.
 
 use std::borrow::Cow;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Characters of a key or name at most.
+/// Maximum length of a key or name, characters.
 pub const NAME_MAX: usize = 200;
-/// Characters of a text in a TOML document at most.
+/// Maximum length of a text in a TOML document, characters.
 pub const PARAGRAPH_MAX: usize = 10_000;
 
-/// Characters without a space that a message shows of what it repeats: a dotted key holds a name and more.
+/// Maximum length of a word in a message; a dotted key contains a name and more.
 const WORD_MAX: usize = 300;
-/// Characters that a message shows in all.
+/// Maximum length of a message, characters.
 const MESSAGE_MAX: usize = 4_000;
 
-/// The message where a text has more than `max` characters.
+/// Message for a text of more than `max` characters; `None` if it is short enough.
 pub(crate) fn too_long(text: &str, max: usize) -> Option<String> {
     // A character takes at least one byte.
     let count = if text.len() > max { text.chars().count() } else { 0 };
     (count > max).then(|| format!("has {count} characters: expected at most {max}"))
 }
 
-/// A key or text of a document that is too long.
+/// A key or text of a document that exceeds its limit.
 pub(crate) struct TooLong {
     /// Dotted key.
     pub(crate) key: String,
-    /// Byte of the document.
+    /// Byte offset in the document.
     pub(crate) start: usize,
     pub(crate) message: String,
 }
 
 impl TooLong {
-    /// Finds the first key or text of a document that is too long.
+    /// Finds the first key or text of a document that exceeds its limit.
     pub(crate) fn find(table: &DeTable<'_>) -> Option<Self> {
         table.iter().find_map(|(name, value)| {
             let (key, start) = (name.get_ref(), name.span().start);
@@ -65,7 +65,7 @@ impl TooLong {
     }
 }
 
-/// A text for a message: long words and long texts are cut.
+/// Shortens a text for a message: long words and long texts are cut.
 pub(crate) fn shortened(text: &str) -> Cow<'_, str> {
     let words = || text.split_inclusive(char::is_whitespace);
     if text.len() <= MESSAGE_MAX && words().all(|word| word.len() <= WORD_MAX) {
@@ -94,7 +94,7 @@ mod tests {
     use crate::Document;
 
     #[test]
-    fn long_keys_and_texts_are_refused_by_place_in_a_short_message() {
+    fn long_keys_and_texts_are_refused_with_their_place_in_a_short_message() {
         let (long, much) = ("k".repeat(1 << 20), "t".repeat(1 << 20));
         let long_key = format!("{}…", "k".repeat(NAME_MAX));
         let key = format!("the key has {} characters: expected at most 200", 1 << 20);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_cut_in_words_and_in_all() {
+    fn messages_are_cut_by_word_and_in_total() {
         assert_eq!(shortened("as it is"), "as it is");
         let said = shortened(&format!("unknown kind `{}`; expected `a`", "ä".repeat(1 << 20))).into_owned();
         assert!(said.starts_with("unknown kind `ä") && said.ends_with("ä… expected `a`"), "{said}");

@@ -1,4 +1,4 @@
-//! TOML text with problems that name file, line and key.
+//! TOML documents with problems that name file, line and key.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,22 +12,22 @@ use toml::de::{DeTable, DeValue};
 use crate::bound::TooLong;
 use crate::{Problem, Problems, read_bytes, read_given, read_meant};
 
-/// No file that people write is larger, bytes.
+/// Maximum size of a file written by people, bytes.
 const TEXT_MAX: u64 = 16 << 20;
 
-/// The text of a file that people write: a regular file.
+/// Reads a text file; it must be a regular file.
 ///
 /// # Errors
-/// The file cannot be read, holds no UTF-8 or more than 16 MiB.
+/// If the file cannot be read, is not UTF-8, or exceeds 16 MiB.
 pub fn read_text(path: &Path) -> io::Result<String> {
     text_of(read_bytes(path, TEXT_MAX))
 }
 
-/// As [`read_text`], of a path from the command line: a descriptor that the caller opened (`/dev/stdin`, `/dev/fd/N`, the
-/// `<(...)` of a shell) is read as a stream.
+/// Same as [`read_text`], for a path from the command line: a descriptor opened by the caller (`/dev/stdin`,
+/// `/dev/fd/N`, the `<(...)` of a shell) is read as a stream.
 ///
 /// # Errors
-/// As there.
+/// Same as there.
 pub fn read_given_text(path: &Path) -> io::Result<String> {
     text_of(read_given(path, TEXT_MAX))
 }
@@ -42,11 +42,10 @@ fn text_of(read: io::Result<Vec<u8>>) -> io::Result<String> {
     decoded(bytes).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// Text of a file in UTF-8, without the byte-order mark that programs on Windows put before it. Every reader of text goes
-/// through here.
+/// Decodes UTF-8 and removes the byte-order mark that Windows programs add. Used by all readers of text.
 ///
 /// # Errors
-/// Bytes that are not UTF-8, with their line.
+/// If there are bytes that are not UTF-8, with their line.
 pub fn decoded(mut bytes: Vec<u8>) -> Result<String, NotText> {
     const MARK: &[u8] = b"\xef\xbb\xbf";
     if bytes.starts_with(MARK) {
@@ -58,8 +57,8 @@ pub fn decoded(mut bytes: Vec<u8>) -> Result<String, NotText> {
     })
 }
 
-/// The line with which a text that is not TOML begins to be none for this reason, where the parser does not say: that of
-/// keys with too many dots.
+/// First line up to which a text fails to parse with this error, for errors without a location, such as keys with too
+/// many dots.
 fn line_that_fails(text: &str, error: &toml::de::Error) -> Option<usize> {
     let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).chain([text.len()]).collect();
     let fails = |end: &usize| {
@@ -73,7 +72,7 @@ fn line_that_fails(text: &str, error: &toml::de::Error) -> Option<usize> {
 /// Bytes that are not UTF-8.
 #[derive(Debug)]
 pub struct NotText {
-    /// Line of the first of them, from 1.
+    /// Line of the first of them, starting at 1.
     pub line: usize,
 }
 
@@ -85,7 +84,7 @@ impl fmt::Display for NotText {
 
 impl std::error::Error for NotText {}
 
-/// Why a file is not to be had, with the line of what is no text.
+/// Problem for a file that cannot be read, with the line of bytes that are not text.
 pub fn unreadable(path: &Path, error: &io::Error) -> Problem {
     let not_text = error.get_ref().and_then(|error| error.downcast_ref::<NotText>());
     Problem {
@@ -96,28 +95,28 @@ pub fn unreadable(path: &Path, error: &io::Error) -> Problem {
     }
 }
 
-/// A TOML text read once: its values, and where each of them stands.
+/// A parsed TOML text: its values, and their locations.
 #[derive(Clone, Debug)]
 pub struct Document {
-    /// Name for messages.
+    /// File name for messages.
     pub file: String,
-    /// The text.
+    /// Text.
     pub text: Arc<str>,
-    /// The values.
+    /// Values.
     pub table: toml::Table,
     places: Places,
 }
 
-/// Where the value at each dotted key stands.
+/// Location of the value at each dotted key.
 type Places = BTreeMap<String, Place>;
 
 #[derive(Clone, Debug)]
 struct Place {
-    /// Byte of the text.
+    /// Byte offset in the text.
     start: usize,
-    /// From 1.
+    /// Line, starting at 1.
     line: usize,
-    /// The file, where it is another than the document's own.
+    /// File, if other than the document's.
     file: Option<Arc<str>>,
 }
 
@@ -125,16 +124,16 @@ impl Document {
     /// Reads a file.
     ///
     /// # Errors
-    /// It cannot be read, or is not TOML.
+    /// If it cannot be read, or is not TOML.
     pub fn read(path: &Path) -> Result<Self, Problem> {
         let text = read_text(path).map_err(|error| unreadable(path, &error))?;
         Self::parse(&path.display().to_string(), &text)
     }
 
-    /// Takes text that is already at hand; `file` names it in messages.
+    /// Parses a text; `file` is its name in messages.
     ///
     /// # Errors
-    /// It is not TOML, or a key or text is too long.
+    /// If it is not TOML, or a key or text is too long.
     pub fn parse(file: &str, text: impl AsRef<str>) -> Result<Self, Problem> {
         let text = text.as_ref();
         let syntax = |error: toml::de::Error| Problem {
@@ -162,8 +161,8 @@ impl Document {
         Ok(Self { file: file.to_owned(), text: text.into(), table, places })
     }
 
-    /// This document with what `base` says besides: tables are taken key by key, every other value is this one's. What
-    /// `base` says stays known by its file and line.
+    /// Merges this document over `base`: tables are merged key by key; other values of this document take precedence.
+    /// Values of `base` keep their file and line.
     #[must_use]
     pub fn over(mut self, mut base: Self) -> Self {
         let file: Arc<str> = base.file.as_str().into();
@@ -175,23 +174,24 @@ impl Document {
         Self { table: base.table, places: base.places, ..self }
     }
 
-    /// The folder of the file, from which relative paths in it count; the working folder for other texts.
+    /// Folder of the file, to which relative paths in it refer; the working folder for other texts.
     pub fn folder(&self) -> &Path {
         Path::new(&self.file).parent().unwrap_or(Path::new(""))
     }
 
-    /// The typed form of the whole text.
+    /// Deserializes the whole text.
     ///
     /// # Errors
-    /// All that has not its form, in the order of the lines.
+    /// All values of a wrong form, in the order of the lines.
     pub fn to<T: DeserializeOwned>(&self) -> Result<T, Problems> {
         self.to_checked(Ok)
     }
 
-    /// What `check` makes of the typed form of the whole text.
+    /// Deserializes the whole text and passes it to `check`.
     ///
     /// # Errors
-    /// All that has not its form and all that `check` says of what was meant, in the order of the lines.
+    /// All values of a wrong form, and all problems reported by `check` for the value as far as it could be read, in
+    /// the order of the lines.
     pub fn to_checked<T: DeserializeOwned, C>(
         &self,
         check: impl FnOnce(T) -> Result<C, Problems>,
@@ -209,7 +209,7 @@ impl Document {
         Err(problems.into_iter().collect())
     }
 
-    /// A problem with the value at dotted `key` (or, where that is not written, with its nearest parent).
+    /// Problem with the value at dotted `key` (or, if that is not in the text, with its nearest parent).
     pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
         let place = self.nearest_place(key);
         Problem {
@@ -220,7 +220,7 @@ impl Document {
         }
     }
 
-    /// The line of the value at dotted `key`, or of its nearest parent that is written.
+    /// Line of the value at dotted `key`, or of its nearest parent in the text.
     pub fn line(&self, key: &str) -> Option<usize> {
         self.nearest_place(key).map(|place| place.line)
     }
@@ -235,7 +235,7 @@ impl Document {
         }
     }
 
-    /// The byte at which the value at dotted `key` stands.
+    /// Byte offset of the value at dotted `key`.
     pub(crate) fn start(&self, key: &str) -> Option<usize> {
         self.place(key).map(|place| place.start)
     }
@@ -245,7 +245,7 @@ impl Document {
     }
 }
 
-/// Puts `top` into `base`; the places of values that go are forgotten.
+/// Merges `top` into `base`; forgets the locations of replaced values.
 fn lay_over(base: &mut toml::Table, top: toml::Table, prefix: &str, places: &mut Places) {
     for (name, value) in top {
         let key = format!("{prefix}{name}");
@@ -261,7 +261,7 @@ fn lay_over(base: &mut toml::Table, top: toml::Table, prefix: &str, places: &mut
     }
 }
 
-/// What a reader of TOML says of itself in words of TOML.
+/// Rewords an error of the TOML parser for users.
 fn not_toml(message: &str) -> String {
     if message.starts_with("invalid type: integer") {
         let found = message.split('`').nth(1).map_or_else(String::new, |found| format!(", found {found}"));
@@ -273,7 +273,7 @@ fn not_toml(message: &str) -> String {
     format!("not TOML: {message}")
 }
 
-/// Where the lines of a text end.
+/// Ends of the lines of a text.
 struct Lines(Vec<usize>);
 
 impl Lines {
@@ -281,7 +281,7 @@ impl Lines {
         Self(text.match_indices('\n').map(|(at, _)| at).collect())
     }
 
-    /// The line of a byte, from 1.
+    /// Line of a byte offset, starting at 1.
     fn line(&self, offset: usize) -> usize {
         self.0.partition_point(|end| *end < offset) + 1
     }
@@ -292,7 +292,7 @@ fn note_table(table: &DeTable<'_>, prefix: &str, lines: &Lines, places: &mut Pla
         let name_start = name.span().start;
         let name = name.get_ref();
         let key = if prefix.is_empty() { name.to_string() } else { format!("{prefix}.{name}") };
-        // A table with a heading of its own begins at that heading, not where a table within it is first named.
+        // A table with its own header starts at that header, not where a table inside it is first named.
         let is_table = matches!(value.get_ref(), DeValue::Table(_));
         let start = if is_table { name_start.max(value.span().start) } else { name_start };
         note(value.get_ref(), &key, start, lines, places);
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_problem_names_file_line_key_and_what_was_expected() {
+    fn problem_names_file_line_key_and_expected_value() {
         assert_eq!(
             problem("[inner]\nhorizn = 1.0\n"),
             "a.toml:2: inner.horizn: unknown key; did you mean \"horizon\"?"
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_toml_is_told_in_words_of_toml() {
+    fn toml_errors_are_worded_for_users() {
         for (text, expected) in [
             (
                 "a = 1\nb = 99999999999999999999\n",
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn one_document_over_another_knows_where_each_value_stands() {
+    fn merged_document_keeps_the_location_of_each_value() {
         let base = Document::parse("base.toml", "a = 1\n[b]\nc = [1, 2]\nd = 3\n[e]\nf = 1\n").unwrap();
         let top = Document::parse("top.toml", "[b]\nc = [9]\n[g]\nh = 2\n").unwrap();
         let both = top.over(base);
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_can_be_located_after_parsing() {
+    fn value_can_be_located_after_parsing() {
         let document = Document::parse("a.toml", "x = 1\n[a]\nb = [\n 1,\n {c = 2},\n]\n").unwrap();
         assert_eq!(document.problem("a.b[1].c", "").line, Some(5));
         assert_eq!(document.problem("a.missing", "").line, Some(2));

@@ -1,8 +1,8 @@
-//! Everything in a TOML table that has not the form of a Rust type, in words of TOML.
+//! Finds all values in a TOML table that do not have the form of a Rust type, with messages in terms of TOML.
 //!
-//! serde stops at the first fault. So each fault is mended in a copy of the table, with a value that the type takes, and
-//! the copy is read again: the next fault shows. What a type would take where a key is missing is found in the same
-//! way: it is offered a value of another kind and says what it expected instead.
+//! serde stops at the first error. Each error is therefore repaired in a copy of the table with a value that the type
+//! accepts, and the copy is read again to find the next error. The expected type of a missing key is found in the same
+//! way: the type is offered a value of another kind, and its error states the expected one.
 
 mod value;
 
@@ -15,21 +15,21 @@ use self::value::{Fault, Kind, Whole};
 use crate::KeyProblem;
 use crate::words::{describe, nearest, unknown_key, unknown_name};
 
-/// A text with more problems than this is another kind of text.
+/// Maximum number of problems reported for a text.
 const PROBLEMS_MAX: usize = 50;
-/// One problem may take several rounds to mend, from the outside inwards.
+/// Maximum number of rounds; one problem may take several to repair, from the outside inwards.
 const ROUNDS_MAX: usize = 4 * PROBLEMS_MAX;
 
-/// One step from the top of a table to a value in it.
+/// One component of the path to a value in a table.
 #[derive(Clone, PartialEq, Eq, Debug)]
 enum Part {
-    /// Into a table.
+    /// Key of a table.
     Key(String),
-    /// Into an array, from 0.
+    /// Index in an array, starting at 0.
     Index(usize),
 }
 
-/// A path as messages have it: `operator[0].every_ms`.
+/// A path as written in messages: `operator[0].every_ms`.
 fn dotted(path: &[Part]) -> String {
     path.iter().fold(String::new(), |key, part| match part {
         Part::Key(name) if key.is_empty() => name.clone(),
@@ -38,47 +38,46 @@ fn dotted(path: &[Part]) -> String {
     })
 }
 
-/// Whether dotted `key` is `outer` or within it.
+/// True if dotted `key` is `outer` or within it.
 pub fn is_within(key: &str, outer: &str) -> bool {
     let rest = key.strip_prefix(outer);
     outer.is_empty() || rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
-/// What is said of a table that has not the form of a `T`.
+/// Result of reading a table that does not have the form of a `T`.
 #[derive(Debug)]
 pub struct Misread<T> {
-    /// All that has not its form, each with its key, but for what is within a value that is wrong as a whole.
+    /// All problems with their keys, except those within a value that is wrong as a whole.
     pub problems: Vec<KeyProblem>,
-    /// What was meant, as far as that can be told: names without their slips, a default or any value where there is
-    /// none.
+    /// The value as far as it can be repaired: misspelt names are corrected; missing values are defaults or arbitrary.
     pub meant: Option<T>,
-    /// Where that is not what the text says.
+    /// Keys whose values are not from the text.
     pub guessed: Guessed,
 }
 
-/// Dotted keys of values that a text does not say.
+/// Dotted keys of values that are not from the text.
 #[derive(Debug, Default)]
 pub struct Guessed(Vec<String>);
 
 impl Guessed {
-    /// Whether one of them is the value at dotted `key`, in it or around it.
+    /// True if the value at dotted `key`, a value inside it, or a parent of it is among them.
     pub fn holds(&self, key: &str) -> bool {
         self.0.iter().any(|guessed| is_within(key, guessed) || is_within(guessed, key))
     }
 }
 
-/// A table as a `T`.
+/// Deserializes a table as a `T`.
 ///
 /// # Errors
-/// All that has not the form of a `T`, each with its key, but for what is within a value that is wrong as a whole.
+/// All problems with their keys, except those within a value that is wrong as a whole.
 pub fn read<T: DeserializeOwned>(table: &Table) -> Result<T, Vec<KeyProblem>> {
     read_meant(table).map_err(|misread| misread.problems)
 }
 
-/// As [`read`], with what was meant beside what is wrong.
+/// Same as [`read`], but the error also contains the repaired value.
 ///
 /// # Errors
-/// All that has not the form of a `T`.
+/// All values that do not have the form of a `T`.
 pub fn read_meant<T: DeserializeOwned>(table: &Table) -> Result<T, Misread<T>> {
     first::<T>(table).map_err(|fault| {
         let (problems, guessed, meant) = misread(&|table| first::<T>(table).err(), table, fault);
@@ -87,18 +86,18 @@ pub fn read_meant<T: DeserializeOwned>(table: &Table) -> Result<T, Misread<T>> {
     })
 }
 
-/// The value of a text that is part of the program.
+/// Deserializes a text that is part of the program.
 ///
 /// # Panics
-/// The text has not the form of a `T`: a test reads each such text.
+/// If the text does not have the form of a `T`; tests read each such text.
 pub fn built_in<T: DeserializeOwned>(text: &str) -> T {
     let table = toml::from_str(text).expect("a test reads every text of the program");
     first(&table).expect("a test reads every text of the program")
 }
 
-/// The keys that a `T` has in the table at dotted `within`; none where that takes any, or is no table.
+/// Keys that a `T` accepts in the table at dotted `within`; empty if it accepts any, or is not a table.
 pub fn keys<T: DeserializeOwned>(within: &str) -> &'static [&'static str] {
-    // A key that nobody has makes it tell those that it has.
+    // An unknown key, whose error lists the known ones.
     const NOBODYS: &str = "\0";
     let key = if within.is_empty() { NOBODYS.to_owned() } else { format!("{within}.{NOBODYS}") };
     let mut table = Table::new();
@@ -115,11 +114,11 @@ fn first<T: DeserializeOwned>(table: &Table) -> Result<T, Fault> {
     T::deserialize(Whole(table))
 }
 
-/// The first fault of a table for some type. All that finds and mends faults knows the type by this alone, so that the
-/// program has that code once.
+/// First error of a table for some type. Code that finds and repairs errors depends on the type only through this, so
+/// that it is compiled only once.
 type FirstFault<'a> = &'a dyn Fn(&Table) -> Option<Fault>;
 
-/// The problems of a table, what of it was guessed, and the table that was meant.
+/// Problems of a table, the guessed keys, and the repaired table.
 fn misread(
     fault_of: FirstFault<'_>,
     table: &Table,
@@ -132,7 +131,7 @@ fn misread(
     for _ in 0..ROUNDS_MAX {
         let Some(fault) = next.take().filter(|_| found.len() < PROBLEMS_MAX) else { break };
         let key = dotted(&fault.path());
-        // A key with a slip in its name is not missing as well.
+        // A key with a misspelt name is not also reported as missing.
         let is_told = matches!(fault.kind, Kind::Missing(_)) && guessed.contains(&key);
         if !is_told && !found.iter().any(|(outer, _)| is_within(&key, outer)) {
             found.push((key.clone(), message(fault_of, &fault, &table)));
@@ -147,13 +146,13 @@ fn misread(
             meant = Some(table.clone());
         }
     }
-    // A value that is wrong as a whole may show only after what is in it.
+    // A value that is wrong as a whole may be found only after its contents.
     let keys: Vec<String> = found.iter().map(|(key, _)| key.clone()).collect();
     found.retain(|(key, _)| !keys.iter().any(|outer| outer != key && is_within(key, outer)));
     (found, Guessed(guessed), meant)
 }
 
-/// The key that was meant by an unknown one.
+/// Path of the key for which an unknown one was probably intended.
 fn meant_path(fault: &Fault) -> Option<Vec<Part>> {
     let Kind::UnknownKey { wrong, known } = &fault.kind else { return None };
     let path = fault.path();
@@ -178,7 +177,7 @@ fn message(fault_of: FirstFault<'_>, fault: &Fault, table: &Table) -> String {
     }
 }
 
-/// The kind of value that a type takes at a place where there is none.
+/// Expected kind of value at a place without one.
 fn wanted(fault_of: FirstFault<'_>, path: &[Part], table: &Table) -> Option<String> {
     let mut table = table.clone();
     put(&mut table, path, Some(true.into()));
@@ -189,7 +188,8 @@ fn wanted(fault_of: FirstFault<'_>, path: &[Part], table: &Table) -> Option<Stri
     }
 }
 
-/// Takes the slip out of a name that is near another one; false, and nothing done, where a type does not take that.
+/// Corrects a name that is close to a valid one; returns false, without a change, if the type does not accept the
+/// result.
 fn mend_name(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
     let path = fault.path();
     let Some(value) = get(table, &path).cloned() else { return false };
@@ -217,7 +217,7 @@ fn mend_name(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool
     is_good
 }
 
-/// Puts something in the place of a fault that a type takes; false where nothing was found.
+/// Replaces a wrong value by one that the type accepts; returns false if none was found.
 fn mend(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
     if mend_name(fault_of, fault, table) {
         return true;
@@ -226,12 +226,12 @@ fn mend(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
     let next = |table: &Table| fault_of(table).map(|fault| fault.path());
     if !matches!(fault.kind, Kind::Missing(_)) && matches!(path.last(), Some(Part::Key(_))) {
         put(table, &path, None);
-        // Where the table around it cannot be without it, another value has to stand there.
+        // If the surrounding table requires the key, another value must replace it.
         if next(table).is_none_or(|next| !path.starts_with(&next)) {
             return true;
         }
     }
-    // A fault further inside is one of a value that is of the right kind.
+    // An error further inside means that the value itself is of the right kind.
     let is_mended =
         |table: &Table| next(table).is_none_or(|next| !next.starts_with(&path) || next.len() > path.len());
     let name = match &fault.kind {
@@ -258,7 +258,7 @@ fn mend(fault_of: FirstFault<'_>, fault: &Fault, table: &mut Table) -> bool {
     })
 }
 
-/// The value at `path`.
+/// Value at `path`.
 fn get<'a>(table: &'a Table, path: &[Part]) -> Option<&'a Value> {
     let (Part::Key(first), rest) = path.split_first()? else { return None };
     rest.iter().try_fold(table.get(first)?, |at, part| match part {
@@ -267,7 +267,7 @@ fn get<'a>(table: &'a Table, path: &[Part]) -> Option<&'a Value> {
     })
 }
 
-/// Sets the value at `path` of a table that has all but its last part, or takes it away.
+/// Sets or removes the value at `path`, whose parents must exist.
 fn put(table: &mut Table, path: &[Part], value: Option<Value>) {
     let Some((last, parents)) = path.split_last() else { return };
     let parent = parents.split_first().map(|(first, rest)| {
@@ -296,7 +296,7 @@ fn put_key(table: &mut Table, name: &str, value: Option<Value>) {
     };
 }
 
-/// serde's names of types in words of TOML.
+/// Converts serde's type names to terms of TOML.
 pub(crate) fn in_words(wanted: &str) -> Cow<'_, str> {
     let length = |prefix| wanted.strip_prefix(prefix).map(|n| format!("an array of {n} values").into());
     match wanted {

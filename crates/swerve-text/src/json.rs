@@ -1,4 +1,4 @@
-//! JSON as a Rust type, and what is wrong with it in the words that are used of TOML.
+//! Deserialization of JSON, with errors worded as for TOML.
 
 use serde::de::DeserializeOwned;
 use serde_json::error::{Category, Error};
@@ -7,10 +7,10 @@ use crate::form::in_words;
 use crate::problem::Problem;
 use crate::words::{unknown_key, unknown_name};
 
-/// A text of JSON as a `T`; `file` names it in messages.
+/// Deserializes JSON as a `T`; `file` is its name in messages.
 ///
 /// # Errors
-/// The first thing that has not the form of a `T`, with line and key, or what is no JSON.
+/// The first value that does not have the form of a `T`, with line and key, or a syntax error.
 pub fn from_json<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Problem> {
     serde_json::from_str(text).map_err(|error| problem(file, text, &error))
 }
@@ -41,7 +41,7 @@ fn problem(file: &str, text: &str, error: &Error) -> Problem {
     Problem { file: file.to_owned(), line: Some(line), key, message }
 }
 
-/// What serde says of a value in the words of a user.
+/// Rewords an error of serde for users.
 fn of_value(told: &str) -> String {
     let names = || -> Vec<&str> { told.split('`').skip(1).step_by(2).collect() };
     match told.split_once(' ').map(|(first, rest)| (first, rest.split_once(' '))) {
@@ -62,7 +62,7 @@ fn of_value(told: &str) -> String {
     }
 }
 
-/// A kind of value.
+/// Rewords the expected kind of value.
 fn expected(wanted: &str) -> String {
     match in_words(wanted).as_ref() {
         "a table" => "an object".to_owned(),
@@ -71,7 +71,7 @@ fn expected(wanted: &str) -> String {
     }
 }
 
-/// What serde calls what it found.
+/// Rewords serde's description of the value found.
 fn described(found: &str) -> String {
     match found {
         "map" => "an object".to_owned(),
@@ -84,15 +84,15 @@ fn described(found: &str) -> String {
     }
 }
 
-/// What is open around a place in a text.
+/// A container that is open at some position in a text.
 enum Open<'t> {
-    /// An object, at the value of a key or before one.
+    /// An object, at the value of this key or before one.
     Object(Option<&'t [u8]>),
-    /// An array, at a value.
+    /// An array, at the value of this index.
     Array(usize),
 }
 
-/// The dotted key of the value that is begun, or was read last, where `text` ends.
+/// Dotted key of the value that starts or was last read at the end of `text`.
 fn key_at(text: &[u8]) -> String {
     let mut open: Vec<Open<'_>> = Vec::new();
     let mut at = 0;
@@ -123,7 +123,7 @@ fn key_at(text: &[u8]) -> String {
     })
 }
 
-/// How many bytes there are before the quote that ends a text.
+/// Number of bytes before the closing quote of a string.
 fn length_of_text(inside: &[u8]) -> usize {
     let mut is_escaped = false;
     let ends = |byte: &u8| {
@@ -134,7 +134,7 @@ fn length_of_text(inside: &[u8]) -> usize {
     inside.iter().position(ends).unwrap_or(inside.len())
 }
 
-/// The number around a byte.
+/// The number around a byte offset.
 fn number_at(text: &str, at: usize) -> String {
     let is_other = |byte: &u8| !(byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
     let (before, after) = text.as_bytes().split_at(at.saturating_sub(1));
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_line_key_and_what_was_expected() {
+    fn errors_state_line_key_and_expected_value() {
         for (text, told) in [
             ("{\"size\":\n{\"a\": 1}}", "f.json:2: size: expected a number, found an object"),
             ("{\"size\": \"a, \\\"b\"}", "f.json:1: size: expected a number, found the text \"a, \\\"b\""),
@@ -217,9 +217,9 @@ mod tests {
         );
     }
 
-    /// Whatever is cut off or put in, there is one message.
+    /// Truncation or insertion at any position gives one message.
     #[test]
-    fn no_text_is_a_panic() {
+    fn no_text_causes_a_panic() {
         let whole = "{\"size\": 1.5e3, \"ä\\\"\": [null, {\"at\": \"\\u00e4\"}], \"count\": 2}\n";
         for at in (0..whole.len()).filter(|at| whole.is_char_boundary(*at)) {
             for other in ["", "\"", "\\", "]", "}", ",", "{", "1e999", "ä", "\n"] {

@@ -1,16 +1,16 @@
-//! Texts that people write (TOML): documents with the lines of their keys, `--set` assignments, and every [`Problem`]
-//! of a text at once, each with file, line, key, what was expected and the nearest name.
+//! Texts written by people (TOML): documents with the lines of their keys, `--set` assignments, and all [`Problem`]s of
+//! a text at once, each with file, line, key, the expected value and the nearest name.
 //!
-//! There are two ways from a [`Document`] to values. [`Document::to`] reads a type through serde: for forms that a
-//! type says, with ranges checked afterwards. [`TableReader`] reads key by key: for forms where one key decides on
-//! others, or each value has its range. Both say the same of the same mistake.
+//! There are two ways from a [`Document`] to values. [`Document::to`] deserializes a type through serde, with ranges
+//! checked afterwards: for forms that are expressed by a type. [`TableReader`] reads key by key: for forms in which one
+//! key determines others, or each value has its range. Both report the same mistake in the same words.
 //!
-//! JSON that comes from outside is read by [`from_json`], which tells the first mistake in the same words.
+//! External JSON is read by [`from_json`], which reports the first mistake in the same words.
 //!
-//! Every file that is read is opened by [`open_file`], which takes regular files alone; what is read whole, settings or
-//! not, is read by [`read_bytes`], which has a bound.
+//! All files are opened by [`open_file`], which accepts only regular files; all files read whole are read by
+//! [`read_bytes`], which limits their size.
 //!
-//! Absences: no crate of ours, no type of any domain; the only file it opens is the one that it is given.
+//! The crate depends on no other crate of this project and on no domain type; it opens only the files passed to it.
 
 mod assign;
 mod bound;

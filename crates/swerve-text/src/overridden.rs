@@ -4,13 +4,13 @@ use toml::{Table, Value};
 
 use crate::{KeyProblem, read};
 
-/// Parameters with some of them changed: tables within tables are taken key by key, every other value is replaced.
+/// Parameters with some of them changed: tables are merged key by key; other values are replaced.
 ///
 /// # Errors
-/// Keys that `defaults` does not have and values of another form, each with its key.
+/// Keys missing from `defaults` and values of another form, each with its key.
 ///
 /// # Panics
-/// When `defaults` cannot be written as a table.
+/// If `defaults` cannot be serialized as a table.
 pub fn overridden<T: Serialize + DeserializeOwned>(
     defaults: &T,
     changes: &Table,
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_named_stays() {
+    fn unnamed_parameters_stay_unchanged() {
         assert_eq!(changed(""), Ok(defaults()));
         let mut wanted = defaults();
         wanted.gain = 3.0;

@@ -3,20 +3,20 @@ use std::ops::Deref;
 
 use crate::bound::shortened;
 
-/// One thing wrong with one text.
+/// A problem with a text.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub struct Problem {
-    /// The file as the user named it, or where else the text came from.
+    /// File as named by the user, or another source of the text.
     pub file: String,
-    /// Line, from 1; `None` when the problem has no place in the text.
+    /// Line, starting at 1; `None` if the problem has no place in the text.
     pub line: Option<usize>,
-    /// Dotted key from the top of the text; empty when the problem is the whole text's.
+    /// Dotted key from the top of the text; empty for a problem with the whole text.
     pub key: String,
-    /// Everything else: the mistake, what was expected, and the nearest valid name where there is one.
+    /// Description: the mistake, the expected value, and the nearest valid name, if any.
     pub message: String,
 }
 
-/// Long keys and texts are cut.
+/// Cuts long keys and texts.
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.file)?;
@@ -33,34 +33,34 @@ impl fmt::Display for Problem {
 
 impl std::error::Error for Problem {}
 
-/// A problem whose place is yet to be looked up: dotted key and message.
+/// A problem without a location: dotted key and message.
 pub type KeyProblem = (String, String);
 
-/// Problems with keys in one line, as in `` `a.b`: expected a text, found 3; `c`: ... ``.
+/// Formats problems with keys in one line, as in `` `a.b`: expected a text, found 3; `c`: ... ``.
 pub fn in_one_line(problems: &[KeyProblem]) -> String {
     let lines: Vec<String> = problems.iter().map(|(key, message)| format!("`{key}`: {message}")).collect();
     lines.join("; ")
 }
 
-/// All that is wrong with a text, in the order in which it is to be told.
+/// All problems of a text, in reporting order.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Problems(Vec<Problem>);
 
 impl Problems {
-    /// None so far.
+    /// Creates an empty list.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds one.
+    /// Adds a problem.
     pub fn push(&mut self, problem: Problem) {
         self.0.push(problem);
     }
 
-    /// `value`, if there are no problems.
+    /// Returns `value` if there are no problems.
     ///
     /// # Errors
-    /// These problems, if there are any.
+    /// These problems, if any.
     pub fn or<T>(self, value: T) -> Result<T, Self> {
         if self.0.is_empty() { Ok(value) } else { Err(self) }
     }
@@ -101,7 +101,7 @@ impl From<Problem> for Problems {
     }
 }
 
-/// One a line.
+/// Formats one problem per line.
 impl fmt::Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, problem) in self.0.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Tables of a TOML text, read key by key; every problem is noted with its place and none stops the reading.
+//! Key-by-key reading of TOML tables; problems are collected with their locations, and none stops the reading.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use crate::bound::{NAME_MAX, too_long};
 use crate::words::{describe, did_you_mean, is_shown, list, unknown_key, unknown_name};
 use crate::{Document, Problem, Problems};
 
-/// Values that a number may take, both ends included.
+/// Valid range of a number, both limits included.
 #[derive(Clone, Copy, Debug)]
 pub struct Range {
     low: f64,
@@ -17,7 +17,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// From `low` to `high`.
+    /// Creates the range from `low` to `high`.
     pub const fn between(low: f64, high: f64) -> Self {
         Self { low, high }
     }
@@ -31,24 +31,24 @@ impl Range {
     }
 }
 
-/// A text in the course of being read, with the problems found so far.
+/// State of reading a text, with the problems found so far.
 pub struct Reading<'d> {
     file: &'d str,
-    /// Without it, problems have no lines.
+    /// Source of line numbers; without it, problems have no lines.
     document: Option<&'d Document>,
     problems: RefCell<Vec<Problem>>,
-    /// Places in the text of the tables that have another name in messages.
+    /// Locations of tables that have another name in messages.
     named: RefCell<BTreeMap<String, String>>,
     guesses: Cell<usize>,
 }
 
 impl<'d> Reading<'d> {
-    /// Begins to read a document.
+    /// Starts reading a document.
     pub fn of(document: &'d Document) -> Self {
         Self { document: Some(document), ..Self::without_text(&document.file) }
     }
 
-    /// Begins to read a table whose text is not at hand: its problems have no lines. `name` is their file.
+    /// Starts reading a table without its text: its problems have no lines. `name` is the file name in messages.
     pub fn without_text(name: &'d str) -> Self {
         Self {
             file: name,
@@ -59,7 +59,7 @@ impl<'d> Reading<'d> {
         }
     }
 
-    /// A whole table.
+    /// Reader of the whole table.
     pub fn top<'r>(&'r self, table: &'r toml::Table) -> TableReader<'r> {
         TableReader {
             reading: self,
@@ -70,7 +70,7 @@ impl<'d> Reading<'d> {
         }
     }
 
-    /// Notes a problem with dotted `key`, named as in messages.
+    /// Reports a problem with dotted `key`, named as in messages.
     pub fn report(&self, key: &str, message: impl Into<String>) {
         let named = self.named.borrow();
         let ends = key.rmatch_indices(['.', '[']).map(|(at, _)| at);
@@ -80,12 +80,12 @@ impl<'d> Reading<'d> {
         self.note(&place, key, message.into());
     }
 
-    /// How many values had to be made up because the text gives none that can be used.
+    /// Number of values that had to be replaced because the text has no usable one.
     pub fn guesses(&self) -> usize {
         self.guesses.get()
     }
 
-    /// All problems; where the lines are known, in their order.
+    /// All problems, ordered by line if the lines are known.
     pub fn into_problems(self) -> Problems {
         let mut problems = self.problems.into_inner();
         if self.document.is_some() {
@@ -97,7 +97,7 @@ impl<'d> Reading<'d> {
 
     fn note(&self, place: &str, key: &str, message: String) {
         let line = self.document.and_then(|document| document.line(place));
-        // What the whole text lacks is missing from its first line on.
+        // A key missing from the whole text is reported at its first line.
         let line = line.or(self.document.filter(|_| !key.is_empty()).map(|_| 1));
         let problem = Problem { file: self.file.to_owned(), line, key: key.to_owned(), message };
         self.problems.borrow_mut().push(problem);
@@ -108,13 +108,13 @@ impl<'d> Reading<'d> {
     }
 }
 
-/// One table in the course of being read. Every problem goes to its [`Reading`].
+/// Reader of one table. Problems are added to its [`Reading`].
 pub struct TableReader<'r> {
     reading: &'r Reading<'r>,
     table: &'r toml::Table,
-    /// Its key in the text, with indices.
+    /// Key in the text, with indices.
     place: String,
-    /// Its key in messages; empty for the whole text.
+    /// Key in messages; empty for the whole text.
     path: String,
     known: RefCell<Vec<&'static str>>,
 }
@@ -124,43 +124,43 @@ fn join(path: &str, key: &str) -> String {
 }
 
 impl<'r> TableReader<'r> {
-    /// The text that it is of.
+    /// State of reading the text.
     pub fn reading(&self) -> &'r Reading<'r> {
         self.reading
     }
 
-    /// Its key from the top of the text, as messages have it; empty for the whole text.
+    /// Key from the top of the text, as in messages; empty for the whole text.
     pub fn path(&self) -> &str {
         &self.path
     }
 
-    /// The full name of one of its keys.
+    /// Full name of a key of this table.
     pub fn key(&self, key: &str) -> String {
         join(&self.path, key)
     }
 
-    /// Notes a problem with one of its keys.
+    /// Reports a problem with a key of this table.
     pub fn report(&self, key: &str, message: impl Into<String>) {
         self.reading.note(&join(&self.place, key), &self.key(key), message.into());
     }
 
-    /// Notes a problem with the table as a whole.
+    /// Reports a problem with the table as a whole.
     pub fn report_whole(&self, message: impl Into<String>) {
         self.reading.note(&self.place, &self.path, message.into());
     }
 
-    /// Whether the text has this key.
+    /// True if the text has this key.
     pub fn has(&self, key: &'static str) -> bool {
         self.value(key).is_some()
     }
 
-    /// The value of a key, as it is.
+    /// Value of a key, unchecked.
     pub fn value(&self, key: &'static str) -> Option<&'r Value> {
         self.know(key);
         self.table.get(key)
     }
 
-    /// Its keys that are in the text, in the order of the text.
+    /// Keys present in the text, in the order of the text.
     pub fn keys(&self) -> Vec<&'r str> {
         let mut keys: Vec<&str> = self.table.keys().map(String::as_str).collect();
         if let Some(document) = self.reading.document {
@@ -178,13 +178,13 @@ impl<'r> TableReader<'r> {
         self.report(key, format!("is missing: expected {wanted}"));
     }
 
-    /// Notes that one of its keys has another value than `wanted`.
+    /// Reports that a key has another value than `wanted`.
     pub fn mistyped(&self, key: &str, wanted: &str, found: &Value) {
         self.reading.guess();
         self.report(key, format!("expected {wanted}, found {}", describe(found)));
     }
 
-    /// A number that the text must give.
+    /// Reads a required number.
     pub fn number(&self, key: &'static str, range: Range) -> f64 {
         self.number_if_any(key, range).unwrap_or_else(|| {
             self.missing(key, &range.wanted());
@@ -192,7 +192,7 @@ impl<'r> TableReader<'r> {
         })
     }
 
-    /// A number that the text may give.
+    /// Reads an optional number.
     pub fn number_if_any(&self, key: &'static str, range: Range) -> Option<f64> {
         let value = self.value(key)?;
         let x = as_number(value).filter(|&x| range.holds(x));
@@ -202,12 +202,12 @@ impl<'r> TableReader<'r> {
         }))
     }
 
-    /// A number, or the given one where the text has none.
+    /// Reads a number, with a default.
     pub fn number_or(&self, key: &'static str, otherwise: f64, range: Range) -> f64 {
         self.number_if_any(key, range).unwrap_or(otherwise)
     }
 
-    /// A whole number from `low` to `high`, where there is one.
+    /// Reads an optional integer from `low` to `high`.
     pub fn whole_if_any(&self, key: &'static str, low: i64, high: i64) -> Option<i64> {
         let value = self.value(key)?;
         let n = value.as_integer().filter(|n| (low..=high).contains(n));
@@ -217,7 +217,7 @@ impl<'r> TableReader<'r> {
         n
     }
 
-    /// True or false, where the text says it.
+    /// Reads an optional boolean.
     pub fn truth_if_any(&self, key: &'static str) -> Option<bool> {
         let value = self.value(key)?;
         if !value.is_bool() {
@@ -226,7 +226,7 @@ impl<'r> TableReader<'r> {
         value.as_bool()
     }
 
-    /// A text that is not blank.
+    /// Reads a required text that is not blank.
     pub fn text(&self, key: &'static str) -> String {
         if !self.has(key) {
             self.missing(key, "a text");
@@ -234,12 +234,12 @@ impl<'r> TableReader<'r> {
         self.text_if_any(key).unwrap_or_default()
     }
 
-    /// A text that is not blank and holds no control characters, where there is one.
+    /// Reads an optional text that is not blank and has no control characters.
     pub fn text_if_any(&self, key: &'static str) -> Option<String> {
         self.text_like(key, "a text that is not blank, without control characters", is_shown)
     }
 
-    /// A name of a certain form, where there is one: at most [`NAME_MAX`] characters.
+    /// Reads an optional name of a given form, of at most [`NAME_MAX`] characters.
     pub fn text_like(
         &self,
         key: &'static str,
@@ -253,7 +253,7 @@ impl<'r> TableReader<'r> {
         None
     }
 
-    /// A text of a certain form, where there is one.
+    /// Reads an optional text of a given form.
     pub fn paragraph_like(
         &self,
         key: &'static str,
@@ -268,7 +268,7 @@ impl<'r> TableReader<'r> {
         text.map(str::to_owned)
     }
 
-    /// The place of the text's name among `names`.
+    /// Reads a required name; returns its index in `names`.
     pub fn one_of(&self, key: &'static str, names: &[&str]) -> Option<usize> {
         if !self.has(key) {
             self.missing(key, &format!("one of {}", list(names)));
@@ -276,7 +276,7 @@ impl<'r> TableReader<'r> {
         self.one_of_if_any(key, names)
     }
 
-    /// The place of the text's name among `names`, where there is one.
+    /// Reads an optional name; returns its index in `names`.
     pub fn one_of_if_any(&self, key: &'static str, names: &[&str]) -> Option<usize> {
         let value = self.value(key)?;
         let Some(text) = value.as_str() else {
@@ -291,7 +291,7 @@ impl<'r> TableReader<'r> {
         found
     }
 
-    /// A table that the text must have.
+    /// Reads a required table.
     pub fn table(&self, key: &'static str) -> Option<TableReader<'r>> {
         if !self.has(key) {
             self.missing(key, "a table");
@@ -299,13 +299,13 @@ impl<'r> TableReader<'r> {
         self.table_if_any(key)
     }
 
-    /// A table, where there is one.
+    /// Reads an optional table.
     pub fn table_if_any(&self, key: &'static str) -> Option<TableReader<'r>> {
         self.know(key);
         self.named_table(key)
     }
 
-    /// A table under a key that only the text knows.
+    /// Reads a table under a key defined by the text.
     pub fn named_table(&self, key: &str) -> Option<TableReader<'r>> {
         match self.table.get(key)? {
             Value::Table(table) => Some(self.inner(join(&self.place, key), self.key(key), table)),
@@ -323,8 +323,7 @@ impl<'r> TableReader<'r> {
         TableReader { reading: self.reading, table, place, path, known: RefCell::default() }
     }
 
-    /// All tables of an array of tables, empty where there is none; `name` gives each its name in messages, its index
-    /// where that is `None`.
+    /// Reads an array of tables, empty if absent; `name` gives the name of each in messages, or its index for `None`.
     pub fn tables(
         &self,
         key: &'static str,
@@ -365,7 +364,7 @@ impl<'r> TableReader<'r> {
         }
     }
 
-    /// An array of pairs of numbers, as in `[[0.0, 5.0], [3.0, 0.0]]`; at least one. Empty after a problem.
+    /// Reads an array of at least one pair of numbers, as in `[[0.0, 5.0], [3.0, 0.0]]`. Empty after a problem.
     pub fn pairs(&self, key: &'static str, wanted: &str, ranges: [Range; 2]) -> Vec<[f64; 2]> {
         match self.value(key) {
             None => self.missing(key, wanted),
@@ -393,7 +392,7 @@ impl<'r> TableReader<'r> {
         pairs
     }
 
-    /// Whether the text gives exactly one of `keys`, and which; a problem otherwise.
+    /// Returns the only one of `keys` in the text; reports a problem unless there is exactly one.
     pub fn only_one(&self, keys: &[&'static str]) -> Option<&'static str> {
         let found: Vec<_> = keys.iter().copied().filter(|key| self.has(key)).collect();
         let message = match found[..] {
@@ -412,7 +411,7 @@ impl<'r> TableReader<'r> {
         None
     }
 
-    /// Notes every key of the text that was never asked for, with the nearest one that exists.
+    /// Reports every key of the text that was never read, with the nearest known one.
     pub fn finish(&self) {
         let mut known = self.known.borrow().clone();
         known.sort_unstable();
@@ -423,7 +422,7 @@ impl<'r> TableReader<'r> {
     }
 }
 
-/// A number that is finite.
+/// Converts to a finite number.
 fn as_number(value: &Value) -> Option<f64> {
     let x = value.as_float().or_else(|| value.as_integer().map(|n| n as f64));
     x.filter(|x| x.is_finite())

@@ -1,29 +1,29 @@
-//! Words of messages: the nearest name, lists of names, short numbers, values as TOML names them.
+//! Building blocks of messages: nearest names, lists of names, short numbers, TOML values.
 
 use toml::Value;
 
 use crate::NAME_MAX;
 
-/// A number as a reader would write it, without hundreds of digits.
+/// Formats a number without hundreds of digits.
 pub fn number(x: f64) -> String {
     let is_plain = x == 0.0 || (1e-6..1e15).contains(&x.abs()) || !x.is_finite();
     if is_plain { x.to_string() } else { format!("{x:e}") }
 }
 
-/// The name nearest to `wrong`, if any is near: by letters in common, by few slips of the pen, or because `wrong` is a
-/// part of it. A text that is too long for a name is near none.
+/// Name nearest to `wrong`, if any is close: by common letters, by few typing errors, or because `wrong` is a part of
+/// it. A text too long for a name is close to none.
 pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let score = |name: &'n str| {
         let slips = strsim::damerau_levenshtein(wrong, name);
         let likeness = strsim::jaro_winkler(wrong, name);
         let is_part = name.split('_').any(|part| part == wrong);
-        // One slip of two letters is few: `rn` is near `run`.
+        // One error in two letters is few: `rn` is close to `run`.
         let letters = wrong.chars().count();
         let few = if letters == 2 { 1 } else { letters / 3 };
         let is_near = likeness > 0.75 || slips <= few || is_part;
         is_near.then_some((likeness - slips as f64 * 0.01, name))
     };
-    // Of names that are equally near, the first.
+    // Of equally close names, the first one.
     let nearer = |best: (f64, &'n str), other: (f64, &'n str)| if other.0 > best.0 { other } else { best };
     if wrong.len() > NAME_MAX {
         return None;
@@ -31,17 +31,17 @@ pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Opt
     names.into_iter().filter_map(score).reduce(nearer).map(|(_, name)| name)
 }
 
-/// `; did you mean "near"?`, or nothing where no name is near.
+/// `; did you mean "near"?`, or nothing if no name is close.
 pub fn did_you_mean<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> String {
     nearest(wrong, names).map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"))
 }
 
-/// Names in quotes, with commas.
+/// Quoted names, separated by commas.
 pub fn list(names: &[&str]) -> String {
     names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
 }
 
-/// An unknown key, with the nearest one that there is.
+/// Message for an unknown key, with the nearest known one.
 pub(crate) fn unknown_key(wrong: &str, known: &[&str]) -> String {
     match nearest(wrong, known.iter().copied()) {
         Some(near) => format!("unknown key; did you mean \"{near}\"?"),
@@ -50,18 +50,18 @@ pub(crate) fn unknown_key(wrong: &str, known: &[&str]) -> String {
     }
 }
 
-/// A name that is none of those expected.
+/// Message for an unexpected name.
 pub(crate) fn unknown_name(wrong: &str, known: &[&str]) -> String {
     let hint = did_you_mean(wrong, known.iter().copied());
     format!("expected one of {}, found \"{wrong}\"{hint}", list(known))
 }
 
-/// Whether a text can be shown in one line: it is not blank, and nothing in it acts on a terminal.
+/// True if a text can be shown in one line: it is not blank and has no control characters.
 pub(crate) fn is_shown(text: &str) -> bool {
     !text.trim().is_empty() && !text.contains(char::is_control)
 }
 
-/// A value in a message.
+/// Describes a value in a message.
 pub(crate) fn describe(value: &Value) -> String {
     match value {
         Value::String(text) => format!("the text {text:?}"),
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_name_is_one_slip_or_many_letters_away() {
+    fn nearest_name_is_one_typo_or_many_common_letters_away() {
         let names = ["planner", "predictor", "gate", "fps", "emulated_detector"];
         for (wrong, near) in [
             ("planer", Some("planner")),
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_called_as_toml_calls_them() {
+    fn values_are_described_in_terms_of_toml() {
         let table: toml::Table =
             "v = [nan, -inf, 1e308, 3, true, 1979-05-27, \"x\", [1], {}]".parse().unwrap();
         let said: Vec<String> = table["v"].as_array().unwrap().iter().map(describe).collect();

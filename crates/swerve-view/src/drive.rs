@@ -1,4 +1,4 @@
-//! The runs that are shown, one after the other.
+//! The sequence of runs shown on the page.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -30,32 +30,32 @@ use crate::looks::{Sight, from_above};
 use crate::show::{Begin, Over, Show};
 use crate::wheel::Wheel;
 
-/// Drives what a page asks for.
+/// Runs the scenarios requested by the page.
 pub(crate) struct Driver<'a> {
     pub(crate) begins: Arc<Begins>,
     pub(crate) summarise: Summarise<'a>,
     pub(crate) show: &'a Show,
-    /// For the Foxglove app.
+    /// Foxglove streams.
     pub(crate) streams: Option<Streams>,
 }
 
-/// What runs are begun with. The server knows it too: what cannot be driven is refused while the run before goes on.
+/// Start parameters of runs. Shared with the server, which refuses invalid ones while the current run continues.
 pub(crate) struct Begins {
     registry: Registry,
-    /// The command line's.
+    /// Input from the command line.
     input: RunInput,
-    /// The run before, for one that goes on from an instant of it.
+    /// The previous run, for one that continues from an instant of it.
     before: Mutex<Option<Before>>,
 }
 
-/// What a run was begun with, and how its world went.
+/// Start parameters and world course of a run.
 #[derive(Clone)]
 struct Before {
     input: RunInput,
     course: Course,
 }
 
-/// What the page of a run that goes on holds beside the run.
+/// Contents of a running page besides the run.
 #[derive(Serialize)]
 struct Live {
     #[serde(flatten)]
@@ -66,7 +66,7 @@ struct Live {
     watch_only: bool,
 }
 
-/// The page of a run of which nothing has happened yet; it may ask this server, and nobody else, for more.
+/// Page of a run that has just started; it may send requests only to this server.
 pub(crate) fn live_page(show: &Show, report: &RunReport, by_hand: bool, watch_only: bool) -> String {
     let (run, speed) = show.upcoming();
     let (title, page) = report.head();
@@ -74,7 +74,7 @@ pub(crate) fn live_page(show: &Show, report: &RunReport, by_hand: bool, watch_on
     html.replacen("img-src data:\"", "img-src data:; connect-src 'self'\"", 1)
 }
 
-/// Why no command line repeats a run that is begun so, where none does.
+/// Reason why no command line repeats a run with these parameters; `None` if one does.
 fn no_command(with: &Begin) -> Option<String> {
     let why = match (with.from_s, with.by_hand) {
         (_, true) => "it was driven by hand".to_owned(),
@@ -87,7 +87,7 @@ fn no_command(with: &Begin) -> Option<String> {
     Some(format!("No command line repeats this drive: {why}."))
 }
 
-/// Takes a run in for the page, and holds it back as the page asks.
+/// Feeds a run to the page and paces it as the page requests.
 struct Watching<'a> {
     show: &'a Show,
     config: &'a Config,
@@ -101,7 +101,7 @@ impl Observer for Watching<'_> {
         if let Some(ego) = payload.downcast_ref::<EgoState>() {
             self.show.frame(publication.visible_at, ego.speed_mps);
         } else if let Some(image) = payload.downcast_ref::<Image>() {
-            // Depth and classes have no look.
+            // Depth and class images are not shown.
             if image.encoding() == Encoding::Rgb8 {
                 self.show.look(publication.stream, image.stamp, || photo(image).map(Sight::Photo));
             }
@@ -119,12 +119,12 @@ impl Begins {
         Self { registry, input, before: Mutex::default() }
     }
 
-    /// Whether a run that is begun so can be driven at all.
+    /// Checks that a run can be started with these parameters.
     pub(crate) fn check(&self, with: &Begin) -> anyhow::Result<()> {
         self.load(&self.input(with)?).map(drop)
     }
 
-    /// The programs that its runs start, a line each.
+    /// Programs started by the runs, one per line.
     pub(crate) fn programs(&self) -> anyhow::Result<Vec<String>> {
         Ok(trust::programs(&self.load(&self.input)?.0))
     }
@@ -133,7 +133,7 @@ impl Begins {
         self.before.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The command line's, with what the page sets; that starts no program and names no file.
+    /// Command-line input with the settings of the page, which must not start programs or name files.
     fn input(&self, with: &Begin) -> anyhow::Result<RunInput> {
         for (key, value) in parse_assignments(&with.set)? {
             if let Some(outside) = reaches_outside(&key, &value) {
@@ -160,7 +160,7 @@ impl Begins {
         Ok((config, scenario))
     }
 
-    /// The commands of the run before up to where the new one begins to be new.
+    /// Commands of the previous run up to the instant from which the new one differs.
     fn course(&self, with: &Begin) -> anyhow::Result<Course> {
         let before = self.before().clone();
         let (Some(from), Some(before)) = (with.from(), before) else { return Ok(Course::default()) };
@@ -170,10 +170,10 @@ impl Begins {
 }
 
 impl Driver<'_> {
-    /// Drives, again and again where that is asked for, until the program is to end.
+    /// Runs repeatedly, as requested, until the program ends.
     ///
     /// # Errors
-    /// The first run could not be begun; of a later one its page tells.
+    /// If the first run could not be started; errors of later ones are shown on the page.
     pub(crate) fn drive_until_quit(&self) -> anyhow::Result<()> {
         let mut begin = Some(Begin::default());
         while let Some(with) = begin {
@@ -211,7 +211,7 @@ impl Driver<'_> {
         let processes = Processes::start_all(&config, &mut pipeline)?;
         let mut watching = Watching { show: self.show, config: &config };
         let mut observers: Vec<&mut dyn Observer> = Vec::new();
-        // Before the page, which holds the run back at a frame until it is due.
+        // Before the page, which holds the run at a frame until it is due.
         observers.extend(streams.as_mut().map(|streams| streams as &mut dyn Observer));
         observers.push(&mut watching);
         let outcome = drive_pipeline(pipeline, config.seed, 1, &mut observers)?;

@@ -1,8 +1,8 @@
-//! A run, or a log of one, for the Foxglove app: the channels that a log holds under `/view`, over a WebSocket.
+//! Serves a run, or a log of one, to the Foxglove app: the `/view` channels of a log, over a WebSocket.
 //!
-//! Each viewer has a server of the `foxglove` crate to itself, behind a gate of ours: the crate's lets in the page of any
-//! site and tells nobody how much it drops, so the gate looks at who asks and at what the viewer has taken, and what the
-//! viewer does not take in time is dropped, and counted, before it is handed over.
+//! Each viewer has a separate server of the `foxglove` crate, behind a gate. The crate admits pages of any site and
+//! does not report dropped messages. The gate checks the origin and counts the data that the viewer has read; messages
+//! that the viewer does not read in time are dropped, and counted, before they reach the server.
 
 mod gate;
 mod hub;
@@ -27,14 +27,14 @@ use crate::reception::receive;
 use gate::Knock;
 use hub::{Hub, Message};
 
-/// Where the Foxglove app looks first.
+/// Default address of the Foxglove app.
 pub(crate) const USUAL: &str = "127.0.0.1:8765";
-/// Viewers at a time.
+/// Maximum number of simultaneous viewers.
 const MOST: usize = 8;
-/// Nanoseconds of a second.
+/// Nanoseconds per second.
 const SECOND_NS: f64 = 1e9;
 
-/// An address to listen at: `IP:PORT`, or a port of 127.0.0.1.
+/// Parses a listening address: `IP:PORT`, or a port of 127.0.0.1.
 pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
     let port =
         |text: &str| text.parse().ok().map(|port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
@@ -42,19 +42,19 @@ pub(crate) fn address(text: &str) -> Result<SocketAddr, String> {
     text.parse().ok().or_else(|| port(text)).ok_or_else(wrong)
 }
 
-/// The server, for as long as the program runs.
+/// The server, which runs until the program ends.
 #[derive(Clone)]
 pub(crate) struct Streams(Arc<Hub>);
 
 impl Streams {
-    /// Begins to serve and gives the address.
+    /// Starts serving and returns the address.
     ///
     /// # Errors
-    /// The address is taken or not of this machine.
+    /// If the address is in use or does not belong to this machine.
     pub(crate) fn start(at: SocketAddr) -> anyhow::Result<(Self, String)> {
         let listener = TcpListener::bind(at).with_context(|| format!("--foxglove: listening at {at}"))?;
         let address = format!("ws://{}", listener.local_addr()?);
-        // Nothing of a run depends on these bytes.
+        // No run depends on these bytes.
         let mut random = [0; 8];
         getrandom::fill(&mut random).map_err(|error| anyhow::anyhow!("a random name: {error}"))?;
         let hub = Arc::new(Hub::new(format!("{:016x}", u64::from_le_bytes(random))));
@@ -63,16 +63,16 @@ impl Streams {
         Ok((streams, address))
     }
 
-    /// Another run begins: what there is to show of it, for the run to be observed by.
+    /// Starts the session of another run; returns its observer.
     pub(crate) fn of_run(&self, views: Foxglove) -> Shown {
         self.0.begin();
         Shown { hub: Arc::clone(&self.0), views: Box::new(views), shown: Vec::new() }
     }
 
-    /// Plays a log from its beginning when the first viewer comes, and again when another one comes after its end.
+    /// Plays a log from its start when the first viewer connects, and again when another one connects after its end.
     ///
     /// # Errors
-    /// The file cannot be opened.
+    /// If the file cannot be opened.
     pub(crate) fn play(&self, log: PathBuf, speed: Option<f64>) -> anyhow::Result<()> {
         Bag::open(&log)?;
         let hub = Arc::clone(&self.0);
@@ -96,21 +96,21 @@ fn listen(hub: &Arc<Hub>, listener: &TcpListener) -> std::io::Result<()> {
     let open = Arc::new(AtomicUsize::new(0));
     receive(listener, |stream, request| {
         let Some(knock) = Knock::admit(stream, request) else { return };
-        // Who is one too many is hung up on.
+        // Viewers beyond the limit are disconnected.
         if open.load(Ordering::Relaxed) >= MOST {
             return;
         }
         open.fetch_add(1, Ordering::Relaxed);
         let (hub, open) = (Arc::clone(hub), Arc::clone(&open));
         std::thread::spawn(move || {
-            // A viewer that has gone, or was none, is nobody's concern.
+            // A viewer that disconnected, or was not a viewer, is not an error.
             let _ended = viewer::serve(&hub, knock);
             open.fetch_sub(1, Ordering::Relaxed);
         });
     })
 }
 
-/// Shows a run while it goes on. What it costs the run is to hand the messages over; viewers make them.
+/// Publishes a run in progress. The run only hands the messages over; they are encoded in the viewers' threads.
 pub(crate) struct Shown {
     hub: Arc<Hub>,
     views: Box<dyn Views>,
@@ -141,7 +141,7 @@ fn form(ViewTopic { schema, .. }: &ViewTopic) -> Form {
     }
 }
 
-/// Plays what a log holds under `/view` in real time times `speed`, as fast as it comes where there is none.
+/// Plays the `/view` channels of a log in real time times `speed`; as fast as possible without a speed.
 #[expect(clippy::disallowed_methods, reason = "a person watches in real time what is recorded already")]
 fn play(hub: &Hub, log: &Path, speed: Option<f64>) -> anyhow::Result<()> {
     let mut bag = Bag::open(log)?;
@@ -150,7 +150,7 @@ fn play(hub: &Hub, log: &Path, speed: Option<f64>) -> anyhow::Result<()> {
     loop {
         let message = match bag.next_message() {
             Ok(Some(message)) => message,
-            // The page of the log reported where it is cut off.
+            // The truncation was already reported by the page of the log.
             Ok(None) | Err(LogError::CutOff { .. }) => break,
             Err(error) => return Err(error.into()),
         };

@@ -1,28 +1,28 @@
-//! As much of HTTP/1.1 (RFC 9112) as a page needs that is shown on this machine alone: one request a connection.
+//! The subset of HTTP/1.1 (RFC 9112) needed by a page shown on this machine only: one request per connection.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-/// Bytes of a request at most, its body included.
+/// Maximum size of a request, bytes, including its body.
 pub(crate) const LONGEST: usize = 16 * 1024;
-/// Longest time for a client to send its request, and to take a part of the answer.
+/// Time limit for a client to send its request, and to read a part of the answer.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What a client asks for, checked: it knows the token and is no other site's page.
+/// A validated request: it has the token and does not come from a page of another site.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Request {
-    /// `POST`, otherwise `GET`.
+    /// True for `POST`, false for `GET`.
     pub(crate) is_post: bool,
-    /// What stands behind the token.
+    /// Path after the token.
     pub(crate) path: String,
-    /// What stands behind `?`.
+    /// Query after `?`.
     pub(crate) query: String,
-    /// The body.
+    /// Body.
     pub(crate) body: String,
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Answer {
     status: &'static str,
@@ -39,7 +39,7 @@ impl Answer {
         Self { status: "200 OK", kind: "application/json", body }
     }
 
-    /// Its status and its body.
+    /// Status and body.
     #[cfg(test)]
     pub(crate) fn told(&self) -> String {
         format!("{} {}", self.status, self.body)
@@ -54,7 +54,7 @@ impl Answer {
     }
 }
 
-/// Who may ask: the address that the page is at, as `127.0.0.1:PORT`, and the token.
+/// Access control: the address of the page, as `127.0.0.1:PORT`, and the token.
 #[derive(Clone, Debug)]
 pub(crate) struct Door {
     pub(crate) host: String,
@@ -62,7 +62,7 @@ pub(crate) struct Door {
 }
 
 impl Door {
-    /// Reads a request, or gives the reason for which it is refused.
+    /// Parses a request, or returns the reason for its refusal.
     pub(crate) fn admit(&self, bytes: &[u8]) -> Result<Request, Answer> {
         let bad = || Answer::refusal("400 Bad Request", "expected a request of HTTP/1.1");
         let text = core::str::from_utf8(bytes).map_err(|_| bad())?;
@@ -80,7 +80,7 @@ impl Door {
         }
         let is_post = match method {
             "GET" => false,
-            // A browser names the origin of every POST; who does not is no page of ours.
+            // A browser sends the origin with every POST; a client without one is not this server's page.
             "POST" if fields("origin").is_empty() => {
                 return Err(Answer::refusal("403 Forbidden", "no origin was given"));
             }
@@ -96,19 +96,19 @@ impl Door {
     }
 }
 
-/// A request or answer as far as it has arrived.
+/// The received part of a request or response.
 #[derive(Debug, Default)]
 pub(crate) struct Incoming {
     pub(crate) bytes: Vec<u8>,
-    /// Length of the whole, once its head is complete.
+    /// Total length, once the head is complete.
     length: Option<usize>,
 }
 
 impl Incoming {
-    /// Reads once; gives whether it is complete.
+    /// Reads once; returns true if it is complete.
     ///
     /// # Errors
-    /// It is too long, or the connection has ended.
+    /// If it is too long, or the connection has ended.
     pub(crate) fn read(&mut self, mut from: impl Read) -> Result<bool, Answer> {
         let mut part = [0; 4096];
         let read = match from.read(&mut part) {
@@ -128,10 +128,10 @@ impl Incoming {
     }
 }
 
-/// Reads a whole request or answer and what has arrived with it.
+/// Reads a whole request or response and any data that arrived with it.
 ///
 /// # Errors
-/// Those of [`Incoming::read`]; nothing arrives for [`PATIENCE`].
+/// Those of [`Incoming::read`], or if nothing arrives for [`PATIENCE`].
 pub(crate) fn read_whole(stream: &TcpStream) -> Result<Vec<u8>, Answer> {
     stream.set_read_timeout(Some(PATIENCE)).map_err(|_| Answer::cut_off())?;
     let mut incoming = Incoming::default();
@@ -139,18 +139,18 @@ pub(crate) fn read_whole(stream: &TcpStream) -> Result<Vec<u8>, Answer> {
     Ok(incoming.bytes)
 }
 
-/// How long a head is, with the empty line after it, once it is there.
+/// Length of a complete head, including the empty line after it.
 pub(crate) fn head_length(bytes: &[u8]) -> Option<usize> {
     bytes.windows(4).position(|four| four == b"\r\n\r\n").map(|at| at + 4)
 }
 
-/// What the fields of one name in a head hold.
+/// Values of all header fields of this name.
 pub(crate) fn fields<'a>(head: &'a str, name: &str) -> Vec<&'a str> {
     let fields = head.split("\r\n").filter_map(|line| line.split_once(':'));
     fields.filter(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, v)| v.trim()).collect()
 }
 
-/// How long a request or answer is in all, once its head is there.
+/// Total length of a request or response with a complete head.
 fn whole_length(bytes: &[u8]) -> Option<usize> {
     let head = head_length(bytes)?;
     let text = String::from_utf8_lossy(&bytes[..head]).to_ascii_lowercase();
@@ -158,7 +158,7 @@ fn whole_length(bytes: &[u8]) -> Option<usize> {
     Some(length.unwrap_or(0_usize).saturating_add(head))
 }
 
-/// Sends an answer and closes; a client that has gone is nobody's concern.
+/// Sends a response and closes the connection; a client that has disconnected is ignored.
 pub(crate) fn answer(mut stream: &TcpStream, answer: &Answer) {
     let Answer { status, kind, body } = answer;
     let head = format!(
@@ -179,7 +179,7 @@ mod tests {
 
     use super::*;
 
-    /// The status of the answer to a request, or the path behind the token.
+    /// Status of the response to a request, or the path after the token.
     fn asked(request: &str) -> Result<String, String> {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn only_our_own_page_is_let_in() {
+    fn only_the_servers_page_is_admitted() {
         let host = "Host: 127.0.0.1:80\r\n";
         let own = "Origin: http://127.0.0.1:80\r\n";
         let long = "x".repeat(LONGEST);

@@ -1,5 +1,4 @@
-//! `swerve view`: a run in the report's player while it goes on, at an address of this machine that only who knows its
-//! token can open.
+//! `swerve view`: shows a run in progress in the report's player, at an address of this machine protected by a token.
 
 mod drive;
 mod foxglove;
@@ -32,33 +31,33 @@ use crate::show::{Begin, Show};
 /// `swerve view`.
 #[derive(clap::Args, Debug)]
 pub struct ViewArgs {
-    /// What is driven: a scenario; or a log, or the folder of a run, to be looked at
+    /// Scenario to run; or a log, or the folder of a run, to play back
     #[command(flatten)]
     input: RunInput,
-    /// Drive a vehicle as `swerve live` does, by the configuration in SCENARIO's place, and show it; watch only
+    /// Drive a vehicle as `swerve live` does, with the configuration given as SCENARIO, and show it read-only
     #[arg(long, conflicts_with_all = ["config", "seed", "speed", "paused"])]
     live: bool,
-    /// Port on 127.0.0.1 [default: a free one]
+    /// Port on 127.0.0.1 [default: any free port]
     #[arg(long, default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Times real time, or max
+    /// Playback speed as a multiple of real time, or max
     #[arg(long, default_value = "1", value_parser = speed)]
     speed: Speed,
-    /// Wait for the page's start button
+    /// Wait for the start button of the page
     #[arg(long)]
     paused: bool,
-    /// Serve the run, or the log, for the Foxglove app too, at IP:PORT or a port of 127.0.0.1 [default: 127.0.0.1:8765]
+    /// Also serve the run or the log to the Foxglove app, at IP:PORT or a port of 127.0.0.1 [default: 127.0.0.1:8765]
     #[arg(
         long, value_name = "ADDR", num_args = 0..=1, default_missing_value = foxglove::USUAL,
         value_parser = foxglove::address
     )]
     foxglove: Option<SocketAddr>,
-    /// Print the address and open no browser
+    /// Print the address without opening a browser
     #[arg(long)]
     no_open: bool,
 }
 
-/// How fast virtual time is shown: times real time, none as fast as it comes.
+/// Multiple of real time at which virtual time is shown; `None` for as fast as possible.
 #[derive(Clone, Copy, Debug)]
 struct Speed(Option<f64>);
 
@@ -70,13 +69,13 @@ fn speed(text: &str) -> Result<Speed, String> {
     times.map(|times| Speed(Some(times))).ok_or_else(|| show::NO_SPEED.into())
 }
 
-/// What `metrics.json` would hold of a run.
+/// Function that returns the content of `metrics.json` for a run.
 pub type Summarise<'a> = &'a dyn Fn(&Config, &Scenario, &Outcome) -> anyhow::Result<String>;
 
-/// Runs `swerve view`, until it is interrupted.
+/// Runs `swerve view` until it is interrupted.
 ///
 /// # Errors
-/// What is to be shown cannot be read, or the port is taken.
+/// If the input cannot be read, or the port is in use.
 pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> anyhow::Result<()> {
     let show = if args.live { Show::of_vehicle() } else { Show::new(args.speed.0, args.paused) };
     let show = Arc::new(show);
@@ -106,10 +105,10 @@ pub fn run(args: &ViewArgs, registry: &Registry, summarise: Summarise<'_>) -> an
     let address = Server::start(args.port, Arc::clone(&show), drives.then(|| Arc::clone(&begins)))?;
     let lines = [Some(address.clone()), foxglove].into_iter().flatten().map(|line| line + "\n");
     print(&lines.collect::<String>())?;
-    // Until the end: a browser may take its time.
+    // Kept until the end: a browser may start slowly.
     let _page = if args.no_open { None } else { open::in_browser(&address) };
     if args.live {
-        // Ctrl-C is the drive's: it stops the car.
+        // Ctrl-C is handled by the drive: it stops the car.
         return vehicle::drive(&args.input, registry, &show, streams);
     }
     if drives {

@@ -1,5 +1,5 @@
-//! What cameras and lidars saw last, small enough for a page: what comes while nobody has taken the one before is
-//! dropped and counted, and costs nothing.
+//! Latest camera and lidar data, reduced for a page. Data that arrives before the previous item was fetched is dropped
+//! and counted, at no cost.
 
 use std::collections::BTreeMap;
 
@@ -8,27 +8,27 @@ use swerve_core::Time;
 use swerve_geom::{Ego, Lidar, Point, Transform};
 use swerve_msg::PointCloud;
 
-/// Points of a cloud that a page draws, at most.
+/// Maximum number of points of a cloud drawn by a page.
 const POINTS: usize = 1500;
-/// What stands on the ground and is no bridge, metres above it.
+/// Heights above ground of points on obstacles but not on bridges, metres.
 const HEIGHTS_M: core::ops::Range<f64> = 0.3..3.0;
 
-/// What a sensor saw.
+/// Data of a sensor.
 #[derive(Clone, PartialEq, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Sight {
-    /// An image, as an address that holds it.
+    /// An image as a data URL.
     Photo(String),
-    /// Places from above: ahead of the ego's origin and to the left, centimetres, one after the other.
+    /// Top view positions: forward and to the left of the ego's origin, centimetres, alternating.
     Points(Vec<i32>),
 }
 
 #[derive(Clone, PartialEq, Debug, Serialize)]
 struct Look {
     stream: String,
-    /// Microseconds.
+    /// Stamp, microseconds.
     t: i64,
-    /// How many there were that no page has seen.
+    /// Number of items that no page has fetched.
     dropped: u64,
     #[serde(flatten)]
     sight: Sight,
@@ -36,26 +36,26 @@ struct Look {
     is_taken: bool,
 }
 
-/// The newest of each stream.
+/// The newest item of each stream.
 #[derive(Default)]
 pub(crate) struct Looks(BTreeMap<String, Look>);
 
 impl Looks {
-    /// Whether a page waits for the next one of a stream; where none does, one more is dropped.
+    /// True if a page waits for the next item of a stream; otherwise counts one as dropped.
     pub(crate) fn wants(&mut self, stream: &str) -> bool {
         let Some(last) = self.0.get_mut(stream).filter(|last| !last.is_taken) else { return true };
         last.dropped += 1;
         false
     }
 
-    /// Keeps a look for the pages.
+    /// Stores an item for the pages.
     pub(crate) fn keep(&mut self, stream: &str, stamp: Time, sight: Sight) {
         let dropped = self.0.get(stream).map_or(0, |last| last.dropped);
         let look = Look { stream: stream.into(), t: stamp.ns() / 1000, dropped, sight, is_taken: false };
         self.0.insert(stream.to_owned(), look);
     }
 
-    /// Those that were made after an instant, microseconds, as JSON.
+    /// Items newer than an instant, microseconds, as JSON.
     pub(crate) fn since(&mut self, looked: i64) -> serde_json::Value {
         let newer = self.0.values_mut().filter(|look| look.t > looked);
         let taken = newer.map(|look| {
@@ -66,7 +66,7 @@ impl Looks {
     }
 }
 
-/// A cloud from above, thinned out.
+/// Thinned top view of a point cloud.
 pub(crate) fn from_above(cloud: &PointCloud, ego_from_lidar: Transform<Ego, Lidar>) -> Sight {
     let place = |k: usize| {
         let [x, y, z] = cloud.get(k)?.place_m.map(f64::from);
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_nobody_took_is_kept_and_the_next_ones_are_counted() {
+    fn unfetched_item_is_kept_and_later_ones_are_counted() {
         let mut looks = Looks::default();
         let photo = |text: &str| Sight::Photo(text.into());
         assert!(looks.wants("eye"));
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cloud_from_above_is_what_stands_on_the_ground() {
+    fn top_view_of_a_cloud_shows_obstacles_on_the_ground() {
         let mut cloud = PointCloud::default();
         for (x, z) in [(10.0, -1.9), (10.0, -1.0), (12.0, 0.0), (20.0, 9.0)] {
             let place_m = [x, -2.0, z];

@@ -1,4 +1,4 @@
-//! The browser, opened without a secret in its arguments: other users read those in /proc.
+//! Opens the browser without a secret in its arguments, which other users can read in /proc.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -7,13 +7,13 @@ use std::process::{Command, Stdio};
 
 use swerve_report::output::tell;
 
-/// A page, readable by its user alone, that leads a browser to an address. Removed when dropped.
+/// A page that redirects a browser to an address, readable only by its user. Removed when dropped.
 pub(crate) struct Redirect {
     folder: PathBuf,
 }
 
 impl Redirect {
-    /// Writes the page into a new folder, which only the user may enter, within `within`.
+    /// Writes the page into a new private folder inside `within`.
     fn create(within: &Path, address: &str) -> std::io::Result<Self> {
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(std::io::Error::other)?;
@@ -45,8 +45,8 @@ impl Drop for Redirect {
     }
 }
 
-/// Opens a browser at an address, where there is a screen. The address is in a file, which exists until the returned
-/// value is dropped.
+/// Opens a browser at an address if there is a display. The address is in a file that exists until the returned value
+/// is dropped.
 pub(crate) fn in_browser(address: &str) -> Option<Redirect> {
     let has_screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     if !has_screen {

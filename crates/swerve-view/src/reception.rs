@@ -1,4 +1,4 @@
-//! The requests of a listener's connections, read by one thread that waits for none of them.
+//! Reads the requests of a listener's connections in one thread without blocking on any of them.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -9,13 +9,13 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::http::{Answer, Incoming, PATIENCE, answer};
 
-/// Connections at a time whose request is incomplete. Each takes a descriptor and at most [`LONGEST`] bytes.
+/// Maximum number of connections with an incomplete request. Each uses a descriptor and at most [`LONGEST`] bytes.
 ///
 /// [`LONGEST`]: crate::http::LONGEST
 const INCOMPLETE_MAX: usize = 256;
-/// Connections that are accepted before the others are read again.
+/// Number of connections accepted before the others are read again.
 const ACCEPTED_MAX: usize = 16;
-/// Pause while the process has no descriptor left.
+/// Pause while the process has no free descriptor.
 const SCARCE: Duration = Duration::from_millis(100);
 
 /// A connection whose request is incomplete.
@@ -25,10 +25,10 @@ struct Connection {
     since: Instant,
 }
 
-/// Reads requests for ever and hands each to `take` as soon as it is complete, with its connection.
+/// Reads requests forever and passes each complete one to `take` with its connection.
 ///
-/// A connection is closed [`PATIENCE`] after its beginning if its request is incomplete by then, or earlier as the oldest
-/// of [`INCOMPLETE_MAX`] when another one is accepted: idle connections keep nobody out.
+/// A connection with an incomplete request is closed [`PATIENCE`] after its start, or earlier as the oldest of
+/// [`INCOMPLETE_MAX`] when another one is accepted, so that idle connections block nobody.
 pub(crate) fn receive(listener: &TcpListener, mut take: impl FnMut(TcpStream, Vec<u8>)) -> io::Result<()> {
     listener.set_nonblocking(true)?;
     let mut connections = VecDeque::new();
@@ -44,7 +44,7 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Waits for a client; gives of each connection whether it can be read.
+/// Waits for a client; returns for each connection true if it is readable.
 fn wait(listener: &TcpListener, connections: &VecDeque<Connection>) -> Vec<bool> {
     let mut all: Vec<PollFd<'_>> =
         connections.iter().map(|connection| PollFd::new(&connection.stream, PollFlags::IN)).collect();
@@ -57,7 +57,7 @@ fn wait(listener: &TcpListener, connections: &VecDeque<Connection>) -> Vec<bool>
     all[..connections.len()].iter().map(|one| !one.revents().is_empty()).collect()
 }
 
-/// Reads what has arrived; gives the connections whose request is still incomplete.
+/// Reads available data; returns the connections whose requests are still incomplete.
 fn read(
     connections: VecDeque<Connection>,
     is_readable: &[bool],
@@ -76,7 +76,7 @@ fn read(
     incomplete
 }
 
-/// Accepts some connections; the oldest incomplete ones make room.
+/// Accepts some connections, closing the oldest incomplete ones if needed.
 fn accept(listener: &TcpListener, connections: &mut VecDeque<Connection>) {
     for accepted in 0..ACCEPTED_MAX {
         match listener.accept() {
@@ -87,7 +87,7 @@ fn accept(listener: &TcpListener, connections: &mut VecDeque<Connection>) {
                 }
             }
             Err(error) if error.kind() == ErrorKind::WouldBlock => return,
-            // A client that has gone, or no descriptor is left: those that were accepted are read first.
+            // The client has gone or there is no free descriptor: the accepted connections are read first.
             Err(_) if accepted > 0 => return,
             Err(_) if connections.pop_front().is_some() => {}
             Err(_) => {
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn oldest_idle_connection_makes_room_for_a_new_one() {
+    fn oldest_idle_connection_is_closed_for_a_new_one() {
         let (at, requests) = received();
         let mut idle: Vec<TcpStream> = (0..INCOMPLETE_MAX).map(|_| connect(at)).collect();
         let mut new = connect(at);
@@ -130,13 +130,13 @@ mod tests {
         let begun = now();
         assert_eq!(idle[0].read(&mut [0; 64]).unwrap(), 0, "the oldest is closed without an answer");
         assert!(begun.elapsed() < PATIENCE / 2);
-        // The youngest still can send its request.
+        // The youngest one can still send its request.
         idle[INCOMPLETE_MAX - 1].write_all(b"GET /late HTTP/1.1\r\n\r\n").unwrap();
         assert!(requests.recv_timeout(2 * PATIENCE).unwrap().starts_with(b"GET /late"));
     }
 
     #[test]
-    fn connection_that_sends_a_byte_now_and_then_is_closed_in_time() {
+    fn slowly_sending_connection_is_closed_in_time() {
         let (at, requests) = received();
         let mut slow = connect(at);
         let begun = now();

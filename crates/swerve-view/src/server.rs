@@ -1,4 +1,4 @@
-//! The server: a thread for each request that has the token, few at a time.
+//! The server: one thread per request with the token, up to a limit.
 
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
@@ -12,24 +12,24 @@ use crate::http::{Answer, Door, Request, answer};
 use crate::reception::receive;
 use crate::show::{Ask, Show};
 
-/// Requests that are answered at a time.
+/// Maximum number of simultaneous requests.
 const MOST: usize = 32;
 
 pub(crate) struct Server {
     door: Door,
     show: Arc<Show>,
-    /// What runs are begun with, where there are any.
+    /// Start parameters of runs, if runs can be started.
     begins: Option<Arc<Begins>>,
     open: AtomicUsize,
 }
 
 impl Server {
-    /// Begins to serve and gives the address.
+    /// Starts serving and returns the address.
     pub(crate) fn start(port: u16, show: Arc<Show>, begins: Option<Arc<Begins>>) -> anyhow::Result<String> {
         let taken = || format!("port {port} of 127.0.0.1");
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).with_context(taken)?;
         let host = format!("127.0.0.1:{}", listener.local_addr()?.port());
-        // Nothing of a run depends on these bytes.
+        // No run depends on these bytes.
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(|error| anyhow::anyhow!("a random token: {error}"))?;
         let token = format!("{:032x}", u128::from_le_bytes(random));
@@ -40,7 +40,7 @@ impl Server {
         Ok(address)
     }
 
-    /// Answers requests. Refusals are short enough for a connection to take them at once.
+    /// Answers requests. Refusals are short enough to be sent without blocking.
     fn listen(self: &Arc<Self>, listener: &TcpListener) -> std::io::Result<()> {
         receive(listener, |stream, bytes| match self.door.admit(&bytes) {
             Err(refusal) => answer(&stream, &refusal),
@@ -59,7 +59,7 @@ impl Server {
     }
 
     fn answer(&self, request: &Request) -> Answer {
-        // A page's request has one line.
+        // A page's request has one line, so line numbers are omitted.
         let bad = |problem: Problem| {
             Answer::refusal("400 Bad Request", Problem { line: None, ..problem }.to_string())
         };
@@ -81,7 +81,7 @@ impl Server {
         }
     }
 
-    /// Whether a run can be begun as a page asks: a slip in what is set ends no run that is watched.
+    /// Checks that a requested run can be started, so that an invalid setting does not end the current run.
     fn check(&self, ask: &Ask) -> Result<(), String> {
         let (Ask::Restart(with), Some(begins)) = (ask, &self.begins) else { return Ok(()) };
         begins.check(with).map_err(|error| format!("{error:#}"))
@@ -92,7 +92,7 @@ fn not_found() -> Answer {
     Answer::refusal("404 Not Found", "there is no such page")
 }
 
-/// Percent-encoding undone (RFC 3986, section 2.1).
+/// Decodes percent-encoding (RFC 3986, section 2.1).
 fn decoded(text: &str) -> String {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let [first, after @ ..] = rest {
@@ -109,7 +109,7 @@ fn decoded(text: &str) -> String {
 pub(crate) mod tests {
     use super::*;
 
-    /// What the server of a run answers to what its page asks for.
+    /// Server's response to a request of its page.
     pub(crate) fn post(show: &Arc<Show>, begins: &Arc<Begins>, body: &str) -> String {
         let door = Door { host: String::new(), token: String::new() };
         let (show, begins) = (Arc::clone(show), Some(Arc::clone(begins)));

@@ -1,4 +1,4 @@
-//! What the run, the server and Ctrl-C share: the run as far as it goes, and what is asked of it.
+//! State shared by the run, the server and Ctrl-C: the run so far, and requests for it.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
@@ -14,47 +14,47 @@ use crate::looks::{Looks, Sight};
 use crate::wheel::{Held, Wheel};
 
 pub(crate) const NO_SPEED: &str = "expected a number from 0.01 to 1000, or max";
-/// How long a page that has everything waits for more.
+/// Time that a page without new data to fetch waits.
 const WAIT: Duration = Duration::from_millis(500);
 
 pub(crate) fn is_speed(times: f64) -> bool {
     (0.01..=1000.0).contains(&times)
 }
 
-/// What a page may ask for.
+/// A request of a page.
 #[derive(Deserialize, Debug)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Ask {
-    /// Go on.
+    /// Continue.
     Go,
-    /// Hold at the next frame.
+    /// Pause at the next frame.
     Pause,
-    /// Go on to the next frame and hold.
+    /// Continue to the next frame and pause.
     Step,
-    /// Times real time; none as fast as it comes.
+    /// Set the multiple of real time; `None` for as fast as possible.
     Speed { speed: Option<f64> },
-    /// Begin again, as told on top of the command line.
+    /// Restart with these parameters on top of the command line.
     Restart(Begin),
-    /// Pedals and steering, in a run that is driven by hand.
+    /// Pedals and steering in a manually driven run.
     Hold(Held),
 }
 
-/// What a run is begun with.
+/// Start parameters of a run.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Begin {
-    /// In the place of the command line's.
+    /// Seed in place of the command line's.
     pub(crate) seed: Option<i64>,
     /// Keys of the configuration or the scenario on top of the command line's, as `KEY=VALUE`.
     pub(crate) set: Vec<String>,
-    /// Whether a person drives in the place of the controller.
+    /// True if a person drives in place of the controller.
     pub(crate) by_hand: bool,
-    /// Seconds of the run before that are driven again as they were, with its seed and the keys that it had too; what is set
-    /// now drives from there on.
+    /// Seconds of the previous run that are repeated unchanged, with its seed and keys; the new settings apply from
+    /// there on.
     pub(crate) from_s: Option<f64>,
 }
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Default, Serialize)]
 pub(crate) struct Over {
     pub(crate) verdict: Option<String>,
@@ -64,44 +64,44 @@ pub(crate) struct Over {
 
 #[derive(Default)]
 struct State {
-    /// The how manieth run it is.
+    /// Number of the run.
     run: u64,
     page: String,
     whole: Option<String>,
     report: Option<RunReport>,
     looks: Looks,
-    /// Where a person drives it.
+    /// Manual controls, if a person drives.
     wheel: Option<Wheel>,
     over: Option<Over>,
     holds: bool,
     steps: u32,
     speed: Option<f64>,
-    /// Before this instant it goes as the run before did, and is held back by nothing.
+    /// Instant until which the run repeats the previous one, without pacing.
     from: Option<Time>,
-    /// The real and the virtual instant from which on it keeps time.
+    /// Real and virtual instant from which on the run is paced.
     since: Option<(Instant, Time)>,
     stop: Option<StopHandle>,
     next: Option<Begin>,
     quits: bool,
-    /// Whether it is a vehicle that is shown: nothing can be asked of it.
+    /// True if a vehicle is shown: no requests are accepted.
     watch_only: bool,
 }
 
-/// The run that is shown.
+/// The run shown.
 #[derive(Default)]
 pub(crate) struct Show {
     state: Mutex<State>,
     changed: Condvar,
-    /// Events that the page of a vehicle lacks.
+    /// Number of events missing from the page of a vehicle.
     missed: AtomicU64,
 }
 
-/// What a page has.
+/// State of a page.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub(crate) struct Has {
     #[serde(flatten)]
     have: Have,
-    /// The instant of the newest look, microseconds.
+    /// Stamp of the newest sensor item, microseconds; -1 for none.
     #[serde(default = "before")]
     looked: i64,
 }
@@ -123,7 +123,7 @@ struct Told<'a> {
 }
 
 impl Begin {
-    /// Where the run begins to be new.
+    /// Instant from which on the run differs.
     pub(crate) fn from(&self) -> Option<Time> {
         self.from_s.map(|from_s| Time::ZERO + Span::from_secs(from_s))
     }
@@ -134,7 +134,7 @@ impl Show {
         Self { state: Mutex::new(State { speed, holds, ..State::default() }), ..Self::default() }
     }
 
-    /// Of a vehicle: nothing holds it back and nothing can be asked of it.
+    /// State for a vehicle: no pacing and no requests.
     pub(crate) fn of_vehicle() -> Self {
         Self { state: Mutex::new(State { watch_only: true, ..State::default() }), ..Self::default() }
     }
@@ -143,12 +143,12 @@ impl Show {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A page that stays as it is.
+    /// Sets a static page.
     pub(crate) fn set_page(&self, page: String) {
         self.state().page = page;
     }
 
-    /// The number and the speed of the run that is about to begin.
+    /// Number and speed of the next run.
     pub(crate) fn upcoming(&self) -> (u64, Option<f64>) {
         let state = self.state();
         (state.run + 1, state.speed)
@@ -163,7 +163,7 @@ impl Show {
         from: Option<Time>,
     ) {
         let mut state = self.state();
-        // What is asked for before the run has begun stops it too.
+        // A request that arrives before the run has started stops it too.
         if let Some(stop) = stop.as_ref().filter(|_| state.quits || state.next.is_some()) {
             stop.stop();
         }
@@ -186,12 +186,12 @@ impl Show {
         self.changed.notify_all();
     }
 
-    /// Changes what is known of the run.
+    /// Modifies the report of the run.
     pub(crate) fn with_report<T>(&self, act: impl FnOnce(&mut RunReport) -> T) -> Option<T> {
         self.state().report.as_mut().map(act)
     }
 
-    /// Takes in what happens without ever waiting: what comes while a page is being written is left out of the page.
+    /// Adds an event without ever waiting: events during the writing of a page are left out of the page.
     pub(crate) fn glimpse(&self, event: &Event<'_>) {
         let mut state = match self.state.try_lock() {
             Ok(state) => state,
@@ -206,12 +206,12 @@ impl Show {
         }
     }
 
-    /// How many events the page lacks.
+    /// Number of events missing from the page.
     pub(crate) fn missed(&self) -> u64 {
         self.missed.load(Ordering::Relaxed)
     }
 
-    /// Takes in what a sensor saw, if a page waits for it.
+    /// Adds sensor data if a page waits for it.
     pub(crate) fn look(&self, stream: &str, stamp: Time, make: impl FnOnce() -> Option<Sight>) {
         let wanted = self.state().looks.wants(stream);
         if let Some(sight) = wanted.then(make).flatten() {
@@ -219,8 +219,8 @@ impl Show {
         }
     }
 
-    /// Lets the run go on from a frame when it is due, by the real clock and by what the page asks for. Nothing of
-    /// the run depends on how long that takes.
+    /// Delays the run at a frame until it is due, by the wall clock and the page's requests. The run does not depend on
+    /// the delay.
     #[expect(
         clippy::disallowed_methods,
         reason = "a person watches in real time; the run depends on none of it"
@@ -261,7 +261,7 @@ impl Show {
         self.changed.notify_all();
     }
 
-    /// What to begin with next; none where it is over.
+    /// Start parameters of the next run; `None` at the end.
     pub(crate) fn next(&self) -> Option<Begin> {
         let mut state = self.state();
         while !state.quits && state.next.is_none() {
@@ -287,7 +287,7 @@ impl Show {
         self.changed.notify_all();
     }
 
-    /// The page, as soon as there is one.
+    /// Page, once there is one.
     pub(crate) fn page(&self) -> String {
         let none_yet = |state: &mut State| state.page.is_empty() && !state.quits;
         let waited = self.changed.wait_while(self.state(), none_yet);
@@ -298,7 +298,7 @@ impl Show {
         self.state().whole.clone()
     }
 
-    /// Does what a page asks for; a restart has been checked.
+    /// Executes a request of a page; a restart has been checked before.
     pub(crate) fn ask(&self, ask: Ask) -> Result<(), &'static str> {
         if self.state().watch_only {
             return Err("this drive is only watched");
@@ -327,7 +327,7 @@ impl Show {
         Ok(())
     }
 
-    /// The rows that a page does not have, as JSON; waits a little where there are none.
+    /// Rows missing from a page, as JSON; waits for a short time if there are none.
     pub(crate) fn rows(&self, Has { have, looked }: &Has) -> String {
         let state = self.state();
         let nothing_new = |state: &mut State| {

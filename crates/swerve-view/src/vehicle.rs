@@ -1,4 +1,4 @@
-//! A vehicle that is driven by `swerve live`, shown: it is watched, and nothing here can command it.
+//! Read-only view of a vehicle driven by `swerve live`.
 
 use swerve_drive::RunInput;
 use swerve_drive::page::RunReport;
@@ -13,10 +13,10 @@ use crate::drive::live_page;
 use crate::foxglove::{Shown, Streams};
 use crate::show::Show;
 
-/// Drives by a configuration as `swerve live` does, and shows it.
+/// Drives with a configuration as `swerve live` does, and shows it.
 ///
 /// # Errors
-/// As [`run_before`].
+/// Same as [`run_before`].
 pub(crate) fn drive(
     input: &RunInput,
     registry: &Registry,
@@ -70,7 +70,7 @@ mod tests {
     use crate::show::Ask;
 
     #[test]
-    fn nothing_can_be_asked_of_a_vehicle() {
+    fn vehicle_view_accepts_no_requests() {
         let show = Show::of_vehicle();
         for ask in
             [Ask::Go, Ask::Pause, Ask::Step, Ask::Speed { speed: None }, Ask::Restart(Default::default())]

@@ -1,13 +1,13 @@
-//! A run that is driven by hand: what a page asks of pedals and steering, in the place of the controller.
+//! Manually driven run: pedals and steering from the page in place of the controller.
 
 use swerve_msg::Command;
 use swerve_stack::agent::Seat;
 use swerve_vehicle::Kinematic;
 
-/// Pedals and steering as a person has them.
+/// Positions of pedals and steering.
 #[derive(Clone, Copy, PartialEq, Debug, serde::Deserialize)]
 pub(crate) struct Held {
-    /// -1 (as far to the right as the speed allows) to 1 (to the left).
+    /// -1 (right limit at this speed) to 1 (left limit).
     pub(crate) steering: f64,
     /// 0 to 1.
     pub(crate) throttle: f64,
@@ -15,22 +15,22 @@ pub(crate) struct Held {
     pub(crate) brake: f64,
 }
 
-/// The driver's place in a run.
+/// Manual controls of a run.
 pub(crate) struct Wheel {
     seat: Seat<Command>,
     car: Kinematic,
-    /// How fast it goes, m/s.
+    /// Speed, m/s.
     pub(crate) speed_mps: f64,
 }
 
 impl Wheel {
-    /// Nothing is held yet: the car rolls.
+    /// Creates the controls with nothing pressed: the car coasts.
     pub(crate) fn new(seat: Seat<Command>, car: Kinematic) -> Self {
         seat.set(Command::default());
         Self { seat, car, speed_mps: 0.0 }
     }
 
-    /// Asks the car for what is held; all the way over is what it can take at its speed.
+    /// Commands the car; full steering is the limit at its speed.
     pub(crate) fn hold(&self, held: Held) -> Result<(), &'static str> {
         let Held { steering, throttle, brake } = held;
         if !((-1.0..=1.0).contains(&steering) && [throttle, brake].iter().all(|x| (0.0..=1.0).contains(x))) {

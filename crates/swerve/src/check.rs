@@ -1,4 +1,4 @@
-//! `swerve check`: every problem of every file at once, without running anything.
+//! `swerve check`: reports all problems of all files at once, without running anything.
 
 use std::path::{Path, PathBuf};
 
@@ -17,17 +17,17 @@ use swerve_text::{Document, Problems};
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CheckArgs {
-    /// Files, or folders of them [default: scenarios and configs]
+    /// Files or folders to check [default: scenarios and configs]
     paths: Vec<PathBuf>,
 }
 
-/// What is checked where nothing is named.
+/// Folders checked by default.
 const FOLDERS: [&str; 2] = ["scenarios", "configs"];
 
-/// Files of a package that are nobody's configuration.
+/// Cargo files of a package, which are not configurations.
 const CARGOS: [&str; 2] = ["Cargo.toml", "rust-toolchain.toml"];
 
-/// What could be checked in a folder without these.
+/// Suggests a command for a folder without these.
 fn hint() -> String {
     let entries = std::fs::read_dir(".").into_iter().flatten().flatten().map(|entry| entry.file_name());
     let names = entries.map(|name| name.to_string_lossy().into_owned());
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     }
     let mut faults = Vec::new();
     for file in &files {
-        // A study tells what is wrong with its scenario and its configuration, which may be among the files.
+        // A study repeats the problems of its scenario and configuration, which may be among the files.
         let new: Vec<String> = problems(registry, file).into_iter().filter(|p| !faults.contains(p)).collect();
         faults.extend(new);
     }
@@ -88,8 +88,8 @@ pub(crate) fn run(args: &CheckArgs, registry: &Registry) -> anyhow::Result<()> {
     bail!("{} in {files}", counted(faults.len(), "problem"))
 }
 
-/// Whether a file of a folder is somebody else's, such as a manifest of Cargo: none of its tables and values has a name
-/// of ours.
+/// True if a file of a folder belongs to another program, such as a Cargo manifest: none of its tables and values has a
+/// name known to Swerve.
 fn is_foreign(path: &Path) -> bool {
     const OURS: [&str; 6] = ["road", "expect", "actor", "base", "axis", "span_ms"];
     let Ok(document) = Document::read(path) else { return false };
@@ -103,7 +103,7 @@ fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") }
 }
 
-/// What kind of file this is shows in its top-level keys.
+/// Detects the kind of a file from its top-level keys and returns its problems.
 fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     let document = match Document::read(path) {
         Ok(document) => document,
@@ -114,7 +114,7 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
     if has("road") || has("expect") || has("actor") {
         match swerve_drive::read_scenario(path) {
             Ok(scenario) => {
-                // No problem: it is taken as ever.
+                // Not a problem: old names of verdicts are still accepted.
                 let old = scenario.old_verdicts();
                 old.iter().for_each(|old| tell(&format!("note: {}: {old}", path.display())));
                 Vec::new()
@@ -152,7 +152,7 @@ fn list_programs(path: &Path, programs: impl IntoIterator<Item = String>) {
     programs.into_iter().for_each(|program| tell(&format!("note: {}: {program}", path.display())));
 }
 
-/// What asks for an adapter that is not there.
+/// Reports the keys that request a missing graphics adapter.
 fn no_adapter(document: &Document, config: &Config) -> Problems {
     let rendering = config.render.backend.in_virtual_time().adapter();
     let mut asked: Vec<_> = rendering.map(|kind| ("render.backend".to_owned(), kind)).into_iter().collect();

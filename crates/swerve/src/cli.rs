@@ -11,7 +11,7 @@ use swerve_reference::{keys, operators};
 
 use crate::{Summary, check, doctor, look, new, plan, replay, run, shell};
 
-/// Drives a whole autonomous-driving stack in a simulated world in which every component's run time counts.
+/// Runs a whole autonomous-driving stack in a simulated world in which every component's run time counts.
 #[derive(Parser, Debug)]
 #[command(name = "swerve", version, about, arg_required_else_help = true)]
 pub struct Cli {
@@ -21,67 +21,67 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Drive a scenario: verdict, metrics, pictures, log
+    /// Run a scenario: verdict, metrics, pictures, log
     Run(run::RunArgs),
-    /// Drive a scenario before one's eyes: the report's player in a browser, live; or look at a log in it
+    /// Watch a run live in the browser, or play back a log
     View(swerve_view::ViewArgs),
-    /// Drive a vehicle over ROS 2's topics
+    /// Drive a vehicle over ROS 2 topics
     Live(swerve_live::LiveArgs),
-    /// Vary a run along axes over configuration keys and seeds
+    /// Run a scenario many times, varying configuration keys and seeds along axes
     Study(swerve_study::StudyArgs),
-    /// Drive scenarios with several seeds each: how many drives are as they expect
+    /// Run scenarios with several seeds each and count the runs with the expected result
     Suite(suite::SuiteArgs),
-    /// Say why a logged drive ended so: from the instant an actor was first visible to the car's answer
+    /// Explain the end of a logged run: from the instant an actor was first visible to the car's response
     Why(why::WhyArgs),
-    /// Make the page of a run or a study from its folder, or of two beside each other
+    /// Write the HTML report of a run or a study, or a comparison of two
     Report(report::ReportArgs),
-    /// Compute a log's streams again and compare, or compute what other settings would have given
+    /// Recompute a log's streams and compare them, or recompute them with other settings
     Replay(replay::ReplayArgs),
-    /// List the kinds of operators that a configuration can name, or show one of them
+    /// List the operator kinds available to a configuration, or show one
     Operators(operators::OperatorsArgs),
-    /// List the keys of a configuration: type, default, unit, range, values, what for
+    /// List the configuration keys: type, default, unit, range, values, description
     Keys(keys::KeysArgs),
     /// Print the dataflow of a configuration
     Graph(graph::GraphArgs),
-    /// Run a pipeline of black boxes: response times, drops, misses, utilisation
+    /// Simulate a pipeline of timing models: response times, drops, misses, utilisation
     Timing(swerve_timing::TimingArgs),
-    /// Solve the planning problems of a file with a planner
+    /// Solve the planning problems of a file with one planner
     Plan(plan::PlanArgs),
     /// Check scenario, configuration, study and timing files without running them
     Check(check::CheckArgs),
-    /// Measure what the planners cost on this host, or fit an emulated detector, and freeze that in a configuration
+    /// Measure the planners' run times on this host, or fit an emulated detector, and store that in a configuration
     Calibrate(calibrate::CalibrateArgs),
-    /// Make labelled images and point clouds of scenarios in the formats of KITTI and COCO
+    /// Write labelled images and point clouds of scenarios in KITTI and COCO format
     Dataset(dataset::DatasetArgs),
-    /// Measure what a detector or a tracker reports against the truth
+    /// Evaluate a detector or a tracker against ground truth
     Eval(evaluate::EvalArgs),
-    /// Make a map of what stands along a road, and find a lidar by it
+    /// Build a lidar map of a road, and localize a lidar in it
     Map(map::MapArgs),
-    /// Make tracks of a file of detections
+    /// Track the detections of a file
     Track(track::TrackArgs),
-    /// Learn what perception is shipped with from simulated drives
+    /// Train the built-in perception models on simulated drives
     Train(train::TrainArgs),
-    /// Find objects in images: boxes, as a table, JSON or pictures
+    /// Detect objects, lanes, signs, lamps or depth in images; print a table or JSON, or draw pictures
     Look(look::LookArgs),
-    /// Show what this machine has: graphics adapters, shared memory, and what will be used
+    /// Show what this machine offers (graphics adapters, shared memory) and what Swerve will use
     Doctor(doctor::DoctorArgs),
-    /// Make a folder to begin in: a scenario, a configuration, an operator of one's own, and what is what
+    /// Create a project folder: a scenario, a configuration, a custom operator and a README
     New(new::NewArgs),
-    /// List the scenarios of a folder, and those that are in the program
+    /// List the scenarios of a folder and the built-in ones
     Scenarios(scenarios::ScenariosArgs),
-    /// Print what makes a shell complete commands and options
+    /// Print the completion script of a shell
     Completions(shell::CompletionsArgs),
-    /// Write manual pages
+    /// Write the manual pages
     Man(shell::ManArgs),
-    /// Take steps for a run in another process, which starts this one
+    /// Step operators for a run in another process, which starts this one
     #[command(hide = true)]
     Worker,
-    /// Speak DDS for a run in another process, which starts this one
+    /// Run the DDS transport of a run in another process, which starts this one
     #[command(hide = true)]
     Transport,
 }
 
-/// Reads a command line, the program's name first; the error is what the terminal would show.
+/// Parses a command line, program name first. The error is the message for the terminal.
 pub fn parse<W: Into<OsString> + Clone>(words: impl IntoIterator<Item = W>) -> Result<Cli, clap::Error> {
     Cli::try_parse_from(words).map_err(|error| swerve_drive::suggest::visible(error, &Cli::command()))
 }

@@ -1,4 +1,4 @@
-//! `swerve doctor`: what this machine offers, and what will be used of it.
+//! `swerve doctor`: what this machine offers, and what Swerve will use.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ fn line(name: &str, value: &str) -> String {
     format!("{name:<15}{value}").trim_end().to_owned()
 }
 
-/// What images can be rendered by, and what will be used where.
+/// Reports the rendering back ends and which one is used where.
 fn rendering(adapters: &Adapters) -> Vec<String> {
     let mut lines = vec![line(
         "rendering",
@@ -56,7 +56,7 @@ fn rendering(adapters: &Adapters) -> Vec<String> {
     lines
 }
 
-/// Where processes of one run share images.
+/// Reports the folder in which the processes of one run share images.
 fn shared_memory(folder: &Path) -> String {
     match std::fs::metadata(folder) {
         Ok(at) if at.is_dir() => match swerve_ipc::writable(folder) {
@@ -67,7 +67,7 @@ fn shared_memory(folder: &Path) -> String {
     }
 }
 
-/// What runs that were killed left there.
+/// Reports shared files left by killed runs.
 fn left_behind(runs: usize) -> Option<String> {
     let runs = match runs {
         0 => return None,
@@ -100,14 +100,14 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_is_named_and_used() {
+    fn available_gpu_is_named_and_used() {
         let text = told(vec![adapter("Strong One", AdapterKind::Gpu, None)], &[]);
         assert!(text.contains("Strong One (vulkan, discrete): gpu"), "{text}");
         assert!(text.contains("wall clock, data sets: gpu, Strong One"), "{text}");
     }
 
     #[test]
-    fn without_one_the_reasons_are_told() {
+    fn missing_gpu_is_reported_with_reasons() {
         let found = vec![
             adapter("Broken", AdapterKind::Gpu, Some("parent device is lost")),
             adapter("llvmpipe", AdapterKind::Software, None),

@@ -1,4 +1,4 @@
-//! The command line: one module a command, but for those that are crates of their own.
+//! The command line: one module per command, except for commands in crates of their own.
 
 mod check;
 pub mod cli;
@@ -14,7 +14,7 @@ mod summary;
 pub use summary::Summary;
 pub use swerve_stack::Registry;
 
-/// The command line, with the operators of a registry: what a binary with operators of one's own calls.
+/// Entry point of the command line with the operators of a registry; called by binaries with custom operators.
 pub fn main(registry: Registry) -> std::process::ExitCode {
     swerve_gpu::turn_off_display_layer();
     let cli = cli::parse(std::env::args_os()).unwrap_or_else(|error| error.exit());

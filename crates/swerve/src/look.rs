@@ -1,4 +1,4 @@
-//! `swerve look`: what images show, without neural networks; one mode a file.
+//! `swerve look`: perception on images without neural networks, one file per mode.
 
 mod lamps;
 mod lanes;
@@ -18,43 +18,43 @@ use swerve_vision::lanes::Method;
 #[derive(clap::Args, Debug)]
 #[command(group = ArgGroup::new("mode").required(true).args(["detector", "lanes", "segmentation", "signs", "stereo", "traffic_light"]))]
 pub(crate) struct LookArgs {
-    /// Images (PNG, JPEG), or folders of them
+    /// Images (PNG, JPEG), or folders of images
     #[arg(required_unless_present = "stereo", conflicts_with = "stereo")]
     images: Vec<PathBuf>,
-    /// Find objects: the detector that is in the program, or a file of weights
+    /// Detect objects with the built-in detector of this name or with a file of weights
     #[arg(long, value_name = "NAME")]
     detector: Option<String>,
-    /// Find the lines of the ego's lane, in metres on the road; by ridges where no method is named
+    /// Find the lines of the ego lane, in metres on the road [default method: ridge]
     #[arg(long, value_name = "METHOD", num_args = 0..=1, require_equals = true, default_missing_value = "ridge", value_parser = method)]
     lanes: Option<Method>,
-    /// Label all pixels: by the weights that are in the program, or a file of them [default: street]
+    /// Label all pixels with the built-in weights of this name or with a file of weights [default: street]
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "street", requires = "fov")]
     segmentation: Option<String>,
-    /// Find stop signs and speed limits, and read these
+    /// Find stop signs and speed limits, and read the limits
     #[arg(long)]
     signs: bool,
-    /// Find the disparity of each pixel of the left one of a rectified pair
+    /// Compute the disparity of each pixel of the left image of a rectified pair
     #[arg(long, num_args = 2, value_names = ["LEFT", "RIGHT"], requires = "out")]
     stereo: Option<Vec<PathBuf>>,
-    /// Tell which lamp is lit in crops around the heads of traffic lights
+    /// Classify the lit lamp in crops around traffic light heads
     #[arg(long)]
     traffic_light: bool,
-    /// Way to use a detector, from fast to good [default: the last that the camera allows]
+    /// Detector rung, from fast to good [default: the last that the camera allows]
     #[arg(long, requires = "detector")]
     rung: Option<String>,
-    /// Leave out objects that are less likely
+    /// Minimum probability of the reported objects
     #[arg(long, value_name = "0..1", default_value_t = 0.5, allow_negative_numbers = true, value_parser = least)]
     least: f64,
-    /// Horizontal field of view, degrees: objects stand, and lines lie, on flat ground then
+    /// Horizontal field of view, degrees; objects and lines are placed on flat ground
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = fov)]
     fov: Option<f64>,
-    /// Of the camera above that ground, m
+    /// Height of the camera above the ground, m
     #[arg(long, value_name = "M", default_value_t = 1.35, allow_negative_numbers = true, value_parser = height)]
     height: f64,
-    /// By which the camera of --lanes looks down, degrees
+    /// Pitch of the camera of --lanes, degrees, positive downwards
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = pitch)]
     pitch: f64,
-    /// Calibration for --lanes instead of --fov, as OpenCV has it: fx,fy,cx,cy and the lens, k1,k2,p1,p2,k3
+    /// Calibration for --lanes in place of --fov, as in OpenCV: fx,fy,cx,cy and optionally the lens, k1,k2,p1,p2,k3
     #[arg(
         long,
         value_name = "PX,...",
@@ -63,16 +63,16 @@ pub(crate) struct LookArgs {
         conflicts_with = "fov"
     )]
     calibration: Vec<f64>,
-    /// Disparities to be looked for, a multiple of 16
+    /// Number of disparities searched, a multiple of 16
     #[arg(long, value_name = "N", default_value_t = 64)]
     disparities: usize,
-    /// Largest image that is read, millions of pixels; a detector needs about 120 bytes a pixel
+    /// Largest image accepted, millions of pixels; a detector needs about 120 bytes per pixel
     #[arg(long, value_name = "MP", default_value_t = MEGAPIXELS_MAX, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     megapixels: u32,
-    /// Print one JSON object an image
+    /// Print one JSON object per image
     #[arg(long)]
     json: bool,
-    /// Folder for the images with what was found drawn in; for --stereo, the file of disparities (PFM)
+    /// Folder for the annotated images; for --stereo, the file of disparities (PFM)
     #[arg(long, value_name = "PATH", conflicts_with = "traffic_light")]
     out: Option<PathBuf>,
     #[command(flatten)]

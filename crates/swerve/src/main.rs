@@ -1,4 +1,4 @@
-//! `swerve`: the command line with Swerve's own operators.
+//! `swerve`: the command line with the built-in operators.
 
 use std::process::ExitCode;
 

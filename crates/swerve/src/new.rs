@@ -1,4 +1,4 @@
-//! `swerve new`: a folder to begin in.
+//! `swerve new`: creates a project folder.
 
 use std::path::{Path, PathBuf};
 
@@ -10,11 +10,11 @@ use swerve_report::output::quoted;
 /// `swerve new`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct NewArgs {
-    /// The folder: one that is not there yet, or is empty
+    /// Folder to create; it must not exist or be empty
     folder: PathBuf,
 }
 
-/// What a new folder holds: every file of `template/`.
+/// Contents of a new folder: all files of `template/`.
 static TEMPLATE: &[Shipped] = shipped! { "../template":
     "README.md"
     "config.toml"
@@ -26,10 +26,10 @@ static TEMPLATE: &[Shipped] = shipped! { "../template":
     "src/slow_down.rs"
 };
 
-/// Makes the folder.
+/// Creates the folder.
 ///
 /// # Errors
-/// There is something in it already, or it cannot be written.
+/// If the folder is not empty or cannot be written.
 pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
     let folder = &args.folder;
     let making = || format!("making {}", folder.display());
@@ -59,13 +59,13 @@ pub(crate) fn run(args: &NewArgs) -> anyhow::Result<()> {
     ))
 }
 
-/// What a file of the template is called in a new folder: a manifest in this one would be taken for a package.
+/// Name of a template file in a new folder. A manifest named `Cargo.toml` in the template would be taken for a package.
 fn name(file: &Shipped) -> &'static str {
     if file.path == "package.toml" { "Cargo.toml" } else { file.path }
 }
 
-/// The crates of Swerve that the operator of the template needs: of the checkout that this program was made from, while
-/// that is there.
+/// Dependency lines for the template's operator: paths into the checkout that this program was built from, if it still
+/// exists.
 fn dependencies(checkout: Option<&Path>) -> String {
     const CRATES: [&str; 5] = ["swerve", "swerve-core", "swerve-flow", "swerve-msg", "swerve-stack"];
     let from = |name: &str| match checkout {
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_package_finds_swerve_in_a_checkout_or_says_what_to_set() {
+    fn package_dependencies_point_to_a_checkout_or_state_what_to_set() {
         let read = |text: String| text.parse::<toml::Table>().unwrap();
         let here = read(dependencies(Some(Path::new("/a b/crates"))));
         assert_eq!(here["swerve-flow"]["path"].as_str(), Some("/a b/crates/swerve-flow"));
@@ -97,14 +97,14 @@ mod tests {
     }
 
     #[test]
-    fn a_new_folder_builds_with_the_compiler_that_swerve_builds_with() {
+    fn new_folder_builds_with_the_compiler_of_swerve() {
         let channel = |text: &str| text.parse::<toml::Table>().unwrap()["toolchain"]["channel"].to_string();
         let ours = channel(include_str!("../../../rust-toolchain.toml"));
         assert_eq!(channel(include_str!("../template/rust-toolchain.toml")), ours);
     }
 
     #[test]
-    fn every_file_of_the_template_is_in_the_program() {
+    fn every_template_file_is_built_in() {
         fn files(folder: &Path, found: &mut Vec<PathBuf>) {
             for entry in std::fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();

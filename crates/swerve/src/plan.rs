@@ -1,8 +1,8 @@
-//! `swerve plan`: planners on posed problems, without a world around them.
+//! `swerve plan`: runs planners on posed problems, without a simulated world.
 //!
 //! A problem file is JSON: `configs` with named settings per planner, `problems` per planner (see
-//! [`swerve_pylot::posed`]); whatever else it holds is passed over. Every problem is solved with one of the
-//! configurations; out come a table or JSON, and a picture of each problem.
+//! [`swerve_pylot::posed`]); other keys are ignored. Every problem is solved with one of the configurations. The output
+//! is a table or JSON, and a picture of each problem.
 
 mod picture;
 mod read;
@@ -25,7 +25,7 @@ use swerve_report::page::{Figures, Page};
 pub use read::{Posed, read};
 pub use solve::{REPEATS, solve_all};
 
-/// Which planner is posed the problems.
+/// Planner that solves the problems.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 #[value(rename_all = "snake_case")]
 pub enum PosedPlanner {
@@ -38,7 +38,7 @@ pub enum PosedPlanner {
 }
 
 impl PosedPlanner {
-    /// As the file and the command line name it.
+    /// Name in problem files and on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Fot => "fot",
@@ -58,29 +58,29 @@ enum PresetName {
 /// `swerve plan`.
 #[derive(clap::Args, Debug)]
 pub struct PlanArgs {
-    /// Problem file (JSON), or the name of one that is in the program: detour
+    /// Problem file (JSON), or the name of a built-in one: detour
     file: PathBuf,
-    /// Which planner
+    /// Planner
     #[arg(long, value_enum)]
     planner: PosedPlanner,
-    /// Which entry of the file's `configs` for that planner, as planning.config names them: fast, slow
+    /// Entry of the file's `configs` for that planner, as in planning.config: fast, slow
     #[arg(long, value_name = "NAME", required_unless_present = "config")]
     planning_config: Option<String>,
-    /// What --planning-config was called once
+    /// Deprecated name of --planning-config
     #[arg(long, value_name = "NAME", hide = true, conflicts_with = "planning_config")]
     config: Option<String>,
-    /// Limits and behaviour of the original, or ours
+    /// Limits and behaviour: paper (the original's) or best (Swerve's)
     #[arg(long, value_enum, default_value = "best")]
     preset: PresetName,
     /// Print one JSON array and nothing else
     #[arg(long)]
     json: bool,
-    /// Draw a picture of each problem into this folder
+    /// Write a picture of each problem into this folder
     #[arg(long, value_name = "DIR", alias = "svg")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
     how: PictureArgs,
-    /// Write a page with the table and all pictures into this file
+    /// Write an HTML page with the table and all pictures to this file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -88,7 +88,7 @@ pub struct PlanArgs {
 }
 
 impl PlanArgs {
-    /// The entry of the file's `configs`.
+    /// Selected entry of the file's `configs`.
     fn entry(&self) -> &str {
         self.planning_config.as_ref().or(self.config.as_ref()).map_or("", String::as_str)
     }
@@ -97,9 +97,9 @@ impl PlanArgs {
 /// Runs `swerve plan`.
 ///
 /// # Errors
-/// When the file cannot be read or is no problem file (file and line), when it has no such configuration (the nearest
-/// name is offered) or no problem for the planner, when a number of a problem or of its settings is out of range (said
-/// after the others are solved and printed), or when a picture cannot be written.
+/// If the file cannot be read or is not a problem file (with file and line), if it has no such configuration (with the
+/// nearest name) or no problem for the planner, if a number of a problem or of its settings is out of range (reported
+/// after the other problems are solved and printed), or if a picture cannot be written.
 pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     let preset = match args.preset {
         PresetName::Paper => Preset::Paper,
@@ -142,7 +142,7 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
     }
 }
 
-/// A file name for a problem's picture, whatever characters its name has.
+/// File name of a problem's picture; characters unsafe in file names are replaced.
 fn picture_name(k: usize, id: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     format!("{k:03}_{}", id.chars().map(plain).collect::<String>())
@@ -186,7 +186,7 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
     lines.extend(solutions.iter().map(row));
     let mut times: Vec<f64> = solutions.iter().map(|s| s.time_ms).collect();
     times.sort_by(f64::total_cmp);
-    // The nearest rank.
+    // Nearest-rank percentile.
     let at = |share: f64| times[((times.len() as f64 * share).ceil() as usize).max(1) - 1];
     let found = solutions.iter().filter(|s| s.found).count();
     format!(

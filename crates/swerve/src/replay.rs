@@ -1,7 +1,7 @@
-//! `swerve replay`: a log's streams computed again from a cut on, compared byte for byte, or under other settings.
+//! `swerve replay`: recomputes a log's streams below a cut, to compare them byte for byte or under other settings.
 //!
-//! Open loop: the operators above the cut publish what the log holds, at the instants at which they did; the
-//! command edge has no reader that matters. Nothing but the log is read.
+//! Open loop: operators upstream of the cut publish the logged messages at their logged instants; recomputed commands
+//! have no effect. Only the log is read.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,25 +34,25 @@ use crate::run::stem;
 pub struct ReplayArgs {
     /// Log file (MCAP)
     log: PathBuf,
-    /// Fail unless every stream below the cut comes out as logged, byte for byte
+    /// Fail unless every stream below the cut is recomputed as logged, byte for byte
     #[arg(long)]
     verify: bool,
-    /// First operator that is computed again, with all that follow it [default: localization, else tracker; the first of a pipeline without]
+    /// First operator to recompute, with all after it [default: localization, else tracker, else the first operator]
     #[arg(long, value_name = "OPERATOR")]
     from: Option<String>,
-    /// Set a configuration key: what would have come out?
+    /// Set a configuration key for the recomputed streams
     #[arg(long, value_name = "KEY=VALUE", conflicts_with = "verify")]
     set: Vec<String>,
-    /// Folder for the log of what would have come out, and for a page of both beside each other [default with --set: one
-    /// of its own, out/SCENARIO_replayed-1 and so on]
+    /// Folder for the log of the recomputed streams and a page that compares it with the original [default with --set:
+    /// a new folder, out/SCENARIO_replayed-1 and so on]
     #[arg(long, value_name = "DIR", conflicts_with = "verify")]
     out: Option<PathBuf>,
-    /// Replace what is in the folder of --out
+    /// Replace the contents of the folder of --out
     #[arg(long, requires = "out")]
     overwrite: bool,
     #[command(flatten)]
     code: CodeArgs,
-    /// Threads of the run; the result does not depend on them [default: one for each processor]
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
 }
@@ -87,7 +87,7 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let (file, code) = (args.log.display().to_string(), args.code);
     let how = Replay { file, code, from: args.from.as_deref(), sets: &sets?, threads, into };
     let comparison = how.run(registry, log).inspect_err(|_| {
-        // Of a replay that never began nothing stays; a folder with something in it is not removed.
+        // A replay that failed before it began leaves no empty folder; `remove_dir` keeps non-empty ones.
         let _ = folder.as_ref().map(|folder| std::fs::remove_dir(&folder.path));
     })?;
     folder.as_ref().map(RunFolder::name_whole).transpose()?;
@@ -114,22 +114,22 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is played back of a log, and what is computed again.
+/// Partition of the operators into played back and recomputed.
 struct Cut {
     played: Vec<String>,
     computed: Vec<String>,
-    /// Sources of which the log has fingerprints alone.
+    /// Sources that the log holds only as fingerprints.
     without_data: Vec<String>,
 }
 
 impl Cut {
-    /// Before the operator of this name; of a table of the configuration, such as `planning`, the first operator that is set by it. Without a name before the tracker, or
-    /// before the first operator where there is none.
+    /// Cuts before the operator of this name, or, for a configuration table such as `planning`, before the first
+    /// operator that it configures. Default: before localization, else the tracker, else the first operator.
     fn new(pipeline: &Pipeline, from: Option<&str>, images: Images) -> anyhow::Result<Self> {
         let assembly = &pipeline.assembly;
         let in_stack = |name: &&str| assembly.node(name).is_some_and(|node| node.role == Role::Stack);
         let known: Vec<&str> = assembly.names().filter(in_stack).collect();
-        // What is seen is placed and followed by the estimated pose: localization comes before.
+        // Detections are placed and tracked with the estimated pose: localization comes first.
         let usual = || {
             let matcher = assembly.publisher::<PoseMatch>().or_else(|| assembly.publisher::<LocalPose>());
             let usual = matcher.filter(in_stack).or_else(|| assembly.publisher::<TrackList>());
@@ -147,7 +147,7 @@ impl Cut {
                 known.join(", ")
             );
         };
-        // One that does not run under these settings stands for those behind it.
+        // An operator that does not run under these settings is replaced by the next one that does.
         let first =
             known[at..].iter().find_map(|name| assembly.operators().iter().position(|o| o.name == *name));
         let first = first.unwrap_or(assembly.operators().len());
@@ -158,7 +158,7 @@ impl Cut {
             if is_source && placed.outputs.iter().any(|output| is_left_out(output.port.payload, images)) {
                 cut.without_data.push(placed.name.clone());
             }
-            // What looks at data that the log does not hold cannot be computed again.
+            // Operators that read data missing from the log cannot be recomputed.
             let is_blind = placed
                 .inputs
                 .iter()
@@ -174,15 +174,15 @@ impl Cut {
     }
 }
 
-/// Whether a log that holds this of images has fingerprints alone of messages of a type.
+/// True if a log that stores images in this form holds only fingerprints of messages of this type.
 fn is_left_out(payload: PayloadType, images: Images) -> bool {
     let big =
         [PayloadType::of::<Image>(), PayloadType::of::<PointCloud>(), PayloadType::of::<PointInstances>()];
     images != Images::Lossless && big.contains(&payload)
 }
 
-/// Computes the operators of a log again from the one named `from` on, and compares. Cameras, radars and lidars of a
-/// simulated world are computed again whatever the cut: they are functions of the world's states, which the log has.
+/// Recomputes the operators of a log from the one named `from` on, and compares. Cameras, radars and lidars of a
+/// simulated world are always recomputed: they are functions of the world states in the log.
 pub fn replay(
     log: &Log,
     from: &str,
@@ -192,7 +192,7 @@ pub fn replay(
     replay_with(&Registry::standard(), log, from, sets, threads)
 }
 
-/// As [`replay`], with other kinds of operators than Swerve's own.
+/// Same as [`replay`], with a custom registry of operator kinds.
 pub fn replay_with(
     registry: &Registry,
     log: &Log,
@@ -204,15 +204,15 @@ pub fn replay_with(
     Replay { file, code, from: Some(from), sets, threads, into: None }.run(registry, log)
 }
 
-/// What is computed again, and how.
+/// A replay's inputs and options.
 struct Replay<'a> {
-    /// The log's name in messages.
+    /// Name of the log in messages.
     file: String,
     code: CodeArgs,
     from: Option<&'a str>,
     sets: &'a [(String, toml::Value)],
     threads: usize,
-    /// A log of what comes out, and what repeats it.
+    /// Log to write, and the command line that repeats the replay.
     into: Option<(&'a Path, String)>,
 }
 
@@ -240,7 +240,7 @@ impl Replay<'_> {
         let cut = Cut::new(&pipeline, self.from, config.log.images)?;
         let mut lacks_data = false;
         for operator in &cut.played {
-            // Of these the log has fingerprints alone.
+            // The log holds only fingerprints of these.
             let gone = cut.without_data.contains(operator);
             let played = if gone { Vec::new() } else { log.playback(operator) };
             pipeline.graph.playback(operator, played)?;
@@ -249,7 +249,7 @@ impl Replay<'_> {
         }
         processes.push(Processes::start_needed(&config, &mut pipeline)?);
         let decided = decisions(log, self.sets.is_empty())?;
-        // Where an operator was restarted, it is so again, with what a pipeline starts with.
+        // An operator that was restarted in the logged run is restarted again, with the initial state of a pipeline.
         for _ in 0..decided.iter().filter(|decision| matches!(decision, Decision::Restarted { .. })).count() {
             let mut spare = build()?;
             processes.push(Processes::start_needed(&config, &mut spare)?);
@@ -259,7 +259,7 @@ impl Replay<'_> {
         let mut comparison = Comparison::against(log, &compared);
         comparison.leaves_out = left_out_of_logs(config.log.images);
         if lacks_data {
-            // Without the images and clouds the digest over all streams cannot come out.
+            // Without images and clouds, the digest over all streams cannot match.
             comparison.logged_digest = None;
         }
         let last = log.whole_until();
@@ -277,7 +277,7 @@ impl Replay<'_> {
     }
 }
 
-/// A log of a replay of another one.
+/// Recorder for the log of a replay.
 fn recorder(
     (path, command): &(&Path, String),
     log: &Log,
@@ -292,13 +292,13 @@ fn recorder(
     Ok(recorder)
 }
 
-/// What was decided in the logged run. Under other settings only its end is: the rest follows from them.
+/// Logged decisions. Under other settings only the end of the run: the rest follows from the settings.
 fn decisions(log: &Log, all: bool) -> anyhow::Result<Vec<Decision>> {
     let decisions: Result<Vec<Decision>, _> = log.decisions().map(|record| record.decode()).collect();
     Ok(decisions?.into_iter().filter(|d| all || matches!(d, Decision::End { .. })).collect())
 }
 
-/// How the streams below the cut compare with the log.
+/// Comparison of the streams below the cut with the log.
 pub struct Comparison {
     expected: BTreeMap<String, std::vec::IntoIter<Said>>,
     streams: BTreeMap<String, Counts>,
@@ -308,10 +308,10 @@ pub struct Comparison {
     incomplete: Option<String>,
 }
 
-/// A publication, reduced to what has to be the same.
+/// A publication, reduced to the parts that must match.
 #[derive(Clone, PartialEq, Debug)]
 struct Said {
-    /// (stamp, watermark, visible_at, reused_from, origin) in ns.
+    /// (stamp, watermark, visible_at, reused_from, origin), ns.
     header: [Option<i64>; 5],
     payload: Vec<u8>,
 }
@@ -331,7 +331,7 @@ impl Comparison {
         let last = log.whole_until();
         for record in &log.records {
             match record {
-                // Of the last instant of a log that was cut off some may be missing.
+                // Publications of the last instant of a truncated log may be missing.
                 Record::Publication(p) if p.header.visible_at > last => break,
                 Record::Watermark(w) if w.visible_at > last => break,
                 Record::Publication(p) if operators.contains(&p.stream.operator.as_str()) => {
@@ -361,7 +361,7 @@ impl Comparison {
         }
     }
 
-    /// Whether every stream came out as logged, and with it the digest over all streams.
+    /// True if every stream was recomputed as logged, and so the digest over all streams.
     pub fn is_same(&self) -> bool {
         let streams = self.streams.values().all(|c| c.different + c.missing + c.more == 0);
         streams && self.logged_digest.is_none_or(|logged| logged == self.digest)

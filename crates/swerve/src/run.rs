@@ -1,4 +1,4 @@
-//! `swerve run`: a scenario driven by a pipeline, measured, recorded, drawn.
+//! `swerve run`: simulates, measures, records and draws a scenario.
 
 use std::path::{Path, PathBuf};
 
@@ -38,42 +38,42 @@ pub(crate) struct RunArgs {
     pictures: PictureArgs,
     #[command(flatten)]
     input: RunInput,
-    /// Output folder [default: one of its own, out/SCENARIO-1 and so on; out/SCENARIO leads to the newest]
+    /// Output folder [default: a new one, out/SCENARIO-1 and so on; out/SCENARIO links to the newest]
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace what is in the folder of --out, and the file of --video
+    /// Replace the contents of the folder of --out, and the file of --video
     #[arg(long)]
     overwrite: bool,
-    /// End with an error when the run is not as the scenario expects
+    /// Exit with an error unless the result is as the scenario expects
     #[arg(long)]
     strict: bool,
     /// Print one JSON object and nothing else
     #[arg(long)]
     json: bool,
-    /// Threads of the run; the result does not depend on them [default: one for each processor]
+    /// Number of threads; the result does not depend on it [default: one per processor]
     #[arg(long, value_parser = swerve_drive::threads::parser())]
     threads: Option<usize>,
-    /// Write a picture of the drive every 50 ms into this folder, in the place of an earlier run's
+    /// Write a picture every 50 ms of the run into this folder, replacing those of an earlier run
     #[arg(long, value_name = "DIR")]
     frames: Option<PathBuf>,
-    /// Make a video of these pictures, by ffmpeg
+    /// Encode these pictures as a video with ffmpeg
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
-    /// Take run times from an earlier log instead of the configuration; --set operator.NAME.runtime goes before
+    /// Take run times from an earlier log instead of the configuration; --set operator.NAME.runtime takes precedence
     #[arg(long, value_name = "LOG")]
     runtimes: Option<PathBuf>,
-    /// What moves the run, in place of the configuration's clock.source
+    /// Clock that advances the run, in place of the configuration's clock.source
     #[arg(long)]
     clock: Option<Clock>,
-    /// Against the real clock, with the car on ROS 2's topics as [ros2] names them: to be shown, or to be driven
+    /// Under wall clock, publish the car on the ROS 2 topics of [ros2], and let this or another stack drive it
     #[arg(long, value_name = "ROLE", num_args = 0..=1, require_equals = true, default_missing_value = "show")]
     ros2: Option<Ros2Role>,
 }
 
-/// What the car is to others on ROS 2's topics.
+/// Role of the simulated car on ROS 2.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, clap::ValueEnum)]
 enum Ros2Role {
-    /// Our own stack drives, others watch
+    /// This stack drives; ROS 2 nodes only observe
     Show,
     /// Another stack drives, through the safety gate
     Drive,
@@ -95,17 +95,17 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     trust::start(&config)?;
     let mut pipeline = Pipeline::build(&config, &scenario)?;
     note_redirected(&config, &pipeline.assembly);
-    // The log is read before any file is made: it may be the one of this very folder.
+    // The log is read before any file is created: it may be in the output folder itself.
     if let Some(log) = &args.runtimes {
         let set = operators_with_runtime(&input.set)?;
         record_run_times(&mut pipeline, &Log::read(log)?, |name| !set.contains(name));
     }
-    // Before the run's folder is made: no ffmpeg, no folder.
+    // Before the run's folder is created: a missing ffmpeg leaves no folder.
     let mut frames = frames(args, &config, &pipeline)?;
     let folder = RunFolder::claim(args.out.as_deref(), &stem(&args.input.scenario), args.overwrite)?;
     let out = &folder.path;
     let mut progress = Progress::simulated(scenario.end.timeout_s);
-    // Under names of their own until they are whole: a run that is cut off leaves an earlier one's results alone.
+    // Partial names until the files are complete: an interrupted run leaves earlier results unchanged.
     let (log_part, trace_part) = (out.join("log.partial.mcap"), out.join("trace.partial.json"));
     let mut realtime = Realtime::begin(&config.clock);
     let mut start = run_start(&config, &scenario, &args.input.scenario);
@@ -134,7 +134,7 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     progress.finish();
     let ends = Ends { clock: config.clock.source, folder: &folder, pictures: args.pictures };
     let realtime = realtime.map(|realtime| realtime.obtained());
-    // What was recorded until a failure is kept, readable.
+    // A partial recording is kept, readable, after a failure.
     let recorded = recording.finish();
     let metrics = driven.as_ref().ok().filter(|_| recorded.is_ok()).map(|outcome| &outcome.metrics);
     let why = metrics.and_then(|metrics| of_run(&log_part, registry, metrics));
@@ -157,13 +157,13 @@ pub(crate) fn run(args: &RunArgs, registry: &Registry) -> anyhow::Result<()> {
     let left = written.and_then(|()| ends.leave(&json, &story));
     let place = left.as_deref().unwrap_or_default();
     print(&if args.json { json } else { summary.text() + place })?;
-    // The drive itself is over and told by now.
+    // The run is complete and reported at this point.
     recorded.and(left.map(drop)).and(drawn.map(drop))?;
     anyhow::ensure!(!args.strict || summary.is_as_expected(), "not as the scenario expects (--strict)");
     Ok(())
 }
 
-/// The end of a run.
+/// State needed to conclude a run.
 struct Ends<'a> {
     clock: Clock,
     folder: &'a RunFolder,
@@ -171,7 +171,7 @@ struct Ends<'a> {
 }
 
 impl Ends<'_> {
-    /// What a run came to, if there is something to sum up: in virtual time one that was cut off has no result.
+    /// Summary of a run, if there is one: an interrupted run in virtual time has no result.
     fn in_order(
         &self,
         driven: anyhow::Result<Outcome>,
@@ -192,20 +192,20 @@ impl Ends<'_> {
         Ok(outcome)
     }
 
-    /// Writes what is left of a run beside its log; where all of it is, in a line.
+    /// Writes the remaining files of a run beside its log; returns a line that names the folder.
     fn leave(&self, json: &str, story: &Story) -> anyhow::Result<String> {
         let drawn = self.pictures.write_in(&self.folder.path, "story", &draw(story))?;
         self.folder.conclude(&format!("report.html, {drawn}, log.mcap, trace.json"), json)
     }
 }
 
-/// The operator that asks the car for something: arrows from a sensor's frame end there.
+/// The operator that commands the car: flow arrows from a sensor's frame end there.
 fn acting(pipeline: &Pipeline) -> Vec<&str> {
     let assembly = &pipeline.assembly;
     assembly.publisher::<MotionCommand>().or(assembly.publisher::<Command>()).into_iter().collect()
 }
 
-/// The pictures of the run, if they are asked for.
+/// Frame writer, if pictures or a video are requested.
 fn frames(args: &RunArgs, config: &Config, pipeline: &Pipeline) -> anyhow::Result<Option<Frames>> {
     let to = Sinks { folder: args.frames.as_deref(), video: args.video.as_deref() };
     if to.is_none() {

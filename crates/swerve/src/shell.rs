@@ -1,4 +1,4 @@
-//! What shells and `man` know of the command line.
+//! Shell completions and manual pages of the command line.
 
 use std::path::PathBuf;
 
@@ -14,21 +14,21 @@ use crate::cli::Cli;
 /// `swerve completions`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CompletionsArgs {
-    /// Shell; the script goes where that looks for it, such as ~/.local/share/bash-completion/completions/swerve
+    /// Shell; store the script where it looks for it, e.g. ~/.local/share/bash-completion/completions/swerve
     shell: Shell,
 }
 
 /// `swerve man`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct ManArgs {
-    /// Folder for the pages, one a command
+    /// Folder for the pages, one per command
     #[arg(long, default_value = "man")]
     out: PathBuf,
     #[command(flatten)]
     overwrite: OverwriteArgs,
 }
 
-/// Prints the script of a shell.
+/// Prints the completion script of a shell.
 pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "swerve", &mut script);
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_shell_and_every_command_is_served() {
+    fn every_shell_and_every_command_is_covered() {
         for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "swerve", &mut script);

@@ -1,4 +1,4 @@
-//! The summary of a run: `metrics.json`, and the text in the terminal.
+//! Summary of a run: `metrics.json`, and the text in the terminal.
 
 use serde::Serialize;
 use swerve_drive::realtime::Obtained;
@@ -12,7 +12,7 @@ use swerve_report::output::align;
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 
-/// How an operator's timers kept time on the real clock.
+/// Punctuality of an operator's timers under wall clock.
 #[derive(Serialize, Clone, Debug)]
 struct Timer {
     operator: String,
@@ -20,56 +20,56 @@ struct Timer {
     ticks: TickReport,
 }
 
-/// What a run came to, as `metrics.json` and `--json` say it.
+/// Result of a run, as written to `metrics.json` and printed by `--json`.
 #[derive(Serialize, Debug)]
 pub struct Summary {
     scenario: String,
     pipeline: String,
     seed: u64,
-    /// As everywhere else in hexadecimal digits: JSON readers keep no more than 53 bits of a number.
+    /// Hexadecimal, as everywhere else: JSON readers keep only 53 bits of a number.
     digest: String,
-    /// What computed images and point clouds: `cpu`, or an adapter; null without such sensors.
+    /// Device that computed images and point clouds: `cpu`, or an adapter; null without such sensors.
     images_by: Option<String>,
-    /// Whether the digest holds on every machine, or for that adapter and driver alone.
+    /// True if the digest is the same on every machine; false if only for this adapter and driver.
     digest_is_portable: bool,
-    /// Why the processor went on with the images, if an adapter failed.
+    /// Cause of an adapter failure after which the CPU rendered the images.
     adapter_lost: Option<String>,
-    /// Whether the scenario's `[expect]` for this pipeline holds; null when it has none.
+    /// True if the scenario's `[expect]` for this pipeline is met; null if it has none.
     as_expected: Option<bool>,
     not_as_expected: Vec<String>,
-    /// Run times drawn for want of a record, under recorded run times.
+    /// Under recorded run times: number of run times drawn because there was no record.
     unrecorded: u64,
-    /// How timers kept time on the real clock, by operator.
+    /// Punctuality of the timers under wall clock, by operator.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     timers: Vec<Timer>,
-    /// What of processors and priority was obtained, where they were asked for.
+    /// Processors and priority obtained, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) realtime: Option<Obtained>,
-    /// What went between the run's processes.
+    /// Messages between the run's processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) traffic: Option<Traffic>,
-    /// What became of ROS 2's topics.
+    /// Statistics of the ROS 2 topics.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) ros2: Option<Ros2Report>,
-    /// The time that the deadline policy gave from a frame to its plan.
+    /// Time that the deadline policy allotted from a frame to its plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     response_budget: Option<Budgets>,
-    /// Which rungs of their ladders detector and planner took.
+    /// Rungs used by detector and planner.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     rungs: Vec<RungCount>,
     #[serde(skip)]
     rungs_text: String,
     #[serde(flatten)]
     metrics: Metrics,
-    /// The chain of the actor that decided the verdict, or what did where none decided; null without a log.
+    /// Causal chain of the actor that decided the verdict, or the event that did if no actor did; null without a log.
     why: Option<Why>,
-    /// What an expected verdict is called by now.
+    /// Current name of an expected verdict that was renamed.
     #[serde(skip)]
     renamed: Option<String>,
 }
 
 impl Summary {
-    /// Sums up a run, and why it ended so.
+    /// Summarizes a run and the reason for its end.
     pub fn of(config: &Config, scenario: &Scenario, outcome: &Outcome, why: Option<Why>) -> Self {
         let pipeline = config.pipeline_name();
         let expected = scenario.expectation(&pipeline);
@@ -98,12 +98,12 @@ impl Summary {
         }
     }
 
-    /// Whether the run is as its scenario expects, or nothing is expected of it.
+    /// True if the run is as its scenario expects, or the scenario expects nothing.
     pub fn is_as_expected(&self) -> bool {
         self.as_expected.unwrap_or(true)
     }
 
-    /// How time was kept, and what went between processes, where there is something to tell.
+    /// Text on timers and traffic between processes; empty if there is nothing to report.
     fn clock_text(&self) -> String {
         let mut text = String::new();
         if !self.timers.is_empty() {
@@ -130,7 +130,7 @@ impl Summary {
         text
     }
 
-    /// For the terminal.
+    /// Text for the terminal.
     pub fn text(&self) -> String {
         use std::fmt::Write as _;
         let m = &self.metrics;
@@ -206,7 +206,7 @@ impl Summary {
     }
 }
 
-/// A line an operator.
+/// Table with one line per operator.
 fn operators(of: &[OperatorMetrics]) -> String {
     let head = ["operator", "steps", "p50 ms", "p99 ms", "misses", "drops"].map(str::to_owned).to_vec();
     let lines = of.iter().map(|o| {
@@ -217,7 +217,7 @@ fn operators(of: &[OperatorMetrics]) -> String {
     align(&std::iter::once(head).chain(lines).collect::<Vec<_>>())
 }
 
-/// How near in time others were, what of the other lane was used, and how many plans the comfortable layer made.
+/// Rows on time to collision, use of the opposite lane, and plans of the comfortable layer.
 fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
     let traffic = &m.safety;
     if let (Some(ttc_s), Some(at_s)) = (traffic.min_ttc_s, traffic.min_ttc_at_s) {
@@ -239,7 +239,7 @@ fn traffic_rows(m: &Metrics, row: &mut impl FnMut(&str, String)) {
     }
 }
 
-/// What the safety gate did.
+/// Rows on the safety gate.
 fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
     let GateMetrics { manual_s, driving_s, stopping_s, holding_s, limited_s, refused, .. } = gate;
     let mut modes = format!("driving {driving_s:.2} s, limited for {limited_s:.2} s of it");
@@ -261,7 +261,7 @@ fn gate_rows(gate: &GateMetrics, row: &mut impl FnMut(&str, String)) {
     }
 }
 
-/// How the timers of a run kept time, where that is known.
+/// Punctuality of the timers of a run, if known.
 fn timers(report: &RunReport) -> Vec<Timer> {
     let of = report.operators.iter();
     of.filter_map(|o| Some(Timer { operator: o.name.clone(), ticks: o.ticks? })).collect()

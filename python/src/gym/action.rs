@@ -1,4 +1,4 @@
-//! What an agent decides, as numbers.
+//! Decisions of an agent, as numbers.
 
 use swerve_core::Span;
 use swerve_geom::{Pose2, Vector2, math};
@@ -6,7 +6,7 @@ use swerve_msg::{Command, EgoState, Plan, PlanPoint, PlanStatus};
 use swerve_stack::agent::{Agent, Seat, Target};
 use swerve_stack::config::Config;
 
-/// In whose place an agent decides.
+/// Component replaced by an agent.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Level {
     Command,
@@ -14,10 +14,10 @@ pub(crate) enum Level {
     Target,
 }
 
-/// Points of a plan, and from one to the next.
+/// Number of points of a plan, and their interval.
 const POINTS: usize = 10;
 const BETWEEN: Span = Span::from_ms(300);
-/// Nobody plans to go faster, m/s.
+/// Maximum planned speed, m/s.
 const SPEED_MAX_MPS: f64 = 40.0;
 
 impl Level {
@@ -30,7 +30,7 @@ impl Level {
         }
     }
 
-    /// The agent, and where its decisions go.
+    /// The agent, and the receiver of its decisions.
     pub(crate) fn agent(self) -> (Agent, Wheel) {
         match self {
             Self::Command => {
@@ -48,7 +48,7 @@ impl Level {
         }
     }
 
-    /// The least and the greatest of each number of an action, and what it is called.
+    /// Minimum, maximum and name of each number of an action.
     pub(crate) fn numbers(self, config: &Config) -> Vec<(f64, f64, String)> {
         let steering = config.sim.vehicle.limits.steering_max_rad;
         let named = |low, high, name: &str| (low, high, name.to_owned());
@@ -73,7 +73,7 @@ impl Level {
     }
 }
 
-/// Where an agent's decisions go.
+/// Receiver of an agent's decisions.
 pub(crate) enum Wheel {
     Command(Seat<Command>),
     Plan(Seat<Plan>),
@@ -81,7 +81,7 @@ pub(crate) enum Wheel {
 }
 
 impl Wheel {
-    /// Takes an action in numbers; a plan is seen from `ego`.
+    /// Passes on an action; plans are relative to `ego`.
     pub(crate) fn take(&self, numbers: &[f64], ego: &EgoState) {
         match self {
             Self::Command(seat) => {
@@ -99,7 +99,7 @@ impl Wheel {
     }
 }
 
-/// A plan from where the ego is through points before it.
+/// Plan from the ego's pose through points ahead of it.
 fn plan(numbers: &[f64], ego: &EgoState) -> Plan {
     let start = PlanPoint { at: ego.stamp, pose: ego.pose, speed_mps: ego.speed_mps, ..PlanPoint::default() };
     let mut points = vec![start];

@@ -1,4 +1,4 @@
-//! One drive that an agent steps.
+//! One drive stepped by an agent.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use super::action::{Level, Wheel};
 use super::observe::{Form, From};
 use crate::numbers::{Numbers, image};
 
-/// What is told of the true drive at each decision, beside what is observed: for rewards.
+/// Ground-truth facts at each decision, in addition to the observations; for rewards.
 pub(crate) const FACTS: [&str; 11] = [
     "time_s",
     "s_m",
@@ -32,26 +32,26 @@ pub(crate) const FACTS: [&str; 11] = [
     "ended",
 ];
 
-/// How far the ego may come from one look at its place along the route to the next, metres.
+/// Maximum distance of the ego along the route between two updates, metres.
 const REACH_M: f64 = 30.0;
 
-/// What all drives share.
+/// Common inputs of all drives.
 pub(crate) struct Task {
     config: Config,
     scenario: Scenario,
     level: Level,
     observed: Vec<Observed>,
-    /// At most so many things in a list.
+    /// Maximum number of rows of a list.
     rows: usize,
 }
 
 struct Observed {
-    /// What the user calls it.
+    /// Name given by the user.
     name: String,
-    /// The stream that it is made of.
+    /// Source stream.
     stream: String,
     form: Form,
-    /// Of an image.
+    /// Shape and data type of an image.
     shape: Option<(Vec<usize>, &'static str)>,
 }
 
@@ -74,7 +74,7 @@ impl Task {
         Ok(Self { observed: observed?, config, scenario, level, rows })
     }
 
-    /// What is observed, in order: name, shape, kind of numbers, their names.
+    /// Observations in order: name, shape, data type, names of the numbers.
     pub(crate) fn observations(&self) -> Vec<(String, Vec<usize>, &'static str, Vec<String>)> {
         let of = |observed: &Observed| {
             let names = observed.form.names();
@@ -88,7 +88,7 @@ impl Task {
         self.observed.iter().map(of).collect()
     }
 
-    /// How many numbers an observation has, images apart.
+    /// Number of values of an observation, without images.
     pub(crate) fn numbers(&self) -> usize {
         let size = |observed: &Observed| {
             observed.form.names().len() * if observed.form.has_rows() { self.rows } else { 1 }
@@ -109,7 +109,7 @@ impl Task {
     }
 }
 
-/// How a stream of this name is observed.
+/// Observation of a stream of this name.
 fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> anyhow::Result<Observed> {
     if name == "route" {
         return Ok(Observed { name: name.into(), stream: "pose".into(), form: Form::Route, shape: None });
@@ -129,7 +129,7 @@ fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> 
     Ok(Observed { name: name.into(), stream: name.into(), form, shape })
 }
 
-/// The shape of a camera's images, and their kind of numbers as NumPy calls it.
+/// Shape of a camera's images, and their data type in NumPy's notation.
 fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'static str)> {
     let (camera, output) = stream.rsplit_once('.').with_context(|| format!("`{stream}` is not a camera's"))?;
     let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is not a camera's"))?;
@@ -142,10 +142,10 @@ fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'s
     })
 }
 
-/// One drive under way.
+/// A drive in progress.
 pub(crate) struct Drive {
     session: Session<'static>,
-    /// Those that take steps of it; they end behind it.
+    /// Worker processes of the drive; dropped after the session.
     _processes: Option<Processes>,
     wheel: Wheel,
     route: Route,
@@ -154,19 +154,19 @@ pub(crate) struct Drive {
     world: Watched,
     pose: Watched,
     watched: Vec<Watched>,
-    /// The ego as localization reported it last.
+    /// Latest ego state reported by localization.
     ego: EgoState,
     truth: EgoState,
     place: FrenetPoint,
     collided: bool,
     left_road: bool,
     ended: Option<EndReason>,
-    /// No decision comes after this.
+    /// True if no decision follows.
     over: bool,
 }
 
 impl Drive {
-    /// Begins a drive; it is at its first decision then.
+    /// Starts a drive and runs it to its first decision.
     pub(crate) fn begin(task: &Task, seed: i64) -> anyhow::Result<Self> {
         let mut config = task.config.clone();
         config.seed = seed.unsigned_abs();
@@ -206,7 +206,7 @@ impl Drive {
         Ok(drive)
     }
 
-    /// Decides, and goes on to the next decision or the end.
+    /// Passes a decision and continues to the next decision or the end.
     pub(crate) fn step(&mut self, task: &Task, action: &[f64]) -> anyhow::Result<()> {
         ensure!(
             action.iter().all(|number| number.is_finite()),
@@ -226,7 +226,7 @@ impl Drive {
         Ok(())
     }
 
-    /// Takes in what happened in the world, and where localization says that the ego is.
+    /// Updates the world state and the localized ego state.
     fn look(&mut self) {
         let first = self.truth.stamp < Time::ZERO;
         for (header, payload) in self.session.recent(self.world) {
@@ -246,7 +246,7 @@ impl Drive {
         };
         let pose =
             self.session.newest(self.pose).and_then(|(_, p)| (**p).as_any().downcast_ref::<EgoState>());
-        // Before the first measurement the agent knows as much as the car does at its start.
+        // Before the first measurement the agent knows the same pose as the car at its start.
         self.ego = pose.copied().unwrap_or(self.truth);
     }
 
@@ -264,7 +264,7 @@ impl Drive {
         }
     }
 
-    /// What is observed at this moment, images apart.
+    /// Current observation, without images.
     pub(crate) fn observe(&self, task: &Task, numbers: &mut Vec<f32>) {
         let (ego, route) = (&self.ego, &self.route);
         let from = From { ego, ahead: ego.pose.direction(), route, rows: task.rows };
@@ -274,13 +274,13 @@ impl Drive {
         }
     }
 
-    /// The newest image of a stream.
+    /// Newest image of a stream.
     pub(crate) fn image(&self, task: &Task, stream: &str) -> Option<Numbers> {
         let index = task.observed.iter().position(|observed| observed.name == stream)?;
         image(self.session.newest(self.watched[index])?.1)
     }
 
-    /// What is told of the true drive: as many numbers as [`FACTS`] has names.
+    /// Ground-truth facts: as many numbers as [`FACTS`] has names.
     pub(crate) fn tell(&self, facts: &mut Vec<f64>) {
         let on_line = self.route.line().at(self.place.s_m);
         let flag = |yes: bool| f64::from(u8::from(yes));

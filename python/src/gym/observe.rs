@@ -1,6 +1,6 @@
-//! Messages as numbers that an agent learns from.
+//! Messages as numbers for learning agents.
 //!
-//! What describes places is seen from the ego as localization reports it: forward, left, turned to the left.
+//! Positions are relative to the ego as reported by localization: forward, left, counter-clockwise.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use swerve_msg::{
     TrackList, WheelOdometry,
 };
 
-/// How the messages of a stream become numbers.
+/// Conversion of a stream's messages to numbers.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Form {
     Ego,
-    /// Where the ego is along and beside its route; from the stream `pose`.
+    /// Position of the ego along and beside its route; from the stream `pose`.
     Route,
     World,
     Imu,
@@ -28,13 +28,13 @@ pub(crate) enum Form {
     Tracks,
     Predictions,
     Radar,
-    /// Not among the numbers: an array of its own.
+    /// A separate array, not part of the numbers.
     Image,
 }
 
-/// So far ahead the route's curvature is told, metres.
+/// Distances ahead at which the route's curvature is observed, metres.
 const AHEAD_M: [f64; 4] = [0.0, 5.0, 10.0, 20.0];
-/// The instants of predictions that are told.
+/// Instants of the observed predictions.
 const LATER: [Span; 3] = [Span::from_ms(500), Span::from_ms(1000), Span::from_ms(2000)];
 const EGO: [&str; 8] = [
     "x_m",
@@ -60,7 +60,7 @@ const THING: [&str; 10] = [
 ];
 
 impl Form {
-    /// That of a stream's messages, by the Rust type.
+    /// Form of a stream's messages, by the Rust type.
     pub(crate) fn of(type_name: &str) -> Option<Self> {
         Some(match type_name.rsplit("::").next()? {
             "EgoState" => Self::Ego,
@@ -78,7 +78,7 @@ impl Form {
         })
     }
 
-    /// What the numbers of one row are called.
+    /// Names of the numbers of one row.
     pub(crate) fn names(self) -> Vec<String> {
         let named = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         match self {
@@ -110,20 +110,20 @@ impl Form {
         }
     }
 
-    /// Whether there is a row for each thing.
+    /// True if there is a row for each object.
     pub(crate) fn has_rows(self) -> bool {
         matches!(self, Self::Obstacles | Self::Tracks | Self::Predictions | Self::Radar)
     }
 }
 
-/// Where things are seen from.
+/// Reference frame of the observations.
 #[derive(Clone, Copy)]
 pub(crate) struct From<'a> {
     pub(crate) ego: &'a EgoState,
-    /// The direction of its heading.
+    /// Unit vector of its heading.
     pub(crate) ahead: Vector2,
     pub(crate) route: &'a Route,
-    /// At most so many things.
+    /// Maximum number of rows.
     pub(crate) rows: usize,
 }
 
@@ -144,7 +144,7 @@ impl From<'_> {
         vec![1.0, kind, forward, left, cos, sin, forward_mps, left_mps, extent.length_m, extent.width_m]
     }
 
-    /// The numbers of a message, as many as its form has; zeros where there is none.
+    /// Numbers of a message, as many as its form has; zeros without a message.
     pub(crate) fn numbers(&self, form: Form, payload: Option<&Arc<dyn ErasedPayload>>, out: &mut Vec<f32>) {
         let width = form.names().len();
         let size = if form.has_rows() { width * self.rows } else { width };
@@ -155,7 +155,7 @@ impl From<'_> {
             let any = (**payload).as_any();
             let mut rows = self.rows_of(form, any);
             if form.has_rows() {
-                // The nearest come first: what has no room is far.
+                // The nearest come first, so that rows beyond the limit are the farthest.
                 rows.sort_by(|a, b| a.0.total_cmp(&b.0));
                 rows.truncate(self.rows);
             }
@@ -174,7 +174,7 @@ impl From<'_> {
         [place.s_m, place.d_m, error].into_iter().chain(sides).chain(bends).collect()
     }
 
-    /// The rows of a message, each with what it is sorted by.
+    /// Rows of a message, each with its sort key.
     fn rows_of(&self, form: Form, any: &dyn core::any::Any) -> Vec<(f64, Vec<f64>)> {
         let far = |row: &[f64], [x, y]: [usize; 2]| math::hypot(row[x], row[y]);
         let thing = |row: Vec<f64>| (far(&row, [2, 3]), row);

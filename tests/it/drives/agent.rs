@@ -1,4 +1,4 @@
-//! Drives by an agent in the place of a part of the stack.
+//! Drives by an agent in place of a part of the stack.
 
 use swerve_core::Time;
 use swerve_drive::read_scenario;
@@ -14,7 +14,7 @@ fn lane() -> (Config, swerve_scenario::Scenario) {
     (Config::default(), read_scenario(file.as_ref()).unwrap())
 }
 
-/// Drives for so long; gives the true states and how often the agent was asked.
+/// Drives until an instant; returns the true states and the number of requests to the agent.
 fn driven(agent: &Agent, until: Time) -> (Vec<EgoState>, usize) {
     let (config, scenario) = lane();
     let pipeline = Pipeline::build_for(&config, &scenario, agent).unwrap();
@@ -33,7 +33,7 @@ fn driven(agent: &Agent, until: Time) -> (Vec<EgoState>, usize) {
 }
 
 #[test]
-fn a_target_is_driven_at_and_beside_the_route() {
+fn target_is_followed_at_and_beside_the_route() {
     let seat = Seat::default();
     seat.set(Target { speed_mps: 6.0, offset_m: 0.8 });
     let (states, asked) = driven(&Agent::Target(seat), Time::from_ms(6000));
@@ -46,7 +46,7 @@ fn a_target_is_driven_at_and_beside_the_route() {
 }
 
 #[test]
-fn an_agent_at_the_wheel_is_asked_once_a_period_and_its_command_is_driven() {
+fn agent_at_the_wheel_is_asked_once_per_period_and_its_command_is_driven() {
     let seat = Seat::default();
     seat.set(Command::FULL_BRAKE);
     let (states, asked) = driven(&Agent::Command(seat), Time::from_ms(1000));

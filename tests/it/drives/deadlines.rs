@@ -23,7 +23,7 @@ fn config(sets: &[&str]) -> Config {
     Config::from_document(&Document::read(&file("configs/deadlines.toml")).unwrap(), &sets).unwrap()
 }
 
-/// What became of deadlines.
+/// Effects of deadlines.
 #[derive(Default)]
 struct Seen {
     /// Operator, stamp, rung.
@@ -33,7 +33,7 @@ struct Seen {
     boxes: Vec<(Time, Time)>,
     /// Operator, start and run time of every step.
     steps: Vec<(String, Time, Span)>,
-    /// When a person was tracked first.
+    /// Time at which a person was first tracked.
     person_at: Option<Time>,
 }
 
@@ -67,7 +67,7 @@ impl Observer for Seen {
     }
 }
 
-/// The first seconds past the truck at 12 m/s.
+/// Drives the first seconds past the truck at 12 m/s.
 fn drive(sets: &[&str], until_ms: i64, more: &mut [&mut dyn Observer]) -> (Seen, Outcome) {
     let config = config(&[&["ego.speed_mps=12"], sets].concat());
     let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
@@ -81,7 +81,7 @@ fn drive(sets: &[&str], until_ms: i64, more: &mut [&mut dyn Observer]) -> (Seen,
 }
 
 #[test]
-fn under_dynamic_deadlines_accuracy_gives_way_where_somebody_may_step_out() {
+fn dynamic_deadlines_trade_accuracy_for_speed_where_a_person_may_step_out() {
     let (seen, outcome) = drive(&[], 12_000, &mut []);
     let person_at = seen.person_at.expect("the person was seen");
     let taken = |operator: &str, from: Time, to: Time| -> Vec<&str> {
@@ -89,11 +89,12 @@ fn under_dynamic_deadlines_accuracy_gives_way_where_somebody_may_step_out() {
             seen.rungs.iter().filter(|(name, stamp, _)| name == operator && (from..to).contains(stamp));
         rungs.map(|(.., rung)| rung.as_str()).collect()
     };
-    // With nothing but road ahead there is time; as much as a period of the sensor leaves.
+    // On an empty road there is time: as much as a sensor period leaves.
     let early = (Time::ZERO, Time::from_ms(3000));
     assert!(taken("detector", early.0, early.1).iter().all(|rung| *rung == "efficientdet-d6@d3"));
     assert!(taken("planner", early.0, early.1).iter().all(|rung| *rung == "fot-148"));
-    // In a hurry before the person is seen, because of the truck, and after; the first step may be one of the time before.
+    // In a hurry because of the truck before the person is seen, and after; the first step may belong to the previous
+    // budget.
     let late = (person_at - Span::from_ms(400), person_at + Span::from_ms(400));
     let (detectors, planners) = (taken("detector", late.0, late.1), taken("planner", late.0, late.1));
     assert!(
@@ -104,14 +105,14 @@ fn under_dynamic_deadlines_accuracy_gives_way_where_somebody_may_step_out() {
     let hidden = seen.budgets.iter().any(|budget| budget.hidden && budget.stamp < person_at);
     let least = seen.budgets.iter().map(|budget| budget.response).min();
     assert!(hidden && least == Some(Span::from_ms(50)), "{least:?}");
-    // What the log says of rungs is what they took, and the summary counts them.
+    // The logged rungs are those taken, and the summary counts them.
     let counted: u64 = outcome.rungs.counts().iter().map(|count| count.steps).sum();
     assert_eq!(counted, seen.rungs.len() as u64);
     assert!(outcome.rungs.text().contains("planner took fot-30 "), "{}", outcome.rungs.text());
 }
 
 #[test]
-fn a_run_under_dynamic_deadlines_is_the_same_again_and_replays_bit_for_bit() {
+fn run_under_dynamic_deadlines_is_repeatable_and_replays_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
     let config = config(&["ego.speed_mps=12"]);
@@ -129,7 +130,7 @@ fn a_run_under_dynamic_deadlines_is_the_same_again_and_replays_bit_for_bit() {
 }
 
 #[test]
-fn every_model_runs_the_detector_in_its_own_way() {
+fn every_model_runs_the_detector_as_specified() {
     let model = |sets: &[&str]| drive(sets, 2500, &mut []).0;
     let after = |seen: &Seen| -> Vec<f64> {
         let mut ms: Vec<f64> = seen.boxes.iter().map(|(stamp, at)| (*at - *stamp).as_ms()).collect();
@@ -141,13 +142,13 @@ fn every_model_runs_the_detector_in_its_own_way() {
         |seen: &Seen, ms: f64| assert!(after(seen).iter().all(|after| *after == ms), "{:?}", after(seen));
     let d3 = "perception.detector=efficientdet-d3@d3";
     all(&model(&["execution.model=data_driven", d3]), 50.0);
-    // The finest that fits.
+    // The finest rung that fits.
     let fixed = ["execution.model=static_deadlines", "execution.detector_ms=99", "execution.planner_ms=40"];
     let seen = model(&fixed);
     all(&seen, 80.0);
     assert!(seen.steps_of("planner").all(|(_, lasts)| lasts == Span::from_ms(40)));
     all(&model(&["execution.model=dynamic_deadlines"]), 200.0);
-    // A frame waits for the next tick of the detector's own timer.
+    // A frame waits for the next tick of the detector's timer.
     let seen = model(&["execution.model=periodic", d3, "planning.rung_ms=67"]);
     let ms = after(&seen);
     assert!(ms[0] >= 50.0 && ms[ms.len() - 1] <= 100.0, "{ms:?}");
@@ -160,11 +161,11 @@ fn every_model_runs_the_detector_in_its_own_way() {
 }
 
 #[test]
-fn what_is_late_is_missed_and_counted() {
+fn late_results_are_missed_and_counted() {
     let misses = |outcome: &Outcome, name: &str| {
         outcome.metrics.operators.iter().find(|operator| operator.operator == name).unwrap().misses
     };
-    // One detector that is too slow for its deadline: every frame is answered by nothing.
+    // One detector that is too slow for its deadline: no frame has a result.
     let fixed = ["execution.model=static_deadlines", "execution.detector_ms=99"];
     let keeps = ["perception.ladder=false", "perception.detector=efficientdet-d5@d3"];
     let (seen, outcome) = drive(&[&fixed[..], &keeps].concat(), 2500, &mut []);
@@ -172,7 +173,7 @@ fn what_is_late_is_missed_and_counted() {
     // With the ladder none is late.
     let (seen, outcome) = drive(&fixed, 2500, &mut []);
     assert!(misses(&outcome, "detector") == 0 && seen.boxes.len() >= 10);
-    // Too slow, but now and then in time: the last result stands in for what is late.
+    // Too slow, but occasionally in time: the last result replaces a late one.
     let sometimes = ["execution.reaction=reuse_last", "operator.detector.runtime={ cycle_ms = [50, 150] }"];
     let (seen, outcome) = drive(&[&fixed[..], &keeps, &sometimes].concat(), 2500, &mut []);
     let fresh = seen.boxes.windows(2).filter(|two| two[0].0 < two[1].0).count();
@@ -180,7 +181,7 @@ fn what_is_late_is_missed_and_counted() {
 }
 
 #[test]
-fn a_planner_off_the_ladder_stops_early_with_the_best_so_far() {
+fn planner_without_a_ladder_stops_early_with_the_best_plan_so_far() {
     let sets = |model: &'static str| {
         [
             model,

@@ -11,7 +11,7 @@ use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
 use swerve_text::Document;
 
-/// Of each stream its messages: stamp, when visible, and payload where a test looks at it.
+/// Messages of each stream: stamp, publication, and payload where needed.
 #[derive(Default)]
 struct Seen {
     times: BTreeMap<String, Vec<(Time, Time)>>,
@@ -54,7 +54,7 @@ fn fault(stream: &str, keys: &str) -> String {
 }
 
 #[test]
-fn lost_messages_reach_nobody_and_are_told() {
+fn dropped_messages_reach_no_reader_and_are_reported() {
     let (seen, _) = drive(&fault("obstacles", "drop = true\nfrom_ms = 100\nuntil_ms = 200"));
     let (sent, got) = (&seen.times["obstacles"], &seen.times["harm.message"]);
     assert_eq!(sent.len() - got.len(), 3, "those of 100, 150 and 200 ms");
@@ -65,10 +65,10 @@ fn lost_messages_reach_nobody_and_are_told() {
 }
 
 #[test]
-fn late_messages_come_when_said_and_in_order() {
+fn delayed_messages_arrive_as_configured_and_in_order() {
     let (seen, _) = drive(&fault("obstacles", "delay_ms = 70\nuntil_ms = 100"));
     let late: Vec<i64> = seen.times["harm.message"].iter().map(|(s, v)| (*v - *s).ns() / 1_000_000).collect();
-    // The one of 150 ms comes before the one of 100 ms would: it waits for that.
+    // The one delayed by 150 ms would arrive before the one delayed by 100 ms, which waits for it.
     assert_eq!(late[..6], [70, 70, 70, 20, 0, 0]);
     let (seen, _) = drive(&fault("pose", "jitter_ms = 30"));
     let times = &seen.times["harm.message"];
@@ -78,7 +78,7 @@ fn late_messages_come_when_said_and_in_order() {
 }
 
 #[test]
-fn a_frozen_stream_says_the_old_with_new_stamps() {
+fn frozen_stream_repeats_its_content_with_new_stamps() {
     let (seen, _) = drive(&fault("pose", "freeze_ms = 100\nfrom_ms = 200\nuntil_ms = 200"));
     let (sent, got) = (&seen.poses["pose"], &seen.poses["harm.message"]);
     assert_eq!(sent.len(), got.len());
@@ -96,7 +96,7 @@ fn sent_at(seen: &Seen, stamp: Time) -> EgoState {
 }
 
 #[test]
-fn noise_is_as_wide_as_said_and_nan_is_one_number() {
+fn noise_has_its_configured_deviation_and_nan_is_one_number() {
     let (seen, _) = drive(&fault("pose", "noise = 0.5"));
     let pairs = seen.poses["pose"].iter().zip(&seen.poses["harm.message"]);
     let squares: Vec<f64> = pairs.map(|(sent, got)| (got.pose.x_m - sent.pose.x_m).powi(2)).collect();
@@ -129,9 +129,9 @@ fn bits_of_images_flip() {
     }
 }
 
-/// Every stream that drives the car, with its numbers gone: whatever comes of it, the program goes on.
+/// All streams that drive the car, with NaN: whatever the effect, the program continues.
 #[test]
-fn no_number_of_any_stream_stops_the_program() {
+fn nan_in_any_stream_does_not_stop_the_program() {
     for stream in ["obstacles", "pose", "imu", "tracker", "predictor", "planner", "controller"] {
         for keys in ["nan = true", "noise = 1e6", "drop = true", "freeze_ms = 100"] {
             let (seen, _) = drive(&fault(stream, keys));

@@ -17,10 +17,10 @@ use swerve_text::{Document, parse_assignment};
 use crate::common;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml");
-/// A drive that goes well: from 10 m/s to a stop before the person, who stays there.
+/// A successful drive: from 10 m/s to a stop before the person, who stays there.
 const BASE: &str = "[ego]\nspeed_mps = 10\n[planning]\ncollision = \"may_stop\"\n[control]\ncontroller = \"stanley\"\n[gate]\nenabled = true\n";
 
-/// What the gate said, what went to the car, how fast the car was.
+/// Outputs of the gate, commands to the car, and its speed.
 #[derive(Default)]
 struct Seen {
     gate: Vec<(Time, GateOutput)>,
@@ -47,12 +47,12 @@ impl Seen {
         self.speeds_mps.iter().rfind(|(stamp, _)| *stamp <= at).unwrap().1
     }
 
-    /// The last speed, and the mode.
+    /// Last speed and mode.
     fn end(&self) -> (f64, GateMode) {
         (self.speeds_mps.last().unwrap().1, self.gate.last().unwrap().1.mode)
     }
 
-    /// When a mode began.
+    /// Start of a mode.
     fn begins(&self, mode: GateMode) -> Time {
         self.gate.iter().find(|(_, gate)| gate.mode == mode).expect("it comes to that").0
     }
@@ -75,13 +75,13 @@ fn drive_observed(config: &Config, observers: &mut [&mut dyn Observer]) -> Outco
     drive_pipeline(pipeline, config.seed, 1, observers).unwrap()
 }
 
-/// From 2 s on.
+/// A fault from 2 s on.
 fn fault(stream: &str, what: &str) -> String {
     format!("fault.f={{ stream = \"{stream}\", {what}, from_ms = 2000 }}")
 }
 
 #[test]
-fn a_sound_drive_is_the_same_drive() {
+fn drive_without_faults_is_unchanged_by_the_gate() {
     let (_, without) = drive(&["gate.enabled=false"]);
     let (seen, with) = drive(&[]);
     assert_eq!((&without.metrics.gate, without.metrics.verdict), (&None, Verdict::Stopped));
@@ -93,7 +93,7 @@ fn a_sound_drive_is_the_same_drive() {
     let gate = with.metrics.gate.unwrap();
     assert!(gate.manual_s < 0.03 && gate.stops.is_empty() && gate.end == GateMode::Driving, "{gate:?}");
     assert_eq!(gate.refused, Refusals::default());
-    // The first word is that the driver drives, the second that the stack does: the switch rose in between.
+    // The first output is manual, the second driving: the switch was pressed in between.
     assert_eq!(seen.gate[0].1.mode, GateMode::Manual);
     assert!((seen.speed_mps(Time::from_ms(100)) - 10.0).abs() < 0.3, "nobody brakes at the start");
     let beats = seen.gate.windows(2).all(|w| w[1].1.heartbeat == w[0].1.heartbeat.wrapping_add(1));
@@ -101,7 +101,7 @@ fn a_sound_drive_is_the_same_drive() {
 }
 
 #[test]
-fn without_a_gate_nothing_of_it_is_in_the_graph() {
+fn graph_without_a_gate_has_no_gate_operators() {
     let scenario = read_scenario(Path::new(SCENARIO)).unwrap();
     let operators = |set: &str| -> Vec<String> {
         let graph = Pipeline::build(&config(&[set]), &scenario).unwrap().graph;
@@ -114,7 +114,7 @@ fn without_a_gate_nothing_of_it_is_in_the_graph() {
 }
 
 #[test]
-fn when_commands_cease_the_car_is_stopped_and_held() {
+fn car_is_stopped_and_held_when_commands_cease() {
     let timeout = StopCause::CommandTimeout;
     for what in ["drop = true", "nan = true", "delay_ms = 600"] {
         let (seen, outcome) = drive(&[&fault("controller", what)]);
@@ -128,13 +128,13 @@ fn when_commands_cease_the_car_is_stopped_and_held() {
         assert!((3.2..3.7).contains(&stopped_s), "{what}: {stopped_s}");
         assert!(outcome.metrics.impact.is_none());
     }
-    // Without a gate the car goes on with the last command for ever.
+    // Without a gate the car continues with the last command forever.
     let (_, outcome) = drive(&["gate.enabled=false", &fault("controller", "drop = true")]);
     assert_eq!(outcome.metrics.verdict, Verdict::Collision);
 }
 
 #[test]
-fn what_is_no_number_never_reaches_the_car() {
+fn nan_commands_never_reach_the_car() {
     let (seen, outcome) = drive(&[&fault("controller", "nan = true, probability = 0.5")]);
     assert!(seen.pedals.iter().all(Command::is_finite));
     let gate = outcome.metrics.gate.unwrap();
@@ -148,7 +148,7 @@ fn what_is_no_number_never_reaches_the_car() {
 }
 
 #[test]
-fn without_poses_commands_are_too_old_however_many_come() {
+fn commands_without_poses_are_too_old_at_any_rate() {
     for what in ["drop = true", "delay_ms = 700"] {
         let (seen, outcome) = drive(&[&fault("pose", what)]);
         assert_eq!(seen.end().1, GateMode::Holding(StopCause::CommandTimeout), "{what}");
@@ -157,8 +157,8 @@ fn without_poses_commands_are_too_old_however_many_come() {
 }
 
 #[test]
-fn a_stack_that_sees_nothing_new_is_stopped_before_its_plan_ends() {
-    // The last plan goes on for 5 s; commands along it are new and in order.
+fn stack_without_new_observations_is_stopped_before_its_plan_ends() {
+    // The last plan lasts 5 s; commands along it are new and in order.
     for stream in ["obstacles", "tracker", "planner"] {
         let (seen, outcome) = drive(&[&fault(stream, "drop = true")]);
         let stops = seen.begins(GateMode::Stopping(StopCause::CommandTimeout));
@@ -168,8 +168,8 @@ fn a_stack_that_sees_nothing_new_is_stopped_before_its_plan_ends() {
 }
 
 #[test]
-fn a_hanging_controller_is_found_by_saying_the_same() {
-    // Under new stamps nothing else tells it from a live one.
+fn hanging_controller_is_detected_by_repeated_commands() {
+    // With new stamps only the repetition distinguishes it from a live one.
     let hangs = fault("controller", "freeze_ms = 60000");
     let (seen, outcome) = drive(&[&hangs]);
     let stops = seen.begins(GateMode::Stopping(StopCause::CommandFrozen));
@@ -177,13 +177,13 @@ fn a_hanging_controller_is_found_by_saying_the_same() {
     assert!(outcome.metrics.impact.is_none());
     let (_, outcome) = drive(&[&hangs, "gate.params.repeat_max_s=0"]);
     assert_eq!(outcome.metrics.verdict, Verdict::Collision, "it drives on as it did at 2 s");
-    // Hangs shorter than that are driven through.
+    // Shorter hangs are tolerated.
     let (_, outcome) = drive(&[&fault("controller", "freeze_ms = 300, probability = 0.005")]);
     assert!(outcome.metrics.gate.unwrap().stops.is_empty());
 }
 
 #[test]
-fn the_person_at_the_switch_is_obeyed() {
+fn enable_switch_is_obeyed() {
     let stop = |set: &str, cause| {
         let (seen, outcome) = drive(&[set]);
         assert_eq!(seen.begins(GateMode::Stopping(cause)), Time::from_ms(2000));
@@ -201,27 +201,27 @@ fn the_person_at_the_switch_is_obeyed() {
 }
 
 #[test]
-fn a_press_that_does_not_take_is_repeated() {
+fn failed_press_is_repeated() {
     let (seen, outcome) = drive(&["fault.f={ stream = \"controller\", nan = true, until_ms = 500 }"]);
     let driving = seen.begins(GateMode::Driving);
     assert!(driving > Time::from_ms(500) && driving <= Time::from_ms(540), "{driving:?}");
     assert_eq!(outcome.metrics.verdict, Verdict::Stopped);
-    // Also where the gate's word comes late.
+    // Also if the gate's output is late.
     let (seen, outcome) = drive(&["operator.gate.runtime={ fixed_ms = 8 }", "operator.gate.delay_ms=20"]);
     assert!(seen.begins(GateMode::Driving) <= Time::from_ms(60), "{:?}", outcome.metrics.gate);
     assert!(outcome.metrics.gate.unwrap().stops.is_empty());
 }
 
 #[test]
-fn a_silent_vehicle_is_stopped() {
+fn silent_vehicle_is_stopped() {
     let (seen, _) = drive(&[&fault("report", "drop = true")]);
-    // Whether it stands nobody can say.
+    // Without reports standstill cannot be detected.
     assert_eq!(seen.end().1, GateMode::Stopping(StopCause::ReportTimeout));
     assert!(seen.end().0.abs() < 0.01);
 }
 
 #[test]
-fn it_replays_bit_for_bit_from_above_and_from_the_gate() {
+fn gate_drive_replays_bit_for_bit_from_above_and_from_the_gate() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
     let config = config(&[&fault("controller", "jitter_ms = 400, until_ms = 4000")]);

@@ -1,4 +1,4 @@
-//! Stops by the gate under faults of commands, reports, and sensors of the pose: the brake alone, and for good.
+//! Stops by the gate under faults of commands, reports and pose sensors: by braking only, and permanently.
 
 use std::path::Path;
 
@@ -40,23 +40,23 @@ end_m = 160.0
 timeout_s = 26.0
 "#;
 
-/// A receiver with corrections and an inertial unit of a car.
+/// A receiver with corrections and a car's IMU.
 const LOCALIZER: [&str; 3] = [
     "localization.localizer=eskf",
     "sensing.gnss={ noise_m = 0.02, bias_m = 0 }",
     "sensing.imu={ accel_noise_mps2 = 0.05, accel_bias_mps2 = 0.02, gyro_noise_radps = 0.002, gyro_bias_radps = 0.0005 }",
 ];
 
-/// Pedals by the mode of the gate, and the motion of the car.
+/// Pedals by mode of the gate, and motion of the car.
 #[derive(Default)]
 struct Seen {
     mode: GateMode,
-    /// When the gate first stopped the car, and why.
+    /// First stop by the gate, and its cause.
     stop: Option<(Time, StopCause)>,
     /// Commands to the pedals while the gate stopped or held the car, and those of them with throttle.
     braked: usize,
     throttled: usize,
-    /// Stamp, place and speed.
+    /// Stamp, position and speed.
     motion: Vec<(Time, f64, f64, f64)>,
     /// Modes of the gate, each once.
     modes: Vec<GateMode>,
@@ -97,7 +97,7 @@ fn drive(text: &str, sets: &[&str]) -> (Seen, Verdict) {
     (seen, outcome.metrics.verdict)
 }
 
-/// Drives `text` with a gate; checks that it stops by the brake alone and stays where it stopped.
+/// Drives `text` with a gate; checks that it stops by braking only and stays there.
 fn stops(text: &str, sets: &[&str]) -> (Seen, Verdict) {
     let (seen, verdict) = drive(text, sets);
     assert!(seen.stop.is_some() && seen.braked > 500, "{sets:?}: {} commands", seen.braked);
@@ -117,20 +117,20 @@ fn stops(text: &str, sets: &[&str]) -> (Seen, Verdict) {
 }
 
 #[test]
-fn a_noisy_report_never_presses_the_accelerator_of_a_stop() {
+fn noisy_report_never_applies_throttle_during_a_stop() {
     let silent = "fault.a={ stream = \"controller\", drop = true, from_ms = 3000 }";
     for noise in ["0.1", "0.5", "2.0"] {
         let noisy = format!("fault.b={{ stream = \"report\", noise = {noise}, from_ms = 3000 }}");
         let (seen, verdict) = stops(STRAIGHT, &[silent, &noisy]);
         assert_eq!(verdict, Verdict::Stopped, "{noise}");
-        // Half a second of silence, unless the report is found out before.
+        // Half a second of silence, unless the report is rejected earlier.
         let (at, _) = seen.stop.unwrap();
         assert!(at > Time::from_ms(3000) && at <= Time::from_ms(3530), "{noise}: {at:?}");
     }
 }
 
 #[test]
-fn other_faults_of_a_report_change_nothing_of_a_stop() {
+fn other_report_faults_do_not_affect_a_stop() {
     let released = "gate.release_at_ms=3000";
     for what in [
         "drop = true",
@@ -146,8 +146,8 @@ fn other_faults_of_a_report_change_nothing_of_a_stop() {
 }
 
 #[test]
-fn a_lost_pose_does_not_move_a_car_that_stopped() {
-    // Inertial unit and wheels are silent for 3 s on a bend: nothing says how the car turns.
+fn lost_pose_does_not_move_a_stopped_car() {
+    // IMU and wheels are silent for 3 s on a bend: the car's rotation is unknown.
     let silent = ["imu", "odometry"].map(|stream| {
         format!(
             "fault.no_{stream}={{ stream = \"{stream}\", drop = true, from_ms = 8000, until_ms = 11000 }}"
@@ -157,15 +157,15 @@ fn a_lost_pose_does_not_move_a_car_that_stopped() {
         let noisy = format!("fault.b={{ stream = \"report\", noise = {noise}, from_ms = 8000 }}");
         let (seen, verdict) = stops(BEND, &[&LOCALIZER[..], &[&silent[0], &silent[1], &noisy]].concat());
         assert_eq!(verdict, Verdict::Stopped, "{noise}");
-        // Half a second of the mode `lost`, and 0.15 s; the report itself may be found out before.
+        // Half a second of mode `lost`, and 0.15 s; the report itself may be rejected earlier.
         let (at, _) = seen.stop.unwrap();
         assert!(at > Time::from_ms(8000) && at <= Time::from_ms(9000), "{noise}: {at:?}");
     }
 }
 
 #[test]
-fn a_pose_that_moves_otherwise_than_the_wheels_stops_the_car_on_the_road() {
-    // Noise of half a metre from 8 s on: jumps by more than the wheels went within a second.
+fn pose_inconsistent_with_the_wheels_stops_the_car_on_the_road() {
+    // Noise of half a metre from 8 s on: jumps by more than the wheels moved within one second.
     let noisy = "fault.a={ stream = \"localizer\", noise = 0.5, from_ms = 8000, until_ms = 11000 }";
     for road in [BEND, STRAIGHT] {
         for seed in ["seed=1", "seed=2", "seed=3"] {
@@ -178,14 +178,14 @@ fn a_pose_that_moves_otherwise_than_the_wheels_stops_the_car_on_the_road() {
 }
 
 #[test]
-fn a_faulty_inertial_unit_is_bridged_by_wheels_and_fixes_and_the_gate_lets_drive() {
+fn faulty_imu_is_bridged_by_wheels_and_fixes_and_the_gate_permits_driving() {
     for what in ["drop = true", "freeze_ms = 3000", "noise = 20"] {
         for (road, from_ms) in [(BEND, 3200), (BEND, 8000), (STRAIGHT, 9000)] {
             let until_ms = from_ms + 3000;
             let fault =
                 format!("fault.a={{ stream = \"imu\", {what}, from_ms = {from_ms}, until_ms = {until_ms} }}");
             let (seen, verdict) = drive(road, &[&LOCALIZER[..], &[&fault]].concat());
-            // Off the road it would end at once.
+            // Leaving the road would end it at once.
             assert!(
                 matches!(verdict, Verdict::Completed | Verdict::Stopped),
                 "{what} {from_ms}: {verdict:?}"

@@ -1,4 +1,4 @@
-//! A car that no longer knows where it is: from the last fix to the standstill.
+//! A car that loses its position: from the last fix to the standstill.
 
 use swerve_core::{Span, Time};
 use swerve_drive::why::Logged;
@@ -23,7 +23,7 @@ end_m = 180.0
 timeout_s = 16.0
 "#;
 
-/// A receiver with corrections; without fixes the place is soon less sure than it may be.
+/// A receiver with corrections; without fixes the position soon becomes too uncertain.
 const CAR: [&str; 5] = [
     "gate.enabled=true",
     "localization.localizer=eskf",
@@ -39,17 +39,17 @@ const SILENCES: [&str; 2] = [
 ];
 
 #[test]
-fn a_car_that_is_lost_is_stopped_by_its_gate() {
+fn lost_car_is_stopped_by_its_gate() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, ROAD).unwrap();
     for silence in SILENCES {
         let outcome = common::record(&common::config(&[&CAR[..], &[silence]].concat()), &road, &path, 1);
         let log = Log::read(&path).unwrap();
-        // The place is told until it is not known any more.
+        // The pose is published until it is unknown.
         let modes = log.publications("localizer.quality").map(|p| p.decode::<PoseQuality>().unwrap());
         let modes: Vec<_> = modes.map(|quality| (quality.stamp, quality.mode)).collect();
-        // A localizer that begins anew at its second fix is lost for a moment: the loss is that after coasting.
+        // A localizer that restarts at its second fix is lost for a moment: the loss meant here follows coasting.
         let is_loss =
             |pair: &&[(Time, PoseMode)]| pair[0].1 == PoseMode::Coasting && pair[1].1 == PoseMode::Lost;
         let (known, mode) = modes.windows(2).find(is_loss).expect("it is lost")[0];
@@ -79,10 +79,10 @@ fn a_car_that_is_lost_is_stopped_by_its_gate() {
     }
 }
 
-/// Without a gate it is the controller: 0.3 s after the newest pose it brakes, and the throttle is not pressed any more. A speed
-/// that does not change would otherwise let the integral of the speed control grow without end.
+/// Without a gate the controller reacts: it brakes 0.3 s after the newest pose, and releases the throttle. Otherwise a
+/// constant speed would let the integral of the speed control wind up.
 #[test]
-fn a_car_without_a_pose_is_braked_by_its_controller() {
+fn car_without_a_pose_is_braked_by_its_controller() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, ROAD).unwrap();
@@ -112,9 +112,9 @@ fn a_car_without_a_pose_is_braked_by_its_controller() {
     }
 }
 
-/// A pose that says the same under new stamps while the car moves is none.
+/// A pose that repeats its content under new stamps while the car moves counts as missing.
 #[test]
-fn a_car_whose_pose_hangs_is_braked_by_its_controller() {
+fn car_with_a_frozen_pose_is_braked_by_its_controller() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, ROAD).unwrap();
@@ -126,7 +126,7 @@ fn a_car_whose_pose_hangs_is_braked_by_its_controller() {
     assert!(why.sentence.contains("it had no pose: none came from 5.0"), "{}", why.sentence);
 }
 
-/// A bend of 3.5 m wide lanes: of 167 m at 18 m/s, where tyres slip and a brake turns the car further in.
+/// A bend of 3.5 m wide lanes: radius 167 m at 18 m/s, where tyres slip and braking turns the car further in.
 const BEND: &str = r#"name = "bend"
 
 [road]
@@ -141,10 +141,10 @@ end_m = 330.0
 timeout_s = 25.0
 "#;
 
-/// Without a pose a bend is followed by dead reckoning. As the pose comes again the car brakes on, and turns its wheels no
-/// faster than in comfort, until there is a plan from where it is.
+/// Without a pose a bend is followed by dead reckoning. When the pose returns, the car continues to brake and limits
+/// its steering rate to comfort until there is a plan from its position.
 #[test]
-fn a_pose_that_is_lost_in_a_bend_and_comes_again_is_no_surprise() {
+fn pose_lost_in_a_bend_returns_without_a_jerk() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["bend.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, BEND).unwrap();
@@ -170,7 +170,7 @@ fn a_pose_that_is_lost_in_a_bend_and_comes_again_is_no_surprise() {
         for pair in commands.windows(2) {
             let [(_, before), (at, now)] = [pair[0], pair[1]];
             assert!(!blind.contains(&at) || now.throttle == 0.0, "{fault}: {at:?} {now:?}");
-            // Where it comes again, and after.
+            // From its return on.
             let turned_rad = (now.steering_rad - before.steering_rad).abs();
             assert!(at < blind.end || turned_rad < 0.005, "{fault}: {at:?} {turned_rad} rad");
         }

@@ -1,4 +1,4 @@
-//! Drives whose operators are looked at from outside.
+//! Drives observed from outside.
 
 mod agent;
 mod deadlines;

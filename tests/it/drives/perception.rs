@@ -1,4 +1,4 @@
-//! An emulated detector and the tracker behind it.
+//! An emulated detector and the tracker after it.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use swerve_text::Document;
 
 use crate::common;
 
-/// Boxes with the instant of their publication, tracks, and states of the world.
+/// Boxes with publication times, tracks, and world states.
 #[derive(Default)]
 struct Seen {
     boxes: Vec<(Time, Detections)>,
@@ -36,7 +36,7 @@ impl Observer for Seen {
     }
 }
 
-/// The first second with the truck near by, and what was seen of it.
+/// The first second with the truck near by, and its observations.
 fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
@@ -51,7 +51,7 @@ fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
     (seen, digest)
 }
 
-/// Parameters under which nothing is wrong.
+/// Parameters of a perfect detector.
 const PERFECT: [&str; 9] = [
     "perception.params.recall_best=1",
     "perception.params.half_distance_m=10000",
@@ -65,7 +65,7 @@ const PERFECT: [&str; 9] = [
 ];
 
 #[test]
-fn a_detector_without_fault_is_followed_where_its_truth_is() {
+fn perfect_detector_is_tracked_at_the_true_positions() {
     let (seen, _) = drive("custom", &PERFECT);
     let tracks = seen.tracks.last().unwrap();
     let world = seen.worlds.iter().find(|world| world.stamp >= tracks.stamp).unwrap();
@@ -78,7 +78,7 @@ fn a_detector_without_fault_is_followed_where_its_truth_is() {
 }
 
 #[test]
-fn boxes_come_after_the_published_run_time_or_the_configured_one() {
+fn boxes_arrive_after_the_published_or_configured_run_time() {
     for (sets, ms) in [(&[][..], 28), (&["operator.detector.runtime={ fixed_ms = 7 }"][..], 7)] {
         let (seen, digest) = drive("efficientdet-d3@v100", sets);
         assert!(seen.boxes.len() >= 18, "{}", seen.boxes.len());
@@ -89,23 +89,23 @@ fn boxes_come_after_the_published_run_time_or_the_configured_one() {
 }
 
 #[test]
-fn a_slow_detector_drops_frames() {
+fn slow_detector_drops_frames() {
     let (seen, _) = drive("efficientdet-d7x@v100", &[]);
-    // 153 ms on frames that come every 50 ms: a new one every 153 ms.
+    // 153 ms on frames every 50 ms: a new one every 153 ms.
     assert!((5..=7).contains(&seen.boxes.len()), "{}", seen.boxes.len());
     assert_eq!(seen.boxes.len(), seen.tracks.len());
 }
 
-/// Boxes of the fusion: nothing else in its pipeline tells what a radar measures.
+/// Boxes of the fusion: the only ones in its pipeline with a radar measurement.
 fn fused(seen: &Seen) -> Vec<&Detections> {
     let is_fused = |boxes: &Detections| boxes.boxes.iter().any(|b| b.radial_speed_mps.is_some());
     seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
 }
 
-/// A car stands in sight of camera, lidar and radar. Whichever of the first two is blind, it is followed: the camera's
-/// kind and the lidar's place where there are both, each sensor's own where it is alone.
+/// A car stands in view of camera, lidar and radar. If either of the first two is blind, it is still tracked: with the
+/// camera's class and the lidar's position if both see it, else with those of the remaining sensor.
 #[test]
-fn what_is_fused_stays_when_a_sensor_is_blind() {
+fn fused_object_persists_when_a_sensor_is_blind() {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
     let scenario = Scenario::parse("near", &text).unwrap();
@@ -120,8 +120,8 @@ fn what_is_fused_stays_when_a_sensor_is_blind() {
         drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
         let (lists, tracks) = (fused(&seen), seen.tracks.last().unwrap());
         assert!(lists.len() > 5, "{blind:?}: {}", lists.len());
-        // Each sensor's place is told once, when it is new, so what is known of the truck stands in the lists of a turn of
-        // the lidar. False positives of the emulated detector score low.
+        // Each sensor's position is published once, when new, so the known state of the truck is spread over the lists
+        // of one lidar scan. False positives of the emulated detector score low.
         let newest = lists.last().unwrap().stamp;
         let of_turn = lists.iter().rev().take_while(|list| newest - list.stamp < Span::from_ms(100));
         let sure = of_turn.flat_map(|list| list.boxes.iter().map(|b| (list.stamp, b)));
@@ -148,7 +148,7 @@ fn what_is_fused_stays_when_a_sensor_is_blind() {
     }
 }
 
-/// Somebody runs into the lane from behind a truck and stops dead in it, while another truck comes the other way.
+/// A person runs into the lane from behind a truck and stops abruptly in it, while another truck comes the other way.
 const RUNNER: &str = r#"
 name = "runner"
 [road]
@@ -182,7 +182,7 @@ min_distance_m = { min = 0.2 }
 "#;
 
 #[test]
-fn nobody_is_seen_to_walk_on_who_has_stopped() {
+fn stopped_person_is_not_predicted_to_walk_on() {
     let scenario = Scenario::parse("runner", RUNNER).unwrap();
     for seed in 1..=4 {
         let text = format!(

@@ -1,4 +1,4 @@
-//! Drives with other predictors than the default: the one that is told the truth, and all of them in bends.
+//! Drives with other predictors than the default: the one that uses ground truth, and all of them in bends.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +12,8 @@ use swerve_stack::config::Config;
 
 use crate::common;
 
-/// Largest and mean distance between what was told of those who move and where they were then, up to 2 s ahead, and how
-/// many places that is of.
+/// Largest and mean distance between predicted and true positions of moving actors, up to 2 s ahead, and the number of
+/// positions.
 fn off_m(config: &Config, file: &str) -> (f64, f64, usize) {
     let scenario =
         read_scenario(format!("{}/../scenarios/{file}", env!("CARGO_MANIFEST_DIR")).as_ref()).unwrap();
@@ -47,14 +47,14 @@ fn off_m(config: &Config, file: &str) -> (f64, f64, usize) {
 }
 
 #[test]
-fn who_is_told_what_will_happen_tells_it_but_for_its_noise() {
+fn truth_predictor_is_exact_except_for_its_noise() {
     let document = swerve_text::Document::parse("c.toml", "[prediction]\npredictor = \"truth\"\n").unwrap();
     let mut config = Config::from_document(&document, &[]).unwrap_or_else(|problems| panic!("{problems:#?}"));
     let (most_m, _, count) = off_m(&config, "people_crossing.toml");
     assert!(most_m < 1e-6 && count > 500, "{most_m} m of {count}");
     config.prediction.truth_noise_mps = 0.5;
     let (_, mean_m, _) = off_m(&config, "people_crossing.toml");
-    // After 1 s in the middle: the mean of a Rayleigh distribution.
+    // After 1 s on average: the mean of a Rayleigh distribution.
     assert!((0.4..0.9).contains(&mean_m), "{mean_m}");
     (config.prediction.truth_noise_mps, config.prediction.truth_horizon_ms) = (0.0, Some(0.0));
     let (most_m, ..) = off_m(&config, "people_crossing.toml");
@@ -62,7 +62,7 @@ fn who_is_told_what_will_happen_tells_it_but_for_its_noise() {
 }
 
 #[test]
-fn a_vehicle_has_nobody_who_knows_what_will_happen() {
+fn truth_predictor_is_refused_for_a_vehicle() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/live/autoware.toml");
     let document = swerve_text::Document::read(file.as_ref()).unwrap();
     let truth = [("prediction.predictor".to_owned(), "truth".into())];
@@ -71,7 +71,7 @@ fn a_vehicle_has_nobody_who_knows_what_will_happen() {
     assert!(told.iter().any(|told| told.contains("operator.predictor.reads.worlds")), "{told:?}");
 }
 
-/// A truck and a car come through bends: on the map their straight modes lead through the ego's lane.
+/// A truck and a car come through bends: on the map their straight modes cross the ego lane.
 const BENDS: &str = r#"
 name = "oncoming_in_bends"
 description = "A truck and a car come towards the ego through a bend to the right and one to the left."
@@ -116,7 +116,7 @@ duration_s = { max = 24.0 }
 deceleration_max_mps2 = { max = 4.0 }
 "#;
 
-/// Whoever predicts, the ego passes oncoming traffic in its own lane: no swerve, no stop, no hard braking.
+/// With any predictor, the ego passes oncoming traffic in its own lane: no swerve, no stop, no hard braking.
 #[test]
 fn oncoming_traffic_in_bends_is_passed_in_the_own_lane_with_every_predictor() {
     let scenario = Scenario::parse("bends", BENDS).unwrap_or_else(|problems| panic!("{problems:#?}"));

@@ -1,4 +1,4 @@
-//! The ride with a pose by the car's own sensors: as smooth as with the true one, or a stop that says why.
+//! Comfort with an estimated pose: as smooth as with the true one, or a stop with a stated reason.
 
 use swerve_drive::why::Logged;
 use swerve_eval::Verdict;
@@ -43,7 +43,7 @@ fn ride_with_corrected_fixes_keeps_the_limits_of_comfort() {
         let config = common::config(&set(seed, "sensing.gnss={ noise_m = 0.02, bias_m = 0 }"));
         let metrics = common::record(&config, &road, &path, 1).metrics;
         assert_eq!(metrics.verdict, Verdict::Completed, "{seed}");
-        // The limit of `planning.comfort`, to which the controller turns the wheels.
+        // The limit of `planning.comfort`, which also limits the controller's steering rate.
         let jerk_mps3 = metrics.lateral_jerk.raw_max_mps3.unwrap();
         assert!(jerk_mps3 < 5.0, "{seed}: {jerk_mps3}");
         assert_eq!(metrics.plans.counts.pose_uncertain, 0, "{seed}");
@@ -51,7 +51,7 @@ fn ride_with_corrected_fixes_keeps_the_limits_of_comfort() {
 }
 
 #[test]
-fn odometry_goes_on_without_jumps_while_fixes_move_the_pose() {
+fn odometry_continues_smoothly_while_fixes_move_the_pose() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, ROAD).unwrap();
@@ -64,13 +64,13 @@ fn odometry_goes_on_without_jumps_while_fixes_move_the_pose() {
     let mut jump_m: f64 = 0.0;
     for (state, local) in states.windows(2).zip(local.windows(2)) {
         let dt_s = (state[1].stamp - state[0].stamp).as_secs();
-        // The way of 10 ms at the mean speed of the two states, in the odometry frame; the slip of tyres adds next to nothing.
+        // Distance in 10 ms at the mean speed of the two states, in the odometry frame; tyre slip adds almost nothing.
         let moved_m = local[1].odom.point().distance(local[0].odom.point());
         let ahead_m = 0.5 * (state[0].speed_mps + state[1].speed_mps) * dt_s;
         assert!((moved_m - ahead_m).abs() < 1e-4, "{moved_m} {state:?}");
         let expected = state[0].pose_after(dt_s).point();
         jump_m = jump_m.max(expected.distance(state[1].pose.point()));
-        // The pose for control is near the estimate: 0.3 m in each direction at most.
+        // The control pose is close to the estimate: at most 0.3 m in each direction.
         let lag_m = local[1].to_map(local[1].odom).point().distance(state[1].pose.point());
         assert!(lag_m < 0.3 * f64::sqrt(2.0) + 1e-9, "{lag_m}");
     }
@@ -78,23 +78,23 @@ fn odometry_goes_on_without_jumps_while_fixes_move_the_pose() {
 }
 
 #[test]
-fn car_stops_where_its_pose_is_too_uncertain_for_the_lane_and_says_so() {
+fn car_stops_where_its_pose_is_too_uncertain_for_the_lane_and_reports_it() {
     let folder = tempfile::tempdir().unwrap();
     let [road, path] = ["road.toml", "log.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&road, ROAD).unwrap();
-    // Two deviations of the offset alone, 2 x 0.6 m, are more than the metre beside the car.
+    // Two standard deviations of the bias alone, 2 x 0.6 m, exceed the one metre beside the car.
     let config = common::config(&set("seed=1", "sensing.gnss={ noise_m = 0.1, bias_m = 0.6 }"));
     let metrics = common::record(&config, &road, &path, 1).metrics;
     assert_eq!(metrics.verdict, Verdict::Stopped);
     assert!(metrics.drive.speed_end_mps.abs() < 0.1 && metrics.left_road_at_s.is_none());
-    // 2.5 m/s2 are planned for the stop.
+    // The stop is planned with 2.5 m/s2.
     assert!(metrics.drive.deceleration_max_mps2 < 4.0, "{:?}", metrics.drive);
     let log = Log::read(&path).unwrap();
     let plans = log.publications("planner").map(|p| p.decode::<Plan>().unwrap().status);
     assert_eq!(plans.last(), Some(PlanStatus::PoseUncertain));
     let why = Logged::read(&path, &Registry::standard()).unwrap().why(&metrics).unwrap();
     assert!(why.sentence.starts_with("it stopped because its pose was too uncertain"), "{}", why.sentence);
-    // Not asked to keep deviations from the edge, the same car drives on.
+    // Without the required margin to the edge, the same car continues.
     let config = common::config(
         &[&set("seed=1", "sensing.gnss={ noise_m = 0.1, bias_m = 0.6 }")[..], &["planning.lane_sigmas=0"]]
             .concat(),
@@ -125,7 +125,7 @@ fn overtaking_at_high_speed_keeps_the_limits_of_comfort() {
     for planner in ["planning.planner=fot", "planning.planner=rrt_star"] {
         let metrics = common::record(&common::config(&[planner]), &road, &path, 1).metrics;
         assert_eq!(metrics.verdict, Verdict::Avoided, "{planner}");
-        // Plans keep 2.5 m/s2 and 5 m/s3; deviations of the car from them are within half of that more.
+        // Plans keep 2.5 m/s2 and 5 m/s3; the car exceeds them by at most half.
         let (jerk, across) = (metrics.lateral_jerk.raw_max_mps3, metrics.drive.lateral_accel_max_mps2);
         assert!(jerk.is_some_and(|jerk| jerk < 7.5) && across < 3.75, "{planner}: {jerk:?} {across}");
         assert!(metrics.min_distance_m.is_some_and(|least_m| least_m > 0.9), "{planner}");

@@ -1,4 +1,4 @@
-//! Roads that meet themselves, and bends that are too fast.
+//! Roads that cross themselves, and bends that require braking.
 
 use swerve_drive::drive;
 use swerve_eval::Verdict;
@@ -7,12 +7,12 @@ use swerve_scenario::Scenario;
 
 use crate::common::config;
 
-/// A lane over segments of (length, curvature), driven to 5 m before its end.
+/// A lane of segments (length, curvature), driven to 5 m before its end.
 fn road(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64) -> Scenario {
     road_with(segments, speed_mps, timeout_s, ["", ""])
 }
 
-/// The same with more keys of the road, and more tables.
+/// Same as [`road`], with additional road keys and tables.
 fn road_with(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64, [keys, tables]: [&str; 2]) -> Scenario {
     let length_m: f64 = segments.iter().map(|segment| segment.0).sum();
     let one = |&(length_m, curvature_1pm): &(f64, f64)| {
@@ -27,7 +27,7 @@ fn road_with(segments: &[(f64, f64)], speed_mps: f64, timeout_s: f64, [keys, tab
     Scenario::parse("road.toml", &text).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// Drives to the end; the way that it took, metres.
+/// Drives to the end; returns the distance driven, metres.
 fn driven_m(scenario: &Scenario, sets: &[&str]) -> f64 {
     let metrics = drive(&config(sets), scenario).unwrap().metrics;
     assert_eq!(
@@ -51,15 +51,15 @@ fn closed_and_crossing_roads_are_driven_once() {
     {
         for planner in ["fot", "rrt_star", "hybrid_astar", "waypoint"] {
             let way_m = driven_m(scenario, &[&format!("planning.planner={planner}")]);
-            // The goal is at the route's arc length: less than 2 m of corners cut a turn, and 5 m before the end.
+            // The goal is 5 m before the end in arc length; cut corners shorten the path by less than 2 m per turn.
             assert!((length_m - 10.0..length_m + 2.0).contains(&way_m), "{planner}: {way_m} of {length_m}");
         }
     }
 }
 
 #[test]
-fn bends_too_fast_for_comfort_are_slowed_for() {
-    // 40 m/s round 500 m would be 3.2 m/s², more than the 2.5 of comfort.
+fn ego_brakes_for_bends_too_fast_for_comfort() {
+    // 40 m/s with a radius of 500 m would be 3.2 m/s², more than the 2.5 of comfort.
     let bend = road(&[(350.0, 0.0), (250.0, 0.002), (300.0, 0.0)], 40.0, 60.0);
     for planner in ["fot", "rrt_star", "hybrid_astar", "waypoint"] {
         let set = format!("planning.planner={planner}");
@@ -67,12 +67,12 @@ fn bends_too_fast_for_comfort_are_slowed_for() {
         assert_eq!((metrics.verdict, metrics.left_road_at_s), (Verdict::Completed, None), "{planner}");
         let (lateral, brake) = (metrics.drive.lateral_accel_max_mps2, metrics.drive.deceleration_max_mps2);
         assert!(lateral <= 2.75, "{planner}: {lateral}");
-        // Half of comfort's 3.5 is what curves are braked for with, and comes in time.
+        // Braking for curves uses half of comfort's 3.5, and starts in time.
         assert!(brake <= 2.2, "{planner}: {brake}");
     }
 }
 
-/// Out and back on the inside of a bend takes more turning than the bend at its own speed leaves.
+/// Swerving out and back on the inside of a bend needs more curvature than the bend leaves at its own speed.
 #[test]
 fn standing_car_in_a_bend_is_passed_slower() {
     let car = "[[actor]]\nname = \"car\"\nkind = \"car\"\ns_m = 110.0\nd_m = 0.0\n";

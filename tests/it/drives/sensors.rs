@@ -1,4 +1,4 @@
-//! Sensors of all kinds around a short piece of a drive.
+//! Sensors of all kinds during a short drive.
 
 use std::path::Path;
 
@@ -61,10 +61,10 @@ fn drive_in(scenario: &Scenario, config: &Config, observers: &mut [&mut dyn Obse
     drive_pipeline(pipeline, config.seed, 2, observers).unwrap()
 }
 
-/// What was published, as far as the tests ask for it.
+/// Publications needed by the tests.
 #[derive(Default)]
 struct Seen {
-    /// Stream, stamp, instant of publication.
+    /// Stream, stamp, publication time.
     times: Vec<(String, Time, Time)>,
     clouds: Vec<(PointCloud, PointInstances)>,
     sources: Vec<RadarSources>,
@@ -72,7 +72,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// With the truck near by.
+    /// Starts with the truck near by.
     fn of(config: &Config) -> Self {
         let text = std::fs::read_to_string(common::scenario_file(SCENARIO)).unwrap();
         let scenario = Scenario::parse("near", &text.replace("s_m = 110.0", "s_m = 25.0")).unwrap();
@@ -81,7 +81,7 @@ impl Seen {
         seen
     }
 
-    /// Stamps and instants of publication of a stream.
+    /// Stamps and publication times of a stream.
     fn stream(&self, name: &str) -> Vec<(Time, Time)> {
         self.times.iter().filter(|(stream, ..)| stream == name).map(|&(_, stamp, at)| (stamp, at)).collect()
     }
@@ -104,7 +104,7 @@ impl Observer for Seen {
 }
 
 #[test]
-fn a_sensor_that_nobody_asks_for_is_not_in_the_graph() {
+fn unused_sensor_is_not_in_the_graph() {
     let scenario = read_scenario(&common::scenario_file(SCENARIO)).unwrap();
     let operators = |config: &Config| -> Vec<String> {
         let graph = Pipeline::build(config, &scenario).unwrap().graph;
@@ -121,10 +121,10 @@ fn a_sensor_that_nobody_asks_for_is_not_in_the_graph() {
 }
 
 #[test]
-fn what_sensors_see_is_there_after_exposure_readout_and_transfer() {
+fn sensor_data_is_visible_after_exposure_readout_and_transfer() {
     let config = config(SENSORS, &[]);
     let seen = Seen::of(&config);
-    // Half of the exposure, readout, transfer; at one frame every so often.
+    // Half of the exposure, readout, transfer; and the frame period.
     for (stream, after_ms, every_ms) in [
         ("eye.rgb", 20, 50),
         ("eye.instance", 20, 50),
@@ -143,14 +143,14 @@ fn what_sensors_see_is_there_after_exposure_readout_and_transfer() {
         let even = times.windows(2).all(|pair| pair[1].0 - pair[0].0 == Span::from_ms(every_ms));
         assert!(even, "{stream} loses none: {times:?}");
     }
-    // A run time of its own comes before the transfer, which is then a delay of the stream.
+    // A configured run time is added before the transfer, which then becomes a delay of the stream.
     let slow = self::config(SENSORS, &["operator.eye.runtime={ fixed_ms = 3 }"]);
     let times = Seen::of(&slow).stream("eye.rgb");
     assert!(times.iter().all(|(stamp, at)| *at - *stamp == Span::from_ms(3)), "{times:?}");
 }
 
 #[test]
-fn sensors_of_events_speak_at_every_step_of_the_world() {
+fn event_sensors_publish_at_every_simulation_step() {
     let seen = Seen::of(&config(SENSORS, &[]));
     let world = seen.stream("world");
     assert!(world.len() >= 60);
@@ -162,7 +162,7 @@ fn sensors_of_events_speak_at_every_step_of_the_world() {
 }
 
 #[test]
-fn a_turn_holds_what_is_around_the_car_with_its_own_instants() {
+fn lidar_scan_holds_the_surroundings_with_the_time_of_each_point() {
     let seen = Seen::of(&config(SENSORS, &[]));
     assert!(seen.clouds.len() >= 4);
     let truck = ActorId(1);
@@ -186,8 +186,8 @@ fn a_turn_holds_what_is_around_the_car_with_its_own_instants() {
 }
 
 #[test]
-fn a_turn_fires_every_column_once_wherever_steps_end() {
-    // A turn of whole steps; one that ends between two; and steps of the world that the lidar has no time for.
+fn lidar_scan_fires_every_column_once_wherever_steps_end() {
+    // A scan of whole steps; one that ends between two; and simulation steps that the lidar skips.
     for (rate_hz, sets) in [
         (20.0, &["lidar.roof.rate_hz=20"][..]),
         (17.0, &["lidar.roof.rate_hz=17"]),
@@ -197,7 +197,7 @@ fn a_turn_fires_every_column_once_wherever_steps_end() {
         assert!(seen.clouds.len() >= 3, "{sets:?}");
         let mut begins = Vec::new();
         for (cloud, _) in &seen.clouds {
-            // The lowest beam meets the road in every column, and they are even in time.
+            // The lowest beam meets the road in every column, evenly in time.
             let at: Vec<f64> = (0..cloud.len())
                 .filter(|&k| cloud.ring[k] == 0)
                 .map(|k| cloud.stamp.as_secs() + f64::from(cloud.time_offset_s[k]))
@@ -213,9 +213,9 @@ fn a_turn_fires_every_column_once_wherever_steps_end() {
 }
 
 #[test]
-fn threads_do_not_show() {
+fn threads_do_not_affect_the_data() {
     let scenario = read_scenario(&common::scenario_file("person_crossing")).unwrap();
-    // Without a way to the readers images are published at the instant that they show; somebody reads them then.
+    // Without transfer, images are published at their stamp and read at once.
     let at_once = [
         "camera.eye.exposure_ms=0",
         "camera.eye.readout_ms=0",
@@ -243,7 +243,7 @@ fn threads_do_not_show() {
 }
 
 #[test]
-fn sensors_are_computed_again_from_a_log_without_their_data() {
+fn sensors_are_recomputed_from_a_log_without_their_data() {
     let folder = tempfile::tempdir().unwrap();
     let config = config(SENSORS, &["operator.planner.runtime={ fixed_ms = 60 }"]);
     let record = |file: &str, config: &Config| {
@@ -280,7 +280,7 @@ fn sensors_are_computed_again_from_a_log_without_their_data() {
 }
 
 #[test]
-fn the_world_of_a_run_without_sensors_is_that_of_one_with_them() {
+fn world_of_a_run_is_independent_of_its_sensors() {
     let poses = |config: &Config| {
         struct Poses(Vec<WorldState>);
         impl Observer for Poses {
@@ -300,7 +300,7 @@ fn the_world_of_a_run_without_sensors_is_that_of_one_with_them() {
     assert_eq!(poses(&config(SENSORS, &[])), poses(&Config::default()));
 }
 
-/// The lines that an operator finds, and where the ego was then, metres to the left of its lane's middle.
+/// Lane lines found by an operator, and the ego's offset at that time, metres to the left of the lane centre.
 #[derive(Default)]
 struct LanesSeen {
     worlds: Vec<(Time, f64)>,
@@ -320,7 +320,7 @@ impl Observer for LanesSeen {
 }
 
 #[test]
-fn the_lines_of_the_lane_are_where_the_road_has_its_paint() {
+fn detected_lane_lines_match_the_markings() {
     let camera = "[camera.front]\nat_m = [1.75, 0.0, 1.35]\npitch_deg = 1.7\nwidth_px = 640\nheight_px = 480\n\
         fov_deg = 70\nperiod_ms = 100\n[operator.lanes]\nkind = \"lanes\"\nruntime = { fixed_ms = 15 }\n";
     let mut seen = LanesSeen::default();

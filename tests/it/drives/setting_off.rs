@@ -1,4 +1,4 @@
-//! Drives that begin at rest beside the line, and that go on after a stop.
+//! Drives that start at rest beside the line, and that continue after a stop.
 
 use swerve_drive::drive;
 use swerve_eval::Verdict;
@@ -7,7 +7,7 @@ use swerve_stack::config::Config;
 
 use crate::common::config;
 
-/// Where the ego stands: offset from the line, metres; heading against it, radians; curvature of the road, 1/m.
+/// Start pose: offset from the line, metres; heading relative to it, radians; and curvature of the road, 1/m.
 const STARTS: [[f64; 3]; 6] = [
     [0.03, 0.0, 0.0],
     [-0.9, 0.0, 0.0],
@@ -17,7 +17,7 @@ const STARTS: [[f64; 3]; 6] = [
     [0.4, -0.2, -0.05],
 ];
 
-/// Metres that a car at rest covers in five seconds at a third of the comfortable 2 m/s², and more.
+/// Distance that a car at rest more than covers in five seconds at a third of the comfortable 2 m/s², metres.
 const LEAST_M: f64 = 5.0;
 
 fn road([d_m, heading_rad, curvature_1pm]: [f64; 3]) -> Scenario {
@@ -40,7 +40,7 @@ timeout_s = 5.0
     Scenario::parse("setting_off.toml", &text).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// In what way a drive of five seconds did not set off.
+/// Reason why a drive of five seconds did not set off.
 fn stays(config: &Config, start: [f64; 3]) -> Option<String> {
     let outcome = drive(config, &road(start)).unwrap();
     let way_m = outcome.metrics.drive.path_length_m;
@@ -57,7 +57,7 @@ fn every_planner_and_controller_sets_off_from_beside_the_line() {
     for planner in ["fot", "rrt_star", "hybrid_astar", "waypoint"] {
         for comfort in [true, false] {
             for (k, start) in STARTS.into_iter().enumerate() {
-                // Each controller meets each planner, and each start every controller.
+                // Each controller is combined with each planner, and each start with every controller.
                 let controllers = ["stanley", "pure_pursuit", "mpc", "pid"];
                 let controller = controllers[(k + usize::from(comfort)) % controllers.len()];
                 let config = config(&[
@@ -73,7 +73,7 @@ fn every_planner_and_controller_sets_off_from_beside_the_line() {
 }
 
 #[test]
-fn a_car_that_stopped_beside_the_line_goes_on() {
+fn car_stopped_beside_the_line_continues() {
     let text = r#"name = "goes_on"
 [road]
 segments = [{ length_m = 200.0 }]

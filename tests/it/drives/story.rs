@@ -1,4 +1,4 @@
-//! The picture of a drive of the real pipeline.
+//! Story picture of a drive with the default pipeline.
 
 use swerve_drive::{drive_pipeline, read_scenario, story};
 use swerve_report::story::draw;
@@ -17,7 +17,7 @@ fn drawn(assignments: &[&str]) -> String {
 }
 
 #[test]
-fn a_real_run_has_its_story() {
+fn default_run_has_a_story() {
     let svg = drawn(&[]);
     for part in ["first visible", "truck", "lateral acc.", "response time"] {
         assert!(svg.contains(part), "{part}");
@@ -25,9 +25,9 @@ fn a_real_run_has_its_story() {
     assert!(!svg.contains("NaN") && svg.len() < 400_000, "{}", svg.len());
 }
 
-/// The person, whom the story is about, and the truck, which is nearer, are both named with their distances.
+/// The deciding person and the truck, which is nearer, are both labelled with their distances.
 #[test]
-fn an_ego_that_stands_far_away_has_one_outline_and_a_distance_to_each() {
+fn stationary_ego_has_one_outline_and_a_distance_to_each_actor() {
     let svg = drawn(&["ego.speed_mps=0"]);
     let closest = svg.split("closest to person ").nth(1).unwrap().split('<').next().unwrap();
     let distance = closest.split(", ").nth(1).unwrap();

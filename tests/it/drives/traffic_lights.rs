@@ -1,4 +1,4 @@
-//! Traffic lights in a camera's images, and who stops for them.
+//! Traffic lights in camera images, and stops at them.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use swerve_text::Document;
 
 use crate::common;
 
-/// What was told of the lights, which red ones were passed, and how fast the ego was where.
+/// Reported lights, red lights passed, and speed of the ego by position.
 #[derive(Default)]
 struct Seen {
     lights: Vec<TrafficLights>,
@@ -41,7 +41,7 @@ fn root(path: &str) -> std::path::PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(path)
 }
 
-/// Drives by the lights: the scenario with some of its text replaced, until this instant.
+/// Drives past the lights: the scenario with some of its text replaced, until this instant.
 fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Seen, Outcome, Scenario) {
     let mut text = std::fs::read_to_string(root("scenarios/traffic_light.toml")).unwrap();
     for (from, to) in replaced {
@@ -60,9 +60,9 @@ fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Se
     (seen, outcome, scenario)
 }
 
-/// Of the images from 15 to 40 m, 97 % show the lamp that is lit; and where a lamp has been lit for three images, that is
-/// what the light is said to show. Without a map that holds where housings are dark beside their lamps, not at night and
-/// in hard rain.
+/// In 97 % of the images from 15 to 40 m the lit lamp is classified correctly; and once a lamp has been lit for three
+/// images, the light is reported with it. Without a map this holds where housings are dark beside their lamps, not at
+/// night and in heavy rain.
 #[test]
 fn lights_are_told_as_they_are_from_15_to_40_m() {
     let fast = [
@@ -116,9 +116,9 @@ fn lights_are_told_as_they_are_from_15_to_40_m() {
     }
 }
 
-/// The ego stops before the line while the light is red, and goes on when it is green; without the lights it passes.
+/// The ego stops before the line at red and continues at green; without the lights it passes.
 #[test]
-fn the_ego_waits_at_the_line_of_a_red_light() {
+fn ego_waits_at_the_line_of_a_red_light() {
     let small = [
         "camera.front.width_px=400",
         "camera.front.height_px=300",
@@ -133,7 +133,7 @@ fn the_ego_waits_at_the_line_of_a_red_light() {
     assert!(speed_mps < 0.1 && (3.0..12.0).contains(&to_line_m), "{speed_mps} m/s {to_line_m} m before it");
     let blind = [&small[..], &["operator.lights.within_m=1"]].concat();
     assert_eq!(drive(&[], &blind, None).0.passed, 1);
-    // Told by truth, it is the same drive but for the images in which a change is believed.
+    // With ground truth, the drive is the same except for the images needed to confirm a change.
     let told = [&small[..], &["operator.lights.truth=true"]].concat();
     let (told, ..) = drive(&[], &told, None);
     assert_eq!(told.passed, 0);
@@ -143,7 +143,7 @@ fn the_ego_waits_at_the_line_of_a_red_light() {
     assert!(seen.lights.iter().any(|lights| lights.lights.iter().any(|one| one.signal == Some(Signal::Red))));
 }
 
-/// A road of its own: red for the first 14 s, the line 80 m ahead.
+/// A separate road: red for the first 14 s, the line 80 m ahead.
 const RED: &str = r#"
 name = "red"
 description = "A light that is red when the ego comes."
@@ -171,7 +171,7 @@ end_m = 140.0
 verdict = "completed"
 "#;
 
-/// Drives `text` with the default stack under some settings.
+/// Drives `text` with the default stack and some settings.
 fn drive_by_default(text: &str, sets: &[&str]) -> (Seen, Outcome, Scenario) {
     let scenario = Scenario::parse("own", text).unwrap_or_else(|problems| panic!("{problems:#?}"));
     let config = common::config(&[sets, &["log.sensors=[\"red_lights\"]"]].concat());
@@ -181,7 +181,7 @@ fn drive_by_default(text: &str, sets: &[&str]) -> (Seen, Outcome, Scenario) {
     (seen, outcome, scenario)
 }
 
-/// Distance of the front to the line of 80 m where the ego was slowest, and how slow that was.
+/// Distance of the front to the line at 80 m at the lowest speed, and that speed.
 fn rest(seen: &Seen) -> [f64; 2] {
     // The front is 3.89 m ahead of the rear axle.
     let [rest_m, speed_mps] = *seen.ego.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
@@ -198,7 +198,8 @@ fn default_stack_waits_at_red_with_every_planner_and_controller() {
             let expected = scenario.expectation(planner).unwrap();
             assert_eq!(outcome.broken(expected), Vec::<String>::new(), "{planner} {controller}");
             assert_eq!(seen.passed, 0, "{planner} {controller}");
-            // The paper's controller does not follow a plan's speed closely, and the last resort brakes as late as it can.
+            // The paper's controller does not track a plan's speed closely, and emergency braking brakes as late as
+            // possible.
             if controller == "pid" || planner == "aeb" {
                 continue;
             }
@@ -208,7 +209,7 @@ fn default_stack_waits_at_red_with_every_planner_and_controller() {
             assert!((0.5..=2.5).contains(&ahead_m), "{planner} {controller}: {ahead_m} m before the line");
             assert!(drive.deceleration_max_mps2 < 4.0, "{planner} {controller}: {drive:?}");
         }
-        // Without the comfortable layer, too.
+        // Also without the comfortable layer.
         let sets = [&format!("planning.planner={planner}"), "planning.comfort.enabled=false"];
         let (seen, outcome, _) = drive_by_default(RED, &sets);
         assert_eq!((outcome.metrics.red_lights_passed, seen.passed), (0, 0), "{planner} alone");
@@ -217,7 +218,7 @@ fn default_stack_waits_at_red_with_every_planner_and_controller() {
 }
 
 #[test]
-fn red_light_that_is_passed_is_not_as_expected_unless_the_scenario_says_so() {
+fn passed_red_light_is_unexpected_unless_the_scenario_expects_it() {
     let blind = ["sensing.traffic_lights=false"];
     let (seen, outcome, scenario) = drive_by_default(RED, &blind);
     assert_eq!((seen.passed, outcome.metrics.red_lights_passed), (1, 1));
@@ -228,9 +229,9 @@ fn red_light_that_is_passed_is_not_as_expected_unless_the_scenario_says_so() {
     assert_eq!(outcome.broken(scenario.expectation("fot").unwrap()), Vec::<String>::new());
 }
 
-/// The operators for lights are part of a pipeline on a road with lights alone, and not of the paper's.
+/// Operators for lights are part of a pipeline only on a road with lights, and not part of the paper's.
 #[test]
-fn only_roads_with_lights_have_operators_for_them() {
+fn only_roads_with_lights_have_light_operators() {
     let dark = RED[..RED.find("[[road.light]]").unwrap()].to_owned() + &RED[RED.find("[ego]").unwrap()..];
     let has = |text: &str, sets: &[&str]| {
         let scenario = Scenario::parse("own", text).unwrap();
@@ -241,7 +242,7 @@ fn only_roads_with_lights_have_operators_for_them() {
     assert_eq!(has(&dark, &[]), (false, false));
     assert_eq!(has(RED, &["planning.preset=\"paper\""]), (false, false));
     assert_eq!(has(RED, &["sensing.traffic_lights=false"]), (false, false));
-    // A camera's operator takes the place of the sensor, whatever its name.
+    // A camera's operator replaces the sensor, whatever its name.
     let eyes = ["camera.front={}", "operator.eyes.kind=traffic_lights"];
     assert_eq!(has(RED, &eyes), (false, true));
 }

@@ -1,4 +1,4 @@
-//! The same chains on copper: a list of tasks, compiled in from a file each, all of which run in every iteration.
+//! The same chains on copper: task lists, each compiled in from a file; all tasks run in every iteration.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -64,16 +64,16 @@ impl CuSinkTask for Sink {
     }
 }
 
-/// What copper reads twice around each task.
+/// Clock that copper reads twice around each task.
 #[derive(Clone, Copy)]
 pub enum Clock {
-    /// The processor's counter, as in any application.
+    /// Processor counter, as in any application.
     Real,
-    /// A variable: what the hop costs without the reading of clocks.
+    /// A variable: cost of a hop without clock readings.
     Mock,
 }
 
-/// One chain: copper takes one runtime per module, with its configuration at compile time.
+/// One chain: copper supports one runtime per module, with its configuration at compile time.
 macro_rules! chain {
     ($name:ident, $hops:literal, $config:tt, |$builder:ident, $with:ident: $kind:ty| $built:expr) => {
         mod $name {
@@ -123,13 +123,13 @@ logged!(logged_2, 2, "benches/engine/copper/logged_2.ron");
 logged!(logged_4, 4, "benches/engine/copper/logged_4.ron");
 logged!(logged_8, 8, "benches/engine/copper/logged_8.ron");
 
-/// Nanoseconds per iteration of each length, without any log.
+/// Nanoseconds per iteration of each length, without logging.
 pub fn frames_ns(clock: Clock) -> [f64; LENGTHS.len()] {
     [chain_1::frame_ns, chain_2::frame_ns, chain_4::frame_ns, chain_8::frame_ns]
         .map(|frame_ns| frame_ns(100_000, clock).expect("copper runs"))
 }
 
-/// The same with copper's log of every message, in a file of `folder` that is gone afterwards.
+/// Same as [`frames_ns`], with copper's log of every message in a temporary file in `folder`.
 pub fn logged_frames_ns(folder: &Path) -> [f64; LENGTHS.len()] {
     [logged_1::frame_ns, logged_2::frame_ns, logged_4::frame_ns, logged_8::frame_ns].map(|frame_ns| {
         let folder = folder.join("copper");

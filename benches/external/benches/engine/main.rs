@@ -1,8 +1,8 @@
-//! The dataflow engine's hop beside copper's (`cu29`) and a bare bounded channel.
+//! Cost of a hop in the dataflow engine, in copper (`cu29`) and in a bare bounded channel.
 //!
-//! Each engine runs chains of a source, 1, 2, 4 or 8 operators and a sink over 64 bytes, in one thread. A hop is what
-//! one more operator adds to a frame: the slope of the least-squares line through the four lengths. All run in turn,
-//! round by round, so that a noisy host hits all of them; ratios are taken within a round.
+//! Each engine runs chains of a source, 1, 2, 4 or 8 operators and a sink over 64 bytes, in one thread. A hop is the
+//! cost of one more operator per frame: the slope of the least-squares line through the four lengths. All run
+//! alternately, round by round, so that host noise affects all of them; ratios are computed within a round.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -15,28 +15,28 @@ mod ours;
 
 const ROUNDS: usize = 15;
 
-/// The lengths of the chains: operators between source and sink.
+/// Lengths of the chains: operators between source and sink.
 const LENGTHS: [usize; 4] = [1, 2, 4, 8];
 
-/// The payload: 64 bytes, the number of the frame first.
+/// Payload: 64 bytes, the number of the frame first.
 type Small = [u64; 8];
 
-/// The first word that the last sink saw: proof that the frames went through.
+/// First word received by the last sink: proof that the frames passed through.
 static SEEN: AtomicU64 = AtomicU64::new(0);
 
-/// What each operator does to its input.
+/// Operation of each operator.
 fn changed(small: &Small) -> Small {
     let mut small = *small;
     small[0] = small[0].wrapping_add(1);
     small
 }
 
-/// What each sink does with its input.
+/// Operation of each sink.
 fn see(small: &Small) {
     SEEN.store(black_box(small)[0], Ordering::Relaxed);
 }
 
-/// Checks that `frames` went through operators that added `added` in all.
+/// Checks that `frames` passed through operators that added `added` in total.
 fn check(frames: u64, added: usize) {
     assert_eq!(SEEN.load(Ordering::Relaxed), frames - 1 + added as u64, "a frame was lost");
 }
@@ -52,7 +52,7 @@ fn line(figures: [f64; LENGTHS.len()]) -> Line {
     Line { hop_ns: xy / xx, frame_ns: mean_y + xy / xx * (1.0 - mean_x) }
 }
 
-/// What a chain costs.
+/// Cost of a chain.
 struct Line {
     /// One more operator, nanoseconds.
     hop_ns: f64,
@@ -60,7 +60,7 @@ struct Line {
     frame_ns: f64,
 }
 
-/// The rounds of one engine.
+/// Rounds of one engine.
 #[derive(Default)]
 struct Rounds {
     hop_ns: Vec<f64>,
@@ -80,7 +80,7 @@ impl Rounds {
     }
 }
 
-/// One ratio a round.
+/// Adds a row with one ratio per round.
 fn ratio(rows: &mut Rows, what: &str, ours: &Rounds, peer: &[f64], goal: Goal) {
     let ratios = ours.hop_ns.iter().zip(peer).map(|(ours, peer)| ours / peer).collect();
     let ratios = Sample::new(ratios);

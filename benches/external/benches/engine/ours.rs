@@ -1,4 +1,4 @@
-//! Chains on our engine, in virtual time with run times of zero: as the bench `engine` of the workspace.
+//! Chains on Swerve's engine, in virtual time with run times of zero: as in the workspace's `engine` benchmark.
 
 use swerve_benches::now;
 use swerve_core::{Span, Time};
@@ -16,7 +16,7 @@ impl Operator for Source {
     }
 }
 
-/// Makes 64 bytes of the 64 bytes that it gets: allocated, and part of the run's digest.
+/// Makes 64 bytes from its 64 bytes of input: allocated, and part of the run's digest.
 pub struct Change;
 impl Operator for Change {
     type In = At<Small>;
@@ -28,7 +28,7 @@ impl Operator for Change {
     }
 }
 
-/// Lets them pass, without a copy.
+/// Passes its input on without a copy.
 pub struct Through;
 impl Operator for Through {
     type In = At<Small>;
@@ -51,7 +51,7 @@ impl Operator for Sink {
     }
 }
 
-/// Nanoseconds per frame of a source, `hops` operators, which add `added` in all, and a sink.
+/// Nanoseconds per frame of a source, `hops` operators, which add `added` in total, and a sink.
 pub fn frame_ns<O>(hop: impl Fn() -> O, hops: usize, added: usize) -> f64
 where
     O: Operator<In = At<Small>, Out = Port<Small>>,
@@ -65,7 +65,7 @@ where
     graph.add("sink", Sink, stream).out();
     let until = Time::from_ns(1000 * (FRAMES as i64 - 1));
     let began = now();
-    // As every run of the product, it has an observer.
+    // With an observer, as in production.
     let mut events = 0_u64;
     let mut observer = |_: &Event<'_>| events += 1;
     run_virtual(graph, &RunOptions::until(until), vec![&mut observer]).expect("a sound graph");

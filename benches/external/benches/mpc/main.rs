@@ -1,8 +1,8 @@
-//! The predictive controller beside OSQP 0.6.3 and Clarabel 0.11 on the same quadratic programs.
+//! MPC compared with OSQP 0.6.3 and Clarabel 0.11 on the same quadratic programs.
 //!
-//! OSQP gets each program in sparse form, with its set-up every tick (`new`) or with new data and its last
-//! solution as start (`update`), to a tolerance of 1e-4. Its solutions are compared with ours first.
-//! `-- synthetic` measures only calls on a slalom, `-- drives` only those of recorded drives.
+//! OSQP gets each program in sparse form, with set-up every tick (`new`) or with new data and its last solution as
+//! start (`update`), to a tolerance of 1e-4. Its solutions are first compared with Swerve's. `-- synthetic` measures
+//! only calls on a slalom, `-- drives` only those of recorded drives.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -20,7 +20,7 @@ mod posed;
 use control_ticks::{Drive, Tick, WHEELBASE_M, ticks};
 use posed::{Kept, Posed};
 
-/// Calls of the predictive controller in drives.
+/// Calls of the MPC in drives.
 const DRIVES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/mpc/drives.json");
 
 fn mpc(horizon: usize) -> Mpc {
@@ -76,7 +76,7 @@ fn difference(mpc: &mut Mpc, ticks: &[Tick]) -> f64 {
     worst
 }
 
-/// Median of criterion's estimate for a finished bench, microseconds.
+/// Median of criterion's estimates for a finished benchmark, microseconds.
 fn median_us(group: &str, name: &str) -> Option<f64> {
     let root = std::env::var("CARGO_TARGET_DIR").unwrap_or_else(|_| "target".into());
     let file = Path::new(&root).join("criterion").join(group).join(name).join("new/estimates.json");
@@ -161,8 +161,8 @@ fn timed<T>(times_us: &mut Vec<f64>, call: impl FnOnce() -> T) -> T {
     answer
 }
 
-/// Solves all calls of a drive in order by each solver. Ours includes the linearisation; the peers get matrices that are
-/// made before.
+/// Solves all calls of a drive in order with each solver. Swerve's time includes the linearisation; the peers get
+/// precomputed matrices.
 fn round(drive: &Drive, into: &mut Round, apart: &mut [f64; SOLVERS.len()]) {
     let ticks = drive.ticks();
     let mut ours = mpc(20);
@@ -191,13 +191,13 @@ fn round(drive: &Drive, into: &mut Round, apart: &mut [f64; SOLVERS.len()]) {
         let answers =
             [osqp, timed(by_sparse, || sparse.solve(k)), timed(by_condensed, || condensed.solve(k))];
         for (apart, answer) in apart[1..].iter_mut().zip(answers) {
-            // Of the steering angle after the first step; NaN where there is no answer.
+            // Difference of the steering angle after the first step; NaN without a solution.
             *apart = apart.max(0.1 * (answer - rate).abs());
         }
     }
 }
 
-/// Calls of recorded drives: calm ones and emergencies apart, with and without an active bound apart.
+/// Calls of recorded drives: separately for calm drives and emergencies, and with and without active bounds.
 fn drives(rows: &mut Rows) {
     const ROUNDS: usize = 7;
     let drives = Drive::all(DRIVES);

@@ -1,4 +1,4 @@
-//! A quadratic program for Clarabel: as it is, and condensed to rates and slacks.
+//! A quadratic program for Clarabel: sparse, and condensed to rates and slacks.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
@@ -19,7 +19,7 @@ pub(crate) struct Posed {
 }
 
 impl Posed {
-    /// The problem as it is.
+    /// The problem in its original form.
     pub(crate) fn sparse(problem: &Problem) -> Self {
         let n = problem.q.len();
         let mut a = vec![vec![0.0; n]; problem.b.len()];
@@ -36,7 +36,7 @@ impl Posed {
         Self { cost, q, a, b, equalities }
     }
 
-    /// The states eliminated: only rates and slacks remain, without equalities.
+    /// The problem with the states eliminated: only rates and slacks remain, without equalities.
     pub(crate) fn condensed(problem: &Problem) -> Self {
         let whole = Self::sparse(problem);
         let horizon = problem.q.len() / STEP;
@@ -87,7 +87,7 @@ impl Posed {
     }
 }
 
-/// Where any of several matrices has an entry, by columns; `upper` leaves out what is below the diagonal.
+/// Union of the sparsity patterns of several matrices, by columns; `upper` leaves out the part below the diagonal.
 fn pattern<'a>(matrices: impl Iterator<Item = &'a Vec<Vec<f64>>>, upper: bool) -> Vec<Vec<usize>> {
     let mut columns: Vec<Vec<bool>> = Vec::new();
     for matrix in matrices {
@@ -115,7 +115,7 @@ fn matrix(nrows: usize, pattern: &[Vec<usize>], values: Vec<f64>) -> CscMatrix<f
     CscMatrix::new(nrows, pattern.len(), columns, pattern.concat(), values)
 }
 
-/// Numbers of one problem in the order of a solver's sparsity.
+/// Numbers of one problem in the order of a solver's sparsity pattern.
 pub(crate) struct Data {
     cost: Vec<f64>,
     q: Vec<f64>,
@@ -123,14 +123,14 @@ pub(crate) struct Data {
     b: Vec<f64>,
 }
 
-/// A solver that keeps its symbolic factorisation, and what it is given in order.
+/// A solver that keeps its symbolic factorisation, and its inputs in order.
 pub(crate) struct Kept {
     solver: DefaultSolver<f64>,
     pub(crate) data: Vec<Data>,
 }
 
 impl Kept {
-    /// For problems of one size, at the controller's tolerances.
+    /// Creates a solver for problems of one size, at the controller's tolerances.
     pub(crate) fn new(problems: &[Posed]) -> Self {
         let first = &problems[0];
         let cost = pattern(problems.iter().map(|problem| &problem.cost), true);
@@ -170,7 +170,7 @@ impl Kept {
         Self { solver, data }
     }
 
-    /// Solves problem `k`; the steering rate of its first step.
+    /// Solves problem `k`; returns the steering rate of its first step.
     pub(crate) fn solve(&mut self, k: usize) -> f64 {
         let Data { cost, q, a, b } = &self.data[k];
         self.solver.update_P(cost).expect("presolve is off");

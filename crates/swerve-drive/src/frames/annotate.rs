@@ -1,4 +1,4 @@
-//! Lines and words over a rendered image.
+//! Lines and text over a rendered image.
 
 use core::convert::Infallible;
 
@@ -25,17 +25,17 @@ const PERSON: Rgb888 = Rgb888::new(255, 90, 200);
 const FOUND: Rgb888 = Rgb888::new(255, 235, 60);
 const LANE: Rgb888 = Rgb888::new(40, 220, 255);
 const ALARM: Rgb888 = Rgb888::new(225, 40, 40);
-/// The plan is drawn this far over the road, metres.
+/// Height at which the plan is drawn over the road, metres.
 const PLAN_UP_M: f64 = 0.05;
-/// Longest straight piece of a line over the ground, metres: pieces end where the image does.
+/// Longest straight piece of a line over the ground, metres, so that lines are clipped at the image border.
 const PIECE_M: f64 = 1.0;
 
-/// An image and the camera that it was taken with.
+/// An image and its camera.
 pub(super) struct Canvas<'a> {
     frame: &'a mut Frame,
     camera: &'a Camera,
     camera_from_map: Transform<swerve_geom::Camera, Map>,
-    /// Where labels are.
+    /// Rectangles of the labels drawn so far.
     taken: Vec<Rectangle>,
 }
 
@@ -48,7 +48,7 @@ impl<'a> Canvas<'a> {
         Self { frame, camera, camera_from_map, taken: Vec::new() }
     }
 
-    /// The rest of a plan, over the road; orange where the planner found none and falls back.
+    /// Draws the rest of a plan over the road; orange for a fallback plan.
     pub(super) fn plan(&mut self, plan: &Plan, now: Time) {
         let colour = if plan.status.is_fallback() { FALLBACK } else { PLAN };
         let ahead: Vec<_> = plan.points.iter().filter(|p| p.at >= now).map(|p| p.pose).collect();
@@ -58,7 +58,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// The lines of the lane, over the road, from where to where they were seen.
+    /// Draws the lane lines over the road, over the range in which they were detected.
     pub(super) fn lanes(&mut self, lanes: &Lanes, map_from_ego: Transform<Map, Ego>) {
         for line in [lanes.left, lanes.right].into_iter().flatten() {
             let place = |[x, y]: [f64; 2]| (map_from_ego * Point::new(x, y, PLAN_UP_M)).coords.into();
@@ -67,8 +67,8 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// What the obstacle sensor reported, as boxes with name and distance. `names` are those of the actors, in the order of
-    /// their identities, which begin at 1.
+    /// Draws the obstacle sensor's report as boxes with name and distance. `names` holds the actors' names in the order
+    /// of their ids, which start at 1.
     pub(super) fn obstacles(&mut self, list: &ObstacleList, world: &WorldState, names: &[String]) {
         for obstacle in &list.obstacles {
             let colour = if obstacle.kind == ActorKind::Pedestrian { PERSON } else { BOX };
@@ -90,7 +90,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// What a detector found in this image, as rectangles with kind and score.
+    /// Draws the detections in this image as rectangles with class and score.
     pub(super) fn found(&mut self, found: &Detections) {
         for one in &found.boxes {
             let Some(edges) = one.image_px else { continue };
@@ -98,7 +98,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// What traffic lights in this image show, as rectangles with score and distance.
+    /// Draws the traffic lights in this image as rectangles with score and distance.
     pub(super) fn lights(&mut self, seen: &TrafficLights) {
         for light in &seen.lights {
             let [r, g, b] = light.signal.map_or([255; 3], Signal::rgb);
@@ -106,7 +106,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// A rectangle by its edges, pixels, with words over it.
+    /// Draws a rectangle, edges in pixels, with a label.
     fn rectangle(&mut self, edges: [f64; 4], words: &str, colour: Rgb888) {
         let [left, top, right, bottom] = edges.map(|px| px.round() as i32);
         let size = Size::new((right - left).max(1) as u32, (bottom - top).max(1) as u32);
@@ -115,7 +115,7 @@ impl<'a> Canvas<'a> {
         self.label(At::new(left, top - 4), words, colour);
     }
 
-    /// Title, time, speed, and what happened.
+    /// Draws the header: title, time, speed and events.
     pub(super) fn head(&mut self, title: &str, world: &WorldState, plan: Option<&Plan>) {
         let speed = world.ego.state.speed_mps;
         let status = plan.map_or_else(String::new, |plan| format!("  plan {:?}", plan.status).to_lowercase());
@@ -130,12 +130,12 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Words on a dark plate, readable on any ground; the place is the left end of their base line.
+    /// Draws text on a dark plate, readable on any background; the position is the left end of the baseline.
     fn words(&mut self, at: At, text: &str, colour: Rgb888) {
         self.plate(at, text, (&FONT_10X20, colour));
     }
 
-    /// Words over a box, above those that are there.
+    /// Draws a label over a box, above existing labels.
     fn label(&mut self, mut at: At, text: &str, colour: Rgb888) {
         let font = &FONT_9X18_BOLD;
         while let Some(other) = self.taken.iter().find(|other| meet(**other, plate_of(at, text, font))) {
@@ -161,14 +161,14 @@ impl<'a> Canvas<'a> {
         let Ok(_) = Text::new(text, at, MonoTextStyle::new(font, colour)).draw(self);
     }
 
-    /// Where a point of the map appears.
+    /// Projects a point of the map to the image, pixels.
     fn pixel(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 2]> {
         let [column, row] = self.camera.project(self.camera_from_map * Point::new(x, y, z))?;
         let near = |value: f64, size: usize| value.abs() < 4.0 * size as f64;
         (near(column, self.frame.width_px) && near(row, self.frame.height_px)).then_some([column, row])
     }
 
-    /// A straight line in the map, in pieces, so that what lies behind the camera is left out.
+    /// Draws a straight line in the map, in pieces, so that the parts behind the camera are left out.
     fn segment(&mut self, a: [f64; 3], b: [f64; 3], (colour, width): (Rgb888, u32)) {
         let length = swerve_geom::math::hypot(b[0] - a[0], b[1] - a[1]).max((b[2] - a[2]).abs());
         let n = (length / PIECE_M).ceil().clamp(1.0, 200.0) as usize;
@@ -186,7 +186,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// The plate behind words whose base line begins at a place.
+/// Plate behind text whose baseline starts at a position.
 fn plate_of(at: At, text: &str, font: &MonoFont<'_>) -> Rectangle {
     const AROUND: i32 = 3;
     let letter = font.character_size;
@@ -199,7 +199,7 @@ fn meet(a: Rectangle, b: Rectangle) -> bool {
     !a.intersection(&b).is_zero_sized()
 }
 
-/// The four corners of a box on the ground, then those above them.
+/// Corners of a box: four on the ground, then the four above them.
 fn corners(obstacle: &Obstacle) -> [[f64; 3]; 8] {
     let footprint = obstacle.extent.footprint(obstacle.pose).corners();
     core::array::from_fn(|k| {

@@ -1,12 +1,12 @@
-//! Images whose numbers are no colours, in colours.
+//! Colour mapping of depth, class and instance images.
 
 use swerve_msg::Pixels;
 use swerve_scene::SemanticClass;
 
-/// At this depth a pixel is half as bright as right before the camera, metres.
+/// Depth at which a pixel is half as bright as right in front of the camera, metres.
 const HALF_M: f32 = 12.0;
 
-/// Red, green, blue of each pixel.
+/// Red, green and blue of each pixel.
 pub(super) fn of(pixels: &Pixels) -> Vec<u8> {
     match pixels {
         Pixels::Rgb8(bytes) => bytes.to_vec(),
@@ -20,7 +20,7 @@ fn near(depth_m: f32) -> u8 {
     (255.0 * HALF_M / (HALF_M + depth_m.max(0.0))) as u8
 }
 
-/// The palette of the Cityscapes data set.
+/// Colour of a class in the palette of the Cityscapes data set.
 pub(super) fn class(id: u8) -> [u8; 3] {
     use SemanticClass as C;
     match SemanticClass::from_id(id) {
@@ -45,7 +45,7 @@ pub(super) fn class(id: u8) -> [u8; 3] {
     }
 }
 
-/// Colours that lie far apart for ids that lie near each other; black for what is no instance.
+/// Maps an instance id to a colour far from those of similar ids; black for no instance.
 fn instance(id: u32) -> [u8; 3] {
     if id == 0 {
         return [0; 3];

@@ -1,4 +1,4 @@
-//! Classes of pixels laid over an image, with a legend.
+//! Overlay of pixel classes over an image, with a legend.
 
 use core::convert::Infallible;
 
@@ -13,13 +13,13 @@ use embedded_graphics::text::Text;
 
 use super::colours::class;
 
-/// Of the colour of a class in a pixel; the image's own is the rest.
+/// Weight of the class colour in a pixel, as a fraction; the rest is the image.
 const SHARE: [u16; 2] = [3, 5];
-/// Height of a line of the legend, pixels.
+/// Height of a legend line, pixels.
 const LINE_PX: u32 = 17;
 
-/// Tints an image of three bytes a pixel by the classes of its pixels (ids of Cityscapes), in the colours that images of
-/// classes have, and writes names of ids in its upper left corner.
+/// Tints an RGB image by the classes of its pixels (Cityscapes ids), in the class colours, and draws a legend with the
+/// given names and ids in the upper left corner.
 pub fn overlay(rgb: &mut [u8], [width, height]: [usize; 2], classes: &[u8], names: &[(&str, u8)]) {
     for (pixel, id) in rgb.chunks_exact_mut(3).zip(classes) {
         for (own, colour) in pixel.iter_mut().zip(class(*id)) {
@@ -41,7 +41,7 @@ pub fn overlay(rgb: &mut [u8], [width, height]: [usize; 2], classes: &[u8], name
     }
 }
 
-/// An image to be drawn on.
+/// An image to draw on.
 pub(super) struct Sheet<'a> {
     pub(super) rgb: &'a mut [u8],
     pub(super) size: Size,

@@ -16,7 +16,7 @@ fn into(folder: &Path) -> Sinks<'_> {
     Sinks { folder: Some(folder), video: None }
 }
 
-/// Drives the first tenth of a second with pictures; gives the run's digest and the pictures.
+/// Drives the first tenth of a second with pictures; returns the run's digest and the pictures.
 fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>) {
     let (config, scenario) = (Config::default(), scenario());
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
@@ -29,7 +29,7 @@ fn pictures(folder: &Path, threads: usize) -> (swerve_core::Digest, Vec<Vec<u8>>
 }
 
 #[test]
-fn pictures_are_the_same_bytes_on_any_number_of_threads_and_change_nothing_in_the_run() {
+fn pictures_are_identical_on_any_number_of_threads_and_do_not_affect_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let (digest, one) = pictures(folder.path(), 1);
     assert_eq!(one.len(), 3);
@@ -43,7 +43,7 @@ fn pictures_are_the_same_bytes_on_any_number_of_threads_and_change_nothing_in_th
 }
 
 #[test]
-fn pictures_of_an_earlier_run_go_and_what_others_keep_is_refused() {
+fn pictures_of_an_earlier_run_are_deleted_and_foreign_files_refused() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     pictures(folder.path(), 1);
@@ -53,7 +53,7 @@ fn pictures_of_an_earlier_run_go_and_what_others_keep_is_refused() {
     }
     std::fs::write(place(".DS_Store"), "of a file manager").unwrap();
     let create = || Frames::create(into(folder.path()), String::new(), &scenario(), &Config::default());
-    // A run that is refused for another reason has lost nothing.
+    // A run refused for another reason deletes nothing.
     drop(create().unwrap());
     assert!(place("00099.png").exists());
     assert_eq!(pictures(folder.path(), 1).1.len(), 3);
@@ -76,7 +76,7 @@ fn pictures_of_an_earlier_run_go_and_what_others_keep_is_refused() {
 }
 
 #[test]
-fn a_picture_that_cannot_be_written_is_told() {
+fn picture_that_cannot_be_written_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let inside = folder.path().join("frames");
     let (config, scenario) = (Config::default(), scenario());
@@ -89,9 +89,9 @@ fn a_picture_that_cannot_be_written_is_told() {
     assert!(error.contains("00000.png"), "{error}");
 }
 
-/// The images of a camera wait for the detector that looks at them; all of them are written, in their order.
+/// Camera images wait for the detector that reads them; all are written, in order.
 #[test]
-fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
+fn images_read_by_a_detector_are_written_with_its_detections() {
     let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
                 [operator.objects]\nkind = \"camera_objects\"\nrung = \"fastest\"\n";
     let document = swerve_text::Document::parse("c.toml", text).unwrap();
@@ -111,7 +111,7 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
         covariance_m2: None,
         radial_speed_mps: None,
     };
-    // One more image after the end of the run, and what is found in it.
+    // One more image after the end of the run, with its detections.
     assert!(frames.waiting.is_empty(), "each image had its report");
     let mut image = Image::new(160, 120, swerve_msg::Encoding::Rgb8);
     image.stamp = Time::from_ms(250);
@@ -136,11 +136,11 @@ fn images_that_a_detector_looks_at_are_written_with_what_it_finds() {
         rgb
     };
     assert_ne!(last(seen)[3 * (60 * 160 + 40)..][..3], pixel(&before)[..], "the box's edge");
-    // The published image has nothing drawn in, or a detector that is tried on it would see the boxes.
+    // The published image is not annotated, or a detector tried on it would see the boxes.
     assert_eq!(last(published), colours::of(&image.pixels));
 }
 
-/// A camera that sees the truck of the scenario: what the obstacle sensor knows of it is in no image of the camera.
+/// A camera that sees the scenario's truck; the obstacle sensor's boxes are not drawn into its images.
 #[test]
 fn images_of_cameras_are_as_published() {
     let text = "[camera.eye]\nwidth_px = 160\nheight_px = 120\nperiod_ms = 50\n\
@@ -164,7 +164,7 @@ fn images_of_cameras_are_as_published() {
     }
 }
 
-/// The images that are published, in colours.
+/// The published images, in colours.
 #[derive(Default)]
 struct Published(Vec<Vec<u8>>);
 
@@ -178,9 +178,9 @@ impl Observer for Published {
     }
 }
 
-/// Labels keep their distance from each other, and are light on dark on a white wall and in fog.
+/// Labels do not overlap, and are light on dark against a white wall and in fog.
 #[test]
-fn labels_in_pictures_can_be_read() {
+fn labels_in_pictures_are_legible() {
     let camera = Camera::new(CameraSpec { width_px: 320, height_px: 120, ..CameraSpec::default() }).unwrap();
     let mut frame = sheet((320, 120));
     frame.rgb.fill(230);
@@ -197,7 +197,7 @@ fn labels_in_pictures_can_be_read() {
     };
     canvas.found(&Detections { boxes: vec![found(100.0), found(110.0)], ..Detections::default() });
     let dark = |row: usize| (0..320).filter(|x| frame.rgb[3 * (320 * row + x)] < 60).count();
-    // Two plates of ten letters (9 x 18 pixels) below each other.
+    // Two plates of ten letters (9 x 18 pixels), one below the other.
     let rows: Vec<usize> = (0..96).filter(|row| dark(*row) > 40).collect();
     assert!((44..=52).contains(&rows.len()), "{rows:?}");
     let widest = rows.iter().map(|row| dark(*row)).max().unwrap();

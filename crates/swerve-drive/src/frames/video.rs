@@ -1,4 +1,4 @@
-//! Pictures as a video, by the `ffmpeg` of this machine.
+//! Video encoding with the installed `ffmpeg`.
 
 use std::ffi::OsStr;
 use std::io::{Read as _, Write as _};
@@ -9,10 +9,10 @@ use anyhow::{Context as _, bail, ensure};
 use swerve_camera::Frame;
 use swerve_report::files::Part;
 
-/// Of what `ffmpeg` writes on its standard error so much is kept, bytes.
+/// Maximum number of bytes kept of `ffmpeg`'s standard error.
 const WORDS_MAX: u64 = 1 << 16;
 
-/// A video that grows by a picture at a time, under a name of its own until it is whole.
+/// A video that is appended to picture by picture, under a partial name until it is complete.
 pub(super) struct Video {
     file: PathBuf,
     part: Option<Part>,
@@ -20,10 +20,10 @@ pub(super) struct Video {
 }
 
 impl Video {
-    /// Begins a video of pictures of this size, in pixels, that follow each other `rate_hz` times a second.
+    /// Starts a video with pictures of this size, in pixels, at `rate_hz`.
     ///
     /// # Errors
-    /// There is no `ffmpeg` on the search path, or it does not start; the file is no regular one.
+    /// If `ffmpeg` is not on the search path or does not start, or if the file is not a regular one.
     pub(super) fn create(file: &Path, size_px: (u32, u32), rate_hz: f64) -> anyhow::Result<Self> {
         let Some(ffmpeg) = find("ffmpeg", std::env::var_os("PATH").as_deref()) else {
             bail!("--video: `ffmpeg` is not on the PATH: install it, or use --frames, which does not need it")
@@ -35,13 +35,13 @@ impl Video {
         let mut command = Command::new(ffmpeg);
         command.args(["-y", "-loglevel", "error", "-f", "rawvideo", "-pixel_format", "rgb24"]);
         command.args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate_hz.to_string()]);
-        // Players understand no other sampling of colours.
+        // Players support only this chroma subsampling.
         command.args(["-i", "pipe:0", "-pix_fmt", "yuv420p"]);
-        // From the root: no name is an option or a protocol.
+        // Absolute, so that no name is taken for an option or a protocol.
         let part = Part::create(file)?;
         command.arg(std::path::absolute(&part.path)?);
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
-        // Ctrl-C is for us: what was drawn until then becomes a whole file.
+        // Ctrl-C is handled by this process: the pictures so far become a complete file.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let encoder = command.spawn().with_context(|| format!("starting {}", ffmpeg.display()))?;
@@ -51,7 +51,7 @@ impl Video {
     /// Adds a picture.
     pub(super) fn take(&mut self, frame: &Frame) -> anyhow::Result<()> {
         let pipe = self.encoder.stdin.as_mut().context("the video has ended")?;
-        // Why it went away `ffmpeg` tells when it has ended.
+        // The reason is on `ffmpeg`'s standard error once it has ended.
         if pipe.write_all(&frame.rgb).is_err() {
             self.finish()?;
             bail!("writing {}: ffmpeg ended before the drive", self.file.display());
@@ -59,7 +59,7 @@ impl Video {
         Ok(())
     }
 
-    /// Ends the video and waits until it is whole.
+    /// Ends the video and waits until it is complete.
     pub(super) fn finish(&mut self) -> anyhow::Result<()> {
         let writing = || format!("writing {} by ffmpeg", self.file.display());
         drop(self.encoder.stdin.take());
@@ -75,7 +75,7 @@ impl Video {
 }
 
 impl Drop for Video {
-    /// A drive that was cut off leaves the pictures until then.
+    /// An interrupted drive leaves a video of the pictures so far.
     fn drop(&mut self) {
         if self.part.is_some() {
             let _untold = self.finish();
@@ -83,7 +83,7 @@ impl Drop for Video {
     }
 }
 
-/// The program of this name on a search path.
+/// Finds a program on a search path.
 fn find(name: &str, path: Option<&OsStr>) -> Option<PathBuf> {
     std::env::split_paths(path?).map(|folder| folder.join(name)).find(|file| file.is_file())
 }
@@ -95,7 +95,7 @@ mod tests {
 
     use super::*;
 
-    /// A program in the place of `ffmpeg`, which writes what it is called with and what it is fed.
+    /// A fake `ffmpeg` that records its arguments and its input.
     fn fake(folder: &Path, script: &str) -> PathBuf {
         let program = folder.join("ffmpeg");
         std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn every_picture_goes_to_ffmpeg_in_its_order() {
+    fn pictures_are_passed_to_ffmpeg_in_order() {
         let folder = tempfile::tempdir().unwrap();
         let program =
             fake(folder.path(), "for last; do :; done; echo \"$@\" > \"${last%/*}/words\"; cat > \"$last\"");
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ffmpeg_complains_of_is_told_and_its_absence_too() {
+    fn ffmpeg_errors_and_its_absence_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let program = fake(folder.path(), "cat > /dev/null; echo 'Unknown encoder' >&2; exit 8");
         let mut video = Video::by(&program, &folder.path().join("d.mp4"), (4, 2), 20.0).unwrap();
@@ -139,9 +139,9 @@ mod tests {
         assert_eq!(find("ffmpeg", None), None);
     }
 
-    /// Where this machine has it, the real one makes a file that begins as an MP4 does.
+    /// If this machine has `ffmpeg`, it creates a file that starts like an MP4.
     #[test]
-    fn the_real_one_makes_an_mp4() {
+    fn real_ffmpeg_writes_an_mp4() {
         let Some(ffmpeg) = find("ffmpeg", std::env::var_os("PATH").as_deref()) else {
             eprintln!("skipped: no ffmpeg on this machine");
             return;

@@ -1,4 +1,4 @@
-//! The page of a run from its log, and of two runs beside each other.
+//! Page of a run from its log, and comparison page of two runs.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -25,7 +25,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use super::{COMMAND, RunReport};
 use crate::load::problems_error;
 
-/// The log that a path names, by itself or by the folder of its run; of a run that was cut off what there is of it.
+/// Log named by a path to it or to the folder of its run; the partial log of an interrupted run.
 pub fn log_of(path: &Path) -> Option<PathBuf> {
     if path.extension().is_some_and(|extension| extension == "mcap") {
         return Some(path.to_owned());
@@ -33,21 +33,21 @@ pub fn log_of(path: &Path) -> Option<PathBuf> {
     ["log.mcap", "log.partial.mcap"].map(|name| path.join(name)).into_iter().find(|log| log.is_file())
 }
 
-/// A log as far as it can be read.
+/// The readable part of a log.
 pub struct LogSoFar {
-    /// The records that were kept.
+    /// Records kept.
     pub log: Log,
     path: PathBuf,
-    /// Reason that it is not read to its end.
+    /// Reason why it was not read to its end.
     damage: Option<LogError>,
 }
 
 impl LogSoFar {
-    /// Reads the records of a log that are to be kept. Where that is not to its end, a line on standard error gives the
-    /// instant and the place: the one line about it, whatever is made of the log afterwards.
+    /// Reads the records of a log accepted by `keep`. If the log is incomplete, one line on standard error gives the
+    /// instant and the location; later uses of the log do not repeat it.
     ///
     /// # Errors
-    /// It cannot be read at all.
+    /// If it cannot be read at all.
     pub fn read(path: &Path, keep: impl Fn(&Record) -> bool) -> Result<Self, LogError> {
         let (log, damage) = Log::salvage_where(path, keep)?;
         if let Some(damage) = &damage {
@@ -57,22 +57,22 @@ impl LogSoFar {
         Ok(Self { log, path: path.to_owned(), damage })
     }
 
-    /// Takes a log that was read to its end.
+    /// Wraps a log that was read to its end.
     pub fn whole(path: &Path, log: Log) -> Self {
         Self { log, path: path.to_owned(), damage: None }
     }
 }
 
-/// The page of a run from its log and, where it lies beside that and is of the same run, `metrics.json`. Of a log that
-/// was cut off, what there is.
+/// Creates the page of a run from its log and, if it exists beside the log and belongs to the same run, `metrics.json`.
+/// An incomplete log gives a partial page.
 ///
 /// # Errors
-/// The log cannot be read at all, or holds no configuration that this program reads.
+/// If the log cannot be read at all, or its configuration cannot be read by this version.
 pub fn page_of_log(registry: &Registry, path: &Path) -> anyhow::Result<Page<RunPage>> {
     page_of(registry, &LogSoFar::read(path, |_| true)?)
 }
 
-/// As [`page_of_log`], of a log that is read already.
+/// Same as [`page_of_log`], for a log in memory.
 fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPage>> {
     let LogSoFar { log, path, damage } = so_far;
     let document = Config::logged(&log.start.config)?;
@@ -90,7 +90,7 @@ fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPag
         take(&mut report.collector, record)?;
     }
     if config.log.images == Images::Jpeg {
-        // Where the log is not complete, that is told already.
+        // An incomplete log was reported already.
         let _cut_off = photos(&mut report.collector, path, log);
     }
     report.page.notes.extend(damage.iter().map(|damage| format!("The log is not complete: {damage}")));
@@ -102,7 +102,7 @@ fn page_of(registry: &Registry, so_far: &LogSoFar) -> anyhow::Result<Page<RunPag
     report.finish(&digest, &metrics)
 }
 
-/// The command line of the run, as the log has it; else one that drives by the configuration that the page saves.
+/// Command line of the run from its log; if missing, one that uses the configuration saved from the page.
 fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
     let extra = |key: &str| log.start.extra.get(key).cloned();
     extra(COMMAND).unwrap_or_else(|| {
@@ -115,7 +115,7 @@ fn command_of_log(log: &Log, config: &Config, scenario: &Scenario) -> String {
     })
 }
 
-/// What `metrics.json` beside a log holds, if it is of the same run; else why there is none to be had.
+/// Content of `metrics.json` beside a log, if it belongs to the same run; otherwise the reason why not.
 fn metrics_beside(log: &Path, digest: &str) -> Result<String, String> {
     let path = log.with_file_name("metrics.json");
     let broken = |why: String| format!("{} is broken ({why})", path.display());
@@ -145,12 +145,12 @@ fn take(collector: &mut Collector, record: &Record) -> Result<(), LogError> {
     Ok(())
 }
 
-/// A message of one of the types that a page shows is decoded, any other is counted.
+/// Adds a message: decoded if its type is shown on the page, otherwise only counted.
 fn publication(collector: &mut Collector, message: &PublicationRecord) -> Result<(), LogError> {
     type Shown = fn(&mut Collector, &PublicationRecord) -> Result<(), LogError>;
     fn shown<T: DeserializeOwned + 'static>() -> (&'static str, Shown) {
         let show: Shown = |collector, message| {
-            // Where the log has a fingerprint in the place of an image, there is nothing to show.
+            // A log with a fingerprint in place of an image has nothing to show.
             match message.decode::<T>() {
                 Ok(payload) => collector.message(about(message), Some(&payload)),
                 Err(_) if core::any::type_name::<T>() == core::any::type_name::<Image>() => {
@@ -180,13 +180,13 @@ fn publication(collector: &mut Collector, message: &PublicationRecord) -> Result
     }
 }
 
-/// Takes in the cameras' pictures of a log that has of each image a fingerprint, and beside it, for Foxglove, a JPEG file.
+/// Adds camera pictures of a log that stores images as fingerprints and, for Foxglove, as JPEG files.
 fn photos(collector: &mut Collector, path: &Path, log: &Log) -> Result<(), LogError> {
     let mut bag = Bag::open(path)?;
     while let Some(message) = bag.next_message()? {
         let topic = bag.topics()[message.topic].name.strip_prefix("/view/");
         let Some(camera) = topic.and_then(|topic| topic.strip_suffix("/image")) else { continue };
-        // Colours are the first of its streams.
+        // The camera's first stream is its colour images.
         let of_camera = log.streams.iter().filter(|stream| {
             stream.operator == camera && stream.type_name == core::any::type_name::<Image>()
         });
@@ -198,10 +198,10 @@ fn photos(collector: &mut Collector, path: &Path, log: &Log) -> Result<(), LogEr
     Ok(())
 }
 
-/// A logged image of more pixels is not shown: 4096 x 4096.
+/// Limit of the pixels of a logged image that is shown: 4096 x 4096.
 const PHOTO_PIXELS_MAX: u64 = 1 << 24;
 
-/// A JPEG file as a small picture; none of what is no such file.
+/// Converts a JPEG file to a small picture; `None` for other data.
 fn photo_of_file(file: &[u8]) -> Option<String> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
@@ -225,10 +225,10 @@ fn about(message: &PublicationRecord) -> Message<'_> {
     }
 }
 
-/// Two runs beside each other, from their logs: where they part.
+/// Compares two runs by their logs and finds where they diverge.
 ///
 /// # Errors
-/// As [`page_of_log`], but for reading the logs.
+/// Same as [`page_of_log`], except for reading the logs.
 pub fn pair_of_logs(
     registry: &Registry,
     a: &LogSoFar,
@@ -240,7 +240,7 @@ pub fn pair_of_logs(
     Ok(Page::new("runs", title, Pair { a, b, parting }))
 }
 
-/// Of every stream of two logs where it first differs, the earliest first; those that never do come last.
+/// First difference of each stream of two logs, earliest first; streams that never differ are last.
 fn partings(a: &Log, b: &Log) -> Vec<Parting> {
     type Both<'a> = [Vec<&'a PublicationRecord>; 2];
     let mut streams: BTreeMap<&str, Both<'_>> = BTreeMap::new();
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn metrics_that_cannot_be_read_are_not_told_as_missing() {
+    fn unreadable_metrics_are_not_reported_as_missing() {
         let folder = tempfile::tempdir().unwrap();
         let read = |text: &[u8]| {
             std::fs::write(folder.path().join("metrics.json"), text).unwrap();

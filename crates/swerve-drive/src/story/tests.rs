@@ -1,4 +1,4 @@
-//! The pictures of all scenarios: nothing lies on anything else.
+//! Pictures of all scenarios: no overlapping elements.
 
 use std::path::{Path, PathBuf};
 
@@ -10,17 +10,17 @@ use crate::load::{RunInput, load};
 use crate::recording::{Recording, run_start, set_up};
 use crate::why::Logged;
 
-/// Whoever came as near as this is named, metres.
+/// Actors that came within this distance are labelled, metres.
 const NAMED_M: f64 = 4.0;
 
-/// A text of a figure, with the room that it takes: left, top, right, bottom, pixels.
+/// A text of a figure with its bounding box: left, top, right, bottom, pixels.
 #[derive(Debug, PartialEq)]
 struct Label {
     text: String,
     room: [f64; 4],
 }
 
-/// All texts of a figure but those that stand on end, as wide as the figure says.
+/// All texts of a figure except vertical ones, with the widths given in the figure.
 fn labels(svg: &str) -> Vec<Label> {
     let mut labels: Vec<Label> = Vec::new();
     for line in svg.lines().filter(|line| line.starts_with("<text") && !line.contains("rotate(")) {
@@ -35,7 +35,7 @@ fn labels(svg: &str) -> Vec<Label> {
             "end" => x - width,
             _ => x,
         };
-        // The rim of a text is the same text once more.
+        // The outline of a text is the same text again.
         let label = Label { text, room: [left, y - 0.72 * size, left + width, y + 0.15 * size] };
         if labels.last() != Some(&label) {
             labels.push(label);
@@ -44,7 +44,7 @@ fn labels(svg: &str) -> Vec<Label> {
     labels
 }
 
-/// The room of each diamond of a track.
+/// Bounding box of each diamond of a track.
 fn diamonds(svg: &str) -> Vec<[f64; 4]> {
     let is_track = |line: &&str| line.contains("fill=\"#FFFFFF\" stroke=\"#7B3FA0\"");
     let room = |line: &str| {
@@ -60,7 +60,7 @@ fn meet(r: &[f64; 4], s: &[f64; 4]) -> bool {
     r[0] < s[2] && s[0] < r[2] && r[1] < s[3] && s[1] < r[3]
 }
 
-/// The numbers in a line of a figure, from a part of it on.
+/// The numbers in a line of a figure after `name`.
 fn numbers_after(line: &str, name: &str) -> Vec<f64> {
     let way = line.split(name).nth(1).unwrap().split('"').next().unwrap();
     way.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'))
@@ -68,7 +68,7 @@ fn numbers_after(line: &str, name: &str) -> Vec<f64> {
         .collect()
 }
 
-/// The pieces of the lines of plans, each from a place to a place.
+/// The line segments of plans: start and end point.
 fn plan_lines(svg: &str) -> Vec<[f64; 4]> {
     let is_plan = |line: &&str| {
         line.starts_with("<path")
@@ -82,7 +82,7 @@ fn plan_lines(svg: &str) -> Vec<[f64; 4]> {
     svg.lines().filter(is_plan).flat_map(pieces).collect()
 }
 
-/// The labels of the view from above that a line of a plan runs through, though no plate hides the line there.
+/// The labels of the top view crossed by a plan line that no plate hides there.
 fn struck_through<'a>(svg: &str, labels: &'a [Label]) -> Vec<&'a Label> {
     let plates: Vec<[f64; 4]> = svg
         .lines()
@@ -103,12 +103,12 @@ fn struck_through<'a>(svg: &str, labels: &'a [Label]) -> Vec<&'a Label> {
     };
     let is_struck =
         |label: &&Label| !is_hidden(&label.room) && plans.iter().any(|piece| crosses(&label.room, piece));
-    // The numbers of plans are on discs.
+    // The numbers of plans are drawn on discs.
     let is_number = |label: &&Label| label.text.parse::<u32>().is_ok();
     labels.iter().filter(|label| !is_number(label)).filter(is_struck).collect()
 }
 
-/// Whether a label is an instant, such as `4.5` or `4.5 s`.
+/// True if a label is a time, such as `4.5` or `4.5 s`.
 fn is_time(label: &Label) -> bool {
     let text = label.text.strip_suffix(" s").unwrap_or(&label.text);
     text.contains('.') && text.parse::<f64>().is_ok()
@@ -128,14 +128,14 @@ fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     let mut recording = Recording::new(recorder, pipeline.clock, pipeline.graph.stop_handle());
     let outcome = crate::drive_pipeline(pipeline, config.seed, 1, &mut [&mut story, &mut recording]).unwrap();
     recording.finish().unwrap();
-    // With its chain, as `swerve run` draws it.
+    // With its causal chain, as `swerve run` draws it.
     let why = Logged::read(&path, &swerve_stack::Registry::standard()).unwrap().why(&outcome.metrics);
     story.conclude(&outcome.metrics, Some(&why.unwrap()));
     let svg = swerve_report::story::draw(&story).svg();
     (story, svg)
 }
 
-/// All shipped scenarios, those of `scenarios/` beside this file, and, where they are beside the checkout, others.
+/// All shipped scenarios, those of `scenarios/` beside this file, and others beside the checkout, if any.
 fn scenarios() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let folders = [
@@ -153,7 +153,7 @@ fn scenarios() -> Vec<PathBuf> {
             Err(_) => println!("skipped: {folder} is missing"),
         }
     }
-    // Beside scenarios there are studies.
+    // The folders also contain studies.
     let is_study = |file: &Path| std::fs::read_to_string(file).unwrap().contains("[[axis]]");
     files.retain(|file| file.extension().is_some_and(|e| e == "toml") && !is_study(file));
     files.sort();
@@ -161,7 +161,7 @@ fn scenarios() -> Vec<PathBuf> {
 }
 
 #[test]
-fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
+fn labels_do_not_overlap_or_leave_the_picture_in_any_scenario() {
     let files = scenarios();
     assert!(files.len() >= 45, "{files:?}");
     for file in files {
@@ -186,8 +186,8 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
         }
         let struck = struck_through(&svg, &labels);
         assert!(struck.is_empty(), "{}: struck through: {struck:?}", file.display());
-        // Each step of the chain is named, on the time axis or before it; the end may come when the car has long left
-        // the view.
+        // Each step of the chain is labelled on the time axis or in the view; the end may come long after the car has
+        // left the view.
         let steps = story.why.iter().flat_map(|why| &why.steps);
         for step in steps.filter(|step| step.what != Milestone::End) {
             let named = format!("{} {:.3} s", step.what.name().replace('_', " "), step.at_s);
@@ -203,7 +203,7 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
             let is_named = labels.iter().any(|l| l.text.contains(&actor.name));
             assert!(is_named, "{}: no name of {}", file.display(), actor.name);
         }
-        // What the story is about is in the picture, by its name.
+        // The deciding actor is labelled in the picture.
         if let Some(hero) = story.metrics.as_ref().and_then(|m| m.deciding_actor()) {
             let said = format!("to {} ", hero.name);
             let hit = format!("with {} ", hero.name);
@@ -214,7 +214,7 @@ fn no_label_lies_on_another_or_beyond_the_edge_in_any_scenario() {
 }
 
 #[test]
-fn where_the_gate_decided_the_picture_is_of_its_stop_and_of_no_actor() {
+fn picture_of_a_gate_stop_shows_the_stop_and_no_actor() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/person_behind_truck.toml");
     let (_, svg) = picture(&file, &["gate.enabled=true", "gate.emergency_at_ms=2000"]);
     if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
@@ -226,22 +226,22 @@ fn where_the_gate_decided_the_picture_is_of_its_stop_and_of_no_actor() {
     assert!(labels.iter().any(|label| label.text == "STOPPED"), "{labels:?}");
 }
 
-/// Of a roundabout that the ego drove through all is in view, not the exit alone before which somebody stood.
+/// The view shows a roundabout in full, not only the exit where a person stood.
 #[test]
-fn a_roundabout_is_in_view_as_a_whole() {
+fn roundabout_is_in_view_as_a_whole() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/story/scenarios/roundabout.toml");
     let (story, svg) = picture(&file, &[]);
     if let Some(folder) = std::env::var_os("SWERVE_STORY_DIR") {
         std::fs::write(Path::new(&folder).join("roundabout_alone.svg"), &svg).unwrap();
     }
-    // 270 degrees of a circle of 20 m: the way through it is as wide as the circle, 40 m, and so is the view at least.
+    // 270 degrees of a circle of 20 m: the path through it, and so the view, is at least as wide as the circle, 40 m.
     let ego: Vec<(f64, f64)> = story.ego.iter().map(|ego| (ego.pose.x_m, ego.pose.y_m)).collect();
     let width = |of: fn(&(f64, f64)) -> f64| {
         let all = ego.iter().map(of);
         all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
     };
     assert!(width(|p| p.1) > 39.0, "the scenario has a roundabout");
-    // The times of the way around it are named: it takes 94 m at 6 m/s and more, from 12 s to 28 s.
+    // The times along it are labelled: it takes 94 m at 6 m/s and more, from 12 s to 28 s.
     let labels = labels(&svg);
     for second in [15, 20, 25] {
         let text = format!("{second}.0 s");

@@ -1,4 +1,4 @@
-//! `swerve why`: the chain of a logged drive.
+//! `swerve why`: prints the causal chain of a logged run.
 
 use std::path::PathBuf;
 
@@ -14,10 +14,10 @@ use crate::page::log_of;
 pub struct WhyArgs {
     /// Log file (MCAP), or the folder of a run
     log: PathBuf,
-    /// Of this actor, by its name in the scenario [default: the one that decided the verdict]
+    /// Actor to explain, by its name in the scenario [default: the one that decided the verdict]
     #[arg(long, value_name = "NAME", conflicts_with = "at")]
     actor: Option<String>,
-    /// Of the actor that was nearest at this instant, in seconds
+    /// Explain the actor that was nearest at this instant, in seconds
     #[arg(long, value_name = "T")]
     at: Option<f64>,
     /// Print one JSON object and nothing else
@@ -25,7 +25,7 @@ pub struct WhyArgs {
     json: bool,
 }
 
-/// The memory for the log of a run that has just been recorded, bytes: about four minutes of a drive with one actor.
+/// Memory limit for the log of a run that was just recorded, bytes: about four minutes of a drive with one actor.
 const OF_RUN_BYTES: usize = 80 << 20;
 
 /// Runs `swerve why`.
@@ -38,8 +38,8 @@ pub fn run(args: &WhyArgs, registry: &Registry) -> anyhow::Result<()> {
     print(&why.text())
 }
 
-/// The chain of a run that has just been recorded. Where there is none to be had, the drive is over all the same: that
-/// is said on standard error.
+/// Causal chain of a run that was just recorded. If it cannot be computed, the run is complete all the same, and the
+/// reason is reported on standard error.
 pub fn of_run(log: &std::path::Path, registry: &Registry, metrics: &Metrics) -> Option<Why> {
     let why = Logged::read_within(log, registry, OF_RUN_BYTES).and_then(|logged| logged.why(metrics));
     why.inspect_err(|error| tell(&format!("warning: why it ended so is not known: {error:#}"))).ok()

@@ -1,4 +1,4 @@
-//! What decided a drive where that was no actor: the safety gate, the pose, a red light, the end of the way, the time.
+//! Causal chain of a run not decided by an actor: safety gate, pose, red light, end of the route or time-out.
 
 use swerve_core::{Span, Time};
 use swerve_eval::{Account, DecidedBy, GateStop, LightCourse, Metrics, Milestone, PoseGap, Verdict, Why};
@@ -10,29 +10,29 @@ use swerve_stack::pipeline::Pipeline;
 use super::{BRAKES_MPS2, EgoOnly, Logged};
 use crate::lights::light_courses;
 
-/// Below this the car stands, m/s, and from this time on it is said that it did.
+/// Speed below which the car counts as stationary, m/s, and minimum duration of a reported standstill.
 const STANDS_MPS: f64 = 0.1;
 const STANDS: Span = Span::from_ms(500);
-/// As far before a stop line, and beyond it, the front of a car that waits at it is, metres.
+/// Range of the front of a car waiting at a stop line: distances before and beyond the line, metres.
 const BEFORE_LINE_M: f64 = 25.0;
 const BEYOND_LINE_M: f64 = 1.0;
 
-/// A stop by the gate follows from a gap between poses until this time after it, seconds.
+/// Maximum time from a pose gap to a gate stop caused by it, seconds.
 const GATE_AFTER_S: f64 = 0.3;
 
-/// A step, when it happened, and what went by until then.
+/// A step, its time, and the time that passed before it.
 type Step = (Milestone, Time, String);
 
-/// The ego's drive, and what it passed.
+/// The ego's drive and the lights on its route.
 struct Way<'a> {
     metrics: &'a Metrics,
     states: Vec<EgoState>,
-    /// How far along the route the front was, at each state, metres.
+    /// Position of the ego's front along the route at each state, metres.
     front_s_m: Vec<f64>,
     lights: Vec<LightCourse>,
 }
 
-/// What decided a drive with these measures, from its log.
+/// Causal chain of a drive with these metrics, from its log.
 pub(super) fn told(logged: &Logged, pipeline: &Pipeline, metrics: &Metrics) -> anyhow::Result<Why> {
     let way = Way::new(logged, pipeline, metrics)?;
     let (sentence, mut steps) = match metrics.decided_by() {
@@ -68,7 +68,7 @@ impl<'a> Way<'a> {
         let front_m = shape.center_ahead_m() + 0.5 * shape.length_m;
         let mut place = LineTracker::default();
         let mut front = |state: &EgoState| place.locate(pipeline.route.line(), state.pose.ahead(front_m)).s_m;
-        // Where there is no line, nobody asks.
+        // Without traffic lights there are no stop lines to compare with.
         let front_s_m = if lights.is_empty() { Vec::new() } else { states.iter().map(&mut front).collect() };
         Ok(Self { metrics, states, front_s_m, lights })
     }
@@ -94,7 +94,7 @@ impl<'a> Way<'a> {
             }
             None => text += " and did not come to a standstill",
         }
-        // Without a pose the controller falls silent, and the gate knows of that alone.
+        // Without a pose the controller stops publishing, which is the cause that the gate reports.
         let is_then = |gap: &&PoseGap| {
             gap.from_s <= stop.at_s && gap.until_s.is_none_or(|until_s| stop.at_s <= until_s + GATE_AFTER_S)
         };
@@ -108,7 +108,7 @@ impl<'a> Way<'a> {
         (text, steps)
     }
 
-    /// The car was stopped for its pose.
+    /// The car stopped because of its pose.
     fn uncertain(&self, since_s: f64, reason: &str) -> (String, Vec<Step>) {
         let since = Time::ZERO + Span::from_secs(since_s);
         let mut text = format!("it stopped because {reason} from {since_s:.2} s on");
@@ -132,7 +132,7 @@ impl<'a> Way<'a> {
         (text + &self.nearest(), self.rest_and_end())
     }
 
-    /// The car stood for its pose until the time was over, most of the time that it stood.
+    /// The time ran out while the car stood most of the time because of its pose.
     fn delayed(&self, stood_s: f64) -> (String, Vec<Step>) {
         let reason = "because its pose was too uncertain for the lane";
         let text = format!("{}; it had stood for {stood_s:.1} s {reason}", self.end());
@@ -149,7 +149,7 @@ impl<'a> Way<'a> {
         stands.into_iter().chain(end).collect()
     }
 
-    /// Who was nearest, in words.
+    /// Describes the nearest actor.
     fn nearest(&self) -> String {
         let nearest = self.metrics.min_distance_m.zip(self.metrics.min_distance_name.as_ref());
         nearest.map_or_else(
@@ -158,7 +158,7 @@ impl<'a> Way<'a> {
         )
     }
 
-    /// The car waited at a light, or was alone on its way.
+    /// The car waited at lights, or drove undisturbed.
     fn lights_and_end(&self) -> (String, Vec<Step>) {
         let waits = self.waits();
         let mut steps = Vec::new();
@@ -194,7 +194,7 @@ impl<'a> Way<'a> {
         (text, steps)
     }
 
-    /// How it ended, in words.
+    /// Describes the end.
     fn end(&self) -> String {
         let last = self.states.last().copied().unwrap_or_default();
         let at_s = last.stamp.as_secs();
@@ -217,8 +217,8 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// Where the car stood before a line whose light was not green: which light, the first state at rest, and when it
-    /// went on.
+    /// Stops before a line with a light that was not green: the light's index, the first stationary state, and the time
+    /// of departure.
     fn waits(&self) -> Vec<(usize, EgoState, Option<Time>)> {
         let mut waits = Vec::new();
         let mut k = 0;
@@ -238,7 +238,7 @@ impl<'a> Way<'a> {
         waits
     }
 
-    /// The lines that the front went over while their light was red.
+    /// Lights that the front passed while red.
     fn red_lights_passed(&self) -> Vec<String> {
         let passes = |light: &LightCourse| {
             let over =
@@ -253,7 +253,7 @@ impl<'a> Way<'a> {
     }
 }
 
-/// A gap between poses in words.
+/// Describes a pose gap.
 fn no_pose(&PoseGap { from_s, until_s }: &PoseGap) -> String {
     match until_s {
         Some(until_s) => format!("no new pose came from {from_s:.2} to {until_s:.2} s"),
@@ -270,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_waits_at_a_red_light_and_goes_on_is_told_so() {
+    fn wait_at_a_red_light_is_reported() {
         let ego = swerve_eval::Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 1.5 };
         let params = swerve_eval::Params {
             ego,
@@ -282,7 +282,7 @@ mod tests {
             norm: swerve_eval::Norm::default(),
         };
         let metrics = swerve_eval::Evaluation::new(params).metrics();
-        // 10 m/s for 6 s, 4 s before the line at 62 m, then on over the line at 101 m.
+        // 10 m/s for 6 s, 4 s of standstill before the line at 62 m, then on over the line at 101 m.
         let at = |k: i64| {
             let (t, stands) = (k as f64 * 0.1, (60..100).contains(&k));
             let s_m = if t < 6.0 { 10.0 * t } else { 60.0 + 10.0 * (t - 10.0).max(0.0) };

@@ -1,4 +1,4 @@
-//! Where an actor is first in what the stack knows. Boxes and tracks are given to the actor that truly was nearest.
+//! First occurrences of an actor in the stack's data. Boxes and tracks are assigned to the nearest true actor.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use swerve_stack::Assembly;
 
 use super::timeline::{Seen, Timeline};
 
-/// As far from an actor's outline a box or a track is its own, metres, and this share of its distance from the ego.
+/// Assignment distance from an actor's outline, metres, plus this share of its distance from the ego.
 const NEAR_M: f64 = 2.0;
 const NEAR_SHARE: f64 = 0.05;
 
-/// Looks for one actor in the streams of a log.
+/// Finds one actor in the streams of a log.
 pub(super) struct Sightings<'a> {
     log: &'a Log,
     timeline: &'a Timeline<'a>,
@@ -28,7 +28,7 @@ impl<'a> Sightings<'a> {
         Self { log, timeline, world, actor }
     }
 
-    /// The stamp of the first frame in which some of the actor is in sight.
+    /// Stamp of the first frame in which part of the actor is visible.
     pub(super) fn first_visible(&self, assembly: &Assembly) -> Result<Option<Time>, LogError> {
         let listed = assembly.publisher::<ObstacleList>();
         if let Some(stream) = listed.and_then(|of| self.timeline.stream_of::<ObstacleList>(of)) {
@@ -39,7 +39,7 @@ impl<'a> Sightings<'a> {
                 }
             }
         }
-        // With a detector that looks at what is around there is no such list.
+        // With a detector that works on the surroundings there is no such list.
         let around = assembly.publisher::<Surroundings>();
         if let Some(stream) = around.and_then(|of| self.timeline.stream_of::<Surroundings>(of)) {
             for publication in self.log.publications(stream) {
@@ -52,7 +52,7 @@ impl<'a> Sightings<'a> {
         Ok(None)
     }
 
-    /// The first detections with a box of the actor, of a frame at `from` or later.
+    /// First detections that contain a box of the actor, of a frame at `from` or later.
     pub(super) fn first_detected(&self, stream: &str, from: Time) -> Result<Option<Seen>, LogError> {
         for publication in self.log.publications(stream).filter(|p| p.header.stamp >= from) {
             let found: Detections = publication.decode()?;
@@ -68,8 +68,8 @@ impl<'a> Sightings<'a> {
         Ok(None)
     }
 
-    /// The first list with a track of the actor, of a frame at `from` or later, and all tracks that were nobody else's
-    /// before.
+    /// First list with a track of the actor, of a frame at `from` or later, and all its tracks that did not belong to
+    /// another actor before.
     pub(super) fn tracks(&self, stream: &str, from: Time) -> Result<Option<(Seen, Vec<ActorId>)>, LogError> {
         let mut owners: BTreeMap<ActorId, ActorId> = BTreeMap::new();
         let mut first = None;
@@ -94,13 +94,13 @@ impl<'a> Sightings<'a> {
         Ok(first.map(|first| (first, own.collect())))
     }
 
-    /// The world at an instant, or just before it.
+    /// World state at an instant, or the last one before it.
     fn truth(&self, at: Time) -> Result<Option<WorldState>, LogError> {
         self.timeline.newest(self.world, at).map(|publication| publication.decode()).transpose()
     }
 }
 
-/// The actor that is nearest to a place, if one is near.
+/// Nearest actor to a position, if within the assignment distance.
 fn owner(truth: &WorldState, place: Point2) -> Option<ActorId> {
     let away = |actor: &swerve_msg::truth::Actor| actor.footprint().distance_to_point(place);
     let near = truth.actors.iter().min_by(|a, b| {

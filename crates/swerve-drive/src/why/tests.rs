@@ -6,12 +6,12 @@ use super::*;
 use crate::load::{RunInput, load};
 use crate::recording::{Recording, run_start, set_up};
 
-/// A drive of a shipped scenario, its log, and what it came to.
+/// Runs a shipped scenario; returns its log and its metrics.
 fn driven(folder: &Path, scenario: &str, set: &[&str]) -> (Logged, Metrics) {
     driven_with(folder, scenario, Vec::new(), set)
 }
 
-/// The same under configuration files.
+/// Same as [`driven`], with configuration files.
 fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]) -> (Logged, Metrics) {
     let registry = Registry::standard();
     let input = RunInput {
@@ -32,7 +32,7 @@ fn driven_with(folder: &Path, scenario: &str, config: Vec<PathBuf>, set: &[&str]
     (Logged::read(&path, &registry).unwrap(), outcome.metrics)
 }
 
-/// The measures of a drive past one car, as `of` makes them.
+/// Metrics of a drive past one car, modified by `of`.
 fn measured(of: impl Fn(&mut Metrics)) -> Metrics {
     let mut metrics = swerve_eval::Evaluation::new(swerve_eval::Params {
         ego: swerve_eval::Outline { length_m: 5.0, width_m: 2.0, center_ahead_m: 1.5 },
@@ -79,7 +79,7 @@ fn departure_comes_before_a_later_standstill() {
 }
 
 #[test]
-fn an_ego_at_rest_is_hit() {
+fn stationary_ego_is_hit() {
     let hit = |ego_speed_mps: f64| {
         words(|metrics| {
             metrics.verdict = Verdict::Collision;
@@ -89,7 +89,7 @@ fn an_ego_at_rest_is_hit() {
         })
     };
     assert_eq!(hit(5.26), "it hit lead at 5.00 s with 5.3 m/s");
-    // The lead comes from behind, or the other way.
+    // The lead approaches from behind, or the other way round.
     let both = "it and lead collided at 5.00 s: it drove 3.3 m/s, closing at 4.2 m/s";
     assert_eq!(hit(3.26), both);
     for ego_speed_mps in [0.0, 0.05, -0.01] {
@@ -97,7 +97,7 @@ fn an_ego_at_rest_is_hit() {
     }
 }
 
-/// On a slippery road, soon after 2 s without a new pose, the car is off the road: the gap decides.
+/// On a slippery road the car leaves the road soon after 2 s without a new pose: the gap decides.
 #[test]
 fn departure_without_a_pose_names_the_gap() {
     let folder = tempfile::tempdir().unwrap();
@@ -117,7 +117,7 @@ fn departure_without_a_pose_names_the_gap() {
     assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
 }
 
-/// A pose that is too uncertain for the lane is named by the log alone, too.
+/// A pose too uncertain for the lane is also detected from the log alone.
 #[test]
 fn stop_for_an_uncertain_pose_is_known_from_the_log_alone() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,7 +128,7 @@ fn stop_for_an_uncertain_pose_is_known_from_the_log_alone() {
     assert_eq!(logged.why_of(None, None).unwrap(), why);
 }
 
-/// Each step's waits are the time since the step before.
+/// Checks that each step's waits add up to the time since the step before.
 fn adds_up(why: &Why) {
     for pair in why.steps.windows(2) {
         let waited: f64 = pair[1].waited.iter().map(|wait| wait.ms).sum();
@@ -143,7 +143,7 @@ fn waited(why: &Why, what: Milestone, reason: &str) -> f64 {
 }
 
 #[test]
-fn a_chain_says_what_each_step_waited_for() {
+fn chain_accounts_for_the_wait_of_each_step() {
     use Milestone::{Commanded, Detected, Effect, Planned, Tracked, Visible};
     let cases: [(&str, &[&str], &str, &[Milestone]); 4] = [
         ("person_behind_truck", &[], "person", &[Visible, Tracked, Planned, Commanded, Effect]),
@@ -183,9 +183,9 @@ fn a_chain_says_what_each_step_waited_for() {
     }
 }
 
-/// What the missed deadlines account for is what they cost: the same drive without a deadline plans earlier by just that.
+/// Time attributed to missed deadlines is their cost: the same drive without a deadline plans earlier by that time.
 #[test]
-fn deadline_accounts_for_the_time_that_it_held_a_result_back() {
+fn deadline_accounts_for_the_time_of_held_back_results() {
     const DEADLINE: [&str; 2] =
         ["operator.planner.deadline.ms=150", "operator.planner.deadline.reaction=reuse_last"];
     let run_time = ["operator.planner.runtime.fixed_ms=180"];
@@ -211,7 +211,7 @@ fn deadline_accounts_for_the_time_that_it_held_a_result_back() {
 }
 
 #[test]
-fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
+fn any_actor_can_be_explained_and_an_unknown_name_gets_the_nearest() {
     let folder = tempfile::tempdir().unwrap();
     let (logged, metrics) = driven(folder.path(), "person_behind_truck", &[]);
     let names: Vec<&str> = metrics.actors.iter().map(|actor| actor.name.as_str()).collect();
@@ -227,9 +227,9 @@ fn any_actor_can_be_asked_for_and_an_unknown_one_has_a_nearest_name() {
     assert!(logged.why_of(None, Some(1e4)).is_err());
 }
 
-/// A slow planner's first plan that knows of the person is published 0.36 s after the car hit them.
+/// A slow planner's first plan that accounts for the person is published 0.36 s after the collision.
 #[test]
-fn what_came_after_the_impact_is_no_part_of_the_chain() {
+fn chain_excludes_events_after_the_impact() {
     let folder = tempfile::tempdir().unwrap();
     let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/paper.toml");
     let set = ["planning.planner=hybrid_astar", "planning.config=slow"];
@@ -250,11 +250,11 @@ fn what_came_after_the_impact_is_no_part_of_the_chain() {
     assert_eq!(logged.why_of(None, None).unwrap(), why, "the log alone is enough");
 }
 
-/// A scenario, what is set, and the verdict, words and steps that are expected.
+/// A scenario, its settings, and the expected verdict, words and steps.
 type Decided<'a> = (&'a str, &'a [&'a str], Verdict, &'a [&'a str], &'a [Milestone]);
 
 #[test]
-fn where_no_actor_decided_the_chain_names_what_did() {
+fn chain_without_a_deciding_actor_names_the_cause() {
     use Milestone::{Effect, End, GateStop, Standstill};
     let cases: [Decided<'_>; 2] = [
         (
@@ -290,7 +290,7 @@ fn where_no_actor_decided_the_chain_names_what_did() {
 }
 
 #[test]
-fn a_log_that_was_cut_off_is_told_as_far_as_it_goes() {
+fn truncated_log_is_explained_up_to_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let (logged, _) = driven(folder.path(), "person_behind_truck", &[]);
     let whole = std::fs::read(folder.path().join("log.mcap")).unwrap();
@@ -311,10 +311,10 @@ fn a_log_that_was_cut_off_is_told_as_far_as_it_goes() {
     }
 }
 
-/// The effect is what the car did because of the actor: the first state that is another one than in a drive whose
-/// scenario has no such actor. Neither a bend of the road nor a stop by the gate is one.
+/// The effect is the first state that differs from a drive without the actor in the scenario. Neither a bend of the
+/// road nor a stop by the gate is an effect.
 #[test]
-fn the_effect_is_where_a_drive_without_the_actor_goes_otherwise() {
+fn effect_is_the_first_deviation_from_a_drive_without_the_actor() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
     let cases: [(&str, &str, &[&str]); 4] = [
         ("person_behind_truck", "person", &[]),

@@ -1,4 +1,4 @@
-//! What a log tells of its operators: who read what, which steps they took and which frames they lost.
+//! Index of a log by operator: its inputs, steps and lost frames.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,21 +7,21 @@ use swerve_flow::{GraphInfo, InputInfo, InputKind, OperatorInfo, Payload, Payloa
 use swerve_log::{Log, MessageHeader, PublicationRecord, Record, StepRecord};
 use swerve_msg::EgoState;
 
-/// A message: what it is of, and when it was published.
+/// A message: its stamp, and when it was published.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) struct Seen {
     pub(super) stamp: Time,
     pub(super) at: Time,
 }
 
-/// What became of an operator's frame, where no result came in time.
+/// Reason why a frame of an operator has no result in time.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Loss {
     Dropped,
     Missed,
 }
 
-/// The records of a log, to be found by operator or stream, and stamp.
+/// Records of a log, indexed by operator or stream, and stamp.
 pub(super) struct Timeline<'a> {
     graph: GraphInfo,
     messages: BTreeMap<&'a str, BTreeMap<Time, &'a PublicationRecord>>,
@@ -64,7 +64,7 @@ impl<'a> Timeline<'a> {
         self.graph.operators.iter().map(|operator| operator.name.clone())
     }
 
-    /// Whether an operator tells the state of the car from streams of these operators alone.
+    /// True if an operator derives the car's state from streams of these operators alone.
     pub(super) fn is_own(&self, operator: &str, of: &BTreeSet<String>) -> bool {
         let mut read = self.inputs(operator).filter_map(|input| input.from.as_ref()).peekable();
         let tells = self.stream_of::<EgoState>(operator).is_some() && read.peek().is_some();
@@ -75,20 +75,20 @@ impl<'a> Timeline<'a> {
         self.operator(operator).into_iter().flat_map(|operator| &operator.inputs)
     }
 
-    /// The operator that publishes a stream.
+    /// Operator that publishes a stream.
     pub(super) fn publisher(&self, stream: &str) -> &str {
         let publishes = |o: &&OperatorInfo| o.outputs.iter().any(|(name, _)| name == stream);
         self.graph.operators.iter().find(publishes).map_or("", |operator| &operator.name)
     }
 
-    /// The stream of an operator that carries messages of a type.
+    /// Stream of an operator that carries messages of a type.
     pub(super) fn stream_of<T: Payload>(&self, operator: &str) -> Option<&str> {
         let name = PayloadType::of::<T>().name();
         let carries = |(_, payload): &&(String, String)| *payload == name;
         self.operator(operator)?.outputs.iter().find(carries).map(|(stream, _)| stream.as_str())
     }
 
-    /// The nearest stream of messages of a type that an operator derives its own from.
+    /// Nearest upstream stream of messages of a type.
     pub(super) fn upstream<T: Payload>(&self, operator: &str) -> Option<String> {
         let inputs = || self.inputs(operator).filter(|input| !is_feedback(input));
         let is_of = |input: &&InputInfo| {
@@ -100,14 +100,14 @@ impl<'a> Timeline<'a> {
             .or_else(|| inputs().filter_map(|i| i.from.as_deref()).find_map(|from| self.upstream::<T>(from)))
     }
 
-    /// The operators that lead from one to what another one reads over a feedback edge, without both.
+    /// Operators on a path from one to an input of another over a feedback edge, both excluded.
     pub(super) fn path(&self, from: &str, to: &str) -> Vec<String> {
         let ends =
             self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
         ends.filter_map(|end| self.way(from, end)).next().unwrap_or_default()
     }
 
-    /// Whether what an operator publishes leads to what another one reads over a feedback edge.
+    /// True if the output of an operator leads to an input of another over a feedback edge.
     pub(super) fn leads(&self, from: &str, to: &str) -> bool {
         let mut ends =
             self.inputs(to).filter(|input| is_feedback(input)).filter_map(|input| input.from.as_deref());
@@ -124,7 +124,7 @@ impl<'a> Timeline<'a> {
         Some(way)
     }
 
-    /// All operators that lead from one to what another one reads over a feedback edge, without both.
+    /// All operators on paths from one to an input of another over a feedback edge, both excluded.
     pub(super) fn between(&self, from: &str, to: &str) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         let mut open: Vec<&str> =
@@ -138,7 +138,7 @@ impl<'a> Timeline<'a> {
         found
     }
 
-    /// How much later than published the streams of an operator are read.
+    /// Delay between publication and reading of the streams of an operator.
     pub(super) fn delay(&self, operator: &str) -> Span {
         Span::from_ns(self.operator(operator).map_or(0, |operator| operator.delay_ns))
     }
@@ -155,7 +155,7 @@ impl<'a> Timeline<'a> {
         self.operator(operator).is_some_and(|operator| operator.runtime.contains("measured"))
     }
 
-    /// The message of a stream with a stamp.
+    /// Header of the message of a stream with this stamp.
     pub(super) fn header(&self, stream: &str, stamp: Time) -> Option<&MessageHeader> {
         Some(&self.messages.get(stream)?.get(&stamp)?.header)
     }
@@ -164,7 +164,7 @@ impl<'a> Timeline<'a> {
         self.header(stream, stamp).map(|header| Seen { stamp, at: header.visible_at })
     }
 
-    /// Whether the result of a frame was published before an instant as the answer to the deadline of another one.
+    /// True if the result of a frame was published before an instant as the answer to the deadline of another one.
     pub(super) fn is_repeated(&self, stream: &str, stamp: Time, before: Time) -> bool {
         let later = self.messages.get(stream).into_iter().flat_map(|of| of.range(stamp..));
         later
@@ -172,13 +172,13 @@ impl<'a> Timeline<'a> {
             .any(|h| h.reused_from == Some(stamp) && h.visible_at < before)
     }
 
-    /// The messages of a stream, in order of their stamps.
+    /// Messages of a stream, in order of their stamps.
     pub(super) fn all(&self, stream: &str) -> impl Iterator<Item = Seen> {
         let of = self.messages.get(stream).into_iter().flatten();
         of.map(|(stamp, message)| Seen { stamp: *stamp, at: message.header.visible_at })
     }
 
-    /// The newest message of a stream with a stamp at or before an instant.
+    /// Newest message of a stream with a stamp at or before an instant.
     pub(super) fn newest(&self, stream: &str, at: Time) -> Option<&'a PublicationRecord> {
         self.messages.get(stream)?.range(..=at).next_back().map(|(_, message)| *message)
     }
@@ -191,7 +191,7 @@ impl<'a> Timeline<'a> {
         self.losses.get(operator)?.get(&stamp).copied()
     }
 
-    /// The frames of an operator from one stamp to before another, with what became of those that gave no result.
+    /// Frames of an operator from one stamp up to, excluding, another, with the loss of those without a result.
     pub(super) fn frames(&self, stream: &str, from: Time, to: Time) -> BTreeMap<Time, Option<Loss>> {
         let results = self.messages.get(stream).into_iter().flat_map(|of| of.range(from..to));
         let losses = self.losses.get(self.publisher(stream)).into_iter().flat_map(|of| of.range(from..to));

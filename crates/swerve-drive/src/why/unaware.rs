@@ -1,4 +1,4 @@
-//! The drive as it would have been, had the planner never known of an actor.
+//! Counterfactual drive in which the planner does not know of an actor.
 
 use std::collections::BTreeSet;
 
@@ -15,15 +15,15 @@ use super::timeline::Timeline;
 use super::without::{OTHER, Without, is_other};
 use crate::drive::record_run_times;
 
-/// An acceleration other than in that drive by this much is an effect, m/s².
+/// Difference in acceleration that counts as an effect, m/s².
 const ACCELERATES_MPS2: f64 = 0.5;
-/// A steering angle other than in that drive by this much is an effect, radians: as much across at 18 m/s.
+/// Difference in steering angle that counts as an effect, radians: the same lateral acceleration at 18 m/s.
 const STEERS_RAD: f64 = 0.25 * core::f64::consts::PI / 180.0;
 
-/// What such a drive tells of the one of the log.
+/// Result of comparing such a drive with the logged one.
 #[derive(Debug)]
 pub(super) struct Unaware {
-    /// The stamps of those plans of the log that were another one there, where the one before was the same.
+    /// Stamps of logged plans that differ in that drive while their predecessors agree.
     pub(super) changes: Vec<Time>,
     pub(super) answer: Answer,
 }
@@ -34,23 +34,23 @@ impl Unaware {
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Answer {
-    /// The first state in which the car of the log drives otherwise.
+    /// The first state in which the logged car deviates.
     Effect(Time),
-    /// There is none.
+    /// The car does not deviate.
     Nothing,
-    /// The drives differ before any command of a changed plan: the one tells nothing about the other.
+    /// The drives differ before any command of a changed plan, so that the comparison is meaningless.
     Unknown,
 }
 
-/// Compares plans and states of the world with those of the log until the car drives otherwise.
+/// Compares plans and world states with the logged ones until the car deviates.
 struct Compared<'a> {
     states: Vec<(Time, &'a PublicationRecord)>,
     plans: Vec<(Time, &'a PublicationRecord)>,
     world: &'a str,
     planner: &'a str,
-    /// Before this stamp there are no tracks of the actor.
+    /// Stamp before which there are no tracks of the actor.
     from: Time,
-    /// The step of the world that takes up the first command that follows from a plan, by its stamp.
+    /// Simulation step that applies the first command resulting from a plan with this stamp.
     tick: &'a (dyn Fn(Time) -> Option<Time> + Sync),
     stop: StopHandle,
     changes: Vec<Time>,
@@ -59,8 +59,8 @@ struct Compared<'a> {
 }
 
 impl Without<'_> {
-    /// What the drive without the actor tells, with the first change of a plan even where it tells nothing else. Takes
-    /// the pipeline twice, as the planner may have to plan again alone.
+    /// Compares with the drive without the actor. Returns the first change of a plan even if nothing else is known.
+    /// Takes the pipeline twice, as the planner may have to plan again alone.
     pub(super) fn compare(
         &self,
         [first, second]: [Pipeline; 2],
@@ -69,22 +69,22 @@ impl Without<'_> {
         times: (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
     ) -> anyhow::Result<Unaware> {
         let is_repeatable = first.clock != Clock::Wall;
-        // What only another process can do is not driven again.
+        // Steps that need another process are not run again.
         let unaware = self.drive(first, (planner, world), timeline, times).unwrap_or(Unaware::UNKNOWN);
         if is_repeatable && unaware.answer != Answer::Unknown {
             return Ok(unaware);
         }
-        // On the wall clock the car may have come a little elsewhere: the planner has to be given what it was then.
+        // Under wall clock the car's path may differ slightly: the planner must get its logged inputs.
         let change = self.first_difference(second, planner, timeline)?;
         let later = |change| unaware.changes.iter().copied().filter(move |stamp| *stamp > change);
         let changes = change.into_iter().flat_map(|change| core::iter::once(change).chain(later(change)));
         Ok(Unaware { changes: changes.collect(), answer: unaware.answer })
     }
 
-    /// Drives again from the start to `until`: the world, the planner and what leads from it back to the world. What
-    /// they read of others is that of the log, without the predictions of the actor's tracks, and each step takes as
-    /// long as in the log. So both drives are the same up to the first changed plan, and so is all that sensors saw;
-    /// a pose that comes of sensors is that of the log, whose car is where this one is until it drives otherwise.
+    /// Drives again from the start to `until`: the world, the planner and the operators between the planner and the
+    /// world. Their other inputs are played back from the log without the predictions of the actor's tracks, and each
+    /// step takes as long as in the log. So both drives, including all sensor data, agree up to the first changed plan;
+    /// a pose estimated from sensors is the logged one, valid until the car deviates.
     fn drive(
         &self,
         mut pipeline: Pipeline,
@@ -93,12 +93,12 @@ impl Without<'_> {
         (tick, until): (&(dyn Fn(Time) -> Option<Time> + Sync), Time),
     ) -> anyhow::Result<Unaware> {
         if !timeline.leads(planner, world) {
-            // Somebody outside drove.
+            // An external stack drove.
             return Ok(Unaware::UNKNOWN);
         }
         let mut again: BTreeSet<String> = timeline.between(planner, world);
         again.extend([planner.to_owned(), world.to_owned()]);
-        // Who tells the car's own state from the world alone does so of the world that is driven again.
+        // Operators that derive the car's state from the world alone use the world that is driven again.
         let own: Vec<String> = timeline.operators().filter(|name| timeline.is_own(name, &again)).collect();
         again.extend(own);
         record_run_times(&mut pipeline, self.log, |name| again.contains(name));
@@ -137,14 +137,14 @@ impl Compared<'_> {
     }
 
     fn state(&mut self, stamp: Time, unaware: &WorldState) {
-        // Before that both drives are one.
+        // Before that both drives agree.
         let Some(first) = self.changes.first() else { return };
         let Ok(place) = self.states.binary_search_by_key(&stamp, |(stamp, _)| *stamp) else { return };
         let Ok(EgoOnly(logged)) = self.states[place].1.decode() else { return };
         self.answer = match drives_otherwise(&logged.state, &unaware.ego.state) {
             true if (self.tick)(*first).is_some_and(|tick| stamp > tick) => Some(Answer::Effect(stamp)),
             true => Some(Answer::Unknown),
-            // What a car does that crashed is not what it was told to.
+            // The motion of a crashed car no longer follows its commands.
             false if !unaware.collisions.is_empty() => Some(Answer::Nothing),
             false => None,
         };
@@ -170,7 +170,7 @@ impl Observer for Compared<'_> {
     }
 }
 
-/// Whether a car is elsewhere, or drives or steers otherwise, than another one at the same instant.
+/// True if a car differs from another one at the same instant in position, speed, acceleration or steering.
 pub(super) fn drives_otherwise(a: &EgoState, b: &EgoState) -> bool {
     a.pose.point().distance(b.pose.point()) > OTHER
         || (a.speed_mps - b.speed_mps).abs() > OTHER
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_car_drives_otherwise_by_its_place_speed_acceleration_or_steering() {
+    fn deviation_is_detected_by_position_speed_acceleration_or_steering() {
         let then = EgoState { speed_mps: 10.0, accel_mps2: -1.0, ..EgoState::default() };
         let near = EgoState {
             pose: Pose2::new(0.09, 0.0, 0.0),

@@ -1,4 +1,4 @@
-//! The accounts: what went by between two messages, without a gap.
+//! Accounts of the time between two messages, without gaps.
 
 use swerve_core::{Span, Time};
 use swerve_flow::InputKind;
@@ -17,7 +17,7 @@ impl Ledger {
         Self { floor, cursor: end.max(floor), parts: Vec::new() }
     }
 
-    /// The time since `from` went by for this reason.
+    /// Attributes the time since `from` to this reason.
     fn since(&mut self, from: Time, reason: String) {
         let from = from.clamp(self.floor, self.cursor);
         if from == self.cursor {
@@ -38,20 +38,20 @@ impl Ledger {
 }
 
 impl Timeline<'_> {
-    /// What the time from one message to a later one of `stream` went by with. Earlier frames of its operator that gave
-    /// a result, but not yet this one, count as `idle` of the operator.
+    /// Accounts for the time from one message to a later one of `stream`. Earlier frames of its operator that gave a
+    /// result, but not yet this one, count as `idle` of the operator.
     pub(super) fn waits(&self, stream: &str, since: Seen, until: Seen, idle: &str) -> Vec<(String, Span)> {
         let mut account = Ledger::new(since.at, until.at);
         let frame = self.message(stream, until.stamp, &mut account);
         let operator = self.publisher(stream);
-        // Of each earlier frame, from its stamp to the next one's.
+        // For each earlier frame, from its stamp to that of the next one.
         for (stamp, loss) in self.frames(stream, since.stamp, frame).into_iter().rev() {
             let reason = match loss {
                 Some(Loss::Dropped) => format!("busy {operator}"),
                 Some(Loss::Missed) if !self.is_repeated(stream, stamp, until.at) => {
                     format!("deadline of {operator}")
                 }
-                // Its result came later, in answer to another frame's deadline.
+                // Its result was published later, in answer to another frame's deadline.
                 Some(Loss::Missed) | None => format!("{idle} {operator}"),
             };
             account.since(stamp, reason);
@@ -60,8 +60,8 @@ impl Timeline<'_> {
         account.finish()
     }
 
-    /// Along a path of operators, each at its first step that can read what the one before published; the instant at
-    /// which the message that `to` reads is published.
+    /// Follows a path of operators, each at its first step that can read the previous one's message; returns the
+    /// instant at which the message that `to` reads is published.
     pub(super) fn follow(
         &self,
         (path, to): (&[String], &str),
@@ -87,13 +87,13 @@ impl Timeline<'_> {
         Some(published)
     }
 
-    /// The stream of an operator that the next one of a path reads.
+    /// Stream of an operator that the next one of a path reads.
     fn inputs_from(&self, next: &str, operator: &str) -> Option<String> {
         self.inputs(next).find(|input| input.from.as_deref() == Some(operator))?.stream.clone()
     }
 
-    /// Explains the time before a message, back to the stamp of the frame that its result was computed for, which it
-    /// gives.
+    /// Explains the time before a message, back to the stamp of the frame that its result was computed for, and returns
+    /// that stamp.
     fn message(&self, stream: &str, stamp: Time, account: &mut Ledger) -> Time {
         let operator = self.publisher(stream);
         let Some(header) = self.header(stream, stamp) else { return stamp };
@@ -103,7 +103,7 @@ impl Timeline<'_> {
         let is_missed = self.loss(operator, answers) == Some(Loss::Missed);
         let held_back = if is_missed && answers != stamp { "deadline" } else { "queue" };
         match self.step(operator, stamp) {
-            // The deadline answered before there was a result.
+            // The deadline passed before there was a result.
             step if is_missed && step.is_none_or(|step| step.end > header.visible_at) => {
                 account.since(step.map_or(stamp, |step| step.start), format!("deadline of {operator}"));
             }
@@ -117,7 +117,7 @@ impl Timeline<'_> {
             account.since(stamp, format!("busy {operator}"));
             return stamp;
         }
-        // The last of what its frame waited for.
+        // The latest of the inputs that its frame waited for.
         let inputs = self.inputs(operator).filter(|input| input.kind == InputKind::At);
         let ready = inputs.filter_map(|input| {
             let (stream, from) = (input.stream.as_deref()?, input.from.as_deref()?);
@@ -135,7 +135,7 @@ impl Timeline<'_> {
         }
     }
 
-    /// Whose timer an operator's frames follow.
+    /// Operator whose timer triggers an operator's frames.
     fn beat<'s>(&'s self, operator: &'s str) -> &'s str {
         let before = self.inputs(operator).find(|input| input.kind == InputKind::At);
         match before.and_then(|input| input.from.as_deref()) {
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_account_never_leaves_its_bounds_and_has_no_gap() {
+    fn account_stays_within_its_bounds_without_gaps() {
         let mut account = Ledger::new(Time::from_ms(10), Time::from_ms(50));
         account.since(Time::from_ms(40), "a".into());
         account.since(Time::from_ms(45), "later than where it stands".into());

@@ -1,4 +1,4 @@
-//! Plans as they would have been without an actor.
+//! Counterfactual plans without an actor.
 
 use swerve_core::Time;
 use swerve_flow::{Event, Observer, PlaybackPayload, PlaybackRecord, RunOptions, StopHandle, run_virtual};
@@ -11,21 +11,21 @@ use swerve_stack::pipeline::Pipeline;
 use super::timeline::Timeline;
 use crate::drive::record_run_times;
 
-/// A place or a speed that differs by more than this makes another plan, metres and m/s.
+/// Difference in position or speed beyond which a plan counts as changed, metres and m/s.
 pub(super) const OTHER: f64 = 0.1;
 
 /// A log whose planner plans again.
 pub(super) struct Without<'a> {
     pub(super) log: &'a Log,
-    /// The predictions that the planner reads.
+    /// Stream of predictions that the planner reads.
     pub(super) stream: &'a str,
-    /// The tracks that are left out of them.
+    /// Tracks removed from the predictions.
     pub(super) ids: &'a [ActorId],
-    /// Before this stamp there are none of them.
+    /// Stamp before which there are none of these tracks.
     pub(super) from: Time,
 }
 
-/// Compares plans with those of the log until one is another.
+/// Compares plans with the logged ones until one differs.
 struct Compared<'a> {
     log: Vec<(Time, &'a swerve_log::PublicationRecord)>,
     planner: &'a str,
@@ -35,7 +35,7 @@ struct Compared<'a> {
 }
 
 impl Without<'_> {
-    /// The stamp of the first plan of the log that would have been another one.
+    /// Stamp of the first logged plan that differs without the actor.
     pub(super) fn first_difference(
         &self,
         mut pipeline: Pipeline,
@@ -56,7 +56,7 @@ impl Without<'_> {
         Ok(compared.first)
     }
 
-    /// Lets all operators but those that are to run again publish what they did, as far as these read it.
+    /// Plays back all operators except those that run again, as far as these read their messages.
     pub(super) fn play_others(
         &self,
         pipeline: &mut Pipeline,
@@ -82,7 +82,7 @@ impl Without<'_> {
         Ok(())
     }
 
-    /// What an operator published, predictions of the tracks left out.
+    /// Messages published by an operator, without predictions of the tracks.
     fn playback(&self, operator: &str) -> anyhow::Result<Vec<PlaybackRecord>> {
         let mut records = self.log.playback(operator);
         let is_of = |record: &&Record| match record {
@@ -122,7 +122,7 @@ impl Observer for Compared<'_> {
     }
 }
 
-/// Whether a car that follows one plan comes elsewhere, or at another speed, than with the other.
+/// True if following one plan leads to another position or speed than following the other.
 pub(super) fn is_other(a: &Plan, b: &Plan) -> bool {
     if a.status != b.status || a.points.is_empty() != b.points.is_empty() {
         return true;

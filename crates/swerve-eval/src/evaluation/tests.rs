@@ -32,7 +32,7 @@ fn imu(ms: i64, y: f64) -> Imu {
 }
 
 #[test]
-fn a_run_into_a_person_is_told_in_full() {
+fn collision_with_a_person_is_reported_in_full() {
     let mut e = evaluation();
     for k in 0..=40_i64 {
         let mut state = world(k * 50, k as f64);
@@ -62,7 +62,7 @@ fn a_run_into_a_person_is_told_in_full() {
 }
 
 #[test]
-fn time_at_rest_counts_by_the_plan_that_held_then() {
+fn time_at_rest_is_attributed_to_the_current_plan() {
     let mut e = evaluation();
     for k in 0..=10 {
         let mut state = world(100 * k, k as f64);
@@ -71,13 +71,13 @@ fn time_at_rest_counts_by_the_plan_that_held_then() {
         let status = if (3..7).contains(&k) { PlanStatus::PoseUncertain } else { PlanStatus::Comfortable };
         e.plan(&Plan { stamp: Time::from_ms(100 * k), status, ..Plan::default() });
     }
-    // At rest from 0.4 s on; the plans of 0.4 to 0.6 s held until 0.7 s.
+    // At rest from 0.4 s on; the plans of 0.4 to 0.6 s were current until 0.7 s.
     let PlanMetrics { stood_s, stood_uncertain_s, .. } = e.metrics().plans;
     assert!((stood_s - 0.6).abs() < 1e-9 && (stood_uncertain_s - 0.3).abs() < 1e-9);
 }
 
 #[test]
-fn metrics_survive_their_file() {
+fn metrics_survive_serialization() {
     let mut e = evaluation();
     let mut state = world(0, 0.0);
     state.actors = vec![actor(1, ActorKind::Truck, Pose2::new(10.0, 4.0, 0.0), 5.2, 2.6)];
@@ -88,7 +88,7 @@ fn metrics_survive_their_file() {
 }
 
 #[test]
-fn a_drive_off_the_road_without_a_pose_is_decided_by_that() {
+fn leaving_the_road_without_a_pose_is_decided_by_the_gap() {
     let decided = |left_s: f64, until_s: Option<f64>| {
         let mut metrics = evaluation().metrics();
         metrics.verdict = Verdict::LeftRoad;
@@ -108,7 +108,7 @@ fn a_drive_off_the_road_without_a_pose_is_decided_by_that() {
 }
 
 #[test]
-fn time_that_is_over_while_the_ego_stands_for_its_pose_is_decided_by_that() {
+fn timeout_at_rest_for_the_pose_is_decided_by_the_pose() {
     let decided = |stood_s: f64, stood_uncertain_s: f64| {
         let mut metrics = evaluation().metrics();
         metrics.verdict = Verdict::Timeout;
@@ -123,7 +123,7 @@ fn time_that_is_over_while_the_ego_stands_for_its_pose_is_decided_by_that() {
 }
 
 #[test]
-fn a_run_without_actors_has_no_distance() {
+fn run_without_actors_has_no_distance() {
     let mut e = evaluation();
     e.world(&world(0, 0.0));
     let m = e.metrics();

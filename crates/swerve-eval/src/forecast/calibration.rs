@@ -1,14 +1,14 @@
-//! Whether what is said to hold nine times of ten does, and how to make it so while predictions go on.
+//! Coverage of predicted regions, and their online recalibration.
 
 use serde::Serialize;
 use swerve_geom::{Point2, math};
 
 use super::Gaussian;
 
-/// Shares of the cases that regions are stated for.
+/// Nominal shares of the cases in the regions.
 pub const LEVELS: [f64; 4] = [0.5, 0.8, 0.9, 0.95];
 
-/// How often what happened was within the region that is stated for it, at each of [`LEVELS`].
+/// Empirical coverage of the regions at each of [`LEVELS`].
 ///
 /// The region is the ellipse of the mixture's mean and covariance, which for one normal distribution is the smallest.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize)]
@@ -18,13 +18,14 @@ pub struct Coverage {
     areas_m2: [f64; 4],
 }
 
-/// Squared deviations that hold a share of a normal distribution on the ground: chi-square with two degrees of freedom.
+/// Squared Mahalanobis distance that contains a share of a 2D normal distribution: chi-square with two degrees of
+/// freedom.
 fn squared_within(share: f64) -> f64 {
     -2.0 * math::ln(1.0 - share)
 }
 
 impl Coverage {
-    /// One more case.
+    /// Adds one case.
     pub fn add(&mut self, stated: &Gaussian, place: Point2) {
         self.cases += 1;
         let squared = stated.mahalanobis_squared(place);
@@ -35,48 +36,49 @@ impl Coverage {
         }
     }
 
-    /// Takes in another's cases.
+    /// Adds the cases of another.
     pub fn join(&mut self, other: &Self) {
         self.cases += other.cases;
         self.within.iter_mut().zip(other.within).for_each(|(sum, one)| *sum += one);
         self.areas_m2.iter_mut().zip(other.areas_m2).for_each(|(sum, one)| *sum += one);
     }
 
-    /// Share of cases within, at each of [`LEVELS`]; none before there is a case.
+    /// Share of cases inside, at each of [`LEVELS`]; `None` without cases.
     pub fn shares(&self) -> Option<[f64; 4]> {
         (self.cases > 0).then(|| self.within.map(|n| n as f64 / self.cases as f64))
     }
 
-    /// Mean area of the regions, m²: the smaller the sharper.
+    /// Mean area of the regions, m²; smaller is sharper.
     pub fn areas_m2(&self) -> Option<[f64; 4]> {
         (self.cases > 0).then(|| self.areas_m2.map(|sum| sum / self.cases as f64))
     }
 }
 
-/// A region's size learnt from how the last predictions did (adaptive conformal inference: Gibbs and Candès 2021).
+/// Region size adapted to the errors of recent predictions (adaptive conformal inference: Gibbs and Candès 2021).
 ///
-/// The region holds the quantile of the last scores, at a share that moves up after each miss and down after each hit, so
-/// that in the long run the stated share is held whatever the errors do.
+/// The region is the quantile of recent scores at a share that increases after each miss and decreases after each hit,
+/// so that the nominal share is met in the long run for any errors.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Recalibration {
     share: f64,
     rate: f64,
-    /// The share that is aimed at now.
+    /// Current target share.
     aimed: f64,
-    /// Newest last.
+    /// Recent scores, newest last.
     recent: std::collections::VecDeque<f64>,
 }
 
-/// Scores that are kept.
+/// Maximum number of scores kept.
 const RECENT_MAX: usize = 500;
 
 impl Recalibration {
-    /// For regions that hold `share` of the cases; `rate` is how fast a miss is answered, 0.01 to 0.05 as a rule.
+    /// Creates a recalibration for regions that contain `share` of the cases. `rate` is the step size of the
+    /// adaptation, usually 0.01 to 0.05.
     pub fn new(share: f64, rate: f64) -> Self {
         Self { share, rate, aimed: share, recent: std::collections::VecDeque::new() }
     }
 
-    /// Squared deviations that the next region holds: the normal distribution's before there are twenty scores.
+    /// Squared Mahalanobis distance of the next region: the normal distribution's until there are twenty scores.
     pub fn squared(&self) -> f64 {
         if self.aimed >= 1.0 {
             return f64::INFINITY;
@@ -90,7 +92,7 @@ impl Recalibration {
         sorted.get(rank.max(1) - 1).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Takes in what a prediction's score came to (Mahalanobis, squared), and whether its region held it.
+    /// Adds the score of a prediction (squared Mahalanobis distance), and true if its region contained the outcome.
     pub fn learn(&mut self, squared: f64, held: bool) {
         let missed = f64::from(u8::from(!held));
         self.aimed += self.rate * (missed - (1.0 - self.share));

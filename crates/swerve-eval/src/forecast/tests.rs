@@ -4,7 +4,7 @@ use swerve_geom::Pose2;
 
 use super::*;
 
-/// Numbers of an array of any depth, in order.
+/// Numbers of a nested array, in order.
 fn flat(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(inner) => inner.iter().flat_map(flat).collect(),
@@ -26,7 +26,7 @@ fn close(name: &str, ours: impl IntoIterator<Item = f64>, golden: &Value) {
 }
 
 #[test]
-fn errors_are_those_of_av2_and_densities_those_of_scipy() {
+fn errors_match_av2_and_densities_match_scipy() {
     let golden: Value =
         serde_json::from_str(include_str!("../../../../tests/reference/prediction/golden.json")).unwrap();
     let probabilities = flat(&golden["probabilities"]);
@@ -69,7 +69,7 @@ fn errors_are_those_of_av2_and_densities_those_of_scipy() {
 }
 
 #[test]
-fn the_best_is_sought_among_the_likeliest_alone() {
+fn best_mode_is_chosen_among_the_most_probable() {
     let mode = |probability, ade_m, fde_m, largest_m| ModeErrors { probability, ade_m, fde_m, largest_m };
     let modes = [mode(0.1, 0.1, 0.2, 0.3), mode(0.6, 1.0, 2.5, 2.5), mode(0.3, 1.5, 1.9, 3.0)];
     let best = |k| BestOf::of(&modes, k).unwrap();
@@ -84,9 +84,9 @@ fn the_best_is_sought_among_the_likeliest_alone() {
     assert_eq!(nll(&[], Point2::default()), f64::INFINITY);
 }
 
-/// Two actors of three modes: what one is sure of and the other finds likely is the scene's.
+/// Two actors of three modes: the scene follows the mode that one is certain of and the other finds probable.
 #[test]
-fn a_scene_has_the_product_of_what_its_actors_give_a_mode() {
+fn joint_probability_is_the_product_over_actors() {
     let actor = |shares: [f64; 3]| -> Vec<ModeErrors> {
         shares.map(|probability| ModeErrors { probability, ..ModeErrors::default() }).to_vec()
     };
@@ -94,22 +94,22 @@ fn a_scene_has_the_product_of_what_its_actors_give_a_mode() {
     for (found, expected) in found.iter().zip([0.40 / 0.45, 0.03 / 0.45, 0.02 / 0.45]) {
         assert!((found - expected).abs() < 1e-12, "{found} is {expected}");
     }
-    // A hundred actors are no reason for a share that is none.
+    // Products over a hundred actors must not underflow to NaN.
     let many = vec![actor([0.98, 0.01, 0.01]); 100];
     assert!((joint_probabilities(&many)[0] - 1.0).abs() < 1e-12);
     assert_eq!(joint_probabilities(&[]), Vec::<f64>::new());
 }
 
 #[test]
-fn outlines_collide_at_the_same_instant_alone() {
+fn outlines_collide_only_at_the_same_instant() {
     let at = |x_m: f64| Obb::new(Pose2::new(x_m, 0.0, 0.0), 1.0, 1.0);
     assert!(collide(&[at(0.0), at(1.0)], &[at(5.0), at(1.5)]));
     assert!(!collide(&[at(0.0), at(1.5)], &[at(1.5), at(0.0)]));
 }
 
-/// Regions that are stated three times too narrow hold nine of ten again, also after the errors have doubled.
+/// Regions that are three times too narrow reach nine of ten again, also after the errors have doubled.
 #[test]
-fn regions_are_made_to_hold_what_they_state() {
+fn recalibrated_regions_reach_their_nominal_coverage() {
     let mut rng = Rng::keyed(1, "recalibration", &[]);
     let stated = Gaussian { weight: 1.0, mean: Point2::default(), covariance_m2: [1.0, 0.0, 1.0] };
     let (mut coverage, mut recalibration) = (Coverage::default(), Recalibration::new(0.9, 0.02));

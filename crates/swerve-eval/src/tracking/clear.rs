@@ -7,41 +7,41 @@ use swerve_geom::heaviest_pairs;
 
 use super::{TrackingFrame, ratio};
 
-/// What keeps a match of the frame before outweighs any gain in similarity.
+/// Weight that makes keeping a match of the previous frame outweigh any gain in similarity.
 const KEPT_WEIGHT: f64 = 1000.0;
 
-/// Counts of matches, and what is made of them.
+/// Match counts and derived metrics.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct ClearMot {
-    /// Multiple object tracking accuracy: 1 - (misses + false positives + switches) / boxes that are there, at most 1.
+    /// Multiple object tracking accuracy: 1 - (misses + false positives + switches) / ground truth boxes, at most 1.
     pub mota: Option<f64>,
     /// Multiple object tracking precision: mean similarity of the matches.
     pub motp: Option<f64>,
     /// Matches.
     pub true_positives: u64,
-    /// Reported and not there.
+    /// Unmatched track boxes.
     pub false_positives: u64,
-    /// There and not reported.
+    /// Unmatched ground truth boxes.
     pub false_negatives: u64,
     /// Matches under another identity than the last one of the same object.
     pub id_switches: u64,
-    /// Times that an object is matched again after a gap.
+    /// Number of times that an object is matched again after a gap.
     pub fragmentations: u64,
     /// Objects matched in more than 0.8 of their frames.
     pub mostly_tracked: u64,
-    /// Objects in between.
+    /// Objects matched in 0.2 to 0.8 of their frames.
     pub partly_tracked: u64,
     /// Objects matched in less than 0.2 of their frames.
     pub mostly_lost: u64,
 }
 
-/// What is remembered of one object.
+/// State of one object.
 #[derive(Default)]
 struct Object {
     frames: u64,
     matched: u64,
     beginnings: u64,
-    /// Under which identity it was matched last.
+    /// Track id of its last match.
     last: Option<u64>,
 }
 
@@ -61,7 +61,7 @@ impl ClearMot {
             metrics.false_negatives += (frame.truth.len() - matches.len()) as u64;
             similarity_sum += matches.iter().map(|(_, _, similarity)| similarity).sum::<f64>();
             if frame.truth.is_empty() || frame.found.is_empty() {
-                // As in TrackEval, such a frame is passed over: it ends no match.
+                // As in TrackEval, such a frame is skipped: it does not end a match.
                 continue;
             }
             let mut now = BTreeMap::new();
@@ -96,7 +96,7 @@ impl ClearMot {
     }
 }
 
-/// The matches of a frame as identities and similarity.
+/// Matches of a frame as ids and similarity.
 fn matches(frame: &TrackingFrame, before: &BTreeMap<u64, u64>, similarity_min: f64) -> Vec<(u64, u64, f64)> {
     let near: Vec<_> =
         frame.alike.iter().copied().filter(|(_, _, s)| *s >= similarity_min - f64::EPSILON).collect();

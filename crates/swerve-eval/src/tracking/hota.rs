@@ -7,10 +7,10 @@ use swerve_geom::heaviest_pairs;
 
 use super::TrackingFrame;
 
-/// Thresholds of similarity: 0.05, 0.10, ... 0.95.
+/// Similarity thresholds: 0.05, 0.10, ... 0.95.
 const THRESHOLDS: usize = 19;
 
-/// Means over the 19 thresholds, each 0 to 1; without any box on either side all but `loc_a` are 0.
+/// Means over the 19 thresholds, each 0 to 1; without any boxes all except `loc_a` are 0.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct Hota {
     /// Mean of the geometric means of detection and association accuracy.
@@ -31,7 +31,7 @@ pub struct Hota {
     pub ass_pr: f64,
 }
 
-/// Boxes of each identity, and how far each pair of them goes together.
+/// Box counts of each id, and global alignment scores of pairs.
 #[derive(Default)]
 struct Sequence {
     truth: BTreeMap<u64, f64>,
@@ -39,7 +39,7 @@ struct Sequence {
     together: BTreeMap<(u64, u64), f64>,
 }
 
-/// What one threshold counts.
+/// Counts at one threshold.
 #[derive(Clone, Default)]
 struct Level {
     similarity_sum: f64,
@@ -105,7 +105,7 @@ impl Sequence {
         sequence
     }
 
-    /// The matches of a frame, whatever their similarity, with it.
+    /// Matches of a frame regardless of similarity, with the similarity.
     fn matches(&self, frame: &TrackingFrame) -> Vec<((u64, u64), f64)> {
         let weigh = |&(t, f, similarity): &(usize, usize, f64)| {
             let (truth, found) = (frame.truth[t], frame.found[f]);

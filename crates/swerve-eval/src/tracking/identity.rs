@@ -1,4 +1,4 @@
-//! IDF1 (Ristani et al. 2016): one pairing of objects and tracks for the whole sequence.
+//! IDF1 (Ristani et al. 2016): one assignment of tracks to objects for the whole sequence.
 
 use std::collections::BTreeMap;
 
@@ -7,20 +7,20 @@ use swerve_geom::heaviest_pairs;
 
 use super::{TrackingFrame, ratio};
 
-/// Boxes that the best pairing of whole tracks explains.
+/// Boxes explained by the best assignment of whole tracks.
 #[derive(Clone, PartialEq, Debug, Default, Serialize)]
 pub struct IdentityScore {
-    /// Harmonic mean of the two below.
+    /// Harmonic mean of `idp` and `idr`.
     pub idf1: Option<f64>,
-    /// Share of the reported boxes that have the right identity.
+    /// Share of the track boxes with the correct identity.
     pub idp: Option<f64>,
-    /// Share of the boxes that are there and are reported under the right identity.
+    /// Share of the ground truth boxes found under the correct identity.
     pub idr: Option<f64>,
-    /// Boxes with the right identity.
+    /// Boxes with the correct identity.
     pub true_positives: u64,
-    /// Other boxes that are reported.
+    /// Other track boxes.
     pub false_positives: u64,
-    /// Other boxes that are there.
+    /// Other ground truth boxes.
     pub false_negatives: u64,
 }
 
@@ -49,7 +49,7 @@ impl IdentityScore {
     }
 }
 
-/// Identities numbered from 0, and how many boxes they have.
+/// Ids numbered from 0, and their number of boxes.
 struct Places {
     of: BTreeMap<u64, usize>,
     boxes: u64,

@@ -12,7 +12,7 @@ struct Case {
 
 #[derive(Deserialize)]
 struct Frame {
-    /// Identity; left, top, width, height.
+    /// Id; left, top, width, height.
     truth: Vec<(u64, [f64; 4])>,
     found: Vec<(u64, [f64; 4])>,
 }
@@ -32,7 +32,7 @@ fn metrics(case: &Case) -> TrackingMetrics {
 }
 
 #[test]
-fn every_number_is_that_of_trackeval() {
+fn tracking_metrics_match_trackeval() {
     let cases = cases();
     assert!(cases.len() >= 12);
     for (k, case) in cases.iter().enumerate() {
@@ -49,7 +49,7 @@ fn every_number_is_that_of_trackeval() {
 }
 
 #[test]
-fn identities_are_scored_as_motmetrics_does() {
+fn identity_scores_match_motmetrics() {
     for (k, case) in cases().iter().enumerate() {
         let ours = metrics(case);
         let identity = [("idf1", ours.identity.idf1), ("idp", ours.identity.idp), ("idr", ours.identity.idr)];
@@ -60,9 +60,9 @@ fn identities_are_scored_as_motmetrics_does() {
     }
 }
 
-/// Object 1 is there in five frames: matched by 7, not, by 7, by 8 (although 7 is near, farther), by 8.
+/// Object 1 is present in five frames: matched by 7, unmatched, by 7, by 8 (although 7 is near, farther), by 8.
 #[test]
-fn a_sequence_by_hand() {
+fn tracking_metrics_match_hand_computation() {
     let frame = |found: &[u64], alike: &[(usize, usize, f64)]| TrackingFrame {
         truth: vec![1],
         found: found.to_vec(),
@@ -76,7 +76,7 @@ fn a_sequence_by_hand() {
         frame(&[8], &[(0, 0, 1.0)]),
     ];
     let clear = ClearMot::of(&frames, 0.5);
-    // Nothing was matched in the second frame, so the third is free to take the nearest.
+    // Nothing was matched in the second frame, so the third may take the nearest.
     let counts = [clear.true_positives, clear.false_positives, clear.false_negatives, clear.id_switches];
     assert_eq!(counts, [4, 3, 1, 1]);
     assert_eq!((clear.fragmentations, clear.mostly_tracked, clear.partly_tracked), (1, 0, 1));
@@ -87,7 +87,7 @@ fn a_sequence_by_hand() {
 }
 
 #[test]
-fn without_boxes_there_is_nothing_to_divide_by() {
+fn ratios_are_none_without_boxes() {
     let nothing = TrackingMetrics::of(&[TrackingFrame::default()]);
     assert_eq!((nothing.clear.mota, nothing.clear.motp, nothing.identity.idf1), (None, None, None));
     let only_ghosts = TrackingMetrics::of(&[TrackingFrame::of_boxes(&[], &[(1, [0.0, 0.0, 1.0, 1.0])])]);
@@ -97,7 +97,7 @@ fn without_boxes_there_is_nothing_to_divide_by() {
 }
 
 #[test]
-fn ten_thousand_boxes_in_a_frame_are_few() {
+fn ten_thousand_boxes_per_frame_are_evaluated_quickly() {
     let boxes = |off: f64| -> Vec<(u64, [f64; 4])> {
         let at = |k: u64| {
             let (x, y) = ((k % 100) as f64 * 10.0 + off, (k / 100) as f64 * 10.0);

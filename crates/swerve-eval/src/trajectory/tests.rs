@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::*;
 
-/// KITTI's first drive with two estimates, where they are at hand.
+/// First sequence of KITTI with two estimates, if available.
 fn poses(name: &str) -> Option<Vec<SpacePose>> {
     let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let mut paths = folders.map(|folder| folder.join("shared/data/localization/metric_oracle").join(name));
@@ -28,9 +28,9 @@ fn close(ours: &TrajectoryErrors, golden: &Value, share: f64, what: &str) {
     }
 }
 
-/// Against `evo`, whose numbers and program are in `tests/reference/trajectory`.
+/// Against `evo`, whose results and script are in `tests/reference/trajectory`.
 #[test]
-fn errors_are_those_of_evo() {
+fn trajectory_errors_match_evo() {
     let golden: Value =
         serde_json::from_str(include_str!("../../../../tests/reference/trajectory/golden.json")).unwrap();
     for run in golden["runs"].as_array().unwrap() {
@@ -45,7 +45,7 @@ fn errors_are_those_of_evo() {
         let what = format!("{name} {alignment:?}");
         let absolute = absolute_errors(&truth, &found);
         close(&absolute.position_m, &run["ape_m"], 1e-6, &format!("{what} APE"));
-        // The file's rotations have six digits: evo makes them orthogonal first.
+        // The file's rotations have six digits; evo orthogonalizes them first.
         close(&absolute.angle_deg, &run["ape_deg"], 1e-3, &format!("{what} APE"));
         for delta in [1, 100] {
             let relative = relative_errors(&truth, &found, delta);
@@ -61,7 +61,7 @@ fn errors_are_those_of_evo() {
 }
 
 #[test]
-fn a_line_that_is_no_pose_is_told() {
+fn invalid_pose_line_is_reported() {
     let good = "1 0 0 1 0 1 0 2 0 0 1 3";
     assert_eq!(SpacePose::from_kitti(good).unwrap()[0].position_m, [1.0, 2.0, 3.0]);
     assert_eq!(SpacePose::from_kitti(&format!("{good}\n1 0 0")), Err(2));
@@ -69,7 +69,7 @@ fn a_line_that_is_no_pose_is_told() {
 }
 
 #[test]
-fn no_poses_have_no_errors() {
+fn errors_without_poses_are_zero() {
     assert_eq!(absolute_errors(&[], &aligned(&[], &[], Alignment::Scaled)), PoseErrors::default());
     assert_eq!(relative_errors(&[], &[], 100), PoseErrors::default());
 }

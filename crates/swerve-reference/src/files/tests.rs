@@ -1,4 +1,4 @@
-//! Every file that is shipped, and wrong ones, held against the schemas.
+//! All shipped files, and wrong ones, checked against the schemas.
 
 use serde_json::{Map, Value, json};
 use swerve_drive::shipped::Kind;
@@ -6,7 +6,7 @@ use swerve_scenario::Scenario;
 
 use super::*;
 
-/// What is wrong with a value, by the keywords of JSON Schema that ours have; any other keyword is a fault of the test.
+/// Validates a value with the keywords of JSON Schema that these schemas use; any other keyword fails the test.
 fn problems(root: &Value, schema: &Value, value: &Value, at: &str, found: &mut Vec<String>) {
     let Value::Object(keywords) = schema else {
         if schema == &json!(false) {
@@ -125,7 +125,7 @@ fn wrong(kind: FileKind, text: &str) -> Vec<String> {
 }
 
 #[test]
-fn every_shipped_file_is_as_its_schema_says() {
+fn every_shipped_file_matches_its_schema() {
     let mut counts = [0; 5];
     for (k, (of, kind)) in [
         (Kind::Scenario, FileKind::Scenario),
@@ -145,9 +145,9 @@ fn every_shipped_file_is_as_its_schema_says() {
     assert!(counts.iter().all(|count| *count >= 3), "{counts:?}");
 }
 
-/// Ends and names of a key that stands beside others, or is spelt in another way.
+/// Ends of ranges, and names that are additional or have another spelling.
 #[test]
-fn what_the_reader_takes_the_schema_takes() {
+fn schema_accepts_what_the_reader_accepts() {
     for text in [
         "[planning]\nadded_latency_ms = 0\n",
         "[render]\nweather = \"clear_night\"\n",
@@ -164,7 +164,7 @@ fn what_the_reader_takes_the_schema_takes() {
     }
 }
 
-/// The text form in the documentation of scenarios: every key.
+/// The TOML example in the documentation of scenarios, which contains every key.
 fn every_key() -> String {
     let source = include_str!("../../../swerve-scenario/src/lib.rs");
     let (_, rest) = source.split_once("```toml\n").unwrap();
@@ -172,7 +172,7 @@ fn every_key() -> String {
     form.lines().map(|line| line.trim_start_matches("//!").to_owned() + "\n").collect()
 }
 
-/// All keys of a schema, as tables within tables: a value that has them is read by whoever knows them.
+/// All keys of a schema, as nested tables: a reader that knows all keys accepts it.
 fn keys(root: &Value, schema: &Value, at: &str, into: &mut Vec<String>) {
     if let Some(reference) = schema.get("$ref").and_then(Value::as_str) {
         keys(root, root.pointer(&reference[1..]).unwrap(), at, into);
@@ -187,7 +187,7 @@ fn keys(root: &Value, schema: &Value, at: &str, into: &mut Vec<String>) {
 }
 
 #[test]
-fn the_schema_of_scenarios_knows_what_the_reader_knows() {
+fn scenario_schema_has_the_keys_of_the_reader() {
     assert_eq!(wrong(FileKind::Scenario, &every_key()), Vec::<String>::new());
     let schema = FileKind::Scenario.schema().to_value();
     let mut all = Vec::new();
@@ -214,7 +214,7 @@ fn the_schema_of_scenarios_knows_what_the_reader_knows() {
 }
 
 #[test]
-fn what_the_readers_refuse_the_schemas_refuse() {
+fn schemas_refuse_what_the_readers_refuse() {
     let base = "base = { scenario = \"lane\" }\n";
     let axis = "[[axis]]\nkey = \"seed\"\nvalues = \"1..4\"\n";
     assert_eq!(wrong(FileKind::Study, &format!("{base}{axis}")), Vec::<String>::new());

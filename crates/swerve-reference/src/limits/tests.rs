@@ -1,4 +1,4 @@
-//! Ranges of keys, held against the readers.
+//! Ranges of keys, compared with the readers.
 
 use swerve_scenario::Scenario;
 use swerve_stack::Registry;
@@ -8,7 +8,7 @@ use crate::files::FileKind;
 use crate::keys::keys;
 
 #[test]
-fn ends_are_those_of_the_reader() {
+fn limits_match_the_reader() {
     let of = |key: &str, form: &str| {
         let key = Key {
             key: key.to_owned(),
@@ -36,7 +36,7 @@ fn ends_are_those_of_the_reader() {
     }
 }
 
-/// Keys without a range of numbers: seeds, notes that nothing reads, and keys that stand elsewhere or are one of a list.
+/// Keys without a range of numbers: seeds, notes that nothing reads, and keys that are elsewhere or alternatives.
 const WITHOUT: [&str; 9] = [
     "fault.NAME.seed",
     "lidar.NAME.params.rate_hz",
@@ -49,7 +49,7 @@ const WITHOUT: [&str; 9] = [
     "seed",
 ];
 
-/// Arrays of numbers that mean different things, each place with its own range.
+/// Arrays of numbers with different meanings and ranges.
 const MIXED: [&str; 11] = [
     "camera.NAME.matrix",
     "lidar.NAME.at_m",
@@ -64,7 +64,7 @@ const MIXED: [&str; 11] = [
     "sim.vehicle.steering.curve",
 ];
 
-/// Keys whose range is narrowed by another key, and the value of that one that leaves all of it.
+/// Keys whose range is narrowed by another key, and the value of that key that leaves the full range.
 const PARTNERS: [(&str, &str, f64); 12] = [
     ("execution.params.detector_max_s", "execution.params.detector_min_s", 0.001),
     ("execution.params.planner_max_s", "execution.params.planner_min_s", 0.001),
@@ -80,7 +80,7 @@ const PARTNERS: [(&str, &str, f64); 12] = [
     ("radar.NAME.params.range_min_m", "radar.any.params.range_max_m", 10_000.0),
 ];
 
-/// The keys of numbers whose range is one of numbers.
+/// Numeric keys with a numeric range.
 fn numeric() -> Vec<Key> {
     let is_numeric = |key: &Key| {
         key.form.ends_with("number")
@@ -90,7 +90,7 @@ fn numeric() -> Vec<Key> {
     keys(&Registry::standard()).into_iter().filter(is_numeric).collect()
 }
 
-/// Floor and ceiling of a range such as `0.1 to 20 m`.
+/// Minimum and maximum of a range such as `0.1 to 20 m`.
 fn floor_and_ceiling(range: &str) -> Option<[f64; 2]> {
     let mut words = range.split([' ', ',']);
     let low = words.next()?.parse().ok()?;
@@ -98,7 +98,7 @@ fn floor_and_ceiling(range: &str) -> Option<[f64; 2]> {
     Some([low, high])
 }
 
-/// Numbers outside of a range: those of a slip by orders of magnitude, and those just beside the ends.
+/// Numbers outside a range: off by orders of magnitude, and just beyond the limits.
 fn outside_of([low, high]: [f64; 2], is_whole: bool) -> Vec<String> {
     if is_whole {
         let near = [low - 1.0, high + 1.0].into_iter().filter(|x| *x >= 0.0).map(|x| format!("{x}"));
@@ -111,7 +111,7 @@ fn outside_of([low, high]: [f64; 2], is_whole: bool) -> Vec<String> {
 }
 
 #[test]
-fn every_number_of_a_configuration_has_a_floor_and_a_ceiling() {
+fn every_number_of_a_configuration_has_a_minimum_and_a_maximum() {
     let mut wrong = Vec::new();
     let all = numeric();
     assert!(all.len() > 400, "{}", all.len());
@@ -142,7 +142,7 @@ fn every_number_of_a_configuration_has_a_floor_and_a_ceiling() {
     assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), all.len(), wrong.join("\n"));
 }
 
-/// What the check expected of a key at an end of its range.
+/// Ranges expected by the check for a key at a limit of its range.
 fn at_end(key: &Key, end: f64) -> Vec<String> {
     let partner = PARTNERS.iter().find(|(name, ..)| *name == key.key);
     let with: Vec<_> =
@@ -151,7 +151,7 @@ fn at_end(key: &Key, end: f64) -> Vec<String> {
     expected_with(key, &text, &with)
 }
 
-/// Every actor, light and end of the text form, with values in the middle of their ranges.
+/// Every actor, light and end condition of the text form, with values within their ranges.
 const SCENARIO: &str = r#"
     name = "all"
     road = { segments = [{ length_m = 900.0, curvature_1pm = 0.0 }], lane_width_m = 4.0, left_m = 40.0, right_m = 40.0,
@@ -193,7 +193,7 @@ const SCENARIO: &str = r#"
     verdict = "avoided"
 "#;
 
-/// Where a key of the list is in [`SCENARIO`].
+/// Path in [`SCENARIO`] of a key of the list.
 fn place_in_scenario(key: &str) -> String {
     const PLACES: [(&str, &str); 9] = [
         ("actor.NAME.motion.NAME.wait", "actor.walker.motion.0.wait"),
@@ -216,7 +216,7 @@ fn place_in_scenario(key: &str) -> String {
 }
 
 #[test]
-fn every_number_of_a_scenario_has_a_floor_and_a_ceiling() {
+fn every_number_of_a_scenario_has_a_minimum_and_a_maximum() {
     let schema = FileKind::Scenario.schema();
     let all = crate::schema::keys(&schema, "", None, Arrays::Within);
     let numbers: Vec<&Key> =

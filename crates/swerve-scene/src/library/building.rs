@@ -54,7 +54,7 @@ impl Parts {
     }
 }
 
-/// One wall: a frame whose x runs along the wall, y into the house and z up, and its size.
+/// One wall: a frame with x along the wall, y into the house and z up, and its size.
 struct Wall {
     place: Placed,
     length: f32,
@@ -64,7 +64,7 @@ struct Wall {
     shops: bool,
 }
 
-/// House within an outline.
+/// House within a bounding box.
 pub(super) fn building([length, width, height]: [f32; 3], draws: &mut Draws) -> Mesh {
     let mut builder = MeshBuilder::new(20.0);
     let parts = Parts::new(&mut builder, draws);
@@ -102,7 +102,7 @@ pub(super) fn building([length, width, height]: [f32; 3], draws: &mut Draws) -> 
     builder.finish()
 }
 
-/// Features that the windows of one house have in common.
+/// Common features of the windows of one house.
 struct Style {
     bay_m: f32,
     window: [f32; 2],

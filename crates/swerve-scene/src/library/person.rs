@@ -1,4 +1,4 @@
-//! People from limbs, with a walk cycle.
+//! People built from limbs, with a walk cycle.
 
 use super::PHASES;
 use crate::SemanticClass;
@@ -31,7 +31,7 @@ impl Clothes {
     }
 }
 
-/// A joint that bends towards +x (`towards` = 1) or -x between two points a given reach apart.
+/// Position of a joint that bends towards +x (`towards` = 1) or -x between two points with given limb lengths.
 fn joint(from: [f32; 3], to: [f32; 3], upper: f32, lower: f32, towards: [f32; 3]) -> [f32; 3] {
     let span = sub(to, from);
     let distance = dot(span, span).sqrt().min(0.999 * (upper + lower));
@@ -42,7 +42,7 @@ fn joint(from: [f32; 3], to: [f32; 3], upper: f32, lower: f32, towards: [f32; 3]
     add(add(from, scale(along, a)), scale(normalized(across), out))
 }
 
-/// A person who walks (at a phase) or stands; built to the height of the outline.
+/// A person who walks (at a phase) or stands, scaled to the height of the bounding box.
 pub(super) fn pedestrian([_, _, height]: [f32; 3], phase: Option<u8>, draws: &mut Draws) -> Mesh {
     let mut builder = MeshBuilder::new(60.0);
     let clothes = Clothes::new(&mut builder, None);
@@ -63,7 +63,7 @@ pub(super) fn pedestrian([_, _, height]: [f32; 3], phase: Option<u8>, draws: &mu
     for (side, shift) in [(1.0_f32, 0.0), (-1.0, core::f32::consts::PI)] {
         let swing = angle.map(|a| a + shift);
         let hip = [0.0, side * m(0.085 * build), hip_z];
-        // The foot goes back on the ground for half the cycle and swings forward above it for the other half.
+        // The foot moves back on the ground for half the cycle and swings forward above it for the other half.
         let (x, lift) = swing
             .map_or((side * 0.02, 0.0), |a| (m(0.31) * libm::cosf(a), m(0.10) * libm::sinf(-a).max(0.0)));
         let ankle = [x, side * m(0.09 * build), m(0.085) + lift];
@@ -140,7 +140,7 @@ fn torso(builder: &mut MeshBuilder, clothes: Clothes, hips: [f32; 3], neck: [f32
     );
 }
 
-/// Head and hair; `centre` is the middle of the skull.
+/// Head and hair; `centre` is the centre of the skull.
 fn head(builder: &mut MeshBuilder, clothes: Clothes, centre: [f32; 3], size: f32) {
     let saved = builder.place;
     builder.place = Placed::at(centre);
@@ -150,7 +150,7 @@ fn head(builder: &mut MeshBuilder, clothes: Clothes, centre: [f32; 3], size: f32
     builder.place = saved;
 }
 
-/// A rider from hips, handle bar and feet; leaning as these ask for.
+/// A rider posed by hips, handlebar and feet.
 pub(super) fn rider(
     builder: &mut MeshBuilder,
     hip: [f32; 3],

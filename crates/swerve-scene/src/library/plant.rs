@@ -12,7 +12,7 @@ fn leaf_of() -> Material {
     Material::matt([0.38, 0.42, 0.36], 0.5).textured(Texture::Foliage, [1.25, 1.25, 1.0], 1.7).tinted(0)
 }
 
-/// A lumpy ball that stays within its radii.
+/// A lumpy ball within its radii.
 fn clump(
     builder: &mut MeshBuilder,
     material: u16,
@@ -28,7 +28,7 @@ fn clump(
     builder.place = Placed::HERE;
 }
 
-/// Bunches of leaves that stick out of a clump: they break its outline.
+/// Bunches of leaves that break the outline of a clump.
 fn sprigs(
     builder: &mut MeshBuilder,
     material: u16,
@@ -52,7 +52,7 @@ fn sprigs(
     }
 }
 
-/// Tree within an outline: the crown fills the upper part.
+/// Tree within a bounding box: the crown fills the upper part.
 pub(super) fn tree(outline: [f32; 3], draws: &mut Draws) -> Mesh {
     let [length, width, height] = outline;
     let mut builder = MeshBuilder::new(75.0);
@@ -99,7 +99,7 @@ pub(super) fn tree(outline: [f32; 3], draws: &mut Draws) -> Mesh {
     builder.finish()
 }
 
-/// Bush within an outline.
+/// Bush within a bounding box.
 pub(super) fn bush(outline: [f32; 3], draws: &mut Draws) -> Mesh {
     let [length, width, height] = outline;
     let mut builder = MeshBuilder::new(75.0);

@@ -1,4 +1,4 @@
-//! Roads from lines and widths: surface, markings, kerbs, pavements, verges.
+//! Roads generated from lines and widths: surface, markings, kerbs, pavements, verges.
 
 use swerve_geom::{Map, Point, Point2, Transform};
 
@@ -7,12 +7,12 @@ use crate::hash::Draws;
 use crate::material::{Material, Texture};
 use crate::mesh::{Body, Mesh, MeshBuilder};
 
-/// How a line on the road is painted.
+/// Pattern of a line on the road.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum LinePattern {
-    /// Without gaps.
+    /// Solid line.
     Solid,
-    /// Strokes and gaps.
+    /// Dashed line.
     Dashed {
         /// Length of a stroke, metres.
         stroke_m: f32,
@@ -24,13 +24,13 @@ pub enum LinePattern {
 /// A line along the road.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct LaneLine {
-    /// Where: distance to the left of the centre line, metres.
+    /// Distance to the left of the centre line, metres.
     pub offset_m: f32,
     /// Width of the paint, metres.
     pub width_m: f32,
-    /// With or without gaps.
+    /// Solid or dashed.
     pub pattern: LinePattern,
-    /// Yellow, else white.
+    /// True for yellow, false for white.
     pub is_yellow: bool,
 }
 
@@ -46,29 +46,29 @@ pub enum SideOfRoad {
     },
 }
 
-/// A road: plain data.
+/// Geometry of a road.
 #[derive(Clone, PartialEq, Debug)]
 pub struct RoadLayout {
-    /// Centre line, map frame; consecutive points differ. Fewer than two points make no road.
+    /// Centre line, map frame; consecutive points must differ. Fewer than two points give no road.
     pub centre: Vec<Point2<Map>>,
-    /// From the centre line to the left edge of the carriageway, metres.
+    /// Distance from the centre line to the left edge of the carriageway, metres.
     pub left_m: f32,
-    /// From the centre line to the right edge, metres.
+    /// Distance from the centre line to the right edge, metres.
     pub right_m: f32,
     /// Painted lines.
     pub lines: Vec<LaneLine>,
-    /// Beyond the left edge.
+    /// Ground beyond the left edge.
     pub left_side: SideOfRoad,
-    /// Beyond the right edge.
+    /// Ground beyond the right edge.
     pub right_side: SideOfRoad,
-    /// Stations along the centre line with a zebra crossing, metres.
+    /// Zebra crossings, metres along the centre line.
     pub crossings_m: Vec<f32>,
-    /// Stations with a stop line across the right half, metres.
+    /// Stop lines across the right half, metres along the centre line.
     pub stop_lines_m: Vec<f32>,
 }
 
 impl RoadLayout {
-    /// Two lanes with a dashed middle line, solid edge lines and pavements.
+    /// Two lanes with a dashed centre line, solid edge lines and pavements.
     pub fn street(centre: Vec<Point2<Map>>, left_m: f32, right_m: f32) -> Self {
         let dashed = LinePattern::Dashed { stroke_m: 3.0, gap_m: 6.0 };
         let line = |offset_m: f32, pattern| LaneLine { offset_m, width_m: 0.14, pattern, is_yellow: false };
@@ -83,24 +83,24 @@ impl RoadLayout {
     }
 }
 
-/// A mesh of a road, its class and its place.
+/// A mesh of a road with its class and pose.
 #[derive(Clone, Debug)]
 pub struct RoadPiece {
-    /// Shape, about its own origin.
+    /// Mesh in its own frame.
     pub mesh: Mesh,
-    /// Class of its triangles, but for those whose material has its own.
+    /// Class of its triangles, except those whose material has its own class.
     pub class: SemanticClass,
-    /// Place.
+    /// Pose.
     pub map_from_body: Transform<Map, Body>,
 }
 
 /// Height of the kerb, metres.
 const KERB_M: f32 = 0.12;
-/// Paint lies this high above the road, metres.
+/// Height of the paint above the road, metres.
 const PAINT_M: f32 = 0.006;
-/// Length of road in one piece, metres: pieces are drawn or left out as a whole.
+/// Length of a road piece, metres; pieces are drawn or culled as a whole.
 const PIECE_M: f32 = 40.0;
-/// Longest stretch between two cross-sections, metres.
+/// Maximum distance between two cross-sections, metres.
 const STEP_M: f32 = 2.0;
 
 /// A cross-section of the road.
@@ -126,7 +126,7 @@ pub fn road_pieces(layout: &RoadLayout, seed: u64) -> Vec<RoadPiece> {
     pieces
 }
 
-/// Cross-sections at every point of the line, at the ends of pieces and at most a step apart.
+/// Cross-sections at every point of the line, at the ends of pieces and at most one step apart.
 fn stations(line: &[Point2<Map>]) -> Vec<Station> {
     let points: Vec<[f64; 2]> = line.iter().filter(|p| p.is_finite()).map(|p| [p.x_m, p.y_m]).collect();
     let directions: Vec<([f64; 2], f64)> = points
@@ -138,7 +138,7 @@ fn stations(line: &[Point2<Map>]) -> Vec<Station> {
             ([step[0] * one, step[1] * one], length)
         })
         .collect();
-    // Across the corner of two segments the road is cut along their mean normal.
+    // At the corner of two segments the road is cut along their mean normal.
     let normal = |k: usize| {
         let before = directions[k.saturating_sub(1).min(directions.len() - 1)].0;
         let after = directions[k.min(directions.len() - 1)].0;
@@ -168,9 +168,9 @@ fn stations(line: &[Point2<Map>]) -> Vec<Station> {
     all
 }
 
-/// Grass over a rectangle of the map at a height, in squares that are drawn or left out as a whole.
+/// Grass over a rectangle of the map at a height, in squares that are drawn or culled as a whole.
 ///
-/// Lay it a few centimetres below the roads: verges end at -0.03 m.
+/// Place it a few centimetres below the roads: verges end at -0.03 m.
 pub fn ground_pieces(low: Point2<Map>, high: Point2<Map>, height_m: f64) -> Vec<RoadPiece> {
     const SIDE_M: f64 = 80.0;
     if !(low.is_finite() && high.is_finite() && height_m.is_finite()) {
@@ -195,7 +195,7 @@ pub fn ground_pieces(low: Point2<Map>, high: Point2<Map>, height_m: f64) -> Vec<
     pieces
 }
 
-/// The cross-section at a station in between.
+/// Interpolated cross-section.
 fn at(stations: &[Station], s: f32) -> Station {
     let next = stations.partition_point(|station| station.s <= s).clamp(1, stations.len() - 1);
     let (a, b) = (stations[next - 1], stations[next]);
@@ -204,7 +204,7 @@ fn at(stations: &[Station], s: f32) -> Station {
     Station { s, at: blend(a.at, b.at), left: blend(a.left, b.left) }
 }
 
-/// Builds strips along a stretch of road about an origin.
+/// Builds strips along a stretch of road in a local frame.
 struct Strips<'a> {
     builder: MeshBuilder,
     stations: &'a [Station],
@@ -219,8 +219,8 @@ impl Strips<'_> {
         [x as f32, y as f32, z]
     }
 
-    /// A strip between two edges, each an offset and a height, from one station to another. Seen from above
-    /// if the second edge is to the left of the first.
+    /// Adds a strip between two edges, each an offset and a height, from one station to another. Faces up if the second
+    /// edge is to the left of the first.
     fn strip(&mut self, material: u16, (from, to): (f32, f32), right: (f32, f32), left: (f32, f32)) {
         let inner = self.stations.iter().filter(|station| station.s > from + 1e-3 && station.s < to - 1e-3);
         let mut cuts = vec![at(self.stations, from)];
@@ -257,7 +257,7 @@ fn piece(layout: &RoadLayout, stations: &[Station], span: (f32, f32), mut draws:
     let mut strips = Strips { builder: MeshBuilder::new(30.0), stations, origin };
     let road = strips.builder.material(asphalt());
     let (left, right) = (layout.left_m, -layout.right_m);
-    // The surface in lanes of about three metres: textures follow the road.
+    // The surface is divided into lanes of about three metres so that textures follow the road.
     let lanes = ((left - right) / 3.5).ceil().clamp(1.0, 12.0) as usize;
     let across = |k: usize| right + (left - right) * k as f32 / lanes as f32;
     for k in 0..lanes {
@@ -305,7 +305,7 @@ fn marking(strips: &mut Strips<'_>, line: &LaneLine, (from, to): (f32, f32)) {
     }
 }
 
-/// Repairs and a manhole: what a real road is never without.
+/// Repairs and a manhole.
 fn patches(strips: &mut Strips<'_>, (left, right): (f32, f32), (from, to): (f32, f32), draws: &mut Draws) {
     let ground = Material { is_ground: true, ..Material::matt([0.07, 0.07, 0.075], 0.12) };
     let dark = strips.builder.material(ground.textured(Texture::Asphalt, [0.12, 0.12, 0.12], 3.0));

@@ -1,4 +1,4 @@
-//! Furniture of streets: lamps, lights, signs, rails, bins.
+//! Street furniture: lamps, lights, signs, rails, bins.
 
 use crate::SemanticClass;
 use crate::material::{Material, Texture};
@@ -10,7 +10,7 @@ fn steel(builder: &mut MeshBuilder) -> u16 {
         .material(Material::matt([0.28, 0.29, 0.29], 0.35).glossy(0.5, 0.15).with_class(SemanticClass::Pole))
 }
 
-/// Street lamp: pole at the rear end of the outline, arm along +x.
+/// Street lamp: pole at the rear end of the bounding box, arm along +x.
 pub(super) fn street_lamp([length, _, height]: [f32; 3]) -> Mesh {
     let mut builder = MeshBuilder::new(40.0);
     let pole = builder.material(Material::matt([0.09, 0.11, 0.10], 0.25).glossy(0.5, 0.06));
@@ -37,7 +37,7 @@ pub(super) fn pole([length, _, height]: [f32; 3]) -> Mesh {
     builder.finish()
 }
 
-/// Traffic light: three lamps that look along +x, with a hood over each.
+/// Traffic light: three lamps that face +x, with a hood over each.
 pub(super) fn traffic_light([_, width, height]: [f32; 3]) -> Mesh {
     let mut builder = MeshBuilder::new(40.0);
     let steel = steel(&mut builder);
@@ -71,7 +71,7 @@ pub(super) fn traffic_light([_, width, height]: [f32; 3]) -> Mesh {
     builder.finish()
 }
 
-/// A post with a plate of `sides` corners that looks along +x; `face` and `rim` are its materials.
+/// A post with a plate of `sides` corners that faces +x; `face` and `rim` are its materials.
 fn sign([length, width, height]: [f32; 3], sides: u32, face: Material, rim: Material) -> Mesh {
     let mut builder = MeshBuilder::new(40.0);
     let steel = steel(&mut builder);
@@ -80,7 +80,7 @@ fn sign([length, width, height]: [f32; 3], sides: u32, face: Material, rim: Mate
     let radius = 0.5 * width;
     let x = (0.5 * length).max(0.03);
     builder.cone(steel, (0.0, 0.03), (height - 0.2 * width, 0.03), 8, true);
-    // With corners turned by half a step an octagon stands on an edge; its flat sides touch the outline.
+    // With corners turned by half a step an octagon has a horizontal lower edge; its flat sides touch the bounding box.
     let half_step = core::f32::consts::PI / sides as f32;
     let (s, c) = libm::sincosf(half_step);
     let reach = if sides == 8 { radius / c } else { radius };
@@ -95,7 +95,7 @@ fn sign([length, width, height]: [f32; 3], sides: u32, face: Material, rim: Mate
     builder.finish()
 }
 
-/// The printed face, with texture coordinates 0 to 1 upright over its square.
+/// Printed face, with texture coordinates 0 to 1 upright over its square.
 fn face_of(builder: &mut MeshBuilder, material: u16, x: f32, reach: f32, sides: u32) {
     let turn = if sides == 8 { core::f32::consts::PI / 8.0 } else { 0.0 };
     let corner = |k: u32| {
@@ -162,7 +162,7 @@ pub(super) fn bin([length, _, height]: [f32; 3]) -> Mesh {
     builder.finish()
 }
 
-/// Box of which only the size is known.
+/// Box for an object of which only the size is known.
 pub(super) fn block([length, width, height]: [f32; 3]) -> Mesh {
     let mut builder = MeshBuilder::new(20.0);
     let grey = Material::matt([0.35, 0.33, 0.30], 0.4).textured(Texture::Slabs, [0.22, 0.21, 0.19], 1.0);

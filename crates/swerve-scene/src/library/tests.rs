@@ -25,7 +25,7 @@ const KINDS: [Kind; 21] = [
 ];
 
 #[test]
-fn every_kind_fills_its_outline_and_stays_within() {
+fn every_kind_fills_its_bounding_box() {
     let mut library = MeshLibrary::default();
     for kind in KINDS {
         for seed in 0..6 {
@@ -49,7 +49,7 @@ fn every_kind_fills_its_outline_and_stays_within() {
 }
 
 #[test]
-fn equal_shapes_are_made_once_and_seeds_differ() {
+fn equal_shapes_share_a_mesh_and_seeds_differ() {
     let mut library = MeshLibrary::default();
     let size = Size::from_m(4.5, 1.8, 1.45);
     let looks: Vec<Model> = (0..30).map(|seed| library.model_sized(Kind::Sedan, size, seed)).collect();
@@ -63,7 +63,7 @@ fn equal_shapes_are_made_once_and_seeds_differ() {
 }
 
 #[test]
-fn a_walk_moves_legs_and_arms_and_keeps_the_feet_on_the_ground() {
+fn walk_cycle_moves_limbs_and_keeps_the_feet_on_the_ground() {
     let mut library = MeshLibrary::default();
     let size = Size::from_m(1.0, 0.6, 1.75);
     let mut lowest_and_reach = Vec::new();
@@ -87,7 +87,7 @@ fn phases_follow_the_distance() {
 }
 
 #[test]
-fn a_road_is_as_wide_as_its_layout_and_lies_flat() {
+fn road_is_flat_and_has_the_width_of_its_layout() {
     use swerve_geom::Point2;
     let centre = (0..=20).map(|k| Point2::new(5.0 * f64::from(k), 0.02 * f64::from(k * k))).collect();
     let pieces = road_pieces(&RoadLayout::street(centre, 6.0, 2.0), 1);

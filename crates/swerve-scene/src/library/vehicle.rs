@@ -1,4 +1,4 @@
-//! Cars, trucks and buses: materials and parts that they share, and their colours.
+//! Cars, trucks and buses: common materials, parts and colours.
 
 mod bus;
 mod car;
@@ -15,7 +15,7 @@ use crate::material::{Material, Texture};
 use crate::mesh::{MeshBuilder, Placed};
 use crate::scene::lamps;
 
-/// The materials of vehicles.
+/// Materials of vehicles.
 struct Parts {
     paint: u16,
     trim: u16,
@@ -58,7 +58,7 @@ impl Parts {
     }
 }
 
-/// A rectangle that looks forwards (`ahead`) or backwards.
+/// A rectangle that faces forwards or backwards, by the sign of `x`.
 fn panel(builder: &mut MeshBuilder, material: u16, x: f32, (y0, y1): (f32, f32), (z0, z1): (f32, f32)) {
     let ahead = x > 0.0;
     let p = [[x, y0, z0], [x, y1, z0], [x, y1, z1], [x, y0, z1]];
@@ -79,11 +79,11 @@ fn opening(builder: &mut MeshBuilder, parts: &Parts, centre: [f32; 3], radius: f
     }
 }
 
-/// A wheel whose outer face is at the given point.
+/// A wheel with its outer face at the given point.
 fn wheel_at(builder: &mut MeshBuilder, parts: &Parts, outer: [f32; 3], radius: f32, width: f32) {
     let saved = builder.place;
     let side = if outer[1] > 0.0 { 1.0 } else { -1.0 };
-    // z of the wheel's own frame points outwards.
+    // z of the wheel's frame points outwards.
     builder.place = Placed { axes: [[1.0, 0.0, 0.0], [0.0, 0.0, -side], [0.0, side, 0.0]], origin: outer };
     builder.cone(parts.tyre, (-width, radius), (-0.004, radius), 20, false);
     builder.disc(parts.tyre, -0.004, radius, 20, true);
@@ -102,7 +102,7 @@ fn wheel_at(builder: &mut MeshBuilder, parts: &Parts, outer: [f32; 3], radius: f
     builder.place = saved;
 }
 
-/// Tail, brake and turn lamps of a tall vehicle.
+/// Tail, brake and indicator lamps of a tall vehicle.
 fn rear_lamps(builder: &mut MeshBuilder, parts: &Parts, x: f32, half: f32, z: (f32, f32)) {
     for side in [1.0_f32, -1.0] {
         let turn = if side > 0.0 { parts.left } else { parts.right };
@@ -114,7 +114,7 @@ fn rear_lamps(builder: &mut MeshBuilder, parts: &Parts, x: f32, half: f32, z: (f
     }
 }
 
-/// Colours of private cars, roughly as often as they are seen.
+/// Colours of private cars, with realistic frequencies.
 pub(super) fn paint(draws: &mut Draws) -> [[f32; 3]; 4] {
     const COLOURS: [[f32; 3]; 12] = [
         [0.62, 0.62, 0.60],
@@ -136,7 +136,7 @@ pub(super) fn paint(draws: &mut Draws) -> [[f32; 3]; 4] {
     [base.map(|c| c * shade), second, [draws.between(0.02, 0.5); 3], [0.05; 3]]
 }
 
-/// Colours of vans, trucks and buses: mostly white, some in a firm's colours.
+/// Colours of vans, trucks and buses: mostly white, some in company colours.
 pub(super) fn fleet_paint(draws: &mut Draws) -> [[f32; 3]; 4] {
     const COLOURS: [[f32; 3]; 6] = [
         [0.66, 0.66, 0.64],

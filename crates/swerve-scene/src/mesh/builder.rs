@@ -1,7 +1,7 @@
 //! Builds meshes from shapes: boxes, cylinders, balls, capsules, extrusions.
 //!
-//! Shapes are collected as loose triangles. At the end corners that meet get a common normal if their faces
-//! meet at less than the crease angle, and equal corners become one vertex.
+//! Shapes are collected as separate triangles. At the end, coincident corners get a common normal if their faces meet
+//! at less than the crease angle, and identical corners become one vertex.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use super::{Mesh, MeshParts};
 use crate::material::Material;
 use crate::vector::{add, cross, dot, normalized, scale, sub};
 
-/// Where a shape is put: a rotation (by its columns) and a place.
+/// Placement of a shape: a rotation (by its columns) and a translation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
     /// Images of the x, y and z axis.
@@ -19,22 +19,22 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
-    /// Unmoved.
+    /// Identity.
     pub(crate) const HERE: Self =
         Self { axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], origin: [0.0; 3] };
 
-    /// Moved.
+    /// Translation.
     pub(crate) fn at(origin: [f32; 3]) -> Self {
         Self { origin, ..Self::HERE }
     }
 
-    /// Turned about z by an angle, then moved.
+    /// Rotation about z, then translation.
     pub(crate) fn turned(origin: [f32; 3], yaw_rad: f32) -> Self {
         let (s, c) = libm::sincosf(yaw_rad);
         Self { axes: [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], origin }
     }
 
-    /// With z along a direction; x and y are somewhere across it.
+    /// Placement with z along a direction; x and y are arbitrary directions across it.
     pub(crate) fn along(origin: [f32; 3], direction: [f32; 3]) -> Self {
         let z = normalized(direction);
         let helper = if z[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
@@ -54,19 +54,19 @@ struct Corner {
     uv: [f32; 2],
 }
 
-/// Loose triangles on their way to a mesh.
+/// Collects triangles for a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshBuilder {
     corners: Vec<[Corner; 3]>,
     triangle_materials: Vec<u16>,
     materials: Vec<Material>,
     crease_cos: f32,
-    /// Where the next shapes are put.
+    /// Placement of the next shapes.
     pub(crate) place: Placed,
 }
 
 impl MeshBuilder {
-    /// Empty. Faces that meet at less than `crease_deg` share normals.
+    /// Creates an empty builder. Faces that meet at less than `crease_deg` share normals.
     pub fn new(crease_deg: f32) -> Self {
         let crease_cos = libm::cosf(crease_deg * core::f32::consts::PI / 180.0);
         Self {
@@ -78,7 +78,7 @@ impl MeshBuilder {
         }
     }
 
-    /// Index of a material, added if it is new.
+    /// Index of a material, which is added if new.
     pub fn material(&mut self, material: Material) -> u16 {
         let found = self.materials.iter().position(|m| *m == material);
         found.unwrap_or_else(|| {
@@ -87,7 +87,7 @@ impl MeshBuilder {
         }) as u16
     }
 
-    /// A triangle with texture coordinates; one without area is left out.
+    /// Adds a triangle with texture coordinates; degenerate ones are skipped.
     pub fn triangle(&mut self, material: u16, points: [[f32; 3]; 3], uvs: [[f32; 2]; 3]) {
         let corner = |k: usize| Corner { position: self.place.point(points[k]), uv: uvs[k] };
         let [a, b, c] = [corner(0), corner(1), corner(2)];
@@ -98,13 +98,13 @@ impl MeshBuilder {
         }
     }
 
-    /// A quadrilateral, counter-clockwise from outside, with texture coordinates.
+    /// Adds a quadrilateral, counter-clockwise from outside, with texture coordinates.
     pub(crate) fn quad_uv(&mut self, material: u16, p: [[f32; 3]; 4], uv: [[f32; 2]; 4]) {
         self.triangle(material, [p[0], p[1], p[2]], [uv[0], uv[1], uv[2]]);
         self.triangle(material, [p[0], p[2], p[3]], [uv[0], uv[2], uv[3]]);
     }
 
-    /// A quadrilateral whose texture coordinates are metres along its first two edges.
+    /// Adds a quadrilateral with texture coordinates in metres along its first two edges.
     pub fn quad(&mut self, material: u16, p: [[f32; 3]; 4]) {
         let u = normalized(sub(p[1], p[0]));
         let v = normalized(sub(sub(p[3], p[0]), scale(u, dot(sub(p[3], p[0]), u))));
@@ -112,12 +112,12 @@ impl MeshBuilder {
         self.quad_uv(material, p, uv);
     }
 
-    /// A box between two corners, with its faces' textures in metres of the box's own frame.
+    /// Adds a box between two corners, with its faces' textures in metres of the box's frame.
     pub(crate) fn cuboid(&mut self, material: u16, min: [f32; 3], max: [f32; 3]) {
         self.cuboid_of([material; 6], min, max);
     }
 
-    /// A box with a material for each face: -x, +x, -y, +y, -z, +z.
+    /// Adds a box with a material for each face: -x, +x, -y, +y, -z, +z.
     pub(crate) fn cuboid_of(&mut self, materials: [u16; 6], [x0, y0, z0]: [f32; 3], [x1, y1, z1]: [f32; 3]) {
         let faces = [
             [[x0, y1, z0], [x0, y0, z0], [x0, y0, z1], [x0, y1, z1]],
@@ -132,7 +132,7 @@ impl MeshBuilder {
         }
     }
 
-    /// A tube around z from `z0` to `z1` whose radius goes from `r0` to `r1`, closed by discs where asked.
+    /// Adds a tube around z from `z0` to `z1` with radii `r0` to `r1`, closed by discs on request.
     pub(crate) fn cone(
         &mut self,
         material: u16,
@@ -159,7 +159,7 @@ impl MeshBuilder {
         }
     }
 
-    /// A disc across z, seen from above or from below; texture coordinates 0 to 1 over its square.
+    /// Adds a disc across z, facing up or down; texture coordinates 0 to 1 over its square.
     pub(crate) fn disc(&mut self, material: u16, z: f32, radius: f32, sides: u32, from_above: bool) {
         let ring = circle(sides);
         let count = sides as usize;
@@ -172,7 +172,7 @@ impl MeshBuilder {
         }
     }
 
-    /// An ellipsoid; `bump` may move each vertex outwards by a factor.
+    /// Adds an ellipsoid; `bump` scales the offset of each vertex from the centre.
     pub fn ball(
         &mut self,
         material: u16,
@@ -202,7 +202,7 @@ impl MeshBuilder {
         }
     }
 
-    /// A limb from one point to another: a tapered tube with a ball at each end.
+    /// Adds a limb between two points: a tapered tube with a ball at each end.
     pub(crate) fn limb(
         &mut self,
         material: u16,
@@ -220,7 +220,7 @@ impl MeshBuilder {
         self.place = saved;
     }
 
-    /// A blunt cone on the end of a tube: with common normals it looks round.
+    /// Adds a blunt cone on the end of a tube; common normals make it look round.
     fn cap(&mut self, material: u16, radius: f32, z: f32, up: f32, sides: u32) {
         let ring = circle(sides);
         let count = sides as usize;
@@ -238,8 +238,8 @@ impl MeshBuilder {
         }
     }
 
-    /// Stretches everything so far to fill an outline: centred in x and y, from the ground up in z. A 0 in
-    /// the outline leaves that axis as it is.
+    /// Scales everything so far to fill a bounding box: centred in x and y, from the ground up in z. Axes with a 0 are
+    /// not scaled.
     pub(crate) fn fit(&mut self, outline: [f32; 3]) {
         for (axis, &size) in outline.iter().enumerate().filter(|(_, size)| **size > 0.0) {
             let all = || self.corners.iter().flatten().map(|corner| corner.position[axis]);
@@ -252,7 +252,7 @@ impl MeshBuilder {
         }
     }
 
-    /// The mesh.
+    /// Builds the mesh.
     pub fn finish(self) -> Mesh {
         let faces: Vec<[f32; 3]> = self
             .corners
@@ -291,7 +291,7 @@ impl MeshBuilder {
 }
 
 impl Placed {
-    /// The placement of something placed in this one.
+    /// Composition with an inner placement.
     pub(crate) fn then(&self, inner: &Self) -> Self {
         let turn = |v: [f32; 3]| sub(self.point(v), self.origin);
         Self { axes: inner.axes.map(turn), origin: self.point(inner.origin) }

@@ -12,7 +12,7 @@ fn triangle() -> MeshParts {
 }
 
 #[test]
-fn arrays_that_do_not_fit_are_refused() {
+fn inconsistent_arrays_are_refused() {
     let refused = |change: fn(&mut MeshParts)| {
         let mut parts = triangle();
         change(&mut parts);
@@ -26,7 +26,7 @@ fn arrays_that_do_not_fit_are_refused() {
 }
 
 #[test]
-fn bounds_hold_all_vertices() {
+fn bounds_contain_all_vertices() {
     let mesh = Mesh::new(triangle()).unwrap();
     assert_eq!(mesh.bounds(), ([0.0; 3], [1.0, 2.0, 0.0]));
     let (centre, radius) = mesh.sphere();
@@ -45,8 +45,8 @@ fn shapes_are_closed_and_face_outwards() {
     builder.ball(material, [0.5, 0.7, 0.9], 12, 8, |_, _| 1.0);
     builder.limb(material, ([3.0, 0.0, 0.0], 0.2), ([3.0, 1.0, 1.0], 0.1), 8);
     let mesh = builder.finish();
-    // The divergence theorem: six times the volume is the sum of the triangles' triple products, and for a
-    // closed surface it does not depend on where the origin is.
+    // By the divergence theorem, six times the volume is the sum of the triangles' triple products, which for a closed
+    // surface does not depend on the origin.
     let volume = |origin: [f32; 3]| {
         mesh.triangles()
             .iter()

@@ -1,4 +1,4 @@
-//! Ours against closed forms and against parry, whose `f64` version we have for tests only.
+//! Comparison with closed forms and with parry, whose `f64` version is a dependency of tests only.
 
 use super::*;
 use parry2d_f64::math::{Pose, Vector};
@@ -19,8 +19,8 @@ fn ego(speed_mps: f64, heading_rad: f64) -> (Obb, Motion2) {
 }
 
 #[test]
-fn a_corner_meeting_a_face_closes_along_the_face_normal() {
-    // The ego's front left corner grazes a long wall at y = 2 under 0.2 rad: only sin(0.2) of its speed closes.
+fn corner_against_face_closes_along_the_face_normal() {
+    // The ego's front left corner grazes a long wall at y = 2 at 0.2 rad: only sin(0.2) of its speed closes.
     let (outline, motion) = ego(10.0, 0.2);
     let (sin, cos) = swerve_geom::math::sin_cos(0.2);
     let corner_y = 2.5 * sin + cos;
@@ -31,7 +31,7 @@ fn a_corner_meeting_a_face_closes_along_the_face_normal() {
 }
 
 #[test]
-fn a_face_meeting_a_face_closes_with_all_of_the_speed_whatever_the_overlap() {
+fn face_against_face_closes_at_full_speed_for_any_overlap() {
     let (outline, motion) = ego(20.0, 0.0);
     for offset in [0.0, 0.7, -1.4] {
         let ahead =
@@ -42,7 +42,7 @@ fn a_face_meeting_a_face_closes_with_all_of_the_speed_whatever_the_overlap() {
 }
 
 #[test]
-fn someone_walking_into_the_side_closes_with_their_own_speed() {
+fn person_walking_into_the_side_closes_at_their_own_speed() {
     let (outline, motion) = ego(20.0, 0.0);
     let person = actor(ActorKind::Pedestrian, Pose2::new(0.5, 1.255, 0.0), Vector2::new(0.0, -2.0), 0.5, 0.5);
     let closing = closing_speed(&outline, &motion, &person, 0.01);
@@ -50,7 +50,7 @@ fn someone_walking_into_the_side_closes_with_their_own_speed() {
 }
 
 #[test]
-fn a_turning_car_swings_its_corner_in() {
+fn turning_car_closes_with_its_corner() {
     let (outline, mut motion) = ego(0.0, 0.0);
     motion.yaw_rate_radps = 1.0;
     // Left of the nose: the corner at (2.5, 1) moves to the left at 2.5 m/s.
@@ -59,7 +59,7 @@ fn a_turning_car_swings_its_corner_in() {
     assert!((closing - 2.4).abs() < 0.01, "{closing}");
 }
 
-/// An actor of random kind, size and place, at rest.
+/// A stationary actor of random kind, size and position.
 fn random(rng: &mut Rng) -> Actor {
     let pose = Pose2::new(rng.uniform(-9.0, 9.0), rng.uniform(-6.0, 6.0), rng.uniform(-4.0, 4.0));
     let kind = [ActorKind::Car, ActorKind::Pedestrian][rng.below(2)];
@@ -78,7 +78,7 @@ fn parrys_shape(actor: &Actor) -> Box<dyn Shape> {
 }
 
 #[test]
-fn nearest_places_are_as_far_apart_as_parrys() {
+fn closest_point_distances_match_parry() {
     let mut rng = Rng::keyed(1, "nearest", &[]);
     let (outline, _) = ego(0.0, 0.3);
     let cuboid = Cuboid::new(Vector::new(outline.half_length_m, outline.half_width_m));
@@ -102,8 +102,7 @@ fn nearest_places_are_as_far_apart_as_parrys() {
     assert!((3_000..9_000).contains(&apart), "{apart} of 10000 are apart");
 }
 
-/// The closing speed by parry's cast of a moving and turning shape; `None` if the two do not meet, or start
-/// in one another.
+/// Closing speed by parry's nonlinear shape cast; `None` if the two do not meet, or overlap at the start.
 fn closing_by_cast(outline: &Obb, motion: &Motion2, other: &Actor, horizon_s: f64) -> Option<f64> {
     let cuboid = Cuboid::new(Vector::new(outline.half_length_m, outline.half_width_m));
     let moving = |pose: Pose2, velocity: Vector2, yaw_rate_radps: f64| {
@@ -122,10 +121,10 @@ fn closing_by_cast(outline: &Obb, motion: &Motion2, other: &Actor, horizon_s: f6
     (hit.time_of_impact > 0.0).then(|| relative.dot(normal).max(0.0))
 }
 
-/// Most agree to a part in ten thousand. Where corner meets corner the direction between the two turns within the
-/// last millimetre: ours takes it at a gap of 0.1 mm, the cast within its own tolerance.
+/// Most agree to one part in ten thousand. For corner against corner the normal turns within the last millimetre: it is
+/// evaluated at a gap of 0.1 mm here, and within the cast's own tolerance in parry.
 #[test]
-fn closing_speeds_are_those_of_parrys_cast() {
+fn closing_speeds_match_parrys_shape_cast() {
     let mut rng = Rng::keyed(1, "closing", &[]);
     let mut off_mps = Vec::new();
     let horizon_s = 0.02;

@@ -1,10 +1,10 @@
-//! rapier's `f32` maths types to ours and back; nothing else in this module knows them.
+//! Conversions between rapier's `f32` maths types and Swerve's types, confined to this module.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rapier3d::math::{Pose, Rotation, Vector as Vec3};
 use swerve_geom::{Ego, Map, Point, Transform, Vector};
 
-/// To single precision.
+/// Converts to single precision.
 pub(super) fn narrow(x: f64) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "the physics engine computes in single precision")]
     let x = x as f32;

@@ -1,4 +1,4 @@
-//! The car on its body against closed forms.
+//! The car body against closed forms.
 
 use super::*;
 
@@ -6,7 +6,7 @@ mod commonroad;
 
 const G: f64 = 9.81;
 
-/// A world with gravity and a step, and the car in it.
+/// A physics world with gravity and a fixed step, and the car in it.
 struct Drive {
     world: PhysicsWorld,
     ego: EgoCar,
@@ -19,7 +19,7 @@ impl Drive {
         Self::on_slope(params, speed_mps, rate_hz, [0.0, 0.0])
     }
 
-    /// The ground stays the plane z = 0; a slope is gravity that leans (`lean`: sines along x and y).
+    /// The ground stays the plane z = 0; a slope is modelled by tilting gravity (`lean`: sines along x and y).
     fn on_slope(params: &VehicleParams, speed_mps: f64, rate_hz: f64, lean: [f64; 2]) -> Self {
         let mut world = PhysicsWorld::new();
         let upright = (1.0 - lean[0] * lean[0] - lean[1] * lean[1]).sqrt();
@@ -35,7 +35,7 @@ impl Drive {
         self.ego.truth(&self.world)
     }
 
-    /// Drives for `duration_s`, the command given by the time since the start, and returns the last state.
+    /// Drives for `duration_s` with commands given by the time since the start; returns the last state.
     fn run(&mut self, duration_s: f64, command: impl Fn(f64) -> Command) -> EgoTruth {
         self.watch(duration_s, command, |_, _| {})
     }
@@ -59,7 +59,7 @@ fn steer(steering_rad: f64) -> Command {
     Command { steering_rad, ..Command::default() }
 }
 
-/// Left, right, straight: the swerve around an obstacle and back.
+/// Left, right, straight: an evasive swerve and back.
 fn swerve(t: f64, angle_rad: f64) -> Command {
     steer(match t {
         t if t < 0.6 => angle_rad,
@@ -74,7 +74,7 @@ fn car() -> VehicleParams {
 }
 
 #[test]
-fn it_starts_settled_and_a_standing_car_stands() {
+fn car_starts_settled_and_a_standing_car_stands() {
     for rate_hz in [200.0, 1000.0] {
         let mut drive = Drive::new(&car(), 0.0, rate_hz);
         drive.watch(
@@ -98,7 +98,7 @@ fn it_starts_settled_and_a_standing_car_stands() {
     }
 }
 
-/// Stop from 20 m/s at full brake: distance, and the lowest slip of any wheel above 3 m/s.
+/// Stop from 20 m/s with full brake: distance, and the lowest slip of any wheel above 3 m/s.
 fn full_stop(params: &VehicleParams, friction: f64, rate_hz: f64) -> (f64, f64) {
     let mut drive = Drive::new(params, 20.0, rate_hz);
     drive.friction = friction;
@@ -117,13 +117,13 @@ fn full_stop(params: &VehicleParams, friction: f64, rate_hz: f64) -> (f64, f64) 
 }
 
 #[test]
-fn it_stops_at_mu_g_after_the_build_up() {
+fn full_brake_stops_at_mu_g_after_the_build_up() {
     for friction in [0.9, 0.5, 0.3] {
         for rate_hz in [200.0, 1000.0] {
             let (distance_m, slip_min) = full_stop(&car(), friction, rate_hz);
             let mu_g = friction * G;
-            // The torque rises linearly; at the share of full pedal that the ground can take, it stops
-            // mattering. Until then half the deceleration is missing.
+            // The torque rises linearly, until the share of full pedal that the ground can take. Until then half the
+            // deceleration is missing.
             let build_up_s = 0.15 * (mu_g * 1800.0 * 0.335 / 7100.0).min(1.0);
             let ideal_m = 20.0 * 0.5 * build_up_s + 20.0 * 20.0 / (2.0 * mu_g);
             let share = ideal_m / distance_m;
@@ -137,7 +137,7 @@ fn it_stops_at_mu_g_after_the_build_up() {
 }
 
 #[test]
-fn without_abs_the_wheels_lock_and_the_way_is_longer() {
+fn wheels_lock_without_abs_and_the_distance_is_longer() {
     let mut plain = car();
     plain.brakes.abs.enabled = false;
     let (with_m, _) = full_stop(&car(), 0.9, 200.0);
@@ -146,7 +146,7 @@ fn without_abs_the_wheels_lock_and_the_way_is_longer() {
 }
 
 #[test]
-fn at_walking_pace_it_turns_as_its_geometry_says() {
+fn turning_at_walking_pace_matches_the_kinematic_geometry() {
     for steering_rad in [0.1, -0.3] {
         let mut drive = Drive::new(&car(), 5.0, 200.0);
         let params = car();
@@ -159,9 +159,9 @@ fn at_walking_pace_it_turns_as_its_geometry_says() {
     }
 }
 
-/// Steering angle over the kinematic one, per lateral acceleration, is the understeer gradient.
+/// The excess of the steering angle over the kinematic one, per lateral acceleration, is the understeer gradient.
 #[test]
-fn it_understeers_as_its_axles_say() {
+fn understeer_matches_the_axle_parameters() {
     let gradient = |params: &VehicleParams, steering_rad: f64| {
         let pedals = swerve_vehicle::pedals_for_accel(params, 20.0, 0.0);
         let mut drive = Drive::new(params, 20.0, 200.0);
@@ -175,7 +175,7 @@ fn it_understeers_as_its_axles_say() {
     let mut tail_heavy = nose_heavy.clone();
     tail_heavy.body.front_weight_share = 0.45;
     for mut params in [car(), nose_heavy, tail_heavy] {
-        // Rolling resistance and the force that overcomes it turn the car as well; the closed form has neither.
+        // Rolling resistance and the force against it also turn the car; the closed form contains neither.
         params.wheel.rolling_resistance = 0.0;
         params.aero.drag_area_m2 = 0.0;
         let (measured, expected) = (gradient(&params, 0.006), params.understeer_gradient_rads2pm());
@@ -183,7 +183,7 @@ fn it_understeers_as_its_axles_say() {
         assert!((measured - expected).abs() < 1e-5 + 0.03 * expected.abs());
     }
     let params = car();
-    // Near the limit the front gives way first.
+    // Near the limit the front axle slides first.
     let mut drive = Drive::new(&params, 30.0, 200.0);
     let end = drive.run(2.0, |_| steer(0.03));
     let ratio = end.state.yaw_rate_radps / (end.state.speed_mps * 0.03 / params.shape.wheelbase_m);
@@ -192,7 +192,7 @@ fn it_understeers_as_its_axles_say() {
 }
 
 #[test]
-fn the_step_length_hardly_matters() {
+fn step_length_hardly_matters() {
     for angle_rad in [0.03, 0.06, 0.12] {
         let [coarse, fine] = [200.0, 1000.0].map(|rate_hz| {
             let mut drive = Drive::new(&car(), 20.0, rate_hz);
@@ -216,7 +216,7 @@ fn the_step_length_hardly_matters() {
 }
 
 #[test]
-fn it_stays_upright_and_within_the_friction_in_the_hardest_swerve() {
+fn car_stays_upright_and_within_friction_in_the_hardest_swerve() {
     for (friction, rate_hz) in [(0.9, 200.0), (0.9, 1000.0), (0.4, 200.0)] {
         let mut drive = Drive::new(&car(), 22.0, rate_hz);
         drive.friction = friction;
@@ -235,7 +235,7 @@ fn it_stays_upright_and_within_the_friction_in_the_hardest_swerve() {
 }
 
 #[test]
-fn the_power_limit_sets_the_acceleration() {
+fn power_limit_sets_the_acceleration() {
     let params = car();
     let mut drive = Drive::new(&params, 25.0, 200.0);
     let mut checked = 0;
@@ -259,7 +259,7 @@ fn the_power_limit_sets_the_acceleration() {
 }
 
 #[test]
-fn pedals_give_the_wanted_acceleration() {
+fn pedals_give_the_requested_acceleration() {
     let params = car();
     for wanted in [-6.0, -3.0, -0.2, 0.0, 1.0, 2.5] {
         let mut drive = Drive::new(&params, 15.0, 200.0);
@@ -278,7 +278,7 @@ fn pedals_give_the_wanted_acceleration() {
 }
 
 #[test]
-fn a_command_acts_after_the_dead_time_to_the_tick() {
+fn command_acts_after_the_dead_time_to_the_tick() {
     for (rate_hz, dead_time_s, ticks) in [(200.0, 0.1, 20), (1000.0, 0.1, 100), (200.0, 0.0, 0)] {
         let mut params = car();
         params.dead_time_s = dead_time_s;
@@ -295,13 +295,13 @@ fn a_command_acts_after_the_dead_time_to_the_tick() {
 }
 
 #[test]
-fn a_braked_car_holds_on_a_slope_and_a_free_one_rolls() {
+fn braked_car_holds_on_a_slope_and_a_free_one_rolls() {
     let params = car();
     for lean in [[-0.15, 0.0], [0.15, 0.0], [0.0, 0.15]] {
         for rate_hz in [200.0, 1000.0] {
             let mut drive = Drive::on_slope(&params, 0.0, rate_hz, lean);
             let hold = Command { brake: 0.5, ..Command::default() };
-            // The brake needs its build-up, then the car settles on its springs and tyres.
+            // The brake builds up, then the car settles on its springs and tyres.
             let settled = drive.run(3.0, |_| hold);
             let end = drive.run(7.0, |_| hold);
             let crept_m = (end.state.pose.point() - settled.state.pose.point()).norm();
@@ -317,7 +317,7 @@ fn a_braked_car_holds_on_a_slope_and_a_free_one_rolls() {
 }
 
 #[test]
-fn a_stop_stays_where_it_ends() {
+fn stopped_car_stays_in_place() {
     let mut drive = Drive::new(&car(), 10.0, 200.0);
     let stopped = drive.run(3.0, |_| Command::FULL_BRAKE);
     let later = drive.run(5.0, |_| Command::FULL_BRAKE);
@@ -328,7 +328,7 @@ fn a_stop_stays_where_it_ends() {
 }
 
 #[test]
-fn absurd_commands_are_clamped_and_impossible_ones_refused() {
+fn absurd_commands_are_clamped_and_non_finite_ones_refused() {
     let absurd = [f64::NAN, f64::INFINITY, -1e300, 1e300, -5.0, 17.0];
     let mut drive = Drive::new(&car(), 15.0, 200.0);
     let limits = car().limits;
@@ -339,7 +339,7 @@ fn absurd_commands_are_clamped_and_impossible_ones_refused() {
         assert!(truth.state.steering_rad.abs() <= limits.steering_max_rad);
     }
     assert!(drive.ego.car().commands_refused() > 100);
-    // A refused command leaves the one before in force.
+    // A refused command leaves the previous one in force.
     let mut drive = Drive::new(&car(), 15.0, 200.0);
     drive.run(1.0, |_| steer(0.05));
     let end = drive.run(0.5, |_| Command { steering_rad: f64::NAN, throttle: 0.0, brake: 1.0 });
@@ -347,7 +347,7 @@ fn absurd_commands_are_clamped_and_impossible_ones_refused() {
 }
 
 #[test]
-fn the_same_drive_gives_the_same_bits() {
+fn identical_drives_are_bit_identical() {
     let drive = || {
         let mut drive = Drive::new(&car(), 22.0, 200.0);
         let end = drive.run(3.0, |t| Command { brake: if t > 2.0 { 1.0 } else { 0.0 }, ..swerve(t, 0.1) });
@@ -357,32 +357,32 @@ fn the_same_drive_gives_the_same_bits() {
 }
 
 #[test]
-fn the_truth_agrees_with_itself() {
+fn truth_is_consistent() {
     let mut drive = Drive::new(&car(), 15.0, 200.0);
     let pedals = swerve_vehicle::pedals_for_accel(&car(), 15.0, 0.0);
     let end = drive.run(4.0, |_| Command { throttle: pedals.throttle, ..steer(0.05) });
     let state = end.state;
     assert_eq!(state.stamp.as_secs(), 4.0);
     let speed = end.velocity_mps.norm();
-    // A steady turn: the acceleration at the centre of gravity is speed times yaw rate, to the left.
+    // Steady turn: the acceleration at the centre of gravity is speed times yaw rate, to the left.
     assert!((state.lateral_accel_mps2 - speed * state.yaw_rate_radps).abs() < 0.05, "{state:?}");
     let (roll, pitch, yaw) = end.map_from_ego.roll_pitch_yaw();
     assert!(roll > 0.01 && roll < 0.04, "a left turn leans the car to the right: {roll}");
-    // An accelerometer that leans with the body feels gravity too.
+    // An accelerometer that leans with the body also measures gravity.
     let felt = end.specific_force_mps2.coords;
     let expected_y = state.lateral_accel_mps2 * math::cos(roll) + G * math::sin(roll) * math::cos(pitch);
     assert!((felt.y - expected_y).abs() < 0.05, "{felt:?} {expected_y}");
     assert!((felt.norm() - math::hypot(G, speed * state.yaw_rate_radps)).abs() < 0.1);
     assert!((end.angular_velocity_radps.coords.z - state.yaw_rate_radps).abs() < 0.01);
     assert!((state.pose.heading_rad - yaw).abs() < 1e-9);
-    // Poses are what velocities add up to.
+    // Positions are the integral of velocities.
     let next = drive.step(Command { throttle: pedals.throttle, ..steer(0.05) });
     let moved = next.state.pose.point() - state.pose.point();
     assert!((moved.dot(state.pose.direction()) / 0.005 - state.speed_mps).abs() < 0.05);
 }
 
 #[test]
-fn a_pose_in_the_map_is_where_the_car_starts() {
+fn car_starts_at_the_given_pose_in_the_map() {
     let mut world = PhysicsWorld::new();
     let pose = Pose2::new(40.0, -3.0, 2.5);
     let truth = EgoCar::spawn(&mut world, &car(), pose, 7.0).truth(&world);
@@ -392,7 +392,7 @@ fn a_pose_in_the_map_is_where_the_car_starts() {
 }
 
 #[test]
-fn parameters_come_from_text_and_unknown_ones_are_refused() {
+fn parameters_are_parsed_and_unknown_ones_refused() {
     let text = r#"{"body": {"mass_kg": 2000.0}, "dead_time_s": 0.1}"#;
     let params: VehicleParams = serde_json::from_str(text).unwrap();
     assert_eq!((params.body.mass_kg, params.body.cg_height_m, params.dead_time_s), (2000.0, 0.55, 0.1));
@@ -403,7 +403,7 @@ fn parameters_come_from_text_and_unknown_ones_are_refused() {
 }
 
 #[test]
-fn it_hits_what_is_in_its_way() {
+fn car_collides_with_an_obstacle() {
     let mut drive = Drive::new(&car(), 15.0, 200.0);
     let wall =
         ColliderBuilder::cuboid(0.5, 5.0, 1.0).translation(to_vec(nalgebra::Vector3::new(20.0, 0.0, 1.0)));

@@ -1,7 +1,7 @@
-//! Sensors of events: collisions, lines crossed, red lights passed.
+//! Event sensors: collisions, lane lines crossed, red lights passed.
 //!
-//! They are to see **every** step of the world, and give a message for each, mostly an empty one: who waits
-//! for an event then knows at once that there was none. Two of them remember the step before.
+//! They must process **every** simulation step and publish a message for each, usually an empty one, so that readers
+//! know at once that there was no event. Two of them keep the previous step.
 
 use swerve_core::{Span, Time};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
@@ -13,11 +13,11 @@ use swerve_msg::{
 use swerve_scenario::{Road, TrafficLight};
 use swerve_vehicle::Shape;
 
-/// How far from its last known place along the road the ego is looked for, metres.
+/// Search range around the ego's last position along the road, metres.
 const REACH_M: f64 = 15.0;
-/// A line is left when the outline is this far from it, metres: to drive along its edge is one event.
+/// Clearance at which the outline has left a line, metres: driving along its edge is one event.
 const CLEAR_M: f64 = 0.1;
-/// A stop line is ahead again when the front is this far behind it, metres.
+/// Distance of the front behind a stop line from which the line counts as ahead again, metres.
 const BACK_M: f64 = 0.5;
 
 /// Contacts of the ego that began in the step that led to this state.
@@ -36,17 +36,17 @@ pub fn collisions(world: &WorldState) -> CollisionEvents {
     CollisionEvents { stamp: world.stamp, events }
 }
 
-/// Tells when the ego's outline comes onto a line of the road.
+/// Detects when the ego's outline moves onto a line of the road.
 #[derive(Clone, Debug)]
 pub struct LaneInvasionSensor {
     line: Polyline,
     shape: Shape,
     lines: Vec<Crossing>,
-    /// Where the middle of the outline was.
+    /// Previous position of the outline's centre.
     last: Option<FrenetPoint>,
 }
 
-/// One line and whether the ego is on it.
+/// One line, and true if the ego is on it.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Crossing {
     line: RoadLine,
@@ -55,15 +55,15 @@ struct Crossing {
 }
 
 impl LaneInvasionSensor {
-    /// For a car of this outline on this road (of a checked scenario).
+    /// Creates a sensor for a car of this outline on this road (of a checked scenario).
     pub fn new(road: &Road, shape: Shape) -> Self {
         let crossing = |(line, d_m)| Crossing { line, d_m, on_it: false };
         let lines = road.lines().into_iter().map(crossing).collect();
         Self { line: road.line(), shape, lines, last: None }
     }
 
-    /// The lines that the outline came onto, or leapt over, since the state before. On which lines the ego is
-    /// in the first state is no event.
+    /// Lines that the outline moved onto, or over, since the previous state. Lines under the ego in the first state are
+    /// not events.
     pub fn sense(&mut self, world: &WorldState) -> LaneInvasions {
         let outline = self.shape.footprint(world.ego.state.pose);
         let center = outline.center.point();
@@ -89,8 +89,8 @@ impl LaneInvasionSensor {
     }
 }
 
-/// How far the outline is to the right and to the left of a line, metres to the left: its corners and the
-/// middles of its sides, which a bend can come nearer to.
+/// Range of the outline's lateral distance from a line, metres to the left: its corners and the midpoints of its sides,
+/// which can be closer in a bend.
 fn spread(line: &Polyline, outline: &Obb, near_s_m: f64) -> [f64; 2] {
     let corners = outline.corners();
     let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
@@ -104,27 +104,27 @@ fn spread(line: &Polyline, outline: &Obb, near_s_m: f64) -> [f64; 2] {
     ends
 }
 
-/// Tells when the ego's front goes over a stop line while its light is red.
+/// Detects when the ego's front passes a stop line while its light is red.
 #[derive(Clone, Debug)]
 pub struct RedLightSensor {
     line: Polyline,
     shape: Shape,
     lights: Vec<TrafficLight>,
-    /// For each light whether its stop line is behind the front.
+    /// For each light, true if its stop line is behind the front.
     passed: Vec<bool>,
-    /// When, and where the front was along the road.
+    /// Previous stamp, and position of the front along the road.
     last: Option<(Time, f64)>,
 }
 
 impl RedLightSensor {
-    /// For a car of this outline on this road (of a checked scenario).
+    /// Creates a sensor for a car of this outline on this road (of a checked scenario).
     pub fn new(road: &Road, shape: Shape) -> Self {
         let (lights, passed) = (road.lights.clone(), vec![false; road.lights.len()]);
         Self { line: road.line(), shape, lights, passed, last: None }
     }
 
-    /// The red lights whose stop lines the front went over since the state before; the signal is that of the
-    /// instant at which it did, by its way since then. A line over which it went back counts anew.
+    /// Red lights whose stop lines the front passed since the previous state. The signal is taken at the interpolated
+    /// instant of passing. A line crossed again after reversing counts again.
     pub fn sense(&mut self, world: &WorldState) -> RedLightEvents {
         let front = front(&self.shape, world.ego.state.pose);
         let Some((then, from_m)) = self.last else {
@@ -156,7 +156,7 @@ impl RedLightSensor {
     }
 }
 
-/// The middle of the front bumper.
+/// Centre of the front bumper.
 fn front(shape: &Shape, pose: Pose2) -> Point2 {
     pose.ahead(shape.length_m - shape.rear_overhang_m).point()
 }

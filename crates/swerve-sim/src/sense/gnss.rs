@@ -1,4 +1,4 @@
-//! The satellite receiver: where its antenna is, through noise, an offset that wanders, reflections and lost satellites.
+//! GNSS receiver: position of its antenna with noise, a drifting bias, multipath and outages.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,21 +10,21 @@ use swerve_msg::truth::WorldState;
 
 use super::key;
 
-/// Places on the map within a distance of a straight line: a tunnel, or a circle where it begins and ends at one point.
+/// Region of the map within a distance of a line segment, such as a tunnel; a circle if start and end coincide.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
-    /// Where the line begins, x and y, metres.
+    /// Start of the segment, x and y, metres.
     pub from_m: [f64; 2],
-    /// Where it ends; where it begins when absent.
+    /// End of the segment; the start when absent.
     #[serde(default)]
     pub to_m: Option<[f64; 2]>,
-    /// How far from it the zone goes, metres.
+    /// Extent of the zone around the segment, metres.
     pub radius_m: f64,
 }
 
 impl Zone {
-    /// Whether a place is in it.
+    /// True if a position is inside.
     pub fn has(&self, at: Point2) -> bool {
         let [from, to] = [self.from_m, self.to_m.unwrap_or(self.from_m)].map(|[x, y]| Point2::new(x, y));
         let (along, off) = (to - from, at - from);
@@ -33,7 +33,7 @@ impl Zone {
     }
 }
 
-/// A satellite receiver, and where on Earth the map lies.
+/// GNSS receiver, and the geographic origin of the map.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GnssParams {
@@ -43,25 +43,25 @@ pub struct GnssParams {
     pub origin_longitude_deg: f64,
     /// Height of the map's plane above the ellipsoid, metres. Default 0.
     pub origin_altitude_m: f64,
-    /// Noise of east and of north, metres. Default 0.5. Height gets twice as much.
+    /// Standard deviation of the noise of east and of north, metres. Default 0.5. Twice as much for the height.
     pub noise_m: f64,
-    /// Bias of east and of north, metres. Default 0.5. Height gets twice as much.
+    /// Standard deviation of the bias of east and of north, metres. Default 0.5. Twice as much for the height.
     pub bias_m: f64,
-    /// Time over which the bias is forgotten and another one comes, seconds: a first-order Gauss-Markov process of
-    /// deviation `bias_m`. Default 0: it holds for the run.
+    /// Correlation time of the bias, seconds: a first-order Gauss-Markov process with standard deviation `bias_m`.
+    /// Default 0: the bias is constant for the run.
     pub bias_time_s: f64,
-    /// Place of the antenna in the ego frame, metres: fixes are told for it. Default: the ego origin.
+    /// Position of the antenna in the ego frame, metres; fixes are those of the antenna. Default: the ego origin.
     pub antenna_at_m: [f64; 3],
-    /// No fix before this, seconds from the start of the run. Default 0.
+    /// Time of the first fix, seconds from the start of the run. Default 0.
     pub first_fix_s: f64,
-    /// Zones of the map without a fix, by where the antenna is: `{ from_m = [x, y], to_m = [x, y], radius_m = r }`, all within
-    /// r of the line; a circle without `to_m`. Default none.
+    /// Zones of the map in which the antenna has no fix: `{ from_m = [x, y], to_m = [x, y], radius_m = r }`, all within
+    /// r of the segment; a circle without `to_m`. Default none.
     pub outages: Vec<Zone>,
-    /// How often a minute, while there is none, reflections begin to move all fixes by one step, on average. Default 0.
+    /// Mean rate of multipath errors, which offset all fixes by one step, per minute without one. Default 0.
     pub multipath_per_min: f64,
-    /// Length of that step, metres; its direction is drawn. Default 20.
+    /// Length of the step of a multipath error, metres; its direction is random. Default 20.
     pub multipath_m: f64,
-    /// How long a step lasts, seconds. Default 5.
+    /// Duration of a multipath error, seconds. Default 5.
     pub multipath_s: f64,
 }
 
@@ -85,7 +85,7 @@ impl Default for GnssParams {
 }
 
 impl GnssParams {
-    /// Every parameter that is out of range.
+    /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("origin_latitude_deg", self.origin_latitude_deg, [-89.9, 89.9]),
@@ -120,24 +120,24 @@ pub struct GnssReceiver {
     params: GnssParams,
     sensor: String,
     seed: u64,
-    /// Offset of fixes east, north and up, over its deviation.
+    /// Bias of fixes east, north and up, over its standard deviation.
     offset: [f64; 3],
-    /// Stamp of the last reading, with a fix or without.
+    /// Stamp of the last reading, with or without a fix.
     last: Option<Time>,
     multipath: Multipath,
 }
 
-/// The step by reflections that goes on, or comes next.
+/// The current or next multipath error.
 #[derive(Clone, Copy, Debug)]
 struct Multipath {
     count: i64,
-    /// From when to when, seconds.
+    /// Start and end, seconds.
     lasts_s: [f64; 2],
     direction_rad: f64,
 }
 
 impl GnssReceiver {
-    /// A receiver whose first offset is drawn under (seed, sensor).
+    /// Creates a receiver whose initial bias is drawn under (seed, sensor).
     pub fn new(params: GnssParams, sensor: &str, seed: u64) -> Self {
         let mut bias = Rng::keyed(seed, "sensor bias", &[key(sensor)]);
         let offset = core::array::from_fn(|_| bias.normal());
@@ -145,10 +145,10 @@ impl GnssReceiver {
         Self { params, sensor: sensor.to_owned(), seed, offset, last: None, multipath }
     }
 
-    /// One fix of the antenna, where there is one.
+    /// Fix of the antenna, if available.
     ///
-    /// The map is taken as flat, with the radii of curvature of WGS 84 at its origin; the error of that grows with
-    /// the square of the distance from the origin and is about 0.1 m at a kilometre.
+    /// The map is treated as flat, with the WGS 84 radii of curvature at its origin; the resulting error grows with the
+    /// square of the distance from the origin and is about 0.1 m at one kilometre.
     pub fn sense(&mut self, world: &WorldState) -> Option<Gnss> {
         let stamp = world.stamp;
         self.wander(stamp);
@@ -168,7 +168,7 @@ impl GnssReceiver {
         Some(self.fix(stamp, at_m))
     }
 
-    /// Moves the offset on, by a draw of this stamp.
+    /// Advances the bias with a draw of this stamp.
     fn wander(&mut self, stamp: Time) {
         let before = self.last.replace(stamp);
         let dt_s = before.map_or(0.0, |before| (stamp - before).as_secs());
@@ -183,7 +183,7 @@ impl GnssReceiver {
         }
     }
 
-    /// A place moved by the step of reflections that goes on. Steps come after exponentially distributed times.
+    /// Position with the current multipath error. The times between errors are exponentially distributed.
     fn reflected(&mut self, stamp: Time, [east, north, up]: [f64; 3]) -> [f64; 3] {
         let GnssParams { multipath_per_min, multipath_m, multipath_s, .. } = self.params;
         if multipath_per_min <= 0.0 {
@@ -206,7 +206,7 @@ impl GnssReceiver {
         [east + multipath_m * cos, north + multipath_m * sin, up]
     }
 
-    /// A place of the map as a fix.
+    /// Converts a map position to a fix.
     fn fix(&self, stamp: Time, [east, north, up]: [f64; 3]) -> Gnss {
         const EQUATOR_M: f64 = 6_378_137.0;
         const FLATTENING: f64 = 1.0 / 298.257_223_563;

@@ -1,4 +1,5 @@
-//! The inertial unit: what it feels at its place, through noise, a bias that walks and a scale.
+//! Inertial measurement unit: accelerations and rotation rates at its position, with noise, bias random walk and scale
+//! errors.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,36 +13,37 @@ use swerve_vehicle::VehicleParams;
 use super::key;
 use super::motion::Errors;
 
-/// Deviations of the inertial unit; all zero by default.
+/// Errors of the inertial measurement unit; all zero by default.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuParams {
-    /// Noise of each axis of acceleration, m/s².
+    /// Noise per reading of each acceleration axis, standard deviation, m/s².
     pub accel_noise_mps2: f64,
-    /// Noise of each axis of acceleration as a density, m/s²/√Hz, whatever the period is; beside that of each reading.
+    /// Noise density of each acceleration axis, m/s²/√Hz, independent of the period; in addition to the noise per
+    /// reading.
     pub accel_noise_density: f64,
-    /// Bias of each axis of acceleration, m/s².
+    /// Bias of each acceleration axis, standard deviation, m/s².
     pub accel_bias_mps2: f64,
-    /// Walk of the biases of acceleration, m/s² per root second.
+    /// Random walk of the acceleration biases, m/s² per √s.
     pub accel_bias_walk: f64,
-    /// Error of the scale of each axis of acceleration, as a share, drawn once per run.
+    /// Scale error of each acceleration axis, standard deviation as a fraction; drawn once per run.
     pub accel_scale_error: f64,
-    /// Noise of each axis of rotation, rad/s.
+    /// Noise per reading of each rotation axis, standard deviation, rad/s.
     pub gyro_noise_radps: f64,
-    /// Noise of each axis of rotation as a density, rad/s/√Hz, whatever the period is; beside that of each reading.
+    /// Noise density of each rotation axis, rad/s/√Hz, independent of the period; in addition to the noise per reading.
     pub gyro_noise_density: f64,
-    /// Bias of each axis of rotation, rad/s.
+    /// Bias of each rotation axis, standard deviation, rad/s.
     pub gyro_bias_radps: f64,
-    /// Walk of the biases of rotation, rad/s per root second.
+    /// Random walk of the rotation biases, rad/s per √s.
     pub gyro_bias_walk: f64,
-    /// Error of the scale of each axis of rotation, as a share, drawn once per run.
+    /// Scale error of each rotation axis, standard deviation as a fraction; drawn once per run.
     pub gyro_scale_error: f64,
-    /// Where the inertial unit sits in the ego frame, m; at the centre of gravity when absent.
+    /// Position of the IMU in the ego frame, m; the centre of gravity when absent.
     pub at_m: Option<[f64; 3]>,
 }
 
 impl ImuParams {
-    /// Every parameter that is out of range.
+    /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("accel_noise_mps2", self.accel_noise_mps2, 100.0),
@@ -60,12 +62,12 @@ impl ImuParams {
         within.chain(place).filter_map(Result::err).collect()
     }
 
-    /// Its place in the ego frame, m.
+    /// Position in the ego frame, m.
     pub fn at_m(&self, vehicle: &VehicleParams) -> [f64; 3] {
         self.at_m.unwrap_or([vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m])
     }
 
-    /// Density of all noise of acceleration (m/s²/√Hz) and of rotation (rad/s/√Hz), read each `period_s`.
+    /// Total noise densities of acceleration (m/s²/√Hz) and rotation (rad/s/√Hz) at readings each `period_s`.
     pub fn densities(&self, period_s: f64) -> [f64; 2] {
         let root = period_s.sqrt();
         [
@@ -75,25 +77,25 @@ impl ImuParams {
     }
 }
 
-/// The inertial unit of one car in one run.
+/// The IMU of one car in one run.
 #[derive(Clone, Debug)]
 pub struct InertialUnit {
     params: ImuParams,
-    /// From the centre of gravity to it.
+    /// Vector from the centre of gravity to the IMU.
     lever: Vector<Ego>,
-    /// Noise of each reading: acceleration (m/s²), rotation (rad/s).
+    /// Standard deviations of the noise per reading: acceleration (m/s²), rotation (rad/s).
     noise: [f64; 2],
     sensor: String,
     seed: u64,
-    /// Scales less 1, and how far biases walked by now: three axes of acceleration, three of rotation.
+    /// Scale errors, and random walks of the biases so far: three axes of acceleration, three of rotation.
     scale: [f64; 6],
     walked: [f64; 6],
-    /// Stamp and turn rates of the last reading.
+    /// Stamp and rotation rates of the last reading.
     last: Option<(Time, Vector<Ego>)>,
 }
 
 impl InertialUnit {
-    /// A unit on `vehicle` that is read each `period`, whose scales are drawn under (seed, sensor).
+    /// Creates an IMU on `vehicle` that is read each `period`, with scale errors drawn under (seed, sensor).
     pub fn new(params: ImuParams, vehicle: &VehicleParams, period: Span, sensor: &str, seed: u64) -> Self {
         let cg_m = ImuParams::default().at_m(vehicle);
         let [x, y, z] = params.at_m(vehicle);
@@ -115,8 +117,8 @@ impl InertialUnit {
         }
     }
 
-    /// One reading. Beside the centre of gravity it feels how the car turns: `dω/dt × r + ω × (ω × r)`, the change of
-    /// the turn rate as that since the last reading.
+    /// Takes one reading. Away from the centre of gravity it includes `dω/dt × r + ω × (ω × r)`, with the rotational
+    /// acceleration since the last reading.
     pub fn sense(&mut self, world: &WorldState) -> Imu {
         let stamp = world.stamp;
         let (mut force, turn) =
@@ -139,7 +141,7 @@ impl InertialUnit {
             let (kind, scaled, walked) = (axis / 3, self.scale[axis] * x, self.walked[axis]);
             axis += 1;
             let reading = x + errors.next(biases[kind], self.noise[kind]);
-            // Of a unit without these errors no bit is touched, the sign of a zero neither.
+            // Without these errors readings are bit-identical to the truth, including the sign of zeros.
             [scaled, walked].into_iter().filter(|by| *by != 0.0).fold(reading, |reading, by| reading + by)
         };
         let accel_mps2 = [read(force.x), read(force.y), read(force.z)];

@@ -1,4 +1,4 @@
-//! Which traffic lights a sensor on the ego sees, and what they show: the visibility rule of obstacles.
+//! Traffic lights visible to a sensor on the ego, with their signals, by the visibility rule of obstacles.
 
 use swerve_geom::{FrenetPoint, Map, Point, Point2, Vector2};
 use swerve_msg::truth::WorldState;
@@ -8,21 +8,21 @@ use swerve_scenario::{Road, TrafficLight as Light};
 use super::obstacles::{SensorMount, SensorParams, View};
 use super::occluders::Occluders;
 
-/// Height of the middle of a head over the road, metres: heads are 1 m high with their tops at 3.4 m.
+/// Height of the centre of a head over the road, metres: heads are 1 m high with their tops at 3.4 m.
 const MIDDLE_M: f64 = 2.9;
 
 /// Perfect perception of traffic lights.
 ///
-/// A light is listed, in the order of the road, with the signal that it shows, when the middle of its head is within range
-/// on the ground and in the field of view, faces the sensor, and no actor's body is between.
+/// A light is listed with its signal, in the order along the road, if the centre of its head is within range on the
+/// ground and in the field of view, faces the sensor, and is not occluded by an actor.
 #[derive(Clone, Debug)]
 pub struct TrafficLightSensor {
-    /// Each with the middle of its head and the direction of those who see its face.
+    /// Lights with the centre of the head and the direction from which its face is visible.
     lights: Vec<(Light, Point<Map>, Vector2)>,
 }
 
 impl TrafficLightSensor {
-    /// For the lights of this road (of a checked scenario).
+    /// Creates a sensor for the lights of this road (of a checked scenario).
     pub fn new(road: &Road) -> Self {
         let line = road.line();
         let placed = |light: &Light| {
@@ -33,7 +33,7 @@ impl TrafficLightSensor {
         Self { lights: road.lights.iter().map(placed).collect() }
     }
 
-    /// The lights that are seen in this state. Positions in the image are zero.
+    /// Lights visible in this state. Image positions are zero.
     pub fn sense(&self, world: &WorldState, mount: &SensorMount, params: &SensorParams) -> TrafficLights {
         let view = View::new(world, mount, params);
         let eye = Point2::new(view.eye.coords.x, view.eye.coords.y);

@@ -1,7 +1,7 @@
-//! The pose of the ego, with noise and bias when asked for, and how sensors of its motion draw their errors.
+//! Pose of the ego with optional noise and bias, and the error draws of motion sensors.
 //!
-//! A **bias** is drawn once per (seed, sensor) and holds for the run; **noise** is drawn per (seed, sensor,
-//! stamp). Both are normal with the given standard deviations; zero gives the truth.
+//! A **bias** is drawn once per (seed, sensor) and constant for the run; **noise** is drawn per (seed, sensor, stamp).
+//! Both are normal with the given standard deviations; zero gives the truth.
 
 use std::f64::consts::PI;
 
@@ -13,27 +13,27 @@ use swerve_geom::Pose2;
 use swerve_msg::EgoState;
 use swerve_msg::truth::WorldState;
 
-/// Deviations of a pose source; all zero by default: a perfect localization.
+/// Errors of a pose source; all zero by default: perfect localization.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseParams {
-    /// Noise of x and of y, metres.
+    /// Noise of x and of y, standard deviation, metres.
     pub position_noise_m: f64,
-    /// Bias of x and of y, metres.
+    /// Bias of x and of y, standard deviation, metres.
     pub position_bias_m: f64,
-    /// Noise of the heading, radians.
+    /// Noise of the heading, standard deviation, radians.
     pub heading_noise_rad: f64,
-    /// Bias of the heading, radians.
+    /// Bias of the heading, standard deviation, radians.
     pub heading_bias_rad: f64,
-    /// Noise of the speed, m/s.
+    /// Noise of the speed, standard deviation, m/s.
     pub speed_noise_mps: f64,
 }
 
 impl PoseParams {
-    /// Refuses the first parameter that is out of its range.
+    /// Refuses the first parameter out of its range.
     ///
     /// # Errors
-    /// There is one.
+    /// That parameter.
     pub fn validate(&self) -> Result<(), ParamError> {
         require_all_within(&[
             ("position_noise_m", self.position_noise_m, [0.0, 1000.0]),
@@ -45,7 +45,7 @@ impl PoseParams {
     }
 }
 
-/// The draws of one sensor at one stamp.
+/// Random draws of one sensor at one stamp.
 pub(super) struct Errors {
     bias: Rng,
     noise: Rng,
@@ -59,18 +59,18 @@ impl Errors {
         }
     }
 
-    /// The next axis: one draw of bias, one of noise.
+    /// Error of the next axis: one draw of bias, one of noise.
     pub(super) fn next(&mut self, bias: f64, noise: f64) -> f64 {
         bias * self.bias.normal() + noise * self.noise.normal()
     }
 }
 
-/// A sensor's name as part of a key.
+/// Key component for a sensor's name.
 pub(super) fn key(sensor: &str) -> i64 {
     Rng::keyed(0, sensor, &[]).bits().cast_signed()
 }
 
-/// Pose and motion of the ego as a localization with these deviations reports them.
+/// Pose and motion of the ego as reported by localization with these errors.
 pub fn pose(world: &WorldState, sensor: &str, params: &PoseParams, seed: u64) -> EgoState {
     let truth = world.ego.state;
     let mut errors = Errors::new(seed, sensor, world.stamp);

@@ -1,9 +1,9 @@
-//! Which actors a sensor on the ego can see: the one visibility rule, whatever planner is driven.
+//! Actors visible to a sensor on the ego; the same visibility rule for all planners.
 //!
-//! An actor is listed when its centre is within range on the ground and at least one of its nine fixed points
-//! ([`fixed_points`]) is within the field of view and on a free line of sight: the straight segment from the
-//! sensor to the point meets no other actor's body (boxes; upright cylinders for people on foot). The ego's own body and the
-//! target itself do not block. Bodies that have been knocked over still count as upright.
+//! An actor is listed if its centre is within range on the ground and at least one of its nine fixed points
+//! ([`fixed_points`]) is within the field of view and on a free line of sight: the segment from the sensor to the point
+//! intersects no other actor's body (boxes; upright cylinders for pedestrians). The ego's body and the target itself do
+//! not occlude. Bodies that have been knocked over still count as upright.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,30 +15,30 @@ use swerve_vehicle::Shape;
 
 use super::occluders::Occluders;
 
-/// So near to a face of the car's box a sensor is on it, metres.
+/// Distance within which a sensor counts as on a face of the car's box, metres.
 const FACE_M: f64 = 1e-3;
 
-/// Where a sensor sits on the ego.
+/// Mounting pose of a sensor on the ego.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorMount {
-    /// Ahead of the ego origin (rear axle), metres.
+    /// Forward of the ego origin (rear axle), metres.
     pub x_m: f64,
-    /// To the left of it, metres.
+    /// To the left of the ego origin, metres.
     pub y_m: f64,
     /// Above the ground, metres.
     pub z_m: f64,
-    /// Turned from the ego's heading, radians; positive to the left.
+    /// Yaw relative to the ego's heading, radians; positive to the left.
     pub yaw_rad: f64,
 }
 
 impl SensorMount {
-    /// The usual place: above the middle of the roof, 1.9 m up, looking ahead.
+    /// Default mount: above the centre of the roof, 1.9 m up, facing forward.
     pub fn roof(shape: &Shape) -> Self {
         Self { x_m: shape.center_ahead_m(), y_m: 0.0, z_m: 1.9, yaw_rad: 0.0 }
     }
 
-    /// Whether it is inside the car's box, where nothing is to be seen; its faces are outside.
+    /// True if it is inside the car's box, where nothing is visible; the faces count as outside.
     pub fn is_inside(&self, shape: &Shape) -> bool {
         let (front_m, rear_m) = (shape.length_m - shape.rear_overhang_m, -shape.rear_overhang_m);
         let within = |low: f64, x: f64, high: f64| low + FACE_M < x && x < high - FACE_M;
@@ -47,7 +47,7 @@ impl SensorMount {
             && within(0.0, self.z_m, shape.height_m)
     }
 
-    /// Every number that cannot be: not finite, or farther from the car than anything is mounted.
+    /// Reports every invalid number: not finite, or farther from the car than a plausible mount.
     pub fn problems(&self) -> Vec<ParamError> {
         let turn = core::f64::consts::TAU;
         let all = [
@@ -59,13 +59,13 @@ impl SensorMount {
         all.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect()
     }
 
-    /// In the middle of the front bumper, 0.5 m up, looking ahead: for a radar that looks far.
+    /// Mount for a long-range radar: centre of the front bumper, 0.5 m up, facing forward.
     pub fn front(shape: &Shape) -> Self {
         Self { x_m: shape.length_m - shape.rear_overhang_m, y_m: 0.0, z_m: 0.5, yaw_rad: 0.0 }
     }
 
-    /// In a corner of the car, 0.6 m up, looking out over it, at 45 degrees from ahead or, at the rear, from
-    /// behind.
+    /// Mount at a corner of the car, 0.6 m up, facing outwards at 45 degrees from the front or, at the rear, from the
+    /// back.
     pub fn corner(shape: &Shape, at_front: bool, side: Side) -> Self {
         let outwards = match side {
             Side::Left => 1.0,
@@ -81,17 +81,17 @@ impl SensorMount {
     }
 }
 
-/// Limits of a sensor's sight.
+/// Limits of a sensor's view.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorParams {
     /// Largest distance on the ground from the sensor to the centre of an actor, metres. Default 100.
     pub range_m: f64,
-    /// The same for people (on foot or on bicycles), where it differs, metres. Default: as the others.
+    /// Largest distance for people (on foot or on bicycles), metres. Default: `range_m`.
     pub range_person_m: Option<f64>,
-    /// Full horizontal field of view around the sensor's axis, radians; 2 pi or more sees all round. Default 2 pi.
+    /// Full horizontal field of view around the sensor's axis, radians; 2 pi or more is all-round. Default 2 pi.
     pub fov_rad: f64,
-    /// Whether bodies block the view. Default true.
+    /// True if bodies occlude the view. Default true.
     pub occlusion: bool,
 }
 
@@ -101,7 +101,7 @@ impl Default for SensorParams {
     }
 }
 
-/// The actors that the sensor sees in this state, with the share of their fixed points that it sees.
+/// Actors visible to the sensor in this state, with the visible share of their fixed points.
 pub fn visible_obstacles(world: &WorldState, mount: &SensorMount, params: &SensorParams) -> ObstacleList {
     let mut list = ObstacleList { stamp: world.stamp, obstacles: Vec::with_capacity(world.actors.len()) };
     let view = View::new(world, mount, params);
@@ -122,9 +122,9 @@ pub fn visible_obstacles(world: &WorldState, mount: &SensorMount, params: &Senso
     list
 }
 
-/// The nine points of an actor that a sensor looks for: the centre of its body, then four around its bottom
-/// and four around its top. Of a box these are the corners (front left, rear left, rear right, front right); of a
-/// person on foot, an upright cylinder, the points of the rims ahead, left, behind and right.
+/// Nine sample points of an actor for visibility: the centre of its body, then four around its bottom and four around
+/// its top. For a box these are the corners (front left, rear left, rear right, front right); for a pedestrian, an
+/// upright cylinder, the points of the rims ahead, left, behind and right.
 pub fn fixed_points(actor: &Actor) -> [Point<Map>; 9] {
     let (bottom, top) = (actor.z_m, actor.z_m + actor.extent.height_m);
     let ring = if actor.is_round() {
@@ -198,13 +198,13 @@ impl View {
     }
 }
 
-/// Whether the segment from `from` to `to`, without its ends, passes through the body of `actor`.
+/// True if the segment from `from` to `to`, without its ends, passes through the body of `actor`.
 pub(super) fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
     let ground = |p: Point<Map>| Point2::<Map>::new(p.coords.x, p.coords.y);
     if !comes_near(actor, ground(from), ground(to)) {
         return false;
     }
-    // The part of the segment, as shares of its length, that is inside one pair of limits after the other.
+    // The part of the segment, as fractions of its length, inside all limits so far.
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     let mut between = |start: f64, end: f64, low: f64, high: f64| {
         let way = end - start;
@@ -231,11 +231,11 @@ pub(super) fn blocks(actor: &Actor, from: Point<Map>, to: Point<Map>) -> bool {
         between(a.x_m, b.x_m, -l, l);
         between(a.y_m, b.y_m, -w, w);
     }
-    // A point that merely touches the body, as where two boxes stand side by side, stays visible.
+    // A point that merely touches the body, as with two adjacent boxes, stays visible.
     leave - enter > 1e-9
 }
 
-/// Whether the segment comes within the circle around the body; spares the exact test for most.
+/// True if the segment comes within the body's bounding circle; avoids the exact test for most actors.
 fn comes_near(actor: &Actor, from: Point2, to: Point2) -> bool {
     let radius = actor.footprint().radius();
     let (along, off) = (to - from, actor.pose.point() - from);
@@ -244,7 +244,7 @@ fn comes_near(actor: &Actor, from: Point2, to: Point2) -> bool {
     (off - along * t).norm_squared() <= radius * radius
 }
 
-/// The shares of the segment between which it is inside a circle, if it is.
+/// Range of the segment inside a circle, as fractions of its length; `None` if outside.
 fn inside_circle(center: Point2, radius_m: f64, from: Point2, to: Point2) -> Option<(f64, f64)> {
     let (along, off) = (to - from, from - center);
     let (a, half_b) = (along.norm_squared(), off.dot(along));

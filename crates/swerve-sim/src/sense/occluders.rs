@@ -1,4 +1,4 @@
-//! Bodies around a sensor by direction: a line of sight is compared with those in its direction only.
+//! Bodies around a sensor indexed by direction, so that a line of sight is compared only with those in its direction.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,18 +7,18 @@ use swerve_msg::truth::{Actor, WorldState};
 
 use super::obstacles::blocks;
 
-/// Of fewer actors, all are compared: that takes less than sorting them.
+/// Number of actors below which all are compared, which is faster than sorting them.
 const SORTED_MIN: usize = 64;
-/// Sectors of the ground around the sensor.
+/// Number of sectors around the sensor.
 const SECTORS: usize = 512;
-/// Rounding errors of a direction, rad, and of a distance, m.
+/// Margin for rounding errors of a direction, rad, and of a distance, m.
 const MARGIN: f64 = 1e-6;
 
-/// The actors that can hide something from a sensor.
+/// Actors that can occlude the view of a sensor.
 pub(super) struct Occluders<'w> {
     actors: &'w [Actor],
     eye: Point<Map>,
-    /// Indices of the actors that reach into each sector, counter-clockwise from -pi; without sectors, all count.
+    /// Indices of the actors that extend into each sector, counter-clockwise from -pi; without sectors, all count.
     sectors: Vec<Vec<usize>>,
 }
 
@@ -37,7 +37,7 @@ impl<'w> Occluders<'w> {
         Self { actors, eye, sectors }
     }
 
-    /// True if an actor other than `target` hides this place.
+    /// True if an actor other than `target` occludes this position.
     pub(super) fn hide(&self, place: Point<Map>, target: Option<usize>) -> bool {
         let hides = |i: usize| target != Some(i) && blocks(&self.actors[i], self.eye, place);
         if self.sectors.is_empty() {
@@ -52,12 +52,12 @@ fn on_ground(place: Point<Map>) -> Point2<Map> {
     Point2::new(place.coords.x, place.coords.y)
 }
 
-/// The sector of a direction; those beyond a turn are counted on.
+/// Sector of a direction; directions beyond one turn have larger numbers.
 fn sector(direction_rad: f64) -> i64 {
     ((direction_rad + PI) / TAU * SECTORS as f64).floor() as i64
 }
 
-/// The first and the last sector that a circle at `off` from the sensor reaches into.
+/// First and last sector covered by a circle at `off` from the sensor.
 fn reach(off: Vector2, radius_m: f64) -> (i64, i64) {
     let distance_m = off.norm();
     if distance_m <= radius_m + MARGIN {
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use swerve_msg::ActorKind;
 
-    /// Bodies of all sizes around the sensor, one of them over it, drawn by a fixed congruential sequence.
+    /// Bodies of all sizes around the sensor, one of them over it, from a fixed congruential sequence.
     fn crowd(count: u32) -> WorldState {
         let mut state = 7_u64;
         let mut next = |most: f64| {
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn sectors_hide_exactly_what_all_actors_hide() {
+    fn sectors_occlude_exactly_as_all_actors() {
         let world = crowd(300);
         let eye = Point::new(0.5, -0.25, 1.9);
         let sorted = Occluders::new(&world, eye);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn few_of_many_actors_are_compared() {
+    fn only_few_of_many_actors_are_compared() {
         let world = crowd(3000);
         let sorted = Occluders::new(&world, Point::new(0.0, 0.0, 1.9));
         let most = sorted.sectors.iter().map(Vec::len).max().unwrap();

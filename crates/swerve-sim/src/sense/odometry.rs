@@ -1,4 +1,4 @@
-//! Wheel odometry: encoders on four wheels, and what they say of the car's motion.
+//! Wheel odometry: encoders on four wheels, and the car's motion computed from them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,31 +12,31 @@ use swerve_vehicle::VehicleParams;
 use super::key;
 use super::motion::Errors;
 
-/// Which wheels speed and yaw rate are computed from.
+/// Wheels from which speed and yaw rate are computed.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OdometryWheels {
-    /// The rear pair: needs no steering angle. Driven wheels slip more.
+    /// Rear pair: needs no steering angle. Driven wheels slip more.
     #[default]
     Rear,
-    /// All four, by least squares, with the front ones along their steering angle.
+    /// All four, by least squares, with the front wheels along their steering angles.
     All,
 }
 
-/// Encoders and their errors. Default: 96 counts, no other error.
+/// Wheel encoders and their errors. Default: 96 counts, no other errors.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelOdometryParams {
-    /// Counts of each encoder per turn of its wheel. Default 96: both edges of 48 teeth.
+    /// Counts of each encoder per wheel turn. Default 96: both edges of 48 teeth.
     pub counts_per_turn: u32,
-    /// Standard deviation of each wheel's radius over the one assumed, as a share of it; drawn once per wheel
-    /// and run. A millimetre of tread is 0.003.
+    /// Standard deviation of each wheel's radius, as a fraction of the nominal radius; drawn once per wheel and run.
+    /// One millimetre of tread is 0.003.
     pub radius_error: f64,
-    /// Noise of the steering angle, radians.
+    /// Noise of the steering angle, standard deviation, radians.
     pub steering_noise_rad: f64,
-    /// Bias of the steering angle, radians.
+    /// Bias of the steering angle, standard deviation, radians.
     pub steering_bias_rad: f64,
-    /// Which wheels are used.
+    /// Wheels from which speed and yaw rate are computed.
     pub wheels: OdometryWheels,
 }
 
@@ -53,7 +53,7 @@ impl Default for WheelOdometryParams {
 }
 
 impl WheelOdometryParams {
-    /// Every parameter that is out of range.
+    /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("counts_per_turn", f64::from(self.counts_per_turn), [1.0, 1_000_000.0]),
@@ -72,20 +72,20 @@ pub struct WheelOdometer {
     wheels: Wheels,
     sensor: String,
     seed: u64,
-    /// Radius of each wheel over that assumed.
+    /// Radius of each wheel over the nominal one.
     scale: [f64; 4],
     turned_rad: [f64; 4],
     /// Stamp, speeds and counts of the last reading.
     last: Option<(Time, [f64; 4], [i64; 4])>,
 }
 
-/// Where the wheels are and how large they are, as the vehicle's parameters say.
+/// Geometry of the wheels from the vehicle's parameters.
 #[derive(Clone, Copy, PartialEq, Debug)]
 struct Wheels {
     wheelbase_m: f64,
     half_track_m: f64,
     radius_m: f64,
-    /// From the rear axle forward to the centre of gravity, metres.
+    /// Distance from the rear axle forward to the centre of gravity, metres.
     cg_ahead_m: f64,
 }
 
@@ -99,8 +99,8 @@ impl Wheels {
         }
     }
 
-    /// How much the speed along each wheel grows with the speed of the origin along the heading, with that of
-    /// it to the left, and with the yaw rate. The front wheels stand as the vehicle's do: on circles around one centre.
+    /// Coefficients of each wheel's speed for the origin's forward speed, its speed to the left, and the yaw rate. The
+    /// front wheels are steered as the vehicle's: on circles around one centre.
     fn rows(&self, steering_rad: f64) -> [[f64; 3]; 4] {
         let tan = math::tan(steering_rad);
         let inner = self.half_track_m / self.wheelbase_m * tan;
@@ -114,8 +114,8 @@ impl Wheels {
     }
 }
 
-/// Speeds of the wheels if they roll without slip along their headings, rad/s: front left, front right, rear
-/// left, rear right. For where the wheels' own speeds are not at hand, as in the state of the world.
+/// Speeds of wheels that roll without slip along their headings, rad/s: front left, front right, rear left, rear right.
+/// For use where the wheels' own speeds are not available, as in the world state.
 pub fn rolling_speeds_radps(ego: &EgoTruth, vehicle: &VehicleParams) -> [f64; 4] {
     let wheels = Wheels::new(vehicle);
     let state = &ego.state;
@@ -129,7 +129,7 @@ pub fn rolling_speeds_radps(ego: &EgoTruth, vehicle: &VehicleParams) -> [f64; 4]
 }
 
 impl WheelOdometer {
-    /// Encoders on `vehicle`, whose wheels' radii are drawn under (seed, sensor).
+    /// Creates encoders on `vehicle`, with wheel radii drawn under (seed, sensor).
     pub fn new(params: WheelOdometryParams, vehicle: &VehicleParams, sensor: &str, seed: u64) -> Self {
         let mut rng = Rng::keyed(seed, "wheel radii", &[key(sensor)]);
         let scale = core::array::from_fn(|_| (1.0 + params.radius_error * rng.normal()).max(0.5));
@@ -144,9 +144,9 @@ impl WheelOdometer {
         }
     }
 
-    /// One reading. `speeds_radps` are those of wheels of the nominal radius (the simulator's own, or
-    /// [`rolling_speeds_radps`]); between two readings they are taken as linear. `None` for the first reading,
-    /// and for one that is not after the last: there is no time to count over.
+    /// Takes one reading. `speeds_radps` are the speeds of wheels of nominal radius (the simulator's, or
+    /// [`rolling_speeds_radps`]), taken as linear between two readings. `None` for the first reading, and for one that
+    /// is not later than the last.
     ///
     /// Speed and yaw rate are means over the time since the last reading, so they lag by half of it.
     pub fn sense(&mut self, world: &WorldState, speeds_radps: [f64; 4]) -> Option<WheelOdometry> {
@@ -162,7 +162,7 @@ impl WheelOdometer {
         let per_count_rad = core::f64::consts::TAU / per_turn;
         let mut counts = [0; 4];
         for i in 0..4 {
-            // A larger wheel turns less on the same way.
+            // A larger wheel turns less over the same distance.
             self.turned_rad[i] += 0.5 * (old_radps[i] + speeds_radps[i]) * dt_s / self.scale[i];
             counts[i] = (self.turned_rad[i] / per_count_rad).floor() as i64;
         }
@@ -177,8 +177,8 @@ impl WheelOdometer {
         Some(WheelOdometry { stamp, counts, wheel_speeds_radps, speed_mps, yaw_rate_radps, steering_rad })
     }
 
-    /// Speed and yaw rate that fit the wheels' speeds best, by least squares, with no motion of the rear axle to the
-    /// side. For the rear pair alone: their mean, and their difference over the track.
+    /// Speed and yaw rate fitted to the wheel speeds by least squares, without lateral motion of the rear axle. For the
+    /// rear pair alone: their mean, and their difference over the track.
     fn motion(&self, speeds_radps: [f64; 4], steering_rad: f64) -> (f64, f64) {
         let first = match self.params.wheels {
             OdometryWheels::Rear => 2,

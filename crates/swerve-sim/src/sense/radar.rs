@@ -1,20 +1,20 @@
-//! Radar: echoes of the actors, with the chance to miss them, and echoes of nothing.
+//! Radar: echoes of actors with missed detections, clutter and false alarms.
 //!
-//! **Echoes.** An actor of box shape has three scatterers: the place of its outline nearest to the sensor, with
-//! six tenths of its cross-section, and the two corners beside it that face the sensor, with two tenths each; a
-//! person on foot has one. A scatterer counts when it is within the limits of the sensor and no other body
-//! blocks the straight line to it (the rays of truth sensing). What the sensor cannot tell apart is one echo,
-//! at the place of its strongest part, with the power of all.
+//! **Echoes.** An actor of box shape has three scatterers: the point of its outline closest to the sensor, with six
+//! tenths of its cross-section, and the two adjacent corners that face the sensor, with two tenths each; a pedestrian
+//! has one. A scatterer counts if it is within the limits of the sensor and on a free line of sight (as for
+//! ground-truth sensing). Scatterers that the sensor cannot resolve are one echo, at the position of the strongest one,
+//! with the power of all.
 //!
-//! **Strength.** The radar equation gives the mean ratio of signal to noise: it falls with the fourth power of
-//! the distance, grows with the cross-section ([`rcs_dbsm`]), and falls towards the edges of the field of view.
-//! From scan to scan the echo fluctuates as that of many small scatterers (Swerling's case 1: P. Swerling,
-//! *Probability of detection for fluctuating targets*, RAND RM-1217, 1954): detected power over noise is
-//! exponentially distributed with mean `1 + SNR`. With the threshold that noise alone crosses with probability
-//! `P_fa`, the echo is detected with `P_d = P_fa^(1 / (1 + SNR))`.
+//! **Strength.** The radar equation gives the mean signal-to-noise ratio: it falls with the fourth power of the
+//! distance, grows with the cross-section ([`rcs_dbsm`]), and falls towards the edges of the field of view. From scan
+//! to scan the echo fluctuates as that of many small scatterers (Swerling's case 1: P. Swerling, *Probability of
+//! detection for fluctuating targets*, RAND RM-1217, 1954): detected power over noise is exponentially distributed with
+//! mean `1 + SNR`. With the threshold that noise alone exceeds with probability `P_fa`, the echo is detected with
+//! `P_d = P_fa^(1 / (1 + SNR))`.
 //!
-//! **Numbers.** All are drawn per (seed, sensor, stamp, actor, scatterer), so that nobody else's presence
-//! changes what is drawn for one actor.
+//! **Random numbers.** All are drawn per (seed, sensor, stamp, actor, scatterer), so that the draws for one actor do
+//! not depend on the presence of others.
 
 mod echo;
 mod params;
@@ -37,26 +37,26 @@ use echo::{Echo, Eye, echoes, resolved};
 pub struct Radar {
     params: RadarParams,
     mount: SensorMount,
-    /// The point whose velocity the world's state gives.
+    /// Reference point of the velocity in the world state.
     center_of_gravity: Point<Ego>,
 }
 
-/// A detection with what the simulator alone knows of it.
+/// A detection with its true source, known only to the simulator.
 type Found = (RadarDetection, Option<ActorId>);
 
 impl Radar {
-    /// A radar with these parameters at this place of this vehicle.
+    /// Creates a radar with these parameters at this mount of this vehicle.
     pub fn new(params: RadarParams, mount: SensorMount, vehicle: &VehicleParams) -> Self {
         let center_of_gravity = Point::new(vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m);
         Self { params, mount, center_of_gravity }
     }
 
-    /// The parameters.
+    /// Parameters of the radar.
     pub fn params(&self) -> &RadarParams {
         &self.params
     }
 
-    /// One scan of the world as it is, and where its echoes come from.
+    /// One scan of the world, and the sources of its echoes.
     pub fn scan(&self, world: &WorldState, sensor: &str, seed: u64) -> (RadarScan, RadarSources) {
         let eye = Eye::new(world, &self.mount, self.center_of_gravity);
         let mut found = Vec::new();
@@ -74,7 +74,7 @@ impl Radar {
         (RadarScan { stamp: world.stamp, detections }, RadarSources { stamp: world.stamp, sources })
     }
 
-    /// The detection that this scan makes of an echo; none when it stays below the threshold.
+    /// Detection of an echo in this scan; `None` below the threshold.
     fn detected(&self, echo: &Echo, mut rng: Rng) -> Option<RadarDetection> {
         let p = &self.params;
         let power = -(1.0 + echo.snr) * math::ln(1.0 - rng.unit());
@@ -86,7 +86,7 @@ impl Radar {
         is_detected.then(|| self.detection(range_m, range_rate_mps, azimuth_rad, elevation_rad, power))
     }
 
-    /// Echoes of what stands beside and on the road: at rest in the map, anywhere in the field of view.
+    /// Adds clutter: echoes at rest in the map, anywhere in the field of view.
     fn clutter(&self, eye: &Eye, mut rng: Rng, found: &mut Vec<Found>) {
         for _ in 0..poisson(&mut rng, self.params.clutter_per_scan) {
             let (range_m, azimuth_rad) = self.anywhere(&mut rng);
@@ -99,7 +99,7 @@ impl Radar {
         }
     }
 
-    /// Noise above the threshold: at any place and range rate.
+    /// Adds false alarms: noise above the threshold, at any position and range rate.
     fn false_alarms(&self, mut rng: Rng, found: &mut Vec<Found>) {
         let p = &self.params;
         for _ in 0..poisson(&mut rng, p.false_alarms_per_scan) {
@@ -111,7 +111,7 @@ impl Radar {
         }
     }
 
-    /// A range and an azimuth: every cell of the two is equally likely.
+    /// Random range and azimuth, uniform in both.
     fn anywhere(&self, rng: &mut Rng) -> (f64, f64) {
         let p = &self.params;
         (rng.uniform(p.range_min_m, p.range_max_m), p.fov_rad * (rng.unit() - 0.5))
@@ -137,18 +137,18 @@ impl Radar {
     }
 }
 
-/// Ten times the decimal logarithm.
+/// Converts a ratio to decibels.
 fn decibels(ratio: f64) -> f64 {
     10.0 * core::f64::consts::LOG10_E * math::ln(ratio)
 }
 
-/// The ratio of a number of [`decibels`].
+/// Converts [`decibels`] to a ratio.
 fn ratio(decibels: f64) -> f64 {
     math::exp(decibels / (10.0 * core::f64::consts::LOG10_E))
 }
 
-/// A number of events of which there are `mean` on average (multiplication of uniforms; Knuth, *The Art of
-/// Computer Programming*, volume 2, 3.4.1).
+/// Draws from a Poisson distribution with this mean (multiplication of uniforms; Knuth, *The Art of Computer
+/// Programming*, volume 2, 3.4.1).
 fn poisson(rng: &mut Rng, mean: f64) -> usize {
     let (limit, mut product, mut n) = (math::exp(-mean), rng.unit(), 0);
     while product > limit {
@@ -158,7 +158,7 @@ fn poisson(rng: &mut Rng, mean: f64) -> usize {
     n
 }
 
-/// The velocity in the map of a point fixed to the ego.
+/// Velocity in the map of a point fixed to the ego.
 fn velocity_of(world: &WorldState, center_of_gravity: Point<Ego>, point: Point<Ego>) -> Vector<Map> {
     let lever = (point - center_of_gravity).coords;
     let turning = world.ego.angular_velocity_radps.coords.cross(&lever);

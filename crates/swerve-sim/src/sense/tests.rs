@@ -49,19 +49,19 @@ fn shares(world: &WorldState, params: &SensorParams) -> Vec<(u32, f64)> {
 }
 
 #[test]
-fn nothing_in_between_shows_all_nine_points() {
+fn all_nine_points_are_visible_without_occlusion() {
     let world = world(vec![person(1, 20.0, 0.0), actor(2, ActorKind::Car, -15.0, 3.0, [4.5, 1.8, 1.5])]);
     assert_eq!(shares(&world, &SensorParams::default()), [(1, 9.0), (2, 9.0)]);
 }
 
 #[test]
-fn a_tall_wall_hides_and_a_low_one_hides_the_lower_points() {
+fn tall_wall_occludes_and_low_one_occludes_the_lower_points() {
     let wall = |height: f64| actor(2, ActorKind::Static, 10.0, 0.0, [1.0, 6.0, height]);
     let behind = |height: f64| world(vec![person(1, 12.0, 0.0), wall(height)]);
     let params = SensorParams::default();
     assert_eq!(shares(&behind(3.0), &params), [(2, 9.0)]);
-    // Rays fall from 1.9 m at x = 1 to a rim at 1.8 m: above 1.8 m over the whole wall. To the centre at 0.9 m
-    // they pass the far side of the wall (x = 10.5) at 1.04 m.
+    // Rays fall from 1.9 m at x = 1 to a rim at 1.8 m: above 1.8 m over the whole wall. To the centre at 0.9 m they
+    // pass the far side of the wall (x = 10.5) at 1.04 m.
     assert_eq!(shares(&behind(1.0), &params), [(1, 5.0), (2, 9.0)]);
     assert_eq!(shares(&behind(1.1), &params), [(1, 4.0), (2, 9.0)]);
     let unoccluded = SensorParams { occlusion: false, ..params };
@@ -69,9 +69,9 @@ fn a_tall_wall_hides_and_a_low_one_hides_the_lower_points() {
 }
 
 #[test]
-fn people_block_as_cylinders() {
-    // The ray to the far person's centre line passes the near one 0.3 m off its middle: beside the cylinder
-    // (0.25 m) though through the corner of its box (0.35 m).
+fn people_occlude_as_cylinders() {
+    // The ray to the far person's centre line passes the near one 0.3 m off centre: outside the cylinder (0.25 m) but
+    // inside the corner of its box (0.35 m).
     let near = actor(2, ActorKind::Pedestrian, 10.0, 0.3, [0.5, 0.5, 2.5]);
     let far = |y| actor(1, ActorKind::Static, 30.0, y, [0.001, 0.001, 1.0]);
     let params = SensorParams::default();
@@ -94,9 +94,9 @@ fn range_is_to_the_centre_and_may_differ_for_people() {
 }
 
 #[test]
-fn the_field_of_view_cuts_point_by_point() {
+fn field_of_view_applies_to_each_point() {
     let quarter = core::f64::consts::FRAC_PI_2;
-    // The axis goes through the person's middle, so half of its side points are left and right of the edge.
+    // The axis goes through the person's centre, so half of its side points are left and right of the edge.
     let world = world(vec![person(1, 11.0, 10.0), person(2, 11.0, 5.0), person(3, -5.0, 0.0)]);
     let params = SensorParams { fov_rad: quarter, ..SensorParams::default() };
     let seen = shares(&world, &params);
@@ -110,7 +110,7 @@ fn the_field_of_view_cuts_point_by_point() {
 }
 
 #[test]
-fn boxes_side_by_side_do_not_hide_each_other_entirely() {
+fn adjacent_boxes_do_not_occlude_each_other_entirely() {
     let world = world(vec![
         actor(1, ActorKind::Car, 20.0, 1.0, [4.0, 2.0, 1.5]),
         actor(2, ActorKind::Car, 20.0, -1.0, [4.0, 2.0, 1.5]),
@@ -121,7 +121,7 @@ fn boxes_side_by_side_do_not_hide_each_other_entirely() {
 }
 
 #[test]
-fn a_sensor_in_the_middle_of_the_car_is_inside_it_and_the_usual_places_are_not() {
+fn sensor_in_the_middle_of_the_car_is_inside_and_default_mounts_are_not() {
     let shape = Shape::default();
     let usual = [SensorMount::roof(&shape), SensorMount::front(&shape)];
     let corners = [Side::Left, Side::Right].map(|s| [true, false].map(|f| SensorMount::corner(&shape, f, s)));
@@ -138,7 +138,7 @@ fn a_sensor_in_the_middle_of_the_car_is_inside_it_and_the_usual_places_are_not()
 }
 
 #[test]
-fn without_noise_the_ego_sensors_tell_the_truth() {
+fn ego_sensors_without_noise_report_the_truth() {
     let world = world(Vec::new());
     let exact = pose(&world, "pose", &PoseParams::default(), 3);
     assert_eq!(exact, EgoState { stamp: world.stamp, ..world.ego.state });
@@ -170,7 +170,7 @@ fn noise_is_keyed_by_seed_sensor_and_stamp_and_bias_by_seed_and_sensor() {
 }
 
 #[test]
-fn noise_has_the_deviation_asked_for() {
+fn noise_has_the_configured_deviation() {
     let params = PoseParams { position_noise_m: 0.3, ..PoseParams::default() };
     let n = 4000;
     let (mut sum, mut square) = (0.0, 0.0);
@@ -186,7 +186,7 @@ fn noise_has_the_deviation_asked_for() {
 }
 
 #[test]
-fn a_fix_is_where_the_ellipsoid_says() {
+fn fix_matches_the_ellipsoid() {
     // One minute of arc north of the origin at 45 degrees is 1852.2 m on WGS 84, one minute east 1314.1 m.
     let params = GnssParams {
         origin_latitude_deg: 45.0,
@@ -204,7 +204,7 @@ fn a_fix_is_where_the_ellipsoid_says() {
     assert_eq!(fix.altitude_m, 3.0);
 }
 
-/// The world at an instant, the ego elsewhere.
+/// World at an instant, with the ego at another position.
 fn world_at(ms: i64, x_m: f64, y_m: f64) -> WorldState {
     let mut world = WorldState { stamp: Time::from_ms(ms), ..world(Vec::new()) };
     world.ego.map_from_ego = Transform::from_roll_pitch_yaw(Point::new(x_m, y_m, 0.0), 0.0, 0.0, 0.0);
@@ -217,7 +217,7 @@ fn deviation(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn noise_by_density_is_that_of_the_root_of_the_rate() {
+fn noise_density_scales_with_the_root_of_the_rate() {
     let params = ImuParams { accel_noise_density: 0.01, gyro_noise_density: 0.001, ..ImuParams::default() };
     for (ms, accel, gyro) in [(10, 0.1, 0.01), (40, 0.05, 0.005)] {
         let mut unit = InertialUnit::new(params, &VehicleParams::default(), Span::from_ms(ms), "imu", 4);
@@ -231,7 +231,7 @@ fn noise_by_density_is_that_of_the_root_of_the_rate() {
 }
 
 #[test]
-fn a_bias_walks_with_the_root_of_the_time_and_a_scale_is_a_share() {
+fn bias_walks_with_the_root_of_time_and_scale_is_a_fraction() {
     let walk = ImuParams { accel_bias_walk: 0.02, gyro_bias_walk: 0.003, ..ImuParams::default() };
     let after = |seed: u64| {
         let mut unit = unit(walk, seed);
@@ -241,7 +241,7 @@ fn a_bias_walks_with_the_root_of_the_time_and_a_scale_is_a_share() {
     assert_eq!(after(7), ends[7]);
     let force = deviation(&ends.iter().map(|r| r.accel_mps2[0]).collect::<Vec<_>>());
     let turn = deviation(&ends.iter().map(|r| r.gyro_radps[1]).collect::<Vec<_>>());
-    // Over 4 s: twice the walk of a second.
+    // Over 4 s: twice the random walk of one second.
     assert!((force / 0.04 - 1.0).abs() < 0.1 && (turn / 0.006 - 1.0).abs() < 0.1, "{force} {turn}");
 
     let scaled = ImuParams { accel_scale_error: 0.01, gyro_scale_error: 0.02, ..ImuParams::default() };
@@ -257,7 +257,7 @@ fn a_bias_walks_with_the_root_of_the_time_and_a_scale_is_a_share() {
 }
 
 #[test]
-fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
+fn imu_off_the_centre_of_gravity_measures_the_rotation() {
     let vehicle = VehicleParams::default();
     let cg = [vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m];
     let there = ImuParams { at_m: Some(cg), ..ImuParams::default() };
@@ -271,7 +271,7 @@ fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
         unit.sense(&second)
     });
     assert_eq!(at_cg.accel_mps2, [0.5, -0.2, 9.81]);
-    // Turn rate 0.41 rad/s, growing by 1 rad/s²: inwards ω² r, to the side along the lever turned left.
+    // Turn rate 0.41 rad/s, growing by 1 rad/s²: inwards ω² r, sideways along the lever turned left.
     let expected = [0.5 - 0.41 * 0.41 - 0.5, -0.2 - 0.41 * 0.41 * 0.5 + 1.0, 9.81];
     for (felt, expected) in off.accel_mps2.into_iter().zip(expected) {
         assert!((felt - expected).abs() < 1e-9, "{off:?}");
@@ -279,7 +279,7 @@ fn a_unit_off_the_centre_of_gravity_feels_the_car_turn() {
     assert_eq!(off.gyro_radps, at_cg.gyro_radps);
 }
 
-/// East and north of the map's origin, metres; right near it.
+/// East and north of the map's origin, metres; accurate near it.
 fn place(fix: &Gnss) -> [f64; 2] {
     let north = (fix.latitude_deg - 37.4).to_radians() * 6_359_045.0;
     let east = (fix.longitude_deg + 122.0).to_radians() * 6_386_016.0 * math::cos(37.4_f64.to_radians());
@@ -287,7 +287,7 @@ fn place(fix: &Gnss) -> [f64; 2] {
 }
 
 #[test]
-fn an_offset_wanders_with_its_deviation_and_is_forgotten() {
+fn gnss_bias_has_its_deviation_and_correlation_time() {
     let params = GnssParams { noise_m: 0.0, bias_m: 2.0, bias_time_s: 5.0, ..GnssParams::default() };
     // Two instants 5 s apart, over seeds.
     let pairs: Vec<[f64; 2]> = (0..600)
@@ -309,7 +309,7 @@ fn an_offset_wanders_with_its_deviation_and_is_forgotten() {
 }
 
 #[test]
-fn no_fix_comes_before_the_first_nor_in_a_tunnel() {
+fn no_fix_before_the_first_or_in_a_tunnel() {
     let tunnel = Zone { from_m: [20.0, 0.0], to_m: Some([40.0, 0.0]), radius_m: 5.0 };
     let circle = Zone { from_m: [0.0, 100.0], to_m: None, radius_m: 3.0 };
     let params = GnssParams {
@@ -326,7 +326,7 @@ fn no_fix_comes_before_the_first_nor_in_a_tunnel() {
     assert!(sees(1900, 0.0, 0.0).is_none());
     let (at, fix) = sees(2000, 0.0, 0.0).unwrap();
     assert!((at[0] - 1.0).abs() < 1e-3 && (at[1] - 0.5).abs() < 1e-3 && fix.altitude_m == 1.5, "{at:?}");
-    // The antenna is a metre ahead.
+    // The antenna is one metre ahead.
     for (x, y, there) in
         [(13.9, 0.0, true), (14.1, -0.5, false), (44.1, -0.5, true), (30.0, 4.6, true), (30.0, 4.4, false)]
     {
@@ -336,7 +336,7 @@ fn no_fix_comes_before_the_first_nor_in_a_tunnel() {
 }
 
 #[test]
-fn reflections_move_fixes_by_a_step_for_a_while() {
+fn multipath_offsets_fixes_by_a_step_for_a_while() {
     let params = GnssParams {
         noise_m: 0.0,
         bias_m: 0.0,
@@ -369,7 +369,7 @@ fn reflections_move_fixes_by_a_step_for_a_while() {
 }
 
 #[test]
-fn errors_out_of_range_are_told_one_by_one() {
+fn errors_out_of_range_are_reported_one_by_one() {
     let imu = ImuParams { gyro_bias_walk: -1.0, at_m: Some([0.0, f64::NAN, 0.0]), ..ImuParams::default() };
     let said: Vec<String> = imu.problems().iter().map(ToString::to_string).collect();
     assert_eq!(said, ["`gyro_bias_walk` is -1, expected 0 to 1", "`at_m` is NaN, expected -20 to 20"]);

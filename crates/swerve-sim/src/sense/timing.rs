@@ -1,44 +1,44 @@
-//! When a sensor that takes time says what it saw.
+//! Latency of sensors with exposure, readout and transfer.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
 use swerve_core::param::{ParamError, require_within};
 
-/// How long exposure, readout and transfer of one frame take; all zero by default: seen and known at once.
+/// Durations of exposure, readout and transfer of one frame; all zero by default: captured and available at once.
 ///
-/// The **stamp** of a frame is the middle of its exposure: the instant that it describes best. It becomes
-/// **visible** when it is transferred, [`visible_after`](Self::visible_after) later. In the engine a sensor
-/// ticks at its stamps, and the time from there to the transfer is run time of its step.
+/// The **stamp** of a frame is the middle of its exposure. It becomes **visible** after its transfer,
+/// [`visible_after`](Self::visible_after) later. In the engine a sensor ticks at its stamps, and the time from there to
+/// the end of the transfer is the run time of its step.
 #[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorTiming {
-    /// How long light, or echoes, are gathered, milliseconds.
+    /// Exposure, or echo collection, milliseconds.
     pub exposure_ms: f64,
-    /// How long the frame is read out, milliseconds.
+    /// Readout of the frame, milliseconds.
     pub readout_ms: f64,
-    /// How long it is on its way to the computer, milliseconds.
+    /// Transfer to the computer, milliseconds.
     pub transfer_ms: f64,
-    /// Whether rows are exposed one after the other as they are read out, instead of all at once before it.
+    /// True if rows are exposed one after the other during readout, instead of all at once before it.
     pub rolling: bool,
 }
 
 impl SensorTiming {
-    /// From the beginning of the exposure to the stamp. Of a rolling frame: that of its first row.
+    /// Time from the start of the exposure to the stamp. For a rolling shutter: from the start of its first row.
     pub fn starts_before(&self) -> Span {
         ms(0.5 * self.exposure_ms + if self.rolling { 0.5 * self.readout_ms } else { 0.0 })
     }
 
-    /// From the stamp to the end of the transfer.
+    /// Time from the stamp to the end of the transfer.
     ///
-    /// A frame that is exposed at once is read out after that: half the exposure, the readout, the transfer.
-    /// The stamp of a rolling one is the middle of its middle row: half the readout comes after it.
+    /// A global-shutter frame is read out after its exposure: half the exposure, the readout, the transfer. The stamp
+    /// of a rolling-shutter frame is the middle of its middle row: half the readout follows.
     pub fn visible_after(&self) -> Span {
         let readout_ms = if self.rolling { 0.5 * self.readout_ms } else { self.readout_ms };
         ms(0.5 * self.exposure_ms + readout_ms + self.transfer_ms)
     }
 
-    /// From the stamp to the middle of the exposure of `row` (from the top, from 0) of `rows`.
+    /// Time from the stamp to the middle of the exposure of `row` (from the top, from 0) of `rows`.
     pub fn row_offset(&self, row: u32, rows: u32) -> Span {
         if !self.rolling || rows < 2 {
             return Span::ZERO;
@@ -46,14 +46,14 @@ impl SensorTiming {
         ms(self.readout_ms * (f64::from(row.min(rows - 1)) / f64::from(rows - 1) - 0.5))
     }
 
-    /// How many frames are between stamp and transfer at once, at one every `period`: what a pipelined
+    /// Number of frames between stamp and end of transfer at once, with one every `period`: the pipeline depth an
     /// operator needs to lose none.
     pub fn in_flight(&self, period: Span) -> usize {
         let (period, after) = (period.ns().max(1), self.visible_after().ns());
         usize::try_from((after + period - 1) / period).unwrap_or(0).max(1)
     }
 
-    /// Every parameter that is out of range.
+    /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
         let all = [
             ("exposure_ms", self.exposure_ms),
@@ -76,7 +76,7 @@ mod tests {
         SensorTiming { exposure_ms: 10.0, readout_ms: 16.0, transfer_ms: 4.0, rolling: false };
 
     #[test]
-    fn a_frame_is_visible_at_the_end_of_its_transfer() {
+    fn frame_is_visible_at_the_end_of_its_transfer() {
         assert_eq!((CAMERA.starts_before(), CAMERA.visible_after()), (Span::from_ms(5), Span::from_ms(25)));
         let rolling = SensorTiming { rolling: true, ..CAMERA };
         // First row from 13 ms before the stamp, last row until 13 ms after it.
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_cannot_be_are_named() {
+    fn invalid_times_are_named() {
         let wrong = SensorTiming { exposure_ms: -1.0, transfer_ms: f64::NAN, ..CAMERA };
         let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
         assert_eq!(

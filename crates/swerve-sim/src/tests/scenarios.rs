@@ -1,5 +1,5 @@
-//! The scenarios of `scenarios/` itself, driven by somebody who keeps the lane and brakes fully for what is in the way or
-//! walks into it. What physics expects of such a driver is what `[expect]` says of a pipeline without a name.
+//! The scenarios of `scenarios/`, driven by a driver who keeps the lane and brakes fully for actors in the lane or
+//! about to enter it. The `[expect]` of a pipeline without a name states the result for such a driver.
 
 use swerve_geom::{FrenetPoint, angle_between, math};
 use swerve_msg::truth::{Collision, EndReason, WorldState};
@@ -10,7 +10,7 @@ use swerve_vehicle::Shape;
 use crate::Simulator;
 use crate::sense::{SensorMount, SensorParams, visible_obstacles};
 
-/// Figures of a run.
+/// Metrics of a run.
 struct Figures {
     first_hit: Option<Collision>,
     left_road: bool,
@@ -42,7 +42,7 @@ impl Driver {
         Command { steering_rad, throttle: wish.clamp(0.0, 1.0), brake: (-wish).clamp(0.0, 1.0) }
     }
 
-    /// Whether it is, or within a second will be, in the lane ahead, and near enough to brake for.
+    /// True if the obstacle is in the lane ahead now or within one second, and near enough to brake for.
     fn is_in_the_way(&self, obstacle: &Obstacle, speed_mps: f64, own_s_m: f64, route: &Route) -> bool {
         let corners = obstacle.extent.footprint(obstacle.pose).corners();
         let now = corners.map(|corner| route.project(corner));
@@ -53,7 +53,7 @@ impl Driver {
         };
         let own_front_m = own_s_m + self.shape.length_m - self.shape.rear_overhang_m;
         let gap_m = lowest(both(|p| p.s_m)) - own_front_m;
-        // Right of the lane with all corners, left with all, or in it.
+        // All corners right of the lane, all left of it, or in it.
         let (right_m, left_m) = (lowest(both(|p| p.d_m)), -lowest(both(|p| -p.d_m)));
         let in_lane = right_m < 1.3 && left_m > -1.3;
         in_lane && gap_m > -2.0 && gap_m < speed_mps * speed_mps / (2.0 * 7.0) + 0.3 * speed_mps + 3.0
@@ -125,7 +125,7 @@ impl Figures {
 fn shipped() -> Vec<Scenario> {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
-    // Those of its folders expect a driver who follows, waits and goes round.
+    // Scenarios in subfolders expect a driver who follows, waits and passes.
     paths.retain(|path| path.is_file());
     paths.sort();
     let read =
@@ -134,7 +134,7 @@ fn shipped() -> Vec<Scenario> {
 }
 
 #[test]
-fn at_1_khz_every_scenario_goes_as_at_200_hz() {
+fn scenarios_at_1_khz_match_those_at_200_hz() {
     for scenario in shipped() {
         let (coarse, fine) = (run(&scenario, 0, 200), run(&scenario, 0, 1000));
         assert_eq!(coarse.verdict(), fine.verdict(), "{}", scenario.name);
@@ -153,7 +153,7 @@ fn at_1_khz_every_scenario_goes_as_at_200_hz() {
 }
 
 #[test]
-fn who_brakes_at_sight_fares_as_every_scenario_expects() {
+fn braking_driver_gets_the_expected_result_in_every_scenario() {
     let mut broken = Vec::new();
     for scenario in shipped() {
         for seed in 0..3 {

@@ -42,12 +42,12 @@ fn said(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn nothing_is_wrong_with_the_right_form() {
+fn correct_form_has_no_problems() {
     assert_eq!(said("is_on = true\n[inner]\nnumber = 1\nway = \"left\"\npair = [1, 2.5]\n"), [""; 0]);
 }
 
 #[test]
-fn every_problem_is_told_in_words_of_toml() {
+fn every_problem_is_reported_in_terms_of_toml() {
     let text = "is_on = 1\n[inner]\nnumber = \"far\"\ncount = -1\nway = 5\nways = [\"left\", \"rigt\"]\n\
                 pair = [1]\nname = 1e308\nnmae = 1\n[[list]]\n[[list]]\nnumber = [1]\nway = \"up\"\nother = 3\n";
     let mut said = said(text);
@@ -74,7 +74,7 @@ fn every_problem_is_told_in_words_of_toml() {
 }
 
 #[test]
-fn what_is_within_a_wrong_value_is_not_told() {
+fn contents_of_a_wrong_value_are_not_reported() {
     assert_eq!(said("is_on = true\ninner = 5\n"), ["inner: expected a table, found 5"]);
     assert_eq!(
         said(""),
@@ -94,7 +94,7 @@ fn what_is_within_a_wrong_value_is_not_told() {
     );
 }
 
-/// Every shape that a configuration has: maps, lists, options, arrays of a fixed length, enums with and without content.
+/// All forms in configurations: maps, lists, options, arrays of a fixed length, enums with and without content.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "only read through its errors")]
@@ -130,7 +130,7 @@ const NAMES: [&str; 14] = [
     "left", "k1",
 ];
 
-/// Values that people may write by mistake: of every kind, nested, under keys that are right and wrong.
+/// Plausible mistakes: values of every kind, nested, under correct and wrong keys.
 fn odd_value() -> impl proptest::strategy::Strategy<Value = Value> {
     use proptest::prelude::*;
     let leaf = prop_oneof![
@@ -158,7 +158,7 @@ fn odd_table(
 }
 
 #[test]
-fn every_reading_ends_and_says_something() {
+fn every_reading_terminates_with_a_result() {
     use proptest::prelude::*;
     let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
         cases: 2_000,
@@ -179,7 +179,7 @@ fn every_reading_ends_and_says_something() {
 }
 
 #[test]
-fn an_array_is_no_table() {
+fn array_is_not_accepted_as_a_table() {
     let right = "number = 1\nwhole = 1\nway = \"left\"\n";
     let said = |text: &str| {
         let table: Table = format!("{right}{text}").parse().unwrap();
@@ -202,7 +202,7 @@ fn an_array_is_no_table() {
 }
 
 #[test]
-fn choices_with_content_are_read() {
+fn enums_with_content_are_read() {
     let lens = |text: &str| {
         let table: Table = format!("number = 1\nwhole = 1\nway = \"left\"\nlens = {text}\n").parse().unwrap();
         read::<Shapes>(&table).map(|shapes| shapes.lens)
@@ -221,9 +221,10 @@ fn choices_with_content_are_read() {
     assert_eq!(lens("{ angle = 2, plain = {} }").unwrap_err(), [("lens".to_owned(), names.to_owned())]);
 }
 
-/// What is meant is read where the slips are taken out; what nobody said is known to be a guess.
+/// The intended value is read after misspellings are corrected; values that are not from the text are marked as
+/// guessed.
 #[test]
-fn what_was_meant_is_read() {
+fn repaired_value_is_read() {
     let misread = |text: &str| {
         let table: Table = text.parse().unwrap();
         read_meant::<Inner>(&table).expect_err("wrong on purpose")
@@ -232,7 +233,7 @@ fn what_was_meant_is_read() {
     assert_eq!(slips.problems.len(), 3, "{:?}", slips.problems);
     let meant = slips.meant.expect("every slip has a near name");
     assert_eq!((meant.number, meant.way, meant.count), (2.5, Way::Right, Some(3)));
-    // A slip in a key whose value would be wrong under the right one.
+    // A misspelt key whose value would also be wrong under the correct name.
     assert_eq!(meant.name, "");
     for (key, is_guessed) in
         [("number", true), ("nubmer", true), ("way", true), ("name", true), ("count", false), ("", true)]

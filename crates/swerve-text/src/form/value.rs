@@ -1,7 +1,7 @@
-//! Values of TOML as serde's source of a Rust type: every error knows the path to the value that it is about.
+//! TOML values as a serde deserializer whose errors contain the path of the value.
 //!
-//! Stricter than the readers of serde formats are in general: a table stands for a struct, never an array in the order
-//! of its fields, and an array of a fixed length has that length.
+//! It is stricter than usual for serde formats: a struct is read from a table only, not from an array in the order of
+//! its fields, and an array of a fixed length must have that length.
 
 use std::fmt;
 
@@ -16,26 +16,26 @@ use toml::{Table, Value};
 use super::Part;
 use crate::words::list;
 
-/// The first thing about a table that a type does not take.
+/// First error of a table for a type.
 #[derive(Debug)]
 pub(super) struct Fault {
-    /// Steps to the value, the last one first.
+    /// Path of the value, last component first.
     way: Vec<Part>,
     pub(super) kind: Kind,
 }
 
-/// Ways in which a value has not the form of a type.
+/// Kinds of errors.
 #[derive(Debug)]
 pub(super) enum Kind {
-    /// A key of the table is not there.
+    /// A missing key.
     Missing(String),
-    /// A key that the type does not have.
+    /// An unknown key.
     UnknownKey { wrong: String, known: &'static [&'static str] },
-    /// A name that the type does not have.
+    /// An unknown name.
     UnknownName { wrong: String, known: &'static [&'static str] },
-    /// A value of another kind; in serde's words.
+    /// A value of another kind than expected, in serde's words.
     Expected(String),
-    /// Something that a type says of itself.
+    /// An error reported by the type itself.
     Other(String),
 }
 
@@ -49,7 +49,7 @@ impl Fault {
         self
     }
 
-    /// Steps to the value from the top; to where it should be, if it is missing.
+    /// Path of the value from the top; if the value is missing, where it should be.
     pub(super) fn path(&self) -> Vec<Part> {
         let missing = match &self.kind {
             Kind::Missing(name) => Some(Part::Key(name.clone())),
@@ -101,7 +101,7 @@ impl serde::de::Error for Fault {
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a>(pub(super) &'a Value);
 
-/// A whole table.
+/// A table as a deserializer.
 #[derive(Clone, Copy)]
 pub(super) struct Whole<'a>(pub(super) &'a Table);
 
@@ -120,7 +120,7 @@ fn one_of(names: &[&str]) -> Fault {
     Fault::new(Kind::Expected(format!("one of {}", list(names))))
 }
 
-/// Words of a visitor for what it takes.
+/// Displays what a visitor expects.
 struct Wanted<'v, V>(&'v V);
 
 impl<'de, V: Visitor<'de>> fmt::Display for Wanted<'_, V> {
@@ -138,7 +138,7 @@ impl<'de> Deserializer<'de> for Source<'de> {
             Value::Integer(n) => visitor.visit_i64(*n),
             Value::Float(x) => visitor.visit_f64(*x),
             Value::Boolean(truth) => visitor.visit_bool(*truth),
-            // No type of a key of ours takes one.
+            // No configuration type accepts a date.
             Value::Datetime(_) => Err(Fault::new(Kind::Expected(Wanted(&visitor).to_string()))),
             Value::Array(items) => array(items, visitor),
             Value::Table(inner) => table(inner, visitor),

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Reads a form with one key of every kind; the problems of `text`.
+/// Problems of reading `text` as a form with one key of every kind.
 fn said(text: &str, with_lines: bool) -> Vec<String> {
     let document = Document::parse("a.toml", text).unwrap();
     let reading = if with_lines { Reading::of(&document) } else { Reading::without_text("[a]") };
@@ -24,7 +24,7 @@ fn said(text: &str, with_lines: bool) -> Vec<String> {
 }
 
 #[test]
-fn every_problem_has_its_line_and_its_name() {
+fn every_problem_has_its_line_and_name() {
     let right = "share = 0.5\nspeed = 3\ncount = 2\nis_on = true\nnote = \"x\"\nway = \"left\"\n\
                  [[thing]]\nname = \"a\"\npoints = [[1, 2.5]]\nstay = 1\n";
     assert_eq!(said(right, true), [""; 0]);
@@ -54,7 +54,7 @@ fn every_problem_has_its_line_and_its_name() {
 }
 
 #[test]
-fn without_its_text_a_table_has_no_lines() {
+fn table_without_text_has_no_lines() {
     assert_eq!(
         said("count = 0\nthing = [3]\n", false),
         [
@@ -66,7 +66,7 @@ fn without_its_text_a_table_has_no_lines() {
 }
 
 #[test]
-fn names_are_bounded_and_other_texts_are_not() {
+fn names_are_limited_in_length_and_other_texts_are_not() {
     let long = "n".repeat(201);
     let document = Document::parse("a.toml", format!("name = \"{long}\"\nnote = \"{long}\"\n")).unwrap();
     let reading = Reading::of(&document);

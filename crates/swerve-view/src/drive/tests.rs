@@ -10,7 +10,7 @@ fn begins() -> Arc<Begins> {
     Arc::new(Begins::new(Registry::standard(), input))
 }
 
-/// What a drive comes to, with whoever looks on.
+/// Digest of a drive with spectators.
 fn digest(show: &Show, begins: Arc<Begins>, streams: Option<Streams>) -> String {
     let summarise = |_: &Config, _: &Scenario, _: &swerve_drive::Outcome| Ok("{}".to_owned());
     let driver = Driver { begins, summarise: &summarise, show, streams };
@@ -20,7 +20,7 @@ fn digest(show: &Show, begins: Arc<Begins>, streams: Option<Streams>) -> String 
 }
 
 #[test]
-fn who_looks_on_changes_nothing_however_slow() {
+fn viewers_do_not_affect_the_run_however_slow() {
     let alone = digest(&Show::new(None, false), begins(), None);
     let (streams, address) = Streams::start("127.0.0.1:0".parse().unwrap()).unwrap();
     let show = Arc::new(Show::new(None, true));
@@ -32,13 +32,13 @@ fn who_looks_on_changes_nothing_however_slow() {
     let address = address.strip_prefix("ws://").unwrap();
     let (mut quick, mut asleep) = (Client::connect(address), Client::connect(address));
     for client in [&mut quick, &mut asleep] {
-        // It holds at the first pose; what is there by then is advertised.
+        // The run holds at the first pose; the topics up to then are advertised.
         client.until(|client| client.channels.contains_key("/view/ground"));
         let topics: Vec<String> = client.channels.keys().cloned().collect();
         topics.iter().zip(1..).for_each(|(topic, id)| client.subscribe(id, topic));
     }
     quick.until(|client| !client.messages.is_empty());
-    // Nor does who asks for what cannot be driven: that is told, and the run goes on.
+    // Nor does an invalid request: it is answered with an error, and the run continues.
     for (set, why) in [
         ("sensing.rang_m=20", "did you mean \"range_m\"?"),
         ("actor.nobody.speed_mps=1", "nobody"),
@@ -52,7 +52,7 @@ fn who_looks_on_changes_nothing_however_slow() {
     }
     show.ask(Ask::Go).unwrap();
     assert_eq!(driving.join().unwrap(), alone);
-    // The one has the drive up to its end, in the forms that a log has; the other never took anything.
+    // The fast one receives the drive to its end, in the formats of a log; the slow one never read anything.
     for topic in ["/view/ego", "/view/actors", "/view/tracks", "/view/plan", "/view/figures", "/view/log"] {
         quick.until(|client| client.channels.contains_key(topic));
         let (schema, encoding) = (&quick.channels[topic]["schemaName"], &quick.channels[topic]["encoding"]);

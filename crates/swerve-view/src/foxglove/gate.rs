@@ -1,5 +1,5 @@
-//! The gate before a viewer's server: it looks at who asks, passes on both ways what is said, and counts what the
-//! viewer has taken.
+//! Gate in front of a viewer's server: checks the origin, forwards both directions, and counts the data that the viewer
+//! has read.
 
 use std::io::{self, BufRead as _, BufReader, BufWriter, Read, Write, copy};
 use std::net::{Shutdown, SocketAddr, TcpStream};
@@ -8,25 +8,25 @@ use std::time::Duration;
 
 use crate::http::{Answer, fields, head_length, read_whole};
 
-/// What the protocol is called by older programs; what is used of it here is the same.
+/// Subprotocol name used by older programs; the messages used here are the same.
 const OLD_NAME: &str = "foxglove.websocket.v1";
-/// What it is called today.
+/// Current subprotocol name.
 const NAME: &str = "foxglove.sdk.v1";
 
-/// What the viewer has taken.
+/// Data read by the viewer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// Binary messages: those of topics, and times.
+    /// Number of binary messages: topics and times.
     pub(super) messages: u64,
-    /// Their bytes.
+    /// Bytes of these messages.
     pub(super) bytes: u64,
-    /// Answers to its pings.
+    /// Number of pongs in response to its pings.
     pub(super) pongs: u64,
-    /// Whether it has gone.
+    /// True once it has disconnected.
     pub(super) is_gone: bool,
 }
 
-/// The count of it, kept by the gate.
+/// Shared counter of the data read by the viewer.
 #[derive(Debug, Default)]
 pub(super) struct Count {
     taken: Mutex<Taken>,
@@ -43,25 +43,25 @@ impl Count {
         self.changed.notify_all();
     }
 
-    /// The viewer has gone.
+    /// Marks the viewer as disconnected.
     pub(super) fn close(&self) {
         self.change(|taken| taken.is_gone = true);
     }
 
-    /// Waits while the viewer is there and `not_yet`, at most so long.
+    /// Waits while the viewer is connected and `not_yet` holds, at most for `wait`.
     pub(super) fn wait_while(&self, not_yet: impl Fn(&Taken) -> bool, wait: Duration) -> Taken {
         let waits = |taken: &mut Taken| !taken.is_gone && not_yet(taken);
         *self.changed.wait_timeout_while(self.lock(), wait, waits).unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Waits until the viewer has taken the answers to so many pings, or is gone.
+    /// Waits until the viewer has read the pongs to this many pings, or has disconnected.
     fn wait_answered(&self, pings: u64) -> Taken {
         let waits = |taken: &mut Taken| !taken.is_gone && taken.pongs < pings;
         *self.changed.wait_while(self.lock(), waits).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// A viewer's request to be let in.
+/// A viewer's connection request.
 pub(super) struct Knock {
     viewer: TcpStream,
     request: Vec<u8>,
@@ -80,7 +80,7 @@ impl Knock {
         }
     }
 
-    /// Leads the viewer to its server and passes on what the two say, until one of them goes.
+    /// Connects the viewer to its server and forwards messages until either disconnects.
     pub(super) fn lead_to(mut self, server: SocketAddr, count: &Count) -> io::Result<()> {
         let mut server = TcpStream::connect(server)?;
         server.set_nodelay(true)?;
@@ -119,7 +119,7 @@ fn hang_up(viewer: &TcpStream, server: &TcpStream) {
     }
 }
 
-/// The request as the server is to hear it, and whether the protocol had its old name.
+/// Request for the server, and true if the protocol had its old name.
 fn admit(request: Vec<u8>) -> Result<(Vec<u8>, bool), Answer> {
     let text = String::from_utf8_lossy(&request);
     let head = text.split("\r\n\r\n").next().unwrap_or_default();
@@ -134,8 +134,8 @@ fn admit(request: Vec<u8>) -> Result<(Vec<u8>, bool), Answer> {
     Ok((renamed.unwrap_or(request), by_old_name))
 }
 
-/// Whether a page of this origin may look: the Foxglove app, a program on this machine. Any other site's page could
-/// otherwise look through the browser of whoever has it open. No origin, no browser.
+/// True if a page of this origin may connect: the Foxglove app, or a program on this machine. Otherwise the page of any
+/// site could connect through the browser that shows it. Without an origin the client is not a browser.
 fn may_look(origin: &str) -> bool {
     let Some((scheme, place)) = origin.split_once("://") else { return false };
     let host = match place.strip_prefix('[') {
@@ -148,19 +148,19 @@ fn may_look(origin: &str) -> bool {
     is_foxglove || is_here || !matches!(scheme, "http" | "https")
 }
 
-/// The kinds of frames that are counted.
+/// Opcodes of frames that are counted.
 const BINARY: u8 = 2;
 const PING: u8 = 9;
 const PONG: u8 = 10;
 
-/// The longest message of a viewer, bytes: a subscription to ten thousand topics.
+/// Maximum size of a viewer's message, bytes: a subscription to ten thousand topics.
 const REQUEST_BYTES_MAX: u64 = 1 << 20;
 
-/// The head of a frame of a WebSocket (RFC 6455, section 5.2), with the mask of a client's frame.
+/// Head of a WebSocket frame (RFC 6455, section 5.2), including the mask of a client's frame.
 struct FrameHead {
     bytes: [u8; 14],
     len: usize,
-    /// Of the payload, bytes.
+    /// Length of the payload, bytes.
     payload: u64,
 }
 
@@ -193,7 +193,7 @@ impl FrameHead {
         self.bytes[0] & 0x80 != 0
     }
 
-    /// Passes on the frame.
+    /// Forwards the frame.
     fn pass(&self, from: &mut impl Read, to: &mut impl Write) -> io::Result<()> {
         to.write_all(&self.bytes[..self.len])?;
         if copy(&mut from.take(self.payload), to)? < self.payload {
@@ -203,7 +203,7 @@ impl FrameHead {
     }
 }
 
-/// Passes on a server's frames, and counts those that the viewer's connection has taken.
+/// Forwards a server's frames and counts those read by the viewer's connection.
 fn pass_frames(from: impl Read, to: impl Write, count: &Count) -> io::Result<()> {
     let (mut from, mut to) = (BufReader::with_capacity(1 << 16, from), BufWriter::with_capacity(1 << 16, to));
     while !from.fill_buf()?.is_empty() {
@@ -224,8 +224,8 @@ fn pass_frames(from: impl Read, to: impl Write, count: &Count) -> io::Result<()>
     Ok(())
 }
 
-/// Passes on a viewer's frames. The server keeps every answer until the viewer takes it, so that a ping is passed on
-/// only when the answer to the one before was taken: a viewer that never reads is no longer read.
+/// Forwards a viewer's frames. The server keeps each answer until the viewer reads it, so a ping is forwarded only once
+/// the previous answer was read: no further frames are read from a viewer that never reads.
 fn pass_requests(from: impl Read, mut to: impl Write, count: &Count) -> io::Result<()> {
     let mut from = BufReader::new(from);
     let (mut pings, mut message_bytes) = (0, 0_u64);
@@ -257,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_other_sites_page_looks() {
+    fn pages_of_other_sites_are_refused() {
         for (origin, may) in [
             ("https://app.foxglove.dev", true),
             ("http://localhost:8080", true),
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_pass_as_they_are_and_binary_ones_are_counted() {
+    fn frames_pass_unchanged_and_binary_ones_are_counted() {
         let lengths: [usize; 5] = [0, 125, 126, 65_535, 70_000];
         let mut sent = Vec::new();
         for (k, length) in lengths.into_iter().enumerate() {
@@ -296,7 +296,7 @@ mod tests {
         assert!(pass_frames(&sent[..sent.len() - 1], &mut Vec::new(), &count).is_err());
     }
 
-    /// A client's frame with a mask of zeros.
+    /// A client's frame with a zero mask.
     fn request(kind: u8, length: usize) -> Vec<u8> {
         let mut frame = vec![0x80 | kind, 0x80 | 127];
         frame.extend((length as u64).to_be_bytes());
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn ping_is_passed_on_when_the_answer_before_it_was_taken() {
+    fn ping_is_forwarded_once_the_previous_answer_was_read() {
         let sent = request(PING, 100).repeat(1000);
         let count = Count::default();
         let passed = Mutex::new(Vec::new());

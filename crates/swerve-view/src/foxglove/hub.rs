@@ -1,7 +1,7 @@
-//! What the run and the viewers share: topics, and of each viewer what waits for it.
+//! State shared by the run and the viewers: topics, and the queue of each viewer.
 //!
-//! The run hands over messages that nobody has made yet and goes on; the first viewer that takes one makes it. A viewer
-//! that takes them more slowly than they come loses the oldest, and they are counted.
+//! The run hands over messages that are not yet encoded and continues; the first viewer that takes one encodes it. For
+//! a viewer that is too slow the oldest messages are dropped and counted.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
@@ -9,20 +9,20 @@ use std::time::Duration;
 
 use swerve_foxglove::Form;
 
-/// Messages that wait of one subscription, at most,
+/// Maximum number of queued messages of a subscription,
 const WAITING: usize = 256;
-/// and about how many bytes of them, where there is more than one.
+/// and approximate maximum of their bytes, if there is more than one.
 const WAITING_BYTES: usize = 16 << 20;
-/// The time of the run is told so often, nanoseconds of the run.
+/// Interval of time messages, nanoseconds of the run.
 const TICK_NS: u64 = 10_000_000;
 
 type Make = Box<dyn FnOnce() -> Vec<u8> + Send>;
 
-/// A message, made when it is first asked for.
+/// A message, encoded on first access.
 pub(super) struct Message {
-    /// When it was published, nanoseconds of the run.
+    /// Publication time, nanoseconds of the run.
     pub(super) at_ns: u64,
-    /// About how much it holds.
+    /// Approximate size, bytes.
     bytes: usize,
     data: LazyLock<Vec<u8>, Make>,
 }
@@ -32,15 +32,15 @@ impl Message {
         Self { at_ns, bytes, data: LazyLock::new(make) }
     }
 
-    /// Its bytes; empty where there is nothing to show.
+    /// Encoded message; empty if there is nothing to show.
     pub(super) fn data(&self) -> &[u8] {
         &self.data
     }
 }
 
-/// What a viewer is to be sent.
+/// Next item to send to a viewer.
 pub(super) enum Todo {
-    /// Another run begins; the topics of the one before are gone.
+    /// Starts a session: the topics of the previous run end.
     Session(String),
     Offer(Arc<str>, Arc<Form>),
     Dropped(u64),
@@ -50,7 +50,7 @@ pub(super) enum Todo {
 
 struct Topic {
     form: Arc<Form>,
-    /// For who comes later: some topics have one message a run.
+    /// Kept for viewers that connect later: some topics have one message per run.
     newest: Arc<Message>,
 }
 
@@ -68,7 +68,7 @@ struct Viewer {
     time_ns: Option<u64>,
     dropped: u64,
     told: u64,
-    /// What was taken by it.
+    /// Number of messages read.
     taken: u64,
 }
 
@@ -85,7 +85,7 @@ struct State {
 /// Topics and viewers.
 #[derive(Default)]
 pub(super) struct Hub {
-    /// What no other server's sessions are called.
+    /// Unique name for this server's sessions.
     name: String,
     state: Mutex<State>,
     changed: Condvar,
@@ -100,7 +100,7 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Another run begins: its time starts again.
+    /// Starts the session of another run: its time starts again.
     pub(super) fn begin(&self) {
         let mut state = self.state();
         state.session += 1;
@@ -109,7 +109,7 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// Hands a message to whoever wants it.
+    /// Queues a message for all subscribers.
     pub(super) fn publish(&self, topic: &str, form: impl FnOnce() -> Form, message: Message) {
         let mut state = self.state();
         let state = &mut *state;
@@ -131,7 +131,7 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// A viewer comes; gives its number and the session that goes on.
+    /// Adds a viewer; returns its number and the current session.
     pub(super) fn enter(&self) -> (u64, String) {
         let mut state = self.state();
         state.entered += 1;
@@ -145,13 +145,13 @@ impl Hub {
         format!("{}-{number}", self.name)
     }
 
-    /// A viewer goes; gives how many messages it got, and how many were dropped.
+    /// Removes a viewer; returns the numbers of messages sent and dropped.
     pub(super) fn leave(&self, id: u64) -> (u64, u64) {
         let gone = self.state().viewers.remove(&id);
         gone.map_or((0, 0), |viewer| (viewer.taken, viewer.dropped))
     }
 
-    /// A viewer wants a topic, and its newest message first.
+    /// Subscribes a viewer to a topic, starting with its newest message.
     pub(super) fn subscribe(&self, id: u64, topic: &str) {
         let mut state = self.state();
         let State { viewers, topics, .. } = &mut *state;
@@ -165,14 +165,14 @@ impl Hub {
         self.changed.notify_all();
     }
 
-    /// A viewer wants a topic no more.
+    /// Unsubscribes a viewer from a topic.
     pub(super) fn unsubscribe(&self, id: u64, topic: &str) {
         if let Some(viewer) = self.state().viewers.get_mut(&id) {
             viewer.subscriptions.remove(topic);
         }
     }
 
-    /// What a viewer is to be sent next; waits a little where there is nothing.
+    /// Next item to send to a viewer; waits for a short time if there is none.
     pub(super) fn next(&self, id: u64, wait: Duration) -> Option<Todo> {
         let mut state = self.state();
         if let Some(todo) = self.next_of(&mut state, id) {
@@ -203,7 +203,7 @@ impl Hub {
         let first = |waiting: &Waiting| waiting.messages.front().map(|(number, _)| *number);
         let next = viewer.subscriptions.iter_mut().filter_map(|(topic, w)| Some((first(w)?, topic, w)));
         let next = next.min_by_key(|(number, ..)| *number);
-        // Told now and then while it goes on, and at the end of what waits.
+        // Reported occasionally during the run, and when the queue is empty.
         if viewer.dropped > viewer.told && (next.is_none() || viewer.dropped >= 2 * viewer.told) {
             viewer.told = viewer.dropped;
             return Some(Todo::Dropped(viewer.dropped));
@@ -222,7 +222,7 @@ impl Hub {
         Some(Todo::Message(Arc::clone(topic), message))
     }
 
-    /// Waits until more viewers than so many have come, at most so long; whether they have, and how many it were.
+    /// Waits at most for `wait` until more than this many viewers have connected; returns their number if so.
     pub(super) fn wait_for_viewers(&self, more_than: u64, wait: Duration) -> Option<u64> {
         let none = |state: &mut State| state.entered <= more_than;
         let waited = self.changed.wait_timeout_while(self.state(), wait, none);
@@ -232,7 +232,7 @@ impl Hub {
 }
 
 impl Waiting {
-    /// Has a message wait; gives how many are dropped for it.
+    /// Queues a message; returns the number of messages dropped for it.
     fn push(&mut self, number: u64, message: &Arc<Message>) -> u64 {
         self.messages.push_back((number, Arc::clone(message)));
         self.bytes += message.bytes;

@@ -1,4 +1,4 @@
-//! Viewers that subscribe, that come late, that are slow, that may not look.
+//! Viewers that subscribe, connect late, are slow, or are refused.
 
 use std::collections::BTreeMap;
 use std::net::{TcpListener, TcpStream};
@@ -13,13 +13,13 @@ use tungstenite::{Message as Frame, WebSocket};
 use super::hub::{Hub, Message};
 use super::listen;
 
-/// A client that speaks the protocol by its specification.
+/// A client written from the protocol's specification.
 pub(crate) struct Client {
     socket: WebSocket<TcpStream>,
     /// Topics and their channels.
     pub(crate) channels: BTreeMap<String, Value>,
     session: String,
-    /// What came of subscriptions: number, time, bytes.
+    /// Messages received: subscription number, time, bytes.
     pub(crate) messages: Vec<(u32, u64, Vec<u8>)>,
     times: Vec<u64>,
     dropped: u64,
@@ -64,7 +64,7 @@ impl Client {
         Self::try_connect(address, "foxglove.sdk.v1", None).unwrap()
     }
 
-    /// Takes in what comes until there is enough.
+    /// Receives until `enough` holds.
     pub(crate) fn until(&mut self, enough: impl Fn(&Self) -> bool) {
         while !enough(self) {
             match self.socket.read().unwrap() {
@@ -97,7 +97,7 @@ impl Client {
                 let gone = said["channelIds"].as_array().unwrap();
                 self.channels.retain(|_, channel| !gone.contains(&channel["id"]));
             }
-            // What is not offered is answered with a status of its own.
+            // A subscription to an unknown channel is answered with a separate status.
             "status" if said["id"] != "dropped" => {}
             "status" => {
                 let message = said["message"].as_str().unwrap();
@@ -123,7 +123,7 @@ fn form() -> Form {
     }
 }
 
-/// A message that says its time; it is made only where somebody takes it.
+/// A message with its time as content, encoded only when read.
 fn publish(hub: &Hub, topic: &str, at_ns: u64, bytes: usize) {
     let make = move || {
         let mut data = at_ns.to_string().into_bytes();
@@ -134,7 +134,7 @@ fn publish(hub: &Hub, topic: &str, at_ns: u64, bytes: usize) {
 }
 
 #[test]
-fn a_viewer_gets_what_it_subscribes_to() {
+fn viewer_receives_its_subscriptions() {
     let (hub, address) = serving();
     hub.begin();
     publish(&hub, "/view/ground", 0, 1);
@@ -143,7 +143,7 @@ fn a_viewer_gets_what_it_subscribes_to() {
     let channel = &client.channels["/view/ground"];
     assert_eq!((&channel["schemaName"], &channel["encoding"]), (&json!("Number"), &json!("json")));
     assert_eq!(channel["schema"], r#"{"type":"object"}"#);
-    // What was said before it came, and once a run, is there for it too.
+    // Earlier messages of once-per-run topics are available to it too.
     client.subscribe(7, "/view/ground");
     client.until(|client| client.messages.len() == 1);
     assert_eq!(client.messages[0], (7, 0, b"0".to_vec()));
@@ -154,7 +154,7 @@ fn a_viewer_gets_what_it_subscribes_to() {
     for k in 2..100 {
         publish(&hub, "/view/ego", k * 20_000_000, 1);
         publish(&hub, "/view/ground", k * 20_000_000, 1);
-        // A viewer that is too slow for a busy host loses some.
+        // A viewer that is too slow on a busy host loses some.
         client.until(|client| client.messages.len() as u64 == 2 * k);
     }
     client.until(|client| client.times.last() >= Some(&(99 * 20_000_000)));
@@ -174,7 +174,7 @@ fn a_viewer_gets_what_it_subscribes_to() {
 }
 
 #[test]
-fn another_run_is_another_session_with_its_own_channels() {
+fn another_run_is_a_new_session_with_new_channels() {
     let (hub, address) = serving();
     hub.begin();
     publish(&hub, "/view/ego", 5, 1);
@@ -187,15 +187,15 @@ fn another_run_is_another_session_with_its_own_channels() {
     publish(&hub, "/view/ego", 3, 1);
     client.until(|client| client.session != session && client.channels.len() == 1);
     assert_ne!(client.channels["/view/ego"]["id"], channel);
-    // The old subscription is none any more, and its number is free.
+    // The old subscription has ended, and its number is free.
     client.subscribe(1, "/view/ego");
     client.until(|client| client.messages.len() == 2);
     assert_eq!(client.messages[1], (1, 3, b"3".to_vec()));
 }
 
-/// The publisher never waits; what the slow one loses, and what it gets, is all that there was.
+/// The publisher never waits; messages lost and received by the slow viewer add up to all.
 #[test]
-fn a_slow_viewer_loses_the_oldest_and_is_told_how_many() {
+fn slow_viewer_loses_the_oldest_messages_and_gets_their_count() {
     const COUNT: u64 = 1000;
     let (hub, address) = serving();
     hub.begin();
@@ -204,7 +204,7 @@ fn a_slow_viewer_loses_the_oldest_and_is_told_how_many() {
     slow.until(|client| client.channels.len() == 1);
     slow.subscribe(1, "/view/points");
     slow.until(|client| client.messages.len() == 1);
-    // 200 MB: far more than the system holds for a connection.
+    // 200 MB: far more than the socket buffers of a connection.
     for at_ns in 1..=COUNT {
         publish(&hub, "/view/points", at_ns, 200_000);
     }
@@ -215,7 +215,7 @@ fn a_slow_viewer_loses_the_oldest_and_is_told_how_many() {
 }
 
 #[test]
-fn who_may_not_look_or_speaks_otherwise_is_refused() {
+fn foreign_origins_and_protocols_are_refused() {
     let (_hub, address) = serving();
     let refused = |name, origin| Client::try_connect(&address, name, origin).err();
     assert_eq!(refused("foxglove.sdk.v1", Some("https://evil.example")), Some(403));

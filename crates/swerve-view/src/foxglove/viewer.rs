@@ -1,4 +1,4 @@
-//! One viewer, and its server fed.
+//! One viewer and the feeding of its server.
 
 use std::io;
 use std::sync::Arc;
@@ -9,15 +9,16 @@ use swerve_foxglove::{Listener, Server};
 use super::gate::{Count, Knock, Taken};
 use super::hub::{Hub, Todo};
 
-/// How long to wait for something to send, or for the viewer to take more, before the other is looked at.
+/// Time to wait for an item to send, or for the viewer to read, before the other is checked.
 const TURN: Duration = Duration::from_millis(20);
-/// How long another session waits for what is under way of the one before.
+/// Time that a new session waits for messages of the previous one in flight.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Messages under way to a viewer, at most,
+/// Maximum number of messages in flight to a viewer,
 const UNDER_WAY: u64 = 256;
-/// and about how many bytes of them. What is more waits in the hub, which drops the oldest of a topic and counts.
+/// and approximate maximum of their bytes. Further messages wait in the hub, which drops and counts the oldest of a
+/// topic.
 const UNDER_WAY_BYTES: u64 = 4 << 20;
-/// Bytes of a message beside its data: operation, subscription and time; a time alone has nine.
+/// Bytes of a message besides its data: opcode, subscription and time; a time message has nine.
 const MESSAGE_HEAD: u64 = 13;
 const TIME_BYTES: u64 = 9;
 
@@ -36,14 +37,14 @@ impl Listener for Ears {
     }
 }
 
-/// Serves a viewer until it goes.
+/// Serves a viewer until it disconnects.
 ///
 /// # Errors
-/// The connection broke off, or never was one.
+/// If the connection failed or was not a WebSocket.
 pub(super) fn serve(hub: &Arc<Hub>, knock: Knock) -> io::Result<()> {
     let (id, session) = hub.enter();
     let listener = Ears { hub: Arc::clone(hub), id };
-    // Twice: times and messages wait in queues of their own, and neither may ever be full.
+    // Twice: times and messages have separate queues, and neither may ever be full.
     let started = Server::start(&session, 2 * UNDER_WAY as usize, listener).map_err(io::Error::other);
     let ended = started.and_then(|server| {
         let (at, count) = (server.at(), Count::default());
@@ -59,7 +60,7 @@ pub(super) fn serve(hub: &Arc<Hub>, knock: Knock) -> io::Result<()> {
     ended
 }
 
-/// Hands the server what there is for the viewer, as fast as the viewer takes it.
+/// Feeds the server with items for the viewer at the rate at which it reads.
 fn feed(hub: &Hub, id: u64, mut server: Server, count: &Count) {
     let (mut messages, mut bytes) = (0, 0);
     loop {
@@ -75,13 +76,13 @@ fn feed(hub: &Hub, id: u64, mut server: Server, count: &Count) {
         match hub.next(id, TURN) {
             None => {}
             Some(Todo::Session(session)) => {
-                // What is under way is of the session before: a viewer that takes it gets it before the next.
+                // Messages in flight belong to the previous session: a viewer that reads gets them before the next.
                 let taken = count.wait_while(|taken| taken.messages < messages, PATIENCE);
                 (messages, bytes) = (taken.messages, taken.bytes);
                 server.begin(&session);
             }
             Some(Todo::Offer(topic, form)) => {
-                // Of no use to a viewer without, and no reason to stop the rest.
+                // Without the topic it is useless to this viewer, but the rest continues.
                 let _is_understood = server.offer(&topic, &form);
             }
             Some(Todo::Dropped(dropped)) => server.tell_dropped(dropped),
@@ -91,7 +92,7 @@ fn feed(hub: &Hub, id: u64, mut server: Server, count: &Count) {
             }
             Some(Todo::Message(topic, message)) => {
                 let data = message.data();
-                // Nothing to show, or nobody: whoever has unsubscribed meanwhile is sent nothing.
+                // Nothing to show, or no subscriber: a viewer that has unsubscribed meanwhile is sent nothing.
                 if !data.is_empty() && server.send(&topic, message.at_ns, data) {
                     (messages, bytes) = (messages + 1, bytes + MESSAGE_HEAD + data.len() as u64);
                 }

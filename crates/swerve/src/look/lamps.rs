@@ -1,4 +1,4 @@
-//! `swerve look --traffic-light`: the lamp that is lit in a crop.
+//! `swerve look --traffic-light`: classifies the lit lamp in a crop.
 
 use anyhow::Context as _;
 use serde::Serialize;
@@ -8,16 +8,16 @@ use swerve_vision::traffic_light::lit;
 
 use super::LookArgs;
 
-/// What is printed of a crop.
+/// Printed result for a crop.
 #[derive(Serialize)]
 struct Seen {
     image: String,
     lamp: Option<&'static str>,
-    /// Of all that votes for a lamp, what votes for this one, 0 to 1.
+    /// Share of the votes for any lamp that this lamp received, 0 to 1.
     share: f64,
 }
 
-/// Runs it.
+/// Classifies the lamp in each image.
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     let mut rows = vec![["image", "lamp", "share"].map(str::to_owned).to_vec()];
     for (path, _) in Pictures::new(&args.images, None, args.overwrite)?.iter() {

@@ -1,4 +1,4 @@
-//! `swerve look --lanes`: the lines of the ego's lane.
+//! `swerve look --lanes`: finds the lines of the ego lane.
 
 use std::path::Path;
 
@@ -11,14 +11,14 @@ use swerve_vision::lanes::{LaneFinder, LaneLine, LaneSettings, Lanes, Method, Ro
 use super::LookArgs;
 
 const COLOURS: [[u8; 3]; 2] = [[255, 40, 40], [40, 90, 255]];
-/// Between two dots of a line that is drawn, metres.
+/// Spacing of the dots of a drawn line, metres.
 const STEP_M: f64 = 0.05;
 
-/// What is printed of an image.
+/// Printed result for an image.
 #[derive(Serialize)]
 struct Seen {
     image: String,
-    /// By how much further down the camera looked than was said.
+    /// Downward pitch of the camera relative to the given one, degrees.
     pitch_deg: f64,
     left: Option<Line>,
     right: Option<Line>,
@@ -32,7 +32,7 @@ struct Line {
     seen_m: [f64; 2],
 }
 
-/// Runs it.
+/// Finds the lane in each image.
 pub(super) fn run(args: &LookArgs, method: Method) -> anyhow::Result<()> {
     let mut finder: Option<(RoadCamera, LaneFinder)> = None;
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
@@ -62,7 +62,7 @@ fn camera(args: &LookArgs, size_px: [usize; 2]) -> anyhow::Result<RoadCamera> {
         anyhow::bail!("--lanes needs the camera: expected --fov, or --calibration with 4 to 9 numbers");
     };
     anyhow::ensure!(lens.len() <= 5, "--calibration has {} numbers, expected 4 to 9", 4 + lens.len());
-    // Half or twice the size of what was calibrated puts it a quarter of the width or more from the middle.
+    // An image of half or twice the calibrated size puts it a quarter of the width or more from the middle.
     let [width, height] = size_px;
     anyhow::ensure!(
         (cx / width as f64 - 0.5).abs() < 0.25,

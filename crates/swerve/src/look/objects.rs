@@ -1,4 +1,4 @@
-//! `swerve look --detector`: what a camera's object detector finds.
+//! `swerve look --detector`: detects objects with a camera detector.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use swerve_vision::acf::{Detection, Ground, Rung, Scanner, Weights};
 
 use super::LookArgs;
 
-/// What is printed of an image.
+/// Printed result for an image.
 #[derive(Serialize)]
 struct Seen<'a> {
     image: String,
@@ -22,17 +22,17 @@ struct Seen<'a> {
 #[derive(Serialize)]
 struct Object<'a> {
     class: &'a str,
-    /// Left, top, width, height, pixels.
+    /// Left, top, width and height, pixels.
     #[serde(rename = "box")]
     bbox: [f64; 4],
     score: f64,
 }
 
-/// Runs it.
+/// Detects objects in each image.
 pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
     let weights = camera_detectors::weights(detector).map_err(|message| anyhow!(message))?;
     let rung = rung(&weights, args)?;
-    // Scores of others' detectors are sums, which no probability bounds.
+    // Scores of third-party detectors are sums without an upper bound.
     let least = if rung.calibrations.is_empty() { f64::NEG_INFINITY } else { args.least };
     let mut scanner: Option<([usize; 2], Scanner)> = None;
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {
@@ -55,7 +55,7 @@ pub(super) fn run(args: &LookArgs, detector: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The rung asked for; else the last that does without the camera, or, where that is known, the last that knows it.
+/// Requested rung; by default the last one that needs no camera, or, where the camera is known, the last that uses it.
 fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
     let grounded = |rung: &&Rung| rung.tolerance_rad.is_some() == args.fov.is_some();
     let Some(name) = &args.rung else {
@@ -70,7 +70,7 @@ fn rung(weights: &Weights, args: &LookArgs) -> anyhow::Result<Rung> {
     Ok(rung.clone())
 }
 
-/// The ground before the camera, where that is known.
+/// Ground in front of the camera, if the field of view is known.
 pub(super) fn ground(args: &LookArgs, [width, height]: [usize; 2]) -> Option<Ground> {
     let fov_deg = args.fov?;
     let focal_px = 0.5 * width as f64 / math::tan(0.5 * fov_deg.to_radians());
@@ -95,7 +95,7 @@ fn tell(path: &Path, weights: &Weights, found: &[Detection], json: bool) -> anyh
     output::print(&format!("{}\n{}", seen.image, output::align(&lines)))
 }
 
-/// Draws the edges of a box, one colour a class.
+/// Draws the edges of a box in the colour of its class.
 fn draw(picture: &mut Picture, one: &Detection) {
     const COLOURS: [[u8; 3]; 4] = [[255, 64, 64], [64, 200, 255], [255, 210, 0], [80, 255, 80]];
     let colour = COLOURS[one.class % COLOURS.len()];

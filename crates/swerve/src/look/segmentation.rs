@@ -1,4 +1,4 @@
-//! `swerve look --segmentation`: what the pixels of images are labelled as.
+//! `swerve look --segmentation`: labels the pixels of images.
 
 use std::collections::BTreeMap;
 
@@ -13,15 +13,15 @@ use swerve_vision::segmentation::{Class, Segmenter};
 use super::LookArgs;
 use super::objects::ground;
 
-/// What is printed of an image.
+/// Printed result for an image.
 #[derive(Serialize)]
 struct Seen<'a> {
     image: String,
-    /// Of all pixels, by class.
+    /// Share of all pixels, by class.
     shares: BTreeMap<&'a str, f64>,
 }
 
-/// Runs it.
+/// Labels the pixels of each image.
 pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
     let weights = camera_detectors::segmentation(name).map_err(|message| anyhow!(message))?;
     let mut segmenter: Option<([usize; 2], Segmenter)> = None;
@@ -48,7 +48,7 @@ pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Of each class the share of the pixels, in 1/10,000.
+/// Share of the pixels for each class, in units of 1/10,000.
 fn shares<'a>(classes: &'a [Class], labels: &[u8]) -> BTreeMap<&'a str, f64> {
     let mut counts = [0_usize; 256];
     labels.iter().for_each(|id| counts[usize::from(*id)] += 1);

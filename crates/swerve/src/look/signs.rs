@@ -1,4 +1,4 @@
-//! `swerve look --signs`: stop signs and speed limits.
+//! `swerve look --signs`: finds stop signs and speed limits.
 
 use anyhow::Context as _;
 use serde::Serialize;
@@ -8,10 +8,10 @@ use swerve_vision::signs::{Meaning, Sign, SignFinder};
 
 use super::LookArgs;
 
-/// Of the frames around signs.
+/// Colour of the frames around signs.
 const COLOUR: [u8; 3] = [60, 230, 120];
 
-/// What is printed of an image.
+/// Printed result for an image.
 #[derive(Serialize)]
 struct Seen {
     image: String,
@@ -21,10 +21,10 @@ struct Seen {
 #[derive(Serialize)]
 struct Found {
     sign: &'static str,
-    /// Of a speed limit.
+    /// Speed limit, km/h; `None` for a stop sign.
     #[serde(skip_serializing_if = "Option::is_none")]
     kmh: Option<u8>,
-    /// Left, top, width, height, pixels.
+    /// Left, top, width and height, pixels.
     #[serde(rename = "box")]
     bbox: [f64; 4],
     score: f64,
@@ -40,7 +40,7 @@ impl Found {
     }
 }
 
-/// Runs it.
+/// Finds the signs in each image.
 pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     let mut finder = SignFinder::default();
     for (path, drawing) in Pictures::new(&args.images, args.out.as_deref(), args.overwrite)?.iter() {

@@ -1,4 +1,4 @@
-//! `swerve look --stereo`: how much further left the right image has what the left one shows.
+//! `swerve look --stereo`: computes the disparities of a rectified pair.
 
 use std::path::PathBuf;
 
@@ -12,19 +12,19 @@ use swerve_vision::stereo::{Stereo, StereoSettings};
 
 use super::LookArgs;
 
-/// What is printed of a pair.
+/// Printed result for a pair.
 #[derive(Serialize)]
 struct Seen {
     left: String,
     right: String,
     out: String,
-    /// Of the pixels, those whose disparity is known, 0 to 1.
+    /// Share of the pixels with a known disparity, 0 to 1.
     known: f64,
-    /// Of those.
+    /// Median of the known disparities, pixels.
     median_px: Option<f32>,
 }
 
-/// Runs it.
+/// Computes and writes the disparities.
 pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     let out = args.out.as_ref().context("expected --out with the file to be written")?;
     refuse_to_replace([out.as_path()], pair)?;
@@ -54,8 +54,8 @@ pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     output::print(&format!("{}: {:.1} % of the pixels{median}\n", seen.out, 100.0 * share))
 }
 
-/// A picture of one number a pixel: rows from the bottom, little-endian, infinite where it is not known, as Middlebury
-/// has disparities.
+/// Encodes disparities as PFM, one float per pixel: rows from the bottom, little-endian, infinite where unknown, as in
+/// the Middlebury data sets.
 fn pfm(disparities: &Plane<f32>) -> Vec<u8> {
     let mut bytes = format!("Pf\n{} {}\n-1.0\n", disparities.width(), disparities.height()).into_bytes();
     for row in (0..disparities.height()).rev() {

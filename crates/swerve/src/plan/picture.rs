@@ -1,4 +1,4 @@
-//! A picture of one posed problem: what stands in the way, the road, the path found, outlines along it.
+//! Picture of one posed problem: obstacles, road, path and vehicle outlines along it.
 
 use swerve_draw::{Axes, Canvas, Picture, Style, Text, color};
 use swerve_geom::{FrenetPoint, Obb, Point2, Polyline, Pose2};
@@ -7,33 +7,33 @@ use swerve_vehicle::Shape;
 
 use super::read::Posed;
 
-/// Pictures are this wide, pixels.
+/// Width of a picture, pixels.
 const WIDTH_PX: f64 = 1100.0;
 /// Height of the title above the drawing, pixels.
 const TOP_PX: f64 = 54.0;
-/// Room for the numbers of the axis, pixels.
+/// Width reserved for the axis labels, pixels.
 const LEFT_PX: f64 = 62.0;
-/// About how many ticks either axis has.
+/// Approximate number of ticks on the x and y axes.
 const TICKS: (f64, f64) = (12.0, 8.0);
-/// Tallest drawing, pixels.
+/// Maximum height of the drawing, pixels.
 const HEIGHT_MAX_PX: f64 = 900.0;
-/// Ground shown around everything of interest, metres.
+/// Margin around everything of interest, metres.
 const MARGIN_M: f64 = 4.0;
-/// Distance of the outlines along the path, metres.
+/// Spacing of the outlines along the path, metres.
 const OUTLINE_STEP_M: f64 = 5.0;
-/// Distance of the points at which road edges are drawn, metres.
+/// Spacing of the points at which road edges are drawn, metres.
 const ROAD_STEP_M: f64 = 1.0;
 
-/// A problem in the terms of a drawing, map frame, metres.
+/// Contents of a drawing, map frame, metres.
 struct Sketch {
     boxes: Vec<AxisBox>,
-    /// By how much boxes have to be kept clear of.
+    /// Required clearance from the boxes.
     clearance_m: f64,
     line: Vec<Point2>,
     edges: Vec<Vec<Point2>>,
     start: Point2,
     goal: Option<Point2>,
-    /// Length, width and how far the outline's centre is ahead of the path; none for a point.
+    /// Length, width and offset of the outline's centre ahead of the path point; `None` for a point.
     outline: Option<(f64, f64, f64)>,
 }
 
@@ -83,7 +83,7 @@ impl Sketch {
         }
     }
 
-    /// A problem on free ground.
+    /// Sketch of a problem without a road.
     fn free(
         boxes: &[AxisBox],
         clearance_m: f64,
@@ -95,7 +95,7 @@ impl Sketch {
         Self { boxes, clearance_m, line: vec![], edges: vec![], start, goal: Some(goal), outline }
     }
 
-    /// The ground in the drawing: x_min, y_min, x_max, y_max.
+    /// Bounds of the drawing: x_min, y_min, x_max, y_max.
     fn extent(&self, path: &[[f64; 4]]) -> [f64; 4] {
         let mut seen = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         let mut see = |x: f64, y: f64| {
@@ -113,7 +113,7 @@ impl Sketch {
                 seen = [seen[0].min(b[0]), seen[1].min(b[1]), seen[2].max(b[2]), seen[3].max(b[3])];
             }
         }
-        // Of the road as much as is beside all that.
+        // The road edges within the x range of the rest.
         let (x_min, x_max) = (seen[0], seen[2]);
         for p in self.edges.iter().flatten() {
             if (x_min..=x_max).contains(&p.x_m) && inside(p.x_m, p.y_m) {
@@ -130,7 +130,7 @@ impl Sketch {
     }
 }
 
-/// From metres to pixels, y upwards.
+/// Transform from metres to pixels, y upwards.
 struct View {
     extent: [f64; 4],
     scale: f64,
@@ -152,7 +152,7 @@ impl View {
     }
 }
 
-/// The picture of problem `k` and what came of it.
+/// Draws problem `k` and its solution.
 pub(super) fn draw(file: &ProblemFile, posed: &Posed<'_>, k: usize, solution: &Solution) -> Picture {
     let sketch = Sketch::of(file, posed, k);
     let extent = sketch.extent(&solution.path);

@@ -1,4 +1,4 @@
-//! A problem file, and what is asked of it.
+//! Reading of problem files and selection of a configuration.
 
 use std::path::Path;
 
@@ -21,15 +21,15 @@ pub enum Posed<'a> {
     HybridAstar(&'a HybridAstarConfig),
 }
 
-/// Reads a problem file, by its path or by the name of one that is in the program.
+/// Reads a problem file by its path, or by the name of a built-in one.
 ///
 /// # Errors
-/// When it cannot be read, or is no problem file: file, line, and what was expected.
+/// If it cannot be read or is not a problem file, with file, line and what was expected.
 pub fn read(path: &Path) -> anyhow::Result<ProblemFile> {
     Ok(from_json(&path.display().to_string(), &Kind::Problems.text(path)?)?)
 }
 
-/// The configuration of this name.
+/// Selects the planner's configuration of this name.
 pub(super) fn select<'a>(
     file: &'a ProblemFile,
     planner: PosedPlanner,
@@ -69,7 +69,7 @@ pub(super) fn select<'a>(
     Ok(posed)
 }
 
-/// For whom a file has something that it does not have for the planner that was asked for.
+/// Lists the other planners for which the file has the missing entry.
 fn others(has: impl Fn(PosedPlanner) -> bool) -> String {
     let all = PosedPlanner::value_variants().iter().copied();
     let names: Vec<&str> = all.filter(|planner| has(*planner)).map(PosedPlanner::name).collect();

@@ -1,4 +1,4 @@
-//! Posed problems solved and timed.
+//! Solves and times posed problems.
 
 use std::time::Instant;
 
@@ -8,14 +8,14 @@ use swerve_pylot::posed::{ProblemFile, Solution, fot, hybrid_astar, rrt_star};
 
 use super::read::Posed;
 
-/// How often each problem is solved; the fastest call counts, as others share the host's cores.
+/// Repetitions of each problem. The fastest call counts, because the host's cores are shared.
 pub const REPEATS: usize = 3;
 
-/// Solves all problems of a planner, in the order of the file.
+/// Solves all problems of a planner, in file order.
 ///
-/// The time is that of a planner's work for a call as it does it in a run: for RRT* and Hybrid A* the search to the
-/// finished path in a solver that keeps its memory, for FOT the whole call with all that it builds.
-/// Length, curvature and clearance of the result are not timed for the former two.
+/// The time is that of one planning call in a run: for RRT* and Hybrid A*, the search up to the finished path in a
+/// solver that keeps its memory; for FOT, the whole call including everything it builds. Computing length, curvature
+/// and clearance of the result is not timed for the former two.
 pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<Solution> {
     let problems = &file.problems;
     match posed {
@@ -41,7 +41,7 @@ pub fn solve_all(file: &ProblemFile, posed: &Posed<'_>, preset: Preset) -> Vec<S
     }
 }
 
-/// Calls `call` a few times; the solution that `finish` makes of its last result gets the time of the fastest call.
+/// Calls `call` [`REPEATS`] times; returns the solution that `finish` makes of the last result, with the fastest time.
 fn timed<R>(mut call: impl FnMut() -> R, finish: impl FnOnce(R) -> Solution) -> Solution {
     let mut fastest_ms = f64::INFINITY;
     let mut result = None;

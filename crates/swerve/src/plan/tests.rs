@@ -2,7 +2,7 @@ use swerve_pylot::posed::ProblemFile;
 
 use super::*;
 
-/// One straight road with a box in the lane, one gap between two boxes, one turn.
+/// Three problems: a straight road with a box in the lane, a gap between two boxes, a turn.
 const FILE: &str = r#"{
 "meta": "passed over",
 "configs": {
@@ -33,7 +33,7 @@ fn solutions(planner: PosedPlanner, preset: Preset) -> (ProblemFile, Vec<Solutio
 }
 
 #[test]
-fn every_planner_solves_its_problems_and_says_what_it_took() {
+fn every_planner_solves_its_problems_and_reports_its_cost() {
     for planner in [PosedPlanner::Fot, PosedPlanner::RrtStar, PosedPlanner::HybridAstar] {
         let (_, solutions) = solutions(planner, Preset::Best);
         let s = &solutions[0];
@@ -69,7 +69,7 @@ fn pictures_show_path_and_outlines_and_escape_names() {
 }
 
 #[test]
-fn faults_name_file_line_and_the_nearest_name() {
+fn errors_name_file_line_and_nearest_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("problems.json");
     let fault = |text: &str| {
@@ -114,9 +114,9 @@ fn faults_name_file_line_and_the_nearest_name() {
     );
 }
 
-/// A number of the settings that is out of range is told with its key in the file, its value, and the range.
+/// A setting out of range is reported with its key in the file, its value and the range.
 #[test]
-fn numbers_out_of_range_are_told_with_key_and_range() {
+fn numbers_out_of_range_are_reported_with_key_and_range() {
     let cases = [
         (PosedPlanner::Fot, "\"dt\": 0.3", "\"dt\": -0.3", "`dt` is -0.3, expected 0.02 to 10"),
         (
@@ -159,16 +159,16 @@ fn numbers_out_of_range_are_told_with_key_and_range() {
 }
 
 #[test]
-fn a_box_with_its_corners_swapped_is_none() {
+fn box_with_swapped_corners_is_refused() {
     let swapped = FILE.replace("[[28, -0.5, 29, 0.5]]", "[[29, -0.5, 28, 0.5]]");
     let error = serde_json::from_str::<ProblemFile>(&swapped).unwrap_err();
     assert!(error.to_string().starts_with("an obstacle is [29.0, -0.5, 28.0, 0.5], expected "), "{error}");
     assert_eq!(error.line(), 15);
 }
 
-/// The how-to page shows what the command prints, but for what differs from host to host.
+/// The how-to page shows the command's output, except for host-dependent numbers.
 #[test]
-fn the_page_shows_what_is_printed() {
+fn how_to_page_shows_the_command_output() {
     let page = include_str!("../../../../docs/howto/plan.md");
     let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
     let file = read(std::path::Path::new("detour")).unwrap();
@@ -186,20 +186,20 @@ fn the_page_shows_what_is_printed() {
         report: None,
     };
     let mut solutions = solve_all(&file, &posed, Preset::Best);
-    // The times are those of the page's host.
+    // The times shown in the page.
     for (solution, time_ms) in solutions.iter_mut().zip([0.860, 0.706]) {
         solution.time_ms = time_ms;
     }
     assert_eq!(table(&args, &solutions), shown);
 }
 
-/// The problems about another origin.
+/// The problems translated to another origin.
 fn moved(east: f64, north: f64) -> ProblemFile {
     let mut file: serde_json::Value = serde_json::from_str(FILE).unwrap();
     let add = |to: &mut serde_json::Value, by: f64| *to = (to.as_f64().unwrap() + by).into();
     let points = |place: &mut serde_json::Value| {
         for (k, number) in place.as_array_mut().unwrap().iter_mut().enumerate() {
-            // A third number is a heading, a third and a fourth are another corner.
+            // A third number is a heading; a third and a fourth are another corner.
             add(number, if k % 2 == 0 { east } else { north });
         }
     };

@@ -1,4 +1,4 @@
-//! All commands of `swerve`, with an operator of one's own.
+//! All commands of `swerve`, with a custom operator.
 
 mod slow_down;
 

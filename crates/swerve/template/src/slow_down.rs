@@ -1,4 +1,4 @@
-//! A planner of one's own: along the route, as fast as it can still stop before what is ahead.
+//! A custom planner: follows the route at the highest speed from which it can still stop before an obstacle ahead.
 
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
@@ -6,24 +6,24 @@ use swerve_flow::{At, Context, Inputs, Latest, Operator, Port};
 use swerve_msg::{EgoState, ObstacleList, Plan, PlanPoint, PlanStatus, Route};
 use swerve_stack::{Kind, Node, Site};
 
-/// Follows the route, slowly where it is not clear.
+/// Follows the route and slows down where it is not clear.
 pub struct SlowDown {
     keys: Keys,
     route: Route,
     target_mps: f64,
 }
 
-/// Its keys in `[operator.NAME]`.
+/// Keys in `[operator.NAME]`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Keys {
-    /// Half of the width that has to be clear of what stands, m.
+    /// Half of the width that must be clear of stationary obstacles, m.
     half_width_m: f64,
-    /// Half of the width that has to be clear of what moves, m.
+    /// Half of the width that must be clear of moving obstacles, m.
     half_width_moving_m: f64,
-    /// What is left before an obstacle, m.
+    /// Gap kept to an obstacle, m.
     gap_m: f64,
-    /// How hard it brakes, m/s2.
+    /// Braking deceleration, m/s2.
     brake_mps2: f64,
 }
 
@@ -33,12 +33,12 @@ impl Default for Keys {
     }
 }
 
-/// What it reads: streams are found by their type.
+/// Inputs; streams are found by their type.
 #[derive(Inputs)]
 pub struct In {
-    /// What is seen.
+    /// Detected obstacles.
     obstacles: At<ObstacleList>,
-    /// Where the ego is.
+    /// Ego pose and speed.
     ego: Latest<EgoState>,
 }
 

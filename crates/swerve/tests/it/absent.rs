@@ -1,9 +1,9 @@
-//! What is not there: a file that is named, a key, anything to check.
+//! Missing inputs: a named file, a key, a folder with nothing to check.
 
 use crate::support::Bench;
 
 #[test]
-fn a_route_that_is_missing_is_told_with_what_else_is_wrong() {
+fn missing_route_is_reported_with_all_other_problems() {
     let bench = Bench::new();
     bench.write(
         "car.toml",
@@ -25,9 +25,9 @@ fn a_route_that_is_missing_is_told_with_what_else_is_wrong() {
     }
 }
 
-/// A configuration may leave out every key, and is one to every command.
+/// A configuration may omit every key; every command accepts it.
 #[test]
-fn an_empty_configuration_is_taken() {
+fn empty_configuration_is_accepted_by_every_command() {
     let bench = Bench::new();
     bench.write("empty.toml", "# nothing yet\n");
     assert_eq!(bench.good(&["check", "empty.toml"]), "1 file, no problem\n");
@@ -35,7 +35,7 @@ fn an_empty_configuration_is_taken() {
 }
 
 #[test]
-fn check_says_what_to_check_where_there_is_nothing() {
+fn check_suggests_a_command_in_a_folder_without_files() {
     let bench = Bench::new();
     let said = bench.shell("mkdir nothing && cd nothing && swerve check");
     for says in ["error: there is no folder scenarios and no folder configs", "`swerve new my_project`"] {
@@ -44,15 +44,15 @@ fn check_says_what_to_check_where_there_is_nothing() {
 }
 
 #[test]
-fn check_names_the_files_of_a_folder_of_ones_own() {
+fn check_names_the_files_of_a_custom_folder() {
     let bench = Bench::new();
     let said = bench.shell("swerve new mine && cd mine && swerve check");
     assert!(said.stderr.contains("(`swerve check config.toml own.toml scenario.toml`)"), "{said:?}");
 }
 
-/// Who pipes standard error into `head` gets what he asked for, and the program ends in order.
+/// Closing the pipe of standard error (`2>&1 | head`) ends the program in order.
 #[test]
-fn standard_error_that_nobody_reads_any_more_is_no_panic() {
+fn closed_standard_error_does_not_panic() {
     let bench = Bench::new();
     let said = bench.shell("(swerve check /nowhere.toml /nowhere2.toml 2>&1 >/dev/null; echo $? >code) | true; sleep 0.2; cat code");
     assert_eq!(said.stdout.trim(), "1", "{said:?}");

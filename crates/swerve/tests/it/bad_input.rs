@@ -1,4 +1,4 @@
-//! What is wrong is told once, with its place and what was expected, and nothing finished is lost.
+//! Errors are reported once, with their location and what was expected; finished results are kept.
 
 mod checked;
 
@@ -7,14 +7,14 @@ use std::process::Stdio;
 
 use crate::support::{Bench, SHORT, Said};
 
-/// A call that has to fail: the file written before it, its arguments, and what the one line of its message holds.
+/// A call that must fail: a file written first, its arguments, and the parts of its one-line message.
 struct Case {
     file: (&'static str, String),
     args: &'static [&'static str],
     says: &'static [&'static str],
 }
 
-/// The short scenario with one thing wrong.
+/// The short scenario with one error.
 fn scenario(right: &str, wrong: &str) -> (&'static str, String) {
     assert_eq!(SHORT.matches(right).count(), 1, "`{right}` is not once in the scenario");
     ("bad.toml", SHORT.replace(right, wrong))
@@ -24,7 +24,7 @@ fn config(text: &str) -> (&'static str, String) {
     ("bad.toml", text.to_owned())
 }
 
-/// Across the road, where the ego starts.
+/// A wall across the road at the ego's start.
 const WALL: &str = "[[actor]]\nname = \"wall\"\nkind = \"static\"\n\
                     size = { length_m = 1.0, width_m = 8.0, height_m = 3.0 }\ns_m = 1.0\nd_m = 0.0\n\n";
 
@@ -176,7 +176,7 @@ fn thread_counts_are_bounded() {
 }
 
 #[test]
-fn an_error_tells_its_cause_once() {
+fn error_reports_its_cause_once() {
     let said = Bench::new().swerve(&["replay", "none.mcap"]);
     assert_eq!(said.stderr.matches("No such file").count(), 1, "{}", said.stderr);
 }
@@ -210,7 +210,7 @@ fn studies() {
 }
 
 #[test]
-fn speeds_to_calibrate_at_are_speeds() {
+fn calibration_speeds_are_validated() {
     for speeds in ["nan", "0", "-1", "71", "1e308", "16,inf"] {
         let speeds = format!("--speeds={speeds}");
         let args = ["calibrate", "short.toml", &speeds];
@@ -218,10 +218,10 @@ fn speeds_to_calibrate_at_are_speeds() {
     }
 }
 
-/// A full disk behind standard output is an error, a reader who has gone is none.
+/// Writing to a full disk is an error; a closed pipe is not.
 #[test]
 #[cfg(target_os = "linux")]
-fn lost_output_is_told() {
+fn lost_output_is_reported() {
     let bench = Bench::new();
     let said = bench.shell("swerve graph short.toml > /dev/full");
     check(&said, &["writing to standard output"], &["graph"]);
@@ -229,7 +229,7 @@ fn lost_output_is_told() {
 }
 
 #[test]
-fn what_an_axis_varies_cannot_be_set_as_well() {
+fn varied_key_cannot_also_be_set() {
     let axis = "[[axis]]\nkey = \"planning.planner\"\nvalues = [\"fot\"]\n";
     check_all(vec![Case {
         file: ("bad.toml", format!("base = {{ scenario = \"short.toml\" }}\n{axis}")),
@@ -255,7 +255,7 @@ fn damaged_logs() {
             check(&said, &[log, "damaged at byte"], args);
             assert_eq!(said.stderr.lines().count(), 1, "{}", said.stderr);
         }
-        // What there is of a run that was cut off can be asked all the same.
+        // The recorded part of an interrupted run can still be analysed.
         for args in [
             &["why", log][..],
             &["report", log, "--out", "page.html"],
@@ -268,7 +268,7 @@ fn damaged_logs() {
             assert!(said.stderr.starts_with("note: the log is not complete, it is read up to "), "{said:?}");
         }
     }
-    // While its page is shown as well.
+    // Also while its page is served.
     let mut view = bench.command(&["view", "short.mcap", "--no-open", "--port", "0"]);
     let mut view = view.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut address = String::new();
@@ -282,9 +282,9 @@ fn damaged_logs() {
     bench.good(&["replay", "o/log.mcap", "--verify"]);
 }
 
-/// A run that fails before it begins leaves the results of an earlier one as they are.
+/// A run that fails before it starts leaves earlier results unchanged.
 #[test]
-fn a_wrong_call_loses_no_finished_result() {
+fn failed_call_keeps_earlier_results() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o"]);
     let files = ["log.mcap", "trace.json", "metrics.json", "story.svg"];
@@ -298,7 +298,7 @@ fn a_wrong_call_loses_no_finished_result() {
 }
 
 #[test]
-fn the_doctor_says_what_there_is_and_nothing_else() {
+fn doctor_reports_only_what_the_machine_has() {
     let bench = Bench::new();
     let said = Said::of(&bench.command(&["doctor"]).env_remove("XDG_RUNTIME_DIR").output().unwrap());
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""), "{said:?}");
@@ -309,9 +309,9 @@ fn the_doctor_says_what_there_is_and_nothing_else() {
     assert!(!said.stdout.contains("XDG_RUNTIME_DIR"), "{said:?}");
 }
 
-/// As if another run were at work there.
+/// Simulates another run that writes to the folder.
 #[test]
-fn a_folder_in_which_another_run_writes_is_refused() {
+fn folder_used_by_another_run_is_refused() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o"]);
     let log = bench.path("o/log.mcap");
@@ -326,7 +326,7 @@ fn a_folder_in_which_another_run_writes_is_refused() {
 }
 
 #[test]
-fn a_key_without_end_is_refused() {
+fn endless_key_is_refused() {
     let bench = Bench::new();
     bench
         .write("s.toml", "base = { scenario = \"short.toml\" }\naxis = [{ key = \"seed\", values = [1] }]\n");
@@ -338,10 +338,10 @@ fn a_key_without_end_is_refused() {
     }
 }
 
-/// A pipe that nobody writes to, and a way back.
+/// A FIFO without a writer, and a symbolic link back to the folder.
 #[cfg(unix)]
 #[test]
-fn a_folder_is_checked_without_what_is_no_file_of_it() {
+fn check_of_a_folder_skips_pipes_and_link_loops() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("all")).unwrap();
     bench.write("all/lane.toml", crate::support::SHORT);
@@ -352,7 +352,7 @@ fn a_folder_is_checked_without_what_is_no_file_of_it() {
 }
 
 #[test]
-fn numbers_beyond_all_measure_are_told_in_short() {
+fn huge_numbers_are_shortened_in_errors() {
     let bench = Bench::new();
     bench.write("s.toml", &SHORT.replace("end_m = 20.0", "end_m = 1e308"));
     bench.write(
@@ -385,7 +385,7 @@ fn numbers_beyond_all_measure_are_told_in_short() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_made_is_told_before_anything_runs() {
+fn output_folder_that_cannot_be_created_is_reported_before_the_run() {
     let bench = Bench::new();
     bench.write(
         "study.toml",
@@ -401,7 +401,7 @@ fn a_folder_that_cannot_be_made_is_told_before_anything_runs() {
 }
 
 #[test]
-fn a_file_without_end_is_not_read_to_its_end() {
+fn endless_file_is_not_read_to_its_end() {
     let bench = Bench::new();
     std::fs::File::create(bench.path("big.toml")).unwrap().set_len((16 << 20) + 1).unwrap();
     for args in [&["run", "big.toml"][..], &["run", "short.toml", "-c", "big.toml"], &["check", "big.toml"]] {
@@ -414,7 +414,7 @@ fn a_file_without_end_is_not_read_to_its_end() {
 }
 
 #[test]
-fn a_scenario_has_a_name() {
+fn scenario_requires_a_name() {
     for name in ["../up", "a/b", "", " ", "tab\\t", " edge"] {
         check_all(vec![Case {
             file: scenario("name = \"short\"", &format!("name = \"{name}\"")),
@@ -438,7 +438,7 @@ fn control_characters_in_names_are_refused_and_reach_no_terminal() {
             ],
         }]);
     }
-    // Wherever else a text comes from, it is shown without them.
+    // Other texts are printed without control characters, wherever they come from.
     let bench = Bench::new();
     for (file, text) in [
         ("c.toml", "[planning]\nplanner = \"a\\u001b[2Jb\"\n"),

@@ -1,4 +1,4 @@
-//! Bounds on memory: of images, of files that are read whole, of viewers, of long drives.
+//! Memory bounds: images, files read whole, viewers, long drives.
 
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::net::TcpStream;
@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use crate::support::{Bench, Said};
 
-/// Runs the program with at most so much address space.
+/// Runs the program with limited address space.
 fn within_mib(bench: &Bench, mib: u64, args: &str) -> Said {
     let line = format!("ulimit -v {}; ulimit -c 0; exec swerve {args}", mib << 10);
     Said::of(&bench.shell_command(&line).output().unwrap())
 }
 
-/// The first bytes of a PNG of this size: what a decoder reads before it asks for memory.
+/// First bytes of a PNG of this size, up to where a decoder allocates.
 fn png_head(bench: &Bench, name: &str, px: u32, bits: u8, colour: u8) {
     let mut chunk = b"IHDR".to_vec();
     chunk.extend([px.to_be_bytes(), px.to_be_bytes()].concat());
@@ -38,7 +38,7 @@ fn images_of_many_pixels_are_refused_before_memory_is_taken() {
             assert!(said.code == Some(1) && said.stderr.contains(&expected), "{mode}: {said:?}");
         }
     }
-    // Allowed, it is read, and found to be cut off.
+    // With a higher limit the image is read, and found truncated.
     let said = bench.swerve(&["look", "--signs", "--megapixels", "64", "colours.png"]);
     assert!(said.code == Some(1) && !said.stderr.contains("megapixels"), "{said:?}");
 }
@@ -68,14 +68,14 @@ impl Drop for Killed {
     }
 }
 
-/// A figure of a process's memory, MiB.
+/// Field of a process's memory status, MiB.
 fn memory_mib(process: u32, figure: &str) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(figure))?;
     line.trim_start_matches(':').split_whitespace().next()?.parse().ok().map(|kib: u64| kib >> 10)
 }
 
-/// 64 MiB of pings: a pong of each would be 64 MiB.
+/// 64 MiB of pings, whose pongs would take 64 MiB.
 #[test]
 fn viewer_that_pings_and_never_reads_takes_no_memory() {
     const PINGS: usize = 1 << 19;
@@ -143,7 +143,7 @@ timeout_s = 2000.0
         std::thread::park_timeout(Duration::from_millis(5));
     };
     assert!(status.success(), "{status}");
-    // 200 MB are 190 MiB.
+    // 200 MB is 190 MiB.
     assert!(most_mib < 190, "{most_mib} MiB");
     let report = bench.read("out/report.html");
     assert!(report.contains("The drive is long") && report.len() > 1 << 20);

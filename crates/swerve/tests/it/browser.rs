@@ -1,4 +1,4 @@
-//! A real browser whose page is looked at and typed into, by the DevTools protocol over a pair of pipes
+//! A real browser, inspected and controlled by the DevTools protocol over a pair of pipes
 //! (<https://chromedevtools.github.io/devtools-protocol/>).
 
 #![expect(clippy::disallowed_methods, reason = "another program is waited for, in real time")]
@@ -12,14 +12,14 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// A page in a browser of its own.
+/// A page in a separate browser.
 pub(crate) struct Page {
     program: Child,
     to: File,
     from: BufReader<File>,
     sent: u64,
     session: Option<String>,
-    /// What went to the console as an error or a warning.
+    /// Errors and warnings from the console.
     pub(crate) errors: Vec<String>,
     _profile: TempDir,
 }
@@ -66,7 +66,7 @@ impl Page {
             assert_eq!(bytes.pop(), Some(0), "the browser has ended");
             let said: Value = serde_json::from_slice(&bytes).unwrap();
             if said["id"] == self.sent {
-                // A page that loads anew knows nothing yet.
+                // A page that is reloading has no state yet.
                 assert!(said["error"].is_null() || method == "Runtime.evaluate", "{method}: {said}");
                 return said["result"].clone();
             }
@@ -86,13 +86,13 @@ impl Page {
         }
     }
 
-    /// The value of an expression in the page.
+    /// Evaluates an expression in the page.
     pub(crate) fn evaluate(&mut self, expression: &str) -> Value {
         let ask = json!({ "expression": expression, "returnByValue": true });
         self.call("Runtime.evaluate", ask)["result"]["value"].clone()
     }
 
-    /// Waits until an expression holds.
+    /// Waits until an expression is true.
     pub(crate) fn until(&mut self, expression: &str) {
         let begun = Instant::now();
         while self.evaluate(expression) != json!(true) {
@@ -101,7 +101,7 @@ impl Page {
         }
     }
 
-    /// Presses or lets go of a key: `keyDown`, `keyUp`.
+    /// Presses or releases a key: `keyDown`, `keyUp`.
     pub(crate) fn key(&mut self, what: &str, code: &str) {
         self.call("Input.dispatchKeyEvent", json!({ "type": what, "code": code, "key": code }));
     }

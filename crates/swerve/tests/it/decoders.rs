@@ -1,6 +1,6 @@
-//! What comes from outside, or from another process, never makes a decoder panic: truncated, flipped, mixed up.
+//! Data from outside or from another process never makes a decoder panic: truncated, bit-flipped, shuffled.
 //!
-//! `SWERVE_FUZZ=1` tries many more.
+//! `SWERVE_FUZZ=1` runs many more cases.
 #![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 use std::collections::BTreeMap;
@@ -38,14 +38,14 @@ fn cases(short: u32) -> ProptestConfig {
     }
 }
 
-/// What is done to bytes.
+/// A mutation of bytes.
 #[derive(Clone, Debug)]
 enum Change {
     Flip(Index, u8),
     Set(Index, u8),
     Cut(Index),
     Remove(Index, usize),
-    /// A piece of it once more, somewhere else.
+    /// Repeats a slice at another place.
     Repeat(Index, Index, usize),
 }
 
@@ -90,9 +90,9 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// A second of a drive with a camera and a lidar.
+/// One second of a drive with a camera and a lidar.
 struct Drive {
-    /// One message of each stream, as it goes to another process and as it is logged.
+    /// One message of each stream, in the wire format and the log format.
     messages: Vec<(Vec<u8>, Vec<u8>)>,
     log: Vec<u8>,
 }
@@ -139,7 +139,7 @@ sensor = 'roof'
     Drive { messages: taker.0.into_values().collect(), log: std::fs::read(&path).unwrap() }
 });
 
-/// Reads them as one type, in both forms. What comes out is no bigger than what went in allows.
+/// Decodes both formats as one type. The result is not larger than the input allows.
 fn read_as<T: DeserializeOwned>(wire: &[u8], cbor: &[u8]) {
     let _either_way = postcard::from_bytes::<T>(wire).is_ok();
     let _either_way = ciborium::from_reader::<T, _>(cbor).is_ok();
@@ -182,7 +182,7 @@ fn read_as_each(wire: &[u8], cbor: &[u8]) {
 proptest! {
     #![proptest_config(cases(150))]
 
-    /// A message that was changed on its way is read as another one, or refused.
+    /// A message mutated in transit decodes as another one or is refused.
     #[test]
     fn changed_messages_of_every_type_never_panic(which in any::<Index>(), changes in changes()) {
         let (wire, cbor) = which.get(&DRIVE.messages);
@@ -198,7 +198,7 @@ proptest! {
 proptest! {
     #![proptest_config(cases(60))]
 
-    /// A log gives what is readable, and the run times in it.
+    /// A log yields its readable part and the run times in it.
     #[test]
     fn changed_logs_never_panic(changes in changes()) {
         let folder = tempfile::tempdir().unwrap();
@@ -224,7 +224,7 @@ static SCENARIOS: LazyLock<Vec<String>> = LazyLock::new(|| texts("scenarios"));
 static CONFIGS: LazyLock<Vec<String>> = LazyLock::new(|| [texts("configs"), texts("configs/live")].concat());
 static STUDIES: LazyLock<Vec<String>> = LazyLock::new(|| texts("configs/studies"));
 
-/// What stands where a number stood.
+/// Replacements for a number.
 const NUMBERS: [&str; 14] = [
     "0",
     "-1",
@@ -242,7 +242,7 @@ const NUMBERS: [&str; 14] = [
     "true",
 ];
 
-/// Puts something else in the place of a number: what remains is TOML most of the time.
+/// Replaces a number. The result is usually still TOML.
 fn with_number(text: &str, which: Index, number: &str) -> String {
     let starts: Vec<usize> = text
         .match_indices(|c: char| c.is_ascii_digit())
@@ -269,7 +269,7 @@ fn numbers() -> impl Strategy<Value = Vec<(Index, Index)>> {
     prop::collection::vec(any::<(Index, Index)>(), 0..3)
 }
 
-/// Half of the time none.
+/// No change in half of the cases.
 fn some_changes() -> impl Strategy<Value = Vec<Change>> {
     prop_oneof![Just(Vec::new()), changes()]
 }
@@ -293,7 +293,8 @@ proptest! {
 
     #[test]
     fn changed_studies_never_panic(which in any::<Index>(), numbers in numbers(), changes in some_changes()) {
-        // Beside the shipped ones, because a study names its scenarios and configurations from where it is.
+        // Written beside the shipped ones, because a study resolves its scenarios and configurations relative to its
+        // file.
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("changed.toml");
         std::fs::write(&path, changed_text(which.get::<String>(&STUDIES), &numbers, &changes)).unwrap();
@@ -307,7 +308,7 @@ proptest! {
     }
 }
 
-/// A log without the seals in its last metadata record, as somebody who hides a change writes it.
+/// The log without the seals in its last metadata record, as after tampering.
 fn without_seals(log: &[u8]) -> Vec<u8> {
     const MAGIC: usize = 8;
     let (mut at, mut out) = (MAGIC, log[..MAGIC].to_vec());
@@ -340,7 +341,7 @@ fn without_seals(log: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn verification_of_a_log_without_seals_fails_and_says_why() {
+fn verification_of_a_log_without_seals_fails_with_a_reason() {
     let bench = crate::support::Bench::new();
     bench.good(&["run", "short.toml", "--out", "o"]);
     bench.good(&["replay", "--verify", "o/log.mcap"]);

@@ -1,5 +1,5 @@
-//! The program where the machine gives out: a full disk, no memory, no file descriptors. Finished work stays, what is half
-//! done is not taken for whole, and the same command goes on once there is room again.
+//! Resource exhaustion: full disk, no memory, no file descriptors. Finished results are kept, partial ones are not
+//! taken for complete, and the same command continues once there is room.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,7 +15,7 @@ values = [1, 2, 3, 4]
 
 const RUN: [&str; 5] = ["run", "short.toml", "--out", "o", "--overwrite"];
 
-/// A call under a limit in the shell's words; writing past a limit of file sizes is an error, not a signal.
+/// A call under a `ulimit`. Writing past a file size limit is an error, not a signal.
 fn limited(bench: &Bench, limit: &str, args: &[&str]) -> Said {
     let mut shell = Command::new("sh");
     shell.args(["-c", &format!("trap '' XFSZ; ulimit -c 0; ulimit {limit} && exec \"$0\" \"$@\"")]);
@@ -29,11 +29,11 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
 }
 
-/// Nothing that was begun is left beside what is whole, and what stands under its name is whole.
+/// No partial file is left beside complete ones, and every file with a final name is complete.
 fn check_whole(bench: &Bench, said: &Said) {
     for path in ["o", "s"].into_iter().flat_map(|folder| files(&bench.path(folder))) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        // A process that is aborted cannot clean up.
+        // An aborted process cannot clean up.
         assert!(said.code.is_none() || !name.ends_with(".part"), "{name}: {said:?}");
         if name.ends_with(".json") && !name.contains(".partial.") && !name.ends_with(".part") {
             let text = std::fs::read_to_string(&path).unwrap();
@@ -43,7 +43,7 @@ fn check_whole(bench: &Bench, said: &Said) {
 }
 
 #[test]
-fn a_disk_that_fills_up_is_told_and_what_was_finished_stays() {
+fn full_disk_is_reported_and_finished_files_are_kept() {
     let bench = Bench::new();
     let clean = bench.good(&RUN);
     let longest = files(&bench.path("o")).iter().map(|f| f.metadata().unwrap().len()).max().unwrap();
@@ -68,7 +68,7 @@ fn a_disk_that_fills_up_is_told_and_what_was_finished_stays() {
 }
 
 #[test]
-fn a_study_goes_on_where_the_disk_was_full() {
+fn study_resumes_after_a_full_disk() {
     let bench = Bench::new();
     bench.write("study.toml", STUDY);
     let args = ["study", "study.toml", "--out", "o"];
@@ -84,9 +84,9 @@ fn a_study_goes_on_where_the_disk_was_full() {
     assert_eq!(bench.read("o/cells.csv"), bench.read("clean/cells.csv"));
 }
 
-/// Allocation that fails ends the process (Rust's standard library does that); it must not end what was finished.
+/// A failed allocation aborts the process (Rust's standard library); finished results must be kept.
 #[test]
-fn where_memory_gives_out_finished_work_stays() {
+fn finished_cells_are_kept_when_memory_runs_out() {
     let bench = Bench::new();
     bench.write("study.toml", STUDY);
     let args = ["study", "study.toml", "--out", "s", "--threads", "1"];
@@ -117,7 +117,7 @@ fn where_memory_gives_out_finished_work_stays() {
 }
 
 #[test]
-fn where_descriptors_run_out_one_error_says_so() {
+fn descriptor_exhaustion_is_one_error() {
     let bench = Bench::new();
     let clean = bench.good(&RUN);
     let mut refused = 0;

@@ -1,5 +1,5 @@
-//! Peers of ROS 2's topics that mean ill, against `swerve run --ros2=drive` and `swerve live`: what each can do, told
-//! in `SECURITY.md`. The other stack is a bridge in this process.
+//! Malicious ROS 2 peers against `swerve run --ros2=drive` and `swerve live`: the attacks listed in `SECURITY.md`. The
+//! other stack is a bridge in this process.
 
 #![expect(clippy::print_stdout, reason = "prints what it measured")]
 
@@ -42,9 +42,9 @@ timeout_s = SECONDS
 verdict = 'timeout'
 ";
 
-/// The most that the transport's process may take in these tests, MiB.
+/// Memory limit of the transport process in these tests, MiB.
 const MEMORY_MIB: u64 = 512;
-/// Looks of 10 ms until something is given up.
+/// Polls of 10 ms before giving up.
 const PATIENCE: usize = 2000;
 const WHEELBASE_M: f64 = 2.85;
 
@@ -65,7 +65,7 @@ fn pause() {
     std::thread::park_timeout(Duration::from_millis(10));
 }
 
-/// A simulated car that another stack drives.
+/// A simulated car driven by another stack.
 struct Car {
     child: Child,
     bench: Bench,
@@ -104,7 +104,7 @@ impl Car {
         (0..PATIENCE).find_map(look).expect("it has a process for its transport")
     }
 
-    /// Waits for its end: its figures, and what it told.
+    /// Waits for the end of the run; returns its metrics and its output.
     fn end(mut self) -> (Value, String) {
         let ended = self.child.wait().unwrap();
         let told = self.bench.read("told");
@@ -128,12 +128,12 @@ fn is_bound(port: u16) -> bool {
         .any(|line| line.split_whitespace().nth(1).is_some_and(|at| at.ends_with(&format!(":{port:04X}"))))
 }
 
-/// The process of the transport that a process has started.
+/// Transport process started by a process.
 pub(crate) fn transport_of(parent: u32) -> Option<u32> {
     child_of(parent, "transport")
 }
 
-/// The process that a process has started for this command of the program.
+/// Child of a process that runs this subcommand.
 pub(crate) fn child_of(parent: u32, command: &str) -> Option<u32> {
     let is_ours = |pid: &u32| {
         let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).unwrap_or_default();
@@ -146,7 +146,7 @@ pub(crate) fn child_of(parent: u32, command: &str) -> Option<u32> {
     all.into_iter().find(is_ours)
 }
 
-/// The most memory that a process had at once, MiB.
+/// Peak memory of a process, MiB.
 fn memory_mib(pid: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM"))?;
@@ -157,16 +157,16 @@ fn signal(pid: u32, signal: &str) {
     assert!(Command::new("kill").args([signal, &pid.to_string()]).status().unwrap().success());
 }
 
-/// A stack that keeps to its lane's middle at 5 m/s.
+/// A stack that follows the lane centre at 5 m/s.
 struct Stack {
     bridge: Arc<Bridge>,
     command: EndpointId,
     enable: EndpointId,
     odometry: Option<Odometry>,
     mode: u8,
-    /// Lead of its clock over the run's, s.
+    /// Offset of its clock ahead of the run's, s.
     ahead_s: i32,
-    /// How far the car was beside its lane at the most, m.
+    /// Largest lateral deviation of the car from its lane, m.
     beside_m: f64,
 }
 
@@ -182,7 +182,7 @@ impl Stack {
         self.bridge.writer(self.command).unwrap()
     }
 
-    /// The time of the run.
+    /// Time of the run, s.
     fn now_s(&self) -> f64 {
         self.odometry
             .as_ref()
@@ -194,7 +194,7 @@ impl Stack {
     }
 
     fn publish(&self, control: Control) {
-        // Readers that are slow are no matter here.
+        // Slow readers are irrelevant here.
         let _counted = self.bridge.publish(self.command, AnyMessage::Control(control));
     }
 
@@ -216,7 +216,7 @@ impl Stack {
         control
     }
 
-    /// Drives for so long; `beside` is done at each of its steps. Ends where nothing is heard for 5 s, too.
+    /// Drives for a duration, calling `beside` at each step. Also ends after 5 s without a message.
     fn drive(&mut self, seconds: f64, mut beside: impl FnMut(&Self, Control)) {
         let (from, mut idle) = (self.now_s(), 0);
         let mut begun = from > 0.0;
@@ -242,7 +242,7 @@ impl Stack {
         }
     }
 
-    /// Presses the switch until the car drives, and drives it until it is at its speed.
+    /// Requests engagement until the car drives, then drives until it is at speed.
     fn engage(&mut self) {
         for _ in 0..40 {
             if self.mode == ControlModeReport::AUTONOMOUS && self.speed_mps() > 3.0 {
@@ -256,7 +256,7 @@ impl Stack {
         panic!("the car is not driven: {} m/s", self.speed_mps());
     }
 
-    /// As the page says: lets go of the switch and presses it again; the car drives on.
+    /// As the documentation describes: disengages and engages again; the car continues.
     fn let_in_again(&mut self) {
         self.press(false);
         self.drive(0.5, |_, _| {});
@@ -266,14 +266,14 @@ impl Stack {
     }
 }
 
-/// Why the gate stopped the car.
+/// Causes of the gate's stops.
 fn causes(metrics: &Value) -> Vec<&str> {
     metrics["gate"]["stops"].as_array().unwrap().iter().map(|stop| stop["cause"].as_str().unwrap()).collect()
 }
 
 #[test]
 #[ignore = "real clock"]
-fn a_second_writer_is_refused_and_the_car_stops_until_the_switch_is_pressed_again() {
+fn second_writer_is_refused_and_the_car_stops_until_re_engaged() {
     let _alone = alone();
     let car = Car::start(0, "24.0");
     let mut stack = Stack::start(car.network);
@@ -302,7 +302,7 @@ fn a_second_writer_is_refused_and_the_car_stops_until_the_switch_is_pressed_agai
 
 #[test]
 #[ignore = "real clock"]
-fn a_forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
+fn forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
     let _alone = alone();
     let car = Car::start(1, "26.0");
     let mut stack = Stack::start(car.network);
@@ -327,7 +327,7 @@ fn a_forged_fragment_ends_the_transport_and_the_gate_stops_the_car() {
 
 #[test]
 #[ignore = "real clock"]
-fn garbage_and_changed_packets_end_nothing_and_take_no_more_memory_than_is_allowed() {
+fn malformed_packets_end_nothing_and_respect_the_memory_limit() {
     let _alone = alone();
     let mut car = Car::start(2, "16.0");
     let mut stack = Stack::start(car.network);
@@ -355,19 +355,19 @@ fn garbage_and_changed_packets_end_nothing_and_take_no_more_memory_than_is_allow
         metrics["ros2"]["transports_lost"]
     );
     assert!(sent > 10_000 && (1..=MEMORY_MIB).contains(&most_mib), "{sent} packets, {most_mib} MiB");
-    // Either it drove on or the gate stopped it, for what is missing then.
+    // Either it drove on or the gate stopped it for a missing message.
     let known = ["transport_lost", "second_writer", "command_timeout", "report_timeout"];
     assert!(causes(&metrics).iter().all(|cause| known.contains(cause)), "{}", metrics["gate"]);
 }
 
 #[test]
 #[ignore = "real clock"]
-fn floods_numbers_that_are_none_and_old_stamps_change_nothing() {
+fn floods_nans_and_old_stamps_change_nothing() {
     let _alone = alone();
     let car = Car::start(3, "16.0");
     let mut stack = Stack::start(car.network);
     stack.engage();
-    // Thousands of commands a second, all of them sound.
+    // Thousands of valid commands per second.
     let (newest, done) = (Arc::new(Mutex::new(Control::default())), Arc::new(AtomicBool::new(false)));
     let flooding = std::thread::spawn({
         let (bridge, command) = (Arc::clone(&stack.bridge), stack.command);
@@ -386,7 +386,7 @@ fn floods_numbers_that_are_none_and_old_stamps_change_nothing() {
     stack.drive(2.0, |_, control| *newest.lock().unwrap() = control);
     done.store(true, Ordering::Relaxed);
     let flood = flooding.join().unwrap();
-    // Only the newest waits: one of several is bad, so that good ones come through.
+    // The queue holds only the newest command. One of several is bad, so that good ones get through.
     let mut n = 0;
     stack.drive(2.0, |stack, mut control| {
         n += 1;
@@ -420,14 +420,14 @@ fn floods_numbers_that_are_none_and_old_stamps_change_nothing() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_transport_that_hangs_is_noticed_within_a_second_and_replaced() {
+fn hanging_transport_is_detected_within_a_second_and_replaced() {
     let _alone = alone();
     let car = Car::start(4, "18.0");
     let mut stack = Stack::start(car.network);
     stack.engage();
     let hung = car.transport();
     signal(hung, "-STOP");
-    // Nothing is heard of the car until there is another one.
+    // No message from the car until the transport is replaced.
     for _ in 0..PATIENCE {
         if transport_of(car.child.id()).is_some_and(|pid| pid != hung) {
             break;
@@ -442,10 +442,10 @@ fn a_transport_that_hangs_is_noticed_within_a_second_and_replaced() {
     assert!(["command_timeout", "transport_lost"].contains(&causes(&metrics)[0]), "{}", metrics["gate"]);
 }
 
-/// `swerve live` drives the car; its transport is killed, and the commands that brake come through the next one.
+/// `swerve live` drives the car; its transport is killed, and the braking commands arrive through the next one.
 #[test]
 #[ignore = "real clock"]
-fn a_live_drive_brakes_through_a_fresh_transport() {
+fn live_drive_brakes_through_a_new_transport() {
     let _alone = alone();
     let car = Car::start(5, "40.0"); // time for a busy machine to engage it
     let Network { domain, .. } = car.network;

@@ -1,4 +1,4 @@
-//! Files that are read: regular ones, by whatever name they come; and the words about those that cannot be.
+//! Input files: regular files under any name, and the errors for others.
 
 #![cfg(target_os = "linux")]
 
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use crate::support::{Bench, Said};
 
-/// Runs the program, which has to end by itself.
+/// Runs the program, which must exit by itself.
 fn soon(bench: &Bench, line: &str) -> Said {
     let said = Said::of(&bench.shell_command(&format!("exec timeout 30 {line} 2>&1")).output().unwrap());
     assert!(said.code != Some(124), "`{line}` waits for ever");
@@ -52,7 +52,7 @@ fn pipes_and_devices_are_refused_by_every_reader_without_waiting() {
     for (path, found) in [("/proc/kmsg", "a file of procfs"), ("/dev/zero", "a device"), (".", "a folder")] {
         for command in ["replay", "why"] {
             let said = soon(&bench, &format!("swerve {command} {path}"));
-            // Only root opens the log of the kernel.
+            // Only root can open the kernel log.
             let is_closed = said.stdout.contains("ermission denied") || said.stdout.contains("not permitted");
             let told = format!("expected a regular file, found {found}");
             assert!(said.code == Some(1) && (is_closed || said.stdout.contains(&told)), "{path}: {said:?}");
@@ -61,7 +61,7 @@ fn pipes_and_devices_are_refused_by_every_reader_without_waiting() {
 }
 
 #[test]
-fn files_that_a_file_names_are_regular_files() {
+fn files_named_in_files_must_be_regular() {
     let bench = Bench::new();
     pipe(&bench, "pipe");
     let study = "[[axis]]\nkey = \"seed\"\nvalues = [1]\n";
@@ -100,7 +100,7 @@ fn files_that_a_file_names_are_regular_files() {
         ),
     ] {
         bench.write(name, &text);
-        // Nothing is typed either.
+        // Also without typed input.
         let said = soon(&bench, &format!("swerve {args} 0<> pipe"));
         assert!(said.stdout.contains(place), "{name}: {said:?}");
         assert!(said.stdout.contains("expected a regular file, found a pipe"), "{name}: {said:?}");
@@ -117,7 +117,7 @@ fn descriptor_of_the_caller_is_read_as_a_stream() {
 }
 
 #[test]
-fn missing_files_are_told_in_short() {
+fn missing_files_are_reported_briefly() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("adir.toml")).unwrap();
     for (args, says) in [
@@ -137,9 +137,9 @@ fn missing_files_are_told_in_short() {
     assert!(said.stderr.contains("'run'") && !said.stderr.contains("transport"), "{said:?}");
 }
 
-/// A driver that complains where a layer of Mesa's would look for a display, as that layer does.
+/// The test's driver prints an error where a Mesa layer would look for a display, as that layer does.
 #[test]
-fn drivers_do_not_look_for_a_display_that_is_not_there() {
+fn drivers_do_not_look_for_a_missing_display() {
     let bench = Bench::new();
     bench.write(
         "driver.c",

@@ -1,6 +1,6 @@
-//! What the program costs, in instructions: nearly the same on every machine and at any load, where a time is neither.
-//! Counted by valgrind, of the program as tests are built (what runs are made of is optimised there too), and held against
-//! `tests/reference/instructions.toml`; `SWERVE_COUNTS=write` writes that file anew. Needs valgrind.
+//! Instruction counts of the program: nearly the same on every machine and at any load, unlike times. Counted by
+//! valgrind on the test build of the program (its run-time crates are optimised there too) and compared with
+//! `tests/reference/instructions.toml`. `SWERVE_COUNTS=write` rewrites that file. Needs valgrind.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,8 +12,8 @@ use crate::support::Bench;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// How many times the stored count is a slowdown that somebody has to explain. Two runs of one program differ by 0.1 %;
-/// builds with and without incremental compilation, which cut crates into other parts, by up to 17 %.
+/// Ratio to the stored count above which the test fails. Two runs of one program differ by 0.1 %; builds with and
+/// without incremental compilation, which partitions crates differently, by up to 17 %.
 const MOST: f64 = 1.25;
 
 const HEAD: &str = "# Instructions of calls of the program, in millions, as tests build it. Written by\n\
@@ -26,7 +26,7 @@ struct Counts {
 
 #[derive(Deserialize)]
 struct Call {
-    /// The program's arguments, from the top folder of the repository.
+    /// Command-line arguments, relative to the root of the repository.
     args: String,
     millions: f64,
 }
@@ -48,7 +48,7 @@ fn count(args: &str) -> f64 {
     refs.trim().replace(',', "").parse::<f64>().unwrap() / 1e6
 }
 
-/// Those of several calls, all at once.
+/// Counts of several calls, run in parallel.
 fn counts<'a>(calls: impl IntoIterator<Item = &'a str>) -> Vec<f64> {
     std::thread::scope(|scope| {
         let counts: Vec<_> = calls.into_iter().map(|args| scope.spawn(move || count(args))).collect();
@@ -56,7 +56,7 @@ fn counts<'a>(calls: impl IntoIterator<Item = &'a str>) -> Vec<f64> {
     })
 }
 
-/// Whether instructions can be counted here; says so, or fails in CI, where they cannot.
+/// True if valgrind is available. If not, prints a note, or fails in CI.
 fn has_valgrind() -> bool {
     let found = Command::new("valgrind").arg("--version").output().is_ok();
     if !found {
@@ -66,7 +66,7 @@ fn has_valgrind() -> bool {
     found
 }
 
-/// People who walk beside a long road, each on a way of their own.
+/// A long road with people who walk beside it, each on a separate path.
 fn crowd(people: usize) -> String {
     let mut text =
         "name = \"crowd\"\n[road]\nsegments = [{ length_m = 3000.0 }]\nlane_width_m = 4.0\nleft_m = 30.0\n\
@@ -87,7 +87,7 @@ fn crowd(people: usize) -> String {
 /// Four times as many actors may cost little more than four times as much.
 #[test]
 #[ignore = "a minute of valgrind"]
-fn what_an_actor_costs_does_not_grow_with_their_number() {
+fn cost_per_actor_does_not_grow_with_their_number() {
     if !has_valgrind() {
         return;
     }
@@ -112,7 +112,7 @@ fn what_an_actor_costs_does_not_grow_with_their_number() {
 
 #[test]
 #[ignore = "a minute of valgrind"]
-fn the_program_takes_no_more_instructions_than_before() {
+fn instruction_counts_do_not_exceed_the_reference() {
     if !has_valgrind() {
         return;
     }

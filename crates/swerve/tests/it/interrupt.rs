@@ -26,7 +26,7 @@ fn interrupted(bench: &Bench, args: &[&str], cells: usize) -> Said {
 
 #[test]
 #[ignore = "other processes' timing"]
-fn a_stopped_study_keeps_its_cells_and_goes_on() {
+fn interrupted_study_keeps_its_cells_and_resumes() {
     let bench = Bench::new();
     let seeds: Vec<String> = (1..=CELLS).map(|seed| seed.to_string()).collect();
     let values = seeds.join(", ");

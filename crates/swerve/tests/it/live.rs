@@ -1,7 +1,7 @@
-//! `swerve live` drives a car that another implementation of DDS stands for (`tests/ros2/vehicle_emulator.py`).
+//! `swerve live` against a car emulated with another DDS implementation (`tests/ros2/vehicle_emulator.py`).
 //!
-//! It needs the Python package `cyclonedds` (`SWERVE_PYTHON` is its interpreter); without it the tests say that they
-//! are skipped, and fail where `SWERVE_CI` is set. `SWERVE_LIVE_SECONDS=60` makes the drives that long.
+//! Needs the Python package `cyclonedds` (`SWERVE_PYTHON` names the interpreter). Without it the tests print that they
+//! are skipped, or fail if `SWERVE_CI` is set. `SWERVE_LIVE_SECONDS=60` sets the duration of the drives.
 
 #![expect(
     clippy::unwrap_used,
@@ -26,7 +26,7 @@ use swerve_scenario::Scenario;
 
 use crate::support::alone;
 
-/// After this nothing comes any more.
+/// Longest wait for a message.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 fn root() -> &'static Path {
@@ -37,7 +37,7 @@ fn python() -> String {
     std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
 
-/// Whether there is a car to drive; says so, or fails in CI, where there is none.
+/// True if the emulated car can run. If not, prints a note, or fails in CI.
 pub(crate) fn has_car() -> bool {
     let mut import = Command::new(python());
     let found = import.args(["-c", "import cyclonedds"]).stderr(Stdio::null()).status();
@@ -53,12 +53,12 @@ fn seconds() -> f64 {
     std::env::var("SWERVE_LIVE_SECONDS").map_or(12.0, |s| s.parse().unwrap())
 }
 
-/// For this process alone, and this drive.
+/// DDS domain used only by this process and drive.
 pub(crate) fn domain(drive: u32) -> u32 {
     20 + (std::process::id() % 9) * 8 + drive
 }
 
-/// An emulated car, which tells each second how it is.
+/// An emulated car, which reports its state every second.
 pub(crate) struct Car {
     child: Child,
     tells: Receiver<Value>,
@@ -67,7 +67,7 @@ pub(crate) struct Car {
 
 impl Car {
     pub(crate) fn start(domain: u32, interface: &str, more: &[&str]) -> Self {
-        // Cyclone DDS: this host only, without multicast, as a machine without network has it.
+        // Cyclone DDS: this host only, without multicast, as on a machine without a network.
         let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
             <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
             <Peers><Peer Address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
@@ -85,25 +85,25 @@ impl Car {
         let (tell, tells) = mpsc::channel();
         std::thread::spawn(move || {
             let states = lines.map_while(Result::ok).filter_map(|line| serde_json::from_str(&line).ok());
-            // It fails where nobody listens any more.
+            // Fails once the receiver is gone.
             states.map_while(|state: Value| tell.send(state).ok()).count()
         });
         Self { child, tells, told: Vec::new() }
     }
 
-    /// Waits until it is as wanted.
+    /// Waits until the state is as wanted.
     fn wait(&mut self, wanted: impl Fn(&Value) -> bool) {
         while !self.told.last().is_some_and(&wanted) {
             self.await_second();
         }
     }
 
-    /// Waits until it tells the next time how it is.
+    /// Waits for the next state.
     pub(crate) fn await_second(&mut self) {
         self.told.push(self.tells.recv_timeout(PATIENCE).unwrap());
     }
 
-    /// Ends it: its states, one a second, the last one at its end.
+    /// Ends the car; returns its states, one per second, and the last one at its end.
     pub(crate) fn end(mut self) -> Vec<Value> {
         drop(self.child.stdin.take());
         self.child.wait().unwrap();
@@ -119,7 +119,7 @@ impl Drop for Car {
     }
 }
 
-/// What a drive came to: what the stack says, and what the car says.
+/// Result of a drive, as reported by the stack and by the car.
 struct Driven {
     out: PathBuf,
     metrics: Value,
@@ -129,7 +129,7 @@ struct Driven {
 }
 
 impl Driven {
-    /// How far beside its lane the car says that it was at the most, m.
+    /// Largest lateral deviation from the lane reported by the car, m.
     fn beside_m(&self) -> f64 {
         let lane = Scenario::read(&root().join("scenarios/lane.toml")).unwrap().road.route();
         let beside = |state: &Value| {
@@ -139,7 +139,7 @@ impl Driven {
         self.car.iter().map(beside).fold(0.0, f64::max)
     }
 
-    /// How late the gate's ticks were at the most, ms.
+    /// Largest delay of the gate's ticks, ms.
     fn late_ms(&self) -> f64 {
         let timers = self.metrics["timers"].as_array().unwrap();
         let gate = timers.iter().find(|timer| timer["operator"] == "gate").unwrap();
@@ -156,7 +156,7 @@ impl Driven {
     }
 }
 
-/// `swerve live` with a shipped configuration, and where it puts its files.
+/// `swerve live` with a shipped configuration, and its output folder.
 fn swerve_live(drive: u32, interface: &str) -> (Command, PathBuf) {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("live_{drive}"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
@@ -170,7 +170,7 @@ fn swerve_live(drive: u32, interface: &str) -> (Command, PathBuf) {
     (command, out)
 }
 
-/// `swerve live` with a shipped configuration for so long; what it says and what the car says.
+/// Runs `swerve live` with a shipped configuration for a duration; returns its output and the car's states.
 fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driven {
     let _alone = alone();
     let car = car.map(|more| Car::start(domain(drive), interface, more));
@@ -184,14 +184,14 @@ fn live(drive: u32, interface: &str, seconds: f64, car: Option<&[&str]>) -> Driv
     Driven { out, metrics, notes, car, succeeded: output.status.success() }
 }
 
-/// Along its lane, at its speed, stopped at the end; its log comes out again.
+/// Follows the lane at target speed and is stopped at the end; the log replays identically.
 fn drives_along_its_lane(drive: u32, interface: &str) {
     if !has_car() {
         return;
     }
     let seconds = seconds();
     let mut driven = live(drive, interface, seconds, Some(&[]));
-    // On a host that had no time for it the car was stopped, as it has to be: that is another test's subject.
+    // On an overloaded host the car was stopped, as required: another test covers that.
     for _ in 0..2 {
         if driven.late_ms() > 100.0 {
             println!("the host stood still for {:.0} ms: again", driven.late_ms());
@@ -199,14 +199,14 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
         }
     }
     assert!(driven.succeeded, "{}", driven.notes);
-    // From a standstill to 8 m/s and along bends; a car of 1.9 m has 1.05 m to each side on its lane. While it is
-    // stopped the wheels are held, so that it leaves the middle of a bend.
+    // From standstill to 8 m/s and along bends. A car 1.9 m wide has 1.05 m to each side in its lane. During the
+    // stop the steering is held, so the car leaves the middle of a bend.
     let (beside_m, driving_m) =
         (driven.beside_m(), driven.metrics["drive"]["beside_max_m"].as_f64().unwrap());
     assert!(driving_m < 0.3 && beside_m < 1.0, "{driving_m} m beside the lane, {beside_m} m with the stop");
     let driven_m = driven.metrics["drive"]["driven_m"].as_f64().unwrap();
     assert!(driven_m > 4.0 * (seconds - 4.0), "{driven_m} m in {seconds} s");
-    // The plan asks for 8 m/s, and comfort bounds what is made up of a lag.
+    // The plan's speed is 8 m/s; comfort limits the catching up after a delay.
     assert!(driven.metrics["drive"]["speed_max_mps"].as_f64().unwrap() < 8.5);
     assert_eq!(driven.last("speed"), 0.0);
     assert_eq!(driven.car.last().unwrap()["engaged"], Value::Bool(false), "it was released");
@@ -227,20 +227,20 @@ fn drives_along_its_lane(drive: u32, interface: &str) {
 
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_car_with_autowares_interface_is_driven_along_its_lane() {
+fn car_with_autoware_interface_follows_its_lane() {
     drives_along_its_lane(0, "autoware");
 }
 
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_car_with_dataspeeds_interface_is_driven_along_its_lane() {
+fn car_with_dataspeed_interface_follows_its_lane() {
     drives_along_its_lane(1, "dataspeed");
 }
 
-/// Its topics cease on the way: it is commanded to a standstill all the same.
+/// The car's topics stop during the drive; it must still be commanded to a standstill.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_car_whose_topics_cease_is_stopped() {
+fn car_whose_topics_stop_is_brought_to_a_standstill() {
     if !has_car() {
         return;
     }
@@ -250,16 +250,16 @@ fn a_car_whose_topics_cease_is_stopped() {
         assert!(modes.contains(&"{\"stopping\":\"report_timeout\"}".to_owned()), "{modes:?}");
         assert_eq!(driven.last("speed"), 0.0, "{interface}");
         assert!(driven.beside_m() < 1.0);
-        // By commands, which went on: its own time-out began when they ended.
+        // Stopped by commands, which continued: the car's own time-out started only after them.
         let stood = driven.car.iter().find(|s| s["t"].as_f64() > Some(6.0) && s["speed"] == 0.0).unwrap();
         assert_eq!(stood["timeouts"], 0, "{interface}: {stood}");
     }
 }
 
-/// The driver takes over: the car is the driver's, and stays that.
+/// After a driver override the car stays in manual control.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_driver_takes_over() {
+fn driver_override_ends_engagement() {
     if !has_car() {
         return;
     }
@@ -273,11 +273,10 @@ fn a_driver_takes_over() {
     }
 }
 
-/// A process that takes its time to come up: the drive begins when it is there, and nothing that comes is from the
-/// future.
+/// With a slow process the drive begins once it is ready, and no message has a future stamp.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_drive_begins_when_its_processes_are_there() {
+fn drive_begins_when_its_processes_are_ready() {
     if !has_car() {
         return;
     }
@@ -306,9 +305,9 @@ fn a_drive_begins_when_its_processes_are_there() {
     assert!(metrics["drive"]["driven_m"].as_f64() > Some(3.0), "{notes}{}", metrics["drive"]);
 }
 
-/// No car, no ROS: it waits, and says for what.
+/// Without a car and ROS it waits, and reports for what.
 #[test]
-fn without_a_car_it_says_what_it_waits_for() {
+fn missing_car_is_reported_while_waiting() {
     let driven = live(6, "autoware", 1.5, None);
     assert!(!driven.succeeded);
     let missing = "error: not all topics that are needed were there: control_mode (/vehicle/status/control_mode), \
@@ -321,7 +320,7 @@ fn without_a_car_it_says_what_it_waits_for() {
 /// A person engages on the vehicle's own topic; Ctrl-C is a controlled stop, and the car is released.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_person_engages_and_ctrl_c_stops() {
+fn person_engages_and_ctrl_c_stops() {
     if !has_car() {
         return;
     }
@@ -336,7 +335,7 @@ fn a_person_engages_and_ctrl_c_stops() {
     let person = Bridge::start(&Options { endpoints, node: "person".into(), ..options }).unwrap();
     let button = person.endpoint("enable").unwrap();
     assert!(person.wait_matched(button, 2, PATIENCE), "the car and the stack listen");
-    // A person who sees that nothing happens presses again.
+    // Like a person who gets no response, engages again.
     while !car.told.last().is_some_and(|state| state["speed"].as_f64() > Some(2.0)) {
         let engage = Engage { engage: true, ..Engage::default() };
         let engaged = car.told.last().is_some_and(|state| state["engaged"] == true);
@@ -347,7 +346,7 @@ fn a_person_engages_and_ctrl_c_stops() {
         car.wait(|state| state["t"].as_f64() >= Some(next as f64 - 1.0));
         assert!(next < 60, "{:?}", car.told.last());
     }
-    // It may have been engaged a moment before the first command came.
+    // It may have been engaged shortly before the first command arrived.
     let timeouts = car.told.last().unwrap()["timeouts"].clone();
     let interrupt = Command::new("kill").args(["-INT", &stack.id().to_string()]).status().unwrap();
     assert!(interrupt.success());

@@ -1,4 +1,4 @@
-//! Drives by poses of the car's own sensors.
+//! Drives that use poses estimated from the car's sensors.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -18,7 +18,7 @@ use swerve_ros2::convert::{Epoch, cloud_to_ros, ego_to_ros};
 
 use crate::support::Bench;
 
-/// A way of 4 s between houses, by a usual receiver.
+/// A road of 4 s between houses, with a standard GNSS receiver.
 const ROAD: &str = r#"name = "road"
 description = "A bend."
 
@@ -63,12 +63,12 @@ fn driven(bench: &Bench, set: &[&str], threads: &str) -> Value {
 }
 
 #[test]
-fn a_lidar_finds_the_car_where_fixes_do_not() {
+fn lidar_localizes_the_car_where_fixes_do_not() {
     let bench = bench();
     let number = |metrics: &Value, key: &str| {
         metrics.pointer(&format!("/localization/{key}")).unwrap().as_f64().unwrap()
     };
-    // By these fixes alone the ego would stop for its pose.
+    // With these fixes alone the ego would stop for its pose uncertainty.
     let eskf = driven(&bench, &["localization.localizer=eskf", "planning.lane_sigmas=0"], "1");
     assert!(number(&eskf, "median_m") > 0.2, "fixes with an offset are no better: {eskf}");
     for localizer in ["ndt", "eskf_ndt"] {
@@ -78,15 +78,15 @@ fn a_lidar_finds_the_car_where_fixes_do_not() {
         assert!(number(&found, "heading_rms_deg") < 0.1 && number(&found, "silent_max_s") < 0.4, "{found}");
         assert_eq!(driven(&bench, &[&set], "3")["digest"], found["digest"], "threads change nothing");
     }
-    // Without a map it goes on as it began: by the first fix, and by turns that have little to be matched with.
-    // Its deviations grow along the way until the ego would stop for its pose, too.
+    // Without a map the odometry continues from the first fix and from turns with few features to match. Its error
+    // grows along the way until the ego would stop for its pose uncertainty, too.
     let gnss = ["sensing.gnss.noise_m=0.01", "sensing.gnss.bias_m=0", "planning.lane_sigmas=0"];
     let found = driven(&bench, &[&["localization.localizer=odometry"], &gnss[..]].concat(), "1");
     assert!(number(&found, "max_m") < 0.6, "{found}");
 }
 
 #[test]
-fn a_drive_by_a_lidar_is_repeated_from_its_log() {
+fn lidar_drive_replays_from_its_log() {
     let bench = bench();
     let set = "localization.localizer=eskf_ndt";
     bench.good(&[
@@ -110,7 +110,7 @@ fn a_drive_by_a_lidar_is_repeated_from_its_log() {
     }
 }
 
-/// Two bends by corrected fixes; the inertial unit fails in the first.
+/// Two bends with corrected fixes; the IMU fails in the first.
 const BENDS: &str = r#"name = "bends"
 description = "Two bends."
 
@@ -126,10 +126,10 @@ end_m = 165.0
 timeout_s = 40.0
 "#;
 
-/// A unit that is silent, frozen or noisy for three seconds: steering angle, wheels and fixes carry the pose, the mode is never
-/// good and wrong for longer than a second, and the car stays in its lane.
+/// IMU silent, frozen or noisy for three seconds: steering angle, wheels and fixes carry the pose, the reported mode is
+/// never good and wrong for longer than a second, and the car stays in its lane.
 #[test]
-fn a_drive_goes_on_over_a_failing_inertial_unit() {
+fn drive_continues_through_an_imu_failure() {
     let bench = Bench::new();
     bench.write("bends.toml", BENDS);
     for harm in ["drop = true", "freeze_ms = 3000", "noise = 20"] {
@@ -142,15 +142,16 @@ fn a_drive_goes_on_over_a_failing_inertial_unit() {
         println!("{harm}: {}", metrics["localization"]);
         assert_eq!(metrics["verdict"].as_str(), Some("completed"), "{harm}: {metrics}");
         assert!(number("quality/false_good_max_s") <= 1.0, "{harm}");
-        // A corrected fix is off by 2 cm; a tenth of the yaw rate for three seconds turns a way of 24 m by 3.4 degrees.
+        // A corrected fix is off by 2 cm; a yaw rate wrong by a tenth for three seconds turns a path of 24 m by 3.4
+        // degrees.
         assert!(number("max_m") < 0.5 && number("heading_rms_deg") < 3.4, "{harm}");
         assert!((0.03..0.3).contains(&number("quality/coasting_share")), "{harm}");
     }
 }
 
-/// A lidar that sees nothing for three seconds of a drive is on the map again within a second of its first turn.
+/// A lidar that is blind for three seconds is matched to the map again within a second of its first scan.
 #[test]
-fn a_lidar_that_was_blind_is_found_where_the_filter_is() {
+fn blind_lidar_is_relocalized_at_the_filters_pose() {
     let bench = bench();
     let fault = "fault.blind={ stream = \"roof.points\", drop = true, from_ms = 3000, until_ms = 6000 }";
     let set = ["--set", "localization.localizer=eskf_ndt", "--set", fault, "--out", "out"];
@@ -173,7 +174,7 @@ fn a_lidar_that_was_blind_is_found_where_the_filter_is() {
 }
 
 #[test]
-fn a_map_from_a_file_is_matched_with_or_refused() {
+fn map_from_a_file_is_used_or_refused() {
     let bench = bench();
     bench.good(&["map", "build", "road.toml", "-o", "road.map"]);
     let set = ["localization.localizer=ndt", "localization.map=road.map"];
@@ -210,10 +211,10 @@ fn a_map_from_a_file_is_matched_with_or_refused() {
     assert!(said.code == Some(1) && said.stderr.contains("there is no such file"), "{said:?}");
 }
 
-/// Fixes that come late, wander, jump and are missing for a hundred metres: the filter says when it does not know, and is right
-/// about how good it is; where that is not good enough for the lane, the car stops and says so.
+/// Fixes are late, drift, jump and are missing for a hundred metres. The filter's uncertainty is consistent with its
+/// error; where it is too large for the lane, the car stops and reports it.
 #[test]
-fn a_city_receiver_leads_along_a_lane_until_the_car_stops_because_it_does_not_know() {
+fn city_receiver_guides_the_car_until_its_uncertainty_stops_it() {
     let bench = Bench::new();
     let drive = |threads: &str| -> Value {
         let said = bench.good(&["run", "lane", "-c", "urban_gnss", "--json", "--threads", threads]);
@@ -234,10 +235,10 @@ fn a_city_receiver_leads_along_a_lane_until_the_car_stops_because_it_does_not_kn
     assert_eq!(drive("3")["digest"], metrics["digest"], "threads change nothing");
 }
 
-/// A map of the street by the log of a drive through it: the same whether the log has the clouds or they are computed
-/// again, and a lidar finds its way by it.
+/// A map of the street built from a drive's log is the same whether the log holds the clouds or they are recomputed,
+/// and a lidar localizes in it.
 #[test]
-fn a_map_of_a_log_is_the_scenario_s() {
+fn map_of_a_log_equals_that_of_the_scenario() {
     let bench = bench();
     let lidar = ["street", "-c", "lidar.toml", "--set", "lidar.roof.params.columns=450"];
     let drive = |out: &str, images: &str| {
@@ -273,14 +274,14 @@ fn a_map_of_a_log_is_the_scenario_s() {
     refused(&["absent.mcap"], "absent.mcap");
 }
 
-/// A vehicle that tells its pose, with a lidar that looks to the left.
+/// A vehicle that reports its pose, with a lidar that faces left.
 const VEHICLE: &str = r#"live = { route = "road.toml" }
 ros2 = { vehicle = "plain" }
 source = { rosbag = "bag.mcap" }
 lidar.lidar = { at_m = [1.4, 0.2, 1.9], yaw_deg = 90.0 }
 "#;
 
-/// A rosbag2 log of messages in order: topic, stamp, message.
+/// Writes a rosbag2 log of messages in order: topic, stamp, message.
 fn write_bag(path: &Path, epoch: Epoch, messages: &[(&str, Time, AnyMessage)]) {
     let mut writer = Writer::new(File::create(path).unwrap()).unwrap();
     let mut channels = BTreeMap::new();
@@ -296,7 +297,7 @@ fn write_bag(path: &Path, epoch: Epoch, messages: &[(&str, Time, AnyMessage)]) {
     writer.finish().unwrap();
 }
 
-/// Two walls along x, six metres to each side of where the vehicle starts.
+/// Two walls along x, six metres to each side of the vehicle's start.
 fn walls() -> Vec<Point<Map>> {
     let along = (-10..50).flat_map(|x| [0.2, 0.5, 0.8].map(|part| f64::from(x) + part));
     let point =
@@ -304,9 +305,9 @@ fn walls() -> Vec<Point<Map>> {
     along.flat_map(point).collect()
 }
 
-/// A map by what a vehicle recorded of poses and clouds, each point where it was at its own instant.
+/// Builds a map from recorded poses and clouds, with each point placed at its own instant.
 #[test]
-fn a_map_of_a_vehicle_s_log_is_what_stood_beside_it() {
+fn map_of_a_vehicle_log_holds_the_surroundings() {
     let bench = bench();
     bench.write("vehicle.toml", VEHICLE);
     let epoch = Epoch { ns: 1_700_000_000_000_000_000 };
@@ -336,7 +337,7 @@ fn a_map_of_a_vehicle_s_log_is_what_stood_beside_it() {
             let place_m = [there.x, there.y, there.z].map(|x| x as f32);
             cloud.push(LidarPoint { place_m, intensity: 0.5, ring: 0, time_offset_s: ago.as_secs() as f32 });
         }
-        // The vehicle's own roof is no part of the map.
+        // The vehicle's own roof is excluded from the map.
         cloud.push(LidarPoint { place_m: [1.0, 0.0, -0.5], intensity: 0.5, ring: 0, time_offset_s: 0.0 });
         messages.push((
             "/points",
@@ -360,7 +361,7 @@ fn a_map_of_a_vehicle_s_log_is_what_stood_beside_it() {
     let off = map.voxels().iter().flat_map(|voxel| voxel.mean_m).fold(0.0, |most: f32, x| most.max(x.abs()));
     assert!(off < 0.02, "{off} m off the middle");
 
-    // Of clouds that were not recorded there is no map: nobody can compute a vehicle's again.
+    // Without recorded clouds there is no map: a real vehicle's cannot be recomputed.
     bench.good(&["live", "vehicle.toml", "--out", "bare"]);
     let said = bench.swerve(&["map", "build", "bare/log.mcap", "-o", "bare.map"]);
     assert_eq!(said.code, Some(1), "{said:?}");

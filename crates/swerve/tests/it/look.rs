@@ -10,7 +10,7 @@ fn image(bench: &Bench, name: &str, [width, height]: [u32; 2], value: u8) {
 }
 
 #[test]
-fn images_with_nothing_in_them_have_no_objects() {
+fn images_without_content_have_no_objects() {
     let bench = Bench::new();
     image(&bench, "dot.png", [1, 1], 255);
     image(&bench, "black.png", [160, 120], 0);
@@ -26,7 +26,7 @@ fn images_with_nothing_in_them_have_no_objects() {
 }
 
 #[test]
-fn images_with_nothing_in_them_have_no_lines_no_lamps_and_no_depth() {
+fn images_without_content_have_no_lines_no_lamps_and_no_depth() {
     let bench = Bench::new();
     image(&bench, "dot.png", [1, 1], 255);
     image(&bench, "black.png", [160, 120], 0);
@@ -71,7 +71,7 @@ fn every_pixel_has_a_class() {
 }
 
 #[test]
-fn a_folder_is_looked_through_and_no_picture_is_lost() {
+fn folder_is_processed_whole_and_no_picture_is_lost() {
     let bench = Bench::new();
     for name in ["a/b.png", "a/a.png", "c/a.png"] {
         std::fs::create_dir_all(bench.path(name).parent().unwrap()).unwrap();
@@ -84,7 +84,7 @@ fn a_folder_is_looked_through_and_no_picture_is_lost() {
     for name in ["a.png", "b.png", "a-2.png"] {
         assert!(bench.path("drawn").join(name).exists(), "{name}");
     }
-    // What is read is never written over, by itself or by another's drawing.
+    // Inputs are never overwritten, neither by their own nor by another image's output.
     let before = std::fs::read(bench.path("a/a.png")).unwrap();
     bench.write("det.txt", "1,-1,1,1,5,5,0.9\n");
     std::fs::create_dir(bench.path("empty")).unwrap();

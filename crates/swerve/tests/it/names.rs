@@ -1,9 +1,9 @@
-//! What is in the program goes by its name, where no file does; `swerve new` makes a folder to begin in.
+//! Built-in files are used by name where no file of that name exists; `swerve new` creates a project folder.
 
 use crate::support::{Bench, SHORT, digest};
 
 #[test]
-fn a_scenario_and_a_configuration_go_by_their_names() {
+fn scenario_and_configuration_are_found_by_name() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let (scenario, config) =
         (format!("{root}/scenarios/person_crossing.toml"), format!("{root}/configs/paper.toml"));
@@ -28,7 +28,7 @@ fn a_scenario_and_a_configuration_go_by_their_names() {
 }
 
 #[test]
-fn what_a_named_study_names_is_found_too() {
+fn files_named_by_a_built_in_study_are_found() {
     let bench = Bench::new();
     bench.good(&["study", "planners", "--shard", "1/240", "--out", "o"]);
     let commands = bench.read("o/commands.txt");
@@ -41,9 +41,9 @@ fn what_a_named_study_names_is_found_too() {
     assert_eq!(said.code, Some(0), "{said:?}");
 }
 
-/// From whatever folder a file names what is in the program.
+/// A file in any folder can name built-in files.
 #[test]
-fn a_file_names_what_is_in_the_program() {
+fn file_can_name_built_in_files() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("mine")).unwrap();
     let study =
@@ -57,7 +57,7 @@ fn a_file_names_what_is_in_the_program() {
         "{}",
         bench.read("o/commands.txt")
     );
-    // A file goes before a name here too.
+    // A file takes precedence over a name here too.
     bench.write("mine/lane", SHORT);
     bench.good(&["study", "mine/study.toml", "--out", "p"]);
     assert!(
@@ -68,18 +68,18 @@ fn a_file_names_what_is_in_the_program() {
 }
 
 #[test]
-fn a_file_goes_before_a_name() {
+fn file_takes_precedence_over_a_name() {
     let bench = Bench::new();
     bench.write("lane", SHORT);
     assert!(bench.good(&["run", "lane"]).starts_with("short, "));
     std::fs::remove_file(bench.path("lane")).unwrap();
-    // A folder is no scenario.
+    // A folder is not a scenario.
     std::fs::create_dir(bench.path("person_crossing")).unwrap();
     assert!(bench.good(&["run", "person_crossing"]).starts_with("person_crossing, "));
 }
 
 #[test]
-fn an_unknown_name_is_met_with_the_nearest() {
+fn unknown_name_is_reported_with_the_nearest() {
     let bench = Bench::new();
     for (args, says) in [
         (&["run", "person_behind_trukc"][..], "did you mean the scenario `person_behind_truck`"),
@@ -99,7 +99,7 @@ fn an_unknown_name_is_met_with_the_nearest() {
 }
 
 #[test]
-fn scenarios_of_the_folder_and_of_the_program_are_listed() {
+fn scenarios_of_the_folder_and_built_in_ones_are_listed() {
     let bench = Bench::new();
     let shipped = bench.good(&["scenarios"]);
     assert!(shipped.lines().any(|line| line.starts_with("person_behind_truck ")), "{shipped}");
@@ -111,7 +111,7 @@ fn scenarios_of_the_folder_and_of_the_program_are_listed() {
     assert_eq!(both.lines().count(), 1 + shipped.lines().count(), "{both}");
 }
 
-/// Every command that the README types, in an empty folder: drives last half a second, of a study one cell is driven.
+/// Every command of the README, in an empty folder: drives last half a second, and a study runs one cell.
 #[test]
 fn commands_of_the_readme_run_in_an_empty_folder() {
     let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md")).unwrap();
@@ -135,9 +135,9 @@ fn commands_of_the_readme_run_in_an_empty_folder() {
     assert!(seen >= 7, "only {seen} commands found");
 }
 
-/// Everything that the README of a new folder shows.
+/// Every command and file shown in the README of a new folder.
 #[test]
-fn a_new_folder_runs_at_once() {
+fn new_folder_runs_at_once() {
     let bench = Bench::new();
     let said = bench.good(&["new", "begin/here"]);
     assert!(said.contains("cd begin/here\n  swerve run scenario.toml -c config.toml"), "{said}");
@@ -175,20 +175,20 @@ fn a_new_folder_runs_at_once() {
 }
 
 #[test]
-fn what_to_type_next_is_quoted() {
+fn suggested_next_command_is_quoted() {
     let said = Bench::new().good(&["new", "a b/c d"]);
     assert!(said.contains("\n  cd 'a b/c d'\n"), "{said}");
 }
 
-/// The package of a new folder, against this checkout, as its README has it.
+/// The package of a new folder, against this checkout, as its README describes.
 #[test]
 #[ignore = "builds a package on Swerve"]
-fn the_package_of_a_new_folder_builds_and_drives() {
+fn package_of_a_new_folder_builds_and_drives() {
     let bench = Bench::new();
     bench.good(&["new", "begin"]);
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     std::fs::copy(format!("{root}/Cargo.lock"), bench.path("begin/Cargo.lock")).unwrap();
-    // Beside what is built already, and in the same way, so that only the package itself is built.
+    // In the existing target folder and with the same profile, so that only the package itself is built.
     let workspace = std::fs::read_to_string(format!("{root}/Cargo.toml")).unwrap();
     let (_, profiles) = workspace.split_once("[profile.dev]").unwrap();
     let own = bench.read("begin/Cargo.toml");
@@ -211,7 +211,7 @@ fn the_package_of_a_new_folder_builds_and_drives() {
 }
 
 #[test]
-fn a_new_folder_takes_nobodys_place() {
+fn new_folder_replaces_nothing() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("empty")).unwrap();
     bench.good(&["new", "empty"]);

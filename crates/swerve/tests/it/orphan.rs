@@ -1,4 +1,4 @@
-//! A vehicle whose program is killed: the process that speaks DDS stops it. The vehicle is simulated by this program.
+//! A vehicle whose program is killed is stopped by the DDS process. The vehicle is simulated by this program.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::hostile::{child_of, transport_of};
 use crate::support::{Bench, alone};
 
-/// Between two looks, and how many there are.
+/// Interval and number of polls.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 const LOOKS: usize = 600;
 
@@ -29,7 +29,7 @@ end_m = 580.0
 timeout_s = 20.0
 "#;
 
-/// A worker of a drive, as of a run.
+/// A worker process for a planner, as in a run.
 const WORKER: &str = "process.far.operators=[\"planner\"]";
 
 struct Killed(Child);
@@ -56,7 +56,7 @@ fn wait_until(what: &str, mut reached: impl FnMut() -> bool) {
     panic!("{what}: not in time");
 }
 
-/// Drives for a while and ends the program as `end` does; the figures of the vehicle.
+/// Drives for a while and ends the program with `end`; returns the vehicle's metrics.
 fn driven_until(domain: u32, end: impl FnOnce(&mut Child)) -> Value {
     let _alone = alone();
     let bench = Bench::new();
@@ -86,7 +86,7 @@ fn driven_until(domain: u32, end: impl FnOnce(&mut Child)) -> Value {
     wait_until("the transport is started", || transport_of(live.0.id()).is_some());
     let transport = transport_of(live.0.id()).unwrap();
     wait_until("the worker is started", || child_of(live.0.id(), "worker").is_some());
-    // At 150 kB a second, some seconds of driving.
+    // At 150 kB/s, some seconds of driving.
     let log = bench.path("live/log.partial.mcap");
     wait_until("the car drives", || std::fs::metadata(&log).is_ok_and(|log| log.len() > 600_000));
     end(&mut live.0);
@@ -95,7 +95,7 @@ fn driven_until(domain: u32, end: impl FnOnce(&mut Child)) -> Value {
     serde_json::from_str(&bench.read("car/metrics.json")).unwrap()
 }
 
-/// Without a command for half a second the vehicle's own time-out brakes it, which the gate records as a cause.
+/// Without commands for half a second the vehicle's own time-out brakes it, which the gate records as a cause.
 #[test]
 #[ignore = "real clock"]
 fn killed_program_leaves_a_vehicle_that_its_transport_stops_and_releases() {

@@ -1,4 +1,4 @@
-//! What goes where, and which options change it.
+//! Outputs, and the options that change them.
 
 use std::process::Command;
 
@@ -13,7 +13,7 @@ fn json(text: &str) -> Value {
 }
 
 #[test]
-fn json_is_one_object_and_nothing_else() {
+fn json_output_is_one_object() {
     let bench = Bench::new();
     let said = bench.swerve(&["run", "short.toml", "--json", "--out", "o"]);
     assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
@@ -38,7 +38,7 @@ fn json_is_one_object_and_nothing_else() {
 }
 
 #[test]
-fn the_seed_varies_the_run_and_threads_do_not() {
+fn seed_varies_the_run_and_threads_do_not() {
     let bench = Bench::new();
     let digest = |extra: &[&str]| {
         let args = [&["run", "short.toml", "--json", "--out", "o"][..], extra].concat();
@@ -51,9 +51,10 @@ fn the_seed_varies_the_run_and_threads_do_not() {
     assert_eq!(digest(&["--seed", "2"]), digest(&["--set", "seed=2"]));
 }
 
-/// One thread draws frame by frame, several leave all frames of an instant to the adapter and drive on.
+/// With one thread every frame is drawn in turn; with several, all frames of an instant are left to the adapter
+/// meanwhile.
 #[test]
-fn threads_do_not_change_what_an_adapter_draws() {
+fn threads_do_not_change_the_images_of_an_adapter() {
     if adapter_or_skip(Gpu::shared(AdapterKind::Software)).is_none() {
         return;
     }
@@ -74,7 +75,7 @@ fn threads_do_not_change_what_an_adapter_draws() {
 }
 
 #[test]
-fn pictures_come_in_the_form_that_is_asked_for() {
+fn pictures_have_the_requested_format() {
     let bench = Bench::new();
     let forms = [("svg", &b"<svg "[..]), ("pdf", b"%PDF-"), ("png", b"\x89PNG")];
     for (format, begins) in forms {
@@ -90,7 +91,7 @@ fn pictures_come_in_the_form_that_is_asked_for() {
 }
 
 #[test]
-fn a_run_time_that_is_set_goes_before_the_log() {
+fn set_run_time_takes_precedence_over_the_log() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o", "--set", "operator.planner.runtime={fixed_ms=20}"]);
     let digest = |extra: &[&str]| {
@@ -104,9 +105,9 @@ fn a_run_time_that_is_set_goes_before_the_log() {
     assert_ne!(digest(&set), digest(&log));
 }
 
-/// The world stands still between its steps: a time-out is found at the next one.
+/// The world is constant between its steps: a time-out is found at the next one.
 #[test]
-fn a_timeout_between_two_steps_of_the_world_is_one() {
+fn timeout_between_world_steps_takes_effect_at_the_next_step() {
     let bench = Bench::new();
     for (timeout_s, ends_at_s) in [("1.0", 1.0), ("1.0031", 1.005)] {
         bench.write("late.toml", &SHORT.replace("timeout_s = 10.0", &format!("timeout_s = {timeout_s}")));
@@ -117,7 +118,7 @@ fn a_timeout_between_two_steps_of_the_world_is_one() {
 }
 
 #[test]
-fn a_log_tells_why_as_its_run_did() {
+fn why_of_a_log_equals_that_of_its_run() {
     let bench = Bench::new();
     let run = json(&bench.good(&["run", "short.toml", "--json", "--out", "o"]));
     let again = json(&bench.good(&["why", "o/log.mcap", "--json"]));
@@ -140,7 +141,7 @@ fn a_log_tells_why_as_its_run_did() {
 }
 
 #[test]
-fn an_expected_verdict_of_old_is_taken_and_told() {
+fn renamed_expected_verdict_is_accepted_with_a_note() {
     let bench = Bench::new();
     let (head, rest) = SHORT.split_once("[[actor]]").unwrap();
     let rest = rest.split_once("[expect]").unwrap().1.replace("min_distance_m = { min", "duration_s = { min");
@@ -157,7 +158,7 @@ fn an_expected_verdict_of_old_is_taken_and_told() {
     assert!(said.contains("[expect] verdict `avoided`: such a run is called `completed` now\n"), "{said}");
     let why = &json(&bench.read("o/metrics.json"))["why"];
     assert_eq!((&why["actor"], &why["steps"][0]["what"]), (&serde_json::Value::Null, &"end".into()));
-    // There is nobody whom `why` could be asked for.
+    // There is no actor that `why` could be asked about.
     for (wrong, told) in [
         (["--actor", "x"], "--actor x: there is no actor in the scenario"),
         (["--at", "500"], "--at 500: no state of the world at that instant: expected 0.00 to "),
@@ -167,9 +168,9 @@ fn an_expected_verdict_of_old_is_taken_and_told() {
     }
 }
 
-/// The picture in the README is that of the command beside it.
+/// The README's picture is the output of the command beside it.
 #[test]
-fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
+fn readme_picture_and_digest_match_its_first_command() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
     let scenario = format!("{root}/scenarios/person_behind_truck.toml");
@@ -181,9 +182,9 @@ fn the_readmes_picture_and_digest_are_those_of_its_first_command() {
     assert!(is_same, "docs/img/story.svg is not what `swerve run {scenario}` draws");
 }
 
-/// By a reader that shares nothing with the writer; it needs a Python.
+/// With an independent reader, which needs Python.
 #[test]
-fn traces_keep_the_rules_of_their_format() {
+fn traces_follow_their_format() {
     let reader = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/trace_events.py");
     let has_python = Command::new("python3").arg("--version").output().is_ok_and(|o| o.status.success());
     if !has_python {
@@ -215,7 +216,7 @@ fn traces_keep_the_rules_of_their_format() {
 }
 
 #[test]
-fn every_run_has_a_folder_of_its_own_and_the_newest_has_the_scenarios_name() {
+fn every_run_has_a_separate_folder_and_the_newest_is_linked_as_the_scenario() {
     let bench = Bench::new();
     for seed in ["1", "2"] {
         let said = bench.good(&["run", "short.toml", "--seed", seed]);
@@ -226,7 +227,7 @@ fn every_run_has_a_folder_of_its_own_and_the_newest_has_the_scenarios_name() {
         );
     }
     assert_ne!(bench.read("out/short-1/metrics.json"), bench.read("out/short-2/metrics.json"));
-    // What is no link of ours stays.
+    // A path that is not this program's link is kept.
     std::fs::remove_file(bench.path("out/short")).unwrap();
     std::fs::create_dir(bench.path("out/short")).unwrap();
     let said = bench.good(&["run", "short.toml"]);
@@ -234,7 +235,7 @@ fn every_run_has_a_folder_of_its_own_and_the_newest_has_the_scenarios_name() {
 }
 
 #[test]
-fn an_earlier_run_is_replaced_only_when_that_is_said() {
+fn earlier_run_is_replaced_only_with_overwrite() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o"]);
     let before = bench.read("o/metrics.json");
@@ -250,7 +251,7 @@ fn an_earlier_run_is_replaced_only_when_that_is_said() {
 }
 
 #[test]
-fn strict_makes_what_was_not_expected_an_error() {
+fn strict_turns_unexpected_results_into_errors() {
     let bench = Bench::new();
     let stops = bench.read("short.toml").replace("verdict = \"avoided\"", "verdict = \"collision\"");
     bench.write("other.toml", &stops);
@@ -262,7 +263,7 @@ fn strict_makes_what_was_not_expected_an_error() {
 }
 
 #[test]
-fn run_times_may_come_from_the_log_that_the_run_replaces() {
+fn run_times_may_come_from_the_log_being_replaced() {
     let bench = Bench::new();
     let modelled = ["run", "short.toml", "--json", "--out", "o", "--set"];
     let first = bench.good(&[&modelled[..], &["operator.planner.runtime={ normal_ms = [60, 20] }"]].concat());
@@ -273,7 +274,7 @@ fn run_times_may_come_from_the_log_that_the_run_replaces() {
 }
 
 #[test]
-fn a_replay_verifies_after_the_scenario_file_is_gone() {
+fn replay_verifies_after_the_scenario_file_is_deleted() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o"]);
     std::fs::remove_file(bench.path("short.toml")).unwrap();
@@ -282,7 +283,7 @@ fn a_replay_verifies_after_the_scenario_file_is_gone() {
     }
     let what_if = ["replay", "o/log.mcap", "--from", "planning", "--set", "ego.speed_mps=8"];
     assert!(bench.good(&what_if).contains("planner: first difference at "));
-    // What would have come out is a log like any other, computed again from the same cut.
+    // The log of a replay can itself be replayed from the same cut.
     let replayed = "out/short_replayed-1/log.mcap";
     bench.good(&["replay", replayed, "--verify", "--from", "planning"]);
     assert!(bench.read("out/short_replayed-1/comparison.html").contains("swerve replay o/log.mcap"));

@@ -1,4 +1,4 @@
-//! Runs over several processes of this very program.
+//! Runs over several processes of this program.
 //!
 //! `SWERVE_KILLS=50` kills that many workers at random moments, `SWERVE_SPLITS=20` drives that many random splits.
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a failed test says where, a skipped one why")]
@@ -26,7 +26,7 @@ use tempfile::TempDir;
 mod called;
 mod hangs;
 
-/// The program whose other end the workers are.
+/// Program run by the workers.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_swerve");
 const SCENARIO: &str = "person_behind_truck";
 
@@ -48,7 +48,7 @@ fn config(file: &str, sets: &[&str]) -> Config {
     Config::load(Some(&file), &sets).unwrap_or_else(|problems| panic!("{problems:?}"))
 }
 
-/// A small camera and a lidar, each watched.
+/// A small camera and a lidar, each with an observer.
 const WATCHED: &str = "
 [camera.front]
 width_px = 240
@@ -68,12 +68,12 @@ fn watched(operators: &[&str]) -> Config {
     Config::from_document(&Document::parse("watched", text).unwrap(), &[]).unwrap()
 }
 
-/// The same in one process.
+/// The same configuration in one process.
 fn together(config: &Config) -> Config {
     Config { process: Default::default(), ..config.clone() }
 }
 
-/// A run that has not begun: its processes are there.
+/// A run before its start, with its processes ready.
 struct Run {
     pipeline: Pipeline,
     processes: Processes,
@@ -100,7 +100,7 @@ fn drive_here(config: &Config, until: Time) -> Outcome {
     drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap()
 }
 
-/// The files in the shared-memory folder whose names start so.
+/// Names of the shared-memory files with this prefix.
 fn left_over(prefix: &str) -> Vec<String> {
     let names = std::fs::read_dir("/dev/shm").unwrap().map(|entry| entry.unwrap().file_name());
     names.filter_map(|name| name.into_string().ok()).filter(|name| name.starts_with(prefix)).collect()
@@ -126,14 +126,14 @@ fn two_processes_drive_as_one() {
 }
 
 #[test]
-fn images_and_clouds_are_read_where_they_were_written() {
+fn images_and_clouds_are_read_in_place() {
     let until = Time::from_ms(1500);
     let config = watched(&["eye", "ear", "planner"]);
     let here = drive_here(&config, until);
     let (outcome, traffic) = drive_split(&config, until);
     assert_eq!(outcome.digest, here.digest);
     assert_eq!(outcome.report.operators, here.report.operators);
-    // What is drawn while six frames before it wait for a core that has other work is in memory of the drawer's own.
+    // Drawn while six earlier frames wait for a busy core: kept in the drawer's private memory.
     assert!(traffic.copied <= 2 * 86_400, "{traffic:?}");
     // 14 images of 86 kB; 14 clouds of five arrays of 115 kB and more, and one of half that.
     assert!(traffic.in_place >= 14 + 14 * 5, "{traffic:?}");
@@ -151,7 +151,7 @@ fn every_split_gives_the_same_digest() {
     for _ in 0..cases {
         let mut split = together(&config);
         for operator in operators {
-            // Half of the time it stays, else it goes to one of three.
+            // Stays in half of the cases, else moves to one of three.
             let process = (rng.bits() >> 8) % 6;
             if process < 3 {
                 let process = split.process.entry(format!("p{process}")).or_default();
@@ -165,7 +165,7 @@ fn every_split_gives_the_same_digest() {
 }
 
 #[test]
-fn two_runs_at_once_leave_each_other_alone() {
+fn concurrent_runs_do_not_disturb_each_other() {
     let until = Time::from_ms(2000);
     let config = config("two_processes", &[]);
     let here = drive_here(&config, until).digest;
@@ -184,12 +184,12 @@ fn two_runs_at_once_leave_each_other_alone() {
 }
 
 fn signal(process: u32, name: &str) {
-    // One that is gone already gets none.
+    // The process may be gone already.
     let command = format!("kill -s {name} {process}");
     Command::new("sh").args(["-c", &command]).stderr(Stdio::null()).status().unwrap();
 }
 
-/// Kills with no chance to clean up.
+/// Kills without a chance to clean up.
 fn kill(process: u32) {
     signal(process, "KILL");
 }
@@ -199,7 +199,7 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Kills a worker after so many publications, and tells when that was.
+/// Kills a worker after a number of publications and reports when.
 struct Killer {
     after: u64,
     process: u32,
@@ -218,7 +218,7 @@ impl Observer for Killer {
     }
 }
 
-/// Does something after so long, on a thread of its own.
+/// Runs `act` after a delay on a separate thread.
 fn after<T: Send + 'static>(wait: Duration, act: impl FnOnce() -> T + Send + 'static) -> JoinHandle<T> {
     std::thread::spawn(move || {
         let (_never, nothing) = channel::<()>();
@@ -227,17 +227,17 @@ fn after<T: Send + 'static>(wait: Duration, act: impl FnOnce() -> T + Send + 'st
     })
 }
 
-/// When a worker is killed.
+/// Time at which a worker is killed.
 #[derive(Clone, Copy)]
 enum Moment {
-    /// Between two steps: after so many publications.
+    /// Between two steps: after this many publications.
     Publications(u64),
-    /// Wherever it is then.
+    /// After this duration, wherever it is then.
     After(Duration),
 }
 
-/// Drives until a worker of the run is killed; checks that this is told, logged and cleaned up. Gives how long it took
-/// to be noticed, unless the run was over before.
+/// Drives until a worker of the run is killed; checks that this is reported, logged and cleaned up. Returns the
+/// detection time, or `None` if the run ended first.
 fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
@@ -274,7 +274,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     assert!(log.records.len() > 10 || matches!(moment, Moment::Publications(..10)));
     let end = log.end.unwrap();
     assert_eq!(end.failure(), Some(&error[..]));
-    // Its complete part is verified.
+    // The complete part of the log verifies.
     let said = verify(&path);
     let failed = format!("the run failed at {:.3} s ({error}): that instant is incomplete", end.at.as_secs());
     assert!(said.contains(&failed), "{said}");
@@ -283,7 +283,7 @@ fn lose_one(config: &Config, which: usize, moment: Moment) -> Option<Duration> {
     Some(ended - killed)
 }
 
-/// Verifies a log; gives the output.
+/// Verifies a log; returns the output.
 fn verify(log: &Path) -> String {
     let verified = Command::new(PROGRAM).args(["replay", "--verify"]).arg(log).output().unwrap();
     let [said, error] = [verified.stdout, verified.stderr].map(|all| String::from_utf8(all).unwrap());
@@ -292,9 +292,9 @@ fn verify(log: &Path) -> String {
 }
 
 #[test]
-fn a_killed_process_ends_a_virtual_run_with_its_log_whole_and_verified() {
+fn killed_process_ends_a_virtual_run_with_a_complete_verified_log() {
     let config = config("two_processes", &[]);
-    // Consecutive counts end at all places of an instant: before the tracker, predictor, planner, and after them.
+    // Consecutive counts end at all places of an instant: before the tracker, predictor and planner, and after them.
     for publications in 296..308 {
         for process in 0..2 {
             assert!(lose_one(&config, process, Moment::Publications(publications)).is_some());
@@ -304,7 +304,7 @@ fn a_killed_process_ends_a_virtual_run_with_its_log_whole_and_verified() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_process_killed_at_any_moment_is_noticed_within_half_a_second() {
+fn process_killed_at_any_moment_is_detected_within_half_a_second() {
     let config = config("two_processes", &[]);
     let kills = std::env::var("SWERVE_KILLS").map_or(1, |n| n.parse().unwrap());
     let mut rng = Rng::keyed(2, "kills", &[]);
@@ -317,7 +317,7 @@ fn a_process_killed_at_any_moment_is_noticed_within_half_a_second() {
             _ => Moment::After(Duration::from_micros(rng.bits() % 100_000)),
         };
         let Some(noticed) = lose_one(config, (rng.bits() % 2) as usize, moment) else { continue };
-        // Between the kill and the next call of that process lie steps of others.
+        // Other processes step between the kill and the next call of that process.
         assert!(noticed < Duration::from_millis(500), "noticed after {noticed:?}");
         in_time += 1;
     }
@@ -326,11 +326,11 @@ fn a_process_killed_at_any_moment_is_noticed_within_half_a_second() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
+fn process_killed_during_a_call_is_detected_within_100_ms() {
     let config = config("two_processes", &[]);
     let Run { mut pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
     let process = processes.workers().processes()[1].1;
-    // Stopped, it answers no call; killed, it never will.
+    // Stopped, it answers no call; then killed, it never will.
     signal(process, "STOP");
     pipeline.until = Time::from_ms(60_000);
     let killer = after(Duration::from_millis(300), move || {
@@ -345,7 +345,7 @@ fn a_process_killed_while_it_is_waited_for_is_noticed_within_100_ms() {
 
 #[test]
 #[ignore = "other processes' timing"]
-fn a_killed_coordinator_takes_its_workers_along_and_the_next_run_cleans_up() {
+fn killed_coordinator_ends_its_workers_and_the_next_run_cleans_up() {
     let out = tempfile::tempdir().unwrap();
     let mut coordinator = Command::new(PROGRAM)
         .args(["run", scenario_file().to_str().unwrap(), "--clock", "wall", "--out"])
@@ -376,13 +376,13 @@ fn a_killed_coordinator_takes_its_workers_along_and_the_next_run_cleans_up() {
     assert_eq!(left_over(&prefix), [""; 0]);
 }
 
-/// The processes that this one started.
+/// Child processes of this process.
 fn workers_of(coordinator: u32) -> Vec<u32> {
     let children = std::fs::read_to_string(format!("/proc/{coordinator}/task/{coordinator}/children"));
     children.unwrap_or_default().split_whitespace().filter_map(|id| id.parse().ok()).collect()
 }
 
-/// Under wall clock: kills a worker after so many publications, and follows what the log is told of processes.
+/// Under wall clock: kills a worker after a number of publications and records the supervision events.
 struct Watcher {
     killer: Killer,
     supervision: Vec<(Time, Supervision)>,
@@ -405,7 +405,7 @@ impl Observer for Watcher {
     }
 }
 
-/// Drives against the real clock, with a worker killed; replays the log. Gives what was told of processes.
+/// Drives under wall clock with a worker killed and replays the log. Returns the supervision events.
 fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log.mcap");
@@ -427,7 +427,7 @@ fn lose_one_under_wall_clock(on_loss: OnLoss, until: Time) -> Watcher {
 
 #[test]
 #[ignore = "real clock"]
-fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
+fn process_loss_under_wall_clock_stops_the_ego() {
     let watcher = lose_one_under_wall_clock(OnLoss::Stop, Time::from_ms(2000));
     let [(_, told)] = &watcher.supervision[..] else { panic!("{:?}", watcher.supervision) };
     assert_eq!(told.gone[0].process, "planning");
@@ -437,15 +437,15 @@ fn under_wall_clock_a_loss_brings_the_ego_to_a_stop() {
 
 #[test]
 #[ignore = "real clock"]
-fn under_wall_clock_a_lost_process_is_started_again() {
+fn lost_process_under_wall_clock_is_restarted() {
     let watcher = lose_one_under_wall_clock(OnLoss::Restart, Time::from_ms(4000));
     let mut told: Vec<usize> = watcher.supervision.iter().map(|(_, told)| told.gone.len()).collect();
-    // Where it takes long to be ready again, that is told as well.
+    // A slow restart is reported as well.
     told.dedup();
     assert_eq!(told, [1, 0], "{:?}", watcher.supervision);
 }
 
-/// iceoryx2's tunnel: the program that `SWERVE_TUNNEL` names, or what is on the path.
+/// iceoryx2's tunnel: the program named by `SWERVE_TUNNEL`, or the one on the path.
 fn tunnel() -> Option<PathBuf> {
     const NAME: &str = "iox2-link-tunnel-zenoh";
     let named = std::env::var_os("SWERVE_TUNNEL").map(PathBuf::from);
@@ -456,7 +456,7 @@ fn tunnel() -> Option<PathBuf> {
 
 #[test]
 #[ignore = "iceoryx2's tunnel"]
-fn a_run_over_two_hosts_is_that_of_one_process() {
+fn run_over_two_hosts_equals_that_of_one_process() {
     let Some(tunnel) = tunnel() else {
         println!("skipped: there is no iceoryx2 tunnel, see docs/howto/two_hosts.md");
         return;

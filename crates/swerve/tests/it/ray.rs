@@ -1,4 +1,4 @@
-//! The shards of a study on two local Ray workers. `SWERVE_PYTHON` names a Python that has Ray, where `python3` has not.
+//! Study shards on two local Ray workers. `SWERVE_PYTHON` names a Python with Ray, if `python3` has none.
 
 use std::process::Command;
 
@@ -6,7 +6,7 @@ use crate::support::{Bench, Said};
 
 #[test]
 #[ignore = "Ray"]
-fn a_study_runs_on_two_workers() {
+fn study_runs_on_two_workers() {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".into());
     let has_ray = Command::new(&python).args(["-c", "import ray"]).output().is_ok_and(|o| o.status.success());
     if !has_ray {
@@ -29,7 +29,7 @@ fn a_study_runs_on_two_workers() {
 }
 
 #[test]
-fn without_ray_the_job_is_written_and_it_is_said() {
+fn missing_ray_is_reported_and_the_job_is_written() {
     let bench = Bench::new();
     bench.write(
         "study.toml",

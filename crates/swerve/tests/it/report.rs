@@ -1,5 +1,5 @@
-//! Pages of runs and studies: what is in them, and that a real browser draws them. Without a browser the tests that
-//! need one say so; `.ci/tools` installs Debian's.
+//! Report pages of runs and studies: their contents, and their rendering in a real browser. Without a browser the tests
+//! that need one print a note; `.ci/tools` installs Debian's.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,7 +17,7 @@ fn data(bench: &Bench, page: &str) -> Value {
     serde_json::from_str(data_of(&bench.read(page)).unwrap()).unwrap()
 }
 
-/// A browser of this machine, if it has one.
+/// Browser of this machine, if any.
 pub(crate) fn browser() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
@@ -29,13 +29,13 @@ pub(crate) fn browser() -> Option<PathBuf> {
     found
 }
 
-/// What a page looks like after `ms` of the browser's own time, as HTML without its data and program. Nothing may
-/// have gone to the console: not an error, not a warning.
+/// HTML of a page after `ms` of the browser's virtual time, without its data and script. The console must be empty: no
+/// errors, no warnings.
 fn drawn(browser: &Path, page: &Path, hash: &str, ms: u32) -> String {
     drawn_at(browser, &format!("file://{}{hash}", page.display()), ms)
 }
 
-/// The same, of an address.
+/// Same as [`drawn`], for an address.
 pub(crate) fn drawn_at(browser: &Path, address: &str, ms: u32) -> String {
     let profile = tempfile::tempdir().unwrap();
     let said = Command::new(browser)
@@ -52,7 +52,7 @@ pub(crate) fn drawn_at(browser: &Path, address: &str, ms: u32) -> String {
     html.split("<script").next().unwrap().to_owned()
 }
 
-/// The text of the element of this identity.
+/// Text of the element with this id.
 pub(crate) fn text<'a>(html: &'a str, id: &str) -> &'a str {
     let (_, rest) = html.split_once(&format!("id=\"{id}\"")).unwrap_or_else(|| panic!("no {id} in {html}"));
     let (_, rest) = rest.split_once('>').unwrap();
@@ -60,7 +60,7 @@ pub(crate) fn text<'a>(html: &'a str, id: &str) -> &'a str {
 }
 
 #[test]
-fn the_page_of_a_run_is_that_of_its_log() {
+fn page_of_a_run_equals_that_of_its_log() {
     let bench = Bench::new();
     bench.good(&[
         "run",
@@ -92,16 +92,16 @@ fn the_page_of_a_run_is_that_of_its_log() {
     let mut times = took.iter().zip(of).filter(|(_, of)| **of == planner);
     assert!(times.all(|(us, _)| *us == 20_000), "the planner takes 20 ms, always");
     assert!(bench.read("o/report.html").len() < 1_000_000);
-    // A log without what was measured beside it is a page that says so.
+    // Without the metrics beside the log, the page states that they are missing.
     std::fs::remove_file(bench.path("o/metrics.json")).unwrap();
     bench.good(&["report", "o", "--out", "bare.html"]);
     let bare = data(&bench, "bare.html");
     assert!(bare["metrics"].is_null() && bare["notes"][0].as_str().unwrap().contains("metrics.json"));
 }
 
-/// Where a log has JPEG files in the place of all bytes, the page that is made of it shows these.
+/// If a log holds JPEG files instead of raw images, its page shows these.
 #[test]
-fn the_cameras_pictures_of_a_run_are_in_the_page_of_its_log() {
+fn camera_pictures_of_a_run_are_in_the_page_of_its_log() {
     let bench = Bench::new();
     let eye = "[log]\nsensors = [\"eye\"]\n[camera.eye]\nwidth_px = 64\nheight_px = 48\noutputs = [\"depth\", \"rgb\"]\n";
     bench.write("eye.toml", eye);
@@ -123,7 +123,7 @@ fn the_cameras_pictures_of_a_run_are_in_the_page_of_its_log() {
 }
 
 #[test]
-fn two_runs_part_where_they_do() {
+fn comparison_finds_where_two_runs_diverge() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "a"]);
     bench.good(&["run", "short.toml", "--out", "b", "--set", "sensing.range_m=20"]);
@@ -146,7 +146,7 @@ fn two_runs_part_where_they_do() {
 }
 
 #[test]
-fn a_browser_draws_a_run_and_plays_it() {
+fn browser_draws_and_plays_a_run() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     let name = "</script><script>document.title=1</script>";
@@ -163,7 +163,7 @@ fn a_browser_draws_a_run_and_plays_it() {
         "{still}"
     );
     assert!(still.contains("<title>short: ") && still.contains("id=\"repeat\""), "a name is a text: {still}");
-    // On a busy machine a browser draws few frames, often a single one: it is asked again until there is a second one.
+    // On a busy machine a browser draws few frames, often only one: retried until there is a second one.
     let seconds = |ms: u32| -> f64 {
         let played = drawn(&browser, &page, "#t=1.25&play", ms);
         text(&played, "time").trim_end_matches(" s").parse().unwrap()
@@ -191,7 +191,7 @@ fn a_browser_draws_a_run_and_plays_it() {
 }
 
 #[test]
-fn a_browser_draws_studies_and_filters_them() {
+fn browser_draws_and_filters_studies() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     bench.write("study.toml", STUDY);
@@ -208,7 +208,7 @@ fn a_browser_draws_studies_and_filters_them() {
 }
 
 #[test]
-fn two_runs_are_told_apart_by_their_cars() {
+fn two_runs_are_distinguished_by_their_cars() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "a"]);
@@ -222,7 +222,7 @@ fn two_runs_are_told_apart_by_their_cars() {
 }
 
 #[test]
-fn studies_that_share_no_cell_are_not_the_same() {
+fn studies_without_common_cells_differ() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     bench.write("a.toml", STUDY);
@@ -236,13 +236,13 @@ fn studies_that_share_no_cell_are_not_the_same() {
 }
 
 #[test]
-fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
+fn square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
     let bench = Bench::new();
     bench.write("study.toml", STUDY);
     bench.good(&["study", "study.toml", "--out", "s"]);
     let cells = |page: &Value| page["cells"].as_array().unwrap().clone();
     assert!(cells(&data(&bench, "s/report.html")).iter().all(|cell| cell["report"].is_null()));
-    // What was finished without its page is driven again.
+    // Cells finished without a page are run again.
     bench.good(&["study", "study.toml", "--out", "s", "--reports"]);
     let page = data(&bench, "s/report.html");
     let columns: Vec<&str> =
@@ -263,7 +263,7 @@ fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
     assert!(tallest < 45.0, "a row is {tallest} px high");
     shown.evaluate("document.querySelector('table.heat td button').click()");
     assert_eq!(shown.evaluate("document.querySelectorAll('#heat a').length"), 3);
-    // Long names of scenarios below the axis of a plot stand aslant, short ones as they are.
+    // Long scenario names below the axis of a plot are slanted, short ones are not.
     for (name, aslant) in [("a_long_name_of_a_scenario", 10), ("s", 0)] {
         let texts = format!(
             "namesBelow([...Array(10).keys()].map((k) => ({{ label: `{name}_${{k}}`, at: 60 + 100 * k }})), 260).texts"
@@ -275,7 +275,7 @@ fn a_square_opens_the_pages_of_its_runs_and_rows_are_one_line_high() {
 }
 
 #[test]
-fn of_a_sensor_a_page_tells_what_is_not_at_its_default() {
+fn page_shows_only_the_non_default_settings_of_a_sensor() {
     let bench = Bench::new();
     bench.good(&["run", "short.toml", "--out", "o", "--set", "camera.front.width_px=64"]);
     let page = data(&bench, "o/report.html");

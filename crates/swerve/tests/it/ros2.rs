@@ -1,7 +1,7 @@
-//! `swerve run --ros2` against Eclipse Cyclone DDS: what a simulated car says, and that another stack can drive it.
+//! `swerve run --ros2` against Eclipse Cyclone DDS: the topics of a simulated car, and driving it with another stack.
 //!
-//! The programs on the other side are in `tests/ros2/`. Skipped with a word where Python's package `cyclonedds` is not
-//! installed, unless `SWERVE_CI` is set. Figures are printed (`--nocapture`).
+//! The peer programs are in `tests/ros2/`. The tests are skipped with a note without Python's `cyclonedds` package,
+//! unless `SWERVE_CI` is set. Measurements are printed (`--nocapture`).
 
 #![expect(
     clippy::unwrap_used,
@@ -32,7 +32,7 @@ params = { columns = 60 }
 localhost_only = true
 ";
 
-/// A straight road with a parked car beside it, and time enough.
+/// A straight road with a parked car beside it, and a long time-out.
 const SCENARIO: &str = "
 name = 'straight'
 description = 'A straight road.'
@@ -60,7 +60,7 @@ fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/ros2")
 }
 
-/// The interpreter that has the package; says so, or fails in CI, where none has.
+/// Interpreter with the package. If there is none, prints a note, or fails in CI.
 fn python() -> Option<String> {
     let python = std::env::var("SWERVE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let ran = Command::new(&python).args(["-c", "import cyclonedds"]).stderr(Stdio::null()).status();
@@ -72,7 +72,7 @@ fn python() -> Option<String> {
     None
 }
 
-/// A program on the other side.
+/// A peer program.
 struct Peer {
     child: Child,
     stdin: Option<ChildStdin>,
@@ -81,7 +81,7 @@ struct Peer {
 
 impl Peer {
     fn start(python: &str, program: &str, arguments: &[String], lines: &str) -> Self {
-        // This host only, without multicast, as a machine without network has it.
+        // This host only, without multicast, as on a machine without a network.
         let cyclone = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
             <AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
             <Peers><Peer Address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
@@ -102,7 +102,7 @@ impl Peer {
         Self { child, stdin: Some(stdin), stdout }
     }
 
-    /// Closes its input; what it says in the end.
+    /// Closes its input; returns its final output.
     fn end(mut self) -> Value {
         self.stdin = None;
         let mut told = String::new();
@@ -118,7 +118,7 @@ impl Drop for Peer {
     }
 }
 
-/// A folder with a configuration and a scenario; which domain is this run's alone.
+/// A folder with a configuration and a scenario, and a DDS domain used only by this run.
 fn folder(config: &str, scenario: &str, number: u32) -> (TempDir, u32) {
     let folder = tempfile::tempdir().unwrap();
     let domain = 20 + 8 * (std::process::id() % 20) + number;
@@ -129,7 +129,7 @@ fn folder(config: &str, scenario: &str, number: u32) -> (TempDir, u32) {
 
 fn swerve(folder: &TempDir, words: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_swerve"));
-    // What a test drives into the same folder again, it means to.
+    // Tests that use the same folder again do so on purpose.
     command.args(words).args(words.contains(&"--out").then_some("--overwrite"));
     command.current_dir(folder.path()).output().unwrap()
 }
@@ -146,7 +146,7 @@ fn seconds(header: &Value) -> f64 {
 
 const RUN: [&str; 6] = ["run", "scenario.toml", "-c", "config.toml", "--out", "out"];
 
-/// Each topic with its type, and how many messages a second there are to be.
+/// Each topic with its type and nominal rate, Hz.
 const TOPICS: [(&str, &str, f64); 20] = [
     ("/clock", "rosgraph_msgs/Clock", 100.0),
     ("/tf", "tf2_msgs/TFMessage", 100.0),
@@ -172,7 +172,7 @@ const TOPICS: [(&str, &str, f64); 20] = [
 
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn another_makers_reader_sees_every_topic_of_a_simulated_car() {
+fn third_party_reader_receives_every_topic_of_a_simulated_car() {
     let Some(python) = python() else { return };
     let _alone = alone();
     let (folder, domain) = folder(CONFIG, SCENARIO, 0);
@@ -190,13 +190,13 @@ fn another_makers_reader_sees_every_topic_of_a_simulated_car() {
         let rate = (n - 1.0) / (to.as_f64().unwrap() - from.as_f64().unwrap()).max(1e-3);
         let sent = topics.iter().find(|t| t["topic"] == topic).unwrap()["sent"].as_f64().unwrap();
         println!("{topic}: {n} messages of {sent}, {rate:.1} a second");
-        // On a machine that has other work less is sent, and some of it lost; nothing is made up.
+        // On a busy machine fewer messages are sent and some are lost, but none are invented.
         assert!(hz == 0.0 || rate < 1.2 * hz, "{topic}: {rate} Hz");
         assert!(n <= sent && n > 0.5 * sent, "{topic}: {n} of {sent}");
     }
     check_sensors(&seen);
     check_car(&seen);
-    // What is not asked for does not run, and is not there.
+    // Topics that are not requested do not exist.
     assert!(topics.iter().all(|t| t["dropped"] == 0 && t["refused"] == 0), "{topics:#?}");
     assert!(topics.iter().all(|t| t["topic"] != "/control/command/control_cmd"), "nobody is to drive it");
 }
@@ -213,7 +213,7 @@ fn check_sensors(seen: &Value) {
     let file = last("/sensing/camera/camera0/image_raw/compressed");
     assert_eq!((&file["data"]["head"][0], &file["data"]["head"][1]), (&0xff.into(), &0xd8.into()), "no JPEG");
     let info = last("/sensing/camera/camera0/camera_info");
-    // The middle of the image, counted from the middle of the first pixel.
+    // Image centre, relative to the centre of the first pixel.
     assert_eq!((&info["k"]["head"][2], &info["k"]["head"][5]), (&79.5.into(), &47.5.into()));
     let cloud = last("/sensing/lidar/top/pointcloud_raw");
     assert!(cloud["width"].as_u64().unwrap() > 500 && cloud["header"]["frame_id"] == "lidar_top", "{cloud}");
@@ -258,10 +258,10 @@ fn check_car(seen: &Value) {
     assert!((1.0..20.0).contains(&clock), "{clock}");
 }
 
-/// The other stack drives half a metre to the left of the lane's middle at 5 m/s for 6 s, then falls silent.
+/// The other stack drives half a metre to the left of the lane centre at 5 m/s for 6 s, then falls silent.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn another_stack_drives_the_simulated_car_and_it_stops_without() {
+fn other_stack_drives_the_simulated_car_which_stops_without_commands() {
     let Some(python) = python() else { return };
     let _alone = alone();
     let scenario = SCENARIO.replace("timeout_s = 9.0", "timeout_s = 14.0");
@@ -280,16 +280,16 @@ fn another_stack_drives_the_simulated_car_and_it_stops_without() {
     assert!(way.iter().take_while(|row| row[0] < began - 0.1).all(|row| row[4].abs() < 0.05), "it rolled");
     let stopped = way.last().unwrap();
     assert!(stopped[4].abs() < 0.05, "it did not stop: {stopped:?}");
-    // The same again from the log: nobody is asked any more.
+    // Replayed from the log, without the peer.
     let replayed = ok(&swerve(&folder, &["replay", "out/log.mcap", "--verify"]));
     println!("{replayed}");
     assert!(replayed.contains(", as logged"), "{replayed}");
 }
 
-/// Our own stack in another process, over the network, in the place of the other one.
+/// This stack in another process, over the network, in place of the other one.
 #[test]
 #[ignore = "real clock"]
-fn our_stack_drives_the_simulated_car_from_another_process() {
+fn own_stack_drives_the_simulated_car_from_another_process() {
     let _alone = alone();
     let scenario = SCENARIO.replace("timeout_s = 9.0", "timeout_s = 16.0");
     let (folder, domain) = folder("[ros2]\nlocalhost_only = true\n", &scenario, 2);
@@ -307,7 +307,7 @@ fn our_stack_drives_the_simulated_car_from_another_process() {
     assert!(ended.success(), "{said}");
     let [car, stack] = ["out", "live"].map(|out| metrics(&folder, out));
     let (driven_m, beside_m) = (&stack["drive"]["driven_m"], &stack["drive"]["beside_max_m"]);
-    // Plans make room for the parked car, within the lane.
+    // Plans keep clear of the parked car within the lane.
     assert!(driven_m.as_f64().unwrap() > 25.0 && beside_m.as_f64().unwrap() < 1.0, "{}", stack["drive"]);
     assert!(car["gate"]["driving_s"].as_f64().unwrap() > 5.0, "{}", car["gate"]);
     assert!(
@@ -318,7 +318,7 @@ fn our_stack_drives_the_simulated_car_from_another_process() {
     ok(&swerve(&folder, &["replay", "out/log.mcap", "--verify"]));
 }
 
-/// A stack for a vehicle; `[live]` is open at its end.
+/// A stack for a vehicle; the table `[live]` is left open at the end.
 const LIVE: &str = "
 [control]
 controller = 'stanley'
@@ -330,7 +330,7 @@ fn metrics(folder: &TempDir, out: &str) -> Value {
     serde_json::from_slice(&std::fs::read(folder.path().join(out).join("metrics.json")).unwrap()).unwrap()
 }
 
-/// Drives by a recording; what it came to.
+/// Drives on a recording; returns the metrics.
 fn drive_recorded(folder: &TempDir, bag: &str, out: &str, threads: &str) -> Value {
     let text = format!("{LIVE}[source]\nrosbag = '{bag}'\n");
     std::fs::write(folder.path().join("recorded.toml"), text).unwrap();
@@ -348,7 +348,7 @@ fn steps(metrics: &Value, name: &str) -> u64 {
     operators.iter().find(|operator| operator["operator"] == name).unwrap()["steps"].as_u64().unwrap()
 }
 
-/// Whether Python can write logs; says so, or fails in CI.
+/// Python with the `mcap` package. If there is none, prints a note, or fails in CI.
 fn python_with_mcap() -> Option<String> {
     let python = python()?;
     let ran =
@@ -363,7 +363,7 @@ fn python_with_mcap() -> Option<String> {
 
 #[test]
 #[ignore = "Python's package mcap"]
-fn a_recorded_drive_is_computed_the_same_each_time() {
+fn recorded_drive_is_computed_identically_each_time() {
     let Some(python) = python_with_mcap() else { return };
     let (folder, _) = folder("[ros2]\n", SCENARIO, 3);
     let mut digests = Vec::new();
@@ -381,7 +381,7 @@ fn a_recorded_drive_is_computed_the_same_each_time() {
     assert!(digests.iter().all(|digest| *digest == digests[0]), "{digests:?}");
     let replayed = ok(&swerve(&folder, &["replay", "zstd/log.mcap", "--verify"]));
     assert!(replayed.contains(", as logged"), "{replayed}");
-    // As the folder that `ros2 bag record` makes, and cut off as by a crash.
+    // In a folder as `ros2 bag record` writes it, and truncated as by a crash.
     let bag = std::fs::read(folder.path().join("zstd.mcap")).unwrap();
     std::fs::create_dir(folder.path().join("bag")).unwrap();
     std::fs::write(folder.path().join("bag/metadata.yaml"), "rosbag2_bagfile_information:\n").unwrap();
@@ -389,7 +389,7 @@ fn a_recorded_drive_is_computed_the_same_each_time() {
     let metrics = drive_recorded(&folder, "bag", "cut", "1");
     assert!(metrics["cut_off"][0].as_str().unwrap().contains("ends or is damaged after"), "{metrics}");
     assert!((2.0..9.0).contains(&metrics["seconds"].as_f64().unwrap()), "{metrics}");
-    // No recording at all.
+    // A file that is not a recording.
     std::fs::write(folder.path().join("none.mcap"), "no recording").unwrap();
     let output = swerve(&folder, &["live", "recorded.toml", "--set", "source.rosbag=none.mcap"]);
     let told = String::from_utf8_lossy(&output.stderr);
@@ -406,7 +406,7 @@ fn check_recorded(metrics: &Value) {
         (&topic(metrics, pose)["messages"], &topic(metrics, pose)["used"]),
         (&500.into(), &500.into())
     );
-    // The recorder's clock is 1.5 s ahead, and the fastest messages took no time.
+    // The recorder's clock is 1.5 s ahead, and the fastest messages had no latency.
     let offset = topic(metrics, pose)["clock_offset_ms"].as_f64().unwrap();
     assert!((offset - 1500.0).abs() < 1e-6, "{offset}");
     let velocity = topic(metrics, velocity);
@@ -420,10 +420,10 @@ fn check_recorded(metrics: &Value) {
     assert!(metrics["drive"]["driving_s"].as_f64().unwrap() > 9.0, "{}", metrics["drive"]);
 }
 
-/// What the simulator says is recorded by another maker's reader, and driven by again.
+/// The simulator's topics are recorded by a third-party reader and then driven on.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn what_a_simulated_car_says_can_be_recorded_and_driven_by() {
+fn recorded_topics_of_a_simulated_car_can_be_driven_on() {
     let Some(python) = python_with_mcap() else { return };
     let _alone = alone();
     let (folder, domain) = folder(CONFIG, SCENARIO, 4);

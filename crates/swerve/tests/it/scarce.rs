@@ -1,13 +1,13 @@
-//! Inputs out of all proportion, and a system that gives little: messages stay short and clear, and time bounded.
+//! Oversized inputs and scarce resources: messages stay short and clear, and time is bounded.
 
 use std::fmt::Write as _;
 
 use crate::support::{Bench, Said};
 
-/// A busy host counts several times the processor time of an idle one.
+/// Processor time on a busy host relative to an idle one.
 const BUSY: u32 = 5;
 
-/// Calls the program with at most so much processor time, as of an idle host.
+/// Runs the program with limited processor time, in seconds of an idle host.
 fn within_s(bench: &Bench, seconds: u32, args: &str) -> Said {
     let line = format!("ulimit -t {}; ulimit -c 0; exec swerve {args}", BUSY * seconds);
     Said::of(&bench.shell_command(&line).output().unwrap())
@@ -55,7 +55,7 @@ fn names_of_a_megabyte_are_refused_at_once_in_a_short_message() {
 }
 
 #[test]
-fn names_within_the_bound_on_texts_are_refused_in_a_short_message_too() {
+fn names_within_the_text_limit_are_refused_in_a_short_message_too() {
     let bench = Bench::new();
     let long = "x".repeat(9_000);
     let actors: String = (0..10_000).map(|i| actor(&format!("{i}{long:.900}"), "car", 50.0, 2.0)).collect();
@@ -104,9 +104,9 @@ fn ten_thousand_actors_are_checked_apart_and_overlapping() {
     );
 }
 
-/// Each sees over the heads of those before: 10,000 lines of sight to nine points each, 20 times a second.
+/// Each person is visible over those in front: 10,000 lines of sight to nine points each, 20 times a second.
 #[test]
-fn ten_thousand_people_are_driven_past() {
+fn ten_thousand_people_can_be_simulated() {
     let bench = Bench::new();
     bench.write("crowd.toml", &crowd(10_000, "pedestrian", 1.6, 6.0));
     let said = within_s(&bench, 24, "run crowd.toml --out o --overwrite");
@@ -114,7 +114,7 @@ fn ten_thousand_people_are_driven_past() {
 }
 
 #[test]
-fn too_few_descriptors_are_named() {
+fn descriptor_shortage_is_named() {
     let bench = Bench::new();
     bench.write("two.toml", "[process.perception]\noperators = [\"tracker\"]\n");
     bench.write("car.toml", "[live]\nroute = \"short.toml\"\n");
@@ -142,9 +142,9 @@ fn too_few_descriptors_are_named() {
     assert!(refused >= 20 && driven >= 20, "{refused} refused, {driven} driven");
 }
 
-/// In a mount namespace of its own, as root of a user namespace; passed over where the system allows none.
+/// In a separate mount namespace, as root of a user namespace; skipped if the system does not allow it.
 #[test]
-fn shared_memory_that_cannot_be_had_is_named_by_the_run_and_by_doctor() {
+fn unavailable_shared_memory_is_named_by_run_and_doctor() {
     let bench = Bench::new();
     bench.write("two.toml", "[process.perception]\noperators = [\"tracker\"]\n");
     let with = |mount: &str, args: &str| {

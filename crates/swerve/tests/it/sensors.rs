@@ -1,4 +1,4 @@
-//! Sensors from a file: run, left out of the log, computed again; and what is wrong with them.
+//! Sensors from a file: run, omitted from the log and recomputed; and their errors.
 
 use serde_json::Value;
 
@@ -22,7 +22,7 @@ params = { range_max_m = 60 }
 "#;
 
 #[test]
-fn a_drive_with_sensors_is_repeated_from_its_log_on_any_number_of_threads() {
+fn sensor_drive_replays_from_its_log_on_any_number_of_threads() {
     let bench = Bench::new();
     bench.write("start.toml", &SHORT.replace("timeout_s = 10.0", "timeout_s = 0.4"));
     bench.write("sensors.toml", SENSORS);
@@ -45,7 +45,7 @@ fn a_drive_with_sensors_is_repeated_from_its_log_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_rig_that_cannot_be_is_refused_with_all_its_faults() {
+fn impossible_sensors_are_refused_with_all_their_errors() {
     let bench = Bench::new();
     let rig = "[log]\nsensors = [\"rof\"]\n[camera.eye]\nfov_deg = 180\n[lidar.roof]\nat_m = [1, 0, 0.5]\n\
                beams_deg = [[1, 0], [1, 0]]\n[radar.eye]\nperiod_ms = nan\n";

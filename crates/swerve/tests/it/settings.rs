@@ -1,4 +1,4 @@
-//! Numeric settings: a drive at the floor and at the ceiling of each ends, in bounded time and memory.
+//! Numeric settings: a drive at the minimum and at the maximum of each ends in bounded time and memory.
 
 use std::fmt::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,14 +8,14 @@ use serde_json::Value;
 
 use crate::support::{Bench, Said, alone};
 
-/// A drive may have so much address space, and so long.
+/// Limits of address space and time of a drive.
 const MEMORY_MIB: u64 = 4096;
 const TIME_S: u32 = 60;
 
-/// Keys of programs other than `swerve run`, and of what no drive reads.
+/// Keys of commands other than `swerve run`, and keys that no drive reads.
 const NOT_DRIVEN: [&str; 4] = ["clock.", "live.", "localization.stored_pose", "perception.calibration."];
 
-/// What a drive needs so that a key matters in it, by the beginning of the key.
+/// Settings that a key needs to take effect in a drive, by key prefix.
 const NEEDED: [(&str, &str); 27] = [
     ("camera.NAME.matrix", "log.sensors = ['any']\ncamera.any = { width_px = 64, height_px = 36 }"),
     ("camera.NAME.width_px", "log.sensors = ['any']\ncamera.any = { height_px = 36 }"),
@@ -66,7 +66,7 @@ const NEEDED: [(&str, &str); 27] = [
     ("sensing.", "localization.localizer = 'eskf'\nlog.sensors = ['gnss', 'odometry']"),
 ];
 
-/// Keys that go to the same end, because one narrows the range of the other.
+/// Keys set to the same end together, because one narrows the range of the other.
 const PAIRS: [[&str; 2]; 5] = [
     ["execution.params.detector_min_s", "execution.params.detector_max_s"],
     ["execution.params.planner_min_s", "execution.params.planner_max_s"],
@@ -75,7 +75,7 @@ const PAIRS: [[&str; 2]; 5] = [
     ["planning.params.horizon_min_s", "planning.params.horizon_max_s"],
 ];
 
-/// A person steps out so late that the car brakes and swerves as hard as it can.
+/// A person steps out so late that the car brakes and swerves at its limits.
 const SCENARIO: &str = r#"name = "brakes"
 
 [road]
@@ -129,7 +129,7 @@ fn drives(keys: &[Value]) -> Vec<Drive> {
     drives
 }
 
-/// A configuration with a key at an end of its range.
+/// Configuration with a key at one end of its range.
 fn config(name: &str, form: &str, with: &str, end: &str) -> String {
     let place = name.replace("planning.cost.NAME.NAME", "planning.cost.fot.fast");
     let place = place.replace("operator.NAME", "operator.planner").replace("NAME", "any");
@@ -167,12 +167,12 @@ fn config(name: &str, form: &str, with: &str, end: &str) -> String {
     toml::to_string(&config).unwrap()
 }
 
-/// The end of a drive.
+/// Result of a drive.
 enum Outcome {
     Driven,
-    /// With one error, which another key or the scenario decides.
+    /// One error, caused by another key or the scenario.
     Refused,
-    /// A signal, a panic, no end in time, or more than one error.
+    /// A signal, a panic, a time-out, or more than one error.
     Fault(String),
 }
 
@@ -191,7 +191,7 @@ fn outcome(bench: &Bench, number: usize, drive: &Drive) -> Outcome {
     let first = error.lines().take(3).collect::<Vec<_>>().join(" / ");
     match code {
         Some(124 | 137) => Outcome::Fault(format!("no end within {TIME_S} s: {first}")),
-        // Exit 1 without an error: the drive is not as the scenario expects.
+        // Exit 1 without an error: the result is not as the scenario expects.
         Some(0 | 1) if errors == 0 && !error.contains("panicked") => Outcome::Driven,
         Some(1) if errors == 1 && !error.contains("panicked") => Outcome::Refused,
         code => Outcome::Fault(format!("exit {code:?}: {first}")),
@@ -229,7 +229,7 @@ fn drive_at_either_end_of_every_numeric_setting_ends() {
     std::thread::scope(|scope| (0..workers).for_each(|_| drop(scope.spawn(work))));
     let faults = faults.into_inner().unwrap();
     assert!(faults.is_empty(), "of {} drives:\n{faults}", drives.len());
-    // Without what a key needs beside it nothing would be driven.
+    // Without the settings a key needs, nothing would be driven.
     let refused = refused.into_inner();
     assert!(refused < 40, "{refused} of {} drives are refused", drives.len());
 }

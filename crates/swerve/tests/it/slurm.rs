@@ -1,17 +1,17 @@
-//! A study on Slurm, simulated: a `sbatch` of ours notes what it is given, and the test runs that as Slurm would.
+//! A study on simulated Slurm: a fake `sbatch` records its input, and the test runs it as Slurm would.
 
 use crate::support::{Bench, Said};
 
 const AXIS: &str = "[[axis]]\nkey = \"seed\"\nvalues = \"1..5\"\n";
 
-/// Notes its words, the script too, and answers with a number that grows.
+/// Records its arguments and its script, and answers with an increasing number.
 const SBATCH: &str = "#!/bin/bash\n\
     n=$(ls calls | wc -l)\n\
     printf '%s\\n' \"$@\" > calls/$n\n\
     echo $((n + 100))\n";
 
 #[test]
-fn the_job_runs_all_shards_and_joins_them() {
+fn job_runs_all_shards_and_merges_them() {
     let bench = Bench::new();
     bench.write("study.toml", &format!("base = {{ scenario = \"short.toml\" }}\n{AXIS}"));
     for folder in ["calls", "bin"] {
@@ -46,7 +46,7 @@ fn the_job_runs_all_shards_and_joins_them() {
 }
 
 #[test]
-fn without_slurm_the_job_is_written_and_it_is_said() {
+fn missing_slurm_is_reported_and_the_job_is_written() {
     let bench = Bench::new();
     bench.write("study.toml", &format!("base = {{ scenario = \"short.toml\" }}\n{AXIS}"));
     let said = bench.shell("swerve study study.toml --on slurm --shards 3 --out o");

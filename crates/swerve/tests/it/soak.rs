@@ -1,4 +1,4 @@
-//! Long drives: memory, descriptors and threads stay what they were. `SWERVE_SOAK_SECONDS=3600` makes it an hour.
+//! Long drives: memory, descriptors and threads stay constant. `SWERVE_SOAK_SECONDS=3600` sets the duration.
 #![expect(clippy::unwrap_used, reason = "a failed test says where")]
 
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use crate::support::{Bench, Said, alone};
 
 const SPEED_MPS: f64 = 8.0;
 
-/// A road with bends to both sides that is as long as the drive.
+/// A road with bends to both sides, as long as the drive.
 fn road(seconds: f64) -> String {
     let bends = "  { length_m = 60.0 },\n  { length_m = 60.0, curvature_1pm = 0.01 },\n  \
         { length_m = 60.0, curvature_1pm = -0.01 },\n";
@@ -24,7 +24,7 @@ fn road(seconds: f64) -> String {
     )
 }
 
-/// What the processes of a call hold, together.
+/// Resources held by the processes of a call, in total.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Debug)]
 struct Held {
     processes: usize,
@@ -34,7 +34,7 @@ struct Held {
 }
 
 impl Held {
-    /// By the call of this number and what it has started; nothing once it has ended.
+    /// Resources of a process and its descendants; zero once it has ended.
     fn by(root: u32) -> Self {
         let mut parents = BTreeMap::new();
         for entry in std::fs::read_dir("/proc").unwrap().map_while(Result::ok) {
@@ -76,7 +76,7 @@ fn number(status: &str, key: &str) -> u64 {
     line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
-/// What was held at the most in each quarter of the time, of samples a second.
+/// Maximum in each quarter of the time, from one sample per second.
 fn quarters(samples: &[Held]) -> [Held; 4] {
     let most = |k: usize| {
         let of_quarter = &samples[samples.len() * k / 4..samples.len() * (k + 1) / 4];
@@ -85,10 +85,10 @@ fn quarters(samples: &[Held]) -> [Held; 4] {
     [most(0), most(1), most(2), most(3)]
 }
 
-/// A car of another make is driven, with log, safety gate, and the transport in a process of its own.
+/// A third-party car is driven with log, safety gate and a separate transport process.
 #[test]
 #[ignore = "real clock, Cyclone DDS"]
-fn a_long_drive_takes_no_more_memory_than_a_short_one() {
+fn long_drive_takes_no_more_memory_than_a_short_one() {
     if !has_car() || !Path::new("/proc/self/status").exists() {
         return;
     }

@@ -1,4 +1,4 @@
-//! Cells, resuming, shards, failing cells, repeating a cell.
+//! Cells, resuming, shards, failing cells, reproducing a cell.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::support::{Bench, SHORT, digest};
 
-/// Two keys that no study is made for, one of them with a numeric label, over a base that sets a third.
+/// Two arbitrary keys, one of them with a numeric label, over a base that sets a third.
 const STUDY: &str = r#"
 [base]
 scenario = "short.toml"
@@ -61,12 +61,12 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
             "misses"
         ]
     );
-    // And all other figures; a drive that hit nothing has no impact.
+    // All other metrics are present too; a drive without a collision has no impact.
     let of = |name: &str| rows[0].iter().position(|column| *column == name).unwrap();
     for row in &rows[1..] {
         assert!(row[of("drive.duration_s")].parse::<f64>().unwrap() > 1.0, "{csv}");
         assert_eq!((row.len(), row[of("impact_speed_mps")]), (rows[0].len(), ""), "{csv}");
-        // Counts are whole, run times are there by operator, the nearest by his number too.
+        // Counts are integers, run times are given by operator, and the nearest actor has its own metrics.
         for (name, told) in [
             ("misses", "0"),
             ("operator.planner.p99_ms", "20"),
@@ -98,7 +98,7 @@ fn every_combination_is_a_row_and_its_command_repeats_it() {
 }
 
 #[test]
-fn a_comparison_of_planners_states_where_the_comfortable_layer_drove() {
+fn comparison_of_planners_states_the_use_of_the_comfortable_layer() {
     let bench = Bench::new();
     bench.write(
         "planners.toml",
@@ -151,7 +151,7 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     bench.good(&["study", "study.toml", "--out", "o"]);
     let (csv, files) = (bench.read("o/cells.csv"), cells(&bench, "o"));
     assert_eq!(files.len(), 4);
-    // What is written again has another time of change than what is kept.
+    // Rewritten files get a new modification time; kept ones do not.
     let long_ago = SystemTime::UNIX_EPOCH;
     for file in &files {
         File::options().append(true).open(file).unwrap().set_modified(long_ago).unwrap();
@@ -163,7 +163,7 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     let again = bench.swerve(&["study", "study.toml", "--out", "o"]);
     assert_eq!((again.code, again.stderr.as_str()), (Some(0), ""));
     assert_eq!(kept(), [true, false, true, true]);
-    // Under another configuration every cell is another one.
+    // Under another configuration every cell differs.
     let other = ["study", "study.toml", "--out", "o", "--set", "sim.dt_ms=4"];
     let said = bench.swerve(&other);
     let told = "o: the results of another study `study` are there, with other axes, another base or another --set: expected \
@@ -175,7 +175,7 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     bench.good(&["study", "study.toml", "--out", "o", "--overwrite"]);
     assert_eq!(bench.read("o/cells.csv"), csv);
     assert_eq!(kept(), [true, false, true, true]);
-    // Another study's tables stay, as a run's results do.
+    // Another study's tables are kept, as a run's results are.
     bench.write("other.toml", STUDY);
     let other = bench.swerve(&["study", "other.toml", "--out", "o"]);
     let told = "o: the results of another study, `study`, are there: expected another --out";
@@ -190,10 +190,10 @@ fn finished_cells_are_kept_and_the_rest_is_run() {
     );
 }
 
-/// Files in the folder of a study that it did not write, or that were edited since, are not replaced, and a pipe does not block
-/// it.
+/// Files in a study's folder that the study did not write, or that were edited since, are not replaced, and a pipe does
+/// not block it.
 #[test]
-fn nothing_of_others_is_replaced_in_a_study_s_folder() {
+fn foreign_files_in_a_study_folder_are_not_replaced() {
     let bench = bench();
     let study = |out: &str| bench.swerve(&["study", "study.toml", "--out", out]);
     for name in ["report.html", "cells.csv", "commands.txt", "heatmap.svg"] {
@@ -206,7 +206,7 @@ fn nothing_of_others_is_replaced_in_a_study_s_folder() {
         assert_eq!(bench.read(&format!("{out}/{name}")), "mine");
     }
     bench.good(&["study", "study.toml", "--out", "o"]);
-    // Without attributes of files an edit is not recognised.
+    // Without extended attributes an edit cannot be detected.
     let keeps = |name: &&str| swerve_report::files::is_unchanged(&bench.path(&format!("o/{name}"))).is_some();
     for name in ["report.html", "cells.csv", "commands.txt", "heatmap.svg"].into_iter().filter(keeps) {
         let file = format!("o/{name}");
@@ -226,9 +226,9 @@ fn nothing_of_others_is_replaced_in_a_study_s_folder() {
     assert!(said.code == Some(1) && said.stderr.contains("expected a regular file"), "{said:?}");
 }
 
-/// One that was edited is another study of the same name.
+/// An edited study counts as another study of the same name.
 #[test]
-fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
+fn every_study_has_a_separate_folder_and_resumes_in_it() {
     let bench = bench();
     let study = |more: &[&str]| bench.good(&[&["study", "study.toml"], more].concat());
     assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
@@ -240,14 +240,14 @@ fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
     bench.write("study.toml", STUDY);
     assert!(study(&[]).contains("4 of 4 cells in out/study-1: "));
     assert_eq!((bench.read("out/study/cells.csv"), cells(&bench, "out/study-1")), (csv, files));
-    // A suite is one of its scenarios and seeds.
+    // A suite is identified by its scenarios and seeds.
     bench.write("other.toml", SHORT);
     for (scenario, folder) in [("short", "suite-1"), ("other", "suite-2"), ("short", "suite-1")] {
         let said = bench.good(&["suite", &format!("{scenario}.toml"), "--seeds", "1"]);
         assert!(said.contains(&format!("1 of 1 cells in out/{folder}: ")), "{said}");
         assert!(bench.read("out/suite/cells.csv").contains(&format!("\n{scenario},1,")));
     }
-    // In a folder of --out as well, the second suite replaces nothing of the first one.
+    // Nor does the second suite replace results of the first in a folder given by --out.
     let suite = |scenario: &str, more: &[&str]| {
         let words = ["suite", scenario, "--seeds", "1", "--out", "s"];
         bench.swerve(&[&words[..], more].concat())
@@ -260,16 +260,16 @@ fn every_study_has_a_folder_of_its_own_and_goes_on_in_it() {
     assert_eq!((bench.read("s/cells.csv"), suite("short.toml", &[]).code), (table, Some(0)));
     assert_eq!(suite("other.toml", &["--overwrite"]).code, Some(0));
     assert!(bench.read("s/cells.csv").contains("\nother,1,"));
-    // And a run does not go where one is.
+    // A run is refused in a study's folder.
     let run = bench.swerve(&["run", "short.toml", "--out", "out/suite-1"]);
     assert!(
         run.code == Some(1) && run.stderr.contains("a study's results are there: expected another --out")
     );
 }
 
-/// A digit changed by hand, a file cut short, one that has taken another's name, one that is no text.
+/// A digit changed by hand, a truncated file, a file under another's name, one that is not text.
 #[test]
-fn a_cell_that_is_not_as_it_was_written_is_told_and_computed_again() {
+fn corrupted_cell_is_reported_and_computed_again() {
     let bench = bench();
     bench.good(&["study", "study.toml", "--out", "o"]);
     let (csv, files) = (bench.read("o/cells.csv"), cells(&bench, "o"));
@@ -326,9 +326,9 @@ fn shards_merge_to_the_same_bytes() {
     }
 }
 
-/// A queue that is full and must not drop ends its run; the study tells, and keeps the others.
+/// A full queue that must not drop ends its run; the study reports it and keeps the others.
 #[test]
-fn a_failing_cell_leaves_the_others() {
+fn failing_cell_leaves_the_others() {
     let bench = bench();
     bench.write(
         "failing.toml",
@@ -363,7 +363,7 @@ fn a_failing_cell_leaves_the_others() {
 }
 
 #[test]
-fn what_the_command_line_sets_goes_before_what_the_file_sets() {
+fn command_line_settings_take_precedence_over_the_file() {
     let bench = bench();
     let runtime = "operator.planner.runtime={ fixed_ms = 120 }";
     bench.good(&["study", "study.toml", "--out", "file"]);
@@ -372,7 +372,7 @@ fn what_the_command_line_sets_goes_before_what_the_file_sets() {
 }
 
 #[test]
-fn a_suite_drives_every_scenario_with_every_seed_and_tells_which_drives_are_as_expected() {
+fn suite_drives_every_scenario_with_every_seed_and_reports_the_expected_ones() {
     let bench = Bench::new();
     bench.write("hit.toml", &SHORT.replace("\"avoided\"", "\"collision\""));
     bench.write("slow.toml", "[planning]\nadded_latency_ms = 10.0\n");
@@ -401,7 +401,7 @@ fn a_suite_drives_every_scenario_with_every_seed_and_tells_which_drives_are_as_e
         kept,
         [("hit", "1", "false"), ("hit", "2", "false"), ("short", "1", "true"), ("short", "2", "true")]
     );
-    // Its lines drive what it drove, and its page is that of a study.
+    // Its command lines reproduce its runs, and its page is a study's page.
     let line = bench.read("o/commands.txt").lines().nth(3).unwrap().to_owned();
     let again = bench.shell(&line);
     assert_eq!(digest(&again.stdout), rows[4][8], "{line}");

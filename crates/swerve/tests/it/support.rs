@@ -1,4 +1,4 @@
-//! A folder to call the program in, and time for oneself.
+//! A folder in which to call the program, and a lock for timed tests.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -6,13 +6,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempDir;
 
-/// One at a time of those that keep time.
+/// Serialises timed tests.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Three seconds past somebody who stands beside the lane; short, so that many runs take little time.
+/// Three seconds past a person standing beside the lane; short, so that many runs take little time.
 pub(crate) const SHORT: &str = r#"name = "short"
 
 [road]
@@ -65,7 +65,7 @@ impl Bench {
         std::fs::read_to_string(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// A call; what a test drives into the same folder again, it means to.
+    /// A call of the program, with `--overwrite` if `--out` is given.
     pub(crate) fn command(&self, args: &[&str]) -> Command {
         let again = matches!(args.first(), Some(&("run" | "live"))) && args.contains(&"--out");
         let mut command = self.plain_command(args);
@@ -83,14 +83,14 @@ impl Bench {
         Said::of(&self.command(args).output().unwrap())
     }
 
-    /// As [`swerve`](Self::swerve), and it has to go well; gives what it printed.
+    /// Same as [`swerve`](Self::swerve), but must succeed; returns standard output.
     pub(crate) fn good(&self, args: &[&str]) -> String {
         let said = self.swerve(args);
         assert!(said.code == Some(0), "{args:?}: {said:?}");
         said.stdout
     }
 
-    /// A line for a shell that finds the program on its path, as `commands.txt` and the how-to pages hold them.
+    /// A shell line with the program on its path, as in `commands.txt` and the how-to pages.
     pub(crate) fn shell_command(&self, line: &str) -> Command {
         let program = Path::new(env!("CARGO_BIN_EXE_swerve"));
         let mut path = program.parent().unwrap().as_os_str().to_owned();
@@ -106,12 +106,12 @@ impl Bench {
     }
 }
 
-/// The digest that a run prints.
+/// Digest printed by a run.
 pub(crate) fn digest(said: &str) -> &str {
     said.lines().find_map(|line| line.trim().strip_prefix("digest")).expect("a run prints its digest").trim()
 }
 
-/// What a call of the program said.
+/// Output of a call of the program.
 #[derive(Debug)]
 pub(crate) struct Said {
     pub(crate) code: Option<i32>,

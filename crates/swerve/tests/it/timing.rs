@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use swerve_timing::{self, Pipeline, Publication};
 
-/// Where the cases lie; another folder may be named, for campaigns over pipelines that are not stored.
+/// Folder of the cases; `SWERVE_TIMING_CASES` names another one, for campaigns over pipelines that are not stored.
 fn folder() -> PathBuf {
     match std::env::var_os("SWERVE_TIMING_CASES") {
         Some(folder) => folder.into(),
@@ -42,7 +42,7 @@ fn published(pipeline: &Pipeline, threads: usize) -> Vec<Value> {
     trace.publications.iter().map(row).collect()
 }
 
-/// The first publication that differs, with those before it at the same instant.
+/// The first publication that differs, with the preceding ones at the same instant.
 fn difference(case: &Value) -> Option<String> {
     let toml = case["toml"].as_str().expect("a case holds its pipeline");
     let pipeline = swerve_timing::parse("case.toml", toml).expect("a stored pipeline is good");
@@ -61,7 +61,7 @@ fn difference(case: &Value) -> Option<String> {
 }
 
 #[test]
-fn the_engine_publishes_what_the_reference_model_publishes() {
+fn engine_matches_the_publications_of_the_reference_model() {
     let mut count = 0;
     let mut differences = Vec::new();
     for file in files() {

@@ -1,4 +1,4 @@
-//! Programs that files name: started for the user's own files, or with `--allow-code`.
+//! Programs named in files: started for the user's own files, or with `--allow-code`.
 
 use std::collections::BTreeMap;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -10,7 +10,7 @@ use swerve_stack::config::programs::reaches_outside;
 
 use crate::support::{Bench, SHORT, Said};
 
-/// An operator whose steps a program takes, which leaves a file behind and then does not come up.
+/// An operator whose program leaves a marker file and then fails to start.
 fn evil(mark: &Path) -> String {
     format!(
         "[operator.evil]\nkind = \"python\"\ninputs = {{ pose = \"EgoState\" }}\n\
@@ -24,7 +24,7 @@ fn starts(mark: &Path) -> String {
     format!("start = [\"sh\", \"-c\", \"touch {}; exit 3\"]\n", mark.display())
 }
 
-/// Two folders: the one that the program is called in, and another one.
+/// Two folders: the current one of the call, and another one.
 struct Sides {
     here: Bench,
     there: Bench,
@@ -35,19 +35,19 @@ impl Sides {
         Self { here: Bench::new(), there: Bench::new() }
     }
 
-    /// The path of a file of the other folder.
+    /// Path of a file in the other folder.
     fn away(&self, name: &str) -> String {
         self.there.path(name).display().to_string()
     }
 
-    /// Calls the program; whether another program left its mark, which is removed.
+    /// Calls the program; also returns true if the other program left its marker, which is removed.
     fn call(&self, words: &[&str]) -> (Said, bool) {
         let said = self.here.swerve(words);
         let ran = std::fs::remove_file(self.here.path("mark")).is_ok();
         (said, ran)
     }
 
-    /// A call that starts nothing and says how to allow it.
+    /// A call that must start nothing and name the option that allows it.
     fn refused(&self, words: &[&str], key: &str) -> Said {
         let (said, ran) = self.call(words);
         assert!(!ran, "{words:?} ran it: {said:?}");
@@ -57,7 +57,7 @@ impl Sides {
         said
     }
 
-    /// The same call, refused; and with consent, which starts it.
+    /// Checks that a call is refused, and starts the program with consent.
     fn needs_consent(&self, words: &[&str], key: &str) {
         self.refused(words, key);
         let (said, ran) = self.call(&[words, &["--allow-code"]].concat());
@@ -83,7 +83,7 @@ fn configuration_from_outside_starts_programs_with_consent_only() {
     assert!(said.stderr.contains("outside of the current folder") && !sides.here.path("o").exists());
     let dataset = ["dataset", "short.toml", "-c", &config, "--tracks", "--out"];
     sides.refused(&[&dataset[..], &["d"]].concat(), "process.evil.start");
-    // A vehicle's configuration too, and in the page.
+    // A vehicle's configuration too, and from the page.
     let plain =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live/plain.toml"))
             .unwrap();
@@ -94,7 +94,7 @@ fn configuration_from_outside_starts_programs_with_consent_only() {
     let live = sides.away("live.toml");
     sides.refused(&["live", &live], "process.evil.start");
     sides.refused(&["view", "--live", &live, "--no-open"], "process.evil.start");
-    // What starts nothing needs no consent.
+    // Commands that start nothing need no consent.
     sides.here.good(&["graph", "short.toml", "-c", &config]);
 }
 
@@ -108,7 +108,7 @@ fn own_configuration_starts_programs_without_an_option() {
     let (said, ran) = sides.call(&run);
     assert!(ran, "{said:?}");
     assert!(said.stderr.contains("note: process.evil.start runs `sh -c 'touch "), "{said:?}");
-    // Nor does what the command line itself names.
+    // Nor does a program named on the command line.
     let sets =
         evil(&mark).lines().filter(|line| !line.starts_with('[')).map(str::to_owned).collect::<Vec<_>>();
     let (operator, process) = sets.split_at(4);
@@ -118,7 +118,7 @@ fn own_configuration_starts_programs_without_an_option() {
     let words: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
     let (said, ran) = sides.call(&[&["run", "short.toml"], &words[..]].concat());
     assert!(ran, "{said:?}");
-    // It is no longer the user's own where others may write it, or where it leads elsewhere.
+    // The file is not trusted if others can write it or it links elsewhere.
     let path = sides.here.path("configs/c.toml");
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o666)).unwrap();
     assert!(sides.refused(&run, "process.evil.start").stderr.contains("writable by everybody"));
@@ -129,7 +129,7 @@ fn own_configuration_starts_programs_without_an_option() {
 }
 
 #[test]
-fn every_key_that_names_a_program_needs_consent() {
+fn every_key_naming_a_program_needs_consent() {
     let sides = Sides::new();
     let interpreter = sides.there.path("python");
     let script = format!("#!/bin/sh\ntouch {}\n", sides.here.path("mark").display());
@@ -141,7 +141,7 @@ fn every_key_that_names_a_program_needs_consent() {
     sides.there.write("c.toml", &format!("{head}python = \"op.py:Op\"\ninterpreter = \"./python\"\n"));
     let config = sides.away("c.toml");
     sides.needs_consent(&["run", "short.toml", "-c", &config], "process.evil.");
-    // A key of somebody else's among the user's own.
+    // A foreign key among the user's own.
     sides.there.write("i.toml", "[process.evil]\ninterpreter = \"./python\"\n");
     sides.here.write("op.py", "");
     sides.here.write("c.toml", &format!("{head}python = \"op.py:Op\"\n"));
@@ -171,7 +171,7 @@ fn study_from_outside_starts_programs_with_consent_only() {
         let (said, ran) = sides.call(&["study", name]);
         assert!(ran, "{name} is the user's own: {said:?}");
     }
-    // A study of the user's own over somebody else's configuration.
+    // A study of the user's own over a foreign configuration.
     sides.there.write("c.toml", &evil(&mark));
     let config = sides.away("c.toml");
     sides
@@ -182,7 +182,7 @@ fn study_from_outside_starts_programs_with_consent_only() {
     assert!(said.stderr.contains("with --allow-code only") && said.stderr.contains(&config), "{said:?}");
 }
 
-/// A log whose configuration names a program.
+/// Writes a log whose configuration names a program.
 fn log(path: &Path, mark: &Path) {
     let extra = BTreeMap::from([("scenario".to_owned(), SHORT.to_owned())]);
     let start = RunStart { version: "0".into(), seed: 1, config: evil(mark), extra };
@@ -196,7 +196,7 @@ fn log(path: &Path, mark: &Path) {
 fn log_starts_programs_with_consent_only_and_wherever_it_is() {
     let sides = Sides::new();
     let mark = sides.here.path("mark");
-    // The current folder makes no log the user's own.
+    // Being in the current folder does not make a log trusted.
     std::fs::create_dir(sides.here.path("o")).unwrap();
     log(&sides.here.path("o/log.mcap"), &mark);
     let key = "o/log.mcap:8: process.evil.start: a log does not start programs; not started";
@@ -212,7 +212,7 @@ fn log_starts_programs_with_consent_only_and_wherever_it_is() {
     }
     let page = sides.here.read("o/report.html");
     assert!(page.contains("process.evil.start runs `sh -c "), "the page lists it");
-    // A program that the user names in its place is started.
+    // A program that the user sets in its place is started.
     let other = sides.here.path("other");
     let set = format!("process.evil.start=[\"sh\", \"-c\", \"touch {}; exit 3\"]", other.display());
     let (said, ran) = sides.call(&["replay", "o/log.mcap", "--set", &set]);
@@ -237,7 +237,7 @@ fn check_lists_programs() {
 }
 
 #[test]
-fn every_key_that_names_a_file_is_refused_on_the_page_of_a_view() {
+fn every_key_naming_a_file_is_refused_on_the_page_of_a_view() {
     let keys = Bench::new().good(&["keys", "--json"]);
     let keys: serde_json::Value = serde_json::from_str(&keys).unwrap();
     let names_file = |doc: &str| {

@@ -1,4 +1,4 @@
-//! A run that is watched and commanded while it goes on, by a client and by a real browser.
+//! A run watched and controlled while in progress, by a client and by a real browser.
 
 #![expect(clippy::disallowed_methods, reason = "another program is waited for, in real time")]
 
@@ -35,7 +35,7 @@ impl Viewed {
         Self { program, address: address.trim().to_owned() }
     }
 
-    /// Status and body of the answer to a request.
+    /// Status and body of the response to a request.
     fn ask(&self, method: &str, path: &str, body: &str) -> (u16, String) {
         let (host, token) = self.address.strip_prefix("http://").unwrap().split_once('/').unwrap();
         let mut stream = TcpStream::connect(host).unwrap();
@@ -58,7 +58,7 @@ impl Viewed {
         assert_eq!(self.ask("POST", "control", &what.to_string()), (200, "{}".into()));
     }
 
-    /// All rows, as soon as they are as asked for.
+    /// All rows, once `enough` holds.
     fn until(&self, enough: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
@@ -79,7 +79,7 @@ impl Drop for Viewed {
 }
 
 #[test]
-fn a_watched_run_is_the_same_run() {
+fn watched_run_equals_an_unwatched_one() {
     let bench = Bench::new();
     let digest = |words: &[&str]| -> Value {
         let said = bench.good(&[&["run", "short.toml", "--out", "o", "--json"], words].concat());
@@ -95,7 +95,7 @@ fn a_watched_run_is_the_same_run() {
     viewed.command(&json!({ "do": "go" }));
     let over = viewed.until(|rows| rows["state"] == "over");
     assert_eq!((&over["digest"], &over["verdict"]), (&digest(&[]), &"avoided".into()));
-    // Who has some rows gets the others.
+    // A client that has some rows gets the rest.
     let count = over["ego"]["t"].as_array().unwrap().len();
     let last = &over["ego"]["t"][count - 4];
     let rest = viewed.rows(&format!("{{\"ego\":{last}}}"));
@@ -104,7 +104,7 @@ fn a_watched_run_is_the_same_run() {
     viewed.command(&json!({ "do": "restart", "seed": 7, "set": ["sensing.range_m=20"] }));
     let again = viewed.until(|rows| rows["run"] == 2 && rows["state"] == "over");
     assert_eq!(again["digest"], digest(&["--seed", "7", "--set", "sensing.range_m=20"]));
-    // From 1 s on with a gate that stops: up to there it is the same drive, from there another.
+    // From 1 s on with a stopping gate: the same drive before, another one after.
     let column = |rows: &Value, name: &str| -> Vec<i64> {
         rows["ego"][name].as_array().unwrap().iter().map(|x| x.as_i64().unwrap()).collect()
     };
@@ -116,7 +116,7 @@ fn a_watched_run_is_the_same_run() {
         assert_eq!(column(&changed, name)[..same], column(&again, name)[..same], "{name} up to 1 s");
     }
     assert_ne!(column(&changed, "v")[same..], column(&again, "v")[same..]);
-    // What the page offers comes to the drive that is seen, or nothing is offered.
+    // The page offers commands that apply to the run shown, or none.
     for page in ["", "report"] {
         let html = viewed.ask("GET", page, "").1;
         assert!(
@@ -141,7 +141,7 @@ fn a_watched_run_is_the_same_run() {
 }
 
 #[test]
-fn a_browser_shows_the_run_while_it_goes_on() {
+fn browser_shows_the_run_in_progress() {
     let Some(browser) = browser() else { return };
     let bench = Bench::new();
     let viewed = Viewed::start(&bench, &["short.toml"]);
@@ -154,7 +154,7 @@ fn a_browser_shows_the_run_while_it_goes_on() {
     assert!(drawn_at(&browser, &viewed.address, 1000).contains("Run times"));
 }
 
-/// The last speed of the ego, mm/s, and how far to the left it got, cm.
+/// Last speed of the ego, mm/s, and its largest offset to the left, cm.
 fn came_to(rows: &Value) -> (i64, i64) {
     let column = |name: &str| rows["ego"][name].as_array().unwrap().iter().map(|x| x.as_i64().unwrap());
     (column("v").next_back().unwrap(), column("y").max().unwrap())
@@ -165,7 +165,7 @@ fn held(steering: f64, throttle: f64, brake: f64) -> Value {
 }
 
 #[test]
-fn a_person_drives_in_the_place_of_the_controller() {
+fn person_drives_in_place_of_the_controller() {
     let bench = Bench::new();
     let viewed = Viewed::start(&bench, &["short.toml", "--speed", "max", "--paused"]);
     let drive = |run: u64, held: &Value| {
@@ -237,7 +237,7 @@ fn page_starts_no_program_and_names_no_file() {
 }
 
 #[test]
-fn idle_connections_without_the_token_keep_nobody_out() {
+fn idle_connections_without_the_token_block_nobody() {
     const IDLE: usize = 200;
     let bench = Bench::new();
     let viewed = Viewed::start(&bench, &["short.toml", "--paused"]);
@@ -246,7 +246,7 @@ fn idle_connections_without_the_token_keep_nobody_out() {
     let opened = AtomicUsize::new(0);
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            // Half of them send the beginning of a request.
+            // Half of them send the start of a request.
             let mut idle = std::collections::VecDeque::new();
             while !is_over.load(Ordering::Relaxed) {
                 let Ok(mut stream) = TcpStream::connect(&host) else { continue };
@@ -264,7 +264,7 @@ fn idle_connections_without_the_token_keep_nobody_out() {
         }
         let before = opened.load(Ordering::Relaxed);
         let is_opening = || opened.load(Ordering::Relaxed) > before + IDLE / 10;
-        // On a busy host the other thread may not have come to its turn by then.
+        // On a busy host the other thread may not have run by then.
         let all = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let asks = (0..50_000).take_while(|k| *k < 50 || !is_opening());
             asks.map(|_| viewed.ask("GET", "", "").0).collect::<Vec<_>>()

@@ -1,11 +1,12 @@
-//! Files for results: regular ones whole, pipes and devices written through, nothing of others followed or replaced.
+//! Output files: regular ones are replaced whole, pipes and devices written through; foreign files are not followed or
+//! replaced.
 
 use std::os::unix::fs::{FileTypeExt, symlink};
 use std::process::Command;
 
 use crate::support::{Bench, Said};
 
-/// Detections of two frames in the rows of MOTChallenge.
+/// Detections of two frames in MOTChallenge rows.
 const BOXES: &str = "1,-1,10,10,30,60,0.9,-1,-1,-1\n2,-1,12,10,30,60,0.9,-1,-1,-1\n";
 
 const TRACK: [&str; 5] = ["track", "boxes.txt", "--tracker", "sort", "--out"];
@@ -27,11 +28,11 @@ fn output_goes_through_pipes_devices_and_descriptors() {
     assert_eq!(good.code, Some(0), "{good:?}");
     let rows = bench.read("tracks.txt");
     assert!(rows.lines().count() == 2, "{rows}");
-    // What is behind `/dev/stdout` is a pipe here.
+    // `/dev/stdout` is a pipe here.
     let said = track(&bench, "/dev/stdout", &[]);
     assert!(said.code == Some(0) && said.stdout.starts_with(&rows), "{said:?}");
     assert!(std::path::Path::new("/dev/stdout").is_symlink(), "it is still a link to a descriptor");
-    // And here a file, which holds what was printed afterwards as well.
+    // And a file here, which also holds the output printed afterwards.
     let line = "swerve track boxes.txt --tracker sort --out /dev/stdout";
     let said = bench.shell(&format!("{line} > all.txt; {line} | head -n 1; {line} > /dev/full"));
     assert!(bench.read("all.txt").starts_with(&rows) && bench.read("all.txt").contains("boxes of tracks"));
@@ -51,7 +52,7 @@ fn output_goes_through_pipes_devices_and_descriptors() {
 }
 
 #[test]
-fn files_of_others_are_replaced_with_consent_only() {
+fn foreign_files_are_replaced_with_consent_only() {
     let bench = bench();
     bench.write("mine.txt", "mine\n");
     let refused = |out: &str, what: &str| {
@@ -62,13 +63,13 @@ fn files_of_others_are_replaced_with_consent_only() {
     assert_eq!(bench.read("mine.txt"), "mine\n");
     assert_eq!(track(&bench, "mine.txt", &["--overwrite"]).code, Some(0));
     let rows = bench.read("mine.txt");
-    // It is the program's own from now on, until somebody changes it: where the file system keeps attributes.
+    // The file is now the program's own until edited, if the file system supports extended attributes.
     if swerve_report::files::is_unchanged(&bench.path("mine.txt")).is_some() {
         assert_eq!(track(&bench, "mine.txt", &[]).code, Some(0));
         bench.write("mine.txt", &(rows.clone() + "a note\n"));
     }
     refused("mine.txt", "changed since");
-    // A link is not followed, with consent neither.
+    // A link is not followed, even with consent.
     bench.write("target", "target\n");
     symlink(bench.path("target"), bench.path("link")).unwrap();
     symlink(bench.path("nowhere"), bench.path("dangling")).unwrap();
@@ -85,7 +86,7 @@ fn files_of_others_are_replaced_with_consent_only() {
     assert_eq!(bench.read("target"), "target\n");
     assert!(!bench.path("nowhere").exists());
     refused(".", "it is a folder");
-    // Each command that writes a file of a given name.
+    // Each command that writes to a given file.
     bench.good(&["run", "short.toml", "--out", "o"]);
     bench.write("mine", "mine\n");
     bench.write("mine.svg", "mine\n");
@@ -107,12 +108,12 @@ fn files_of_others_are_replaced_with_consent_only() {
     for file in ["mine", "mine.svg", "mine.mp4"] {
         assert_eq!(bench.read(file), "mine\n", "{file}");
     }
-    // The page of a run is this program's.
+    // The page of a run belongs to this program.
     bench.good(&["report", "o"]);
 }
 
 #[test]
-fn folder_of_a_run_keeps_what_others_put_there() {
+fn folder_of_a_run_keeps_foreign_files() {
     let bench = bench();
     for name in ["report.html", "story.svg", "trace.json", "metrics.json", "log.mcap", "log.partial.mcap"] {
         std::fs::create_dir(bench.path("o")).unwrap();
@@ -128,7 +129,7 @@ fn folder_of_a_run_keeps_what_others_put_there() {
             "{said:?}"
         );
         std::fs::remove_dir_all(bench.path("o")).unwrap();
-        // A link there is not followed, whether it leads to something or not.
+        // A link there is not followed, dangling or not.
         for target in ["target", "nowhere"] {
             bench.write("target", "target\n");
             std::fs::create_dir(bench.path("o")).unwrap();

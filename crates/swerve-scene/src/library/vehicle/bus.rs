@@ -1,11 +1,11 @@
-//! Buses, from boxes.
+//! Buses built from boxes.
 
 use super::{Parts, opening, panel, rear_lamps, wheel_at};
 use crate::hash::Draws;
 use crate::material::Material;
 use crate::mesh::{Mesh, MeshBuilder};
 
-/// Play between the walls and the outline on each side, metres: wheels stand out by this.
+/// Clearance between walls and bounding box on each side, metres, filled by the wheels.
 const INSET_M: f32 = 0.012;
 
 /// City bus.

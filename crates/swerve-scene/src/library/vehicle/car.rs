@@ -1,4 +1,4 @@
-//! Cars, by lofting cross-sections along a profile.
+//! Cars built by lofting cross-sections along a profile.
 
 use super::profile::{HATCHBACK, Profile, SEDAN, SUV, Section, VAN};
 use super::{Parts, opening, panel, wheel_at};
@@ -6,21 +6,21 @@ use crate::hash::Draws;
 use crate::library::Kind;
 use crate::mesh::{Mesh, MeshBuilder};
 
-/// Heights of the cross-section's fixed points, share of the height.
+/// Heights of the cross-section's fixed points, as fractions of the height.
 const SILL: f32 = 0.15;
 const TRIM: f32 = 0.27;
 const WAIST: f32 = 0.46;
 
-/// A lofted body within an outline.
+/// A lofted body within a bounding box.
 struct Body<'a> {
     profile: &'a Profile,
     outline: [f32; 3],
-    /// Play between body and outline, metres: wheels, lamps and plates stand out by this.
+    /// Clearance between body and bounding box, metres, filled by wheels, lamps and plates.
     inset: f32,
     stretch: f32,
 }
 
-/// Points of half a cross-section, from the sill to the middle of the roof.
+/// Number of points of half a cross-section, from the sill to the middle of the roof.
 const RING: usize = 7;
 
 impl Body<'_> {

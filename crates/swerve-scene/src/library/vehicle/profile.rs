@@ -1,10 +1,10 @@
-//! Side views of the kinds of cars.
+//! Side profiles of cars.
 
-/// One cross-section of a car's profile, as shares: along the length from the front, height of the upper
+/// One cross-section of a car's profile, as fractions: position along the length from the front, height of the upper
 /// edge, height of the belt line, half width.
 pub(super) type Section = [f32; 4];
 
-/// Side view of a car and where its glass is.
+/// Side profile of a car and positions of its glass.
 pub(super) struct Profile {
     pub(super) sections: &'static [Section],
     /// Along the length: foot and head of the windscreen, head and foot of the rear window.
@@ -13,9 +13,9 @@ pub(super) struct Profile {
     pub(super) pillars: &'static [f32],
     /// Along the length: front and rear axle.
     pub(super) axles: [f32; 2],
-    /// Share of the half width that the roof is narrower.
+    /// Fraction of the half width by which the roof is narrower.
     pub(super) tumble_home: f32,
-    /// Side windows end here, along the length.
+    /// End of the side windows along the length.
     pub(super) glass_end: f32,
     pub(super) wheel_radius_m: f32,
 }

@@ -1,4 +1,4 @@
-//! Trucks, from boxes.
+//! Trucks built from boxes.
 
 use super::{Parts, panel, rear_lamps, wheel_at};
 use crate::hash::Draws;

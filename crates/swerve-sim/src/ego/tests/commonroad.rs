@@ -1,4 +1,4 @@
-//! The car beside the single-track drift model of the CommonRoad vehicle models (recorded data).
+//! The car compared with the single-track drift model of the CommonRoad vehicle models (recorded data).
 
 use serde::{Deserialize, Serialize};
 use swerve_vehicle::SingleTrack;
@@ -37,14 +37,14 @@ struct Case {
     accel_mps2: f64,
     accel_from_s: f64,
     duration_s: f64,
-    /// Every `steering_step_s`, linear in between; empty: straight.
+    /// Samples every `steering_step_s`, linear in between; empty for straight driving.
     steering_rad: Vec<f64>,
     end_x_m: f64,
     end_y_m: f64,
     peak_yaw_rate_radps: f64,
 }
 
-/// Motion of our car's centre of gravity.
+/// Motion of this car's centre of gravity.
 #[derive(Serialize, Deserialize, Clone, Debug)]
 struct Ours {
     kind: String,
@@ -64,7 +64,7 @@ fn reference() -> Reference {
     serde_json::from_str(&text).unwrap()
 }
 
-/// Our car with its actuators' lags, drag and rolling resistance off: the reference has none of them.
+/// The car without actuator lags, drag and rolling resistance, which the reference does not model.
 fn bare_car() -> VehicleParams {
     let mut params = car();
     params.steering.lag_s = 0.0;
@@ -83,7 +83,7 @@ fn steering_at(case: &Case, step_s: f64, t_s: f64) -> f64 {
     }
 }
 
-/// Drives one case; the brake torque is that of the reference, or full pedal with ABS.
+/// Drives one case with the reference's brake torque, or with full pedal and ABS.
 fn drive(params: &VehicleParams, reference: &Reference, case: &Case, full_pedal: bool, rate_hz: f64) -> Ours {
     let mut drive = Drive::new(params, case.speed_mps, rate_hz);
     drive.friction = reference.car.friction;
@@ -102,7 +102,7 @@ fn drive(params: &VehicleParams, reference: &Reference, case: &Case, full_pedal:
         },
         |ego, truth| {
             let cg = (truth.map_from_ego * ego.car().center_of_gravity()).coords;
-            // The reference counts its centre of gravity from zero.
+            // The reference measures from the initial centre of gravity.
             last = [cg.x - params.cg_to_rear_m(), cg.y];
             peak = peak.max(truth.state.yaw_rate_radps.abs());
             tick += 1;
@@ -133,7 +133,7 @@ fn drive(params: &VehicleParams, reference: &Reference, case: &Case, full_pedal:
 }
 
 #[test]
-fn both_cars_have_the_same_numbers() {
+fn both_cars_have_the_same_parameters() {
     let (r, p) = (reference().car, car());
     let pairs = [
         (r.mass_kg, p.body.mass_kg),
@@ -153,7 +153,7 @@ fn both_cars_have_the_same_numbers() {
     assert_eq!(r.lateral, p.tyre.lateral);
 }
 
-/// The bounds: 0.25 m of lateral offset, 7 % of peak yaw rate, 3 % of stopping distance.
+/// Bounds: 0.25 m of lateral offset, 7 % of peak yaw rate, 3 % of stopping distance.
 fn check(case: &Case, our: &Ours) {
     let what = format!("{} {} m/s {} m/s²", our.kind, case.speed_mps, case.accel_mps2);
     if case.kind == "lane_change" {
@@ -173,7 +173,7 @@ fn all_cases(rate_hz: f64) -> Vec<Ours> {
     let (reference, params) = (reference(), bare_car());
     let mut all = Vec::new();
     for case in &reference.cases {
-        // The reference has no ABS: its hardest stop is also what full pedal with ABS is measured by.
+        // The reference has no ABS: full pedal with ABS is also compared with its hardest stop.
         let pedals: &[bool] = if case.kind == "hardest_stop" { &[false, true] } else { &[false] };
         for &full_pedal in pedals {
             let our = drive(&params, &reference, case, full_pedal, rate_hz);
@@ -184,21 +184,21 @@ fn all_cases(rate_hz: f64) -> Vec<Ours> {
     all
 }
 
-/// And what we recorded beside the reference is what the car still does (`SWERVE_BLESS=1` writes it anew).
+/// The car also reproduces its recorded motion (`SWERVE_BLESS=1` rewrites it).
 #[test]
-fn it_drives_as_the_drift_model_does() {
+fn car_matches_the_drift_model() {
     compare_with_recorded(&all_cases(200.0));
 }
 
 #[test]
-fn at_a_kilohertz_too() {
+fn car_matches_the_drift_model_at_1_khz() {
     assert!(!all_cases(1000.0).is_empty());
 }
 
-/// The single-track model of `swerve-vehicle` on the same inputs, beside the full car: what it lacks (roll,
-/// lateral load transfer, relaxation) shows most when braking in the turn.
+/// The single-track model of `swerve-vehicle` with the same inputs, compared with the full car: the missing effects
+/// (roll, lateral load transfer, relaxation) matter most when braking in the turn.
 #[test]
-fn the_single_track_model_is_near_the_full_car() {
+fn single_track_model_is_near_the_full_car() {
     let (reference, params) = (reference(), bare_car());
     let model = SingleTrack::new(&params, reference.car.friction);
     let dt_s = 0.005;
@@ -208,7 +208,7 @@ fn the_single_track_model_is_near_the_full_car() {
         let (mut peak, steps) = (0.0f64, (case.duration_s / dt_s).round() as u32);
         for i in 0..steps {
             let t = (f64::from(i) + 0.5) * dt_s;
-            // The input of the reference is a torque, part of which slows the wheels.
+            // The input of the reference is a torque, part of which decelerates the wheels.
             let braking = case.accel_mps2 * params.body.mass_kg / params.effective_mass_kg();
             let accel = if t >= case.accel_from_s { braking } else { 0.0 };
             state = model.step(state, steering_at(case, reference.steering_step_s, t), accel, dt_s);

@@ -11,19 +11,19 @@ const RIGHT: RoadLine = RoadLine::RightEdge;
 const MIDDLE: RoadLine = RoadLine::LaneLeft;
 const LEFT: RoadLine = RoadLine::LeftEdge;
 
-/// A straight road of 220 m: edges at -2 and 6 m, the border of the lane at 2 m.
+/// A straight road of 220 m: edges at -2 and 6 m, the lane border at 2 m.
 fn road() -> Road {
     scenario(PERSON_BEHIND_TRUCK).road
 }
 
-/// The world with the ego's rear axle at (x, y).
+/// World with the ego's rear axle at (x, y).
 fn at(stamp: Time, x_m: f64, y_m: f64) -> WorldState {
     let mut world = WorldState { stamp, ..world(Vec::new()) };
     world.ego.state.pose = Pose2::new(x_m, y_m, 0.0);
     world
 }
 
-/// Messages of the sensor of lines about a car of 1.86 m width going through these offsets.
+/// Messages of the line sensor of a car 1.86 m wide that moves through these offsets.
 fn crossed(offsets: &[f64]) -> Vec<(usize, RoadLine, Side)> {
     let mut sensor = LaneInvasionSensor::new(&road(), Shape::default());
     let mut found = Vec::new();
@@ -37,31 +37,31 @@ fn crossed(offsets: &[f64]) -> Vec<(usize, RoadLine, Side)> {
 
 #[test]
 fn lines_are_crossed_to_the_left_and_to_the_right() {
-    // The left side is 0.93 m left of the middle: at the line at 2 m with the middle at 1.07 m.
+    // The left side is 0.93 m left of the centre: on the line at 2 m with the centre at 1.07 m.
     assert_eq!(crossed(&[0.0, 1.0, 1.06, 1.08, 1.5]), [(3, MIDDLE, Side::Left)]);
     assert_eq!(crossed(&[0.0, -1.06, -1.08]), [(2, RIGHT, Side::Right)]);
     assert_eq!(crossed(&[4.0, 2.94, 2.92]), [(2, MIDDLE, Side::Right)]);
     assert_eq!(crossed(&[4.0, 5.0, 5.08]), [(2, LEFT, Side::Left)]);
-    // Over and back are two events, once the line was left behind.
+    // Over and back are two events if the line was left in between.
     let there_and_back = [0.0, 1.5, 3.5, 2.5, 0.5];
     assert_eq!(crossed(&there_and_back), [(1, MIDDLE, Side::Left), (3, MIDDLE, Side::Right)]);
 }
 
 #[test]
-fn along_the_edge_of_a_line_is_one_event_and_the_start_on_a_line_is_none() {
+fn driving_along_a_line_is_one_event_and_starting_on_it_is_none() {
     assert_eq!(crossed(&[1.0, 1.08, 1.06, 1.08, 1.0, 1.08]), [(1, MIDDLE, Side::Left)]);
     assert_eq!(crossed(&[1.0, 1.08, 0.96, 1.08]), [(1, MIDDLE, Side::Left), (3, MIDDLE, Side::Left)]);
     assert_eq!(crossed(&[2.0, 2.1, 2.0]), []);
 }
 
 #[test]
-fn a_leap_over_a_line_is_told() {
+fn jump_over_a_line_is_reported() {
     assert_eq!(crossed(&[0.0, 4.0]), [(1, MIDDLE, Side::Left)]);
     assert_eq!(crossed(&[0.0, 9.0]), [(1, MIDDLE, Side::Left), (1, LEFT, Side::Left)]);
 }
 
 #[test]
-fn a_place_along_the_road_and_the_line_are_told() {
+fn position_along_the_road_and_line_are_reported() {
     let mut sensor = LaneInvasionSensor::new(&road(), Shape::default());
     sensor.sense(&at(Time::ZERO, 30.0, 0.0));
     let message = sensor.sense(&at(Time::from_ms(5), 30.1, 1.2));
@@ -71,12 +71,12 @@ fn a_place_along_the_road_and_the_line_are_told() {
 }
 
 #[test]
-fn on_a_bend_the_middles_of_the_sides_count() {
+fn side_midpoints_count_on_a_bend() {
     let bend = swerve_scenario::Segment { length_m: 100.0, curvature_1pm: 0.05 };
     let road = Road { segments: vec![bend], ..road() };
     let (line, shape) = (road.line(), Shape::default());
-    // On a circle of 20 m to the left, the middle of the left side is 0.93 m left of the middle; the corners
-    // are at a radius of hypot(20 - 0.93, 2.465) and so nearer to the middle line.
+    // On a left circle of 20 m, the midpoint of the left side is 0.93 m left of the centre; the corners are at a radius
+    // of hypot(20 - 0.93, 2.465) and so closer to the centre line.
     let mut sensor = LaneInvasionSensor::new(&road, shape);
     let mut say = |d_m: f64| {
         let center = line.to_map(FrenetPoint { s_m: 50.0, d_m });
@@ -89,7 +89,7 @@ fn on_a_bend_the_middles_of_the_sides_count() {
 }
 
 #[test]
-fn driving_off_the_road_crosses_its_lines_and_then_is_an_infraction() {
+fn driving_off_the_road_crosses_its_lines_and_is_then_an_infraction() {
     let mut sim = exact(&scenario(PERSON_BEHIND_TRUCK), 200);
     let mut sensor = LaneInvasionSensor::new(&sim.scenario().road, sim.params().vehicle.shape);
     let (mut lines, mut left_road) = (Vec::new(), None);
@@ -118,7 +118,7 @@ fn light(green_s: f64, yellow_s: f64, red_s: f64) -> Road {
     Road { lights: vec![light], ..road() }
 }
 
-/// The front, 3.89 m ahead of the rear axle, at these places along the road, one every 10 ms from `start`.
+/// Events of a front, 3.89 m ahead of the rear axle, at these positions along the road, one every 10 ms from `start`.
 fn passed(road: &Road, start: Time, fronts: &[f64]) -> Vec<RedLightEvent> {
     let mut sensor = RedLightSensor::new(road, Shape::default());
     let ahead_m = Shape::default().length_m - Shape::default().rear_overhang_m;
@@ -133,8 +133,8 @@ fn passed(road: &Road, start: Time, fronts: &[f64]) -> Vec<RedLightEvent> {
 }
 
 #[test]
-fn a_red_light_counts_from_the_instant_it_is_red() {
-    // The front goes over the line in the middle of the 10 ms: at 12 s + 5 ms.
+fn red_light_counts_from_the_instant_it_is_red() {
+    // The front passes the line in the middle of the 10 ms: at 12 s + 5 ms.
     let over = [49.75, 50.25];
     let start = Time::from_ms(12_000);
     let red_from = |s: f64| passed(&light(8.0, s - 8.0, 10.0), start, &over);
@@ -149,7 +149,7 @@ fn a_red_light_counts_from_the_instant_it_is_red() {
 }
 
 #[test]
-fn a_car_that_waits_is_told_of_nothing_and_one_that_goes_on_once() {
+fn waiting_car_causes_no_event_and_a_passing_one_causes_one() {
     let road = light(1.0, 1.0, 1000.0);
     let start = Time::from_ms(5000);
     assert_eq!(passed(&road, start, &[49.0, 49.9, 49.99, 49.99]), []);
@@ -161,7 +161,7 @@ fn a_car_that_waits_is_told_of_nothing_and_one_that_goes_on_once() {
 }
 
 #[test]
-fn each_light_of_a_road_is_judged_on_its_own() {
+fn each_light_of_a_road_is_judged_separately() {
     let mut road = light(1.0, 1.0, 1000.0);
     let second =
         TrafficLight { name: "second".into(), stop_s_m: 50.2, green_s: 900.0, ..road.lights[0].clone() };
@@ -173,7 +173,7 @@ fn each_light_of_a_road_is_judged_on_its_own() {
 }
 
 #[test]
-fn a_simulated_car_runs_a_red_light_when_its_speed_says_so() {
+fn simulated_car_runs_a_red_light_at_the_expected_time() {
     let text = PERSON_BEHIND_TRUCK.replacen(
         "\n[ego]",
         "\n[[road.light]]\nname = \"early\"\nstop_s_m = 40.0\ngreen_s = 1.0\nyellow_s = 0.5\nred_s = 60.0\n\n[ego]",
@@ -199,7 +199,7 @@ fn a_simulated_car_runs_a_red_light_when_its_speed_says_so() {
 }
 
 #[test]
-fn collisions_are_told_with_what_was_hit() {
+fn collisions_are_reported_with_the_actor_hit() {
     let mut world = world(vec![actor(4, ActorKind::Car, 9.0, 0.0, [4.0, 2.0, 1.5]), person(7, 3.0, 1.0)]);
     assert_eq!(collisions(&world), CollisionEvents { stamp: world.stamp, events: Vec::new() });
     let hit = |id: u32, impulse_n_s: f64| Collision {
@@ -219,7 +219,7 @@ fn collisions_are_told_with_what_was_hit() {
 }
 
 #[test]
-fn a_simulated_collision_is_one_event() {
+fn simulated_collision_is_one_event() {
     let mut sim = exact(&scenario(PERSON_BEHIND_TRUCK), 200);
     let speed_mps = sim.state().ego.state.speed_mps;
     let (mut events, mut last) = (Vec::new(), Time::ZERO);

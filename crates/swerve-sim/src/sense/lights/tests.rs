@@ -45,7 +45,7 @@ fn light_is_reported_with_its_signal_from_before_its_face() {
 }
 
 #[test]
-fn sight_is_cut_by_range_field_of_view_and_bodies() {
+fn sight_is_limited_by_range_field_of_view_and_bodies() {
     let all = SensorParams::default();
     assert_eq!(seen(0, 0.0, &SensorParams { range_m: 50.0, ..all }, None), None);
     assert_eq!(seen(0, 20.0, &SensorParams { range_m: 50.0, ..all }, None), Some(Signal::Green));

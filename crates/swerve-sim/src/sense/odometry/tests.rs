@@ -40,11 +40,11 @@ fn readings(
 }
 
 #[test]
-fn wheels_on_a_circle_turn_by_their_radii_and_give_speed_and_yaw_rate_back() {
+fn wheel_speeds_on_a_circle_match_their_radii_and_give_the_motion_back() {
     let (speed, yaw_rate) = (8.0, 0.4);
     let vehicle = VehicleParams::default();
     let (l, half, r) = (vehicle.shape.wheelbase_m, 0.5 * vehicle.body.track_m, vehicle.wheel.radius_m);
-    // The centre of the circle is 20 m to the left of the rear axle; each wheel goes on a circle around it.
+    // The centre of the circle is 20 m to the left of the rear axle; each wheel moves on a circle around it.
     let around = |x: f64, y: f64| yaw_rate * math::hypot(20.0 - y, x) / r;
     let want = [around(l, half), around(l, -half), around(0.0, half), around(0.0, -half)];
     let got = rolling_speeds_radps(&circling(0, speed, yaw_rate).ego, &vehicle);
@@ -55,7 +55,7 @@ fn wheels_on_a_circle_turn_by_their_radii_and_give_speed_and_yaw_rate_back() {
         let all = readings(fine(wheels), 1, |ms| circling(ms, speed, yaw_rate), 200);
         assert_eq!(all.len(), 200);
         for reading in &all {
-            // A count is 2.1 µm of way, and 0.21 mm/s over 10 ms.
+            // A count is 2.1 µm of distance, and 0.21 mm/s over 10 ms.
             assert!((reading.speed_mps - speed).abs() < 3e-4, "{reading:?}");
             assert!((reading.yaw_rate_radps - yaw_rate).abs() < 3e-4, "{reading:?}");
         }
@@ -65,14 +65,14 @@ fn wheels_on_a_circle_turn_by_their_radii_and_give_speed_and_yaw_rate_back() {
 }
 
 #[test]
-fn backwards_is_negative() {
+fn reversing_gives_negative_speeds() {
     let last = readings(fine(OdometryWheels::All), 1, |ms| circling(ms, -3.0, 0.2), 5).pop().unwrap();
     assert!((last.speed_mps + 3.0).abs() < 1e-3 && (last.yaw_rate_radps - 0.2).abs() < 1e-3, "{last:?}");
     assert!(last.counts.iter().all(|c| *c < 0), "{last:?}");
 }
 
 #[test]
-fn encoders_count_whole_steps_and_lose_none() {
+fn encoders_count_whole_steps_without_loss() {
     let params = WheelOdometryParams::default();
     let (vehicle, n) = (VehicleParams::default(), 300);
     let all = readings(params, 1, |ms| circling(ms, 10.0, 0.0), n);
@@ -94,7 +94,7 @@ fn encoders_count_whole_steps_and_lose_none() {
 }
 
 #[test]
-fn a_larger_wheel_makes_the_car_look_slower_for_the_whole_run() {
+fn larger_wheel_underestimates_speed_for_the_whole_run() {
     let params = WheelOdometryParams { radius_error: 0.01, ..fine(OdometryWheels::Rear) };
     let of = |seed: u64| {
         let mut odometer = WheelOdometer::new(params, &VehicleParams::default(), "odometry", seed);
@@ -124,7 +124,7 @@ fn a_larger_wheel_makes_the_car_look_slower_for_the_whole_run() {
 }
 
 #[test]
-fn the_steering_sensor_has_its_errors() {
+fn steering_sensor_has_its_errors() {
     let with = |noise: f64, bias: f64, seed: u64| {
         let params = WheelOdometryParams {
             steering_noise_rad: noise,
@@ -143,7 +143,7 @@ fn the_steering_sensor_has_its_errors() {
 }
 
 #[test]
-fn without_time_between_there_is_no_reading() {
+fn repeated_stamp_gives_no_reading() {
     let mut odometer =
         WheelOdometer::new(WheelOdometryParams::default(), &VehicleParams::default(), "odometry", 1);
     let at = |ms: i64| circling(ms, 5.0, 0.0);
@@ -154,7 +154,7 @@ fn without_time_between_there_is_no_reading() {
 }
 
 #[test]
-fn wheels_of_the_simulated_car_slip_little_in_a_bend_and_more_under_full_brake() {
+fn simulated_wheels_slip_little_in_a_bend_and_more_under_full_brake() {
     let mut sim = exact(&scenario(PERSON_BEHIND_TRUCK), 200);
     let vehicle = sim.params().vehicle.clone();
     let mut odometer = WheelOdometer::new(fine(OdometryWheels::Rear), &vehicle, "odometry", 1);

@@ -1,4 +1,4 @@
-//! From actors to echoes.
+//! Echoes of actors.
 
 use swerve_geom::{Ego, Map, Point, Point2, Pose2, Transform, Vector, math};
 use swerve_msg::ActorId;
@@ -8,9 +8,9 @@ use super::{RadarParams, decibels, rcs_dbsm, velocity_of};
 use crate::sense::SensorMount;
 use crate::sense::occluders::Occluders;
 
-/// Share of the cross-section at the nearest place of a box, and at each of two corners beside it.
+/// Share of the cross-section at the closest point of a box, and at each of two adjacent corners.
 const SHARES: [f64; 3] = [0.6, 0.2, 0.2];
-/// Scatterers lie at half of the body's height, and no higher than this above its bottom, metres.
+/// Maximum height of scatterers above the body's bottom, metres; otherwise they are at half of its height.
 const SCATTERER_MAX_M: f64 = 0.8;
 
 /// A sensor in the world.
@@ -21,23 +21,23 @@ pub(super) struct Eye {
     mount: SensorMount,
 }
 
-/// Power that comes back from one place, before noise.
+/// Power reflected from one position, before noise.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(super) struct Echo {
     pub(super) range_m: f64,
     pub(super) range_rate_mps: f64,
     pub(super) azimuth_rad: f64,
     pub(super) elevation_rad: f64,
-    /// Mean signal over noise.
+    /// Mean signal-to-noise ratio.
     pub(super) snr: f64,
-    /// Whose the strongest part is, and which.
+    /// Actor and scatterer of the strongest part.
     pub(super) actor: ActorId,
     pub(super) part: i64,
 }
 
-/// A place from which an actor reflects.
+/// A scatterer of an actor.
 struct Scatterer {
-    /// Which of the actor's it is.
+    /// Index within the actor.
     part: i64,
     place: Point<Map>,
     /// Share of the actor's cross-section.
@@ -55,7 +55,7 @@ impl Eye {
         }
     }
 
-    /// Azimuth and elevation of a direction in the map, about the sensor's own axes.
+    /// Azimuth and elevation of a map direction in the sensor's axes.
     fn angles(&self, towards: Vector<Map>) -> (f64, f64) {
         let v = (self.map_from_ego.inverse() * towards).coords;
         let (sin, cos) = math::sin_cos(self.mount.yaw_rad);
@@ -63,7 +63,7 @@ impl Eye {
         (math::atan2(y, x), math::atan2(v.z, math::hypot(x, y)))
     }
 
-    /// The unit vector in the map at these angles.
+    /// Unit vector in the map for these angles.
     pub(super) fn direction(&self, azimuth_rad: f64, elevation_rad: f64) -> Vector<Map> {
         let (sin, cos) = math::sin_cos(azimuth_rad + self.mount.yaw_rad);
         let (up, flat) = math::sin_cos(elevation_rad);
@@ -71,7 +71,7 @@ impl Eye {
     }
 }
 
-/// The echoes of all scatterers that the sensor can see, as though it could tell them all apart.
+/// Echoes of all visible scatterers, before resolution.
 pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec<Echo> {
     let mut found = Vec::new();
     let occluders = Occluders::new(world, eye.at);
@@ -90,7 +90,7 @@ pub(super) fn echoes(world: &WorldState, eye: &Eye, params: &RadarParams) -> Vec
     found
 }
 
-/// The echo of one scatterer of an actor of this cross-section, if it is within the limits.
+/// Echo of one scatterer of an actor of this cross-section, if within the limits.
 fn echo(
     eye: &Eye,
     actor: &Actor,
@@ -120,7 +120,7 @@ fn echo(
     })
 }
 
-/// The places from which an actor reflects towards a sensor; none for a sensor inside it.
+/// Scatterers of an actor towards a sensor; empty for a sensor inside it.
 fn scatterers(actor: &Actor, eye: Point2) -> Vec<Scatterer> {
     let z_m = actor.z_m + (0.5 * actor.extent.height_m).min(SCATTERER_MAX_M);
     let lifted = |p: Point2| Point::new(p.x_m, p.y_m, z_m);
@@ -152,7 +152,7 @@ fn scatterers(actor: &Actor, eye: Point2) -> Vec<Scatterer> {
     (0..).zip(places.zip(SHARES)).map(|(part, (place, share))| Scatterer { part, place, share }).collect()
 }
 
-/// Echoes as a sensor resolves them: those too near to a stronger one to be told apart from it add to its power.
+/// Merges echoes that the sensor cannot resolve: those too close to a stronger one add to its power.
 pub(super) fn resolved(mut echoes: Vec<Echo>, params: &RadarParams) -> Vec<Echo> {
     echoes.sort_by(|a, b| b.snr.total_cmp(&a.snr).then((a.actor, a.part).cmp(&(b.actor, b.part))));
     let mut kept: Vec<Echo> = Vec::with_capacity(echoes.len());

@@ -1,4 +1,4 @@
-//! Capabilities of a radar.
+//! Radar parameters.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,24 +8,24 @@ use swerve_geom::math;
 
 use super::{decibels, ratio};
 
-/// Cross-section that [`RadarParams::half_range_m`] is given for, dBsm: about that of a car from behind.
+/// Cross-section to which [`RadarParams::half_range_m`] refers, dBsm: about that of a car from behind.
 const HALF_RANGE_RCS_DBSM: f64 = 10.0;
 
-/// A radar by name.
+/// Radar class.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RadarPreset {
-    /// Looks ahead from the front bumper, far along the axis and near to the sides: 250 m, 120 degrees; in
+    /// Faces forward from the front bumper, long range on the axis and short range to the sides: 250 m, 120 degrees; in
     /// the class of Continental's ARS 408.
     #[default]
     LongRange,
-    /// Looks out over a corner of the car: 100 m, 150 degrees, finer in range; in the class of Continental's
-    /// SRR 520.
+    /// Faces outwards from a corner of the car: 100 m, 150 degrees, finer range resolution; in the class of
+    /// Continental's SRR 520.
     Corner,
 }
 
 impl RadarPreset {
-    /// Its parameters.
+    /// Parameters of this class.
     pub fn params(self) -> RadarParams {
         match self {
             Self::LongRange => RadarParams {
@@ -64,7 +64,7 @@ impl RadarPreset {
         }
     }
 
-    /// Time between two scans: whole steps of the world by its default.
+    /// Interval between two scans: whole simulation steps at the default step.
     pub fn period(self) -> Span {
         match self {
             Self::LongRange => Span::from_ms(70),
@@ -73,11 +73,11 @@ impl RadarPreset {
     }
 }
 
-/// Declares [`RadarParams`] and the form in which files give it: every key may be left out, and is then that
-/// of the preset that the key `preset` names.
+/// Declares [`RadarParams`] and its file format: every key may be omitted and then has the value of the preset named by
+/// the key `preset`.
 macro_rules! params {
     ($($(#[$doc:meta])* $name:ident: $number:ty,)*) => {
-        /// Limits, accuracy and errors of a radar. In files, what is left out is as the key `preset` names it.
+        /// Limits, accuracy and errors of a radar. In files, omitted keys have the values of the `preset`.
         #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
         #[serde(from = "Keys")]
         pub struct RadarParams {
@@ -88,7 +88,7 @@ macro_rules! params {
         #[serde(deny_unknown_fields, default)]
         #[derive(Default)]
         struct Keys {
-            /// The radar that is meant where a key is left out.
+            /// Radar class that sets the defaults of omitted keys.
             preset: RadarPreset,
             $($(#[$doc])* $name: Option<$number>,)*
         }
@@ -103,44 +103,45 @@ macro_rules! params {
 }
 
 params! {
-    /// Nothing nearer is detected, metres.
+    /// Minimum range of detections, metres.
     range_min_m: f64,
-    /// Nothing farther is detected, metres.
+    /// Maximum range of detections, metres.
     range_max_m: f64,
     /// Full horizontal field of view, radians.
     fov_rad: f64,
     /// Full vertical field of view, radians.
     elevation_fov_rad: f64,
-    /// No echo of a larger range rate, away or towards, is detected, m/s.
+    /// Maximum absolute range rate of detections, m/s.
     range_rate_max_mps: f64,
     /// Distance at which 10 dBsm on the axis are detected in every second scan, metres.
     half_range_m: f64,
-    /// Loss of an echo at the left and right edges of the field of view, both ways together, decibels;
-    /// grows from the axis with the square of the angle.
+    /// Two-way loss of an echo at the left and right edges of the field of view, decibels; grows with the square of the
+    /// angle from the axis.
     edge_loss_db: f64,
-    /// Probability with which noise alone crosses the threshold.
+    /// Probability that noise alone exceeds the detection threshold.
     false_alarm_probability: f64,
-    /// Two echoes nearer to each other than this, and than the next two, are one, metres.
+    /// Range resolution, metres: echoes closer to each other than the three resolutions (range, range rate, azimuth)
+    /// are merged.
     range_resolution_m: f64,
-    /// The same in range rate, m/s.
+    /// Range rate resolution, m/s; see `range_resolution_m`.
     range_rate_resolution_mps: f64,
-    /// The same in azimuth, radians.
+    /// Azimuth resolution, radians; see `range_resolution_m`.
     azimuth_resolution_rad: f64,
-    /// Standard deviation of range, metres.
+    /// Standard deviation of the range, metres.
     range_noise_m: f64,
-    /// Standard deviation of range rate, m/s.
+    /// Standard deviation of the range rate, m/s.
     range_rate_noise_mps: f64,
-    /// Standard deviation of azimuth, radians.
+    /// Standard deviation of the azimuth, radians.
     azimuth_noise_rad: f64,
-    /// Standard deviation of elevation, radians.
+    /// Standard deviation of the elevation, radians.
     elevation_noise_rad: f64,
-    /// Mean number of echoes per scan from what stands beside and on the road and is no actor.
+    /// Mean number of clutter echoes per scan, from objects beside and on the road that are not actors.
     clutter_per_scan: f64,
-    /// Mean number of detections per scan that are noise.
+    /// Mean number of false alarms per scan, caused by noise.
     false_alarms_per_scan: f64,
-    /// Whether elevation is reported.
+    /// True if elevation is reported.
     measures_elevation: bool,
-    /// Whether bodies block the view.
+    /// True if bodies occlude the view.
     occlusion: bool,
 }
 
@@ -151,17 +152,17 @@ impl Default for RadarParams {
 }
 
 impl RadarParams {
-    /// Power over noise that a detection needs.
+    /// Detection threshold, power over noise.
     pub(super) fn threshold(&self) -> f64 {
         -math::ln(self.false_alarm_probability)
     }
 
-    /// Signal over noise at which every second echo is detected.
+    /// Signal-to-noise ratio at which every second echo is detected.
     fn half_snr(&self) -> f64 {
         self.threshold() / core::f64::consts::LN_2 - 1.0
     }
 
-    /// Mean signal over noise of an echo of one square metre.
+    /// Mean signal-to-noise ratio of one square metre.
     fn snr_per_m2(&self, range_m: f64, azimuth_rad: f64) -> f64 {
         let off_axis = 2.0 * azimuth_rad / self.fov_rad;
         let loss_db = self.edge_loss_db * off_axis * off_axis + HALF_RANGE_RCS_DBSM;
@@ -169,22 +170,22 @@ impl RadarParams {
         self.half_snr() * nearer * nearer * nearer * nearer * over_m2
     }
 
-    /// Mean ratio of signal to noise of a cross-section at a place.
+    /// Mean signal-to-noise ratio of a cross-section at a position.
     pub fn mean_snr(&self, rcs_dbsm: f64, range_m: f64, azimuth_rad: f64) -> f64 {
         self.snr_per_m2(range_m, azimuth_rad) * ratio(rcs_dbsm)
     }
 
-    /// Probability that one scan detects a cross-section at a place, where nothing is in between.
+    /// Probability that one scan detects an unoccluded cross-section at a position.
     pub fn detection_probability(&self, rcs_dbsm: f64, range_m: f64, azimuth_rad: f64) -> f64 {
         math::exp(-self.threshold() / (1.0 + self.mean_snr(rcs_dbsm, range_m, azimuth_rad)))
     }
 
-    /// The cross-section that gives this ratio at a place, dBsm.
+    /// Cross-section that gives this signal-to-noise ratio at a position, dBsm.
     pub(super) fn rcs_of_snr_dbsm(&self, snr: f64, range_m: f64, azimuth_rad: f64) -> f64 {
         decibels(snr / self.snr_per_m2(range_m, azimuth_rad))
     }
 
-    /// Every parameter that is out of range.
+    /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
         let tau = core::f64::consts::TAU;
         let ranges = [

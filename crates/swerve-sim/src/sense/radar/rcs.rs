@@ -1,10 +1,10 @@
-//! How strongly actors reflect.
+//! Radar cross-sections of actors.
 
 use swerve_geom::math;
 use swerve_msg::ActorKind;
 
-/// Mean radar cross-section of an actor at 76 to 77 GHz, decibels over a square metre, seen at `aspect_rad`
-/// from its heading: 0 from ahead, ±pi/2 from the sides, pi from behind.
+/// Mean radar cross-section of an actor at 76 to 77 GHz, dBsm, seen at `aspect_rad` from its heading: 0 from ahead,
+/// ±pi/2 from the sides, pi from behind.
 ///
 /// `end cos² + side sin² - dip sin²(2 aspect)`, in decibels, with
 ///
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_met_at_its_aspects() {
+    fn table_values_are_met_at_their_aspects() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
         near(rcs_dbsm(ActorKind::Car, 0.0), 10.0);
         near(rcs_dbsm(ActorKind::Car, PI), 10.0);

@@ -9,7 +9,7 @@ use swerve_vehicle::Shape;
 use super::*;
 use crate::sense::tests::{actor, person, world};
 
-/// Sees everything within its limits exactly and tells all of it apart.
+/// A radar that detects and resolves everything within its limits exactly.
 fn exact() -> RadarParams {
     RadarParams {
         half_range_m: 9_000.0,
@@ -52,7 +52,7 @@ fn an_oncoming_car_closes_with_both_speeds() {
     let (scan, sources) = scan(&world, exact());
     assert_eq!((scan.stamp, sources.stamp), (world.stamp, world.stamp));
     assert_eq!(sources.sources, [Some(ActorId(1)); 3], "its rear end and two corners");
-    // The middle of the near end is 60 m ahead and 0.25 m up; the corners are a metre to the sides.
+    // The centre of the near end is 60 m ahead and 0.25 m up; the corners are one metre to the sides.
     let range = |side: f64| (60.0_f64 * 60.0 + side * side + 0.25 * 0.25).sqrt();
     for (detection, side) in scan.detections.iter().zip([0.0, 1.0, 1.0]) {
         assert!((detection.range_m - range(side)).abs() < 1e-9, "{detection:?}");
@@ -63,7 +63,7 @@ fn an_oncoming_car_closes_with_both_speeds() {
 }
 
 #[test]
-fn what_drives_ahead_as_fast_keeps_its_range_and_what_drives_faster_leaves() {
+fn range_rate_is_zero_at_equal_speed_and_positive_for_a_faster_lead() {
     let rate = |speed: f64| {
         let mut world = ego(20.0, 0.0);
         world.actors = vec![car(1, 65.0, 0.0, (speed, 0.0))];
@@ -81,7 +81,7 @@ fn azimuth_is_to_the_left_of_the_axis_and_elevation_above_it() {
         let (scan, _) = Radar::new(params, mount, &vehicle).scan(world, "radar", 1);
         (scan.detections[0].azimuth_rad, scan.detections[0].elevation_rad.unwrap())
     };
-    // The near side of the person, who is round, lies on the line to the middle.
+    // The near side of the person, who is round, is on the line to the centre.
     let mut world = ego(0.0, 0.0);
     world.actors = vec![person(1, 13.0, 10.0)];
     let (azimuth, elevation) = at(&world, 0.0);
@@ -89,20 +89,20 @@ fn azimuth_is_to_the_left_of_the_axis_and_elevation_above_it() {
     let near = 200.0_f64.sqrt() - 0.25;
     assert!((elevation - math::atan2(0.8 - 0.5, near)).abs() < 1e-12, "{elevation}");
     assert!((at(&world, 0.3).0 - (FRAC_PI_4 - 0.3)).abs() < 1e-12);
-    // The car turned by a quarter to the left has the person at 45 degrees to the right.
+    // For a car turned by 90 degrees to the left the person is at 45 degrees to the right.
     let turned =
         Transform::from_roll_pitch_yaw(Point::new(13.0 - 10.0, 10.0 - 13.0, 0.0), 0.0, 0.0, FRAC_PI_2);
     world.ego.map_from_ego = turned;
     world.ego.state.pose = Pose2::new(3.0, -3.0, FRAC_PI_2);
     assert!((at(&world, 0.0).0 + FRAC_PI_4).abs() < 1e-9, "{:?}", at(&world, 0.0));
-    // Nose down: what is ahead is above the axis.
+    // Nose down: objects ahead are above the axis.
     world.ego.map_from_ego = Transform::from_roll_pitch_yaw(Point::new(0.0, 0.0, 0.0), 0.0, 0.05, 0.0);
     world.actors = vec![person(1, 40.0, 0.0)];
     assert!(at(&world, 0.0).1 > 0.04, "{:?}", at(&world, 0.0));
 }
 
 #[test]
-fn a_turning_car_moves_its_sensors() {
+fn turning_car_moves_its_sensors() {
     let (vehicle, shape) = (VehicleParams::default(), Shape::default());
     let mount = SensorMount::corner(&shape, true, Side::Left);
     let world = {
@@ -115,14 +115,14 @@ fn a_turning_car_moves_its_sensors() {
     let (scan, _) = Radar::new(exact(), mount, &vehicle).scan(&world, "corner", 1);
     let detection = scan.detections[0];
     let (ahead, left) = (mount.x_m - vehicle.cg_to_rear_m(), mount.y_m);
-    // Of a point at (ahead, left) the turn makes (-left, ahead) times the yaw rate; along the axis, away.
+    // The turn moves a point at (ahead, left) by (-left, ahead) times the yaw rate; along the axis, away.
     let moves = 0.5 * (ahead - left) * FRAC_1_SQRT_2;
     assert!(detection.azimuth_rad.abs() < 1e-12);
     assert!((detection.range_rate_mps + moves).abs() < 1e-3, "{detection:?} {moves}");
 }
 
 #[test]
-fn corner_radars_look_out_over_their_corners() {
+fn corner_radars_face_outwards() {
     let shape = Shape::default();
     let corner = |at_front, side| {
         let mount = SensorMount::corner(&shape, at_front, side);
@@ -136,30 +136,30 @@ fn corner_radars_look_out_over_their_corners() {
 }
 
 #[test]
-fn the_chance_to_be_detected_falls_with_the_fourth_power_of_distance_over_cross_section() {
+fn detection_probability_depends_on_cross_section_over_distance_to_the_fourth() {
     let params = RadarParams::default();
     let p = |rcs: f64, range: f64| params.detection_probability(rcs, range, 0.0);
     assert!((p(10.0, params.half_range_m) - 0.5).abs() < 1e-12);
-    // Sixteen times the cross-section (12.04 dB) is detected as well at twice the distance.
+    // Sixteen times the cross-section (12.04 dB) has the same probability at twice the distance.
     let sixteen_db = 12.041_199_826_559_248;
     for range in [20.0, 80.0, 150.0] {
         assert!((p(-8.0, range) - p(-8.0 + sixteen_db, 2.0 * range)).abs() < 1e-12);
         assert!(p(-8.0, range) > p(-8.0, 1.1 * range));
     }
-    // Far out only noise crosses the threshold.
+    // At a large distance only noise exceeds the threshold.
     assert!((p(10.0, 1e6) - 1e-6).abs() < 1e-9);
-    // Swerling's case 1 at an SNR of 20 dB and a false alarm in a million: 1e-6^(1/101).
+    // Swerling's case 1 at an SNR of 20 dB and a false alarm probability of one in a million: 1e-6^(1/101).
     let range =
         params.half_range_m * math::pow(params.mean_snr(10.0, params.half_range_m, 0.0) / 100.0, 0.25);
     assert!((params.mean_snr(10.0, range, 0.0) - 100.0).abs() < 1e-9);
     assert!((p(10.0, range) - 0.872_156).abs() < 1e-6, "{}", p(10.0, range));
-    // At the edge of the field of view the loss of 24 dB is that of a factor 3.98 in distance.
+    // At the edge of the field of view the loss of 24 dB is equivalent to a factor 3.98 in distance.
     let edge = params.detection_probability(10.0, 50.0, 0.5 * params.fov_rad);
     assert!((edge - p(10.0, 50.0 * math::pow(10.0, 24.0 / 40.0))).abs() < 1e-12);
 }
 
 #[test]
-fn echoes_are_detected_as_often_as_the_closed_form_says() {
+fn detection_rate_matches_the_closed_form() {
     let params = RadarParams { half_range_m: 120.0, ..RadarParams { edge_loss_db: 0.0, ..exact() } };
     for range in [25.0, 40.0, 50.0, 70.0] {
         let mut world = ego(10.0, 0.0);
@@ -177,7 +177,7 @@ fn echoes_are_detected_as_often_as_the_closed_form_says() {
 }
 
 #[test]
-fn the_measured_cross_section_is_right_on_average() {
+fn measured_cross_section_is_unbiased() {
     let mut world = ego(0.0, 0.0);
     world.actors = vec![person(1, 30.0, 2.0)];
     let n = 4000_u64;
@@ -186,13 +186,13 @@ fn the_measured_cross_section_is_right_on_average() {
         let detection = radar(exact()).scan(&world, "radar", seed).0.detections[0];
         sum += ratio(detection.rcs_dbsm);
     }
-    // A mean of exponentials of mean 10^-0.8, each with a deviation as large as its mean.
+    // A mean of exponentials of mean 10^-0.8, each with a standard deviation equal to its mean.
     let (mean, want) = (sum / n as f64, math::pow(10.0, -0.8));
     assert!((mean / want - 1.0).abs() < 4.0 / (n as f64).sqrt(), "{mean} {want}");
 }
 
 #[test]
-fn noise_has_the_deviations_asked_for() {
+fn noise_has_the_configured_deviations() {
     let noisy = RadarParams {
         range_noise_m: 0.2,
         range_rate_noise_mps: 0.03,
@@ -223,7 +223,7 @@ fn noise_has_the_deviations_asked_for() {
 }
 
 #[test]
-fn limits_of_range_and_view_cut_off() {
+fn limits_of_range_and_view_are_applied() {
     let seen = |x: f64, y: f64, params: RadarParams| {
         let mut world = ego(0.0, 0.0);
         world.actors = vec![person(1, 3.0 + x, y)];
@@ -233,7 +233,7 @@ fn limits_of_range_and_view_cut_off() {
     assert!(seen(50.2, 0.0, params) && !seen(50.3, 0.0, params), "0.25 m to its near side");
     assert!(seen(5.3, 0.0, params) && !seen(5.2, 0.0, params));
     assert!(seen(20.0, 19.9, params) && !seen(20.0, 20.1, params) && !seen(-20.0, 0.0, params));
-    // 8 degrees up is half of the usual vertical field: 0.3 m above the sensor it is left at 2.1 m.
+    // Half of the default vertical field is 8 degrees: an object 0.3 m above the sensor leaves it at 2.1 m.
     assert!(seen(2.6, 0.0, exact()) && !seen(2.2, 0.0, exact()));
     let mut fast = ego(40.0, 0.0);
     fast.actors = vec![car(1, 65.0, 0.0, (-31.0, 0.0))];
@@ -260,7 +260,7 @@ fn bodies_block_the_view() {
 }
 
 #[test]
-fn what_cannot_be_told_apart_is_one_echo_with_the_power_of_both() {
+fn unresolved_scatterers_are_one_echo_with_the_power_of_both() {
     let coarse = RadarParams {
         range_resolution_m: 1.0,
         range_rate_resolution_mps: 0.5,
@@ -290,7 +290,7 @@ fn what_cannot_be_told_apart_is_one_echo_with_the_power_of_both() {
 }
 
 #[test]
-fn clutter_stands_still_in_the_map_and_comes_at_its_rate() {
+fn clutter_is_at_rest_in_the_map_at_the_configured_rate() {
     let params = RadarParams { clutter_per_scan: 5.0, ..exact() };
     let mut world = ego(20.0, 0.0);
     let n = 400;
@@ -311,7 +311,7 @@ fn clutter_stands_still_in_the_map_and_comes_at_its_rate() {
         assert!(scan.detections.is_sorted_by(|a, b| a.range_m <= b.range_m));
         count += scan.detections.len();
     }
-    // Poisson: the deviation of the sum is the root of its mean, 2000.
+    // Poisson: the standard deviation of the sum is the root of its mean, 2000.
     assert!((count as f64 - 2000.0).abs() < 4.0 * 2000.0_f64.sqrt(), "{count}");
     assert!((left as f64 / count as f64 - 0.5).abs() < 0.05, "{left} of {count}");
 }
@@ -333,7 +333,7 @@ fn false_alarms_have_any_range_rate() {
 }
 
 #[test]
-fn scans_are_keyed_by_seed_sensor_and_stamp_and_other_actors_change_no_draw() {
+fn scans_are_keyed_by_seed_sensor_and_stamp_and_independent_of_other_actors() {
     let mut world = ego(10.0, 0.0);
     world.actors = vec![car(1, 60.0, 0.0, (5.0, 0.0)), person(2, 40.0, 8.0)];
     let of =
@@ -359,7 +359,7 @@ fn scans_are_keyed_by_seed_sensor_and_stamp_and_other_actors_change_no_draw() {
 }
 
 #[test]
-fn a_sensor_inside_a_body_and_a_target_on_the_sensor_give_no_echo_and_no_fault() {
+fn sensor_inside_a_body_and_target_on_the_sensor_give_no_echo() {
     let mut world = ego(0.0, 0.0);
     world.actors = vec![car(1, 3.0, 0.0, (0.0, 0.0)), person(2, 3.0, 0.0), person(3, 3.25, 0.0)];
     let params = RadarParams { occlusion: false, ..exact() };
@@ -368,7 +368,7 @@ fn a_sensor_inside_a_body_and_a_target_on_the_sensor_give_no_echo_and_no_fault()
 }
 
 #[test]
-fn parameters_are_those_of_a_preset_but_for_what_is_given() {
+fn parameters_default_to_the_preset() {
     let read = |text: &str| serde_json::from_str::<RadarParams>(text);
     assert_eq!(read("{}").unwrap(), RadarPreset::LongRange.params());
     assert_eq!(read(r#"{"preset": "corner"}"#).unwrap(), RadarPreset::Corner.params());

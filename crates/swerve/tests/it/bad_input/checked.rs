@@ -1,10 +1,10 @@
-//! `swerve check`: all that is wrong with all files, at once.
+//! `swerve check` reports all errors of all files at once.
 
 use super::check;
 use crate::support::{Bench, SHORT};
 
 #[test]
-fn check_tells_all_problems_of_all_files() {
+fn check_reports_all_problems_of_all_files() {
     let bench = Bench::new();
     bench.write(
         "a.toml",
@@ -78,7 +78,7 @@ fn check_tells_all_problems_of_all_files() {
 }
 
 #[test]
-fn check_tells_all_that_is_missing_or_of_another_type() {
+fn check_reports_all_missing_and_mistyped_keys() {
     let bench = Bench::new();
     bench.write("s.toml", "base = { config = 3 }\n[[axis]]\nvalues = 5\n[budget]\nscan_ms = true\n");
     bench.write(
@@ -124,9 +124,9 @@ fn check_tells_all_that_is_missing_or_of_another_type() {
     assert_eq!(said.stderr.lines().count(), 20, "each once: {}", said.stderr);
 }
 
-/// A million cells of independent axes are a few hundred configurations to look at.
+/// A million cells of independent axes need only a few hundred configurations.
 #[test]
-fn a_study_of_a_million_cells_is_checked_by_its_axes() {
+fn study_of_a_million_cells_is_checked_by_its_axes() {
     let bench = Bench::new();
     let numbers = |scale: f64| (1..=100).map(|i| format!("{}, ", f64::from(i) * scale)).collect::<String>();
     let axis = |key: &str, values: &str| format!("[[axis]]\nkey = \"{key}\"\nvalues = [{values}]\n");
@@ -146,9 +146,9 @@ fn a_study_of_a_million_cells_is_checked_by_its_axes() {
     check(&bench.swerve(&args), &[&speed("71"), &speed("-1"), "30 problems in 1 file"], &args);
 }
 
-/// Files of a folder that are somebody else's are left out, with a word; those of ours are not, slips and all.
+/// Files of other programs in a folder are skipped with a note; Swerve's files are checked even if misspelt.
 #[test]
-fn check_of_a_folder_leaves_out_what_is_not_ours() {
+fn check_of_a_folder_skips_foreign_files() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("mine")).unwrap();
     bench.write("mine/Cargo.toml", "[package]\nname = \"mine\"\n[dependencies]\n");
@@ -167,7 +167,7 @@ fn check_of_a_folder_leaves_out_what_is_not_ours() {
         said.stderr.contains("b.toml:1: operator.planer") && said.stderr.contains("c.toml:1: planing"),
         "{said:?}"
     );
-    // Who names a file means it.
+    // A file named on the command line is always checked.
     let said = bench.swerve(&["check", "mine/pyproject.toml"]);
     assert!(said.stderr.contains("mine/pyproject.toml:1: project: unknown key"), "{said:?}");
 }

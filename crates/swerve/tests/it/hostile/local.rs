@@ -1,4 +1,4 @@
-//! Another user of the host, against a run in several processes; and a worker that hangs when it is started again.
+//! Another user of the host against a run in several processes, and a worker that hangs on restart.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{PATIENCE, pause};
 use crate::support::{Bench, alone};
 
-/// As the user `nobody`; none where this is not root, who alone can be anybody.
+/// Runs a script as user `nobody`. `None` unless run by root.
 fn as_nobody(script: &str) -> Option<(bool, String)> {
     let words = ["--reuid=65534", "--regid=65534", "--clear-groups", "sh", "-c", script];
     let output = Command::new("setpriv").args(words).output().ok()?;
@@ -21,7 +21,7 @@ fn as_nobody(script: &str) -> Option<(bool, String)> {
     Some((output.status.success(), told))
 }
 
-/// The shared files of runs of a process.
+/// Shared-memory files of a process's runs.
 fn shared_files(pid: u32) -> Vec<PathBuf> {
     let all = std::fs::read_dir("/dev/shm").unwrap().filter_map(|entry| Some(entry.ok()?.path()));
     let name = format!("/dev/shm/swerve_{pid}_");
@@ -40,18 +40,18 @@ fn drive(bench: &Bench, config: &str) -> Command {
 
 #[test]
 #[ignore = "real clock"]
-fn another_user_reads_writes_and_holds_up_nothing_of_a_run() {
+fn other_user_cannot_read_write_or_block_a_run() {
     let _alone = alone();
     if as_nobody("true").is_none() {
         return;
     }
     let bench = Bench::new();
-    // A folder for the run's folder that everybody may look into, as the system's own is.
+    // A world-writable parent for the run's folder, as the system's own is.
     let temporary = tempfile::tempdir_in("/tmp").unwrap();
     let path = temporary.path().to_str().unwrap().to_owned();
     assert!(Command::new("chmod").args(["1777", &path]).status().unwrap().success());
     let base = format!("{path}/swerve_ipc_0");
-    // Somebody was there first: refused with a sentence, and nothing of it is touched.
+    // The folder already exists with another owner: refused with a message, and left untouched.
     assert!(as_nobody(&format!("mkdir -p {base} && touch {base}/x.lock && mkfifo {base}/z.lock")).unwrap().0);
     let config = "[process.planning]\noperators = ['planner']\non_loss = 'restart'\n";
     let mut command = drive(&bench, config);
@@ -93,7 +93,7 @@ fn another_user_reads_writes_and_holds_up_nothing_of_a_run() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_worker_that_hangs_when_it_is_started_again_is_told_within_a_second_and_the_ego_stops() {
+fn worker_that_hangs_on_restart_is_reported_within_a_second_and_the_ego_stops() {
     let _alone = alone();
     let bench = Bench::new();
     let program = env!("CARGO_BIN_EXE_swerve");
@@ -115,7 +115,7 @@ fn a_worker_that_hangs_when_it_is_started_again_is_told_within_a_second_and_the_
         }
         pause();
     }
-    // It is driven by now, or will be soon.
+    // The run is driving by now, or soon will be.
     (0..150).for_each(|_| pause());
     super::signal(worker().unwrap(), "-KILL");
     assert!(run.wait().unwrap().success(), "{}", bench.read("told"));

@@ -1,8 +1,8 @@
-//! Packets of RTPS 2.3 (OMG, 9.4) as somebody forges them.
+//! Forged RTPS 2.3 packets (OMG, 9.4).
 
 use swerve_ros2::bridge::WriterGuid;
 
-/// The ports of the first participant of a domain: for discovery, and for messages (9.6.2.3).
+/// Discovery and user ports of the first participant of a domain (9.6.2.3).
 pub(super) fn ports(domain: u16) -> [u16; 2] {
     let base = 7400 + 250 * domain;
     [base + 10, base + 11]
@@ -15,7 +15,7 @@ const GAP: u8 = 0x08;
 const LITTLE_ENDIAN: u8 = 1;
 const HAS_DATA: u8 = 4;
 
-/// The header of a packet of this writer's participant.
+/// Packet header of this writer's participant.
 fn header(writer: WriterGuid) -> Vec<u8> {
     let mut packet = b"RTPS\x02\x03\x01\x12".to_vec();
     packet.extend(&writer.0[..12]);
@@ -28,7 +28,7 @@ fn submessage(packet: &mut Vec<u8>, kind: u8, flags: u8, body: &[u8]) {
     packet.extend(body);
 }
 
-/// To any reader, from this writer; what most submessages begin with.
+/// Any reader and this writer; the start of most submessages.
 fn ends(writer: WriterGuid) -> Vec<u8> {
     [&[0; 4][..], &writer.0[12..]].concat()
 }
@@ -38,7 +38,7 @@ fn number(n: u64) -> [u8; 8] {
     [high, low].concat().try_into().unwrap()
 }
 
-/// A kilobyte that claims to be the first part of a message of `sample_bytes`.
+/// One kilobyte that claims to be the first fragment of a message of `sample_bytes`.
 pub(super) fn fragment(writer: WriterGuid, sequence: u64, sample_bytes: u32) -> Vec<u8> {
     let mut body = vec![0, 0, 28, 0];
     body.extend(ends(writer));
@@ -53,7 +53,7 @@ pub(super) fn fragment(writer: WriterGuid, sequence: u64, sample_bytes: u32) -> 
     packet
 }
 
-/// Where packets come from that nobody in their right mind sends.
+/// Generator of malformed packets.
 pub(super) struct Noise(u64);
 
 impl Noise {
@@ -74,7 +74,7 @@ impl Noise {
         (0..length).map(|_| (self.random() >> 32) as u8).collect()
     }
 
-    /// Noise, or a packet of this writer of which some bytes were changed.
+    /// Random bytes, or a packet of this writer with some bytes changed.
     pub(super) fn packet(&mut self, writer: WriterGuid, n: u64) -> Vec<u8> {
         if n.is_multiple_of(4) {
             return self.bytes(1400);
@@ -109,7 +109,7 @@ impl Noise {
             }
         };
         for _ in 0..self.random() % 6 {
-            // Behind the writer's name: what is from nobody known goes nowhere.
+            // After the writer's name: packets from an unknown writer are ignored.
             let place = 20 + (self.random() as usize) % (packet.len() - 20);
             packet[place] = (self.random() >> 32) as u8;
         }

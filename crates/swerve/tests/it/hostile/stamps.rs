@@ -1,11 +1,11 @@
-//! A writer of commands whose clock is set.
+//! A command writer whose clock is adjusted.
 
 use super::{Car, Stack, causes};
 use crate::support::alone;
 
 #[test]
 #[ignore = "real clock"]
-fn a_clock_that_is_set_while_the_gate_drives_stops_the_car_until_the_switch_is_pressed_again() {
+fn clock_change_while_driving_stops_the_car_until_re_engaged() {
     let _alone = alone();
     let car = Car::start(6, "34.0");
     let mut stack = Stack::start(car.network);
@@ -14,7 +14,7 @@ fn a_clock_that_is_set_while_the_gate_drives_stops_the_car_until_the_switch_is_p
     stack.drive(5.0, |_, _| {});
     assert!(stack.speed_mps().abs() < 0.1, "it drives on: {} m/s", stack.speed_mps());
     stack.let_in_again();
-    // An hour back and forth among good ones, which they displace at times.
+    // An hour back and forth, interleaved with good commands, which they sometimes displace.
     let mut n = 0;
     stack.drive(6.0, |stack, mut control| {
         n += 1;

@@ -1,15 +1,15 @@
-//! The program itself called for such runs: interrupted, suspended, on full disks, with little shared memory.
+//! Runs over processes through the program itself: interrupted, suspended, on full disks, with little shared memory.
 
 use super::*;
 
-/// The program, in the middle of a run over processes that it was called for.
+/// The program during a run over processes.
 struct Called {
     child: Child,
     out: TempDir,
 }
 
 impl Called {
-    /// Returns once the run is under way.
+    /// Starts the program and returns once the run is in progress.
     fn start(args: &[&str]) -> Self {
         let out = tempfile::tempdir().unwrap();
         let mut command = Command::new(PROGRAM);
@@ -17,7 +17,7 @@ impl Called {
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut called = Self { child, out };
         let log = called.out.path().join("log.partial.mcap");
-        // Past what is in a log before the first step.
+        // More than a log holds before the first step.
         called.wait_until(|_| std::fs::metadata(&log).is_ok_and(|log| log.len() > 20_000));
         called
     }
@@ -31,7 +31,7 @@ impl Called {
         }
     }
 
-    /// Waits for its end; its exit code, and what it said.
+    /// Waits for its end; returns exit code and output.
     fn end(self) -> (Option<i32>, String, TempDir) {
         let output = self.child.wait_with_output().unwrap();
         let said = [&output.stdout[..], &output.stderr].concat();
@@ -42,7 +42,7 @@ impl Called {
 
 #[test]
 #[ignore = "other processes' timing"]
-fn an_interrupted_virtual_run_ends_in_order_and_leaves_nothing() {
+fn interrupted_virtual_run_ends_in_order_and_leaves_nothing() {
     let file = root().join("configs/two_processes.toml");
     let called = Called::start(&["-c", file.to_str().unwrap()]);
     let prefix = format!("swerve_{}_", called.child.id());
@@ -58,7 +58,7 @@ fn an_interrupted_virtual_run_ends_in_order_and_leaves_nothing() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_suspended_run_counts_what_it_missed_and_goes_on() {
+fn suspended_run_counts_missed_ticks_and_continues() {
     let called = Called::start(&["--clock", "wall", "--json"]);
     let process = called.child.id();
     signal(process, "STOP");
@@ -75,7 +75,7 @@ fn a_suspended_run_counts_what_it_missed_and_goes_on() {
         let missed = timer["missed"].as_u64().unwrap();
         assert!(missed >= 300 / period_ms - 2, "{timer}");
         assert!(timer["max_ns"].as_u64().unwrap() >= 250_000_000, "{timer}");
-        // None is left out, none is taken twice: as many as there are periods in the drive.
+        // No tick is skipped or repeated: as many as there are periods in the drive.
         let driven_ms = said["drive"]["duration_s"].as_f64().unwrap() * 1e3;
         let due = driven_ms / period_ms as f64;
         let ticks = timer["ticks"].as_u64().unwrap() as f64;
@@ -83,7 +83,7 @@ fn a_suspended_run_counts_what_it_missed_and_goes_on() {
     }
 }
 
-/// Calls this program with folders of so many bytes at the places named; none where this is not permitted.
+/// Calls this program with folders of limited size mounted at these paths. `None` if mounting is not permitted.
 fn in_small_folders(folders: &[(&Path, u64)], args: &[&str]) -> Option<(Option<i32>, String)> {
     in_small_folders_as(PROGRAM, folders, args)
 }
@@ -112,10 +112,10 @@ fn in_small_folders_as(
 }
 
 #[test]
-fn a_full_disk_ends_a_virtual_run_with_what_was_written_readable() {
+fn full_disk_ends_a_virtual_run_with_a_readable_log() {
     let (small, keep) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let out = small.path().join("out");
-    // The log has to be looked at where it is mounted.
+    // The log must be read where it is mounted.
     let kept = keep.path().join("log.mcap");
     let script = format!(
         "\"$@\"; code=$?; cp {} {}; exit $code",
@@ -136,7 +136,7 @@ fn a_full_disk_ends_a_virtual_run_with_what_was_written_readable() {
 
 #[test]
 #[ignore = "real clock"]
-fn a_full_disk_does_not_stop_a_drive_against_the_real_clock() {
+fn full_disk_does_not_stop_a_wall_clock_drive() {
     let small = tempfile::tempdir().unwrap();
     let out = small.path().join("out");
     let scenario = scenario_file();
@@ -149,7 +149,7 @@ fn a_full_disk_does_not_stop_a_drive_against_the_real_clock() {
 }
 
 #[test]
-fn where_shared_memory_is_short_a_run_copies_or_is_refused_and_is_not_killed() {
+fn run_with_little_shared_memory_copies_or_is_refused_and_is_not_killed() {
     let files = tempfile::tempdir().unwrap();
     let config = files.path().join("watched.toml");
     std::fs::write(&config, format!("{WATCHED}[process.watch]\noperators = ['eye', 'ear']\n")).unwrap();
@@ -172,7 +172,7 @@ fn where_shared_memory_is_short_a_run_copies_or_is_refused_and_is_not_killed() {
                 assert!(copied == 0 || megabytes < 200, "{megabytes} MiB: {copied} bytes copied");
                 digests.push(said["digest"].as_str().unwrap().to_owned());
             }
-            // Not by a signal, and with a word on what is short.
+            // Not by a signal, and with a message on the missing memory.
             Some(1) => {
                 assert!(said.contains("getting shared memory") && megabytes < 200, "{megabytes} MiB: {said}")
             }

@@ -1,8 +1,8 @@
-//! Workers that neither answer nor end: here they are stopped by a signal.
+//! Workers that neither answer nor exit, because a signal has stopped them.
 
 use super::*;
 
-/// The operators of these processes, with a bound on each reply.
+/// Configuration with a bound on each reply of its processes.
 fn bounded(reply_within_s: f64, more: &[&str]) -> Config {
     let mut config = config("two_processes", more);
     config.process.values_mut().for_each(|process| process.reply_within_s = reply_within_s);
@@ -10,7 +10,7 @@ fn bounded(reply_within_s: f64, more: &[&str]) -> Config {
 }
 
 #[test]
-fn stopped_worker_ends_a_virtual_run_by_the_names_of_its_operator_and_process() {
+fn stopped_worker_ends_a_virtual_run_naming_its_operator_and_process() {
     let config = bounded(0.5, &[]);
     let Run { pipeline, processes, seed } = start(&config, Time::from_ms(60_000));
     let prefix = processes.workers().prefix().to_owned();
@@ -29,7 +29,7 @@ fn stopped_worker_ends_a_virtual_run_by_the_names_of_its_operator_and_process() 
 
 #[test]
 #[ignore = "real clock"]
-fn under_wall_clock_a_stopped_worker_is_started_again() {
+fn stopped_worker_under_wall_clock_is_restarted() {
     let mut config = bounded(0.5, &["clock.source=wall"]);
     config.process.values_mut().for_each(|process| process.on_loss = OnLoss::Restart);
     let Run { pipeline, processes, seed } = start(&config, Time::from_ms(5000));
@@ -51,7 +51,7 @@ fn is_there(process: u32) -> bool {
 }
 
 #[test]
-fn second_interrupt_ends_a_run_at_once_whose_worker_hangs() {
+fn second_interrupt_ends_a_run_with_a_hanging_worker_at_once() {
     let configs = root().join("configs/two_processes.toml");
     for [first, second] in [["INT", "INT"], ["INT", "TERM"]] {
         let out = tempfile::tempdir().unwrap();
@@ -72,7 +72,7 @@ fn second_interrupt_ends_a_run_at_once_whose_worker_hangs() {
             assert!(now() - begun < Duration::from_secs(20), "it takes too long");
         };
         let log = out.path().join("log.partial.mcap");
-        // Its first chunks: the drive has begun.
+        // Once the log has its first chunks, the drive has begun.
         while std::fs::metadata(&log).map_or(0, |file| file.len()) < 50_000 {
             pause();
         }
