@@ -454,7 +454,7 @@ fn memory(rows: &mut Rows) {
     run_virtual(graph, &options, vec![&mut Watcher::default()]).expect("a sound graph");
     let [early, late] = [&RESIDENT[0], &RESIDENT[1]].map(|r| r.load(Ordering::Relaxed) as f64);
     if early == 0.0 {
-        return rows.skipped("resident memory, message 1e5 to 1e6", "the system does not tell");
+        return rows.skipped("resident memory, message 1e5 to 1e6", "the system does not report it");
     }
     let percent = (late / early - 1.0) * 100.0;
     let reads = format!("{percent:+.2} % of {:.1} MiB", early / 1024.0);

@@ -283,7 +283,7 @@ fn timing(rows: &mut Rows) {
     rows.row(what, rates.median(), &rates.text(2, "M"), Goal::Least(2.0));
     let what = "  memory that it takes, per step";
     match bytes {
-        0.0 => rows.skipped(what, "the system does not tell"),
+        0.0 => rows.skipped(what, "the system does not report it"),
         _ => rows.row(what, bytes, &format!("{bytes:.0} bytes"), Goal::Most(32.0)),
     }
 }

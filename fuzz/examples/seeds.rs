@@ -137,7 +137,7 @@ fn npz() -> Vec<u8> {
     swerve_fuzz::zip_with_checksums([members, directory, end].concat())
 }
 
-/// What a short drive logs, sends to other processes, and asks of them.
+/// Log, messages and calls of a short drive in several processes.
 fn driven(folder: &Path) -> anyhow::Result<()> {
     let mut pipeline = swerve_fuzz::pipeline();
     let calls: Arc<Mutex<Vec<Vec<u8>>>> = Arc::default();

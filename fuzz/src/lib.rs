@@ -1,4 +1,4 @@
-//! What the fuzz targets share. `run` in this folder runs them.
+//! Shared parts of the fuzz targets. `run` in this folder runs them.
 
 use std::path::{Path, PathBuf};
 

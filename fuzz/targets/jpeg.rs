@@ -1,5 +1,5 @@
 #![no_main]
-//! Photographs in files: told from other images by their first bytes.
+//! JPEG files, recognised by their first bytes.
 
 use swerve_fuzz::Scratch;
 use swerve_study::picture::Picture;

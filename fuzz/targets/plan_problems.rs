@@ -6,7 +6,7 @@ use swerve_fuzz::Limited;
 use swerve_pylot::Preset;
 use swerve_pylot::posed::{ProblemFile, fot, hybrid_astar, rrt_star};
 
-/// What a search may look at.
+/// Budget of a search.
 const WORK: u64 = 200;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {

@@ -1,5 +1,5 @@
 #![no_main]
-//! What a worker's process is told at its start.
+//! Setup message of a worker process.
 
 use swerve_ipc::Setup;
 

@@ -8,7 +8,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Crates on which the pages tell others to build, and crates with items in their signatures.
+/// Crates that the pages recommend to build on, and crates with items in their signatures.
 const CRATES: [&str; 13] = [
     "swerve",
     "swerve-core",
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
             eprintln!(
                 "Public items are not those of tests/api/*.txt; a line with `-` can break what others have built."
             );
-            eprintln!("If that is meant, tell it in CHANGELOG.md and renew the lists: .ci/api renew");
+            eprintln!("If that is meant, add it to CHANGELOG.md and renew the lists: .ci/api renew");
             ExitCode::FAILURE
         }
         Err(error) => {

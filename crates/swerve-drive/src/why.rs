@@ -276,7 +276,8 @@ impl Logged {
         let mut until = if impact.is_some() { Until::Impact } else { Until::End };
         let world =
             pipeline.assembly.publisher::<WorldState>().context("the log is of no simulated world")?;
-        let planner = pipeline.assembly.publisher::<Plan>().context("no operator publishes plans in this log")?;
+        let planner =
+            pipeline.assembly.publisher::<Plan>().context("no operator publishes plans in this log")?;
         let (world, planner) = (world.to_owned(), planner.to_owned());
         let timeline = Timeline::new(&self.log, pipeline.graph.describe()?);
         let sightings = Sightings::new(&self.log, &timeline, &world, actor);

@@ -65,6 +65,6 @@ mod tests {
             (0..50).for_each(|_| consistency.add(3.0 * f64::from(dof)));
             assert!(!consistency.holds());
         }
-        assert!(!Consistency::new(2).holds(), "nothing was told yet");
+        assert!(!Consistency::new(2).holds(), "no estimate yet");
     }
 }

@@ -98,7 +98,9 @@ impl LiveGraph {
 /// Handle of a source of the graph.
 fn input<T: Payload>(pipeline: &mut Pipeline, name: &str) -> anyhow::Result<SourceHandle<T>> {
     pipeline.take_source(name).with_context(|| {
-        format!("operator.{name}: the vehicle publishes this: expected the built-in operator that receives it")
+        format!(
+            "operator.{name}: the vehicle publishes this: expected the built-in operator that receives it"
+        )
     })
 }
 

@@ -4,7 +4,7 @@
 //! files, a recipe such as `people_one.toml` beside this file, and the first and last seed. With `pairs`, two sets
 //! are left out at once and each is evaluated: a recipe for set A is selected by the results on the other sets of
 //! nets trained without A.
-#![allow(clippy::print_stdout, reason = "a program that tells figures")]
+#![allow(clippy::print_stdout, reason = "a program that prints figures")]
 
 use std::ops::RangeInclusive;
 use std::path::Path;

@@ -8,7 +8,7 @@ use swerve_report::files::write_whole;
 use crate::FileKind;
 
 /// Taplo configuration that assigns a kind to each file; editors find it in the opened folder.
-const EDITOR: &str = r#"# Editors with Taplo (`Even Better TOML` in VS Code) check what is typed and tell what each key is for. The schemas are those
+const EDITOR: &str = r#"# Editors with Taplo (`Even Better TOML` in VS Code) check the text and describe each key. The schemas are those
 # of `swerve keys --schema config` and the like: made anew by it after an update.
 [[rule]]
 include = ["scenario*.toml", "scenarios/*.toml"]

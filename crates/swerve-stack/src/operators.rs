@@ -110,7 +110,9 @@ pub(crate) fn all(registry: Registry) -> Registry {
         .with_kind(inputs::source::<ObstacleList>("object_input", "objects that others see", |_| true))
         .with_kind(inputs::source::<Imu>("imu_input", "accelerations and turn rates of a vehicle", |_| true))
         .with_kind(inputs::source::<Gnss>("gnss_input", "satellite fixes of a vehicle", |_| true))
-        .with_kind(inputs::source::<VehicleReport>("report_input", "the vehicle's report on itself", |_| true))
+        .with_kind(inputs::source::<VehicleReport>("report_input", "the vehicle's report on itself", |_| {
+            true
+        }))
         .with_kind(inputs::source::<swerve_msg::Switch>(
             "switch_input",
             "the switch that a person holds",

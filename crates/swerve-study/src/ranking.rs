@@ -201,7 +201,8 @@ pub fn text(ranking: &Ranking, settings: &[Ranked]) -> String {
             format!("{label} {} of {} (95 %: {} to {} %)", s.collisions, s.runs, percent(low), percent(high))
         };
         let likelihood = fisher([best.collisions, best.runs], [next.collisions, next.runs]);
-        let apart = if likelihood < 0.05 { "distinguishable" } else { "not distinguishable with so few runs" };
+        let apart =
+            if likelihood < 0.05 { "distinguishable" } else { "not distinguishable with so few runs" };
         let (best, next) = (told(best), told(next));
         let _ =
             writeln!(text, "collisions: {best}, {next}: {apart} (Fisher's exact test: p = {likelihood:.2})");

@@ -178,7 +178,8 @@ impl Timely {
             false => match CameraObjectsTable::first(config) {
                 Some(table) => {
                     let time = table.run_time(&table.rung);
-                    time.with_context(|| format!("rung `{}` has no measured run time", table.rung))?.typical_ms()
+                    time.with_context(|| format!("rung `{}` has no measured run time", table.rung))?
+                        .typical_ms()
                 }
                 None => config.perception.published_ms().with_context(|| {
                     format!("perception.detector: `{}` has no published run time", config.perception.detector)

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Time;
 use swerve_foxglove::Foxglove;
 
-/// How far the way ahead is clear.
+/// Clear distance ahead.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct ClearAhead {
     /// The frame that it was found in.

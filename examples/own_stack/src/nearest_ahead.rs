@@ -16,7 +16,7 @@ pub struct NearestAhead(Table);
 pub struct Table {
     /// Half of the width that has to be clear, m.
     half_width_m: f64,
-    /// How far it looks, m.
+    /// Range, m.
     range_m: f64,
 }
 
@@ -26,7 +26,7 @@ impl Default for Table {
     }
 }
 
-/// What it reads: streams are found by type.
+/// Input ports; streams are found by type.
 #[derive(Inputs)]
 pub struct In {
     /// Obstacles of the frame.

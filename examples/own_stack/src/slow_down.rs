@@ -19,11 +19,11 @@ pub struct SlowDown {
 #[derive(Serialize, Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 pub struct Table {
-    /// What is left before an obstacle, m.
+    /// Distance kept to an obstacle, m.
     gap_m: f64,
 }
 
-/// What it reads: streams are found by type.
+/// Input ports; streams are found by type.
 #[derive(Inputs)]
 pub struct In {
     clear: At<ClearAhead>,

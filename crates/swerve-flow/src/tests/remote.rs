@@ -168,7 +168,7 @@ fn s9_a_virtual_run_ends_where_a_process_is_lost() {
     let mut ends = Ends::default();
     let error = run_virtual(moved, &RunOptions::until(Time::from_ms(2000)), vec![&mut ends]).unwrap_err();
     assert_eq!(error.to_string(), "operator `mixer`: gone");
-    assert_eq!(ends.0.as_deref(), Some("operator `mixer`: gone"), "observers are told too");
+    assert_eq!(ends.0.as_deref(), Some("operator `mixer`: gone"), "observers are notified too");
 }
 
 #[derive(Default)]

@@ -114,8 +114,11 @@ impl Summary {
             }
         }
         for topic in unknown {
-            let _ =
-                writeln!(text, "{}: no operator reads it ({} of {})", topic.topic, topic.messages, topic.kind);
+            let _ = writeln!(
+                text,
+                "{}: no operator reads it ({} of {})",
+                topic.topic, topic.messages, topic.kind
+            );
         }
         let head = ["operator", "steps", "drops"].map(str::to_owned).to_vec();
         let row = |o: &Operator| vec![o.operator.clone(), o.steps.to_string(), o.drops.to_string()];

@@ -98,7 +98,7 @@ fn sensed(until_ms: i64) -> Vec<(i64, &'static str, AnyMessage)> {
 fn vehicle_without_a_pose_topic_is_localized_by_its_sensors() {
     let (until, messages) = (Time::from_ms(3500), sensed(3500));
     let seen = recorded("autoware", &messages, until);
-    assert!(seen.poses.is_empty() && seen.plans.is_empty(), "nobody tells the pose");
+    assert!(seen.poses.is_empty() && seen.plans.is_empty(), "no pose is published");
     let sets = [("localization.localizer".to_owned(), toml::Value::from("eskf"))];
     let seen = recorded_with("autoware", &sets, &messages, until);
     let off = |ego: &EgoState| ego.pose.point().distance(Point2::new(8.0 * ego.stamp.as_secs(), 0.0));

@@ -466,7 +466,7 @@ fn drive_emulated(interface: &str, vehicle: Vehicle, endpoints: &[&str], send: S
                 send(&stack, MotionCommand { stamp: ego.stamp, steering_rad, speed_mps, accel_mps2 });
             }
         }
-        panic!("the car does not do what it is told");
+        panic!("the car does not follow its commands");
     };
     // The lane is 0.5 m to the left.
     let driving = drive(&mut |ego| ego.pose.x_m > 8.0, Some(3.0));

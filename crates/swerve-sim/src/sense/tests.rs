@@ -226,7 +226,7 @@ fn noise_density_scales_with_the_root_of_the_rate() {
             .map(|of: fn(&Imu) -> f64| deviation(&read.iter().map(of).collect::<Vec<_>>()));
         assert!((force / accel - 1.0).abs() < 0.05 && (turn / gyro - 1.0).abs() < 0.05, "{force} {turn}");
         let [a, g] = params.densities(ms as f64 * 1e-3);
-        assert_eq!((a, g), (0.01, 0.001), "the filter is told the same");
+        assert_eq!((a, g), (0.01, 0.001), "the filter has the same values");
     }
 }
 

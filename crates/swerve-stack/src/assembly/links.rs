@@ -84,9 +84,7 @@ fn who_would(payload: PayloadType, config: &Config) -> String {
     };
     let ways: Vec<String> = config.registry.kinds().filter_map(would).map(|way| format!("`{way}`")).collect();
     match ways.is_empty() {
-        true => {
-            ": a custom operator can (`swerve operators` lists the available kinds)".to_owned()
-        }
+        true => ": a custom operator can (`swerve operators` lists the available kinds)".to_owned(),
         false => format!(": {} adds one that does, or a custom operator", ways.join(" or ")),
     }
 }
@@ -118,12 +116,15 @@ fn told(wrong: Vec<Wrong>, is_whole: bool, config: &Config, problems: &mut KeyPr
         if fits.is_empty() {
             problems.push(match left_out(payload, config) {
                 Some(name) => {
-                    let message = format!("`{operator}` reads `{payload}`, which no other operator publishes");
+                    let message =
+                        format!("`{operator}` reads `{payload}`, which no other operator publishes");
                     (format!("operator.{name}.enabled"), message)
                 }
                 None => {
-                    let message =
-                        format!("reads `{payload}`, which no operator publishes{}", who_would(payload, config));
+                    let message = format!(
+                        "reads `{payload}`, which no operator publishes{}",
+                        who_would(payload, config)
+                    );
                     (format!("operator.{operator}.reads.{port}"), message)
                 }
             });
@@ -204,7 +205,9 @@ fn no_port(placed: &Placed, port: &str, config: &Config) -> String {
     match with_all.iter().find(|info| info.name == port).and_then(|info| info.payload) {
         Some(payload) => {
             let ways = who_would(payload, config);
-            format!("`{kind}` has this port where `{payload}` are published, and no operator publishes any{ways}")
+            format!(
+                "`{kind}` has this port where `{payload}` are published, and no operator publishes any{ways}"
+            )
         }
         None => {
             let ports: Vec<&str> = placed.inputs.iter().map(|input| &*input.port.name).collect();

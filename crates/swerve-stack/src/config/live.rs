@@ -126,7 +126,8 @@ impl Config {
         // Problems of the table itself are reported by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
         if mapping.vehicle == Vehicle::Plain && live.enable == EnableBy::AtStart {
-            let message = "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
+            let message =
+                "a vehicle of the table `plain` receives no commands: it can be watched, not driven";
             tell("live.enable", message.into());
         }
         if mapping.vehicle != Vehicle::Plain && mapping.with_role(Role::Odometry).next().is_none() {

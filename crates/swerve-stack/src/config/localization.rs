@@ -221,8 +221,7 @@ mod tests {
     #[test]
     fn missing_lidar_is_reported_with_the_key_that_adds_one() {
         let said = config("[localization]\nlocalizer = \"ndt\"\n", &[]).unwrap_err();
-        let expected =
-            "operator.scan_matcher.reads.points: reads `PointCloud`, which no operator publishes: `[lidar.NAME]`";
+        let expected = "operator.scan_matcher.reads.points: reads `PointCloud`, which no operator publishes: `[lidar.NAME]`";
         assert!(said.contains(expected), "{said}");
         let two = format!("{ROOF}[lidar.bumper]\nat_m = [4.0, 0.0, 0.6]\n");
         let said = config(&two, &["localization.localizer=eskf_ndt"]).unwrap_err();

@@ -20,8 +20,7 @@ impl Config {
             told.push(("source.rosbag".into(), "expected the file or the folder of a rosbag2 log".into()));
         }
         if self.live.is_none() {
-            let message =
-                "a recorded drive replaces a vehicle of `swerve live`: expected `[live]` as well";
+            let message = "a recorded drive replaces a vehicle of `swerve live`: expected `[live]` as well";
             told.push(("source".into(), message.into()));
         }
     }

@@ -113,8 +113,9 @@ impl CameraObjectsTable {
             let what = CameraObjects::new(weights.clone(), rung.clone(), self.score_min);
             let what = what.map_err(|error| ("detector", format!("`{}`: {error}", self.detector)))?;
             let time = self.run_time(&rung.name).map(|time| time.most_ms());
-            let untimed =
-                || ("run_times_ms", format!("expected a run time of rung `{}`: none was measured", rung.name));
+            let untimed = || {
+                ("run_times_ms", format!("expected a run time of rung `{}`: none was measured", rung.name))
+            };
             let most_ms = if self.ladder { time.ok_or_else(untimed)? } else { time.unwrap_or(0.0) };
             let run_time = span_ms(most_ms).map_err(|message| ("run_times_ms", message))?;
             rungs.push(Rung { name: rung.name.clone(), run_time, what });
@@ -174,7 +175,8 @@ impl OperatorKind for CameraDetector {
             return Ok(on_ladder());
         }
         let time = table.run_time(&table.rung);
-        time.ok_or_else(|| format!("expected a run time of rung `{}`: none was measured", table.rung))?.model()
+        time.ok_or_else(|| format!("expected a run time of rung `{}`: none was measured", table.rung))?
+            .model()
     }
 
     fn takes_ms(&self, settings: &Settings<'_>) -> Option<[f64; 2]> {

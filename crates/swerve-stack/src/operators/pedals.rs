@@ -28,9 +28,10 @@ pub(super) struct In {
 }
 
 impl Kind for PedalsOperator {
-    const NODE: Node = Node::new("pedals", "actuates the simulated car's pedals from the safety gate's command")
-        .only_with("gate.enabled = true")
-        .stays("it is the vehicle's side of the safety gate");
+    const NODE: Node =
+        Node::new("pedals", "actuates the simulated car's pedals from the safety gate's command")
+            .only_with("gate.enabled = true")
+            .stays("it is the vehicle's side of the safety gate");
     type Table = NoKeys;
 
     fn is_there(settings: &Settings<'_>) -> bool {
