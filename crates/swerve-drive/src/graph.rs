@@ -23,7 +23,7 @@ pub struct GraphArgs {
     #[arg(long, conflicts_with_all = ["dot", "picture"])]
     toml: bool,
     /// Draw the graph into this file
-    #[arg(long, value_name = "FILE", alias = "svg")]
+    #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,

@@ -10,8 +10,8 @@ use std::path::{Component, Path, PathBuf};
 
 use swerve_scenario::is_scenario_key;
 use swerve_stack::Registry;
+use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
-use swerve_stack::config::{Config, old_names};
 use swerve_text::{Document, Problem, Problems, nearest};
 
 use crate::trust;
@@ -309,7 +309,6 @@ impl Kind {
             if document.table.contains_key("road") {
                 return Err(document.problem("", Self::Scenario.in_place_of(self)));
             }
-            old_names(&document.table).iter().for_each(|line| eprintln!("note: {}: {line}", document.file));
         }
         let named =
             given.iter().zip(&documents).filter(|(_, document)| Layer::names_programs(&document.table));
@@ -353,12 +352,6 @@ impl Kind {
         given: &[PathBuf],
         sets: &[(String, toml::Value)],
     ) -> Result<Config, Problems> {
-        let mut assigned = toml::Table::new();
-        for (key, value) in sets {
-            // The error is reported when the assignment is applied.
-            let _ = swerve_text::set(&mut assigned, key, value.clone());
-        }
-        old_names(&assigned).iter().for_each(|line| eprintln!("note: --set: {line}"));
         let (document, mut layers) = self.layers(given)?;
         layers.push(Layer::of_sets("--set", sets, None));
         let mut config = Config::from_document_with(registry, &document, sets)?;

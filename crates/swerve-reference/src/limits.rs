@@ -69,16 +69,10 @@ fn accepted_names(key: &str) -> Vec<String> {
 }
 
 /// Settings without which the check does not reach a key, by key prefix: a preset, or adjacent keys without a default.
-const NEEDED: [(&str, &str); 10] = [
+const NEEDED: [(&str, &str); 9] = [
     ("execution.detector_ms", "execution.model = \"periodic\"\nperception.detector = \"efficientdet-d5@d3\""),
     ("execution.planner_ms", "execution.model = \"periodic\""),
     ("operator.NAME.runtime.work", "operator.any.runtime.work = { per_unit_us = 1.0 }"),
-    (
-        "perception.calibration",
-        "perception.calibration = { target_ap = 0.5, ap = 0.5, ap_held_out = 0.5, measure = { overlap = \"image\", \
-         kinds = \"all\", recalls = \"coco101\" }, error_level = 1.0, within_m = 50.0, scenarios = [], seeds = [], draws_seed = 1, frames = 1, \
-         objects = 1 }",
-    ),
     ("perception.params", "perception.detector = \"custom\""),
     ("planning.cost.NAME.NAME.work", "planning.cost.fot.fast.work = { per_unit_us = 1.0 }"),
     ("planning.rules", "planning.preset = \"paper\""),

@@ -49,7 +49,6 @@ pub use live::LiveConfig;
 use localization::LocalizationConfig;
 use model::ExecutionConfig;
 use monitor::MonitorConfig;
-pub use old_names::old_names;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;

@@ -89,7 +89,7 @@ impl Site<'_> {
     pub(crate) fn own_deadline(&self) -> Option<Deadline> {
         let execution = &self.config().execution;
         let length = self.placed.length.filter(|_| execution.model == Model::StaticDeadlines);
-        length.map(|length| Deadline::after(length).reaction(execution.reaction))
+        length.map(|length| Deadline::after(length).reaction(execution.reaction.into()))
     }
 
     /// Scenario, route and vehicle.

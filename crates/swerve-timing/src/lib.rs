@@ -36,7 +36,7 @@ pub struct TimingArgs {
     /// Pipeline file (TOML).
     pub file: PathBuf,
     /// Draw a chart of all steps, publications, misses and drops into this file.
-    #[arg(long, value_name = "FILE", alias = "svg")]
+    #[arg(long, value_name = "FILE")]
     pub picture: Option<PathBuf>,
     /// Options of the chart.
     #[command(flatten)]

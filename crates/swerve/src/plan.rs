@@ -64,11 +64,8 @@ pub struct PlanArgs {
     #[arg(long, value_enum)]
     planner: PosedPlanner,
     /// Entry of the file's `configs` for that planner, as in planning.config: fast, slow
-    #[arg(long, value_name = "NAME", required_unless_present = "config")]
-    planning_config: Option<String>,
-    /// Deprecated name of --planning-config
-    #[arg(long, value_name = "NAME", hide = true, conflicts_with = "planning_config")]
-    config: Option<String>,
+    #[arg(long, value_name = "NAME")]
+    planning_config: String,
     /// Limits and behaviour: paper (the original's) or best (Swerve's)
     #[arg(long, value_enum, default_value = "best")]
     preset: PresetName,
@@ -76,7 +73,7 @@ pub struct PlanArgs {
     #[arg(long)]
     json: bool,
     /// Write a picture of each problem into this folder
-    #[arg(long, value_name = "DIR", alias = "svg")]
+    #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
     how: PictureArgs,
@@ -85,13 +82,6 @@ pub struct PlanArgs {
     report: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteArgs,
-}
-
-impl PlanArgs {
-    /// Selected entry of the file's `configs`.
-    fn entry(&self) -> &str {
-        self.planning_config.as_ref().or(self.config.as_ref()).map_or("", String::as_str)
-    }
 }
 
 /// Runs `swerve plan`.
@@ -105,12 +95,9 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
         PresetName::Paper => Preset::Paper,
         PresetName::Best => Preset::Best,
     };
-    if args.config.is_some() {
-        output::tell("note: --config is called --planning-config now");
-    }
     let file = read(&args.file)?;
-    let posed =
-        read::select(&file, args.planner, args.entry()).with_context(|| args.file.display().to_string())?;
+    let posed = read::select(&file, args.planner, &args.planning_config)
+        .with_context(|| args.file.display().to_string())?;
     args.overwrite.check(args.report.as_deref())?;
     let solutions = solve_all(&file, &posed, preset);
     if let Some(folder) = &args.pictures {
@@ -149,7 +136,8 @@ fn picture_name(k: usize, id: &str) -> String {
 }
 
 fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
-    let (planner, config, path) = (args.planner.name(), args.entry(), args.file.display().to_string());
+    let (planner, config, path) =
+        (args.planner.name(), &args.planning_config, args.file.display().to_string());
     let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
     let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s).svg());
     let figures = Figures {
@@ -193,7 +181,7 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
         "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",
         align(&lines),
         args.planner.name(),
-        args.entry(),
+        &args.planning_config,
         solutions.len(),
         at(0.5),
         at(0.99),

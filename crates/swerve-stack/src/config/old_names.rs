@@ -1,9 +1,9 @@
-//! Renamed keys; files may still have the old names.
+//! Keys that were renamed or removed: the error for an old key names its replacement.
 
-use toml::{Table, Value};
+use swerve_text::KeyProblem;
 
-/// Old and present name of every key that was renamed.
-const RENAMED: [(&str, &str); 12] = [
+/// Old and present name of every renamed key; `*` is one name.
+const RENAMED: [(&str, &str); 9] = [
     ("perception.params.distance_spread_m", "perception.params.distance_scale_m"),
     ("perception.params.half_share", "perception.params.half_visibility"),
     ("perception.params.share_spread", "perception.params.visibility_scale"),
@@ -12,93 +12,46 @@ const RENAMED: [(&str, &str); 12] = [
     ("perception.params.missed", "perception.params.misses"),
     ("perception.params.ghosts", "perception.params.false_positives"),
     ("perception.params.misplaced", "perception.params.pose_errors"),
-    ("perception.calibration.ap_other_draws", "perception.calibration.ap_held_out"),
-    ("perception.calibration.difficulty", "perception.calibration.error_level"),
-    ("perception.calibration.wanted", "perception.calibration.objects"),
     ("perception.params.*.steady", "perception.params.*.correlation"),
 ];
 
-/// Value that takes precedence where a table has both names.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Counts {
-    /// The one under the present name, for a file with both.
-    Present,
-    /// The one under the old name, for an assignment that overrides a file.
-    Old,
-}
+/// Removed keys with the reason or the replacement.
+const REMOVED: [(&str, &str); 2] = [
+    ("render.threads", "--threads sets the threads of the whole run"),
+    ("perception.calibration", "`swerve calibrate detector` writes it as a comment"),
+];
 
-/// Moves values from old names to present ones. Returns the old names found, each with the present one, in the order of
-/// the list.
-pub(super) fn renew(table: &mut Table, counts: Counts) -> Vec<(String, String)> {
-    let mut told = Vec::new();
-    for (old, new) in RENAMED {
-        match old.split_once(".*.") {
-            None => told.extend(renew_one(table, (old, new), counts)),
-            Some((outer, _)) => {
-                let within = at(table, outer).map(|table| table.keys().cloned().collect::<Vec<_>>());
-                for name in within.into_iter().flatten() {
-                    let names = [old, new].map(|path| path.replace('*', &name));
-                    told.extend(renew_one(table, (&names[0], &names[1]), counts));
-                }
-            }
-        }
-    }
-    told
-}
-
-fn renew_one(table: &mut Table, (old, new): (&str, &str), counts: Counts) -> Option<(String, String)> {
-    let ((outer, old_name), (_, new_name)) = (old.rsplit_once('.')?, new.rsplit_once('.')?);
-    let within = at(table, outer)?;
-    let value = within.remove(old_name)?;
-    match (within.get_mut(new_name), value) {
-        (Some(Value::Table(present)), Value::Table(old)) => {
-            for (key, value) in old {
-                if counts == Counts::Old || !present.contains_key(&key) {
-                    present.insert(key, value);
-                }
-            }
-        }
-        (Some(_), _) if counts == Counts::Present => {}
-        (_, value) => _ = within.insert(new_name.to_owned(), value),
-    }
-    Some((old.to_owned(), new.to_owned()))
-}
-
-fn at<'a>(table: &'a mut Table, dotted: &str) -> Option<&'a mut Table> {
-    dotted.split('.').try_fold(table, |table, name| table.get_mut(name).and_then(Value::as_table_mut))
-}
-
-/// Warnings about old names in a table, a line each.
-pub fn old_names(table: &Table) -> Vec<String> {
-    let told = renew(&mut table.clone(), Counts::Present);
-    told.into_iter()
-        .map(|(old, new)| format!("`{old}` is called `{new}` now; the old name still holds"))
-        .collect()
+/// The problem, with the present name if its key is an old one.
+pub(super) fn with_present_name((key, message): KeyProblem) -> KeyProblem {
+    let parts: Vec<&str> = key.split('.').collect();
+    let is = |old: &str| {
+        let old: Vec<&str> = old.split('.').collect();
+        old.len() == parts.len() && old.iter().zip(&parts).all(|(old, part)| *old == "*" || old == part)
+    };
+    let removed =
+        REMOVED.iter().find(|(old, _)| is(old)).map(|(_, why)| format!("this key was removed: {why}"));
+    let renamed = || {
+        let (_, new) = RENAMED.iter().find(|(old, _)| is(old))?;
+        let name = new.rsplit('.').next()?;
+        Some(format!("this key was renamed to `{name}`"))
+    };
+    let message = removed.or_else(renamed).unwrap_or(message);
+    (key, message)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn message(key: &str) -> String {
+        with_present_name((key.to_owned(), "unknown key".to_owned())).1
+    }
+
     #[test]
-    fn values_under_old_names_apply_and_are_reported() {
-        let text = "[perception.params]\nhalf_share = 0.25\nmissed = { steady = 0.5 }\nscore_gap = 1\n\
-                    score_separation = 2\n[perception.calibration]\nwanted = 7\n";
-        let mut table: Table = text.parse().unwrap();
-        let lines = old_names(&table);
-        assert!(
-            lines[0]
-                .starts_with("`perception.params.half_share` is called `perception.params.half_visibility`")
-        );
-        assert!(lines.last().unwrap().contains("perception.params.misses.correlation"), "{lines:?}");
-        let mut of_set = table.clone();
-        assert_eq!(renew(&mut table, Counts::Present).len(), lines.len());
-        let present = "[perception.params]\nhalf_visibility = 0.25\nmisses = { correlation = 0.5 }\n\
-                       score_separation = 2\n[perception.calibration]\nobjects = 7\n";
-        assert_eq!(table, present.parse::<Table>().unwrap());
-        assert!(renew(&mut table, Counts::Present).is_empty() && old_names(&table).is_empty());
-        renew(&mut of_set, Counts::Old);
-        let score = at(&mut of_set, "perception.params").unwrap()["score_separation"].as_integer();
-        assert_eq!(score, Some(1));
+    fn error_of_an_old_key_names_the_present_one() {
+        assert_eq!(message("perception.params.half_share"), "this key was renamed to `half_visibility`");
+        assert_eq!(message("perception.params.misses.steady"), "this key was renamed to `correlation`");
+        assert!(message("perception.calibration").starts_with("this key was removed: "));
+        assert_eq!(message("perception.params.half_visibility"), "unknown key");
     }
 }

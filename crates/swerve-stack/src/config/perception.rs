@@ -43,51 +43,6 @@ pub struct PerceptionConfig {
     /// its defaults. The measurement noise of `sort` is the detector's.
     #[schemars(with = "tracker::Params")]
     pub tracker: toml::Table,
-    /// Source of `params` if `swerve calibrate detector` wrote them; documentation only.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub calibration: Option<Calibration>,
-}
-
-/// Result of calibrating the emulation.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Calibration {
-    /// Target average precision, 0 to 1.
-    pub target_ap: f64,
-    /// Average precision reached, over the frames that the parameters were fitted to.
-    pub ap: f64,
-    /// The same with random numbers that they were not fitted to.
-    pub ap_held_out: f64,
-    /// Measure of average precision.
-    pub measure: Measure,
-    /// Member of the parameter family, from 0 (no errors) up.
-    pub error_level: f64,
-    /// Distance within which objects count, m.
-    pub within_m: f64,
-    /// Names of the scenarios that were driven.
-    pub scenarios: Vec<String>,
-    /// Seeds of the drives.
-    pub seeds: Vec<u64>,
-    /// Seed of the detector's random numbers.
-    pub draws_seed: u64,
-    /// Number of frames.
-    pub frames: usize,
-    /// Number of objects that count in these frames.
-    pub objects: u64,
-}
-
-impl Calibration {
-    fn problems(&self) -> Vec<KeyProblem> {
-        let share = [0.0, 1.0];
-        let checked = require_all_within(&[
-            ("target_ap", self.target_ap, share),
-            ("ap", self.ap, share),
-            ("ap_held_out", self.ap_held_out, share),
-            ("error_level", self.error_level, [0.0, 1000.0]),
-            ("within_m", self.within_m, [0.1, 10_000.0]),
-        ]);
-        checked.err().map(outside).unwrap_or_default()
-    }
 }
 
 impl Default for PerceptionConfig {
@@ -98,7 +53,6 @@ impl Default for PerceptionConfig {
             ladder: false,
             params: toml::Table::new(),
             tracker: toml::Table::new(),
-            calibration: None,
         }
     }
 }
@@ -205,9 +159,6 @@ impl Config {
 
     pub(super) fn check_perception(&self, told: &mut Vec<(String, String)>) {
         let perception = &self.perception;
-        if let Some(calibration) = &perception.calibration {
-            told.extend(within("perception.calibration", calibration.problems()));
-        }
         let mut tell = |(key, message): (&str, String)| told.push((format!("perception.{key}"), message));
         if let Some(name) = perception.camera.as_ref().filter(|name| !self.camera.contains_key(*name)) {
             let names: Vec<&str> = self.camera.keys().map(String::as_str).collect();

@@ -6,7 +6,7 @@ use swerve_text::{Document, KeyProblem, Problem, Problems};
 
 use super::Config;
 use super::car::fill_in;
-use super::old_names::{Counts, renew};
+use super::old_names::with_present_name;
 use super::process::with_whole_paths;
 use crate::assembly::gather_named_sections;
 use crate::kind::KeyProblems;
@@ -67,7 +67,6 @@ impl Config {
     /// Reads a file as written; its problems have their lines. Problems found later are those of an assignment.
     fn of_file(registry: &Registry, document: &Document) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
-        renew(&mut table, Counts::Present);
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
         let problem = |key: &str, message| document.problem(&as_written(document, key), message);
@@ -76,7 +75,6 @@ impl Config {
             Err(misread) => misread,
         };
         let (mut faults, guessed) = (misread.problems, misread.guessed);
-        faults.iter_mut().for_each(hint_at_what_went);
         let of_form = faults.len();
         if let Some(meant) = misread.meant {
             Self { registry: registry.clone(), ..meant }.check(&mut faults);
@@ -109,21 +107,16 @@ impl Config {
         sets: &[(String, toml::Value)],
     ) -> Result<Self, Problems> {
         let mut table = with_whole_paths(document.table.clone(), document.folder());
-        renew(&mut table, Counts::Present);
         for (key, value) in sets {
             swerve_text::set(&mut table, key, value.clone())
                 .map_err(|(key, message)| set_problem(&key, message))?;
         }
-        renew(&mut table, Counts::Old);
         let mut table = with_whole_paths(table, Path::new(""));
         gather_named_sections(&mut table, registry);
         fill_in(&mut table);
         let config: Self = swerve_text::read(&table).map_err(|found| {
-            let hinted = found.into_iter().map(|mut fault| {
-                hint_at_what_went(&mut fault);
-                fault
-            });
-            hinted.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
+            let named = found.into_iter().map(with_present_name);
+            named.map(|(key, message)| set_problem(&key, message)).collect::<Problems>()
         })?;
         Ok(Self { registry: registry.clone(), ..config })
     }
@@ -141,20 +134,13 @@ impl Config {
     }
 }
 
-/// Names the replacement of a removed key.
-fn hint_at_what_went((key, message): &mut KeyProblem) {
-    if key == "render.threads" {
-        *message = "this key was removed: --threads sets the threads of the whole run".into();
-    }
-}
-
 /// Problems ordered by line; those without a line may be consequences and come last.
 fn in_order(
     faults: impl IntoIterator<Item = KeyProblem>,
     problem: impl Fn(&str, String) -> Problem,
 ) -> Problems {
     let mut problems: Vec<Problem> =
-        faults.into_iter().map(|(key, message)| problem(&key, message)).collect();
+        faults.into_iter().map(with_present_name).map(|(key, message)| problem(&key, message)).collect();
     problems.sort_by_key(|problem| (problem.line.is_none(), problem.line));
     problems.into_iter().collect()
 }

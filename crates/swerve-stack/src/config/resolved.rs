@@ -2,7 +2,6 @@
 
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
-use swerve_flow::Reaction;
 use swerve_perception::{GroundParams, detector};
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
@@ -146,11 +145,6 @@ impl Config {
     /// Checks `[execution]`.
     pub(super) fn check_execution(&self, told: &mut KeyProblems) {
         let execution = &self.execution;
-        if execution.reaction == Reaction::OnDeadline {
-            let message =
-                "expected \"skip\" or \"reuse_last\": detector and planner have no answer of another kind";
-            told.push(("execution.reaction".into(), message.into()));
-        }
         let used = execution.model.has_lengths();
         let detects = scheduled_operator(self, Scheduled::Detector).is_some();
         let lengths = [

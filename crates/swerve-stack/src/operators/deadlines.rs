@@ -60,7 +60,7 @@ pub(super) fn planner_deadline(site: &mut Site<'_>) -> anyhow::Result<Option<Dea
     let stream = site.graph().stream(&name).and_then(|stream| stream.typed::<Span>());
     let stream = stream.with_context(|| format!("there is no stream `{name}`"))?;
     let deadline = Deadline::from_policy(stream, Span::from_secs(before.planner_s));
-    Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction)))
+    Ok(Some(deadline.anchor(Anchor::Start).reaction(reaction.into())))
 }
 
 impl OperatorKind for DeadlinePolicy {
@@ -96,7 +96,7 @@ impl OperatorKind for DeadlinePolicy {
         let deadline = Deadline::from_policy(behind, Span::from_secs(before.detector_s));
         let scheduled = |placed: &&Placed| placed.kind.node().scheduled == Some(Scheduled::Detector);
         for detector in site.assembly.operators().iter().filter(scheduled) {
-            let deadline = deadline.anchor(Anchor::Start).reaction(reaction);
+            let deadline = deadline.anchor(Anchor::Start).reaction(reaction.into());
             let _configured = site.graph().operator(&detector.name)?.deadline(deadline);
         }
         Ok(())

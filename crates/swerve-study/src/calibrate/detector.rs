@@ -20,7 +20,7 @@ use swerve_report::progress::Progress;
 use swerve_scenario::Scenario;
 use swerve_stack::config::Config;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
-use swerve_stack::config::perception::{CUSTOM, Calibration, TRUTH, image_camera};
+use swerve_stack::config::perception::{CUSTOM, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
 use swerve_text::nearest;
 
@@ -430,20 +430,33 @@ fn frozen(
     let perception = &mut config.perception;
     perception.detector.clone_from(&target.name);
     perception.params = toml::Table::try_from(params)?;
-    perception.calibration = Some(Calibration {
-        target_ap: target.ap,
-        ap: fitted.fit.ap,
-        ap_held_out: fitted.fit.ap_held_out,
-        measure: target.measure,
-        error_level: fitted.fit.error_level,
-        within_m: args.within_m,
-        scenarios,
-        seeds: args.seeds.iter().map(|seed| u64::from(*seed)).collect(),
-        draws_seed: u64::from(args.draws_seed),
-        frames: fitted.frames,
-        objects: fitted.wanted,
-    });
-    Ok(config.to_text())
+    Ok(provenance(target, fitted, &scenarios, args)? + &config.to_text())
+}
+
+/// Comment that documents a calibration: accuracy, conditions and drives.
+fn provenance(
+    target: &Target,
+    fitted: &Fitted,
+    scenarios: &[String],
+    args: &DetectorArgs,
+) -> anyhow::Result<String> {
+    let Fit { error_level, ap, ap_held_out } = fitted.fit;
+    let seeds: Vec<String> = args.seeds.iter().map(u32::to_string).collect();
+    Ok(format!(
+        "# perception.params emulate {}, written by `swerve calibrate detector`.\n\
+         # Average precision: target {:?}, reached {ap:?}, {ap_held_out:?} with random numbers that were held out.\n\
+         # Error level {error_level:?}; measure {}; objects within {} m.\n\
+         # Scenarios {}; seeds {}; draws from seed {}; {} frames with {} objects.\n\n",
+        target.name,
+        target.ap,
+        toml::Value::try_from(target.measure)?,
+        args.within_m,
+        scenarios.join(", "),
+        seeds.join(", "),
+        args.draws_seed,
+        fitted.frames,
+        fitted.wanted
+    ))
 }
 
 /// File of the built-in fits.

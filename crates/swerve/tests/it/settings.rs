@@ -13,7 +13,7 @@ const MEMORY_MIB: u64 = 4096;
 const TIME_S: u32 = 60;
 
 /// Keys of commands other than `swerve run`, and keys that no drive reads.
-const NOT_DRIVEN: [&str; 4] = ["clock.", "live.", "localization.stored_pose", "perception.calibration."];
+const NOT_DRIVEN: [&str; 3] = ["clock.", "live.", "localization.stored_pose"];
 
 /// Settings that a key needs to take effect in a drive, by key prefix.
 const NEEDED: [(&str, &str); 27] = [
