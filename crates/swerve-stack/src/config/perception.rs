@@ -2,14 +2,13 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::require_all_within;
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::{Algorithm, GroundParams, ab3dmot, tracker};
 use swerve_text::{KeyProblem, nearest, overridden};
 
 use super::camera::CameraConfig;
-use super::detectors::{Measure, find, fits, published};
+use super::detectors::{find, fits, published};
 use super::planner::{outside, within};
 use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
