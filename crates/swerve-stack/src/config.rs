@@ -19,7 +19,7 @@ pub mod monitor;
 mod old_names;
 mod operator;
 pub mod perception;
-mod planner;
+pub(crate) mod planner;
 mod planning;
 mod predictor_weights;
 pub mod process;
@@ -451,20 +451,21 @@ impl Config {
         if let Some(kind) = planner.filter(|kind| *kind != "planner") {
             return kind.to_owned();
         }
-        Self::name_of(self.planning.planner, self.planning.preset)
+        Self::name_of(self.planning.planner.as_str(), self.planning.preset)
     }
 
-    fn name_of(planner: PlannerName, preset: Preset) -> String {
+    fn name_of(planner: &str, preset: Preset) -> String {
         match preset {
-            Preset::Paper => format!("paper_{}", planner.as_str()),
-            Preset::Best => planner.as_str().to_owned(),
+            Preset::Paper => format!("paper_{planner}"),
+            Preset::Best => planner.to_owned(),
         }
     }
 
     /// All values of [`pipeline_name`](Self::pipeline_name) for the built-in planners.
     pub fn pipeline_names() -> impl Iterator<Item = String> {
-        let of = |preset| PlannerName::ALL.into_iter().map(move |planner| Self::name_of(planner, preset));
-        of(Preset::Best).chain(of(Preset::Paper))
+        let planners: Vec<&str> = Registry::standard().planners().collect();
+        let of = |preset| planners.iter().map(|planner| Self::name_of(planner, preset)).collect::<Vec<_>>();
+        [of(Preset::Best), of(Preset::Paper)].concat().into_iter()
     }
 
     /// The whole configuration including all defaults, as TOML.

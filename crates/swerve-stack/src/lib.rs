@@ -12,6 +12,7 @@ pub mod faults;
 mod kind;
 mod operators;
 pub mod pipeline;
+mod planners;
 mod registry;
 mod shot;
 mod site;
@@ -24,6 +25,7 @@ pub use kind::{
     time_of_ms,
 };
 pub use operators::ObstacleSight;
+pub use planners::{NamedPlanner, PlannerDefaults};
 pub use registry::Registry;
 pub use site::{Site, Surroundings};
 pub use stage::{Rendered, StreamMemory};

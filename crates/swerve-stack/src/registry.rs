@@ -7,6 +7,11 @@ use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
 use swerve_msg::Detections;
+use swerve_planning::aeb::Aeb;
+use swerve_planning::fot::Fot;
+use swerve_planning::hybrid_astar::HybridAstar;
+use swerve_planning::rrt_star::RrtStar;
+use swerve_planning::waypoint::Waypoint;
 
 use crate::config::Config;
 use crate::config::model::Model;
@@ -14,11 +19,13 @@ use crate::config::perception::CUSTOM;
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::operators;
+use crate::planners::{AnyPlanner, NamedPlanner, Of};
 
 /// Operator kinds, message types for faults, and views that configurations can use.
 #[derive(Clone)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
+    planners: Vec<Arc<dyn AnyPlanner>>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -30,7 +37,18 @@ impl Registry {
     /// Registry of Swerve's own kinds.
     pub fn standard() -> Self {
         static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
-            operators::all(Registry { kinds: BTreeMap::new(), corruptible: Vec::new(), views: Vec::new() })
+            let empty = Registry {
+                kinds: BTreeMap::new(),
+                planners: Vec::new(),
+                corruptible: Vec::new(),
+                views: Vec::new(),
+            };
+            operators::all(empty)
+                .with_planner::<Fot>()
+                .with_planner::<RrtStar>()
+                .with_planner::<HybridAstar>()
+                .with_planner::<Waypoint>()
+                .with_planner::<Aeb>()
         });
         STANDARD.clone()
     }
@@ -46,6 +64,24 @@ impl Registry {
     pub fn with_kind(mut self, kind: impl OperatorKind + 'static) -> Self {
         self.kinds.insert(kind.node().kind, Arc::new(kind));
         self
+    }
+
+    /// Adds a motion planner, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_planner<P: NamedPlanner>(mut self) -> Self {
+        self.planners.retain(|known| known.name() != P::NAME);
+        self.planners.push(Arc::new(Of::<P>::new()));
+        self
+    }
+
+    /// Names of all motion planners.
+    pub fn planners(&self) -> impl Iterator<Item = &'static str> {
+        self.planners.iter().map(|planner| planner.name())
+    }
+
+    /// The motion planner of this name.
+    pub(crate) fn planner(&self, name: &str) -> Option<&dyn AnyPlanner> {
+        self.planners.iter().find(|planner| planner.name() == name).map(|planner| &**planner)
     }
 
     /// Adds a message type that faults can affect.

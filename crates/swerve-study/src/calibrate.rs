@@ -63,12 +63,12 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
     let assembly = Pipeline::build(&base, &scenario)?.assembly;
     let planning = assembly.publisher::<Plan>().context("no operator of the pipeline plans")?.to_owned();
     let mut config = base.clone();
-    for planner in PlannerName::ALL {
+    for planner in registry.planners().map(PlannerName::new) {
         for fineness in [Fineness::Fast, Fineness::Slow] {
             let mut host = HostTimes { planner: planning.clone(), ms: Vec::new() };
             for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
                 let mut cell: Config = base.clone();
-                cell.planning.planner = planner;
+                cell.planning.planner = planner.clone();
                 cell.planning.config = fineness;
                 cell.ego.speed_mps = Some(*speed);
                 drive_observed(&cell, &scenario, 1, &mut [&mut host])?;

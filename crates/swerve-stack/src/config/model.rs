@@ -232,7 +232,7 @@ mod tests {
         let planners = config.planner_rungs().unwrap();
         assert_eq!(ms(planners.iter().map(|r| r.run_time).collect()), [30.0, 40.0, 67.0, 148.0]);
         for rung in on_ladders(&[]).unwrap().planner_rungs().unwrap() {
-            assert!(config.planning.planner_with(&rung.what).is_ok(), "{}", rung.name);
+            assert!(config.planning.planner_with(&config.registry, &rung.what).is_ok(), "{}", rung.name);
         }
         assert!(Config::default().detector_rungs().unwrap().is_empty());
         assert!(Config::default().planner_rungs().unwrap().is_empty());

@@ -1,82 +1,46 @@
 //! Construction of a planner from its name, preset, discretisation and parameters.
 
 use swerve_core::ParamError;
-use swerve_planning::aeb::{self, Aeb};
-use swerve_planning::comfort::{self, Comfort, Manner};
+use swerve_planning::comfort::{self, Comfort};
 use swerve_planning::fot::{self, Fot};
-use swerve_planning::hybrid_astar::{self, HybridAstar};
-use swerve_planning::rrt_star::{self, RrtStar};
-use swerve_planning::waypoint::Waypoint;
 use swerve_planning::{Ahead, CollisionMode, Planner};
-use swerve_pylot::{HybridAstarParams, Preset, RrtStarParams, Rules};
+use swerve_pylot::{HybridAstarParams, Original, Preset, RrtStarParams, Rules};
 use swerve_text::{KeyProblem, overridden};
 
-use super::{Fineness, PlannerName, PlanningConfig};
+use super::{Fineness, PlanningConfig};
+use crate::planners::{NamedPlanner as _, PlannerDefaults};
+use crate::registry::Registry;
 
 /// Planner that a configuration names, with its parameters, including its comfortable layer.
 pub(super) fn planner(
     planning: &PlanningConfig,
+    registry: &Registry,
     params: &toml::Table,
 ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-    let planner = below(planning, params)?;
-    if !planning.has_comfort() {
+    let Some(named) = registry.planner(planning.planner.as_str()) else { return Err(Vec::new()) };
+    let collision = planning.collision();
+    let of = PlannerDefaults { discretisation: planning.config, collision, preset: planning.preset };
+    let original = if planning.preset == Preset::Paper { original(planning, params)? } else { None };
+    if !planning.has_comfort(registry) {
+        let planner = match original {
+            Some(planner) => planner,
+            None => named.build(of, params)?.0,
+        };
         return Ok(if planning.preset == Preset::Best { Box::new(Ahead(planner)) } else { planner });
     }
-    let collision = planning.collision();
-    let manner = match planning.planner {
-        PlannerName::Waypoint | PlannerName::Aeb => Manner::Waits,
-        PlannerName::RrtStar | PlannerName::HybridAstar => Manner::GoesRound,
-        PlannerName::Fot => {
-            let fot::Params { weight_obstacle, time_step_s, .. } =
-                overridden(&fot_params(planning.config, collision), params)?;
-            Manner::KeepsAway { weight_obstacle, time_step_s }
+    let (planner, manner) = match original {
+        // The paper's planners have other parameters than Swerve's of the same name.
+        Some(planner) => {
+            let built = named.build(of, params).or_else(|_| named.build(of, &toml::Table::new()));
+            (planner, built?.1)
         }
+        None => named.build(of, params)?,
     };
     // Problems of the limits are reported by their own keys.
     let limits = planning.comfort.limits;
     let limits = limits.validate().map_or_else(|_| comfort::Params::default(), |()| limits);
     let layered = Comfort::new(limits, collision, manner, planner);
     Ok(Box::new(layered.map_err(outside)?))
-}
-
-/// Planner without the comfortable layer.
-fn below(planning: &PlanningConfig, params: &toml::Table) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-    let (preset, collision) = (planning.preset, planning.collision());
-    if preset == Preset::Paper
-        && let Some(planner) = original(planning, params)?
-    {
-        return Ok(planner);
-    }
-    Ok(match planning.planner {
-        PlannerName::Fot => {
-            let params = overridden(&fot_params(planning.config, collision), params)?;
-            Box::new(Fot::new(params).map_err(outside)?)
-        }
-        PlannerName::HybridAstar => {
-            let defaults = hybrid_astar::Params { collision, ..hybrid_astar::Params::default() };
-            Box::new(HybridAstar::new(overridden(&defaults, params)?).map_err(outside)?)
-        }
-        PlannerName::RrtStar => {
-            let defaults = rrt_star::Params { collision, ..rrt_star::Params::default() };
-            Box::new(RrtStar::new(overridden(&defaults, params)?).map_err(outside)?)
-        }
-        PlannerName::Waypoint => {
-            let params = overridden(&preset.waypoint(), params)?;
-            Box::new(Waypoint::new(params).map_err(outside)?)
-        }
-        PlannerName::Aeb => {
-            let defaults = aeb::Params { collision, ..aeb::Params::default() };
-            Box::new(Aeb::new(overridden(&defaults, params)?).map_err(outside)?)
-        }
-    })
-}
-
-fn fot_params(fineness: Fineness, collision: CollisionMode) -> fot::Params {
-    let defaults = match fineness {
-        Fineness::Fast => fot::Params::fast(),
-        Fineness::Slow => fot::Params::slow(),
-    };
-    fot::Params { collision, ..defaults }
 }
 
 /// The paper's own planner, if it has one of this name.
@@ -88,13 +52,14 @@ fn original(
     let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
     let (config, collision) = (planning.config, planning.collision());
     let obstacle_range_m = planning.era.unwrap_or_default().range_m(planning.planner.original());
-    Ok(Some(match planning.planner {
-        PlannerName::Fot => {
-            let defaults = fot::Params { obstacle_range_m, ..fot_params(config, collision) };
+    Ok(Some(match planning.planner.original() {
+        Original::Fot => {
+            let of = PlannerDefaults { discretisation: config, collision, preset: planning.preset };
+            let defaults = fot::Params { obstacle_range_m, ..Fot::defaults(of) };
             let params = overridden(&defaults, params)?;
             Box::new(swerve_pylot::Fot::new(params, rules).map_err(outside)?)
         }
-        PlannerName::HybridAstar => {
+        Original::HybridAstar => {
             let defaults = match config {
                 Fineness::Fast => HybridAstarParams::fast(),
                 Fineness::Slow => HybridAstarParams::slow(),
@@ -103,7 +68,7 @@ fn original(
             let params = overridden(&defaults, params)?;
             Box::new(swerve_pylot::HybridAstar::new(params, rules).map_err(outside)?)
         }
-        PlannerName::RrtStar => {
+        Original::RrtStar => {
             let defaults = match config {
                 Fineness::Fast => RrtStarParams::fast(),
                 Fineness::Slow => RrtStarParams::slow(),
@@ -111,7 +76,7 @@ fn original(
             let params = overridden(&RrtStarParams { collision, obstacle_range_m, ..defaults }, params)?;
             Box::new(swerve_pylot::RrtStar::new(params, rules).map_err(outside)?)
         }
-        PlannerName::Waypoint | PlannerName::Aeb => return Ok(None),
+        Original::Other => return Ok(None),
     }))
 }
 
@@ -137,7 +102,7 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
 }
 
 /// Problem of a parameter out of its range.
-pub(super) fn outside(error: ParamError) -> Vec<KeyProblem> {
+pub(crate) fn outside(error: ParamError) -> Vec<KeyProblem> {
     let message = format!("expected {}, found {}", error.expected, error.value);
     vec![(error.key.into_owned(), message)]
 }

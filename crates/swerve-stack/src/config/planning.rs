@@ -1,61 +1,82 @@
 //! Motion planner: its name, discretisation, behaviour and cost.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
+use swerve_planning::fot::Fot;
+use swerve_planning::hybrid_astar::HybridAstar;
+use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::{CollisionMode, Planner, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
-use swerve_text::KeyProblem;
+use swerve_text::{KeyProblem, nearest};
 
 use super::execution::Runtime;
 use super::planner;
+use crate::planners::{AnyPlanner, NamedPlanner as _};
+use crate::registry::Registry;
 
-/// Motion planners by name.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PlannerName {
+/// Name of a motion planner: a built-in one, or one that [`Registry::with_planner`](crate::Registry::with_planner) adds.
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct PlannerName(Cow<'static, str>);
+
+impl JsonSchema for PlannerName {
+    fn schema_name() -> Cow<'static, str> {
+        "PlannerName".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        BuiltInPlanner::json_schema(generator)
+    }
+}
+
+/// Built-in motion planners.
+#[derive(JsonSchema)]
+#[schemars(rename_all = "snake_case")]
+#[expect(dead_code, reason = "its schema is used")]
+enum BuiltInPlanner {
     /// Frenet optimal trajectories.
     Fot,
     /// RRT*.
     RrtStar,
     /// Hybrid A*.
     HybridAstar,
-    /// Route following that slows and stops for objects ahead.
+    /// Route following that slows and stops for obstacles ahead.
     Waypoint,
     /// Route following with emergency braking.
     Aeb,
 }
 
 impl PlannerName {
-    /// The planner for the paper's rules.
-    pub(super) fn original(self) -> Original {
-        match self {
-            Self::Fot => Original::Fot,
-            Self::RrtStar => Original::RrtStar,
-            Self::HybridAstar => Original::HybridAstar,
-            Self::Waypoint | Self::Aeb => Original::Other,
+    /// Frenet optimal trajectories.
+    pub const FOT: Self = Self(Cow::Borrowed(Fot::NAME));
+
+    /// The planner of this name.
+    pub const fn new(name: &'static str) -> Self {
+        Self(Cow::Borrowed(name))
+    }
+
+    /// Planner of the paper with this name.
+    pub(super) fn original(&self) -> Original {
+        match self.as_str() {
+            Fot::NAME => Original::Fot,
+            RrtStar::NAME => Original::RrtStar,
+            HybridAstar::NAME => Original::HybridAstar,
+            _ => Original::Other,
         }
     }
 
-    /// All planners.
-    pub const ALL: [Self; 5] = [Self::Fot, Self::RrtStar, Self::HybridAstar, Self::Waypoint, Self::Aeb];
-
-    /// Returns true if the paper has a planner of this name.
-    pub(super) fn is_paper(self) -> bool {
+    /// True if the paper has a planner of this name.
+    pub(super) fn is_paper(&self) -> bool {
         self.original() != Original::Other
     }
 
     /// Name in files and tables.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Fot => "fot",
-            Self::RrtStar => "rrt_star",
-            Self::HybridAstar => "hybrid_astar",
-            Self::Waypoint => "waypoint",
-            Self::Aeb => "aeb",
-        }
+    pub fn as_str(&self) -> &str {
+        &self.0
     }
 }
 
@@ -167,7 +188,7 @@ pub struct ComfortConfig {
 impl Default for PlanningConfig {
     fn default() -> Self {
         Self {
-            planner: PlannerName::Fot,
+            planner: PlannerName::FOT,
             config: Fineness::Fast,
             preset: Preset::Best,
             era: None,
@@ -193,16 +214,34 @@ impl PlanningConfig {
     ///
     /// # Errors
     /// Problems of the parameters, each by its key in `planning.params`.
-    pub fn planner(&self) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-        self.planner_with(&self.params)
+    pub fn planner(&self, registry: &Registry) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
+        self.planner_with(registry, &self.params)
     }
 
     /// As `planner`, with other parameters.
     ///
     /// # Errors
     /// Problems of the parameters, each by its key.
-    pub fn planner_with(&self, params: &toml::Table) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-        planner::planner(self, params)
+    pub fn planner_with(
+        &self,
+        registry: &Registry,
+        params: &toml::Table,
+    ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
+        planner::planner(self, registry, params)
+    }
+
+    /// Problems of planners' names, each by its key in `planning`.
+    pub(super) fn problems_of_names(&self, registry: &Registry) -> Vec<KeyProblem> {
+        let named = self.cost.keys().map(|name| (format!("cost.{}", name.as_str()), name));
+        let named = core::iter::once(("planner".to_owned(), &self.planner)).chain(named);
+        let unknown = named.filter(|(_, name)| registry.planner(name.as_str()).is_none());
+        let problem = |(key, name): (String, &PlannerName)| {
+            let all: Vec<String> = registry.planners().map(|known| format!("\"{known}\"")).collect();
+            let near = nearest(name.as_str(), registry.planners());
+            let near = near.map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
+            (key, format!("expected one of {}, found \"{}\"{near}", all.join(", "), name.as_str()))
+        };
+        unknown.map(problem).collect()
     }
 
     /// Rules of the paper's preset for the chosen planner, or their problems, each by its key.
@@ -221,8 +260,9 @@ impl PlanningConfig {
     }
 
     /// Returns true if the planner has a comfortable layer.
-    pub fn has_comfort(&self) -> bool {
-        self.comfort.enabled.unwrap_or(self.preset == Preset::Best && self.planner != PlannerName::Aeb)
+    pub fn has_comfort(&self, registry: &Registry) -> bool {
+        let by_default = || registry.planner(self.planner.as_str()).is_some_and(AnyPlanner::has_comfort);
+        self.comfort.enabled.unwrap_or_else(|| self.preset == Preset::Best && by_default())
     }
 
     /// Interpretation of predictions in collision checks.

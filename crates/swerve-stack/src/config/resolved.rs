@@ -74,8 +74,10 @@ impl Resolved {
             tell("", found);
             planning.rules_of_era()
         });
-        let on_ladder = planner_rungs.iter().find_map(|rung| planning.planner_with(&rung.what).err());
-        if let Some(found) = planning.planner().err().or(on_ladder) {
+        tell("planning", planning.problems_of_names(&config.registry));
+        let built = |params| planning.planner_with(&config.registry, params);
+        let on_ladder = planner_rungs.iter().find_map(|rung| built(&rung.what).err());
+        if let Some(found) = built(&planning.params).err().or(on_ladder) {
             tell("planning.params", found);
         }
         Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs, rules }

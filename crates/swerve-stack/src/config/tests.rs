@@ -87,7 +87,7 @@ fn unknown_names_are_reported_with_the_nearest_one() {
 #[test]
 fn every_planner_has_a_built_in_cost() {
     let cost = PlanningConfig::default().cost;
-    for planner in PlannerName::ALL {
+    for planner in Registry::standard().planners().map(PlannerName::new) {
         for fineness in [Fineness::Fast, Fineness::Slow] {
             assert!(cost[&planner][&fineness].model().is_ok(), "{} {}", planner.as_str(), fineness.as_str());
         }
@@ -101,7 +101,7 @@ fn resolved_text_reads_back_as_itself() {
         "planner".into(),
         OperatorConfig { runtime: Some(Runtime::fixed(30.0)), ..OperatorConfig::default() },
     );
-    config.planning.cost.insert(PlannerName::Fot, [(Fineness::Fast, Runtime::fixed(2.0))].into());
+    config.planning.cost.insert(PlannerName::FOT, [(Fineness::Fast, Runtime::fixed(2.0))].into());
     let document = Document::parse("resolved", config.to_text()).unwrap();
     assert_eq!(Config::from_document(&document, &[]).unwrap(), config);
 }

@@ -112,7 +112,7 @@ impl OperatorKind for Planners {
         let config = settings.config;
         let operator = PlannerOperator::new(config, site.surroundings())?;
         let make = |Rung { name, run_time, what }: &Rung<toml::Table>| {
-            let what = config.planning.planner_with(what);
+            let what = config.planning.planner_with(&config.registry, what);
             let what = what.map_err(|found| wrong(&found))?;
             Ok(Rung { name: name.clone(), run_time: *run_time, what })
         };
@@ -167,10 +167,10 @@ impl PlannerOperator {
             StartState::Predicted => Some(Span::from_secs(config.expected_ms() * 1e-3)),
         };
         Ok(Self {
-            planner: planning.planner().map_err(|found| wrong(&found))?,
+            planner: planning.planner(&config.registry).map_err(|found| wrong(&found))?,
             route: around.route.clone(),
             target_speed_mps: around.scenario.ego.target_speed_mps,
-            has_comfort: planning.has_comfort(),
+            has_comfort: planning.has_comfort(&config.registry),
             trust: PoseTrust::new(planning.slow_by_sigma_m(), planning.lane_sigmas(), vehicle.shape),
             shape: vehicle.shape,
             limits: vehicle.limits,
