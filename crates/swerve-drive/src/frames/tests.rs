@@ -67,7 +67,7 @@ fn pictures_of_an_earlier_run_are_deleted_and_foreign_files_refused() {
         }
         let told = create().err().unwrap().to_string();
         assert!(
-            told.contains(&format!("{} is no picture that --frames wrote", place(others).display())),
+            told.contains(&format!("{} is not a picture written by --frames", place(others).display())),
             "{told}"
         );
         assert!(place("00001.png").exists());

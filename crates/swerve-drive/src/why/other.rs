@@ -153,7 +153,7 @@ impl<'a> Way<'a> {
     fn nearest(&self) -> String {
         let nearest = self.metrics.min_distance_m.zip(self.metrics.min_distance_name.as_ref());
         nearest.map_or_else(
-            || "; there was nobody else".into(),
+            || "; there was no other road user".into(),
             |(away_m, name)| format!("; {name} was nearest, {away_m:.2} m away"),
         )
     }
@@ -183,7 +183,7 @@ impl<'a> Way<'a> {
         }
         notes.extend(self.red_lights_passed());
         if self.metrics.actors.is_empty() {
-            notes.push("there was nobody else".into());
+            notes.push("there was no other road user".into());
         }
         let is_standing = self.states.last().is_some_and(is_still);
         if let Some(end) = self.states.last() {

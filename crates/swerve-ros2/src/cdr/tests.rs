@@ -133,7 +133,7 @@ fn decoder_names_implausible_fields() {
     assert_eq!(invalid(&imu), "`header.stamp.nanosec` is 1000000000 ns, not less than a second");
     imu.header.stamp.nanosec = 0;
     imu.header.frame_id = "a\u{1}".to_owned();
-    assert_eq!(invalid(&imu), "`header.frame_id` is no name: \"a\\u{1}\"");
+    assert_eq!(invalid(&imu), "`header.frame_id` is not a name: \"a\\u{1}\"");
     imu.header.frame_id.clear();
     imu.orientation.w = 2.0;
     assert_eq!(invalid(&imu), "`orientation` is a quaternion of length 2");
@@ -144,7 +144,7 @@ fn decoder_names_implausible_fields() {
     image.step = 1;
     assert!(invalid(&image).starts_with("`step` has 1 "), "{}", invalid(&image));
     let no_encoding = Image { encoding: "rgb9".to_owned(), ..image };
-    assert_eq!(invalid(&no_encoding), "`encoding` is no name: \"rgb9\"");
+    assert_eq!(invalid(&no_encoding), "`encoding` is not a name: \"rgb9\"");
 
     let fix = NavSatFix { latitude: 91.0, ..NavSatFix::default() };
     assert_eq!(invalid(&fix), "`latitude` is 91, not from -90 to 90");

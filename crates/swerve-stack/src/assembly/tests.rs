@@ -224,8 +224,8 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.tracker]\nreads = { boxes = \"camera\" }\n",
-        "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and nobody \
-         publishes any: `[operator.NAME] kind = \"camera_objects\"` or `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` brings one that does",
+        "c.toml:2: operator.tracker.reads.boxes: `tracker` has this port where `Detections` are published, and no operator \
+         publishes any: `[operator.NAME] kind = \"camera_objects\"` or `perception.detector = \"NAME\"` or `[operator.NAME] kind = \"lidar_objects\"` adds one that does",
     ),
     (
         "[operator.x]\nkind = \"all_boxes\"\nreads = { boxes = \"camera\" }\n[operator.tracker]\nreads = { boxes = \"x\" }\n",
@@ -464,7 +464,7 @@ fn camera_detector_problems_are_reported_with_their_line() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/lane.toml");
     let untimed = Pipeline::build(&read(&own, &[]).unwrap(), &Scenario::read(&file).unwrap());
     let told = format!("{:#}", untimed.err().expect("nobody measured it"));
-    assert!(told.contains("expected what rung `ground` takes"), "{told}");
+    assert!(told.contains("expected a run time of rung `ground`"), "{told}");
     let timed = format!("{own}run_times_ms = {{ ground = 12.5 }}\n");
     assert_eq!(read(&timed, &[]).unwrap().expected_ms(), Config::default().expected_ms() + 12.5);
 }

@@ -313,7 +313,7 @@ mod tests {
         assert!(said.contains("planning.rung_ms: needs a `ladder`"), "{said}");
         let said = config(&["execution.model=periodic"]).unwrap_err();
         assert!(
-            said.contains("execution.planner_ms: expected milliseconds, where no fixed run time"),
+            said.contains("execution.planner_ms: expected milliseconds, as no fixed run time"),
             "{said}"
         );
     }

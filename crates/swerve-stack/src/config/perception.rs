@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn operator_keys_override_parameters_that_override_the_name() {
         let text = "[perception]\ndetector = \"efficientdet-d3@v100\"\ntracker = { hits_min = 4 }\n\
-                    [perception.params]\nscore_gap = 9\nmisses = { period_s = 1.5 }\n\
+                    [perception.params]\nscore_separation = 9\nmisses = { period_s = 1.5 }\n\
                     [operator.detector]\nruntime = { fixed_ms = 5 }\n";
         let config = config(text, &["operator.planner.runtime={ zero = true }"]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();

@@ -81,7 +81,7 @@ fn python_problems_are_reported_with_line_and_key() {
         ("input = { a = \"Image\" }", "operator.o.input: unknown key"),
         (
             "inputs = { a = \"Image\" }",
-            "operator.o.reads.a: reads `Image`, which no operator publishes: `[camera.NAME]` brings one",
+            "operator.o.reads.a: reads `Image`, which no operator publishes: `[camera.NAME]` adds one",
         ),
     ];
     for (keys, expected) in cases {
