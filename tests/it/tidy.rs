@@ -191,15 +191,24 @@ fn files_are_short_and_the_command_line_stays_thin() {
     let folders = ["crates", "tests", "benches", "examples", "python"];
     let files: Vec<_> = folders.iter().flat_map(|folder| source_files(&root().join(folder))).collect();
     assert!(files.len() > 500, "{}", files.len());
-    let long: Vec<_> = files.iter().filter(|(_, lines)| *lines > 500).collect();
-    assert!(long.is_empty(), "split by subject: {long:?}");
+    for (path, lines) in &files {
+        within(&path.display().to_string(), *lines, 500);
+    }
     // A module with parts is `name.rs` beside `name/`, so that files are distinguishable in an editor.
     let is_mod =
         |path: &Path| path.ends_with("mod.rs") && path.components().any(|part| part.as_os_str() == "src");
     assert!(!files.iter().any(|(path, _)| path.starts_with(root().join("crates")) && is_mod(path)));
     let command_line = source_files(&root().join("crates/swerve/src"));
     let lines: usize = command_line.iter().map(|(_, lines)| lines).sum();
-    assert!(lines <= 3000, "crate swerve has {lines} lines: what is no command belongs in another crate");
+    within("crate swerve", lines, 3000);
+}
+
+/// Warns above a limit of lines; fails 10 % above it.
+fn within(what: &str, lines: usize, limit: usize) {
+    if lines > limit {
+        eprintln!("warning: {what} has {lines} lines, more than {limit}: split it by subject");
+    }
+    assert!(10 * lines <= 11 * limit, "{what} has {lines} lines, 10 % more than {limit}");
 }
 
 /// A package optimised in test builds takes several times as long to compile: each has its measured reason in
@@ -233,7 +242,7 @@ const OPTIMISED_MAX: usize = 30;
 fn pages_keep_their_length() {
     for (page, lines_max) in [("README.md", 120), ("ARCHITECTURE.md", 250)] {
         let lines = std::fs::read_to_string(root().join(page)).unwrap().lines().count();
-        assert!(lines <= lines_max, "{page} has {lines} lines, more than {lines_max}");
+        within(page, lines, lines_max);
     }
 }
 

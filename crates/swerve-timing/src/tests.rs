@@ -184,7 +184,7 @@ fn operator_requires_distinct_inputs_and_a_trigger() {
     );
     refused(at, "latest = [\"camera\"]", "6: operator[1]: nothing makes \"detector\" fire", "every_ms");
     refused(at, "at = [\"camera\"]\nphase_ms = 3", "9: operator[1].phase_ms: a phase without", "every_ms");
-    refused("name = \"detector\"", "name = \"camera\"", "7: operator[1].name: another operator", "its own");
+    refused("name = \"detector\"", "name = \"camera\"", "7: operator[1].name: another operator", "unique");
     refused("name = \"detector\"", "name = \" \"", "7: operator[1].name: expected a name", "");
     let none = parse("p.toml", "span_ms = 5\noperator = []").expect_err("no operator");
     assert_eq!(none[0].to_string(), "p.toml:2: operator: expected at least one [[operator]]");
