@@ -1,5 +1,6 @@
 //! Swerve with a detector, a planner and a message of one's own: all of its commands, for these too.
 
+mod cautious;
 mod clear_ahead;
 mod nearest_ahead;
 mod slow_down;
@@ -13,6 +14,7 @@ fn main() -> ExitCode {
         Registry::standard()
             .with::<nearest_ahead::NearestAhead>()
             .with::<slow_down::SlowDown>()
+            .with_planner::<cautious::Cautious>()
             .with_view(clear_ahead::show),
     )
 }

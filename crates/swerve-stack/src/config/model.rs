@@ -312,9 +312,6 @@ mod tests {
         let said = config(&["planning.rung_ms=30"]).unwrap_err();
         assert!(said.contains("planning.rung_ms: needs a `ladder`"), "{said}");
         let said = config(&["execution.model=periodic"]).unwrap_err();
-        assert!(
-            said.contains("execution.planner_ms: expected milliseconds, as no fixed run time"),
-            "{said}"
-        );
+        assert!(said.contains("execution.planner_ms: expected milliseconds, as no fixed run time"), "{said}");
     }
 }
