@@ -88,7 +88,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
                 of(3),
                 of(6)
             );
-            config.planning.cost.entry(planner).or_default().insert(fineness, runtime);
+            config.planning.cost.entry(planner.clone()).or_default().insert(fineness, runtime);
         }
     }
     match &args.out {
