@@ -37,7 +37,7 @@ pub trait NamedPlanner: Planner + Sized + 'static {
     /// Name in `planning.planner`.
     const NAME: &'static str;
 
-    /// Whether the preset `best` has a comfort layer above it.
+    /// True if the preset `best` places a comfort layer above it.
     const COMFORT: bool = true;
 
     /// Parameters: the keys of `planning.params`.

@@ -14,6 +14,9 @@ use swerve_ros2::mapping::{Mapping, Qos, Side, Vehicle};
 use swerve_ros2::samples::{large_cloud, sample};
 use swerve_ros2::{AnyMessage, Kind};
 
+/// Path of the test of this file, which also runs inside the namespaces.
+const NAME: &str = "two_hosts::two_hosts_on_one_network_find_each_other";
+
 /// Set in the processes inside the namespaces: the role of the host.
 const ROLE: &str = "SWERVE_TWO_HOSTS";
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -50,8 +53,9 @@ impl Hosts {
         Command::new("ip")
             .args(["netns", "exec", &self.0[host]])
             .arg(std::env::current_exe().unwrap())
-            .args(["two_hosts_on_one_network_find_each_other", "--exact", "--nocapture"])
+            .args([NAME, "--exact", "--include-ignored", "--nocapture"])
             .env(ROLE, role)
+            .stdout(Stdio::piped())
             .spawn()
             .unwrap()
     }
@@ -128,8 +132,9 @@ fn two_hosts_on_one_network_find_each_other() {
         return;
     };
     let mut answer = hosts.run(1, "answer");
-    let asked = hosts.run(0, "ask").wait();
+    let asked = hosts.run(0, "ask").wait_with_output().unwrap();
     let _ = answer.kill();
     let _ = answer.wait();
-    assert!(asked.unwrap().success());
+    let output = String::from_utf8_lossy(&asked.stdout);
+    assert!(asked.status.success() && output.contains("1 passed"), "{output}");
 }
