@@ -172,8 +172,8 @@ impl Budget for Capped {
     }
 }
 
-/// Conformance suite of planners: checks form, determinism, counted work and early stops in nine worlds, from an empty
-/// road to a blocked one. `make` builds a fresh planner; with `drivable`, plans that were found must also start at the
+/// Conformance suite of planners: checks form, determinism, counted work and early stops in eleven worlds, from an
+/// empty road to a blocked one. `make` builds a fresh planner; with `drivable`, plans that were found must also start at the
 /// state, stay collision-free and on the road, and keep the limits of the vehicle.
 ///
 /// # Panics

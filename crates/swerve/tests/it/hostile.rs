@@ -438,7 +438,7 @@ fn hanging_transport_is_detected_within_a_second_and_replaced() {
     assert!(stack.speed_mps().abs() < 0.1, "it drives on: {} m/s", stack.speed_mps());
     stack.let_in_again();
     let (metrics, told) = car.end();
-    assert!(told.contains("the process of ROS 2's transport said nothing for 1 s and was killed"), "{told}");
+    assert!(told.contains("the process of ROS 2's transport was silent for 1 s and was killed"), "{told}");
     assert!(["command_timeout", "transport_lost"].contains(&causes(&metrics)[0]), "{}", metrics["gate"]);
 }
 
