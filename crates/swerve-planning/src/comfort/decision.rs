@@ -128,8 +128,10 @@ impl Comfort {
             self.gentle.set_offsets(stepped_up_m(open.offset_m), own.1);
             let led_mps = profile.steps.last().map_or(0.0, |step| step.speed_mps);
             let most_mps = if profile.is_led { led_mps } else { request.target_speed_mps };
-            // In a bend the path out turns more than the line, which requires another speed.
-            let plan = PASSING_SHARES.into_iter().find_map(|share| {
+            // In a bend the path out turns more than the line, which requires another speed. Behind a lead, slower plans
+            // would only approach what stands.
+            let shares = if profile.is_led { &PASSING_SHARES[..1] } else { &PASSING_SHARES };
+            let plan = shares.iter().find_map(|share| {
                 let target_speed_mps = share * most_mps;
                 let plan = self.gentle.at_speed(&Request { target_speed_mps, ..*request }, budget)?;
                 open.may(&plan, self.gentle.line(), &request.start, &place).then_some(plan)
