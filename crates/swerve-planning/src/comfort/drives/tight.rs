@@ -120,3 +120,14 @@ fn parked_car_is_passed_within_the_lane_while_others_come() {
         assert_eq!(over_line(&drive).0, 0.0, "{speed_mps}");
     }
 }
+
+/// Between the cars there is no room to return: the second one must not slow the pass of the first one to a crawl.
+#[test]
+fn two_double_parked_cars_are_passed() {
+    for second_m in [115.0, 125.0, 145.0] {
+        let (first, second) = (|_: f64| [102.0, -0.9], move |_: f64| [second_m, -0.9]);
+        let drive = drive(12.0, true, Manner::GoesRound, &[&first, &second], 60.0);
+        assert!(drive.last().unwrap().ego.pose.x_m > second_m + 20.0, "{second_m}: {:?}", drive.last());
+        assert!(passes(&drive).1 > 0.4 && hardest_mps2(&drive) < 3.6, "{second_m}: {:?}", passes(&drive));
+    }
+}
