@@ -169,7 +169,7 @@ impl Story {
         })
     }
 
-    /// Records the tracks, at most every [`TRACKS_EVERY`].
+    /// Records the tracks, at most every `TRACKS_EVERY`.
     pub fn tracked(&mut self, list: &TrackList) {
         if self.tracks.last().is_some_and(|last| list.stamp - last.at < TRACKS_EVERY) {
             return;
