@@ -131,7 +131,8 @@ fn observed(name: &str, streams: &BTreeMap<String, String>, config: &Config) -> 
 
 /// Shape of a camera's images, and their data type in NumPy's notation.
 fn image_shape(stream: &str, config: &Config) -> anyhow::Result<(Vec<usize>, &'static str)> {
-    let (camera, output) = stream.rsplit_once('.').with_context(|| format!("`{stream}` is not a camera's"))?;
+    let (camera, output) =
+        stream.rsplit_once('.').with_context(|| format!("`{stream}` is not a camera's"))?;
     let camera = config.camera.get(camera).with_context(|| format!("`{stream}` is not a camera's"))?;
     let (rows, columns) = (camera.height_px as usize, camera.width_px as usize);
     Ok(match output {
