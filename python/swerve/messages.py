@@ -23,19 +23,19 @@ ActorId = int
 
 
 class RoadLine(str, Enum):
-    """A line that the road's description gives."""
+    """A line from the road description."""
     RIGHT_EDGE = "right_edge"
     """Right edge of the drivable ground."""
     LANE_RIGHT = "lane_right"
-    """Right border of the ego's lane, where the ground goes on."""
+    """Right border of the ego's lane, with drivable ground beyond."""
     LANE_LEFT = "lane_left"
-    """Left border of the ego's lane, where the ground goes on."""
+    """Left border of the ego's lane, with drivable ground beyond."""
     LEFT_EDGE = "left_edge"
     """Left edge of the drivable ground."""
 
 
 class Side(str, Enum):
-    """One of two sides."""
+    """Side of the ego or of a line."""
     LEFT = "left"
     """Towards +d."""
     RIGHT = "right"
@@ -43,75 +43,75 @@ class Side(str, Enum):
 
 
 class Signal(str, Enum):
-    """What a traffic light shows."""
+    """Signal of a traffic light."""
     GREEN = "green"
     """Go."""
     YELLOW = "yellow"
-    """Stop where that can be done."""
+    """Stop if possible."""
     RED = "red"
     """Stop."""
 
 
 class StopCause(str, Enum):
-    """Why the car is stopped."""
+    """Cause of a stop."""
     COMMAND_TIMEOUT = "command_timeout"
-    """No sound command for too long."""
+    """No valid command for too long."""
     REPORT_TIMEOUT = "report_timeout"
-    """No sound report of the vehicle for too long."""
+    """No valid vehicle report for too long."""
     RELEASED = "released"
-    """The person let go of the switch."""
+    """The enabling switch was released."""
     EMERGENCY = "emergency"
     """The emergency stop."""
     COMMAND_FROZEN = "command_frozen"
-    """Commands come, and say the same for too long."""
+    """Commands arrive but have been identical for too long."""
     SECOND_WRITER = "second_writer"
-    """Commands come from somebody else than from who drove."""
+    """Commands arrive from a publisher other than the one that was driving."""
     CLOCK_JUMP = "clock_jump"
     """The clock that stamps the commands was set."""
     TRANSPORT_LOST = "transport_lost"
-    """The process that carries commands and reports is gone."""
+    """The process that transports commands and reports is gone."""
     POSE_LOST = "pose_lost"
     """Localization reports that the pose is lost."""
     POSE_IMPLAUSIBLE = "pose_implausible"
-    """The pose does not move as the wheels do."""
+    """The motion of the pose does not match the wheels."""
 
 
 class Refusal(str, Enum):
-    """Why a command was refused."""
+    """Reason for rejecting a command."""
     NOT_FINITE = "not_finite"
-    """A number of it is none."""
+    """A value is not finite."""
     OUT_OF_ORDER = "out_of_order"
-    """It is older than the one before it."""
+    """Older than the previous command."""
     STALE = "stale"
-    """It is too old."""
+    """Too old."""
     AHEAD = "ahead"
-    """It is from the future."""
+    """Stamped in the future."""
 
 
 class Encoding(str, Enum):
-    """What an image's numbers mean."""
+    """Meaning of the values of an image."""
     RGB8 = "rgb8"
     """Red, green, blue, a byte each, sRGB."""
     DEPTH_F32_M = "depth_f32_m"
-    """Distance along the optical axis, metres; infinite where nothing is."""
+    """Distance along the optical axis, metres; infinite where the ray hits nothing."""
     CLASS_U8 = "class_u8"
-    """Class of what is seen, Cityscapes ids."""
+    """Semantic class, Cityscapes ids."""
     INSTANCE_U32 = "instance_u32"
-    """Which thing is seen: an actor's identity, 0 for what is none. What the simulator alone can know."""
+    """Instance: an actor's identity, 0 for anything else. Ground truth, known only to the simulator."""
 
 
 class PoseMode(str, Enum):
-    """Whether a pose can be driven by; the worse the greater."""
+    """Usability of a pose for driving; ordered from best to worst."""
     GOOD = "good"
-    """What tells the place comes and is believed."""
+    """Position measurements arrive and are accepted."""
     COASTING = "coasting"
-    """By inertia and wheels alone for now."""
+    """Dead reckoning by inertial measurements and wheel odometry for now."""
     LOST = "lost"
-    """Not to be driven by: no pose is told."""
+    """Unusable: no pose is reported."""
 
 
 class ActorKind(str, Enum):
-    """What an actor is."""
+    """Kind of an actor."""
     CAR = "car"
     """A passenger car or van."""
     TRUCK = "truck"
@@ -123,41 +123,41 @@ class ActorKind(str, Enum):
     PEDESTRIAN = "pedestrian"
     """A person on foot."""
     STATIC = "static"
-    """Anything that cannot move: walls, poles, boxes."""
+    """Any immovable object: walls, poles, boxes."""
 
 
 class PlanStatus(str, Enum):
-    """How a plan came about."""
+    """Origin of a plan."""
     ROUTE = "route"
-    """Nothing asked for planning: the route is followed."""
+    """No planning requested: the plan follows the route."""
     FOUND = "found"
     """The planner found this path."""
     KEPT = "kept"
-    """Nothing found: the previous plan goes on, still free of collision."""
+    """No path found: keeps the previous plan, which is still collision-free."""
     BRAKE = "brake"
-    """Nothing found: full brake along the previous path."""
+    """No path found: full braking along the previous path."""
     STOP = "stop"
-    """Nothing found: speed zero along the route."""
+    """No path found: zero speed along the route."""
     GAVE_UP = "gave_up"
-    """Nothing found: the route is followed regardless."""
+    """No path found: follows the route regardless."""
     COMFORTABLE = "comfortable"
     """The comfortable layer found this path."""
     POSE_UNCERTAIN = "pose_uncertain"
-    """A stop: the pose is too uncertain for the lane."""
+    """Stop, because the pose is too uncertain for the lane."""
 
 
 class InfractionKind(str, Enum):
-    """Rules that the ego can break."""
+    """Traffic rules that the ego can break."""
     LEFT_ROAD = "left_road"
     """Part of the footprint left the drivable ground."""
 
 
 class EndReason(str, Enum):
-    """Why a scenario is over."""
+    """Reason for the end of a scenario."""
     GOAL = "goal"
     """The ego reached the end of the scenario."""
     STOPPED = "stopped"
-    """The ego stands still where the scenario asks for that."""
+    """The ego stands still where the scenario requires it."""
     COLLISION = "collision"
     """A collision, some time after it happened."""
     TIMEOUT = "timeout"
@@ -165,28 +165,26 @@ class EndReason(str, Enum):
 
 
 class Verdict(str, Enum):
-    """The outcome of a run in one word; the first that holds, in the order in which `docs/conventions.md` has
-    them.
-    """
+    """Outcome of a run: the first that applies in the order of `docs/conventions.md`."""
     AVOIDED = "avoided"
-    """The ego came to the end, or to the stop asked for, touching nothing and staying on the road."""
+    """The ego reached the end or the required stop, without a collision and without leaving the road."""
     COMPLETED = "completed"
-    """The same, in a scenario without anybody else: there was nothing to avoid."""
+    """The same, in a scenario without other actors."""
     COLLISION = "collision"
-    """The ego hit something, whatever else happened."""
+    """The ego hit something, regardless of anything else."""
     LEFT_ROAD = "left_road"
-    """Part of the ego left the drivable ground, and it hit nothing."""
+    """Part of the ego left the drivable ground, without a collision."""
     STOPPED = "stopped"
-    """The scenario's time was over, and the ego stood safely before what was in its way."""
+    """The scenario timed out with the ego safely at rest, for one of the reasons in `docs/conventions.md`."""
     TIMEOUT = "timeout"
-    """The scenario's time was over before the ego reached its end."""
+    """The scenario timed out before the ego reached its end."""
     UNFINISHED = "unfinished"
-    """The run was ended before the scenario was."""
+    """The run ended before the scenario did."""
 
 
 @dataclass(frozen=True, slots=True)
 class GateMode(Tagged):
-    """What the safety gate does."""
+    """Mode of the safety gate."""
     kind: str
     """One of `manual`, `driving`, `stopping`, `holding`."""
     value: StopCause | None = None
@@ -246,7 +244,7 @@ class Polyline(Message):
 
 @dataclass(slots=True)
 class Command(Message):
-    """What the stack asks of the vehicle."""
+    """Actuation command: steering angle and pedals."""
     steering_rad: float
     """Wanted angle of the front road wheels, radians; positive to the left."""
     throttle: float
@@ -257,9 +255,9 @@ class Command(Message):
 
 @dataclass(slots=True)
 class MotionCommand(Message):
-    """What the stack asks of a vehicle whose own controllers work the pedals."""
+    """Motion command for a vehicle with its own speed or acceleration controller."""
     stamp: Time
-    """Instant of the state that it was computed from."""
+    """Instant of the state from which it was computed."""
     steering_rad: float
     """Wanted angle of the front road wheels, radians; positive to the left."""
     speed_mps: float
@@ -270,68 +268,70 @@ class MotionCommand(Message):
 
 @dataclass(slots=True)
 class ResponseBudget(Message):
-    """How long the answer to a sensor frame may take, and how that is divided."""
+    """Time budget for the response to a sensor frame, and its division."""
     stamp: Time
-    """Stamp of the predictions that it was made from."""
+    """Stamp of the predictions from which it was computed."""
     left_s: float | None
-    """Time in which the ego, as it goes now, has to begin to brake or to swerve, seconds; negative when that
-    is over, none where nothing is ahead.
+    """Time until the ego, at its present motion, must begin to brake or swerve, seconds; negative once that
+    is over, `None` if nothing is ahead.
     """
     hazard: ActorId | None
-    """What leaves so little time; none where nothing does."""
+    """Actor that determines this time; `None` without one."""
     hidden: bool
-    """Whether it is what may be hidden behind the hazard, not the hazard itself."""
+    """True if the hazard is a possible actor hidden behind it rather than the hazard itself."""
     obstacles: int
-    """Things near by."""
+    """Number of nearby obstacles."""
     response: Span
-    """From the sensor frame to its plan."""
+    """Time from the sensor frame to its plan."""
     detector: Span
-    """Of that, the detector's part for frames to come."""
+    """The detector's share of it, for frames to come."""
     planner: Span
-    """What is left to the planner for this one."""
+    """Time left for the planner, for this frame."""
 
 
 @dataclass(slots=True)
 class RungTaken(Message):
-    """Which rung of its ladder an operator took for a frame."""
+    """Rung of its ladder that an operator selected for a frame."""
     stamp: Time
     """Stamp of the frame."""
     rung: str
-    """The rung's name."""
+    """Name of the rung."""
     run_time: Span
-    """What it takes."""
+    """Run time of the rung."""
     left: Span | None = None
-    """What was left until the deadline when the step started; none without deadline."""
+    """Time left until the deadline at the start of the step; `None` without a deadline."""
 
 
 @dataclass(slots=True)
 class DetectedBox(Message):
-    """One thing that a detector reports: a box that stands upright, without identity or velocity."""
+    """One detection: an upright box without identity or velocity."""
     kind: ActorKind
-    """What it is taken for."""
+    """Estimated class."""
     score: float
-    """How sure the detector is, 0 to 1; not a probability."""
+    """Confidence of the detector, 0 to 1; not a probability."""
     pose: Pose2
-    """Pose of the centre of its footprint in the ego frame of the stamp."""
+    """Pose of the footprint's centre in the ego frame at the stamp."""
     bottom_m: float
-    """Height of its bottom over the ego's ground plane, metres."""
+    """Height of the bottom face above the ego's ground plane, metres."""
     extent: Extent
     """Size."""
     image_px: tuple[float, float, float, float] | None = None
-    """Left, top, right and bottom edge of its picture, cut at the image's edges, pixels; `None` without a
-    camera and where nothing of it is in the image.
+    """Left, top, right and bottom edge of the bounding box in the image, clipped to it, pixels; `None`
+    without a camera or if outside the image.
     """
     covariance_m2: tuple[float, float, float] | None = None
-    """Covariance of the place in the ego frame: xx, xy, yy, m²; `None` from what does not know it."""
-    radial_speed_mps: float | None = None
-    """Speed over ground along the line of sight, m/s, positive for what goes away; `None` where no radar says
+    """Covariance of the position in the ego frame: xx, xy, yy, m²; `None` if the detector does not estimate
     it.
+    """
+    radial_speed_mps: float | None = None
+    """Speed over ground along the line of sight, m/s, positive if receding; `None` without a radar
+    measurement.
     """
 
 
 @dataclass(slots=True)
 class Detections(Message):
-    """All that a detector reports of one instant."""
+    """All detections of a detector at one instant."""
     stamp: Time
     """Instant of the measurement."""
     boxes: list[DetectedBox]
@@ -359,7 +359,9 @@ class EgoState(Message):
 
 @dataclass(slots=True)
 class Imu(Message):
-    """One reading of the inertial measurement unit at its place, axes of the ego frame."""
+    """One measurement of the inertial measurement unit, at its mounting position, in the axes of the ego
+    frame.
+    """
     stamp: Time
     """Instant of the measurement."""
     accel_mps2: tuple[float, float, float]
@@ -385,7 +387,7 @@ class Gnss(Message):
 
 @dataclass(slots=True)
 class CollisionEvents(Message):
-    """What the ego began to touch at one step of the world; mostly nothing."""
+    """Contacts of the ego that began in one world step; usually empty."""
     stamp: Time
     """The step."""
     events: list[CollisionEvent]
@@ -394,20 +396,20 @@ class CollisionEvents(Message):
 
 @dataclass(slots=True)
 class CollisionEvent(Message):
-    """The ego began to touch something."""
+    """Start of a contact of the ego with an actor."""
     actor: ActorId
-    """What it touched."""
+    """Actor touched."""
     kind: ActorKind
-    """What that is."""
+    """Kind of the actor."""
     impulse_n_s: float
     """Impulse of the first step of the contact, N s."""
     closing_speed_mps: float
-    """Speed at which the two closed along the contact normal just before, m/s."""
+    """Closing speed along the contact normal just before, m/s."""
 
 
 @dataclass(slots=True)
 class LaneInvasions(Message):
-    """Which lines the ego began to cross at one step of the world; mostly none."""
+    """Lane lines that the ego began to cross in one world step; usually empty."""
     stamp: Time
     """The step."""
     events: list[LaneInvasion]
@@ -416,20 +418,20 @@ class LaneInvasions(Message):
 
 @dataclass(slots=True)
 class LaneInvasion(Message):
-    """The ego's outline came onto a line, or leapt over it."""
+    """Start of a crossing: the ego's outline touched a line or jumped over it."""
     line: RoadLine
-    """Which line of the road."""
+    """Line that was crossed."""
     line_d_m: float
-    """Where that is: to the left of the centre of the ego's lane, metres."""
+    """Lateral offset of the line from the centre of the ego's lane, metres; positive to the left."""
     side: Side
-    """With which side of the ego: to the left when it was to the right of the line."""
+    """Side of the ego that crossed: left if the ego was to the right of the line."""
     s_m: float
-    """Where the middle of the outline was then, along the road, metres."""
+    """Position of the outline's centre along the road at that instant, metres."""
 
 
 @dataclass(slots=True)
 class RedLightEvents(Message):
-    """Which red lights the ego passed at one step of the world; mostly none."""
+    """Red lights that the ego passed in one world step; usually empty."""
     stamp: Time
     """The step."""
     events: list[RedLightEvent]
@@ -438,46 +440,46 @@ class RedLightEvents(Message):
 
 @dataclass(slots=True)
 class RedLightEvent(Message):
-    """The ego's front went over a stop line while its light was red."""
+    """The ego's front crossed a stop line while its light was red."""
     light: int
-    """Which light: its place in the road's description, from 0."""
+    """Index of the light in the road description, from 0."""
     stop_s_m: float
-    """Where its stop line is along the road, metres."""
+    """Position of the stop line along the road, metres."""
     passed: Time
-    """When the front went over it: between two steps of the world."""
+    """Instant of the crossing, interpolated between two world steps."""
     red_for_s: float
-    """How long the light had been red then, seconds."""
+    """Time since the light turned red, seconds."""
     speed_mps: float
-    """How fast the front went, m/s along the road."""
+    """Speed of the front along the road, m/s."""
 
 
 @dataclass(slots=True)
 class FaultInjection(Message):
-    """A fault was put on a message."""
+    """A fault that was injected into a message."""
     stamp: Time
     """Stamp of the message."""
     stream: str
-    """The stream."""
+    """Name of the stream."""
     harm: str
-    """What was done: `drop`, `delay`, `jitter`, `freeze`, `noise`, `nan`, `flip_bits`."""
+    """Kind of fault: `drop`, `delay`, `jitter`, `freeze`, `noise`, `nan`, `flip_bits`."""
     later_s: float
-    """How much later the message came, seconds; 0 for what is not late."""
+    """Added delay, seconds; 0 if not delayed."""
 
 
 @dataclass(slots=True)
 class ForecastPose(Message):
-    """Where something will be at one instant, and how sure that is."""
+    """Predicted pose at one instant, with its uncertainty."""
     at: Time
     """Instant."""
     pose: Pose2
-    """Pose of its centre in the map."""
+    """Pose of the centre in the map."""
     covariance_m2: tuple[float, float, float]
     """Covariance of the centre in the map: xx, xy, yy, m²."""
 
 
 @dataclass(slots=True)
 class Mode(Message):
-    """One way in which something may go on."""
+    """One possible future motion of an actor."""
     probability: float
     """Probability of this mode, 0 to 1."""
     path: list[ForecastPose]
@@ -486,114 +488,117 @@ class Mode(Message):
 
 @dataclass(slots=True)
 class Forecast(Message):
-    """All ways in which one actor may go on."""
+    """All possible future motions of one actor."""
     id: ActorId
     """Identity of the track."""
     kind: ActorKind
-    """What it is."""
+    """Kind of the actor."""
     extent: Extent
     """Size."""
     modes: list[Mode]
-    """At least one, with the same instants each; probabilities sum to 1."""
+    """At least one mode. All modes have the same instants; their probabilities sum to 1."""
 
 
 @dataclass(slots=True)
 class ForecastList(Message):
-    """How everything tracked may go on."""
+    """Possible future motions of all tracks."""
     stamp: Time
-    """Instant of the newest sighting that this builds on."""
+    """Instant of the newest sighting used."""
     forecasts: list[Forecast]
     """Ordered by identity."""
     joint: bool
-    """Whether mode `k` of one actor goes with mode `k` of every other: as many modes each. Probabilities are
-    each actor's own all the same, since a bound on what may be touched adds up those of single actors.
+    """True if the modes are joint: mode `k` of one actor occurs with mode `k` of all others, and all have
+    equally many modes. Probabilities remain those of each actor, since a bound on the collision probability
+    sums over single actors.
     """
 
 
 @dataclass(slots=True)
 class VehicleReport(Message):
-    """What the vehicle says of itself."""
+    """State that the vehicle reports."""
     stamp: Time
-    """Instant that it describes."""
+    """Instant of the measurement."""
     speed_mps: float
     """Speed along the heading, m/s; negative in reverse."""
     steering_rad: float
     """Angle of the front road wheels, radians; positive to the left."""
     driver_active: bool
-    """Whether the driver steers, brakes or accelerates, or the vehicle is in manual mode."""
+    """True if the driver steers, brakes or accelerates, or the vehicle is in manual mode."""
 
 
 @dataclass(slots=True)
 class Switch(Message):
-    """The switch that a person holds."""
+    """State of the enabling switch, which a person holds."""
     enable: bool
-    """Whether the stack is to drive: its rising edge enables."""
+    """True if the stack should drive; a rising edge enables it."""
     emergency: bool
-    """Whether the car is to be stopped at once."""
+    """True to stop the car at once."""
 
 
 @dataclass(slots=True)
 class WireAlarm(Message):
-    """What is wrong with the wire between a vehicle and who drives it. Said whenever that changes."""
+    """Fault of the link between the vehicle and the process that commands it. Published on every change."""
     cause: StopCause | None
-    """Why the car is to be stopped; none where all is well, or somebody has let go of the switch since."""
+    """Cause for which the car must be stopped; `None` without a fault, or once the switch has been released
+    since.
+    """
     what: str
-    """What happened, in words."""
+    """Description of the fault."""
 
 
 @dataclass(slots=True)
 class Refusals(Message):
-    """How often commands were refused, by reason."""
+    """Number of rejected commands by reason."""
     not_finite: int
-    """A number of it is none."""
+    """A value is not finite."""
     out_of_order: int
-    """It is older than the one before it."""
+    """Older than the previous command."""
     stale: int
-    """It is too old."""
+    """Too old."""
     ahead: int
-    """It is from the future."""
+    """Stamped in the future."""
 
 
 @dataclass(slots=True)
 class GateOutput(Message):
-    """What the safety gate lets through to the vehicle."""
+    """Output of the safety gate to the vehicle."""
     mode: GateMode
-    """What the gate does."""
+    """Mode of the gate."""
     engaged: bool
-    """Whether the vehicle is to follow the command; without it the driver drives."""
+    """True if the vehicle should follow the command; otherwise the driver drives."""
     command: MotionCommand
-    """Finite, within limits and rates."""
+    """The command: finite, within limits and rates."""
     heartbeat: int
-    """Grows by one with each call, and wraps after 65535."""
+    """Counter that increases by one with each call and wraps after 65535."""
     refused: Refusal | None
-    """Why the command given was refused, if it was."""
+    """Reason for rejecting the input command; `None` if it was accepted."""
     refusals: Refusals
-    """How often commands were refused so far."""
+    """Number of rejected commands so far."""
     limited: bool
-    """Whether the command had to be changed to be within limits or rates."""
+    """True if the command was limited in value or rate."""
 
 
 @dataclass(slots=True)
 class SensorHealth(Message):
-    """What a watcher of a camera or lidar says of one image or point cloud."""
+    """Result of monitoring one image or point cloud."""
     stamp: Time
-    """Of the image or cloud."""
+    """Stamp of the image or cloud."""
     numbers: int
-    """How many numbers or points it has."""
+    """Number of pixel values or points."""
     invalid: int
-    """How many of them cannot be: not finite, or not as many as there should be."""
+    """Number of invalid values: non-finite points, plus one if an array has the wrong length."""
     commonest_share: float
-    """How much of it is one and the same byte, 0 to 1: nearly all of a blank image."""
+    """Share of the most frequent byte value, 0 to 1; close to 1 for a blank image."""
     frozen: bool
-    """It is the same as the one before, byte for byte."""
+    """True if identical to the previous one, byte for byte."""
     checksum: int
-    """Its fingerprint."""
+    """Digest of the data."""
 
 
 @dataclass(slots=True)
 class Image(Message):
-    """One image of one camera. Pixels lie row by row from the top left. It owns its memory, to be reused:
-    `Image::reset`.
+    """One image of one camera. Pixels are stored row by row from the top left. The image owns its memory,
+    which `Image::reset` reuses.
     """
     stamp: Time
     """Middle of the exposure."""
@@ -602,78 +607,78 @@ class Image(Message):
     height_px: int
     """Rows."""
     camera: CameraInfo
-    """What the camera was."""
+    """Calibration of the camera."""
     pixels: Pixels
-    """What it saw."""
+    """Pixel data."""
 
 
 @dataclass(slots=True)
 class CameraInfo(Message):
-    """A camera as calibration knows it: what a reader of its images needs to get from pixels to rays."""
+    """Calibration of a camera: projection and mounting pose."""
     intrinsics: Intrinsics
-    """From rays to pixels."""
+    """Projection from rays to pixels."""
     ego_from_camera: Transform
-    """Where it sits: x right, y down, z forward along the optical axis."""
+    """Mounting pose; camera axes are x right, y down, z forward along the optical axis."""
 
 
 @dataclass(slots=True)
 class Intrinsics(Message):
-    """From rays to pixels: a pinhole behind a lens that bends (Brown, 1966). With `x = X / Z`, `y = Y / Z` of
-    a point in the camera's frame and `r² = x² + y²`, the lens moves `x` to `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2
-    p1 x y + p2 (r² + 2 x²)`, and `y` to `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`; the
-    pixel is at `(fx x + cx, fy y + cy)`. The pixel `(column, row)` covers `[column, column + 1) x [row, row +
-    1)`: its centre is half a pixel on.
+    """Pinhole projection with lens distortion (Brown, 1966). With `x = X / Z`, `y = Y / Z` of a point in the
+    camera's frame and `r² = x² + y²`, the lens moves `x` to `x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2
+    (r² + 2 x²)`, and `y` to `y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`; the pixel is at `(fx
+    x + cx, fy y + cy)`. Pixel `(column, row)` covers `[column, column + 1) x [row, row + 1)`, so its centre
+    is at `(column + 0.5, row + 0.5)`.
     """
     fx_px: float
-    """Focal length across, pixels."""
+    """Horizontal focal length, pixels."""
     fy_px: float
-    """Focal length down, pixels."""
+    """Vertical focal length, pixels."""
     cx_px: float
-    """Column of the optical axis."""
+    """Column of the optical axis, pixels."""
     cy_px: float
-    """Row of the optical axis."""
+    """Row of the optical axis, pixels."""
     distortion: tuple[float, float, float, float, float]
-    """`k1, k2, p1, p2, k3`; all zero for a lens that does not bend."""
+    """`k1, k2, p1, p2, k3`; all zero without distortion."""
     is_parallel: bool
-    """Rays are parallel, as those of a map: `x = X`, `y = Y`, and focal lengths are pixels per metre."""
+    """True for an orthographic projection: `x = X`, `y = Y`, and focal lengths in pixels per metre."""
 
 
 @dataclass(slots=True)
 class Lanes(Message):
-    """The lines of the ego's lane as a camera sees them."""
+    """Lines of the ego's lane as detected by a camera."""
     stamp: Time
     """Instant of the image."""
     left: LaneLine | None
-    """On the ego's left."""
+    """Line to the left of the ego."""
     right: LaneLine | None
-    """On its right."""
+    """Line to the right of the ego."""
     pitch_rad: float
-    """By how much further down the camera looked at the road than it is mounted, radians; zero without lines."""
+    """Pitch of the camera relative to its mounting, radians; positive downwards, zero without lines."""
 
 
 @dataclass(slots=True)
 class LaneLine(Message):
-    """A line of paint on flat ground: `y = c0 + c1 x + c2 x²` in the ego frame, metres, where it was seen."""
+    """A painted line on flat ground: `y = c0 + c1 x + c2 x²` in the ego frame, metres, within `seen_m`."""
     coefficients: tuple[float, float, float]
     """`c0` (m), `c1`, `c2` (1/m)."""
     covariance: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    """Of these."""
+    """Covariance of the coefficients."""
     seen_m: tuple[float, float]
-    """`x` of the nearest and of the farthest place at which it was seen, metres."""
+    """`x` of the nearest and farthest detected point, metres."""
 
 
 @dataclass(slots=True)
 class PoseMatch(Message):
-    """Place and heading of the ego by what a lidar sees: on a map, or on from its own turns before."""
+    """Position and heading of the ego by lidar scan matching: against a map, or against its previous turns."""
     stamp: Time
-    """Instant that this describes: the end of the turn."""
+    """Instant of the pose: the end of the turn."""
     at_m: tuple[float, float, float]
     """Ego origin in the map, metres."""
     heading_rad: float
     """Heading, radians."""
     covariance_m2: tuple[float, float, float]
-    """Covariance of the place on the ground: xx, xy, yy, m². Along a direction in which nothing was seen it
-    is large.
+    """Covariance of the horizontal position: xx, xy, yy, m². Large along directions that the scan does not
+    constrain.
     """
     height_sigma_m: float
     """Standard deviation of the height, metres."""
@@ -683,23 +688,23 @@ class PoseMatch(Message):
 
 @dataclass(slots=True)
 class PoseQuality(Message):
-    """How good the pose is that localization tells."""
+    """Quality of the pose that localization reports."""
     stamp: Time
-    """Instant that this describes."""
+    """Instant of the pose."""
     mode: PoseMode
-    """Whether it can be driven by."""
+    """Usability of the pose for driving."""
     covariance: tuple[float, float, float, float, float, float]
     """Covariance of x (m), y (m) and heading (rad): xx, xy, yy, xh, yh, hh."""
 
 
 @dataclass(slots=True)
 class LocalPose(Message):
-    """Pose of the ego for control, in the odometry frame of ROS REP 105, and the transform to the map that
-    goes with it. `odom` moves as the car moves, without jumps. A correction by a satellite fix or a scan
-    match changes `map_from_odom` alone, at a bounded rate.
+    """Pose of the ego for control in the odometry frame of ROS REP 105, with the transform to the map. `odom`
+    is continuous and follows the motion of the car. Corrections by satellite fixes or scan matches change
+    only `map_from_odom`, at a bounded rate.
     """
     stamp: Time
-    """Instant that this describes."""
+    """Instant of the pose."""
     odom: Pose2
     """Ego origin in the odometry frame."""
     map_from_odom: Pose2
@@ -708,35 +713,35 @@ class LocalPose(Message):
 
 @dataclass(slots=True)
 class Extent(Message):
-    """Full size of a box, metres."""
+    """Full dimensions of a box, metres."""
     length_m: float
-    """Along its heading."""
+    """Along the heading."""
     width_m: float
-    """Across its heading."""
+    """Across the heading."""
     height_m: float
-    """Upwards."""
+    """Vertical."""
 
 
 @dataclass(slots=True)
 class Obstacle(Message):
-    """Something seen at one instant."""
+    """An obstacle detected at one instant."""
     id: ActorId
-    """Identity as far as the source knows one (truth: the actor's)."""
+    """Identity if the source knows one (ground truth: the actor's)."""
     kind: ActorKind
-    """What it is."""
+    """Kind of the obstacle."""
     pose: Pose2
-    """Pose of the centre of its footprint in the map."""
+    """Pose of the footprint's centre in the map."""
     extent: Extent
     """Size."""
     velocity_mps: Vector2
     """Velocity over ground in the map frame, m/s."""
     visible_share: float
-    """Share of its fixed points that the sensor sees, 0 to 1."""
+    """Share of its sample points that are visible to the sensor, 0 to 1."""
 
 
 @dataclass(slots=True)
 class ObstacleList(Message):
-    """All that a sensor or detector saw at one instant."""
+    """All obstacles of a sensor or detector at one instant."""
     stamp: Time
     """Instant of the measurement."""
     obstacles: list[Obstacle]
@@ -754,19 +759,19 @@ class Sighting(Message):
 
 @dataclass(slots=True)
 class Track(Message):
-    """One obstacle followed over time."""
+    """An obstacle tracked over time."""
     id: ActorId
     """Stable identity."""
     kind: ActorKind
-    """What it is."""
+    """Kind of the obstacle."""
     pose: Pose2
-    """Present pose of its centre in the map."""
+    """Present pose of the centre in the map."""
     extent: Extent
     """Size."""
     velocity_mps: Vector2
-    """Velocity over ground as reported or estimated, m/s."""
+    """Reported or estimated velocity over ground, m/s."""
     history: list[Sighting]
-    """Past positions, oldest first, the present one last."""
+    """Past positions, oldest first; the last is the present one."""
 
 
 @dataclass(slots=True)
@@ -780,20 +785,20 @@ class TrackList(Message):
 
 @dataclass(slots=True)
 class PredictedPose(Message):
-    """Where something will be at one instant."""
+    """Predicted pose at one instant."""
     at: Time
     """Instant."""
     pose: Pose2
-    """Pose of its centre in the map."""
+    """Pose of the centre in the map."""
 
 
 @dataclass(slots=True)
 class Prediction(Message):
-    """The expected motion of one obstacle."""
+    """Predicted motion of one obstacle."""
     id: ActorId
     """Identity of the track."""
     kind: ActorKind
-    """What it is."""
+    """Kind of the obstacle."""
     extent: Extent
     """Size."""
     probability: float
@@ -804,48 +809,48 @@ class Prediction(Message):
 
 @dataclass(slots=True)
 class PredictionList(Message):
-    """The expected motion of everything tracked."""
+    """Predicted motion of all tracks."""
     stamp: Time
-    """Instant of the newest sighting that this builds on."""
+    """Instant of the newest sighting used."""
     predictions: list[Prediction]
     """Ordered by identity."""
 
 
 @dataclass(slots=True)
 class WheelOdometry(Message):
-    """What the wheels say of the car's motion since the previous message."""
+    """Motion of the car since the previous message, measured by the wheels."""
     stamp: Time
-    """End of the time that the speeds are means over."""
+    """End of the interval over which the speeds are averaged."""
     counts: tuple[int, int, int, int]
-    """Counts of the encoders since the first message: front left, front right, rear left, rear right."""
+    """Encoder counts since the first message: front left, front right, rear left, rear right."""
     wheel_speeds_radps: tuple[float, float, float, float]
     """Mean speed of each wheel, rad/s; positive forward."""
     speed_mps: float
-    """Speed of the ego origin along its heading from them, m/s."""
+    """Speed of the ego origin along its heading, from the wheels, m/s."""
     yaw_rate_radps: float
-    """Yaw rate from them, rad/s; positive to the left."""
+    """Yaw rate from the wheels, rad/s; positive to the left."""
     steering_rad: float
-    """Angle of the front road wheels as its sensor reads it, radians; positive to the left."""
+    """Measured angle of the front road wheels, radians; positive to the left."""
 
 
 @dataclass(slots=True)
 class Plan(Message):
-    """A planned motion of the ego origin."""
+    """Planned motion of the ego origin."""
     stamp: Time
-    """Stamp of the predictions it was made from."""
+    """Stamp of the predictions from which it was made."""
     status: PlanStatus
-    """How it came about."""
+    """Origin of the plan."""
     points: list[PlanPoint]
     """Points at increasing instants."""
     work: int
-    """What the planner looked at: candidates (FOT), iterations (RRT*), neighbours (Hybrid A*)."""
+    """Work of the planner: candidates (FOT), iterations (RRT*), expanded neighbours (Hybrid A*)."""
 
 
 @dataclass(slots=True)
 class PlanPoint(Message):
     """One point of a plan."""
     at: Time
-    """Instant at which the ego should be here."""
+    """Instant of the point."""
     pose: Pose2
     """Pose of the ego origin in the map."""
     curvature_1pm: float
@@ -858,12 +863,12 @@ class PlanPoint(Message):
 
 @dataclass(slots=True)
 class PointCloud(Message):
-    """One sweep of a lidar: an array for each quantity, all of one length. Places are in the frame of the
-    sensor at the instant at which the point was measured, stamp plus `time_offset_s`: undoing the motion
-    during the sweep is the reader's work. It owns its memory, to be reused: `PointCloud::clear`.
+    """One sweep of a lidar as a structure of arrays of equal length. Positions are in the sensor frame at the
+    instant of each point's measurement, stamp plus `time_offset_s`; consumers compensate the motion during
+    the sweep. The cloud owns its memory, which `PointCloud::clear` keeps for reuse.
     """
     stamp: Time
-    """Instant that the time offsets count from."""
+    """Reference instant of the time offsets."""
     x_m: NDArray[np.float32]
     """Forward, metres."""
     y_m: NDArray[np.float32]
@@ -871,16 +876,16 @@ class PointCloud(Message):
     z_m: NDArray[np.float32]
     """Up, metres."""
     intensity: NDArray[np.float32]
-    """Strength of the echo, 0 to 1."""
+    """Intensity of the return, 0 to 1."""
     ring: NDArray[np.uint16]
-    """Which beam, from 0 at the lowest."""
+    """Index of the beam, from 0 at the lowest."""
     time_offset_s: NDArray[np.float32]
-    """When, from the stamp, seconds."""
+    """Time of measurement relative to the stamp, seconds."""
 
 
 @dataclass(slots=True)
 class RadarScan(Message):
-    """All echoes of one scan of a radar."""
+    """All detections of one radar scan."""
     stamp: Time
     """Instant of the scan."""
     detections: list[RadarDetection]
@@ -889,65 +894,65 @@ class RadarScan(Message):
 
 @dataclass(slots=True)
 class RadarDetection(Message):
-    """One echo above the threshold, about the sensor's own axes."""
+    """One detection above the threshold, in the axes of the sensor."""
     range_m: float
     """Distance, metres."""
     range_rate_mps: float
-    """How fast the distance grows, m/s: positive for what goes away, negative for what comes nearer. It is
-    relative to the sensor, so a tree ahead of a moving car has a negative one.
+    """Range rate, m/s: positive if receding, negative if approaching. Relative to the sensor, so a tree ahead
+    of a moving car has a negative range rate.
     """
     azimuth_rad: float
-    """Angle from the sensor's axis, radians; positive to the left."""
+    """Azimuth from the sensor's axis, radians; positive to the left."""
     elevation_rad: float | None
-    """Angle above the sensor's level, radians; `None` from a sensor that does not measure it."""
+    """Elevation above the sensor's horizontal plane, radians; `None` if the sensor does not measure it."""
     rcs_dbsm: float
-    """Radar cross-section as measured in this scan, decibels over a square metre."""
+    """Radar cross-section measured in this scan, dBsm."""
     snr_db: float
-    """Signal over noise, decibels."""
+    """Signal-to-noise ratio, dB."""
 
 
 @dataclass(slots=True)
 class Supervision(Message):
-    """The processes of a run that are gone at the moment. Said whenever one goes or comes back."""
+    """Processes of a run that are currently gone. Published on every change."""
     gone: list[GoneProcess]
-    """Those that are gone; while there is one, the ego is brought to a stop."""
+    """Processes that are gone; while there are any, the ego is brought to a stop."""
 
 
 @dataclass(slots=True)
 class GoneProcess(Message):
     """A process that is gone."""
     process: str
-    """Its name in the configuration."""
+    """Name in the configuration."""
     why: str
-    """How it ended."""
+    """Cause of its end."""
 
 
 @dataclass(slots=True)
 class TrafficLights(Message):
-    """The traffic lights in a camera's image."""
+    """Traffic lights in one camera image."""
     stamp: Time
     """Instant of the image."""
     lights: list[TrafficLight]
-    """Those of a map in its order, or what was found from the top of the image to its bottom."""
+    """In map order; without a map, from the top of the image to the bottom."""
 
 
 @dataclass(slots=True)
 class TrafficLight(Message):
-    """One of them."""
+    """One traffic light."""
     name: str | None
-    """Its name on the map; none without a map."""
+    """Name on the map; `None` without a map."""
     signal: Signal | None
-    """What it shows, by this image and those before it; none where that is not known."""
+    """Signal, filtered over this and previous images; `None` if unknown."""
     seen: Signal | None
-    """What this image alone shows."""
+    """Signal in this image alone."""
     score: float
-    """How sure that is, 0 to 1; 0 where nothing is seen."""
+    """Confidence of `seen`, 0 to 1; 0 if nothing was seen."""
     distance_m: float
-    """From the ego's origin to it over the ground, metres."""
+    """Horizontal distance from the ego origin, metres."""
     stop_s_m: float | None
-    """Where its stop line is along the route, metres; none without a map."""
+    """Position of its stop line along the route, metres; `None` without a map."""
     image_px: tuple[float, float, float, float]
-    """Left, top, right and bottom edge of its head in the image, pixels."""
+    """Left, top, right and bottom edge of the light's head in the image, pixels."""
 
 
 @dataclass(slots=True)
@@ -964,16 +969,16 @@ class WorldState(Message):
     infractions: list[Infraction]
     """Rules broken since the previous step."""
     ended: EndReason | None = None
-    """Set from the step on at which the scenario is over."""
+    """Reason why the scenario is over, from the step on at which it is."""
 
 
 @dataclass(slots=True)
 class EgoTruth(Message):
-    """The ego vehicle in full."""
+    """Full state of the ego vehicle."""
     map_from_ego: Transform
-    """Pose of the ego frame in the map, in three dimensions."""
+    """Pose of the ego frame in the map, three-dimensional."""
     state: EgoState
-    """The same, as a perfect localization would report it."""
+    """The same state as a perfect localization would report it."""
     velocity_mps: tuple[float, float, float]
     """Velocity of the centre of gravity in the map, m/s."""
     specific_force_mps2: tuple[float, float, float]
@@ -984,13 +989,13 @@ class EgoTruth(Message):
 
 @dataclass(slots=True)
 class Actor(Message):
-    """Another road user or thing."""
+    """Another road user or an object."""
     id: ActorId
-    """Identity: its place in the scenario file, from 1."""
+    """Identity: its index in the scenario file, from 1."""
     kind: ActorKind
-    """What it is."""
+    """Kind of the actor."""
     pose: Pose2
-    """Pose of the centre of its footprint in the map."""
+    """Pose of the footprint's centre in the map."""
     z_m: float
     """Height of the bottom of its box above the map plane, metres."""
     extent: Extent
@@ -1001,55 +1006,55 @@ class Actor(Message):
 
 @dataclass(slots=True)
 class Collision(Message):
-    """The ego touched something."""
+    """A collision of the ego."""
     stamp: Time
     """Instant of first contact."""
     actor: ActorId
-    """What was hit."""
+    """Actor that was hit."""
     impulse_n_s: float
     """Impulse of the first contact step, N s."""
     closing_speed_mps: float
-    """Speed at which the two closed along the contact normal just before, m/s."""
+    """Closing speed along the contact normal just before, m/s."""
     ego_speed_mps: float
     """Speed of the ego just before, m/s."""
 
 
 @dataclass(slots=True)
 class Infraction(Message):
-    """A rule broken by the ego."""
+    """A traffic rule broken by the ego."""
     stamp: Time
-    """Instant at which it began."""
+    """Instant at which the infraction began."""
     kind: InfractionKind
-    """Which rule."""
+    """Rule that was broken."""
 
 
 @dataclass(slots=True)
 class PointInstances(Message):
-    """What the points of the `PointCloud` of the same stamp lie on."""
+    """Actor hit by each point of the `PointCloud` of the same stamp."""
     stamp: Time
     """Stamp of the cloud."""
     instance: NDArray[np.uint32]
-    """For each point the identity of the actor, 0 for what is none."""
+    """Identity of the actor for each point, 0 for anything else."""
 
 
 @dataclass(slots=True)
 class RadarSources(Message):
-    """Where the echoes of the `RadarScan` of the same stamp come from."""
+    """Sources of the detections of the `RadarScan` of the same stamp."""
     stamp: Time
     """Stamp of the scan."""
     sources: list[ActorId | None]
-    """For each detection the actor that gave most of the echo; `None` for clutter."""
+    """For each detection the actor with the largest share of the return; `None` for clutter."""
 
 
 @dataclass(slots=True)
 class Surroundings(Message):
-    """What a sensor could see at one instant, and from where: all that an emulated detector is given."""
+    """Everything visible to a sensor at one instant, and its pose: the whole input of an emulated detector."""
     stamp: Time
     """Instant of the measurement."""
     ego: Pose2
     """True pose of the ego origin in the map."""
     obstacles: list[Obstacle]
-    """The actors of which something is in sight, ordered by identity, in the map."""
+    """Visible actors, ordered by identity, in the map."""
 
 
 __all__ = [
