@@ -149,7 +149,7 @@ def test_what_is_wrong_is_told(arguments: dict[str, Any], says: str) -> None:
         swerve.gym.DrivingEnv("lane", **arguments)
     env = swerve.gym.DrivingEnv("lane")
     env.reset(seed=1)
-    with pytest.raises(ValueError, match="a number that is none"):
+    with pytest.raises(ValueError, match="a number that is not finite"):
         env.step(np.array([np.nan, 0.0, 0.0], np.float32))
 
 
