@@ -33,7 +33,7 @@ pub enum EndReason {
     Until,
     /// An operator ended the run.
     Stopped(String),
-    /// Nothing is left to do.
+    /// All work is done.
     Idle,
     /// The run was ended from outside.
     Interrupted,

@@ -1,7 +1,7 @@
 //! Detection of traffic signs by colour and shape: stop signs and speed limits (Vienna Convention: a red octagon, and a
 //! red ring around a number).
 //!
-//! Nothing is trained. A connected red region is a sign if its outline fills its box as much as an octagon or a circle
+//! No training is needed. A connected red region is a sign if its outline fills its box as much as an octagon or a circle
 //! does; its content determines the type. A number is recognised by correlating the dark pixels inside the ring with
 //! drawings of all numbers.
 

@@ -1,6 +1,6 @@
 //! Traffic lights: classification of the lit lamp in a crop by colour and position, and filtering over time.
 //!
-//! Nothing is trained. Pixels vote by hue, weighted by saturation times squared brightness and by the distance to the
+//! No training is needed. Pixels vote by hue, weighted by saturation times squared brightness and by the distance to the
 //! lamp's position in an upright head of three.
 
 mod find;

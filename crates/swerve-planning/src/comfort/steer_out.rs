@@ -36,13 +36,11 @@ impl Comfort {
         let steps = |most_m: f64| (most_m / LATERAL_STEP_M) as i32;
         let mut offsets: Vec<i32> = (-steps(right_m)..=steps(left_m)).collect();
         offsets.sort_by_key(|k| k.abs());
-        let offsets_m: Vec<f64> = offsets.iter().map(|&k| f64::from(k) * LATERAL_STEP_M).collect();
         // A slow plan ends before it is past: standing obstacles would be approached at any offset.
         let mut among = |scene: &Scene<'_>, clearance_m: f64| {
-            let mut past = offsets_m
-                .iter()
-                .filter(|&&to_m| is_clear_at(scene, [scene.place.s_m, to_m], (NEAR_M, clearance_m)));
-            past.find_map(|&to_m| self.steer_to(scene, to_m, clearance_m, &leads, |_, _| true))
+            let past = |to_m: &f64| is_clear_at(scene, [scene.place.s_m, *to_m], (NEAR_M, clearance_m));
+            let mut past = offsets.iter().map(|&k| f64::from(k) * LATERAL_STEP_M).filter(past);
+            past.find_map(|to_m| self.steer_to(scene, to_m, clearance_m, &leads, |_, _| true))
         };
         let walking = Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request };
         let walking = Scene { request: &walking, ..*scene };

@@ -11,7 +11,7 @@ use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::{CollisionMode, Planner, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
-use swerve_text::{KeyProblem, nearest};
+use swerve_text::{KeyProblem, did_you_mean, list};
 
 use super::execution::Runtime;
 use super::planner;
@@ -236,10 +236,9 @@ impl PlanningConfig {
         let named = core::iter::once(("planner".to_owned(), &self.planner)).chain(named);
         let unknown = named.filter(|(_, name)| registry.planner(name.as_str()).is_none());
         let problem = |(key, name): (String, &PlannerName)| {
-            let all: Vec<String> = registry.planners().map(|known| format!("\"{known}\"")).collect();
-            let near = nearest(name.as_str(), registry.planners());
-            let near = near.map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"));
-            (key, format!("expected one of {}, found \"{}\"{near}", all.join(", "), name.as_str()))
+            let all: Vec<&str> = registry.planners().collect();
+            let near = did_you_mean(name.as_str(), registry.planners());
+            (key, format!("expected one of {}, found \"{}\"{near}", list(&all), name.as_str()))
         };
         unknown.map(problem).collect()
     }
