@@ -43,6 +43,9 @@ const FELT_MPS2: f64 = 0.1;
 /// Gap that remains if keeping the standstill gap would exceed comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
+/// The gap needed to steer out behind a standing vehicle is kept with up to this multiple of the comfort deceleration.
+const STEER_OUT_SHARE: f64 = 1.4;
+
 /// Time constant of the speed towards the target, seconds.
 const SETTLES_S: f64 = 0.8;
 
@@ -228,11 +231,8 @@ impl Follower<'_> {
                 continue;
             }
             let (speed_mps, brake_mps2) = lead.motion(t_s);
-            let standing_m = if passable && speed_mps < STANDS_MPS {
-                self.gaps.steer_out_m
-            } else {
-                self.gaps.standstill_m
-            };
+            let steers_out = passable && speed_mps < STANDS_MPS;
+            let standing_m = if steers_out { self.gaps.steer_out_m } else { self.gaps.standstill_m };
             let gap_m = knot.from_m - now.s_m - self.front_m;
             if let Some(back) = beside.filter(|_| gap_m < standing_m) {
                 let error_mps = (speed_mps - back.slower_mps).max(0.0) - now.speed_mps;
@@ -240,8 +240,11 @@ impl Follower<'_> {
                 least_mps2 = least_mps2.min((error_mps / SETTLES_S).max(-hardest_mps2));
                 continue;
             }
-            least_mps2 =
-                least_mps2.min(self.behind(now, gap_m, standing_m, (speed_mps.max(0.0), brake_mps2)));
+            // Behind a vehicle that stands now, a stop too near to steer out of would not end.
+            let firm_share = if steers_out && lead.stands() { STEER_OUT_SHARE } else { 1.0 };
+            let yields_mps2 = (firm_share * self.accel.brake_mps2).min(self.accel.hardest_mps2);
+            let lead = (speed_mps.max(0.0), brake_mps2);
+            least_mps2 = least_mps2.min(self.behind(now, [gap_m, standing_m], lead, yields_mps2));
         }
         let is_led = least_mps2 < free_mps2 - 0.05;
         // The deceleration fades until the ego stands.
@@ -255,8 +258,15 @@ impl Follower<'_> {
         (self.in_way)(now) || (self.in_way)(&lead.at(t_s + SOON_S))
     }
 
-    /// Acceleration behind one lead with the given speed and deceleration.
-    fn behind(&self, now: &Step, gap_m: f64, standing_m: f64, (lead_mps, brake_mps2): (f64, f64)) -> f64 {
+    /// Acceleration behind one lead with the given speed and deceleration. Part of the standstill gap is given up where
+    /// it needs more than `yields_mps2`.
+    fn behind(
+        &self,
+        now: &Step,
+        [gap_m, standing_m]: [f64; 2],
+        (lead_mps, brake_mps2): (f64, f64),
+        yields_mps2: f64,
+    ) -> f64 {
         let v = now.speed_mps;
         let room_m = gap_m - standing_m - SPARE_M - RESPONDS_S * (v - lead_mps).max(0.0);
         if lead_mps < STANDS_MPS && room_m < DRIVE_UP_M {
@@ -279,16 +289,18 @@ impl Follower<'_> {
         // Closing in on a slower lead, the time gap is kept as well, the more firmly the faster it closes.
         let firm_mps2 = (OPENING_MPS2 + FIRM_1PS * closing_mps).min(self.accel.brake_mps2);
         let in_time = needed_mps2(v, lead_mps, 0.0, room_m - self.gaps.time_s * lead_mps);
-        keeps_mps2.min(self.counted(in_time.min(firm_mps2))).min(self.braking(
-            now,
-            (lead_mps, brake_mps2),
-            gap_m,
-            room_m,
-        ))
+        let braking = self.braking(now, (lead_mps, brake_mps2), [gap_m, room_m], yields_mps2);
+        keeps_mps2.min(self.counted(in_time.min(firm_mps2))).min(braking)
     }
 
     /// Bound on the acceleration for a closing gap, m/s².
-    fn braking(&self, now: &Step, (lead_mps, brake_mps2): (f64, f64), gap_m: f64, room_m: f64) -> f64 {
+    fn braking(
+        &self,
+        now: &Step,
+        (lead_mps, brake_mps2): (f64, f64),
+        [gap_m, room_m]: [f64; 2],
+        yields_mps2: f64,
+    ) -> f64 {
         let v = now.speed_mps;
         let needed = needed_mps2(v, lead_mps, brake_mps2, room_m);
         let comfort = self.accel.brake_mps2;
@@ -300,7 +312,7 @@ impl Follower<'_> {
             let is_worth_it = least <= comfort || needed - least > FELT_MPS2;
             // Braking must not decrease.
             let eased =
-                if is_worth_it { needed.min(least.max(comfort).max(-now.accel_mps2)) } else { needed };
+                if is_worth_it { needed.min(least.max(yields_mps2).max(-now.accel_mps2)) } else { needed };
             return -eased.min(self.accel.hardest_mps2);
         }
         self.counted(needed)

@@ -21,6 +21,12 @@ const OUT_S: f64 = 2.0;
 /// Additional length per square root of the offset from the centre: bounds the curvature.
 const RETURN_PER_ROOT_M: f64 = 12.0;
 
+/// On a shorter way to rest than this the ego does not steer, metres.
+const REST_WAY_M: f64 = 1.0;
+
+/// Largest curvature of a quintic from offset to offset, relative to their distance over its length squared.
+pub(crate) const QUINTIC_BEND: f64 = 5.78;
+
 /// Below this speed the yaw rate does not determine the curvature, m/s.
 const TURNS_MPS: f64 = 0.5;
 
@@ -68,10 +74,36 @@ pub(crate) fn back_to_centre(
     steps: &[Step],
     shape: &Shape,
 ) -> Vec<PlanPoint> {
-    let length_m = (RETURN_S * start.speed_mps.max(0.0))
+    aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m: return_m(place, start) }))
+}
+
+/// Length of a return to the centre, metres.
+fn return_m(place: &OnLine, start: &EgoState) -> f64 {
+    (RETURN_S * start.speed_mps.max(0.0))
         .max(RETURN_MIN_M)
-        .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt());
-    aside(line, place, start, steps, (shape, Aside { to_m: 0.0, length_m }))
+        .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt())
+}
+
+/// Points along the line at the steps of a profile that comes to rest before a return to the centre ends: to rest along
+/// the line, as near to its centre as the lateral acceleration, m/s², and the curvature, 1/m, allow. `None` for other
+/// profiles.
+pub(crate) fn towards_centre(
+    line: &Line,
+    place: &OnLine,
+    start: &EgoState,
+    steps: &[Step],
+    (shape, lateral_mps2, curvature_1pm): (&Shape, f64, f64),
+) -> Option<Vec<PlanPoint>> {
+    let last = steps.last().filter(|last| last.speed_mps < TURNS_MPS)?;
+    let length_m = last.s_m - place.s_m;
+    if length_m > return_m(place, start) || length_m < REST_WAY_M {
+        return None;
+    }
+    let v = start.speed_mps.max(TURNS_MPS);
+    let bend_1pm = curvature_1pm.min(lateral_mps2 / (v * v));
+    let over_m = bend_1pm * length_m * length_m / QUINTIC_BEND;
+    let to_m = place.d_m.signum() * (place.d_m.abs() - over_m).max(0.0);
+    Some(aside(line, place, start, steps, (shape, Aside { to_m, length_m })))
 }
 
 /// Points along the line at the steps of a profile: out to an offset, then from step `k` on back to the centre.

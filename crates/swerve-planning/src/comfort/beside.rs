@@ -5,11 +5,10 @@ use swerve_geom::math;
 use swerve_msg::{Plan, PlanStatus};
 
 use super::decision::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
-use super::steer_out::QUINTIC_BEND;
 use super::{CURVE_SHARE, Comfort};
 use crate::following::{FallBack, Lead, Profile, STEP_S, Step, needed_mps2};
 use crate::fot::curvature_max_1pm;
-use crate::lane::{Aside, aside, aside_then_back};
+use crate::lane::{Aside, QUINTIC_BEND, aside, aside_then_back};
 use crate::passing::{Passing, RETURN_GAP_M};
 use crate::request::{Counted, Request};
 use crate::traffic::{Mover, STANDS_MPS};

@@ -16,7 +16,7 @@ use crate::fallback::kept;
 use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
-use crate::lane::{Lane, back_to_centre, stretch};
+use crate::lane::{Lane, back_to_centre, stretch, towards_centre};
 use crate::passing::{self, Passing};
 use crate::request::{Counted, Request};
 use crate::room::{Room, Wanted};
@@ -359,12 +359,17 @@ impl Comfort {
     /// The plan along a profile, if it is free.
     fn follow(&mut self, scene: &Scene<'_>, profile: &Profile) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let points =
-            back_to_centre(self.gentle.line(), &place, &request.start, &profile.steps, request.shape);
+        let (line, start, steps, shape) =
+            (self.gentle.line(), &request.start, &profile.steps, request.shape);
+        let lateral_mps2 = CURVE_SHARE * request.limits.lateral_accel_max_mps2;
+        let tightest_1pm = CURVE_SHARE * curvature_max_1pm(request.limits, shape);
+        let to_rest = towards_centre(line, &place, start, steps, (shape, lateral_mps2, tightest_1pm));
+        let back = back_to_centre(line, &place, start, steps, shape);
         let hard = profile.brake_mps2 > request.limits.brake_max_mps2 + HARDER_MPS2;
         let wanted_m = self.params.clearance_m;
-        let plan =
-            self.checked(scene, points, if hard { HARD_CLEARANCE_M.min(wanted_m) } else { wanted_m })?;
+        let clearance_m = if hard { HARD_CLEARANCE_M.min(wanted_m) } else { wanted_m };
+        let mut ways = to_rest.into_iter().chain([back]);
+        let plan = ways.find_map(|points| self.checked(scene, points, clearance_m))?;
         let status = if hard { PlanStatus::Found } else { PlanStatus::Comfortable };
         Some(Plan { status, ..plan })
     }

@@ -14,6 +14,10 @@ use crate::testing::{braking_m, least_braking_mps2};
 mod overtaking;
 mod tight;
 
+/// Velocities are measured over this time, seconds; further beside the road than this nobody is seen, metres.
+const MEASURED_S: f64 = 0.3;
+const OUT_OF_SIGHT_M: f64 = 100.0;
+
 /// Planning period, seconds.
 const PERIOD_S: f64 = 0.05;
 
@@ -116,6 +120,7 @@ fn drive_within(
         let predictions: Vec<Prediction> = others
             .iter()
             .enumerate()
+            .filter(|(_, script)| script(t_s - MEASURED_S)[1].abs() < OUT_OF_SIGHT_M)
             .map(|(id, script)| predicted((id as u32 + 1, kind), *script, t_s, now))
             .collect();
         let moves = |script: &Script<'_>, t_s: f64| {
@@ -177,10 +182,10 @@ fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Ti
         Point2::new(x, y)
     };
     let speed = |from: f64, to: f64| at(to).distance(at(from)) / (to - from);
-    let (before, last) = (speed(t_s - 0.3, t_s - 0.15), speed(t_s - 0.15, t_s));
-    let accel_mps2 = ((last - before) / 0.15).min(0.0);
+    let (before, last) = (speed(t_s - MEASURED_S, t_s - 0.5 * MEASURED_S), speed(t_s - 0.5 * MEASURED_S, t_s));
+    let accel_mps2 = ((last - before) / (0.5 * MEASURED_S)).min(0.0);
     let accel_mps2 = if accel_mps2 > -0.5 { 0.0 } else { accel_mps2 };
-    let speed_mps = (last + 0.075 * accel_mps2).max(0.0);
+    let speed_mps = (last + 0.25 * MEASURED_S * accel_mps2).max(0.0);
     let stop_s = if accel_mps2 < 0.0 { -speed_mps / accel_mps2 } else { f64::INFINITY };
     let from = pose(script, t_s - 0.01);
     let (direction, at) = (from.direction(), at(t_s));

@@ -7,7 +7,7 @@ use super::{CURVE_SHARE, Comfort, LATERAL_STEP_M};
 use crate::following::{self, Lead};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::Line;
-use crate::lane::{Aside, aside};
+use crate::lane::{Aside, QUINTIC_BEND, aside};
 use crate::passing::Passing;
 use crate::request::Request;
 use crate::traffic::{Mover, STANDS_MPS};
@@ -124,9 +124,6 @@ const WALKING_MPS: f64 = 2.0;
 
 /// Lengths over which a slow ego moves out, metres.
 const STEER_OUT_M: [f64; 5] = [20.0, 16.0, 13.0, 10.5, 8.5];
-
-/// Largest curvature of a quintic from offset to offset, relative to their distance over its length squared.
-pub(super) const QUINTIC_BEND: f64 = 5.78;
 
 /// Largest third derivative of the quintic, relative to the distance over the cube of its length.
 const QUINTIC_KINK: f64 = 60.0;

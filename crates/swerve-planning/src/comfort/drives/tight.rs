@@ -131,3 +131,24 @@ fn two_double_parked_cars_are_passed() {
         assert!(passes(&drive).1 > 0.4 && hardest_mps2(&drive) < 3.6, "{second_m}: {:?}", passes(&drive));
     }
 }
+
+/// An oncoming car comes in sight at 100 m while the ego moves out before a standing one: the ego stops aligned with
+/// the lane, far enough behind to move out again, and passes later.
+#[test]
+fn standing_car_is_passed_after_a_pass_given_up_for_an_oncoming_car() {
+    let seen_s = |speed_mps: f64| if speed_mps < 12.0 { 4.4 } else { 4.0 };
+    for (speed_mps, share) in [9.0, 11.0, 13.0].into_iter().flat_map(|v| [0.7, 0.8, 0.9, 1.0].map(|k| (v, k))) {
+        let seen_s = share * seen_s(speed_mps);
+        let standing = move |_: f64| [30.0 + 4.5 * speed_mps, 0.0];
+        let oncoming = move |t_s: f64| match t_s < seen_s {
+            true => [700.0, 200.0],
+            false => [speed_mps * seen_s + 100.0 - speed_mps * (t_s - seen_s), 3.5],
+        };
+        let drive = drive(speed_mps, true, Manner::GoesRound, &[&standing, &oncoming], 40.0);
+        let case = format!("{speed_mps} m/s, seen at {seen_s} s");
+        assert!(drive.last().unwrap().ego.pose.x_m > 110.0, "{case}: {:?}", drive.last());
+        assert!(passes(&drive).1 > 0.38 && hardest_mps2(&drive) < 5.0, "{case}: {:?}", passes(&drive));
+        let at_rest = drive.iter().filter(|it| it.ego.speed_mps < 0.1);
+        assert!(at_rest.clone().all(|it| it.ego.pose.heading_rad.abs() < 0.15 && it.gap_m > 6.0), "{case}: {:?}", at_rest.clone().next());
+    }
+}
