@@ -100,7 +100,7 @@ impl Comfort {
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
         let waits = self.manner == Manner::Waits;
         let own = if waits { (0.0, 0.0) } else { own_offsets_m(request, &place) };
-        if !waits && let Some(plan) = self.meet(scene) {
+        if !waits && let Some(plan) = self.meet(scene, possible) {
             return Some(plan);
         }
         let mut profile = self.led(scene, possible, |one| !passed(one));
@@ -200,7 +200,13 @@ impl Comfort {
             let gentler = stops_for.then(|| self.stop(scene, standing_m)).flatten();
             let is_gentler =
                 |stop: &Plan| brakes_mps2(stop) < brakes_mps2(&plan) && !ends_beyond(stop, &plan);
-            return Some(gentler.filter(is_gentler).unwrap_or(plan));
+            // Nearer to what stands the ego could not steer out.
+            let leaves_room = |stop: &Plan| {
+                standing_m > self.params.standstill_gap_m
+                    && stop.status == PlanStatus::Comfortable
+                    && ends_beyond(&plan, stop)
+            };
+            return Some(gentler.filter(|stop| is_gentler(stop) || leaves_room(stop)).unwrap_or(plan));
         }
         // An ego at rest that could not set off on an empty road is not waiting for anybody.
         let alone = Request { predictions: &[], ..slower };

@@ -27,8 +27,8 @@ impl Meeting {
 
 impl Comfort {
     /// Moves to the right within the road and brakes within comfort until an oncoming road user that comes closer than
-    /// [`CLOSE_M`] beside an ego on the line has passed.
-    pub(super) fn meet(&mut self, scene: &Scene<'_>) -> Option<Plan> {
+    /// [`CLOSE_M`] beside an ego on the line has passed; if the ego `steers_out` afterwards, it keeps room to do so.
+    pub(super) fn meet(&mut self, scene: &Scene<'_>, steers_out: bool) -> Option<Plan> {
         let Scene { request, traffic, .. } = *scene;
         let meetings = traffic.movers.iter().filter_map(|one| meeting(one, scene));
         let meeting = meetings.min_by(|a, b| a.beside_m.total_cmp(&b.beside_m))?;
@@ -38,7 +38,7 @@ impl Comfort {
         let closeness = ((CLOSE_M - meeting.beside_m) / CLOSE_M).clamp(0.0, 1.0);
         let brake_max_mps2 = request.limits.brake_max_mps2 * closeness.max(LEAST_BRAKE_SHARE);
         let slower_mps = SLOWEST_SHARE * request.target_speed_mps;
-        let points = self.to_the_right(scene, &meeting, (brake_max_mps2, slower_mps));
+        let points = self.to_the_right(scene, &meeting, steers_out, (brake_max_mps2, slower_mps));
         let wanted_m = self.params.clearance_m;
         if let Some(plan) = self.checked(scene, points.clone(), wanted_m) {
             return Some(plan);
@@ -57,7 +57,7 @@ impl Comfort {
         }
         let v = request.start.speed_mps.max(0.0);
         let brake_mps2 = (v * v / (2.0 * meeting.length_m(v))).min(scene.vehicle.brake_max_mps2);
-        let points = self.to_the_right(scene, meeting, (brake_mps2, 0.0));
+        let points = self.to_the_right(scene, meeting, false, (brake_mps2, 0.0));
         let poses: Vec<_> = points.iter().map(|p| (p.pose, p.at)).collect();
         let plan = Plan { stamp: request.stamp, points, ..Plan::default() };
         self.gentle.keeps_road(request, &poses).then_some(plan)
@@ -75,13 +75,14 @@ impl Comfort {
         &self,
         scene: &Scene<'_>,
         meeting: &Meeting,
+        steers_out: bool,
         (brake_max_mps2, target_speed_mps): (f64, f64),
     ) -> Vec<PlanPoint> {
         let Scene { request, place, .. } = *scene;
         let limits = Limits { brake_max_mps2, ..*request.limits };
         let slow = Request { target_speed_mps, limits: &limits, ..*request };
         let slow = Scene { request: &slow, ..*scene };
-        let led = self.led(&slow, false, |_| true);
+        let led = self.led(&slow, steers_out, |_| true);
         let profile = if led.steps.is_empty() { self.profile(&slow, Vec::new()) } else { led };
         let to_m = -(CLOSE_M - meeting.beside_m).min(self.room_m(scene)).max(0.0);
         let length_m = meeting.length_m(request.start.speed_mps.max(0.0));
