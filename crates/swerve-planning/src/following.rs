@@ -43,7 +43,8 @@ const FELT_MPS2: f64 = 0.1;
 /// Gap that remains if keeping the standstill gap would exceed comfort, metres.
 const LEAST_GAP_M: f64 = 1.0;
 
-/// The gap needed to steer out behind a standing vehicle is kept with up to this multiple of the comfort deceleration.
+/// For an ego that gives up a pass, the gap needed to steer out again is kept with up to this multiple of the comfort
+/// deceleration.
 const STEER_OUT_SHARE: f64 = 1.4;
 
 /// Time constant of the speed towards the target, seconds.
@@ -167,6 +168,8 @@ pub(crate) struct Lead<'a> {
     pub(crate) mover: &'a Mover,
     /// True if it can be passed where it stands.
     pub(crate) passable: bool,
+    /// True if the gap to steer out then is worth more than the comfort deceleration.
+    pub(crate) firmly: bool,
     /// For a lead vehicle beside the ego: limits for falling back behind it.
     pub(crate) beside: Option<FallBack>,
 }
@@ -222,7 +225,7 @@ impl Follower<'_> {
         let free_mps2 =
             ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
         let mut least_mps2 = free_mps2;
-        for &Lead { mover: lead, passable, beside } in &self.leads {
+        for &Lead { mover: lead, passable, firmly, beside } in &self.leads {
             let knot = lead.at(t_s);
             if (knot.to_m < now.s_m && beside.is_none())
                 || !self.comes_in_way(lead, &knot, t_s)
@@ -240,8 +243,7 @@ impl Follower<'_> {
                 least_mps2 = least_mps2.min((error_mps / SETTLES_S).max(-hardest_mps2));
                 continue;
             }
-            // Behind a vehicle that stands now, a stop too near to steer out of would not end.
-            let firm_share = if steers_out && lead.stands() { STEER_OUT_SHARE } else { 1.0 };
+            let firm_share = if steers_out && firmly { STEER_OUT_SHARE } else { 1.0 };
             let yields_mps2 = (firm_share * self.accel.brake_mps2).min(self.accel.hardest_mps2);
             let lead = (speed_mps.max(0.0), brake_mps2);
             least_mps2 = least_mps2.min(self.behind(now, [gap_m, standing_m], lead, yields_mps2));

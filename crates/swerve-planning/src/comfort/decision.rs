@@ -157,8 +157,12 @@ impl Comfort {
             back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
         };
         let plan = plan.filter(|plan| may(plan) && self.returns_clear(scene, plan));
+        let (swings, plan) = match plan {
+            Some(plan) if self.swings_before_person(scene, &plan) => (Some(plan), None),
+            plan => (None, plan),
+        };
         let plan = plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)));
-        plan.or_else(|| self.stop_short(scene))
+        plan.or_else(|| self.stop_short(scene)).or(swings)
     }
 
     /// Stays behind the blockage in the ego's lane: follows it, slows, or stops steadily.
@@ -294,14 +298,19 @@ impl Comfort {
     }
 
     /// Speed along the line behind the lead vehicles selected by `counts`; not computed if there are none.
-    pub(super) fn led(
+    pub(super) fn led<'a>(
         &self,
-        scene: &Scene<'_>,
+        scene: &Scene<'a>,
         steers_out: bool,
         counts: impl Fn(&Mover) -> bool,
     ) -> Profile {
         let leads = self.in_way(scene).filter(|one| can_lead(one, scene.request) && counts(one));
-        let lead = |mover| Lead { mover, passable: steers_out && mover.comes_to_rest(), beside: None };
+        let moves_out = scene.place.d_m > MOVES_OUT_M;
+        let lead = |mover: &'a Mover| {
+            let passable = steers_out && mover.comes_to_rest();
+            let firmly = moves_out && mover.stands() && !mover.changed_lately;
+            Lead { mover, passable, firmly, beside: None }
+        };
         let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {
             return Profile::default();
@@ -475,6 +484,9 @@ const FIRM_SHARE: f64 = 0.75;
 
 /// Fractions of its speed at which the ego passes; the first that leaves a way is used.
 const PASSING_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
+
+/// Further from the centre of its lane than this, the ego has begun to pass, metres.
+const MOVES_OUT_M: f64 = 0.3;
 
 /// Below this speed the ego creeps, m/s.
 const CREEPS_MPS: f64 = 1.5;

@@ -110,7 +110,7 @@ pub(super) fn is_clear_at(
 /// Lead vehicles, except those that are `passed`.
 fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead<'a>> {
     let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !passed(one));
-    others.map(|mover| Lead { mover, passable: false, beside: None }).collect()
+    others.map(|mover| Lead { mover, passable: false, firmly: false, beside: None }).collect()
 }
 
 /// Above this speed a lateral motion over time is used instead, m/s.
