@@ -5,6 +5,7 @@ use swerve_core::{Span, Time};
 use swerve_msg::{ActorKind, EgoState, Plan, Route};
 use swerve_vehicle::Shape;
 
+use crate::following::needed_mps2;
 use crate::fot::line::{Line, OnLine};
 use crate::lane::Lane;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
@@ -63,8 +64,8 @@ pub(crate) struct Passing<'a> {
     target_mps: f64,
     /// Offset to the left at which all of them are passed, metres.
     pub(crate) offset_m: f64,
-    /// True if their places in some seconds are not known yet: a vehicle still brakes or has just stopped, or a
-    /// pedestrian may step in front of a fast ego.
+    /// True if their places in some seconds are not known yet: a vehicle still brakes, has just stopped or may pull out,
+    /// or a pedestrian may step in front of a fast ego.
     waits: bool,
 }
 
@@ -113,8 +114,14 @@ impl<'a> Passing<'a> {
         }
         // The ego passes on the left.
         let may_walk = |one: &Mover| one.faces_across() && one.faces > 0.0 && speed_mps > BEFORE_FACE_MPS;
-        let waits =
-            !rules.under_way && blocking.iter().any(|one| brakes(one) || has_stopped(one) || may_walk(one));
+        let is_uncertain = |one: &&Mover| brakes(one) || has_stopped(one) || may_walk(one);
+        let stays_behind = |one: &&Mover| {
+            let gap_m = one.knots[0].from_m - s_m - front_m - STAYS_BEHIND_M;
+            gap_m > 0.0 && needed_mps2(speed_mps, one.motion(0.0).0, 0.0, gap_m) < STAYS_BEHIND_MPS2
+        };
+        let may_pull_out = |one: &&Mover| may_pull_out(one, &lane, &traffic.movers);
+        let waits = (!rules.under_way && blocking.iter().any(is_uncertain))
+            || blocking.iter().filter(|one| stays_behind(one)).any(|one| may_pull_out(&one));
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
         let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
@@ -289,6 +296,23 @@ fn brakes(one: &Mover) -> bool {
 fn has_stopped(one: &Mover) -> bool {
     one.is_vehicle() && one.changed_lately && one.motion(0.0).0.abs() <= STANDS_MPS
 }
+
+/// True for a moving vehicle that will soon reach something that stands in the lane, and may pull out to pass it.
+fn may_pull_out(one: &Mover, lane: &Lane<'_>, movers: &[Mover]) -> bool {
+    let speed_mps = one.motion(0.0).0;
+    let reaches = |other: &Mover| {
+        let gap_m = other.knots[0].from_m - one.knots[0].to_m;
+        other.stands() && lane.is_blocked(&other.knots[0]) && (0.0..PULLS_OUT_S * speed_mps).contains(&gap_m)
+    };
+    one.is_vehicle() && speed_mps > STANDS_MPS && movers.iter().any(reaches)
+}
+
+/// A vehicle may pull out this long before it reaches what stands in its lane, seconds.
+const PULLS_OUT_S: f64 = 10.0;
+
+/// An ego that could stay this far behind it, metres, with less than this deceleration, m/s², gives up the pass.
+const STAYS_BEHIND_M: f64 = 2.0;
+const STAYS_BEHIND_MPS2: f64 = 2.5;
 
 /// Above this speed the ego does not move out to pass in front of a pedestrian, m/s: 23 km/h.
 const BEFORE_FACE_MPS: f64 = 6.5;

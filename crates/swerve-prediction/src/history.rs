@@ -16,11 +16,37 @@ pub struct HistoryParams {
     /// Time without a sighting after which an obstacle is dropped, seconds. Larger values bridge longer occlusions,
     /// and keep ghosts longer.
     pub forget_after_s: f64,
+    /// The same for an obstacle that was partly hidden when last seen, such as a cyclist who disappears behind a
+    /// truck, seconds.
+    pub forget_hidden_after_s: f64,
+    /// The same for one that stood, seconds.
+    pub forget_hidden_standing_after_s: f64,
 }
+
+/// Below this speed an obstacle stands, m/s.
+const STANDS_MPS: f64 = 0.3;
 
 impl Default for HistoryParams {
     fn default() -> Self {
-        Self { sightings_max: 10, forget_after_s: 0.5 }
+        Self {
+            sightings_max: 10,
+            forget_after_s: 0.5,
+            forget_hidden_after_s: 4.0,
+            forget_hidden_standing_after_s: 30.0,
+        }
+    }
+}
+
+impl HistoryParams {
+    /// Time without a sighting after which an obstacle, as last seen, is dropped.
+    fn forget_after(&self, last: &Obstacle) -> Span {
+        Span::from_secs(if last.visible_share >= 1.0 {
+            self.forget_after_s
+        } else if last.velocity_mps.norm() < STANDS_MPS {
+            self.forget_hidden_standing_after_s
+        } else {
+            self.forget_hidden_after_s
+        })
     }
 }
 
@@ -58,8 +84,8 @@ impl History {
             for obstacle in seen.obstacles.iter().filter(|o| o.is_plausible()) {
                 self.take_in(obstacle, seen.stamp);
             }
-            let limit = Span::from_secs(self.params.forget_after_s);
-            self.tracks.retain(|_, track| seen.stamp - track.last_seen() <= limit);
+            let params = self.params;
+            self.tracks.retain(|_, track| seen.stamp - track.last_seen() <= params.forget_after(&track.last));
         }
         self.list()
     }
