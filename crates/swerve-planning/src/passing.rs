@@ -23,6 +23,8 @@ pub(crate) struct Rules {
     pub(crate) over_line_max_m: f64,
     /// True if the ego is already in the other lane.
     pub(crate) under_way: bool,
+    /// True if standing road users that leave too little room to return at speed are passed at once.
+    pub(crate) at_once: bool,
     /// True if a moving road user in the other lane occupies the lane's full width, not only its own place.
     pub(crate) whole_lane: bool,
 }
@@ -40,6 +42,9 @@ const ACCEL_MPS2: f64 = 1.0;
 /// The next vehicle is passed together with the one before it if the gap between them is less than this plus the ego's
 /// length, metres.
 const BETWEEN_M: f64 = 12.0;
+
+/// The same per speed, seconds, for standing ones passed at once: a return takes this long.
+const BETWEEN_S: f64 = 3.0;
 
 /// Only blockages within this time at the target speed are passed, seconds.
 const AHEAD_S: f64 = 7.0;
@@ -93,8 +98,10 @@ impl<'a> Passing<'a> {
         let mut blocking: Vec<&Mover> = traffic.movers.iter().filter(blocks).collect();
         blocking.sort_by(|a, b| a.knots[0].from_m.total_cmp(&b.knots[0].from_m));
         let near = |pair: &[&Mover]| {
-            let is_near =
-                |t_s: f64| pair[1].at(t_s).from_m - pair[0].at(t_s).to_m < BETWEEN_M + shape.length_m;
+            let stand = pair.iter().all(|one| one.stands());
+            let way_m = if rules.at_once && stand { BETWEEN_S * target_mps } else { 0.0 };
+            let between_m = BETWEEN_M + shape.length_m + way_m;
+            let is_near = |t_s: f64| pair[1].at(t_s).from_m - pair[0].at(t_s).to_m < between_m;
             // A road user that drives away from the first has left room to return by then.
             let closing_mps = (target_mps - pair[0].motion(0.0).0).max(1.0);
             let reaches_s = (pair[0].knots[0].to_m - rear_m).max(0.0) / closing_mps;

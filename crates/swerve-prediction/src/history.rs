@@ -176,6 +176,21 @@ mod tests {
     }
 
     #[test]
+    fn hidden_obstacles_are_remembered_longer_and_standing_ones_longest() {
+        let partly = |id: u32, speed_mps: f64| Obstacle {
+            visible_share: 0.4,
+            velocity_mps: Vector2::new(speed_mps, 0.0),
+            ..person(id, 0.0)
+        };
+        let mut history = History::new(HistoryParams::default());
+        history.update(&list(0, vec![person(1, 0.0), partly(2, 2.0), partly(3, 0.0)]));
+        for (ms, ids) in [(400, &[1, 2, 3][..]), (600, &[2, 3]), (3900, &[2, 3]), (4100, &[3]), (30_100, &[])] {
+            let tracks = history.update(&list(ms, vec![])).tracks;
+            assert_eq!(tracks.iter().map(|track| track.id.0).collect::<Vec<_>>(), ids, "{ms} ms");
+        }
+    }
+
+    #[test]
     fn gap_within_the_limit_keeps_the_history() {
         let mut history = History::new(HistoryParams::default());
         history.update(&list(0, vec![person(1, 0.0)]));

@@ -94,7 +94,9 @@ impl Comfort {
     /// First free plan of: keep the lane, pass the blockage, stay behind it.
     fn free_in(&mut self, scene: &Scene<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let passing = self.passing(scene);
+        let at_once =
+            self.passing(scene, true).filter(|passing| passing.may_open(&request.start, &place));
+        let passing = at_once.or_else(|| self.passing(scene, false));
         let open = passing.as_ref().filter(|passing| passing.may_open(&request.start, &place));
         let possible = passing.as_ref().is_some_and(Passing::is_possible);
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
@@ -249,8 +251,8 @@ impl Comfort {
         plan.filter(|plan| !rests(plan))
     }
 
-    /// Blockage of the lane that can be passed on the ground beside it.
-    fn passing<'a>(&self, scene: &Scene<'a>) -> Option<Passing<'a>> {
+    /// Blockage of the lane that can be passed on the ground beside it, `at_once` with what stands soon after it.
+    fn passing<'a>(&self, scene: &Scene<'a>, at_once: bool) -> Option<Passing<'a>> {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
         let beyond = lane.is_over(place.s_m, place.d_m);
@@ -261,6 +263,7 @@ impl Comfort {
             over_line_max_s: self.params.over_line_max_s,
             over_line_max_m: request.overtake_max_m,
             under_way: beyond,
+            at_once,
             whole_lane: true,
         };
         if self.manner == Manner::Waits {
