@@ -62,7 +62,10 @@ impl Comfort {
         if v > SLOW_MPS && !movers.iter().any(may_hurry) {
             return None;
         }
-        let request = &Request { limits: scene.vehicle, ..*scene.request };
+        // A swerve that has only been planned is not continued.
+        let beyond = self.lane(scene.request).is_over(scene.place.s_m, scene.place.d_m);
+        let previous = scene.request.previous.filter(|plan| beyond || scene.request.keeps_lane(plan));
+        let request = &Request { limits: scene.vehicle, previous, ..*scene.request };
         let way = self.gentle.way_on(request, v * SETTLE_S);
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
         let [most_mps2, jerk_mps3] =
