@@ -13,7 +13,8 @@ use crate::request::Request;
 use crate::traffic::{Mover, STANDS_MPS};
 
 impl Comfort {
-    /// Moves out to the passing offset, for an ego at low speed.
+    /// Moves out to the passing offset, for an ego at low speed: as a last resort with less clearance and at a walking
+    /// pace.
     pub(super) fn steer_out(&mut self, scene: &Scene<'_>, open: &Passing<'_>) -> Option<Plan> {
         let start = &scene.request.start;
         if start.speed_mps > STEERS_OUT_MPS {
@@ -21,7 +22,11 @@ impl Comfort {
         }
         let leads = leads_but(scene, |one| open.passes(one));
         let may = |plan: &Plan, line: &Line| open.may(plan, line, start, &scene.place);
-        self.steer_to(scene, stepped_up_m(open.offset_m), self.params.clearance_m, &leads, may)
+        let (to_m, clearance_m) = (stepped_up_m(open.offset_m), self.params.clearance_m);
+        let out = self.steer_to(scene, to_m, clearance_m, &leads, may);
+        let walking = walking(scene.request);
+        let scene = &Scene { request: &walking, ..*scene };
+        out.or_else(|| self.steer_to(scene, to_m, HARD_CLEARANCE_M.min(clearance_m), &leads, may))
     }
 
     /// Moves to the smallest clear offset within the ego's lane, for an ego at low speed that goes round obstacles
@@ -42,7 +47,7 @@ impl Comfort {
             let mut past = offsets.iter().map(|&k| f64::from(k) * LATERAL_STEP_M).filter(past);
             past.find_map(|to_m| self.steer_to(scene, to_m, clearance_m, &leads, |_, _| true))
         };
-        let walking = Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request };
+        let walking = walking(request);
         let walking = Scene { request: &walking, ..*scene };
         let out = among(scene, clearance_m).or(under_way);
         out.or_else(|| among(&walking, HARD_CLEARANCE_M.min(clearance_m)))
@@ -105,6 +110,11 @@ pub(super) fn is_clear_at(
         let is_near = at.to_m > s_m && at.from_m < s_m + ahead_m;
         !is_near || at.right_m > d_m + half_m || at.left_m < d_m - half_m
     })
+}
+
+/// The same request at a walking pace.
+fn walking<'a>(request: &Request<'a>) -> Request<'a> {
+    Request { target_speed_mps: request.target_speed_mps.min(WALKING_MPS), ..*request }
 }
 
 /// Lead vehicles, except those that are `passed`.
