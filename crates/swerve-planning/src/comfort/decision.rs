@@ -159,8 +159,12 @@ impl Comfort {
             back.as_ref().is_none_or(|it| it.may_give_up(plan, self.gentle.line(), &request.start, &place))
         };
         let plan = plan.filter(|plan| may(plan) && self.returns_clear(scene, plan));
+        let (swings, plan) = match plan {
+            Some(plan) if self.swings_before_person(scene, &plan) => (Some(plan), None),
+            plan => (None, plan),
+        };
         let plan = plan.or_else(|| back.and_then(|back| self.come_back(scene, &back, &profile)));
-        plan.or_else(|| self.stop_short(scene))
+        plan.or_else(|| self.stop_short(scene)).or(swings)
     }
 
     /// Stays behind the blockage in the ego's lane: follows it, slows, or stops steadily.

@@ -1,11 +1,13 @@
 //! Stops along the path ahead, in the ego's lane and short of people, instead of swinging out before them.
 
 use swerve_core::Time;
-use swerve_geom::Pose2;
+use swerve_geom::{Pose2, math};
 use swerve_msg::{Plan, PlanStatus};
 
 use super::Comfort;
 use super::decision::{HARD_CLEARANCE_M, REST_MPS, Scene, can_lead, comfortable};
+use crate::following::Step;
+use crate::lane::{Aside, aside, stretch};
 use crate::passing::is_oncoming;
 use crate::request::Request;
 use crate::steady_stop::{self, Demands, JERK_MPS3};
@@ -62,25 +64,39 @@ impl Comfort {
         if v > SLOW_MPS && !movers.iter().any(may_hurry) {
             return None;
         }
-        // A swerve that has only been planned is not continued.
-        let beyond = self.lane(scene.request).is_over(scene.place.s_m, scene.place.d_m);
-        let previous = scene.request.previous.filter(|plan| beyond || scene.request.keeps_lane(plan));
-        let request = &Request { limits: scene.vehicle, previous, ..*scene.request };
-        let way = self.gentle.way_on(request, v * SETTLE_S);
+        let request = &Request { limits: scene.vehicle, ..*scene.request };
+        let beyond = self.lane(request).is_over(scene.place.s_m, scene.place.d_m);
+        let way = if beyond { self.gentle.way_on(request, v * SETTLE_S) } else { self.way_in_lane(scene) };
         let vehicle_mps2 = scene.vehicle.brake_max_mps2;
-        let [most_mps2, jerk_mps3] =
-            if v > SLOW_MPS { [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3] } else { [vehicle_mps2, JERK_MPS3] };
-        let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
+        let firm = [vehicle_mps2.min(FIRM_MPS2), FIRM_MPS3];
+        let slow = [[vehicle_mps2, JERK_MPS3], [vehicle_mps2, FIRM_MPS3]];
         let clearance_m = HARD_CLEARANCE_M.min(self.params.clearance_m);
-        let demands = Demands {
-            gaps_m: [self.params.clearance_m, clearance_m],
-            clearance_m,
-            hardest: false,
-            jerk_mps3,
-        };
         let usable = |poses: &[(Pose2, Time)]| self.gentle.keeps_road(request, poses);
-        let plan = steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))?;
+        let stop = |&[most_mps2, jerk_mps3]: &[f64; 2]| {
+            let brakes = (1..=BRAKE_STEPS).map(|k| most_mps2 * f64::from(k) / f64::from(BRAKE_STEPS));
+            let gaps_m = [self.params.clearance_m, clearance_m];
+            let demands = Demands { gaps_m, clearance_m, hardest: false, jerk_mps3 };
+            steady_stop::stop(request, &way, self.gentle.obstacles(), brakes, (demands, &usable))
+        };
+        let plan = if v > SLOW_MPS { stop(&firm) } else { slow.iter().find_map(stop) }?;
         Some(Plan { status: PlanStatus::Found, ..plan })
+    }
+
+    /// Path ahead for an ego in its lane: straightens along the line without leaving the lane, whatever was planned
+    /// before.
+    fn way_in_lane(&self, scene: &Scene<'_>) -> Vec<Pose2> {
+        let Scene { request, place, .. } = *scene;
+        let v = request.start.speed_mps.max(0.0);
+        let length_m = (v * STRAIGHTENS_S).max(STRAIGHTENS_M);
+        let drift_m = 0.5 * length_m * stretch(&place) * math::tan(place.turn_rad.clamp(-1.0, 1.0));
+        let to_m = (place.d_m + drift_m).min(request.rest_left_m(place.s_m).max(0.0));
+        let count = ((length_m + v * SETTLE_S) / WAY_STEP_M).ceil() as usize;
+        let steps: Vec<Step> = (0..=count)
+            .map(|k| Step { s_m: place.s_m + k as f64 * WAY_STEP_M, speed_mps: v, accel_mps2: 0.0 })
+            .collect();
+        let way = Aside { to_m, length_m };
+        let points = aside(self.gentle.line(), &place, &request.start, &steps, (request.shape, way));
+        points.iter().map(|p| p.pose).collect()
     }
 
     /// True for a plan that swings over the line, starting from a swerve in the lane, while a person begins to cross.
@@ -106,6 +122,11 @@ const TOWN_MPS: f64 = 14.0;
 const SLOW_MPS: f64 = 8.5;
 const FIRM_MPS2: f64 = 6.5;
 const FIRM_MPS3: f64 = 20.0;
+
+/// A stop in the lane straightens within this time, seconds, and at least this distance, metres; step of its path, metres.
+const STRAIGHTENS_S: f64 = 1.0;
+const STRAIGHTENS_M: f64 = 6.0;
+const WAY_STEP_M: f64 = 0.5;
 
 /// Time that a deceleration takes to build up, seconds.
 const SETTLE_S: f64 = 2.0;
