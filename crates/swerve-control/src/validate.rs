@@ -10,9 +10,8 @@ const HORIZON_MAX: usize = 200;
 impl Params {
     /// Checks that all parameters are in range; returns the first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let Self { stop, pid, waypoint, pure_pursuit, stanley, speed, along, slip, mpc, .. } = self;
-        let (gain, weight) = ([0.0, 1000.0], [0.0, 1e9]);
         self.check_ranges()?;
+        let Self { pure_pursuit, mpc, .. } = self;
         let (reach, least) = (pure_pursuit.lookahead_max_m, pure_pursuit.lookahead_min_m);
         require("pure_pursuit.lookahead_max_m", reach, reach >= least, "at least lookahead_min_m")?;
         let fits = self.law != Law::Mpc || (1..=HORIZON_MAX).contains(&mpc.horizon);

@@ -49,7 +49,12 @@ fn check(field: &Field) -> Result<TokenStream, Error> {
             ::swerve_core::param::Ranges::check_each(&self.#ident, report)?;
         },
         Found { min: Some(min), max: Some(max), .. } => quote! {
-            ::swerve_core::param::check_field(#key, &self.#ident, [f64::from(#min), f64::from(#max)], report)?;
+            ::swerve_core::param::Numbers::check_within(
+                &self.#ident,
+                #key,
+                [f64::from(#min), f64::from(#max)],
+                report,
+            )?;
         },
         Found { min: None, max: None, .. } => TokenStream::new(),
         _ => return Err(Error::new_spanned(ident, "a range has `min` and `max`")),

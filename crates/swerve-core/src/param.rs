@@ -122,17 +122,28 @@ pub fn require_within(
     Err(ParamError { key: key.into(), value: value.into(), expected: format!("{low} to {high}").into() })
 }
 
+/// Receiver of errors: an error that it returns ends the check.
+pub type Report<'a> = &'a mut dyn FnMut(ParamError) -> Result<(), ParamError>;
+
 /// Numbers of a field: one, none, or those of an array.
 pub trait Numbers {
-    /// Calls `check` with each number and, in a list of any length, its place there.
-    fn each<E>(&self, check: &mut impl FnMut(Option<usize>, f64) -> Result<(), E>) -> Result<(), E>;
+    /// Reports the numbers outside a range; the key of one in a list of any length has its place there.
+    ///
+    /// # Errors
+    /// The first error that `report` returns.
+    fn check_within(&self, key: &'static str, range: [f64; 2], report: Report<'_>) -> Result<(), ParamError>;
 }
 
 macro_rules! numbers {
     ($($number:ty),*) => {$(
         impl Numbers for $number {
-            fn each<E>(&self, check: &mut impl FnMut(Option<usize>, f64) -> Result<(), E>) -> Result<(), E> {
-                check(None, *self as f64)
+            fn check_within(
+                &self,
+                key: &'static str,
+                range: [f64; 2],
+                report: Report<'_>,
+            ) -> Result<(), ParamError> {
+                require_within(key, *self as f64, range).or_else(report)
             }
         }
     )*};
@@ -141,25 +152,24 @@ macro_rules! numbers {
 numbers!(f64, u8, u32, u64, usize);
 
 impl<T: Numbers> Numbers for Option<T> {
-    fn each<E>(&self, check: &mut impl FnMut(Option<usize>, f64) -> Result<(), E>) -> Result<(), E> {
-        self.iter().try_for_each(|one| one.each(check))
+    fn check_within(&self, key: &'static str, range: [f64; 2], report: Report<'_>) -> Result<(), ParamError> {
+        self.iter().try_for_each(|one| one.check_within(key, range, report))
     }
 }
 
 impl<T: Numbers, const N: usize> Numbers for [T; N] {
-    fn each<E>(&self, check: &mut impl FnMut(Option<usize>, f64) -> Result<(), E>) -> Result<(), E> {
-        self.iter().try_for_each(|one| one.each(check))
+    fn check_within(&self, key: &'static str, range: [f64; 2], report: Report<'_>) -> Result<(), ParamError> {
+        self.iter().try_for_each(|one| one.check_within(key, range, report))
     }
 }
 
 impl<T: Numbers> Numbers for Vec<T> {
-    fn each<E>(&self, check: &mut impl FnMut(Option<usize>, f64) -> Result<(), E>) -> Result<(), E> {
-        self.iter().enumerate().try_for_each(|(k, one)| one.each(&mut |_, x| check(Some(k), x)))
+    fn check_within(&self, key: &'static str, range: [f64; 2], report: Report<'_>) -> Result<(), ParamError> {
+        let placed = |k, error| ParamError { key: format!("{key}[{k}]").into(), ..error };
+        let mut all = self.iter().enumerate();
+        all.try_for_each(|(k, one)| one.check_within(key, range, &mut |error| report(placed(k, error))))
     }
 }
-
-/// Receiver of errors: an error that it returns ends the check.
-pub type Report<'a> = &'a mut dyn FnMut(ParamError) -> Result<(), ParamError>;
 
 /// Settings whose numbers have ranges, each written once, at its field.
 ///
@@ -219,24 +229,6 @@ impl<T: Ranges> Ranges for BTreeMap<String, T> {
     fn check_each(&self, report: Report<'_>) -> Result<(), ParamError> {
         self.iter().try_for_each(|(name, one)| one.check_each(&mut |error| report(error.under(name))))
     }
-}
-
-/// Reports the numbers of a field outside its range.
-///
-/// # Errors
-/// The first error that `report` returns.
-#[doc(hidden)]
-pub fn check_field(
-    key: &'static str,
-    field: &impl Numbers,
-    range: [f64; 2],
-    report: Report<'_>,
-) -> Result<(), ParamError> {
-    field.each(&mut |place, x| match (require_within(key, x, range), place) {
-        (Ok(()), _) => Ok(()),
-        (Err(error), None) => report(error),
-        (Err(error), Some(k)) => report(ParamError { key: format!("{key}[{k}]").into(), ..error }),
-    })
 }
 
 #[cfg(test)]

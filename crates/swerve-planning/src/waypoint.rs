@@ -97,7 +97,6 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let (distance, angle) = ([0.1, 1000.0], [0.001, PI]);
         self.check_ranges()
     }
 

@@ -196,7 +196,7 @@ fn configure(
         node = node.policy(Policy::pipelined(way.frames));
     }
     if let Some(deadline) = &own.deadline {
-        node = node.deadline(deadline.deadline());
+        node = node.deadline(deadline.deadline().map_err(wrong)?);
     }
     if let Some(resource) = resource {
         node = node.uses(resource);

@@ -70,8 +70,6 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        // Up to a day.
-        let budget = [0.001, 86_400.0];
         self.check_ranges()?;
         for (key, high, low_key, low) in [
             ("detector_max_s", self.detector_max_s, "detector_min_s", self.detector_min_s),

@@ -160,7 +160,6 @@ impl Params {
 
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let weight = [0.0, WEIGHT_MAX];
         self.check_ranges()?;
         let (low, high) = (self.horizon_min_s, self.horizon_max_s);
         require("horizon_max_s", high, high >= low, "at least horizon_min_s")?;

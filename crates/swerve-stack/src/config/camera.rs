@@ -125,7 +125,7 @@ pub struct CameraConfig {
     /// Horizontal field of view, degrees; not with `matrix` or `m_per_px`.
     #[schemars(range(min = 0.1, max = 179.9))]
     pub fov_deg: Option<f64>,
-    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
+    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels, fx and fy above 0; instead of `fov_deg`.
     pub matrix: Option<[[f64; 3]; 3]>,
     /// Orthographic projection instead of a lens, metres per pixel: with `pitch_deg = 90` a map from above.
     #[schemars(range(min = 1e-4, max = 100.0))]

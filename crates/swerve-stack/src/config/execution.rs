@@ -29,11 +29,12 @@ pub struct Runtime {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = 0.0, max = MS_MAX)))]
     pub normal_ms: Option<[f64; 2]>,
-    /// Log-normal distribution: median in ms, and standard deviation of the logarithm.
+    /// Log-normal distribution: median in ms (0.001 to 86400000), and standard deviation of the logarithm (0 to 10).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_normal_ms: Option<[f64; 2]>,
     /// Pairs of percentile and ms, increasing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(inner(range(min = 0.0, max = MS_MAX))))]
     pub percentiles_ms: Option<Vec<[f64; 2]>>,
     /// Run time by counted work: base in ms and time per unit of work in µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -117,11 +118,11 @@ impl Runtime {
     /// The wrong key, empty for the whole table, and its problem.
     pub fn model_by_key(&self) -> Result<RuntimeModel, KeyProblem> {
         self.check_ranges().map_err(problem)?;
-        let wrong = |key: &str, message: String| Err::<RuntimeModel, _>((key.to_owned(), message));
+        let wrong = |key: &str, message: &str| (key.to_owned(), message.to_owned());
         let mut models = Vec::new();
         if let Some(zero) = self.zero {
             if !zero {
-                return wrong("zero", "expected true; name another model instead".into());
+                return Err(wrong("zero", "expected true; name another model instead"));
             }
             models.push(RuntimeModel::Zero);
         }
@@ -130,7 +131,7 @@ impl Runtime {
         }
         if let Some(times) = &self.cycle_ms {
             if times.is_empty() {
-                return wrong("cycle_ms", "expected at least one time".into());
+                return Err(wrong("cycle_ms", "expected at least one time"));
             }
             models.push(RuntimeModel::Cycle(times.iter().map(|ms| span_of_ms(*ms)).collect()));
         }
@@ -144,10 +145,8 @@ impl Runtime {
             models.push(RuntimeModel::LogNormal { median: span_of_ms(median), sigma });
         }
         if let Some(points) = &self.percentiles_ms {
-            match percentiles(points) {
-                Ok(points) => models.push(RuntimeModel::Percentiles(points)),
-                Err(message) => return wrong("percentiles_ms", message),
-            }
+            let points = percentiles(points).map_err(|message| wrong("percentiles_ms", message))?;
+            models.push(RuntimeModel::Percentiles(points));
         }
         if let Some(work) = self.work {
             let base = span_of_ms(work.base_ms);
@@ -158,23 +157,24 @@ impl Runtime {
         }
         match models.len() {
             1 => Ok(models.remove(0)),
-            n => wrong(
-                "",
-                format!(
+            n => {
+                let message = format!(
                     "expected exactly one of zero, fixed_ms, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured; found {n}"
-                ),
-            ),
+                );
+                Err(wrong("", &message))
+            }
         }
     }
 }
 
-fn percentiles(points: &[[f64; 2]]) -> Result<Vec<(f64, Span)>, String> {
-    let point = |[percent, ms]: &[f64; 2]| Ok((*percent, span_ms(*ms)?));
-    let points = points.iter().map(point).collect::<Result<Vec<_>, String>>()?;
+fn percentiles(points: &[[f64; 2]]) -> Result<Vec<(f64, Span)>, &'static str> {
+    let points: Vec<_> = points.iter().map(|[percent, ms]| (*percent, span_of_ms(*ms))).collect();
     let inside = points.iter().all(|(p, _)| (0.0..=100.0).contains(p));
     let rising = points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1);
     if points.is_empty() || !inside || !rising {
-        return Err("expected pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall".into());
+        return Err(
+            "expected pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall",
+        );
     }
     Ok(points)
 }
@@ -231,9 +231,11 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// The engine's deadline.
-    pub fn deadline(&self) -> swerve_flow::Deadline {
-        swerve_flow::Deadline::after(span_of_ms(self.ms)).anchor(self.anchor).reaction(self.reaction)
+    /// The engine's deadline, or the problem.
+    pub fn deadline(&self) -> Result<swerve_flow::Deadline, String> {
+        self.check_ranges().map_err(|error| problem(error).1)?;
+        let length = span_of_ms(self.ms);
+        Ok(swerve_flow::Deadline::after(length).anchor(self.anchor).reaction(self.reaction))
     }
 }
 

@@ -7,7 +7,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ipc::OnLoss;
-use swerve_text::number;
 
 use super::Config;
 use super::operator::is_plain_name;
