@@ -95,11 +95,6 @@ impl Default for Params {
 }
 
 impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
-    }
-
     /// Fraction of the target speed allowed by a person at `distance_m` and `angle_rad` off the route.
     pub fn person_factor(&self, distance_m: f64, angle_rad: f64) -> f64 {
         let angle = angle_rad.abs();
@@ -134,7 +129,7 @@ pub struct Waypoint {
 impl Waypoint {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         Ok(Self { params })
     }
 

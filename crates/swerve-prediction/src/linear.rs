@@ -6,7 +6,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{ParamError, Ranges, Span, Time};
+use swerve_core::{Ranges, Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
@@ -69,13 +69,6 @@ impl Default for Params {
             brake_window_s: 0.6,
             rest_speed_mps: REST_MPS,
         }
-    }
-}
-
-impl Params {
-    /// Checks all parameters; the error names the first one that is out of range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
     }
 }
 

@@ -93,14 +93,6 @@ impl HybridAstarParams {
     pub fn slow() -> Self {
         Self { step_m: 3.0, rad_step: 0.25, ..Self::fast() }
     }
-
-    /// Checks all ranges.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
-    }
 }
 
 /// The planner, with storage that is reused between calls.
@@ -126,7 +118,7 @@ impl HybridAstar {
     /// # Errors
     /// The first parameter out of its range.
     pub fn new(params: HybridAstarParams, rules: Rules) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         rules.validate(Original::HybridAstar)?;
         let lattice = Lattice {
             radius_m: params.radius_m,

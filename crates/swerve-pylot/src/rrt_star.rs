@@ -70,14 +70,6 @@ impl RrtStarParams {
     pub fn slow() -> Self {
         Self { step_m: 0.1, ..Self::fast() }
     }
-
-    /// Checks all ranges.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
-    }
 }
 
 /// The planner, with storage that is reused between calls.
@@ -104,7 +96,7 @@ impl RrtStar {
     /// # Errors
     /// The first parameter out of its range.
     pub fn new(params: RrtStarParams, rules: Rules) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         rules.validate(Original::RrtStar)?;
         let (tree, points) = (Tree::default(), Vec::new());
         let search = TreeSearch { params, rewiring: rules.rewiring, tree, points };

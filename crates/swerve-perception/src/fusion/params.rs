@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{ParamError, Ranges};
+use swerve_core::Ranges;
 
 /// Parameters of the sensor fusion.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -63,15 +63,5 @@ impl Default for Params {
             radar_range_m: 2.0,
             radar_bearing_rad: 0.087,
         }
-    }
-}
-
-impl Params {
-    /// Checks that all parameters are in range.
-    ///
-    /// # Errors
-    /// The first parameter outside its range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
     }
 }

@@ -57,13 +57,6 @@ impl Default for Params {
     }
 }
 
-impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
-    }
-}
-
 /// Hybrid A* as a motion planner.
 #[derive(Clone, Debug)]
 pub struct HybridAstar {
@@ -84,7 +77,7 @@ struct LatticeSearch {
 impl HybridAstar {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         let lattice = LatticeSearch {
             params,
             search: Search::default(),

@@ -62,13 +62,6 @@ impl Default for Params {
     }
 }
 
-impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        self.check_ranges()
-    }
-}
-
 /// RRT* as a motion planner.
 #[derive(Clone, Debug)]
 pub struct RrtStar {
@@ -91,7 +84,7 @@ struct TreeSearch {
 impl RrtStar {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         let trees = TreeSearch {
             params,
             tree: Tree::default(),
