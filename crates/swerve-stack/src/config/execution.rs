@@ -32,9 +32,8 @@ pub struct Runtime {
     /// Log-normal distribution: median in ms (0.001 to 86400000), and standard deviation of the logarithm (0 to 10).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_normal_ms: Option<[f64; 2]>,
-    /// Pairs of percentile and ms, increasing.
+    /// Pairs of percentile (0 to 100) and ms (0 to 86400000), increasing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(inner(inner(range(min = 0.0, max = MS_MAX))))]
     pub percentiles_ms: Option<Vec<[f64; 2]>>,
     /// Run time by counted work: base in ms and time per unit of work in µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -145,7 +144,7 @@ impl Runtime {
             models.push(RuntimeModel::LogNormal { median: span_of_ms(median), sigma });
         }
         if let Some(points) = &self.percentiles_ms {
-            let points = percentiles(points).map_err(|message| wrong("percentiles_ms", message))?;
+            let points = percentiles(points).map_err(|message| wrong("percentiles_ms", &message))?;
             models.push(RuntimeModel::Percentiles(points));
         }
         if let Some(work) = self.work {
@@ -167,14 +166,13 @@ impl Runtime {
     }
 }
 
-fn percentiles(points: &[[f64; 2]]) -> Result<Vec<(f64, Span)>, &'static str> {
-    let points: Vec<_> = points.iter().map(|[percent, ms]| (*percent, span_of_ms(*ms))).collect();
+fn percentiles(points: &[[f64; 2]]) -> Result<Vec<(f64, Span)>, String> {
+    let point = |[percent, ms]: &[f64; 2]| Ok((*percent, span_ms(*ms)?));
+    let points = points.iter().map(point).collect::<Result<Vec<_>, String>>()?;
     let inside = points.iter().all(|(p, _)| (0.0..=100.0).contains(p));
     let rising = points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1);
     if points.is_empty() || !inside || !rising {
-        return Err(
-            "expected pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall",
-        );
+        return Err("expected pairs [percentile, ms] with percentiles rising within 0 to 100 and times that do not fall".into());
     }
     Ok(points)
 }

@@ -206,9 +206,13 @@ mod tests {
         assert!(config("", &["planning.slow_by_sigma_m=[0.2, 0.2]"]).is_ok());
         let said = config("", &["planning.lane_sigmas=-1.0"]).unwrap_err();
         assert!(said.contains("planning.lane_sigmas: expected 0 to 10, found -1"), "{said}");
-        for wrong in ["[0.4, 0.2]", "[-1, 2]", "[0, nan]"] {
+        for (wrong, expected) in [
+            ("[0.4, 0.2]", "expected two deviations in order"),
+            ("[-1, 2]", "expected 0 to 1000000, found -1"),
+            ("[0, nan]", "expected 0 to 1000000, found NaN"),
+        ] {
             let said = config("", &[&format!("planning.slow_by_sigma_m={wrong}")]).unwrap_err();
-            assert!(said.contains("planning.slow_by_sigma_m: expected two deviations in order"), "{said}");
+            assert!(said.contains(&format!("planning.slow_by_sigma_m: {expected}")), "{said}");
         }
     }
 
