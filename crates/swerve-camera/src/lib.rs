@@ -35,6 +35,9 @@ mod view;
 
 pub use error::RenderError;
 pub use frame::{Frame, FrameMut, FrameSizeError, Outputs};
-pub use model::{Camera, CameraSpec, Distortion, Exposure, Intrinsics, SensorNoise, Shutter, mount};
+pub use model::{
+    Camera, CameraSpec, Distortion, Exposure, IMAGE_SIDE_MAX_PX, Intrinsics, SUBFRAMES_MAX, SensorNoise,
+    Shutter, mount,
+};
 pub use renderer::{Backend, RenderOptions, Renderer, Submission};
 pub use view::View;

@@ -10,15 +10,15 @@ pub use distortion::Distortion;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_all_within, require_within};
+use swerve_core::param::{ParamError, Ranges, require, require_within};
 use swerve_geom::{Ego, Point, Transform, math};
 
 /// Largest width or height of an image, pixels.
-const IMAGE_SIDE_MAX_PX: u32 = 8192;
+pub const IMAGE_SIDE_MAX_PX: u32 = 8192;
 /// Largest number of pixels of an image.
 const IMAGE_AREA_MAX_PX: u64 = 1 << 25;
 /// Largest number of sub-frames of motion blur and of slabs of a rolling shutter.
-const SUBFRAMES_MAX: u32 = 32;
+pub const SUBFRAMES_MAX: u32 = 32;
 
 /// Projection of rays to pixels, before lens distortion.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
@@ -47,13 +47,15 @@ pub enum Exposure {
 }
 
 /// Noise of the image sensor, drawn by a hash of seed, frame and pixel.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(default, deny_unknown_fields)]
 pub struct SensorNoise {
     /// Standard deviation of the read-out noise, as a share of full scale.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub read: f64,
     /// Standard deviation of the photon noise at full scale, as a share of it; grows with the square root of the
     /// signal.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub shot: f64,
     /// Seed of the noise.
     pub seed: u64,
@@ -65,18 +67,22 @@ impl SensorNoise {
 }
 
 /// Exposure time and row read-out.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(default, deny_unknown_fields)]
 pub struct Shutter {
     /// Exposure time, seconds; with `blur_samples` above 1, motion blurs the colour image.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub exposure_s: f64,
     /// Number of sub-frames averaged in the colour image; 1 for a sharp image. They differ by sub-pixel offsets, which
     /// smooths edges, and in their instants, spread over the exposure. Depth and ids are those of one sub-frame, at the
     /// pixel centres.
+    #[schemars(range(min = 1, max = SUBFRAMES_MAX))]
     pub blur_samples: u32,
     /// Time between the first and the last row, seconds; 0 for a global shutter.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub readout_s: f64,
     /// Number of slabs of rows with a common instant if `readout_s` is not 0.
+    #[schemars(range(min = 1, max = SUBFRAMES_MAX))]
     pub readout_slabs: u32,
 }
 
@@ -87,26 +93,33 @@ impl Default for Shutter {
 }
 
 /// Description of a camera; [`Camera::new`] checks it.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraSpec {
     /// Image width, pixels.
+    #[schemars(range(min = 1, max = IMAGE_SIDE_MAX_PX))]
     pub width_px: u32,
     /// Image height, pixels.
+    #[schemars(range(min = 1, max = IMAGE_SIDE_MAX_PX))]
     pub height_px: u32,
     /// Projection: field of view, matrix or orthographic scale.
     pub intrinsics: Intrinsics,
     /// Lens distortion.
+    #[ranges(nested)]
     pub distortion: Distortion,
     /// Exposure control.
     pub exposure: Exposure,
     /// Sensor noise; none by default.
+    #[ranges(nested)]
     pub noise: SensorNoise,
     /// Brightness fall-off towards the corners: 0 for none, 1 for that of a simple lens (cosine to the fourth power).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub vignetting: f64,
     /// Exposure time and read-out.
+    #[ranges(nested)]
     pub shutter: Shutter,
     /// Near clipping distance along the optical axis, metres.
+    #[schemars(range(min = 1e-3, max = 10.0))]
     pub near_m: f64,
     /// Far clipping distance along the optical axis, metres.
     pub far_m: f64,
@@ -146,14 +159,10 @@ impl Camera {
     /// # Errors
     /// The first field that is zero, not finite, out of its range or larger than the stated limits.
     pub fn new(spec: CameraSpec) -> Result<Self, ParamError> {
-        let side = "1 to 8192 pixels";
-        for (field, px) in [("width_px", spec.width_px), ("height_px", spec.height_px)] {
-            require(field, px, (1..=IMAGE_SIDE_MAX_PX).contains(&px), side)?;
-        }
+        spec.check_ranges()?;
         let area = u64::from(spec.width_px) * u64::from(spec.height_px);
         require("width_px x height_px", area as f64, area <= IMAGE_AREA_MAX_PX, "at most 33554432 pixels")?;
         check_optics(&spec)?;
-        check_shutter(&spec.shutter)?;
         let (width, height) = (f64::from(spec.width_px), f64::from(spec.height_px));
         let (fx, fy, cx, cy) = match spec.intrinsics {
             Intrinsics::HorizontalFovRad(fov_rad) => {
@@ -283,38 +292,13 @@ fn focal(matrix: &[[f64; 3]; 3]) -> Result<(f64, f64, f64, f64), ParamError> {
 }
 
 fn check_optics(spec: &CameraSpec) -> Result<(), ParamError> {
-    require("near_m", spec.near_m, (1e-3..=10.0).contains(&spec.near_m), "0.001 to 10 m")?;
     let far_in = spec.far_m > spec.near_m && spec.far_m <= 1e5;
     require("far_m", spec.far_m, far_in, "more than near_m, at most 100000 m")?;
-    require_all_within(&[
-        ("vignetting", spec.vignetting, [0.0, 1.0]),
-        ("noise.read", spec.noise.read, [0.0, 1.0]),
-        ("noise.shot", spec.noise.shot, [0.0, 1.0]),
-    ])?;
     match spec.exposure {
-        Exposure::Metered => {}
-        Exposure::Stops(stops) => {
-            require_within("exposure.stops", stops, [-16.0, 16.0])?;
-        }
-        Exposure::Factor(factor) => {
-            require_within("exposure.factor", factor, [1e-6, 1e6])?;
-        }
+        Exposure::Metered => Ok(()),
+        Exposure::Stops(stops) => require_within("exposure.stops", stops, [-16.0, 16.0]),
+        Exposure::Factor(factor) => require_within("exposure.factor", factor, [1e-6, 1e6]),
     }
-    for (field, value) in spec.distortion.fields() {
-        require_within(field, value, [-10.0, 10.0])?;
-    }
-    Ok(())
-}
-
-fn check_shutter(shutter: &Shutter) -> Result<(), ParamError> {
-    let second = "0 to 1 s";
-    require("shutter.exposure_s", shutter.exposure_s, (0.0..=1.0).contains(&shutter.exposure_s), second)?;
-    require("shutter.readout_s", shutter.readout_s, (0.0..=1.0).contains(&shutter.readout_s), second)?;
-    let samples = shutter.blur_samples;
-    let count = "1 to 32";
-    require("shutter.blur_samples", f64::from(samples), (1..=SUBFRAMES_MAX).contains(&samples), count)?;
-    let slabs = shutter.readout_slabs;
-    require("shutter.readout_slabs", f64::from(slabs), (1..=SUBFRAMES_MAX).contains(&slabs), count)
 }
 
 /// Mounting pose of a camera on the ego vehicle.

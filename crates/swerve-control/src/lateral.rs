@@ -4,6 +4,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_geom::{Point2, Pose2, angle_between, math};
 
 /// Parameters of Pylot's steering: proportional to the angle to a waypoint.
@@ -15,14 +16,17 @@ use swerve_geom::{Point2, Pose2, angle_between, math};
 /// CARLA additionally reduces the angle at higher speeds, which is not modelled here. Also different from Pylot: the
 /// sign (left is positive here), and the reference point of the angle (path and pose are those of the rear axle here,
 /// not of the car's centre). The road wheels never exceed the vehicle's limit.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct WaypointParams {
     /// Normalised steer per radian.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub steer_gain: f64,
     /// Angle of the road wheels at a normalised steer of 1, radians.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub steer_full_rad: f64,
     /// Distance of the waypoint, metres: the first one at least this far away sets angle and speed.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub waypoint_min_m: f64,
 }
 
@@ -40,20 +44,24 @@ pub fn waypoint_angle(pose: Pose2, waypoint: Point2, params: &WaypointParams) ->
 }
 
 /// Parameters of [`pure_pursuit`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct PurePursuitParams {
     /// Look-ahead time, seconds. A longer one is calmer but returns to the path more slowly.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub lookahead_s: f64,
     /// Shortest look-ahead distance, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub lookahead_min_m: f64,
     /// Longest look-ahead distance, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub lookahead_max_m: f64,
     /// True if the path's curvature is fed forward and only the deviation is pursued; false for the textbook law, which
     /// cuts corners.
     pub feed_forward: bool,
     /// Preview time of the curvature fed forward, seconds: compensates the lag of steering and tyres, and of a law
     /// without damping.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub preview_s: f64,
 }
 
@@ -112,19 +120,24 @@ fn arc_to(from: Pose2, goal: Point2) -> f64 {
 }
 
 /// Parameters of [`stanley`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct StanleyParams {
     /// Gain on the cross-track error, 1/s: an error decays about this fast.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub gain_ps: f64,
     /// Added to the speed, so that the law is well-behaved near standstill, m/s.
+    #[schemars(range(min = 0.001, max = 100.0))]
     pub softening_mps: f64,
     /// Steering angle per rad/s by which the car's yaw rate exceeds the path's, seconds.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub yaw_damping_s: f64,
     /// Speed above which the gain on deviations decreases with speed, m/s: the path's response to steering grows with
     /// `speed / wheelbase`, while the lag of steering and tyres stays the same.
+    #[schemars(range(min = 0.001, max = 1000.0))]
     pub full_gain_mps: f64,
     /// Preview time of the curvature fed forward, seconds: compensates the lag of steering and tyres.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub preview_s: f64,
 }
 

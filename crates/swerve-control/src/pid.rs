@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 use crate::Pedals;
 
@@ -21,20 +22,25 @@ use crate::Pedals;
 const KMPH_PER_MPS: f64 = 3.6;
 
 /// Gains and limits of [`Pid`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Pedal per m/s of speed error. Pylot: 1.0 per km/h.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub kp_spm: f64,
     /// Pedal per metre: per m/s of error, held for one second. Pylot: 0.05 per km/h and second.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub ki_pm: f64,
     /// Pedal per m/s² of change of the error. Pylot: 0.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub kd_s2pm: f64,
     /// Number of errors kept for the integral, i.e. its time window in steps. Pylot: 10.
     pub samples: usize,
     /// Largest throttle, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub throttle_max: f64,
     /// Largest brake, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub brake_max: f64,
 }
 

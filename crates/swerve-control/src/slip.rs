@@ -2,23 +2,27 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_geom::{Pose2, math};
 
 /// Smallest effective wheelbase under braking, as a fraction of the wheelbase: beyond that the tyres' limit applies.
 const WHEELBASE_SHARE_MIN: f64 = 0.7;
 
 /// Tyre slip, added to the geometric steering.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlipParams {
     /// Slip angle of the rear tyres per lateral acceleration, rad s²/m: in a turn the nose points further inwards than
     /// the course of the rear axle by this angle. Close to the inverse of the tyres' stiffness per load and of gravity.
+    #[schemars(range(min = -1.0, max = 1.0))]
     pub rear_s2pm: f64,
     /// Understeer gradient, rad s²/m: steering beyond the geometric angle per lateral acceleration.
+    #[schemars(range(min = -1.0, max = 1.0))]
     pub understeer_s2pm: f64,
     /// Reduction of the understeer gradient per deceleration, rad s⁴/m²: braking loads the front tyres and unloads the
     /// rear ones, so that the same angle turns the car more. About `rear_s2pm h/g (1/a + 1/b)`, with the height `h` of
     /// the centre of gravity and its distances `a` and `b` from the axles.
+    #[schemars(range(min = -1.0, max = 1.0))]
     pub braking_s4pm2: f64,
 }
 

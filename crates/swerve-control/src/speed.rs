@@ -2,20 +2,25 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 use crate::{AccelToPedals, Pedals};
 
 /// Gains and limits of [`SpeedLaw`].
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Proportional gain: acceleration per m/s of speed error, 1/s. Higher values follow more closely but jerk more.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub kp_ps: f64,
     /// Integral gain: acceleration per metre of accumulated speed error, 1/s². Compensates drag and slope.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub ki_ps2: f64,
     /// Bound of the integral part, m/s².
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub integral_max_mps2: f64,
     /// Deceleration commanded to hold the car at rest, m/s².
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub hold_mps2: f64,
 }
 

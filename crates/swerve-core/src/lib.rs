@@ -2,12 +2,16 @@
 //!
 //! Excluded: threads, files, clocks, maths beyond integers and the normal distribution.
 
+// For the derive within this crate.
+#[cfg(test)]
+extern crate self as swerve_core;
+
 mod digest;
 pub mod param;
 mod rng;
 mod time;
 
 pub use digest::{Digest, Hasher, digest_of};
-pub use param::{ParamError, ParamValue};
+pub use param::{ParamError, ParamValue, Ranges};
 pub use rng::Rng;
 pub use time::{Span, Time};

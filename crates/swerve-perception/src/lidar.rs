@@ -16,7 +16,7 @@ pub mod train;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::{Ego, Lidar, Obb, Point2, Pose2, Transform};
 use swerve_msg::{ActorKind, DetectedBox, Detections, EgoState, Extent, PointCloud, Route};
 
@@ -28,16 +28,19 @@ use points::{Place, in_ego_frame};
 use score::{FEATURES, Model};
 
 /// Parameters of the lidar object detector.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Ground segmentation method.
     pub ground: Method,
     /// Detection range ahead, behind and to each side of the ego's origin, metres.
+    #[schemars(range(min = 5.0, max = 200.0))]
     pub reach_m: f64,
     /// Fewest points of a cluster.
+    #[schemars(range(min = 2, max = 1000))]
     pub points_min: usize,
     /// Score below which boxes are not reported, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub score_min: f64,
 }
 
@@ -53,11 +56,7 @@ impl Params {
     /// # Errors
     /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("reach_m", self.reach_m, [5.0, 200.0]),
-            ("points_min", self.points_min as f64, [2.0, 1000.0]),
-            ("score_min", self.score_min, [0.0, 1.0]),
-        ])
+        self.check_ranges()
     }
 }
 

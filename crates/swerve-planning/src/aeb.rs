@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-use swerve_core::param::{ParamError, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::{Plan, PlanStatus};
 
@@ -17,20 +17,25 @@ use crate::path::speed::SpeedProfile;
 use crate::request::{Budget, Counted, Planner, Progress, Request};
 
 /// Parameters of automatic emergency braking.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Full brake below this time to collision, seconds. Source: ours: a little over the 1.2 s needed to stop from 18
     /// m/s before standing traffic.
+    #[schemars(range(min = 0.01, max = 60.0))]
     pub time_to_collision_s: f64,
     /// Braking continues until the time to collision exceeds `time_to_collision_s` by this factor, or the ego is at
     /// rest. Source: ours.
+    #[schemars(range(min = 1.0, max = 10.0))]
     pub release_factor: f64,
     /// Distance below which a pass counts as a collision, metres. Source: ours.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Time step of the collision check, seconds; motion between steps is covered. Source: ours.
+    #[schemars(range(min = 0.001, max = 1.0))]
     pub step_s: f64,
     /// Length of the plan, seconds. Source: ours.
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_s: f64,
     /// Treatment of predicted motion in the collision check. Source: ours.
     pub collision: CollisionMode,
@@ -52,13 +57,7 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("time_to_collision_s", self.time_to_collision_s, [0.01, 60.0]),
-            ("release_factor", self.release_factor, [1.0, 10.0]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("step_s", self.step_s, [0.001, 1.0]),
-            ("horizon_s", self.horizon_s, [0.1, 60.0]),
-        ])?;
+        self.check_ranges()?;
         let least_s = self.time_to_collision_s * self.release_factor / STEPS_MAX;
         let expected = format!("at least {least_s}, {STEPS_MAX} steps to the time to collision");
         require("step_s", self.step_s, self.step_s >= least_s, expected)

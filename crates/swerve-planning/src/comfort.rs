@@ -7,7 +7,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::{angle_between, math};
 use swerve_msg::{EgoState, Plan};
 use swerve_vehicle::{Limits, Shape};
@@ -28,40 +28,54 @@ mod stop;
 mod drives;
 
 /// Limits of comfort; the vehicle's limits apply as well.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Largest lateral acceleration, m/s². Source: people describe 2 m/s² as firm.
+    #[schemars(range(min = 0.1, max = 30.0))]
     pub lateral_accel_max_mps2: f64,
     /// Largest lateral jerk caused by steering, m/s³.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub lateral_jerk_max_mps3: f64,
     /// Largest acceleration, m/s². Source: within nuPlan's 2.4.
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub accel_max_mps2: f64,
     /// Largest deceleration, m/s². Source: within nuPlan's 4.05.
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub brake_max_mps2: f64,
     /// Distance to keep from obstacles, metres.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Passing distance from pedestrians and cyclists in the lane if the road is wide enough, metres. Source: 1.5 m in
     /// towns, StVO § 5 and Highway Code rule 163.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub pass_person_m: f64,
     /// Distance at which a moving vehicle is overtaken if the road is wide enough, metres. Source: German courts, § 5
     /// StVO.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub pass_vehicle_m: f64,
     /// Corners of the line are smoothed over this distance before and after each place, metres.
+    #[schemars(range(min = 0.0, max = EASE_MAX_M))]
     pub ease_m: f64,
     /// Time gap to a lead vehicle, seconds. Source: ISO 15622 has 1.0 to 2.2.
+    #[schemars(range(min = 0.5, max = 10.0))]
     pub time_gap_s: f64,
     /// Gap to a lead vehicle at standstill, metres. Source: Treiber, Hennecke and Helbing 2000.
+    #[schemars(range(min = 0.5, max = 50.0))]
     pub standstill_gap_m: f64,
     /// Gap to a standing obstacle that can be passed in the other lane, metres: leaves room to steer out.
+    #[schemars(range(min = 0.5, max = 50.0))]
     pub steer_out_gap_m: f64,
     /// The other lane is entered only with at least this time to collision with all road users in it, until the ego is
     /// back, seconds.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub other_lane_ttc_s: f64,
     /// A moving vehicle is overtaken only if it is slower than the target speed by at least this, m/s.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub overtake_gain_mps: f64,
     /// Longest time across the line of the ego's lane to pass something moving, seconds; four times as long for
     /// standing obstacles.
+    #[schemars(range(min = 0.0, max = 600.0))]
     pub over_line_max_s: f64,
 }
 
@@ -89,22 +103,7 @@ impl Default for Params {
 impl Params {
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, [0.1, 30.0]),
-            ("lateral_jerk_max_mps3", self.lateral_jerk_max_mps3, [0.1, 1000.0]),
-            ("accel_max_mps2", self.accel_max_mps2, [0.1, 20.0]),
-            ("brake_max_mps2", self.brake_max_mps2, [0.1, 20.0]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("pass_person_m", self.pass_person_m, [0.0, 10.0]),
-            ("pass_vehicle_m", self.pass_vehicle_m, [0.0, 10.0]),
-            ("ease_m", self.ease_m, [0.0, EASE_MAX_M]),
-            ("time_gap_s", self.time_gap_s, [0.5, 10.0]),
-            ("standstill_gap_m", self.standstill_gap_m, [0.5, 50.0]),
-            ("steer_out_gap_m", self.steer_out_gap_m, [0.5, 50.0]),
-            ("other_lane_ttc_s", self.other_lane_ttc_s, [0.0, 60.0]),
-            ("overtake_gain_mps", self.overtake_gain_mps, [0.0, 100.0]),
-            ("over_line_max_s", self.over_line_max_s, [0.0, 600.0]),
-        ])
+        self.check_ranges()
     }
 
     /// Largest steering rate at a speed, rad/s.

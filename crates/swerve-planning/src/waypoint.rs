@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::{angle_between, math};
 use swerve_msg::{ActorKind, Plan, PlanStatus, Prediction};
 use swerve_vehicle::Limits;
@@ -24,38 +24,52 @@ use crate::path::speed::{SpeedProfile, timed_points};
 use crate::request::{Budget, Planner, Progress, Request};
 
 /// Parameters of the waypoint planner. Source of all defaults unless stated otherwise: Pylot's flags.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Distance within which persons slow the ego down, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub person_distance_m: f64,
     /// Largest angle to the route's direction at which persons slow the ego down, radians.
+    #[schemars(range(min = 0.001, max = PI))]
     pub person_angle_rad: f64,
     /// Distance within which persons stop the ego, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub person_emergency_distance_m: f64,
     /// Largest angle to the route's direction at which persons stop the ego, radians.
+    #[schemars(range(min = 0.001, max = PI))]
     pub person_emergency_angle_rad: f64,
     /// Distance within which vehicles slow the ego down, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub vehicle_distance_m: f64,
     /// Largest angle to the right of the route's direction at which vehicles slow the ego down, radians. To the left it
     /// is multiplied by `0.5 / coast_factor`, because of oncoming traffic.
+    #[schemars(range(min = 0.001, max = PI))]
     pub vehicle_angle_rad: f64,
     /// Factor by which distances are extended (at a narrower angle) and speed reductions softened.
+    #[schemars(range(min = 0.1, max = 100.0))]
     pub coast_factor: f64,
     /// Number of predicted places that are used, from the first on.
+    #[schemars(range(min = 1, max = 10_000))]
     pub predicted_places: u32,
     /// Distance ahead of the route point that defines the route's direction, metres. Source: ours.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub direction_ahead_m: f64,
     /// Deceleration while slowing down, m/s²; stops use full brake. Source: ours.
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub comfort_brake_mps2: f64,
     /// Length of the plan, seconds. Source: ours.
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_s: f64,
     /// Speed reductions below this fraction of the target speed are stops. Source: ours.
+    #[schemars(range(min = 0.001, max = 1.0))]
     pub stop_below: f64,
     /// Gap at standstill to an obstacle in the corridor, bumper to outline, metres; zero uses the stop factors alone,
     /// as in Pylot. Source: ours.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub standstill_gap_m: f64,
     /// Margin of the corridor on either side of the ego, metres. Source: ours.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub corridor_margin_m: f64,
 }
 
@@ -81,27 +95,6 @@ impl Default for Params {
 }
 
 impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        let (distance, angle) = ([0.1, 1000.0], [0.001, PI]);
-        require_all_within(&[
-            ("person_distance_m", self.person_distance_m, distance),
-            ("person_angle_rad", self.person_angle_rad, angle),
-            ("person_emergency_distance_m", self.person_emergency_distance_m, distance),
-            ("person_emergency_angle_rad", self.person_emergency_angle_rad, angle),
-            ("vehicle_distance_m", self.vehicle_distance_m, distance),
-            ("vehicle_angle_rad", self.vehicle_angle_rad, angle),
-            ("coast_factor", self.coast_factor, [0.1, 100.0]),
-            ("predicted_places", f64::from(self.predicted_places), [1.0, 10_000.0]),
-            ("direction_ahead_m", self.direction_ahead_m, distance),
-            ("comfort_brake_mps2", self.comfort_brake_mps2, [0.1, 20.0]),
-            ("horizon_s", self.horizon_s, [0.1, 60.0]),
-            ("stop_below", self.stop_below, [0.001, 1.0]),
-            ("standstill_gap_m", self.standstill_gap_m, [0.0, 100.0]),
-            ("corridor_margin_m", self.corridor_margin_m, [0.0, 10.0]),
-        ])
-    }
-
     /// Fraction of the target speed allowed by a person at `distance_m` and `angle_rad` off the route.
     pub fn person_factor(&self, distance_m: f64, angle_rad: f64) -> f64 {
         let angle = angle_rad.abs();
@@ -136,7 +129,7 @@ pub struct Waypoint {
 impl Waypoint {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         Ok(Self { params })
     }
 

@@ -6,8 +6,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges, Span, Time};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{PredictedPose, Prediction, PredictionList, Sighting, Track, TrackList};
 
@@ -31,25 +30,31 @@ pub(crate) const HEADING_SPEED_MPS: f64 = 0.5;
 const DEVIATIONS: f64 = 3.0;
 
 /// Parameters of the linear predictor.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Number of past positions that are fitted, the present one included. More of them smooth better and lag more.
     /// Pylot: 5.
+    #[schemars(range(min = 1, max = 1000))]
     pub past_steps: usize,
     /// Number of poses predicted after the present one. Pylot: 40.
+    #[schemars(range(min = 0, max = 10_000))]
     pub future_steps: usize,
     /// Time between predicted poses, seconds. Pylot: its sensor period, 0.05.
+    #[schemars(range(min = 1e-3, max = 10.0))]
     pub step_s: f64,
     /// Speed below which the heading is the reported one, m/s; above, it is the direction of motion.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub heading_speed_min_mps: f64,
     /// Treatment of an obstacle with one sighting.
     pub single_sighting: SingleSighting,
     /// Time over which sightings are searched for braking, seconds: a vehicle that brakes is predicted to continue
     /// braking until it stops. 0: all obstacles keep their speed, as in Pylot.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub brake_window_s: f64,
     /// Reported speed below which an actor is taken to be at rest unless its sightings show a significant motion,
     /// m/s. 0: the fitted velocity is always extrapolated, as in Pylot.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub rest_speed_mps: f64,
 }
 
@@ -64,20 +69,6 @@ impl Default for Params {
             brake_window_s: 0.6,
             rest_speed_mps: REST_MPS,
         }
-    }
-}
-
-impl Params {
-    /// Checks all parameters; the error names the first one that is out of range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("past_steps", self.past_steps as f64, [1.0, 1000.0]),
-            ("future_steps", self.future_steps as f64, [0.0, 10_000.0]),
-            ("step_s", self.step_s, [1e-3, 10.0]),
-            ("heading_speed_min_mps", self.heading_speed_min_mps, [0.0, 100.0]),
-            ("brake_window_s", self.brake_window_s, [0.0, 10.0]),
-            ("rest_speed_mps", self.rest_speed_mps, [0.0, 100.0]),
-        ])
     }
 }
 

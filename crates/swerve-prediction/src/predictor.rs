@@ -16,7 +16,7 @@ mod truth;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
 use swerve_msg::{Forecast, ForecastList, Route, Track, TrackList};
 
@@ -111,10 +111,8 @@ pub struct Horizon {
 impl Horizon {
     /// Checks both fields; the error names the first one that is out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("steps", self.steps as f64, [1.0, 10_000.0]),
-            ("step_s", self.step.as_secs(), [1e-3, 10.0]),
-        ])
+        require_within("steps", self.steps as f64, [1.0, 10_000.0])?;
+        require_within("step_s", self.step.as_secs(), [1e-3, 10.0])
     }
 
     /// Predicted instants, the stamp first.

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::Pose2;
 use swerve_msg::Plan;
 use swerve_planning::path::piece::{Piece, advance};
@@ -19,34 +19,47 @@ const POINT_M: f64 = 1.0;
 const POINTS_MAX: usize = 99;
 
 /// Parameters of the original's Hybrid A* in the closed loop.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct HybridAstarParams {
     /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Length of a motion, metres. Source: the paper (6 fast, 3 slow).
+    #[schemars(range(min = 0.1, max = 100.0))]
     pub step_m: f64,
     /// Step of the scan of arcs, in the original's radians. Source: the paper (0.75 fast, 0.25 slow).
+    // With `rad_range`: at most a thousand arcs per scan.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub rad_step: f64,
     /// Range of the scan to either side. Source: Pylot.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub rad_range: f64,
     /// Turning radius, metres. Source: Pylot.
+    #[schemars(range(min = 0.5, max = 100.0))]
     pub radius_m: f64,
     /// Distance to the goal that counts as arrived, metres. Source: Pylot.
+    #[schemars(range(min = 0.01, max = 100.0))]
     pub completion_m: f64,
     /// Growth of the search box around start and goal, metres. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub lane_width_m: f64,
     /// Length of the car, metres. Source: Pylot.
+    #[schemars(range(min = 0.1, max = 30.0))]
     pub car_length_m: f64,
     /// Width of the car, metres. Source: Pylot.
+    #[schemars(range(min = 0.1, max = 10.0))]
     pub car_width_m: f64,
     /// Largest number of expansions. Source: Pylot.
+    #[schemars(range(min = 1, max = 100_000))]
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Obstacles further away than this are ignored, metres. Source: Pylot.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub obstacle_range_m: f64,
     /// Distance of the goal ahead on the route, metres. Source: Pylot.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub goal_ahead_m: f64,
 }
 
@@ -80,32 +93,7 @@ impl HybridAstarParams {
     pub fn slow() -> Self {
         Self { step_m: 3.0, rad_step: 0.25, ..Self::fast() }
     }
-
-    /// Checks all ranges.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        // At most a thousand arcs per scan.
-        require_all_within(&[
-            ("step_m", self.step_m, [0.1, 100.0]),
-            ("rad_step", self.rad_step, [0.01, 10.0]),
-            ("rad_range", self.rad_range, [0.01, 10.0]),
-            ("radius_m", self.radius_m, [0.5, 100.0]),
-            ("completion_m", self.completion_m, [0.01, 100.0]),
-            ("lane_width_m", self.lane_width_m, [0.0, 100.0]),
-            ("car_length_m", self.car_length_m, [0.1, 30.0]),
-            ("car_width_m", self.car_width_m, [0.1, 10.0]),
-            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
-            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
-        ])
-    }
 }
-
-/// Largest allowed number of expansions: bounds the memory.
-const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// The planner, with storage that is reused between calls.
 #[derive(Clone, Debug)]
@@ -130,7 +118,7 @@ impl HybridAstar {
     /// # Errors
     /// The first parameter out of its range.
     pub fn new(params: HybridAstarParams, rules: Rules) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         rules.validate(Original::HybridAstar)?;
         let lattice = Lattice {
             radius_m: params.radius_m,

@@ -16,8 +16,7 @@ mod pieces;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use swerve_core::ParamError;
-use swerve_core::param::require;
+use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::Obb;
 
 /// A problem file; other top-level entries (recorded results, notes) are ignored.
@@ -180,18 +179,22 @@ pub struct RrtStarProblem {
 }
 
 /// Settings of RRT*, names as in the original.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct RrtStarConfig {
     /// Length of an extension, metres.
+    #[schemars(range(min = 0.001, max = 1000.0))]
     pub step_size: f64,
     /// Largest number of iterations.
     pub max_iterations: u64,
     /// Distance to the goal that counts as arrived, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub end_dist_threshold: f64,
     /// Growth of the boxes, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub obstacle_clearance: f64,
     /// Growth of the search box around start and goal, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub lane_width: f64,
 }
 
@@ -220,32 +223,43 @@ pub struct HybridAstarProblem {
 }
 
 /// Settings of Hybrid A*, names as in the original.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct HybridAstarConfig {
     /// Length of a primitive, metres.
+    #[schemars(range(min = 0.01, max = 1000.0))]
     pub step_size: f64,
     /// Largest number of expansions.
     pub max_iterations: u64,
     /// Distance to the goal that counts as arrived, metres.
+    #[schemars(range(min = 1e-6, max = 1000.0))]
     pub completion_threshold: f64,
     /// Heading difference that counts as arrived, radians.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub angle_completion_threshold: f64,
     /// Step of the heading scan, radians.
+    #[schemars(range(min = 0.001, max = 10.0))]
     pub rad_step: f64,
     /// Upper end of the heading scan, radians.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub rad_upper_range: f64,
     /// Lower end of the heading scan, radians.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub rad_lower_range: f64,
     /// Distance to keep from obstacles, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub obstacle_clearance: f64,
     /// Growth of the search box around start and goal, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub lane_width: f64,
     /// Turning radius, metres.
+    #[schemars(range(min = 0.01, max = 1000.0))]
     pub radius: f64,
     /// Length of the car, metres.
+    #[schemars(range(min = 0.01, max = 1000.0))]
     pub car_length: f64,
     /// Width of the car, metres.
+    #[schemars(range(min = 0.01, max = 1000.0))]
     pub car_width: f64,
 }
 

@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Rng;
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges, Rng};
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::Plan;
 use swerve_planning::{Budget, CollisionMode, Planner, Request};
@@ -14,26 +13,34 @@ use crate::tree::{Aim, Growth, Tree};
 use crate::{Original, Rules};
 
 /// Parameters of the original's RRT* in the closed loop.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct RrtStarParams {
     /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Length of an extension, metres. Source: the paper (0.5 fast, 0.1 slow).
+    #[schemars(range(min = 0.01, max = 100.0))]
     pub step_m: f64,
     /// Distance to the goal that counts as arrived, metres. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub arrival_m: f64,
     /// Growth of the search box around start and goal, metres. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub lane_width_m: f64,
     /// Fraction of the iterations that sample the goal. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub goal_share: f64,
     /// Largest number of iterations. Source: Pylot.
+    #[schemars(range(min = 1, max = 100_000))]
     pub iterations_max: u64,
     /// Distance to keep from obstacles, metres; accounts for the car's width, as the car is a point. Source: Pylot.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Obstacles further away than this are ignored, metres. Source: Pylot.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub obstacle_range_m: f64,
     /// Distance of the goal ahead on the route, metres. Source: Pylot.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub goal_ahead_m: f64,
 }
 
@@ -63,27 +70,7 @@ impl RrtStarParams {
     pub fn slow() -> Self {
         Self { step_m: 0.1, ..Self::fast() }
     }
-
-    /// Checks all ranges.
-    ///
-    /// # Errors
-    /// The first parameter out of its range.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("step_m", self.step_m, [0.01, 100.0]),
-            ("arrival_m", self.arrival_m, [0.0, 100.0]),
-            ("lane_width_m", self.lane_width_m, [0.0, 100.0]),
-            ("goal_share", self.goal_share, [0.0, 1.0]),
-            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
-            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
-        ])
-    }
 }
-
-/// Largest allowed number of iterations: bounds the memory.
-const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// The planner, with storage that is reused between calls.
 #[derive(Clone, Debug)]
@@ -109,7 +96,7 @@ impl RrtStar {
     /// # Errors
     /// The first parameter out of its range.
     pub fn new(params: RrtStarParams, rules: Rules) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         rules.validate(Original::RrtStar)?;
         let (tree, points) = (Tree::default(), Vec::new());
         let search = TreeSearch { params, rewiring: rules.rewiring, tree, points };

@@ -7,7 +7,7 @@ use core::f64::consts::{PI, TAU};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 
 /// A moment of Pylot's history.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -78,7 +78,7 @@ pub enum SpeedLaw {
 }
 
 /// Rules of planning and following. [`Rules::of`] returns those of an era; each can be switched separately.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
     /// Count an obstacle's predicted places only if they are in range themselves; off, all of them count once one is in
@@ -93,6 +93,7 @@ pub struct Rules {
     /// Heading of a road along +x in the simulator's left-handed frame, radians: motions are scanned around the
     /// absolute heading, so that the possible turns depend on the direction of north. Source: `hybrid_astar_planner`
     /// `HybridAStar.cpp:25-48`; the road of Town01 runs along -x.
+    #[schemars(range(min = -TAU, max = TAU))]
     pub heading_of_road_rad: f64,
     /// Let Hybrid A* return the path to the nearest pose from which a Dubins path to the goal is free; off, it has to
     /// arrive. Source: `hybrid_astar_planner` `HybridAStar.cpp:105-118,170`.
@@ -120,16 +121,19 @@ pub struct Rules {
     pub waypoint: Waypoint,
     /// Normalised steer per radian of the angle to the steering target. Source: `pylot` be7bf9c, `control/flags.py`
     /// (0.7) and the configurations of the experiment, which set 1.0 for all but RRT*.
+    #[schemars(range(min = 0.001, max = 100.0))]
     pub steer_gain: f64,
     /// Law from target speed to throttle and brake.
     pub speed: SpeedLaw,
     /// Throttle at the target speed under the proportional law, 0 to 1. Source: `pylot`, `default_throttle` in
     /// `control/flags.py` before May 2020 (0.0); readings of c0454eb have 0.5.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub default_throttle: f64,
     /// Half the side of the box used for a pedestrian if all predicted places count at once, metres; when absent, the
     /// predicted size. No era sets it: `pylot` takes the simulator's own boxes, and those of its walkers are in no
     /// public file. About 0.19 is assumed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub person_half_m: Option<f64>,
 }
 
@@ -166,12 +170,7 @@ impl Rules {
     /// # Errors
     /// The first invalid rule.
     pub fn validate(&self, original: Original) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("heading_of_road_rad", self.heading_of_road_rad, [-TAU, TAU]),
-            ("steer_gain", self.steer_gain, [0.001, 100.0]),
-            ("default_throttle", self.default_throttle, [0.0, 1.0]),
-            ("person_half_m", self.person_half_m.unwrap_or(0.0), [0.0, 1.0]),
-        ])?;
+        self.check_ranges()?;
         let borders = original == Original::Fot && self.borders_only;
         let solid = self.solid_left.to_string();
         require("solid_left", solid, !(borders && self.solid_left), "false: `borders_only` excludes it")

@@ -3,8 +3,6 @@
 //! The schemas of configurations, studies and timing files are derived from the types that the files are read into. A
 //! scenario is read key by key, so its schema is a file, which the tests below compare with the reader.
 
-use std::sync::LazyLock;
-
 use schemars::{Schema, schema_for};
 use serde_json::Value;
 use swerve_stack::config::Config;
@@ -42,11 +40,7 @@ impl FileKind {
     /// JSON schema.
     pub fn schema(self) -> Schema {
         match self {
-            Self::Config => {
-                // Computing the limits calls the reader thousands of times.
-                static CONFIG: LazyLock<Schema> = LazyLock::new(config);
-                CONFIG.clone()
-            }
+            Self::Config => config(),
             Self::Scenario => {
                 serde_json::from_str(include_str!("scenario.json")).expect("a test reads the same file")
             }

@@ -19,7 +19,7 @@ pub struct Key {
     /// Unit, by the suffix of the name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<&'static str>,
-    /// Range, as stated by the check for a value far outside.
+    /// Range of a number, or of the numbers of an array, ends included.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
     /// Description.
@@ -47,13 +47,17 @@ impl Key {
 }
 
 /// Unit by suffix of a name; longer suffixes first.
-const UNITS: [(&str, &str); 22] = [
+const UNITS: [(&str, &str); 30] = [
     ("_mps3", "m/s³"),
     ("_mps2", "m/s²"),
     ("_radps2", "rad/s²"),
     ("_radps", "rad/s"),
     ("_degps", "deg/s"),
     ("_per_unit_us", "µs per unit"),
+    ("_m_per_px", "m per pixel"),
+    ("_per_min", "per minute"),
+    ("_kgpm3", "kg/m³"),
+    ("_nspm", "N s/m"),
     ("_mps", "m/s"),
     ("_1pm", "1/m"),
     ("_kgm2", "kg m²"),
@@ -66,15 +70,20 @@ const UNITS: [(&str, &str); 22] = [
     ("_px", "pixels"),
     ("_rad", "rad"),
     ("_deg", "degrees"),
+    ("_db", "dB"),
+    ("_ps", "1/s"),
     ("_bytes", "bytes"),
     ("_m2", "m²"),
     ("_m", "m"),
     ("_s", "s"),
+    ("_n", "N"),
+    ("_w", "W"),
 ];
 
 /// Unit of a key of this name.
 pub(crate) fn unit(name: &str) -> Option<&'static str> {
-    UNITS.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, unit)| *unit)
+    let is_of = |ending: &str| name.ends_with(ending) || name == &ending[1..];
+    UNITS.iter().find(|(ending, _)| is_of(ending)).map(|(_, unit)| *unit)
 }
 
 #[cfg(test)]
@@ -89,6 +98,8 @@ mod tests {
             ("horizon_s", Some("s")),
             ("at_m", Some("m")),
             ("curvature_1pm", Some("1/m")),
+            ("per_unit_us", Some("µs per unit")),
+            ("m_per_px", Some("m per pixel")),
             ("seed", None),
         ] {
             assert_eq!(unit(name), wanted, "{name}");

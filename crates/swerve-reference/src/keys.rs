@@ -83,9 +83,6 @@ pub fn keys(registry: &Registry) -> Vec<Key> {
         key.choices.extend(kinds(&key.key, registry));
     }
     keys.extend(params::keys(registry));
-    for key in &mut keys {
-        key.range = limits::range(key);
-    }
     // Kinds with common keys, such as those of `[operator.NAME]`, are listed in one place.
     keys.sort_by(|a, b| (&a.key, &a.only_with).cmp(&(&b.key, &b.only_with)));
     keys

@@ -166,10 +166,14 @@ fn form(defs: &Map<String, Value>, schema: &Value) -> String {
     if told.is_empty() { "any value".to_owned() } else { told.join(" or ") }
 }
 
-/// Range of a number with both limits.
+/// Range of a number, or of the numbers of an array.
 fn range(schema: &Value) -> Option<String> {
+    if let Some(items) = schema.get("items") {
+        return range(items);
+    }
     let end = |keyword| schema.get(keyword).and_then(Value::as_f64);
-    Some(format!("{} to {}", end("minimum")?, end("maximum")?))
+    let low = end("minimum")?;
+    Some(end("maximum").map_or_else(|| format!("{low} or more"), |high| format!("{low} to {high}")))
 }
 
 /// Valid names of a value.

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::math;
 
 /// Weather preset.
@@ -147,17 +147,22 @@ impl Sun {
 }
 
 /// State of air and ground.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Ranges)]
 pub struct Weather {
     /// Share of the sky that clouds cover, 0 to 1; at 1 the sun casts no shadow.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub cloudiness: f64,
     /// Rain, 0 (none) to 1 (heavy, about 50 mm/h).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub rain: f64,
     /// Wetness of surfaces, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub wetness: f64,
     /// Share of the ground under standing water, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub puddles: f64,
     /// Extinction of the air, 1/m: contrast is 5 % at a distance of 3 / `fog_1pm`.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub fog_1pm: f64,
     /// True if street lamps, lit windows and vehicle lamps are on.
     pub lamps_on: bool,
@@ -207,13 +212,7 @@ impl Weather {
     /// # Errors
     /// The first field that is not.
     pub fn check(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("cloudiness", self.cloudiness, [0.0, 1.0]),
-            ("rain", self.rain, [0.0, 1.0]),
-            ("wetness", self.wetness, [0.0, 1.0]),
-            ("puddles", self.puddles, [0.0, 1.0]),
-            ("fog_1pm", self.fog_1pm, [0.0, 1.0]),
-        ])
+        self.check_ranges()
     }
 
     /// Share of the direct sunlight that reaches the ground.

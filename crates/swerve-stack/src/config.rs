@@ -35,6 +35,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::Following;
+use swerve_core::Ranges;
 use swerve_prediction::PredictorName;
 use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
@@ -63,18 +64,22 @@ use crate::course::Course;
 use crate::registry::Registry;
 
 /// A whole configuration: operators, their run times, and recording.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// Seed of all random numbers.
     pub seed: u64,
     /// Clock of the run.
+    #[ranges(nested)]
     pub clock: ClockConfig,
     /// The ego vehicle.
+    #[ranges(nested)]
     pub ego: EgoConfig,
     /// The simulator.
+    #[ranges(nested)]
     pub sim: SimConfig,
     /// Sensors of the stack.
+    #[ranges(nested)]
     pub sensing: SensingConfig,
     /// Localization of the ego.
     pub localization: LocalizationConfig,
@@ -91,25 +96,35 @@ pub struct Config {
     /// Monitors of single cameras and lidars, by name.
     pub monitor: BTreeMap<String, MonitorConfig>,
     /// The predictor.
+    #[ranges(nested)]
     pub prediction: PredictionConfig,
     /// The motion planner.
+    #[ranges(nested)]
     pub planning: PlanningConfig,
     /// The controller.
+    #[ranges(nested)]
     pub control: ControlConfig,
     /// The safety gate between the controller and the vehicle.
+    #[ranges(nested)]
     pub gate: GateConfig,
     /// Execution of detector and planner: periods and deadlines.
+    #[ranges(nested)]
     pub execution: ExecutionConfig,
     /// Recording.
+    #[ranges(nested)]
     pub log: LogConfig,
     /// Settings of single operators, by name.
+    #[ranges(nested)]
     pub operator: BTreeMap<String, OperatorConfig>,
     /// Shared resources, by name.
+    #[ranges(nested)]
     pub resource: BTreeMap<String, ResourceConfig>,
     /// Faults on streams, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[ranges(nested)]
     pub fault: BTreeMap<String, FaultConfig>,
     /// Processes that take the steps of operators, by name.
+    #[ranges(nested)]
     pub process: BTreeMap<String, ProcessConfig>,
     /// Shared memory of these processes.
     pub shared_memory: SharedMemoryConfig,
@@ -122,6 +137,7 @@ pub struct Config {
     pub source: Option<SourceConfig>,
     /// A vehicle that `swerve live` drives.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[ranges(nested)]
     pub live: Option<LiveConfig>,
     /// Kinds of operators that it can name.
     #[serde(skip)]
@@ -191,20 +207,22 @@ impl JsonSchema for AnyValue {
 }
 
 /// The ego vehicle in the scenario.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct EgoConfig {
     /// Target and start speed, m/s; the scenario's when absent.
+    #[schemars(range(min = 0.0, max = 70.0))]
     pub speed_mps: Option<f64>,
     /// Driver of the ego.
     pub driver: EgoDriver,
 }
 
 /// The simulator.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimConfig {
     /// Step, ms: 1 to 20.
+    #[schemars(range(min = 1.0, max = 20.0))]
     pub dt_ms: f64,
     /// Draws start, speed, phases and triggers from the seed; if false, all are exactly as in the scenario.
     pub draws: bool,
@@ -231,20 +249,25 @@ pub enum Source {
 }
 
 /// The sensors.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensingConfig {
     /// Source of the obstacle sensor's objects.
     pub source: Source,
     /// Period of the obstacle sensor, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub period_ms: f64,
     /// Range of the obstacle sensor from the ego's centre, m.
+    #[schemars(range(min = 0.1, max = 10_000.0))]
     pub range_m: f64,
     /// Field of view of the obstacle sensor, degrees, symmetric around straight ahead.
+    #[schemars(range(min = 1.0, max = 360.0))]
     pub fov_deg: f64,
     /// Range of the obstacle sensor for people, m; `range_m` when absent.
+    #[schemars(range(min = 0.1, max = 10_000.0))]
     pub range_person_m: Option<f64>,
     /// Mount of the obstacle sensor; the middle of the roof, 1.9 m up, when absent.
+    #[ranges(nested)]
     pub mount: Option<SensorMount>,
     /// Detects traffic lights of the scenario as the obstacle sensor detects actors, and stops at red ones; an operator
     /// of the kind `traffic_lights` replaces the sensor, one of the kind `stop_lines` turns both off. When absent with
@@ -252,20 +275,28 @@ pub struct SensingConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic_lights: Option<bool>,
     /// Period of the pose sensor, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub pose_period_ms: f64,
     /// Period of the inertial sensor, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub imu_period_ms: f64,
     /// Period of the satellite receiver, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub gnss_period_ms: f64,
     /// Period of the wheel odometry, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub odometry_period_ms: f64,
     /// Errors of the pose sensor.
+    #[ranges(nested)]
     pub pose: PoseParams,
     /// Errors of the inertial sensor.
+    #[ranges(nested)]
     pub imu: ImuParams,
     /// Errors of the satellite receiver.
+    #[ranges(nested)]
     pub gnss: GnssParams,
     /// Wheel encoders and their errors.
+    #[ranges(nested)]
     pub odometry: WheelOdometryParams,
 }
 
@@ -292,7 +323,7 @@ impl Default for SensingConfig {
 }
 
 /// The predictor.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
     /// Predictor; all but `linear` use a longer past of each track.
@@ -305,10 +336,13 @@ pub struct PredictionConfig {
     pub preset: Preset,
     /// Sightings that the straight line is fitted to. With the preset `best`, `linear` also detects braking over the
     /// last 0.6 s: a braking vehicle is predicted to brake until it stops.
+    #[schemars(range(min = 1, max = 1000))]
     pub past_steps: usize,
     /// Prediction horizon, ms.
+    #[schemars(range(min = 50.0, max = 60_000.0))]
     pub horizon_ms: f64,
     /// Time between predicted poses, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub step_ms: f64,
     /// Predicts that road users that drive along the road follow it, in the road's coordinates; when absent with the
     /// preset `best`. `lane_idm` always does; `truth` ignores it.
@@ -316,9 +350,11 @@ pub struct PredictionConfig {
     pub along_road: Option<bool>,
     /// `truth` only: horizon of the known future, ms; road users go straight on after that. `horizon_ms` when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 60_000.0))]
     pub truth_horizon_ms: Option<f64>,
     /// `truth` only: standard deviation of the predicted positions, along each axis and per second of prediction,
     /// metres.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub truth_noise_mps: f64,
 }
 
@@ -389,7 +425,7 @@ impl Config {
 }
 
 /// The controller.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
     /// Controller: `stanley` when absent, `pid` of the paper under the planning preset `paper`.
@@ -397,6 +433,7 @@ pub struct ControlConfig {
     /// Way to follow a plan; the planning preset's when absent.
     pub following: Option<Following>,
     /// Period of the controller, ms.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub period_ms: f64,
 }
 
@@ -407,7 +444,7 @@ impl Default for ControlConfig {
 }
 
 /// Recording.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct LogConfig {
     /// Sensors that run even without a reader: `gnss`, `odometry`, `collisions`, `lane_invasions`, `red_lights`, and
@@ -416,6 +453,7 @@ pub struct LogConfig {
     /// Recording of images and point clouds; it does not change the digest of a run.
     pub images: Images,
     /// Quality of JPEG images, 1 to 100.
+    #[schemars(range(min = 1, max = 100))]
     pub jpeg_quality: u8,
     /// Also records the run in the forms that Foxglove shows, under `/view`.
     pub foxglove: bool,

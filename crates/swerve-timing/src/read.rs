@@ -7,7 +7,7 @@ use serde::Deserialize;
 use swerve_core::Span;
 use swerve_flow::{Policy, Reaction, RuntimeModel};
 use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
-use swerve_text::{Document, Problems, nearest, number};
+use swerve_text::{Document, KeyProblem, Problems, nearest, number};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 
@@ -253,11 +253,11 @@ impl Reader<'_> {
 }
 
 /// Reads a run time model; an error has the invalid key and the message.
-fn runtime(table: &Runtime) -> Result<RuntimeModel, (&'static str, String)> {
+fn runtime(table: &Runtime) -> Result<RuntimeModel, KeyProblem> {
     if table.work.is_some() || table.measured.is_some() {
         let message = "a black box does no work to be counted or measured: expected one of zero, fixed_ms, cycle_ms, \
                        normal_ms, log_normal_ms, percentiles_ms";
-        return Err(("", message.to_owned()));
+        return Err((String::new(), message.to_owned()));
     }
     table.model_by_key()
 }

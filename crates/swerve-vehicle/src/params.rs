@@ -7,56 +7,74 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, Ranged, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 
 use crate::{GRAVITY_MPS2, Limits, MagicFormula, Shape, SteeringParams};
 
 /// Parameters of the whole car. The default is a Lincoln MKZ with drive-by-wire and 1.8 t.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct VehicleParams {
     /// Outline and wheelbase of the car.
+    #[ranges(nested)]
     pub shape: Shape,
     /// Limits on the demands of planners and controllers; the steering angle and rate also apply to the actuator.
+    #[ranges(nested)]
     pub limits: Limits,
     /// Mass and inertia of the car.
+    #[ranges(nested)]
     pub body: BodyParams,
     /// Springs, dampers and anti-roll bars.
+    #[ranges(nested)]
     pub suspension: SuspensionParams,
     /// Parameters of the wheels.
+    #[ranges(nested)]
     pub wheel: WheelParams,
     /// Parameters of the tyres, the same on all corners.
+    #[ranges(nested)]
     pub tyre: TyreParams,
     /// Drivetrain from motor to wheels.
+    #[ranges(nested)]
     pub drivetrain: DrivetrainParams,
     /// Parameters of the brakes.
+    #[ranges(nested)]
     pub brakes: BrakeParams,
     /// Parameters of the steering actuator.
+    #[ranges(nested)]
     pub steering: SteeringParams,
     /// Air drag of the car.
+    #[ranges(nested)]
     pub aero: AeroParams,
     /// Time from the arrival of a command to the first reaction of the actuators (drive-by-wire), seconds. Delays
     /// steering, throttle and brake alike; at most 10.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub dead_time_s: f64,
 }
 
 /// Mass and inertia.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct BodyParams {
     /// Mass of the whole car with its load, kg.
+    #[schemars(range(min = 50.0, max = 100_000.0))]
     pub mass_kg: f64,
     /// Height of the centre of gravity above ground, metres.
+    #[schemars(range(min = 0.0, max = 5.0))]
     pub cg_height_m: f64,
     /// Share of the weight on the front axle, 0 to 1.
+    #[schemars(range(min = 0.2, max = 0.8))]
     pub front_weight_share: f64,
     /// Moment of inertia about the roll axis (x) through the centre of gravity, kg m².
+    #[schemars(range(min = 1.0, max = 1e6))]
     pub roll_inertia_kgm2: f64,
     /// Moment of inertia about the pitch axis (y), kg m².
+    #[schemars(range(min = 1.0, max = 1e7))]
     pub pitch_inertia_kgm2: f64,
     /// Moment of inertia about the yaw axis (z), kg m².
+    #[schemars(range(min = 1.0, max = 1e7))]
     pub yaw_inertia_kgm2: f64,
     /// Distance between the contact points of one axle, metres.
+    #[schemars(range(min = 0.2, max = 5.0))]
     pub track_m: f64,
 }
 
@@ -78,22 +96,29 @@ impl Default for BodyParams {
 }
 
 /// Springs, dampers and anti-roll bars, as rates at the wheel. Unsprung masses are not modelled.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct SuspensionParams {
     /// Spring rate of one front corner (tyre in series), N/m.
+    #[schemars(range(min = 1000.0, max = 1e6))]
     pub front_spring_npm: f64,
     /// Spring rate of one rear corner, N/m.
+    #[schemars(range(min = 1000.0, max = 1e6))]
     pub rear_spring_npm: f64,
     /// Damper rate of one corner, N s/m.
+    #[schemars(range(min = 0.0, max = 1e5))]
     pub damper_nspm: f64,
     /// Rate of the front anti-roll bar: force on each wheel per metre of difference in compression, N/m.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub front_anti_roll_npm: f64,
     /// Rate of the rear anti-roll bar, N/m.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub rear_anti_roll_npm: f64,
     /// Compression beyond rest at which the bump stop engages, metres.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub bump_stop_m: f64,
     /// Additional rate of the bump stop, N/m.
+    #[schemars(range(min = 0.0, max = 1e7))]
     pub bump_stop_npm: f64,
 }
 
@@ -114,14 +139,17 @@ impl Default for SuspensionParams {
 }
 
 /// Wheels.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelParams {
     /// Rolling radius, metres.
+    #[schemars(range(min = 0.05, max = 2.0))]
     pub radius_m: f64,
     /// Moment of inertia about the axle of one wheel with brake and share of the drivetrain, kg m².
+    #[schemars(range(min = 0.01, max = 100.0))]
     pub spin_inertia_kgm2: f64,
     /// Rolling resistance force per wheel load.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub rolling_resistance: f64,
 }
 
@@ -134,26 +162,34 @@ impl Default for WheelParams {
 
 /// Tyre parameters. The peak friction belongs to the ground; the curve's shape and its initial slope belong to the
 /// tyre.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct TyreParams {
     /// Longitudinal force over longitudinal slip.
+    #[ranges(nested)]
     pub longitudinal: MagicFormula,
     /// Lateral force over the tangent of the slip angle.
+    #[ranges(nested)]
     pub lateral: MagicFormula,
     /// Peak friction on any ground, replacing the ground's friction, up to 4; when absent, the ground's.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.01, max = 4.0))]
     pub friction: Option<f64>,
     /// Load at which the peak friction equals the ground's, newtons.
+    #[schemars(range(min = 10.0, max = 1e6))]
     pub nominal_load_n: f64,
     /// Relative loss of peak friction for a load twice the nominal one.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub load_sensitivity: f64,
     /// Relative loss of slip stiffness per load, for a load twice the nominal one.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub stiffness_load_sensitivity: f64,
     /// Longitudinal relaxation length: distance rolled until 63 % of a step of longitudinal slip has become force,
     /// metres.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub relaxation_longitudinal_m: f64,
     /// Lateral relaxation length: distance rolled until 63 % of a step of lateral slip has become force, metres.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub relaxation_lateral_m: f64,
 }
 
@@ -176,16 +212,20 @@ impl Default for TyreParams {
 
 /// Drivetrain from pedal to torque; open differentials (equal torque left and right), no traction control, engine
 /// braking, reverse gear or creep.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct DrivetrainParams {
     /// Largest total torque at the driven wheels, N m.
+    #[schemars(range(min = 1.0, max = 1e6))]
     pub torque_max_nm: f64,
     /// Largest power at the wheels, watts.
+    #[schemars(range(min = 0.0, max = 1e7))]
     pub power_max_w: f64,
     /// Time constant of the torque's first-order lag, seconds.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub lag_s: f64,
     /// Fraction of the torque at the front axle: 1 is front-wheel drive.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub front_share: f64,
 }
 
@@ -198,16 +238,20 @@ impl Default for DrivetrainParams {
 }
 
 /// Brake parameters.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct BrakeParams {
     /// Total torque of all four brakes at full pedal, N m.
+    #[schemars(range(min = 1.0, max = 1e6))]
     pub torque_max_nm: f64,
     /// Fraction of the brake torque at the front axle.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub front_share: f64,
     /// Time in which the torque builds up from zero to full pedal, seconds.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub build_up_s: f64,
     /// Parameters of the anti-lock control.
+    #[ranges(nested)]
     pub abs: AbsParams,
 }
 
@@ -220,18 +264,22 @@ impl Default for BrakeParams {
 
 /// Anti-lock control of each wheel: the brake torque is scaled so that slip stays near the target. A target that
 /// follows the ground's friction replaces the peak search of real units.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct AbsParams {
     /// Enables anti-lock control.
     pub enabled: bool,
     /// Target slip, as a fraction of the slip of largest force on the current ground.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub slip_target: f64,
     /// Largest rate at which the torque is increased, as a fraction of full brake per second.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub apply_rate_ps: f64,
     /// Largest rate at which the torque is reduced, as a fraction of full brake per second.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub release_rate_ps: f64,
     /// Speed below which anti-lock control is inactive and wheels may lock, m/s.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub speed_min_mps: f64,
 }
 
@@ -249,12 +297,14 @@ impl Default for AbsParams {
 }
 
 /// Air drag, acting at the centre of gravity.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct AeroParams {
     /// Drag coefficient times frontal area, m².
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub drag_area_m2: f64,
     /// Density of the air, kg/m³.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub air_density_kgpm3: f64,
 }
 
@@ -268,78 +318,11 @@ impl Default for AeroParams {
 impl VehicleParams {
     /// Checks that all parameters are in range; returns the first that is not.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&self.ranged_of_chassis())?;
-        require_all_within(&self.ranged_of_actuators())?;
+        self.check_ranges()?;
         let sound = self.steering.curve_is_sound();
         let curve = format!("{:?}", self.steering.curve);
         let wanted = "increasing speeds from 0 to 200 with shares from 0 to 1";
         require("steering.curve", curve, sound, wanted)
-    }
-
-    fn ranged_of_chassis(&self) -> [Ranged; 34] {
-        let Self { shape, body, suspension, wheel, tyre, aero, .. } = self;
-        [
-            ("shape.length_m", shape.length_m, [0.5, 30.0]),
-            ("shape.width_m", shape.width_m, [0.3, 5.0]),
-            ("shape.height_m", shape.height_m, [0.3, 6.0]),
-            ("shape.wheelbase_m", shape.wheelbase_m, [0.3, 20.0]),
-            ("shape.rear_overhang_m", shape.rear_overhang_m, [0.0, 15.0]),
-            ("body.mass_kg", body.mass_kg, [50.0, 100_000.0]),
-            ("body.cg_height_m", body.cg_height_m, [0.0, 5.0]),
-            ("body.front_weight_share", body.front_weight_share, [0.2, 0.8]),
-            ("body.roll_inertia_kgm2", body.roll_inertia_kgm2, [1.0, 1e6]),
-            ("body.pitch_inertia_kgm2", body.pitch_inertia_kgm2, [1.0, 1e7]),
-            ("body.yaw_inertia_kgm2", body.yaw_inertia_kgm2, [1.0, 1e7]),
-            ("body.track_m", body.track_m, [0.2, 5.0]),
-            ("suspension.front_spring_npm", suspension.front_spring_npm, [1000.0, 1e6]),
-            ("suspension.rear_spring_npm", suspension.rear_spring_npm, [1000.0, 1e6]),
-            ("suspension.damper_nspm", suspension.damper_nspm, [0.0, 1e5]),
-            ("suspension.front_anti_roll_npm", suspension.front_anti_roll_npm, [0.0, 1e6]),
-            ("suspension.rear_anti_roll_npm", suspension.rear_anti_roll_npm, [0.0, 1e6]),
-            ("suspension.bump_stop_m", suspension.bump_stop_m, [0.0, 1.0]),
-            ("suspension.bump_stop_npm", suspension.bump_stop_npm, [0.0, 1e7]),
-            ("wheel.radius_m", wheel.radius_m, [0.05, 2.0]),
-            ("wheel.spin_inertia_kgm2", wheel.spin_inertia_kgm2, [0.01, 100.0]),
-            ("wheel.rolling_resistance", wheel.rolling_resistance, [0.0, 1.0]),
-            ("tyre.longitudinal.stiffness", tyre.longitudinal.stiffness, [1.0, 200.0]),
-            ("tyre.longitudinal.shape", tyre.longitudinal.shape, [1.0, 2.0]),
-            ("tyre.longitudinal.curvature", tyre.longitudinal.curvature, [-10.0, 1.0]),
-            ("tyre.lateral.stiffness", tyre.lateral.stiffness, [1.0, 200.0]),
-            ("tyre.lateral.shape", tyre.lateral.shape, [1.0, 2.0]),
-            ("tyre.lateral.curvature", tyre.lateral.curvature, [-10.0, 1.0]),
-            ("tyre.friction", tyre.friction.unwrap_or(1.0), [0.01, 4.0]),
-            ("tyre.nominal_load_n", tyre.nominal_load_n, [10.0, 1e6]),
-            ("tyre.load_sensitivity", tyre.load_sensitivity, [0.0, 1.0]),
-            ("tyre.stiffness_load_sensitivity", tyre.stiffness_load_sensitivity, [0.0, 1.0]),
-            ("aero.drag_area_m2", aero.drag_area_m2, [0.0, 100.0]),
-            ("aero.air_density_kgpm3", aero.air_density_kgpm3, [0.0, 100.0]),
-        ]
-    }
-
-    fn ranged_of_actuators(&self) -> [Ranged; 20] {
-        let Self { limits, tyre, drivetrain, brakes, steering, .. } = self;
-        [
-            ("limits.steering_max_rad", limits.steering_max_rad, [0.01, 1.25]),
-            ("limits.steering_rate_max_radps", limits.steering_rate_max_radps, [0.01, 10.0]),
-            ("limits.lateral_accel_max_mps2", limits.lateral_accel_max_mps2, [0.1, 50.0]),
-            ("limits.accel_max_mps2", limits.accel_max_mps2, [0.1, 50.0]),
-            ("limits.brake_max_mps2", limits.brake_max_mps2, [0.1, 50.0]),
-            ("tyre.relaxation_longitudinal_m", tyre.relaxation_longitudinal_m, [0.01, 10.0]),
-            ("tyre.relaxation_lateral_m", tyre.relaxation_lateral_m, [0.01, 10.0]),
-            ("drivetrain.torque_max_nm", drivetrain.torque_max_nm, [1.0, 1e6]),
-            ("drivetrain.power_max_w", drivetrain.power_max_w, [0.0, 1e7]),
-            ("drivetrain.lag_s", drivetrain.lag_s, [0.0, 10.0]),
-            ("drivetrain.front_share", drivetrain.front_share, [0.0, 1.0]),
-            ("brakes.torque_max_nm", brakes.torque_max_nm, [1.0, 1e6]),
-            ("brakes.front_share", brakes.front_share, [0.0, 1.0]),
-            ("brakes.build_up_s", brakes.build_up_s, [0.0, 10.0]),
-            ("brakes.abs.slip_target", brakes.abs.slip_target, [0.0, 1.0]),
-            ("brakes.abs.apply_rate_ps", brakes.abs.apply_rate_ps, [0.0, 1000.0]),
-            ("brakes.abs.release_rate_ps", brakes.abs.release_rate_ps, [0.0, 1000.0]),
-            ("brakes.abs.speed_min_mps", brakes.abs.speed_min_mps, [0.0, 100.0]),
-            ("steering.lag_s", steering.lag_s, [0.0, 10.0]),
-            ("dead_time_s", self.dead_time_s, [0.0, 10.0]),
-        ]
     }
 
     /// Distance from the rear axle forward to the centre of gravity, metres.

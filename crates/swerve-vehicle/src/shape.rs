@@ -2,21 +2,27 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_geom::{Obb, Point2, Pose2};
 
 /// Outline of a car around its origin, the centre of the rear axle on the ground.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
     /// Overall length, metres.
+    #[schemars(range(min = 0.5, max = 30.0))]
     pub length_m: f64,
     /// Overall width without mirrors, metres.
+    #[schemars(range(min = 0.3, max = 5.0))]
     pub width_m: f64,
     /// Overall height, metres.
+    #[schemars(range(min = 0.3, max = 6.0))]
     pub height_m: f64,
     /// Distance between the axles, metres.
+    #[schemars(range(min = 0.3, max = 20.0))]
     pub wheelbase_m: f64,
     /// Distance from the rear axle to the rear end, metres.
+    #[schemars(range(min = 0.0, max = 15.0))]
     pub rear_overhang_m: f64,
 }
 
@@ -45,18 +51,23 @@ impl Shape {
 }
 
 /// Limits of the vehicle, respected by planners and controllers.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// Largest angle of the front road wheels, radians.
+    #[schemars(range(min = 0.01, max = 1.25))]
     pub steering_max_rad: f64,
     /// Largest steering rate of the front road wheels, rad/s.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub steering_rate_max_radps: f64,
     /// Largest acceleration, m/s².
+    #[schemars(range(min = 0.1, max = 50.0))]
     pub accel_max_mps2: f64,
     /// Largest deceleration on dry ground, m/s² (positive).
+    #[schemars(range(min = 0.1, max = 50.0))]
     pub brake_max_mps2: f64,
     /// Largest lateral acceleration of plans, m/s².
+    #[schemars(range(min = 0.1, max = 50.0))]
     pub lateral_accel_max_mps2: f64,
 }
 

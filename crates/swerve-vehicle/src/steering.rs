@@ -2,15 +2,17 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 /// Steering actuator; the angle and rate limits are in [`Limits`](crate::Limits).
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct SteeringParams {
     /// Time constant of the first-order lag before the rate limit, seconds; 0 disables the lag.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub lag_s: f64,
-    /// Speeds in m/s, increasing, each with the fraction of the requested angle by which the wheels turn; interpolated
-    /// linearly. A real car has 1 at all speeds.
+    /// Speeds in m/s (0 to 200), increasing, each with the fraction (0 to 1) of the requested angle by which the wheels
+    /// turn; interpolated linearly. A real car has 1 at all speeds.
     pub curve: [[f64; 2]; 4],
 }
 

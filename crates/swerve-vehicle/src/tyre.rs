@@ -2,20 +2,24 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_geom::math;
 
 use crate::TyreParams;
 
 /// One curve of the magic formula (Pacejka, "Tire and Vehicle Dynamics", 3rd ed., eq. 4.6), in a form that separates
 /// the tyre from the ground: the slope at the origin is a property of the tyre, the peak is the ground's friction.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct MagicFormula {
     /// Slope at the origin: force per load and unit of slip. A higher value makes the response more direct.
+    #[schemars(range(min = 1.0, max = 200.0))]
     pub stiffness: f64,
     /// Shape factor `C`: above 1 the force falls again beyond its peak.
+    #[schemars(range(min = 1.0, max = 2.0))]
     pub shape: f64,
     /// Curvature factor `E`: moves the peak; the nearer to 1, the later and broader it is.
+    #[schemars(range(min = -10.0, max = 1.0))]
     pub curvature: f64,
 }
 

@@ -24,7 +24,7 @@ mod simulated;
 #[cfg(test)]
 mod tests;
 
-use swerve_core::param::{ParamError, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::{Camera, Ego, Point, Transform, math};
 use thiserror::Error;
 
@@ -97,15 +97,18 @@ impl Method {
 }
 
 /// Settings of lane detection.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Ranges)]
 pub struct LaneSettings {
     /// Detection method.
     pub method: Method,
     /// Width of a painted line, metres.
+    #[schemars(range(min = 0.02, max = 1.0))]
     pub mark_m: f64,
     /// Detection range from the camera, metres. A longer range detects curves earlier, from fewer pixels.
+    #[schemars(range(min = 10.0, max = 200.0))]
     pub reach_m: f64,
     /// Standard deviation of the pitch, radians; the search covers three of them.
+    #[schemars(range(min = 1e-4, max = 0.05))]
     pub pitch_deviation_rad: f64,
     /// Narrowest and widest lane, metres.
     pub width_m: [f64; 2],
@@ -130,11 +133,7 @@ impl LaneSettings {
     /// The first value out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
         let [narrow, wide] = self.width_m;
-        require_all_within(&[
-            ("mark_m", self.mark_m, [0.02, 1.0]),
-            ("reach_m", self.reach_m, [10.0, 200.0]),
-            ("pitch_deviation_rad", self.pitch_deviation_rad, [1e-4, 0.05]),
-        ])?;
+        self.check_ranges()?;
         require("width_m", narrow, (1.0..=20.0).contains(&narrow), "a narrowest lane of 1 to 20 m")?;
         require(
             "width_m",

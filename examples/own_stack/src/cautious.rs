@@ -1,7 +1,7 @@
 //! A motion planner: along the route at a share of the target speed.
 
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_msg::{Plan, PlanStatus};
 use swerve_planning::path::route::follow_route;
 use swerve_planning::path::speed::SpeedProfile;
@@ -12,10 +12,11 @@ use swerve_stack::{NamedPlanner, PlannerDefaults};
 const HORIZON_S: f64 = 5.0;
 
 /// Parameters, in `planning.params`.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
-    /// Share of the target speed, 0.1 to 1.
+    /// Share of the target speed.
+    #[schemars(range(min = 0.1, max = 1.0))]
     share: f64,
 }
 
@@ -46,7 +47,7 @@ impl NamedPlanner for Cautious {
     }
 
     fn with_params(params: Params) -> Result<Self, ParamError> {
-        require_within("share", params.share, [0.1, 1.0])?;
+        params.check_ranges()?;
         Ok(Self(params))
     }
 }

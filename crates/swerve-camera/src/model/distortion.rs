@@ -2,20 +2,26 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 /// Radial (`k1`, `k2`, `k3`) and tangential (`p1`, `p2`) distortion coefficients; all zero for an ideal lens.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(default, deny_unknown_fields)]
 pub struct Distortion {
     /// Radial distortion coefficient, second power of the radius.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k1: f64,
     /// Radial distortion coefficient, fourth power of the radius.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k2: f64,
     /// Tangential distortion coefficient, vertical.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub p1: f64,
     /// Tangential distortion coefficient, horizontal.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub p2: f64,
     /// Radial distortion coefficient, sixth power of the radius.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k3: f64,
 }
 
@@ -31,16 +37,6 @@ impl Distortion {
     /// Coefficients in the order of calibration messages: `[k1, k2, p1, p2, k3]`.
     pub fn coefficients(&self) -> [f64; 5] {
         [self.k1, self.k2, self.p1, self.p2, self.k3]
-    }
-
-    pub(super) fn fields(&self) -> [(&'static str, f64); 5] {
-        [
-            ("distortion.k1", self.k1),
-            ("distortion.k2", self.k2),
-            ("distortion.p1", self.p1),
-            ("distortion.p2", self.p2),
-            ("distortion.k3", self.k3),
-        ]
     }
 
     /// Distorts a ray: `(x/z, y/z)` to the same of the image point.

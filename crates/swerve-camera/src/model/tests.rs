@@ -54,7 +54,7 @@ fn camera_rejects_invalid_specs_by_key() {
     assert_eq!(refused(|s| s.distortion.k2 = nan).key, "distortion.k2");
     assert_eq!(refused(|s| s.distortion.k1 = -0.9).key, "distortion");
     let text = refused(|s| s.width_px = 0).to_string();
-    assert_eq!(text, "`width_px` is 0, expected 1 to 8192 pixels");
+    assert_eq!(text, "`width_px` is 0, expected 1 to 8192");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 use crate::lateral::{PurePursuitParams, StanleyParams, WaypointParams};
 use crate::{SlipParams, mpc, pid, speed};
@@ -34,7 +35,7 @@ pub enum Law {
 }
 
 /// Parameters of a [`Controller`](crate::Controller).
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Control laws for steering and speed.
@@ -42,24 +43,34 @@ pub struct Params {
     /// Time reference when following a plan.
     pub following: Following,
     /// Stop of the controller when there is no usable plan or state.
+    #[ranges(nested)]
     pub stop: StopParams,
     /// Parameters of Pylot's speed controller.
+    #[ranges(nested)]
     pub pid: pid::Params,
     /// Parameters of Pylot's steering.
+    #[ranges(nested)]
     pub waypoint: WaypointParams,
     /// Parameters of pure pursuit.
+    #[ranges(nested)]
     pub pure_pursuit: PurePursuitParams,
     /// Parameters of the Stanley law.
+    #[ranges(nested)]
     pub stanley: StanleyParams,
     /// Speed law of the path trackers.
+    #[ranges(nested)]
     pub speed: speed::Params,
     /// Correction of longitudinal errors when following by time.
+    #[ranges(nested)]
     pub along: AlongParams,
     /// Tyre slip, added to the geometric steering; not used by [`Law::Pid`].
+    #[ranges(nested)]
     pub slip: SlipParams,
     /// Parameters of model predictive control.
+    #[ranges(nested)]
     pub mpc: mpc::Params,
     /// Largest lateral jerk from steering while the plan is comfortable, m/s³; not used by [`Law::Pid`].
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub comfort_jerk_mps3: f64,
 }
 
@@ -83,15 +94,18 @@ impl Default for Params {
 }
 
 /// Stop of the controller without a usable plan or state.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct StopParams {
     /// Deceleration of a comfortable stop, m/s² (positive).
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub decel_mps2: f64,
     /// Deceleration of a stop without a usable ego state, m/s² (positive): firm, as that of the safety gate.
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub blind_decel_mps2: f64,
     /// Age above which an ego state is unusable, seconds: while the measured speed does not respond to the pedals, the
     /// speed control presses the throttle further and further.
+    #[schemars(range(min = 0.001, max = 60.0))]
     pub blind_after_s: f64,
 }
 
@@ -102,14 +116,17 @@ impl Default for StopParams {
 }
 
 /// Correction of longitudinal errors when following by time.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct AlongParams {
     /// Speed correction per metre of lag, 1/s.
+    #[schemars(range(min = 0.001, max = 100.0))]
     pub gain_ps: f64,
     /// Largest speed correction, m/s.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub speed_max_mps: f64,
     /// Search radius for the ego on the plan around its target place, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub reach_m: f64,
 }
 

@@ -2,52 +2,70 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_vehicle::VehicleParams;
 
 /// Limits and timeouts of a [`SafetyGate`](super::SafetyGate).
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateParams {
     /// Age at which a command of the stack expires, seconds (Autoware: 0.5).
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub command_timeout_s: f64,
     /// Age at which a report of the vehicle expires, seconds.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub report_timeout_s: f64,
     /// Time after which commands with equal values under new stamps count as frozen while the car moves, seconds; 0
     /// disables the check. A controller that uses measurements never repeats its values for long; a source that only
     /// sends target values, such as a constant speed along a straight lane, may do so.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub repeat_max_s: f64,
     /// Largest age of the latest sensor frame behind a command, seconds; older commands are refused; 0 disables the
     /// check. A command that follows an old plan is new itself, but blind.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub origin_timeout_s: f64,
     /// Largest lead of a command's stamp over the current time, seconds: clocks differ slightly.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub ahead_max_s: f64,
     /// Largest angle of the front road wheels, radians.
+    #[schemars(range(min = 0.01, max = 1.5))]
     pub steering_max_rad: f64,
     /// Largest rate of that angle, rad/s.
+    #[schemars(range(min = 0.01, max = 10.0))]
     pub steering_rate_max_radps: f64,
     /// Largest lateral acceleration of a car without slip, m/s²: limits the steering angle at speed (Autoware: 4 to 5).
+    #[schemars(range(min = 0.1, max = 30.0))]
     pub lateral_accel_max_mps2: f64,
     /// Distance between the axles, metres.
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub wheelbase_m: f64,
     /// Highest speed, m/s (Autoware: 25).
+    #[schemars(range(min = 0.1, max = 150.0))]
     pub speed_max_mps: f64,
     /// Highest reverse speed, m/s (positive); 0 disables reversing.
+    #[schemars(range(min = 0.0, max = 20.0))]
     pub reverse_max_mps: f64,
     /// Largest acceleration, m/s².
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub accel_max_mps2: f64,
     /// Largest deceleration that the stack may command, m/s² (positive).
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub decel_max_mps2: f64,
     /// Largest jerk while driving, m/s³.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub jerk_max_mps3: f64,
     /// Deceleration of a controlled stop, m/s² (positive; Autoware: 1.5).
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub stop_decel_mps2: f64,
     /// Deceleration of an emergency stop, m/s² (positive).
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub emergency_decel_mps2: f64,
     /// Deceleration commanded at standstill to hold the car, m/s² (positive).
+    #[schemars(range(min = 0.1, max = 20.0))]
     pub hold_decel_mps2: f64,
     /// Room on either side of the car in its lane, metres: the lateral error that a wrong pose may cause before the car
     /// stands. Bounds the difference between the motions of pose and wheels; 0 disables the comparison.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub lane_margin_m: f64,
 }
 
@@ -116,25 +134,6 @@ impl GateParams {
     /// # Errors
     /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("command_timeout_s", self.command_timeout_s, [0.01, 10.0]),
-            ("report_timeout_s", self.report_timeout_s, [0.01, 10.0]),
-            ("repeat_max_s", self.repeat_max_s, [0.0, 60.0]),
-            ("origin_timeout_s", self.origin_timeout_s, [0.0, 60.0]),
-            ("ahead_max_s", self.ahead_max_s, [0.0, 10.0]),
-            ("steering_max_rad", self.steering_max_rad, [0.01, 1.5]),
-            ("steering_rate_max_radps", self.steering_rate_max_radps, [0.01, 10.0]),
-            ("lateral_accel_max_mps2", self.lateral_accel_max_mps2, [0.1, 30.0]),
-            ("wheelbase_m", self.wheelbase_m, [0.1, 20.0]),
-            ("speed_max_mps", self.speed_max_mps, [0.1, 150.0]),
-            ("reverse_max_mps", self.reverse_max_mps, [0.0, 20.0]),
-            ("accel_max_mps2", self.accel_max_mps2, [0.1, 20.0]),
-            ("decel_max_mps2", self.decel_max_mps2, [0.1, 20.0]),
-            ("jerk_max_mps3", self.jerk_max_mps3, [0.1, 1000.0]),
-            ("stop_decel_mps2", self.stop_decel_mps2, [0.1, 20.0]),
-            ("emergency_decel_mps2", self.emergency_decel_mps2, [0.1, 20.0]),
-            ("hold_decel_mps2", self.hold_decel_mps2, [0.1, 20.0]),
-            ("lane_margin_m", self.lane_margin_m, [0.0, 10.0]),
-        ])
+        self.check_ranges()
     }
 }

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require_within};
 use swerve_msg::ActorKind;
 
 use super::solid::Solid;
@@ -30,18 +30,22 @@ pub enum Pairing {
 }
 
 /// Tracking rules for a group of object kinds.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
     /// Affinity measure between a box and a track.
     pub affinity: Affinity,
-    /// Affinity limit for pairing: the smallest overlap, or the largest distance in metres.
+    /// Affinity limit for pairing: the smallest overlap (`giou`: -1 to 1, `iou`: 0 to 1), or the largest distance in
+    /// metres (0.01 to 50).
+    #[schemars(extend("minimum" = -1, "maximum" = 50))]
     pub limit: f64,
     /// Assignment of boxes to tracks.
     pub pairing: Pairing,
     /// Number of boxes after which a track is reported.
+    #[schemars(range(min = 1, max = 100))]
     pub birth: usize,
     /// Number of consecutive frames without a box after which a track ends.
+    #[schemars(range(min = 1, max = 100))]
     pub death: usize,
 }
 
@@ -62,21 +66,27 @@ impl Rules {
 }
 
 /// Parameters of the AB3DMOT tracker.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Score below which boxes are ignored, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub score_min: f64,
     /// Number of positions in a track's reported history, including the current one.
+    #[schemars(range(min = 1, max = 1000))]
     pub sightings_max: usize,
     /// Frame period to which the noises refer, seconds: the sweep period of the data for which the paper's constants
     /// were tuned.
+    #[schemars(range(min = 1e-3, max = 10.0))]
     pub frame_s: f64,
     /// Tracking rules for motor vehicles and static objects.
+    #[ranges(nested)]
     pub vehicle: Rules,
     /// Tracking rules for pedestrians.
+    #[ranges(nested)]
     pub pedestrian: Rules,
     /// Tracking rules for cyclists.
+    #[ranges(nested)]
     pub cyclist: Rules,
 }
 
@@ -128,25 +138,16 @@ impl Params {
     /// # Errors
     /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let limits = |rules: &Rules| match rules.affinity {
-            Affinity::Giou => [-1.0, 1.0],
-            Affinity::Iou => [0.0, 1.0],
-            Affinity::Distance => [0.01, 50.0],
-        };
-        let counts = [1.0, 100.0];
-        require_all_within(&[
-            ("score_min", self.score_min, [0.0, 1.0]),
-            ("sightings_max", self.sightings_max as f64, [1.0, 1000.0]),
-            ("frame_s", self.frame_s, [1e-3, 10.0]),
-            ("vehicle.limit", self.vehicle.limit, limits(&self.vehicle)),
-            ("vehicle.birth", self.vehicle.birth as f64, counts),
-            ("vehicle.death", self.vehicle.death as f64, counts),
-            ("pedestrian.limit", self.pedestrian.limit, limits(&self.pedestrian)),
-            ("pedestrian.birth", self.pedestrian.birth as f64, counts),
-            ("pedestrian.death", self.pedestrian.death as f64, counts),
-            ("cyclist.limit", self.cyclist.limit, limits(&self.cyclist)),
-            ("cyclist.birth", self.cyclist.birth as f64, counts),
-            ("cyclist.death", self.cyclist.death as f64, counts),
-        ])
+        self.check_ranges()?;
+        let groups =
+            [("vehicle", &self.vehicle), ("pedestrian", &self.pedestrian), ("cyclist", &self.cyclist)];
+        groups.into_iter().try_for_each(|(group, rules)| {
+            let range = match rules.affinity {
+                Affinity::Giou => [-1.0, 1.0],
+                Affinity::Iou => [0.0, 1.0],
+                Affinity::Distance => [0.01, 50.0],
+            };
+            require_within("limit", rules.limit, range).map_err(|error| error.under(group))
+        })
     }
 }

@@ -2,19 +2,21 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges, Span, Time};
 
 /// Temporal correlation of a standard normal number.
 ///
 /// `sqrt(correlation) * slow + sqrt(1 - correlation) * new`: `new` is drawn for each instant; `slow` is drawn at
 /// multiples of `period_s`, interpolated linearly and scaled to unit variance. The number is standard normal at each
 /// instant; numbers at least two periods apart are independent.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Drift {
     /// Correlation of neighbouring instants: their shared fraction of the variance, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub correlation: f64,
     /// Period of the slow draws, seconds.
+    #[schemars(range(min = 1e-3, max = 1e3))]
     pub period_s: f64,
 }
 

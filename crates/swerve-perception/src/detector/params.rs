@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::math;
 
 use super::drift::Drift;
@@ -19,41 +19,56 @@ pub enum Sensing {
 }
 
 /// Parameters of the detector emulation.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Detection probability of a near and fully visible object, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub recall_best: f64,
     /// Distance from the ego origin at which the detection probability of a 1.7 m tall person is halved, metres;
     /// proportional to the height for other objects.
+    #[schemars(range(min = 0.0, max = 1e5))]
     pub half_distance_m: f64,
     /// Scale of the logistic curve of detection over distance, metres: the probability falls from 73 to 27 % over twice
     /// this.
+    #[schemars(range(min = 1e-3, max = 1e5))]
     pub distance_scale_m: f64,
     /// Visible share of an object at which the detection probability is halved, 0 to 1.
+    #[schemars(range(min = -1.0, max = 2.0))]
     pub half_visibility: f64,
     /// Scale of the logistic curve of detection over visible share.
+    #[schemars(range(min = 1e-3, max = 10.0))]
     pub visibility_scale: f64,
     /// Mean number of false positives per frame.
+    #[schemars(range(min = 0.0, max = FALSE_POSITIVES_MAX))]
     pub false_positives_per_frame: f64,
     /// Difference of the mean logit scores of true and false positives, in standard deviations.
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub score_separation: f64,
     /// Constant standard deviation of the distance, metres.
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub range_noise_m: f64,
     /// Additional standard deviation of the distance, as a share of it.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub range_noise_share: f64,
     /// Standard deviation of the bearing, radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub bearing_noise_rad: f64,
     /// Standard deviation of length, width and height at close range, as a share of each; twice that at 30 m.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub size_noise_share: f64,
     /// Standard deviation of the heading at close range, radians; twice that at 30 m.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub heading_noise_rad: f64,
     /// Temporal correlation of misses and scores.
+    #[ranges(nested)]
     pub misses: Drift,
     /// Temporal correlation of false positives; longer than that of misses, so that they last long enough to be
     /// tracked.
+    #[ranges(nested)]
     pub false_positives: Drift,
     /// Temporal correlation of errors of position, size and heading.
+    #[ranges(nested)]
     pub pose_errors: Drift,
 }
 
@@ -105,26 +120,6 @@ impl Params {
     /// # Errors
     /// The first parameter outside its range.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let all = [
-            ("recall_best", self.recall_best, [0.0, 1.0]),
-            ("half_distance_m", self.half_distance_m, [0.0, 1e5]),
-            ("distance_scale_m", self.distance_scale_m, [1e-3, 1e5]),
-            ("half_visibility", self.half_visibility, [-1.0, 2.0]),
-            ("visibility_scale", self.visibility_scale, [1e-3, 10.0]),
-            ("false_positives_per_frame", self.false_positives_per_frame, [0.0, FALSE_POSITIVES_MAX]),
-            ("score_separation", self.score_separation, [0.0, 50.0]),
-            ("range_noise_m", self.range_noise_m, [0.0, 50.0]),
-            ("range_noise_share", self.range_noise_share, [0.0, 1.0]),
-            ("bearing_noise_rad", self.bearing_noise_rad, [0.0, 1.0]),
-            ("size_noise_share", self.size_noise_share, [0.0, 1.0]),
-            ("heading_noise_rad", self.heading_noise_rad, [0.0, 10.0]),
-            ("misses.correlation", self.misses.correlation, [0.0, 1.0]),
-            ("misses.period_s", self.misses.period_s, [1e-3, 1e3]),
-            ("false_positives.correlation", self.false_positives.correlation, [0.0, 1.0]),
-            ("false_positives.period_s", self.false_positives.period_s, [1e-3, 1e3]),
-            ("pose_errors.correlation", self.pose_errors.correlation, [0.0, 1.0]),
-            ("pose_errors.period_s", self.pose_errors.period_s, [1e-3, 1e3]),
-        ];
-        require_all_within(&all)
+        self.check_ranges()
     }
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::image_box::tests::camera;
 use proptest::prelude::*;
+use swerve_core::Ranges as _;
 use swerve_geom::{Ego, Point2, math};
 use swerve_msg::{ActorKind, EgoState, Encoding, Extent, Pixels, RadarDetection, RadarScan};
 
@@ -265,7 +266,7 @@ fn fusion_moves_older_boxes_with_the_ego() {
 
 #[test]
 fn validate_rejects_parameters_out_of_range() {
-    let told = Params { iou_min: 2.0, ..Params::default() }.validate().unwrap_err().to_string();
+    let told = Params { iou_min: 2.0, ..Params::default() }.check_ranges().unwrap_err().to_string();
     assert_eq!(told, "`iou_min` is 2, expected 0.01 to 1");
 }
 

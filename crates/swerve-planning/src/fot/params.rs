@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 
 use crate::collision::CollisionMode;
 
@@ -14,66 +14,92 @@ pub(crate) const WEIGHT_MAX: f64 = 1e6;
 
 /// Parameters of the Frenet planner; the defaults are those of the paper's person-avoidance experiment (Pylot,
 /// `person_avoidance_frenet_*`), with left and right in our right-handed frame.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Treatment of predicted motion in the collision check. Source: ours; Pylot's is `swept_static`.
     pub collision: CollisionMode,
     /// Obstacles that never come within this distance of the start are ignored, metres. Source: Pylot (50).
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub obstacle_range_m: f64,
     /// Largest speed along the line, m/s. Source: Pylot (35).
+    #[schemars(range(min = 0.1, max = 150.0))]
     pub max_speed_mps: f64,
     /// Largest acceleration and deceleration along the line, m/s²; the vehicle's limits apply as well. Source: Pylot
     /// (10).
+    #[schemars(range(min = 0.1, max = 100.0))]
     pub max_accel_mps2: f64,
     /// Largest curvature, 1/m; the vehicle's limit applies as well. Source: Pylot (4).
+    #[schemars(range(min = 0.001, max = 100.0))]
     pub max_curvature_1pm: f64,
     /// Largest lateral sample to the left, metres. Source: Pylot (6).
+    #[schemars(range(min = -100.0, max = 100.0))]
     pub left_m: f64,
     /// Largest lateral sample to the right, metres. Source: Pylot (1).
+    #[schemars(range(min = -100.0, max = 100.0))]
     pub right_m: f64,
     /// Spacing of lateral samples, metres. Source: the paper (0.5 fast, 0.1 slow).
+    #[schemars(range(min = 0.01, max = 100.0))]
     pub lateral_step_m: f64,
     /// Spacing of time samples and end times, seconds. Source: the paper (0.3 fast, 0.1 slow).
+    #[schemars(range(min = 0.02, max = 10.0))]
     pub time_step_s: f64,
     /// Earliest end time, seconds. Source: Pylot (2).
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_min_s: f64,
     /// Latest end time, seconds. Source: Pylot (5).
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_max_s: f64,
     /// Spacing of end speeds, m/s. Source: Pylot (0.25).
+    #[schemars(range(min = 0.01, max = 50.0))]
     pub speed_step_mps: f64,
     /// Number of end speeds on either side of the target speed. Source: Pylot (2).
+    #[schemars(range(min = 0, max = 1000))]
     pub speed_steps: u32,
     /// Number of end speeds from standstill up that are also tried if no candidate is valid. Source: ours: braking and
     /// swerving at once.
+    #[schemars(range(min = 0, max = 1000))]
     pub slower_speeds: u32,
     /// If no candidate at about the target speed is valid, the ego stops or follows at this distance behind the
     /// obstacle in its way, metres; 0 disables this. Source: ours; stopping and following are Werling 2010, section V.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub follow_gap_m: f64,
     /// Time gap to the obstacle followed, added to `follow_gap_m`, seconds. Source: ours.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub follow_time_s: f64,
     /// Distance to keep from obstacles, metres. Source: Pylot (0.3).
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Distance to keep from the edge of the drivable ground, metres. Source: ours.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub road_margin_m: f64,
     /// The plan continues along the line for this long after its end time and is checked there as well, seconds.
     /// Source: ours: the next plan may be late or missing.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub tail_s: f64,
     /// Weight of lateral offset and of end speed deviation (`kd`). Source: Pylot (1).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_offset: f64,
     /// Weight of lateral speed (`kv`). Source: Pylot (0.1).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_lateral_speed: f64,
     /// Weight of acceleration (`ka`). Source: Pylot (0.1).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_accel: f64,
     /// Weight of jerk (`kj`). Source: Pylot (0.01).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_jerk: f64,
     /// Weight of the end time (`kt`). Source: Pylot (0.01).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_time: f64,
     /// Weight of nearness to obstacles (`ko`). Source: Pylot (100).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_obstacle: f64,
     /// Weight of the lateral part (`klat`). Source: Pylot (1).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_lateral: f64,
     /// Weight of the longitudinal part (`klon`). Source: Pylot (1).
+    #[schemars(range(min = 0.0, max = WEIGHT_MAX))]
     pub weight_longitudinal: f64,
 }
 
@@ -134,35 +160,7 @@ impl Params {
 
     /// Checks all ranges.
     pub fn validate(&self) -> Result<(), ParamError> {
-        let weight = [0.0, WEIGHT_MAX];
-        require_all_within(&[
-            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
-            ("max_speed_mps", self.max_speed_mps, [0.1, 150.0]),
-            ("max_accel_mps2", self.max_accel_mps2, [0.1, 100.0]),
-            ("max_curvature_1pm", self.max_curvature_1pm, [0.001, 100.0]),
-            ("left_m", self.left_m, [-100.0, 100.0]),
-            ("right_m", self.right_m, [-100.0, 100.0]),
-            ("lateral_step_m", self.lateral_step_m, [0.01, 100.0]),
-            ("time_step_s", self.time_step_s, [0.02, 10.0]),
-            ("horizon_min_s", self.horizon_min_s, [0.1, 60.0]),
-            ("horizon_max_s", self.horizon_max_s, [0.1, 60.0]),
-            ("speed_step_mps", self.speed_step_mps, [0.01, 50.0]),
-            ("speed_steps", f64::from(self.speed_steps), [0.0, 1000.0]),
-            ("slower_speeds", f64::from(self.slower_speeds), [0.0, 1000.0]),
-            ("follow_gap_m", self.follow_gap_m, [0.0, 100.0]),
-            ("follow_time_s", self.follow_time_s, [0.0, 60.0]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("road_margin_m", self.road_margin_m, [0.0, 10.0]),
-            ("tail_s", self.tail_s, [0.0, 60.0]),
-            ("weight_offset", self.weight_offset, weight),
-            ("weight_lateral_speed", self.weight_lateral_speed, weight),
-            ("weight_accel", self.weight_accel, weight),
-            ("weight_jerk", self.weight_jerk, weight),
-            ("weight_time", self.weight_time, weight),
-            ("weight_obstacle", self.weight_obstacle, weight),
-            ("weight_lateral", self.weight_lateral, weight),
-            ("weight_longitudinal", self.weight_longitudinal, weight),
-        ])?;
+        self.check_ranges()?;
         let (low, high) = (self.horizon_min_s, self.horizon_max_s);
         require("horizon_max_s", high, high >= low, "at least horizon_min_s")?;
         require("left_m", self.left_m, self.left_m >= -self.right_m, "a place to the left of -right_m")?;

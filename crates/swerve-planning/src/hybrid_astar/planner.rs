@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_msg::Plan;
 
 use super::motions::fan;
@@ -17,23 +17,29 @@ use crate::request::{Budget, Planner, Request};
 
 /// Parameters of Hybrid A* in the closed loop. Turns are as tight as steering and lateral acceleration allow; there is
 /// no discretisation to choose. Source of all defaults: ours; range and distance of the goal are Pylot's.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Largest number of expansions of one search; up to three searches for different goals are made, and up to five in
     /// all with a third of the expansions while braking or with less clearance.
+    #[schemars(range(min = 1, max = 100_000))]
     pub iterations_max: usize,
     /// Distance to keep from obstacles, metres.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Obstacles further away than this are ignored, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub obstacle_range_m: f64,
     /// Smallest distance of the goal ahead on the route, metres.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub goal_ahead_m: f64,
     /// Smallest distance of the goal ahead on the route as a travel time at the current speed, seconds.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_s: f64,
 }
 
@@ -50,23 +56,6 @@ impl Default for Params {
         }
     }
 }
-
-impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
-            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
-            ("goal_ahead_s", self.goal_ahead_s, [0.0, 60.0]),
-            ("horizon_s", self.horizon_s, [0.1, 60.0]),
-        ])
-    }
-}
-
-/// Largest allowed number of expansions: bounds the memory.
-const ITERATIONS_MAX: f64 = 100_000.0;
 
 /// Hybrid A* as a motion planner.
 #[derive(Clone, Debug)]
@@ -88,7 +77,7 @@ struct LatticeSearch {
 impl HybridAstar {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         let lattice = LatticeSearch {
             params,
             search: Search::default(),

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Rng;
+use swerve_core::{ParamError, Ranges, Rng};
 use swerve_geom::{FrenetPoint, Pose2};
 use swerve_msg::Plan;
 
@@ -15,29 +15,35 @@ use crate::path::piece::{Piece, join};
 use crate::path::replanner::{PathSearch, Replanner, Settings, Task};
 use crate::path::shorten::Shortener;
 use crate::request::{Budget, Planner, Request};
-use swerve_core::param::{ParamError, require_all_within};
 
 /// Parameters of RRT* in the closed loop. There is no discretisation to choose. Source of all defaults: ours; range and
 /// distance of the goal are Pylot's.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {
     /// Treatment of predicted motion in the collision check.
     pub collision: CollisionMode,
     /// Fraction of the iterations that sample the goal.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub goal_share: f64,
     /// Largest number of iterations of one search; up to three searches for different goals are made, and up to five in
     /// all with a third of the iterations while braking or with less clearance.
+    #[schemars(range(min = 1, max = 20_000))]
     pub iterations_max: u64,
     /// Distance to keep from obstacles, metres.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub clearance_m: f64,
     /// Obstacles further away than this are ignored, metres.
+    #[schemars(range(min = 0.1, max = 1000.0))]
     pub obstacle_range_m: f64,
     /// Smallest distance of the goal ahead on the route, metres.
+    #[schemars(range(min = 1.0, max = 1000.0))]
     pub goal_ahead_m: f64,
     /// Smallest distance of the goal ahead on the route as a travel time at the current speed, seconds.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub goal_ahead_s: f64,
     /// Length of plans that follow the route, seconds.
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon_s: f64,
 }
 
@@ -55,24 +61,6 @@ impl Default for Params {
         }
     }
 }
-
-impl Params {
-    /// Checks all ranges.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("goal_share", self.goal_share, [0.0, 1.0]),
-            ("iterations_max", self.iterations_max as f64, [1.0, ITERATIONS_MAX]),
-            ("clearance_m", self.clearance_m, [0.0, 10.0]),
-            ("obstacle_range_m", self.obstacle_range_m, [0.1, 1000.0]),
-            ("goal_ahead_m", self.goal_ahead_m, [1.0, 1000.0]),
-            ("goal_ahead_s", self.goal_ahead_s, [0.0, 60.0]),
-            ("horizon_s", self.horizon_s, [0.1, 60.0]),
-        ])
-    }
-}
-
-/// Largest allowed number of iterations: the run time grows with its square.
-const ITERATIONS_MAX: f64 = 20_000.0;
 
 /// RRT* as a motion planner.
 #[derive(Clone, Debug)]
@@ -96,7 +84,7 @@ struct TreeSearch {
 impl RrtStar {
     /// Creates the planner from valid parameters.
     pub fn new(params: Params) -> Result<Self, ParamError> {
-        params.validate()?;
+        params.check_ranges()?;
         let trees = TreeSearch {
             params,
             tree: Tree::default(),

@@ -146,11 +146,11 @@ fn standing_vehicle_is_not_turned_by_pose_errors() {
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    assert_eq!(standing().validate(), Ok(()));
-    let error = Params { step_s: 0.0, ..Params::default() }.validate().unwrap_err();
+    assert_eq!(standing().check_ranges(), Ok(()));
+    let error = Params { step_s: 0.0, ..Params::default() }.check_ranges().unwrap_err();
     assert_eq!(error.to_string(), "`step_s` is 0, expected 0.001 to 10");
-    assert!(Params { past_steps: 0, ..Params::default() }.validate().is_err());
-    assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::default() }.validate().is_err());
+    assert!(Params { past_steps: 0, ..Params::default() }.check_ranges().is_err());
+    assert!(Params { heading_speed_min_mps: f64::NAN, ..Params::default() }.check_ranges().is_err());
 }
 
 /// A vehicle with sightings every 50 ms over `window_s`: `m(t)` along x at `t` seconds before now (negative).

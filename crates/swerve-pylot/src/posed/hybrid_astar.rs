@@ -1,7 +1,7 @@
 //! Posed problems for Hybrid A*.
 
 use swerve_core::Time;
-use swerve_core::param::{ParamError, require, require_all_within};
+use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::Pose2;
 use swerve_planning::hybrid_astar::fan;
 use swerve_planning::hybrid_astar::search::{Arrival, Lattice, Search};
@@ -176,20 +176,7 @@ fn lattice<'a>(config: &HybridAstarConfig, motions: &'a mut Vec<Piece>) -> Latti
 
 /// Rejects out-of-range numbers of the problem and its settings, by their keys in the file.
 fn check(problem: &HybridAstarProblem, config: &HybridAstarConfig) -> Result<(), ParamError> {
-    let length = [0.01, 1000.0];
-    require_all_within(&[
-        ("step_size", config.step_size, length),
-        ("rad_step", config.rad_step, [0.001, 10.0]),
-        ("completion_threshold", config.completion_threshold, [1e-6, 1000.0]),
-        ("radius", config.radius, length),
-        ("car_length", config.car_length, length),
-        ("car_width", config.car_width, length),
-        ("obstacle_clearance", config.obstacle_clearance, [0.0, 1000.0]),
-        ("lane_width", config.lane_width, [0.0, 1000.0]),
-        ("rad_lower_range", config.rad_lower_range, [0.0, 10.0]),
-        ("rad_upper_range", config.rad_upper_range, [0.0, 10.0]),
-        ("angle_completion_threshold", config.angle_completion_threshold, [0.0, 1000.0]),
-    ])?;
+    config.check_ranges()?;
     let steps_fit = config.rad_step * 1000.0 >= config.rad_lower_range + config.rad_upper_range;
     let expected = "a thousandth of rad_lower_range + rad_upper_range or more";
     require("rad_step", config.rad_step, steps_fit, expected)?;

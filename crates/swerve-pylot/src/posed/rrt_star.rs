@@ -4,7 +4,7 @@ mod bend;
 mod boxes;
 mod round;
 
-use swerve_core::param::{ParamError, require_all_within};
+use swerve_core::{ParamError, Ranges};
 use swerve_core::{Rng, Time};
 use swerve_geom::{Point2, Pose2};
 use swerve_planning::path::Ends;
@@ -322,12 +322,7 @@ fn simplify(boxes: &Boxes, corners: &mut Vec<Pose2>) {
 
 /// Rejects out-of-range numbers of the problem and its settings, by their keys in the file.
 fn check(problem: &RrtStarProblem, config: &RrtStarConfig) -> Result<(), ParamError> {
-    require_all_within(&[
-        ("step_size", config.step_size, [0.001, 1000.0]),
-        ("end_dist_threshold", config.end_dist_threshold, [0.0, 1000.0]),
-        ("obstacle_clearance", config.obstacle_clearance, [0.0, 1000.0]),
-        ("lane_width", config.lane_width, [0.0, 1000.0]),
-    ])?;
+    config.check_ranges()?;
     require_near("start", &problem.start)?;
     require_near("goal", &problem.goal)?;
     problem.obstacles.iter().try_for_each(|b| require_near("obstacles", b))

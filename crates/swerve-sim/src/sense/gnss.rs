@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require, require_within};
-use swerve_core::{Rng, Time};
+use swerve_core::{Ranges, Rng, Time};
 use swerve_geom::{Point, Point2, math};
 use swerve_msg::Gnss;
 use swerve_msg::truth::WorldState;
@@ -11,15 +10,18 @@ use swerve_msg::truth::WorldState;
 use super::key;
 
 /// Region of the map within a distance of a line segment, such as a tunnel; a circle if start and end coincide.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
     /// Start of the segment, x and y, metres.
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
     pub from_m: [f64; 2],
     /// End of the segment; the start when absent.
     #[serde(default)]
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
     pub to_m: Option<[f64; 2]>,
     /// Extent of the zone around the segment, metres.
+    #[schemars(range(min = 0.0, max = 1e5))]
     pub radius_m: f64,
 }
 
@@ -34,34 +36,46 @@ impl Zone {
 }
 
 /// GNSS receiver, and the geographic origin of the map.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct GnssParams {
     /// Latitude of the map's origin, degrees north. Default 37.4 (with the longitude: the south of San Francisco Bay).
+    #[schemars(range(min = -89.9, max = 89.9))]
     pub origin_latitude_deg: f64,
     /// Longitude of the map's origin, degrees east. Default -122.0.
+    #[schemars(range(min = -180.0, max = 180.0))]
     pub origin_longitude_deg: f64,
     /// Height of the map's plane above the ellipsoid, metres. Default 0.
+    #[schemars(range(min = -1000.0, max = 10_000.0))]
     pub origin_altitude_m: f64,
     /// Standard deviation of the noise of east and of north, metres. Default 0.5. Twice as much for the height.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub noise_m: f64,
     /// Standard deviation of the bias of east and of north, metres. Default 0.5. Twice as much for the height.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub bias_m: f64,
     /// Correlation time of the bias, seconds: a first-order Gauss-Markov process with standard deviation `bias_m`.
     /// Default 0: the bias is constant for the run.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub bias_time_s: f64,
     /// Position of the antenna in the ego frame, metres; fixes are those of the antenna. Default: the ego origin.
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub antenna_at_m: [f64; 3],
     /// Time of the first fix, seconds from the start of the run. Default 0.
+    #[schemars(range(min = 0.0, max = 3600.0))]
     pub first_fix_s: f64,
     /// Zones of the map in which the antenna has no fix: `{ from_m = [x, y], to_m = [x, y], radius_m = r }`, all within
     /// r of the segment; a circle without `to_m`. Default none.
+    #[ranges(nested)]
     pub outages: Vec<Zone>,
     /// Mean rate of multipath errors, which offset all fixes by one step, per minute without one. Default 0.
+    #[schemars(range(min = 0.0, max = 600.0))]
     pub multipath_per_min: f64,
     /// Length of the step of a multipath error, metres; its direction is random. Default 20.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub multipath_m: f64,
     /// Duration of a multipath error, seconds. Default 5.
+    #[schemars(range(min = 0.001, max = 3600.0))]
     pub multipath_s: f64,
 }
 
@@ -81,36 +95,6 @@ impl Default for GnssParams {
             multipath_m: 20.0,
             multipath_s: 5.0,
         }
-    }
-}
-
-impl GnssParams {
-    /// Reports every parameter out of range.
-    pub fn problems(&self) -> Vec<ParamError> {
-        let all = [
-            ("origin_latitude_deg", self.origin_latitude_deg, [-89.9, 89.9]),
-            ("origin_longitude_deg", self.origin_longitude_deg, [-180.0, 180.0]),
-            ("origin_altitude_m", self.origin_altitude_m, [-1000.0, 10_000.0]),
-            ("noise_m", self.noise_m, [0.0, 1000.0]),
-            ("bias_m", self.bias_m, [0.0, 1000.0]),
-            ("bias_time_s", self.bias_time_s, [0.0, 1e6]),
-            ("first_fix_s", self.first_fix_s, [0.0, 3600.0]),
-            ("multipath_per_min", self.multipath_per_min, [0.0, 600.0]),
-            ("multipath_m", self.multipath_m, [0.0, 10_000.0]),
-            ("multipath_s", self.multipath_s, [0.001, 3600.0]),
-        ];
-        let all = all.into_iter().map(|(key, x, ends)| require_within(key, x, ends));
-        let antenna = self.antenna_at_m.map(|x| require_within("antenna_at_m", x, [-20.0, 20.0]));
-        let zones = self.outages.iter().enumerate().flat_map(|(k, zone)| {
-            let place = [Some(("from_m", zone.from_m)), zone.to_m.map(|to_m| ("to_m", to_m))];
-            let place = place.into_iter().flatten().flat_map(|(key, at)| at.map(|x| (key, x, [-1e6, 1e6])));
-            let all = place.chain([("radius_m", zone.radius_m, [0.0, 1e5])]);
-            all.map(move |(key, x, [low, high])| {
-                let holds = (low..=high).contains(&x);
-                require(format!("outages[{k}].{key}"), x, holds, format!("{low} to {high}"))
-            })
-        });
-        all.chain(antenna).chain(zones).filter_map(Result::err).collect()
     }
 }
 

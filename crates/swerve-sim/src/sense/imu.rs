@@ -3,8 +3,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
-use swerve_core::{Rng, Span, Time};
+use swerve_core::{Ranges, Rng, Span, Time};
 use swerve_geom::{Ego, Vector, math};
 use swerve_msg::Imu;
 use swerve_msg::truth::WorldState;
@@ -14,54 +13,46 @@ use super::key;
 use super::motion::Errors;
 
 /// Errors of the inertial measurement unit; all zero by default.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImuParams {
     /// Noise per reading of each acceleration axis, standard deviation, m/s².
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub accel_noise_mps2: f64,
     /// Noise density of each acceleration axis, m/s²/√Hz, independent of the period; in addition to the noise per
     /// reading.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub accel_noise_density: f64,
     /// Bias of each acceleration axis, standard deviation, m/s².
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub accel_bias_mps2: f64,
     /// Random walk of the acceleration biases, m/s² per √s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub accel_bias_walk: f64,
     /// Scale error of each acceleration axis, standard deviation as a fraction; drawn once per run.
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub accel_scale_error: f64,
     /// Noise per reading of each rotation axis, standard deviation, rad/s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub gyro_noise_radps: f64,
     /// Noise density of each rotation axis, rad/s/√Hz, independent of the period; in addition to the noise per reading.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub gyro_noise_density: f64,
     /// Bias of each rotation axis, standard deviation, rad/s.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub gyro_bias_radps: f64,
     /// Random walk of the rotation biases, rad/s per √s.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub gyro_bias_walk: f64,
     /// Scale error of each rotation axis, standard deviation as a fraction; drawn once per run.
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub gyro_scale_error: f64,
     /// Position of the IMU in the ego frame, m; the centre of gravity when absent.
+    #[schemars(inner(range(min = -20.0, max = 20.0)))]
     pub at_m: Option<[f64; 3]>,
 }
 
 impl ImuParams {
-    /// Reports every parameter out of range.
-    pub fn problems(&self) -> Vec<ParamError> {
-        let all = [
-            ("accel_noise_mps2", self.accel_noise_mps2, 100.0),
-            ("accel_noise_density", self.accel_noise_density, 10.0),
-            ("accel_bias_mps2", self.accel_bias_mps2, 10.0),
-            ("accel_bias_walk", self.accel_bias_walk, 10.0),
-            ("accel_scale_error", self.accel_scale_error, 0.1),
-            ("gyro_noise_radps", self.gyro_noise_radps, 10.0),
-            ("gyro_noise_density", self.gyro_noise_density, 1.0),
-            ("gyro_bias_radps", self.gyro_bias_radps, 1.0),
-            ("gyro_bias_walk", self.gyro_bias_walk, 1.0),
-            ("gyro_scale_error", self.gyro_scale_error, 0.1),
-        ];
-        let within = all.into_iter().map(|(key, x, most)| require_within(key, x, [0.0, most]));
-        let place = self.at_m.into_iter().flatten().map(|x| require_within("at_m", x, [-20.0, 20.0]));
-        within.chain(place).filter_map(Result::err).collect()
-    }
-
     /// Position in the ego frame, m.
     pub fn at_m(&self, vehicle: &VehicleParams) -> [f64; 3] {
         self.at_m.unwrap_or([vehicle.cg_to_rear_m(), 0.0, vehicle.body.cg_height_m])

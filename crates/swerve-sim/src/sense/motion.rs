@@ -7,42 +7,30 @@ use std::f64::consts::PI;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_all_within};
-use swerve_core::{Rng, Time};
+use swerve_core::{Ranges, Rng, Time};
 use swerve_geom::Pose2;
 use swerve_msg::EgoState;
 use swerve_msg::truth::WorldState;
 
 /// Errors of a pose source; all zero by default: perfect localization.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseParams {
     /// Noise of x and of y, standard deviation, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub position_noise_m: f64,
     /// Bias of x and of y, standard deviation, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub position_bias_m: f64,
     /// Noise of the heading, standard deviation, radians.
+    #[schemars(range(min = 0.0, max = PI))]
     pub heading_noise_rad: f64,
     /// Bias of the heading, standard deviation, radians.
+    #[schemars(range(min = 0.0, max = PI))]
     pub heading_bias_rad: f64,
     /// Noise of the speed, standard deviation, m/s.
+    #[schemars(range(min = 0.0, max = 100.0))]
     pub speed_noise_mps: f64,
-}
-
-impl PoseParams {
-    /// Refuses the first parameter out of its range.
-    ///
-    /// # Errors
-    /// That parameter.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        require_all_within(&[
-            ("position_noise_m", self.position_noise_m, [0.0, 1000.0]),
-            ("position_bias_m", self.position_bias_m, [0.0, 1000.0]),
-            ("heading_noise_rad", self.heading_noise_rad, [0.0, PI]),
-            ("heading_bias_rad", self.heading_bias_rad, [0.0, PI]),
-            ("speed_noise_mps", self.speed_noise_mps, [0.0, 100.0]),
-        ])
-    }
 }
 
 /// Random draws of one sensor at one stamp.

@@ -5,9 +5,11 @@
 //! intersects no other actor's body (boxes; upright cylinders for pedestrians). The ego's body and the target itself do
 //! not occlude. Bodies that have been knocked over still count as upright.
 
+use core::f64::consts::TAU;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
+use swerve_core::Ranges;
 use swerve_geom::{Ego, Map, Point, Point2, math, wrap_angle};
 use swerve_msg::truth::{Actor, WorldState};
 use swerve_msg::{Obstacle, ObstacleList, Side};
@@ -19,16 +21,20 @@ use super::occluders::Occluders;
 const FACE_M: f64 = 1e-3;
 
 /// Mounting pose of a sensor on the ego.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct SensorMount {
     /// Forward of the ego origin (rear axle), metres.
+    #[schemars(range(min = -30.0, max = 30.0))]
     pub x_m: f64,
     /// To the left of the ego origin, metres.
+    #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,
     /// Above the ground, metres.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub z_m: f64,
     /// Yaw relative to the ego's heading, radians; positive to the left.
+    #[schemars(range(min = -TAU, max = TAU))]
     pub yaw_rad: f64,
 }
 
@@ -45,18 +51,6 @@ impl SensorMount {
         within(rear_m, self.x_m, front_m)
             && within(-0.5 * shape.width_m, self.y_m, 0.5 * shape.width_m)
             && within(0.0, self.z_m, shape.height_m)
-    }
-
-    /// Reports every invalid number: not finite, or farther from the car than a plausible mount.
-    pub fn problems(&self) -> Vec<ParamError> {
-        let turn = core::f64::consts::TAU;
-        let all = [
-            ("x_m", self.x_m, [-30.0, 30.0]),
-            ("y_m", self.y_m, [-5.0, 5.0]),
-            ("z_m", self.z_m, [0.0, 10.0]),
-            ("yaw_rad", self.yaw_rad, [-turn, turn]),
-        ];
-        all.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect()
     }
 
     /// Mount for a long-range radar: centre of the front bumper, 0.5 m up, facing forward.
@@ -97,7 +91,7 @@ pub struct SensorParams {
 
 impl Default for SensorParams {
     fn default() -> Self {
-        Self { range_m: 100.0, range_person_m: None, fov_rad: core::f64::consts::TAU, occlusion: true }
+        Self { range_m: 100.0, range_person_m: None, fov_rad: TAU, occlusion: true }
     }
 }
 

@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::param::{ParamError, require_within};
-use swerve_core::{Rng, Time};
+use swerve_core::{Ranges, Rng, Time};
 use swerve_geom::math;
 use swerve_msg::WheelOdometry;
 use swerve_msg::truth::{EgoTruth, WorldState};
@@ -24,17 +23,21 @@ pub enum OdometryWheels {
 }
 
 /// Wheel encoders and their errors. Default: 96 counts, no other errors.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct WheelOdometryParams {
     /// Counts of each encoder per wheel turn. Default 96: both edges of 48 teeth.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub counts_per_turn: u32,
     /// Standard deviation of each wheel's radius, as a fraction of the nominal radius; drawn once per wheel and run.
     /// One millimetre of tread is 0.003.
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub radius_error: f64,
     /// Noise of the steering angle, standard deviation, radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub steering_noise_rad: f64,
     /// Bias of the steering angle, standard deviation, radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub steering_bias_rad: f64,
     /// Wheels from which speed and yaw rate are computed.
     pub wheels: OdometryWheels,
@@ -49,19 +52,6 @@ impl Default for WheelOdometryParams {
             steering_bias_rad: 0.0,
             wheels: OdometryWheels::default(),
         }
-    }
-}
-
-impl WheelOdometryParams {
-    /// Reports every parameter out of range.
-    pub fn problems(&self) -> Vec<ParamError> {
-        let all = [
-            ("counts_per_turn", f64::from(self.counts_per_turn), [1.0, 1_000_000.0]),
-            ("radius_error", self.radius_error, [0.0, 0.1]),
-            ("steering_noise_rad", self.steering_noise_rad, [0.0, 1.0]),
-            ("steering_bias_rad", self.steering_bias_rad, [0.0, 1.0]),
-        ];
-        all.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect()
     }
 }
 

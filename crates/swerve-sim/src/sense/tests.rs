@@ -1,4 +1,4 @@
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges as _, Span, Time};
 use swerve_geom::{Point, Pose2, Transform, Vector, Vector2, math};
 use swerve_msg::truth::{Actor, EgoTruth, WorldState};
 use swerve_msg::{ActorId, ActorKind, EgoState, Extent, Gnss, Imu, Side};
@@ -127,12 +127,12 @@ fn sensor_in_the_middle_of_the_car_is_inside_and_default_mounts_are_not() {
     let corners = [Side::Left, Side::Right].map(|s| [true, false].map(|f| SensorMount::corner(&shape, f, s)));
     for mount in usual.iter().chain(corners.as_flattened()) {
         assert!(!mount.is_inside(&shape), "{mount:?}");
-        assert_eq!(mount.problems(), []);
+        assert_eq!(mount.out_of_range(), []);
     }
     assert!(SensorMount { z_m: 1.2, ..SensorMount::roof(&shape) }.is_inside(&shape));
     assert!(SensorMount { x_m: 3.5, ..SensorMount::front(&shape) }.is_inside(&shape));
     let wrong = SensorMount { z_m: -0.1, yaw_rad: f64::INFINITY, ..SensorMount::roof(&shape) };
-    let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = wrong.out_of_range().iter().map(ToString::to_string).collect();
     assert_eq!(said[0], "`z_m` is -0.1, expected 0 to 10");
     assert!(said.len() == 2 && said[1].starts_with("`yaw_rad` is inf, expected "));
 }
@@ -371,11 +371,11 @@ fn multipath_offsets_fixes_by_a_step_for_a_while() {
 #[test]
 fn errors_out_of_range_are_reported_one_by_one() {
     let imu = ImuParams { gyro_bias_walk: -1.0, at_m: Some([0.0, f64::NAN, 0.0]), ..ImuParams::default() };
-    let said: Vec<String> = imu.problems().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = imu.out_of_range().iter().map(ToString::to_string).collect();
     assert_eq!(said, ["`gyro_bias_walk` is -1, expected 0 to 1", "`at_m` is NaN, expected -20 to 20"]);
     let wrong = Zone { from_m: [0.0, 2e6], to_m: None, radius_m: -1.0 };
     let gnss = GnssParams { first_fix_s: -1.0, outages: vec![wrong], ..GnssParams::default() };
-    let said: Vec<String> = gnss.problems().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = gnss.out_of_range().iter().map(ToString::to_string).collect();
     assert_eq!(
         said,
         [
@@ -384,5 +384,7 @@ fn errors_out_of_range_are_reported_one_by_one() {
             "`outages[0].radius_m` is -1, expected 0 to 100000"
         ]
     );
-    assert!(ImuParams::default().problems().is_empty() && GnssParams::default().problems().is_empty());
+    assert!(
+        ImuParams::default().out_of_range().is_empty() && GnssParams::default().out_of_range().is_empty()
+    );
 }

@@ -3,7 +3,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-use swerve_core::param::{ParamError, require_within};
 
 /// Durations of exposure, readout and transfer of one frame; all zero by default: captured and available at once.
 ///
@@ -52,16 +51,6 @@ impl SensorTiming {
         let (period, after) = (period.ns().max(1), self.visible_after().ns());
         usize::try_from((after + period - 1) / period).unwrap_or(0).max(1)
     }
-
-    /// Reports every parameter out of range.
-    pub fn problems(&self) -> Vec<ParamError> {
-        let all = [
-            ("exposure_ms", self.exposure_ms),
-            ("readout_ms", self.readout_ms),
-            ("transfer_ms", self.transfer_ms),
-        ];
-        all.into_iter().filter_map(|(key, x)| require_within(key, x, [0.0, 10_000.0]).err()).collect()
-    }
 }
 
 fn ms(ms: f64) -> Span {
@@ -102,16 +91,5 @@ mod tests {
         assert_eq!((of(50), of(25), of(24), of(10)), (1, 1, 2, 3));
         assert_eq!(SensorTiming::default().in_flight(Span::from_ms(50)), 1);
         assert_eq!(CAMERA.in_flight(Span::ZERO), 25_000_000);
-    }
-
-    #[test]
-    fn invalid_times_are_named() {
-        let wrong = SensorTiming { exposure_ms: -1.0, transfer_ms: f64::NAN, ..CAMERA };
-        let said: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
-        assert_eq!(
-            said,
-            ["`exposure_ms` is -1, expected 0 to 10000", "`transfer_ms` is NaN, expected 0 to 10000"]
-        );
-        assert!(CAMERA.problems().is_empty());
     }
 }

@@ -4,17 +4,17 @@ use anyhow::Context as _;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_camera::{
-    Backend, Camera, CameraSpec, Distortion, Exposure, Intrinsics, Outputs, RenderOptions, Renderer,
-    SensorNoise, Shutter, mount,
+    Backend, Camera, CameraSpec, Distortion, Exposure, IMAGE_SIDE_MAX_PX, Intrinsics, Outputs, RenderOptions,
+    Renderer, SUBFRAMES_MAX, SensorNoise, Shutter, mount,
 };
-use swerve_core::ParamError;
+use swerve_core::{ParamError, Ranges};
 use swerve_geom::{Ego, Transform, math};
 use swerve_gpu::{AdapterKind, Adapters};
 use swerve_scene::WeatherPreset;
 use swerve_sim::sense::SensorTiming;
 use swerve_vehicle::Shape;
 
-use super::sensors::range;
+use super::planner::problem;
 
 /// Rendering of the world.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -101,58 +101,76 @@ impl Output {
 }
 
 /// One camera.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraConfig {
     /// Position in the ego frame (origin: centre of the rear axle on the ground), m.
+    #[schemars(inner(range(min = -100.0, max = 100.0)))]
     pub at_m: [f64; 3],
     /// Roll about the optical axis, degrees; positive leans right.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: f64,
     /// Pitch, degrees; positive downwards.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub pitch_deg: f64,
     /// Yaw, degrees; positive to the left.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
     /// Width of the image, pixels.
+    #[schemars(range(min = 1, max = IMAGE_SIDE_MAX_PX))]
     pub width_px: u32,
     /// Height of the image, pixels.
+    #[schemars(range(min = 1, max = IMAGE_SIDE_MAX_PX))]
     pub height_px: u32,
     /// Horizontal field of view, degrees; not with `matrix` or `m_per_px`.
+    #[schemars(range(min = 0.1, max = 179.9))]
     pub fov_deg: Option<f64>,
-    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels; instead of `fov_deg`.
+    /// Camera matrix `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`, pixels, fx and fy above 0; instead of `fov_deg`.
     pub matrix: Option<[[f64; 3]; 3]>,
     /// Orthographic projection instead of a lens, metres per pixel: with `pitch_deg = 90` a map from above.
+    #[schemars(range(min = 1e-4, max = 100.0))]
     pub m_per_px: Option<f64>,
     /// Lens distortion: k1, k2, p1, p2, k3 (Brown).
+    #[ranges(nested)]
     pub distortion: Distortion,
     /// Exposure.
     pub exposure: Exposure,
     /// Noise of the image sensor, keyed by the run's seed and the camera's name.
+    #[ranges(nested)]
     pub noise: NoiseConfig,
     /// Fall-off towards the corners: 0 for none, 1 for that of a simple lens.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub vignetting: f64,
     /// Images that it publishes.
     pub outputs: Vec<Output>,
     /// Time between two exposures, ms.
+    #[schemars(range(min = 1.0, max = 60_000.0))]
     pub period_ms: f64,
     /// Exposure time, ms; the stamp is its middle.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub exposure_ms: f64,
     /// Instants averaged over the exposure; 1 for a sharp image.
+    #[schemars(range(min = 1, max = SUBFRAMES_MAX))]
     pub blur_samples: u32,
     /// Read-out time of the image, ms.
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub readout_ms: f64,
     /// Rolling shutter: rows are exposed one after the other as they are read out.
     pub rolling: bool,
     /// Time from the last row to the reader, ms.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub transfer_ms: f64,
 }
 
 /// Noise of an image sensor.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct NoiseConfig {
     /// Standard deviation of the read-out noise, as a share of full scale.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub read: f64,
     /// Standard deviation of the photon noise at full scale, as a share of it.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub shot: f64,
 }
 
@@ -245,21 +263,7 @@ impl CameraConfig {
 
     /// Problems on a vehicle of this shape: keys below the camera's, and messages.
     pub(super) fn faults(&self, shape: &Shape) -> Vec<(String, String)> {
-        let mut faults = Vec::new();
-        range(&mut faults, "period_ms", self.period_ms, [1.0, 60_000.0]);
-        for (key, value) in
-            [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg), ("yaw_deg", self.yaw_deg)]
-        {
-            range(&mut faults, key, value, [-360.0, 360.0]);
-        }
-        self.at_m.iter().for_each(|value| range(&mut faults, "at_m", *value, [-100.0, 100.0]));
-        // The renderer averages over the exposure and sweeps over the read-out.
-        range(&mut faults, "exposure_ms", self.exposure_ms, [0.0, 1000.0]);
-        range(&mut faults, "readout_ms", self.readout_ms, [0.0, 1000.0]);
-        range(&mut faults, "transfer_ms", self.transfer_ms, [0.0, 10_000.0]);
-        if let Some(fov_deg) = self.fov_deg {
-            range(&mut faults, "fov_deg", fov_deg, [0.1, 179.9]);
-        }
+        let mut faults: Vec<_> = self.out_of_range().into_iter().map(problem).collect();
         let given = [
             ("fov_deg", self.fov_deg.is_some()),
             ("matrix", self.matrix.is_some()),
@@ -282,15 +286,12 @@ impl CameraConfig {
         {
             let key = match error.key.as_ref() {
                 "intrinsics.horizontal_fov_rad" => "fov_deg",
-                "shutter.exposure_s" => "exposure_ms",
-                "shutter.readout_s" => "readout_ms",
                 "intrinsics.matrix" => "matrix",
                 "intrinsics.orthographic_m_per_px" => "m_per_px",
-                "shutter.blur_samples" => "blur_samples",
                 other => other,
             };
-            let message = format!("expected {}, found {}", error.expected, error.value);
-            faults.push((key.to_owned(), message));
+            let key = key.to_owned();
+            faults.push((key, problem(error).1));
         }
         faults
     }

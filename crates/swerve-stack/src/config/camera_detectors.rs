@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_geom::Point;
 use swerve_msg::CameraInfo;
 use swerve_text::{did_you_mean, list, read_bytes};
@@ -86,7 +87,7 @@ pub fn run_time(detector: &str, rung: &str) -> Option<Runtime> {
 }
 
 /// Keys of an operator of the kind `camera_objects`.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraObjectsTable {
     /// A built-in detector, or a file of weights.
@@ -96,6 +97,7 @@ pub struct CameraObjectsTable {
     /// Switches to faster rungs where this one would miss its deadline.
     pub ladder: bool,
     /// Score below which boxes are not reported.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub score_min: f64,
     /// Run times of rungs, ms, in place of those measured for the built-in detectors.
     pub run_times_ms: BTreeMap<String, f64>,

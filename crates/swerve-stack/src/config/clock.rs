@@ -2,20 +2,23 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 use super::Config;
 
 /// Clock of a run.
-#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClockConfig {
     /// Clock.
     pub source: Clock,
     /// Processors of the run under wall clock: the first for the engine's thread, the others for all other threads.
     #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(inner(range(min = 0, max = 65_535)))]
     pub pin: Vec<usize>,
     /// Real-time priority of the engine's thread under wall clock, 1 to 99.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 99))]
     pub priority: Option<u8>,
 }
 
@@ -41,22 +44,13 @@ impl Clock {
     }
 }
 
-/// Highest number of a processor.
-const CPU_MAX: usize = 65_535;
-
 impl Config {
     pub(super) fn check_clock(&self, told: &mut Vec<(String, String)>) {
-        let ClockConfig { pin, priority, .. } = &self.clock;
+        let pin = &self.clock.pin;
         for (k, cpu) in pin.iter().enumerate() {
-            if *cpu > CPU_MAX {
-                told.push((format!("clock.pin[{k}]"), format!("expected 0 to {CPU_MAX}, found {cpu}")));
-            }
             if pin[..k].contains(cpu) {
                 told.push((format!("clock.pin[{k}]"), format!("processor {cpu} is there twice")));
             }
-        }
-        if let Some(priority) = priority.filter(|priority| !(1..=99).contains(priority)) {
-            told.push(("clock.priority".into(), format!("expected 1 to 99, found {priority}")));
         }
     }
 }

@@ -3,11 +3,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
+use swerve_core::param::{Ranges, require, require_within};
 use swerve_flow::{Anchor, Full, Late, Policy, Reaction, RuntimeModel};
-use swerve_text::number;
+use swerve_text::{KeyProblem, number};
+
+use super::planner::problem;
+use crate::kind::span_of_ms;
 
 /// A run-time model: exactly one of its keys.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Runtime {
     /// `zero = true`: takes no time.
@@ -15,40 +19,50 @@ pub struct Runtime {
     pub zero: Option<bool>,
     /// Constant run time, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub fixed_ms: Option<f64>,
     /// Run times used in turn, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = LEAST_MS, max = MS_MAX)))]
     pub cycle_ms: Option<Vec<f64>>,
     /// Normal distribution: mean and standard deviation, ms; cut at zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = 0.0, max = MS_MAX)))]
     pub normal_ms: Option<[f64; 2]>,
-    /// Log-normal distribution: median in ms, and standard deviation of the logarithm.
+    /// Log-normal distribution: median in ms (0.001 to 86400000), and standard deviation of the logarithm (0 to 10).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log_normal_ms: Option<[f64; 2]>,
-    /// Pairs of percentile and ms, increasing.
+    /// Pairs of percentile (0 to 100) and ms (0 to 86400000), increasing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percentiles_ms: Option<Vec<[f64; 2]>>,
     /// Run time by counted work: base in ms and time per unit of work in µs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[ranges(nested)]
     pub work: Option<WorkTime>,
     /// Factor on the run time measured on this host; not repeatable without its log.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub measured: Option<f64>,
 }
 
 /// Run time by counted work.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct WorkTime {
     /// Time before the first unit, ms.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub base_ms: f64,
     /// Time per unit, µs.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub per_unit_us: f64,
 }
 
+/// Shortest time in a configuration that must not be zero: a microsecond.
+const LEAST_MS: f64 = 0.001;
+
 /// Longest time in a configuration: a day.
-const MS_MAX: f64 = 86_400_000.0;
+pub(super) const MS_MAX: f64 = 86_400_000.0;
 
 /// Milliseconds as a span; refused when not finite, negative or longer than a day.
 pub fn span_ms(ms: f64) -> Result<Span, String> {
@@ -56,13 +70,6 @@ pub fn span_ms(ms: f64) -> Result<Span, String> {
         return Ok(Span::from_secs(ms * 1e-3));
     }
     Err(format!("expected 0 to {MS_MAX}, found {}", number(ms)))
-}
-
-/// Milliseconds of a duration that must not be zero, from a microsecond to a day.
-fn lasting_ms(ms: f64) -> Result<Span, String> {
-    const LEAST_MS: f64 = 0.001;
-    let expected = || format!("expected {LEAST_MS} to {MS_MAX}, found {}", number(ms));
-    span_ms(ms).ok().filter(|_| ms >= LEAST_MS).ok_or_else(expected)
 }
 
 impl Runtime {
@@ -98,7 +105,7 @@ impl Runtime {
     /// # Errors
     /// The problem of the wrong key.
     pub fn model(&self) -> Result<RuntimeModel, String> {
-        self.model_by_key().map_err(|(key, message)| match key {
+        self.model_by_key().map_err(|(key, message)| match key.as_str() {
             "" => message,
             key => format!("`{key}`: {message}"),
         })
@@ -108,69 +115,60 @@ impl Runtime {
     ///
     /// # Errors
     /// The wrong key, empty for the whole table, and its problem.
-    pub fn model_by_key(&self) -> Result<RuntimeModel, (&'static str, String)> {
+    pub fn model_by_key(&self) -> Result<RuntimeModel, KeyProblem> {
+        self.check_ranges().map_err(problem)?;
+        let wrong = |key: &str, message: &str| (key.to_owned(), message.to_owned());
         let mut models = Vec::new();
-        let span = |key, ms| span_ms(ms).map_err(|message| (key, message));
         if let Some(zero) = self.zero {
             if !zero {
-                return Err(("zero", "expected true; name another model instead".into()));
+                return Err(wrong("zero", "expected true; name another model instead"));
             }
             models.push(RuntimeModel::Zero);
         }
         if let Some(ms) = self.fixed_ms {
-            models.push(RuntimeModel::Fixed(span("fixed_ms", ms)?));
+            models.push(RuntimeModel::Fixed(span_of_ms(ms)));
         }
         if let Some(times) = &self.cycle_ms {
-            let lasting = |ms: &f64| lasting_ms(*ms).map_err(|message| ("cycle_ms", message));
-            let spans = times.iter().map(lasting).collect::<Result<Vec<_>, _>>()?;
-            if spans.is_empty() {
-                return Err(("cycle_ms", "expected at least one time".into()));
+            if times.is_empty() {
+                return Err(wrong("cycle_ms", "expected at least one time"));
             }
-            models.push(RuntimeModel::Cycle(spans));
+            models.push(RuntimeModel::Cycle(times.iter().map(|ms| span_of_ms(*ms)).collect()));
         }
         if let Some([mean, deviation]) = self.normal_ms {
-            let (mean, deviation) = (span("normal_ms", mean)?, span("normal_ms", deviation)?);
-            models.push(RuntimeModel::Normal { mean, deviation });
+            models.push(RuntimeModel::Normal { mean: span_of_ms(mean), deviation: span_of_ms(deviation) });
         }
         if let Some([median, sigma]) = self.log_normal_ms {
-            let median = lasting_ms(median).map_err(|message| ("log_normal_ms", message))?;
-            within("log_normal_ms", "a sigma from 0 to 10", sigma, 10.0)?;
-            models.push(RuntimeModel::LogNormal { median, sigma });
+            require_within("log_normal_ms", median, [LEAST_MS, MS_MAX]).map_err(problem)?;
+            let is_sigma = (0.0..=10.0).contains(&sigma);
+            require("log_normal_ms", sigma, is_sigma, "a sigma from 0 to 10").map_err(problem)?;
+            models.push(RuntimeModel::LogNormal { median: span_of_ms(median), sigma });
         }
         if let Some(points) = &self.percentiles_ms {
-            let points: Result<Vec<_>, _> =
-                points.iter().map(|[p, ms]| Ok((*p, span("percentiles_ms", *ms)?))).collect();
-            let points = percentiles(points?).map_err(|message| ("percentiles_ms", message))?;
+            let points = percentiles(points).map_err(|message| wrong("percentiles_ms", &message))?;
             models.push(RuntimeModel::Percentiles(points));
         }
         if let Some(work) = self.work {
-            within("work.per_unit_us", "0 to 1000000", work.per_unit_us, 1e6)?;
-            let base = span("work.base_ms", work.base_ms)?;
+            let base = span_of_ms(work.base_ms);
             models.push(RuntimeModel::Work { base, per_unit_ns: work.per_unit_us * 1e3 });
         }
         if let Some(scale) = self.measured {
-            within("measured", "0 to 1000000", scale, 1e6)?;
             models.push(RuntimeModel::Measured { scale });
         }
         match models.len() {
             1 => Ok(models.remove(0)),
-            n => Err((
-                "",
-                format!(
+            n => {
+                let message = format!(
                     "expected exactly one of zero, fixed_ms, cycle_ms, normal_ms, log_normal_ms, percentiles_ms, work, measured; found {n}"
-                ),
-            )),
+                );
+                Err(wrong("", &message))
+            }
         }
     }
 }
 
-/// Refuses a number below 0 or above `most`.
-fn within(key: &'static str, wanted: &str, x: f64, most: f64) -> Result<(), (&'static str, String)> {
-    let message = || (key, format!("expected {wanted}, found {}", number(x)));
-    if (0.0..=most).contains(&x) { Ok(()) } else { Err(message()) }
-}
-
-fn percentiles(points: Vec<(f64, Span)>) -> Result<Vec<(f64, Span)>, String> {
+fn percentiles(points: &[[f64; 2]]) -> Result<Vec<(f64, Span)>, String> {
+    let point = |[percent, ms]: &[f64; 2]| Ok((*percent, span_ms(*ms)?));
+    let points = points.iter().map(point).collect::<Result<Vec<_>, String>>()?;
     let inside = points.iter().all(|(p, _)| (0.0..=100.0).contains(p));
     let rising = points.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1);
     if points.is_empty() || !inside || !rising {
@@ -216,10 +214,11 @@ pub fn parse_policy(text: &str) -> Result<Policy, String> {
 }
 
 /// Deadline of an operator.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct Deadline {
     /// Length of the deadline, ms.
+    #[schemars(range(min = LEAST_MS, max = MS_MAX))]
     pub ms: f64,
     /// Event from which the deadline counts.
     #[serde(default)]
@@ -232,7 +231,8 @@ pub struct Deadline {
 impl Deadline {
     /// The engine's deadline, or the problem.
     pub fn deadline(&self) -> Result<swerve_flow::Deadline, String> {
-        let length = lasting_ms(self.ms)?;
+        self.check_ranges().map_err(|error| problem(error).1)?;
+        let length = span_of_ms(self.ms);
         Ok(swerve_flow::Deadline::after(length).anchor(self.anchor).reaction(self.reaction))
     }
 }

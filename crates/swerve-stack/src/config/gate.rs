@@ -3,25 +3,30 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::safety_gate::GateParams;
+use swerve_core::Ranges;
 use swerve_text::{KeyProblem, overridden};
 
 use super::Config;
 use super::planner::outside;
 
 /// The safety gate between the controller and the vehicle.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct GateConfig {
     /// Enables the gate.
     pub enabled: bool,
     /// Period of the gate, ms.
+    #[schemars(range(min = 1.0, max = 100.0))]
     pub period_ms: f64,
     /// Time at which the simulated person presses the switch, ms; the simulated driver holds wheel and speed until
     /// then.
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub enable_at_ms: f64,
     /// Time at which that person releases the switch, ms; never when absent.
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub release_at_ms: Option<f64>,
     /// Time at which that person triggers an emergency stop, ms; never when absent.
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub emergency_at_ms: Option<f64>,
     /// Limits and times that differ from the vehicle's.
     #[schemars(with = "GateParams")]
@@ -59,16 +64,6 @@ impl Config {
 
     pub(super) fn check_gate(&self, told: &mut Vec<(String, String)>) {
         let gate = &self.gate;
-        let mut range = |key: &str, value: Option<f64>, low: f64, high: f64| {
-            if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
-                let found = swerve_text::number(value);
-                told.push((format!("gate.{key}"), format!("expected {low} to {high}, found {found}")));
-            }
-        };
-        range("period_ms", Some(gate.period_ms), 1.0, 100.0);
-        range("enable_at_ms", Some(gate.enable_at_ms), 0.0, 1e9);
-        range("release_at_ms", gate.release_at_ms, 0.0, 1e9);
-        range("emergency_at_ms", gate.emergency_at_ms, 0.0, 1e9);
         if let Some(release_at_ms) = gate.release_at_ms.filter(|ms| *ms < gate.enable_at_ms) {
             let (low, found) = (gate.enable_at_ms, swerve_text::number(release_at_ms));
             told.push((

@@ -4,15 +4,16 @@ use core::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{Span, Time};
-use swerve_text::{nearest, number};
+use swerve_core::{Ranges, Span, Time};
+use swerve_text::nearest;
 
 use super::Config;
-use super::execution::span_ms;
+use super::execution::MS_MAX;
 use crate::assembly::Assembly;
+use crate::kind::span_of_ms;
 
 /// A fault on a stream: exactly one effect on its messages, and its time window.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct FaultConfig {
     /// Stream, by its name in the log. Its readers get the faulty messages; of two faults on one stream the first by
@@ -24,32 +25,40 @@ pub struct FaultConfig {
     pub drop: Option<bool>,
     /// Delay of the message, ms; later messages on the edge wait, so that their order is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub delay_ms: Option<f64>,
     /// Delay of the message, drawn uniformly from 0 to this, ms; later messages on the edge wait, so that their order
     /// is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub jitter_ms: Option<f64>,
     /// Repeats the message under new stamps in place of the messages that follow within this time, ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub freeze_ms: Option<f64>,
     /// Standard deviation of normal noise on the message's numbers, in metres, m/s, m/s², degrees, degrees per second,
     /// hundredths of a pedal, or grey levels of an image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub noise: Option<f64>,
     /// `nan = true`: one number of the message becomes NaN.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nan: Option<bool>,
     /// Number of bits of an image or a point cloud to flip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub flip_bits: Option<u32>,
     /// Probability that a message is affected, 0 to 1.
     #[serde(default = "always")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub probability: f64,
     /// First stamp affected, ms.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub from_ms: f64,
     /// Last stamp affected, ms; the end of the run when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = MS_MAX))]
     pub until_ms: Option<f64>,
     /// Seed of the fault's random numbers; the run's when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,9 +68,6 @@ pub struct FaultConfig {
 fn always() -> f64 {
     1.0
 }
-
-/// Largest number of flipped bits in a message.
-const BITS_MAX: u32 = 1_000_000;
 
 /// Effect of a fault on a message.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -138,26 +144,11 @@ impl FaultConfig {
                 None => {}
             }
         }
-        let mut span = |key, ms: Option<f64>, kind: fn(Span) -> FaultKind| {
-            let span = ms.map(span_ms).transpose().map_err(|message| (key, message))?;
-            kinds.extend(span.map(kind));
-            Ok(())
-        };
-        span("delay_ms", self.delay_ms, FaultKind::Delay)?;
-        span("jitter_ms", self.jitter_ms, FaultKind::Jitter)?;
-        span("freeze_ms", self.freeze_ms, FaultKind::Freeze)?;
-        if let Some(sigma) = self.noise {
-            if !(0.0..=1e6).contains(&sigma) {
-                return Err(("noise", format!("expected 0 to 1000000, found {}", number(sigma))));
-            }
-            kinds.push(FaultKind::Corrupt(Corruption::Noise(sigma)));
-        }
-        if let Some(bits) = self.flip_bits {
-            if !(1..=BITS_MAX).contains(&bits) {
-                return Err(("flip_bits", format!("expected 1 to {BITS_MAX}, found {bits}")));
-            }
-            kinds.push(FaultKind::Corrupt(Corruption::FlipBits(bits)));
-        }
+        kinds.extend(self.delay_ms.map(|ms| FaultKind::Delay(span_of_ms(ms))));
+        kinds.extend(self.jitter_ms.map(|ms| FaultKind::Jitter(span_of_ms(ms))));
+        kinds.extend(self.freeze_ms.map(|ms| FaultKind::Freeze(span_of_ms(ms))));
+        kinds.extend(self.noise.map(|sigma| FaultKind::Corrupt(Corruption::Noise(sigma))));
+        kinds.extend(self.flip_bits.map(|bits| FaultKind::Corrupt(Corruption::FlipBits(bits))));
         match kinds.len() {
             1 => Ok(kinds.remove(0)),
             n => {
@@ -170,9 +161,8 @@ impl FaultConfig {
 
     /// First and last stamp affected.
     pub fn stamps(&self) -> Result<(Time, Time), (&'static str, String)> {
-        let time = |key, ms| span_ms(ms).map(|span| Time::ZERO + span).map_err(|message| (key, message));
-        let from = time("from_ms", self.from_ms)?;
-        let until = self.until_ms.map_or(Ok(Time::MAX), |ms| time("until_ms", ms))?;
+        let from = Time::ZERO + span_of_ms(self.from_ms);
+        let until = self.until_ms.map_or(Time::MAX, |ms| Time::ZERO + span_of_ms(ms));
         if until < from {
             return Err(("until_ms", "expected an instant after `from_ms`".into()));
         }
@@ -203,6 +193,9 @@ impl Config {
                 );
                 told.push((key("stream"), message));
             }
+            if fault.check_ranges().is_err() {
+                continue;
+            }
             let fits = |kind: FaultKind, carries: Carries| match kind {
                 FaultKind::Corrupt(Corruption::FlipBits(_)) => carries != Carries::Numbers,
                 FaultKind::Corrupt(Corruption::Nan) => carries != Carries::Levels,
@@ -216,10 +209,6 @@ impl Config {
                     format!("`{}` carries {carries}: this fault does not apply to it", fault.stream),
                 )),
                 _ => {}
-            }
-            if !(0.0..=1.0).contains(&fault.probability) {
-                let found = number(fault.probability);
-                told.push((key("probability"), format!("expected 0 to 1, found {found}")));
             }
             if let Err((last, message)) = fault.stamps() {
                 told.push((key(last), message));

@@ -2,14 +2,14 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
-use swerve_text::number;
 
 use super::{Config, ControllerName};
 
 /// A vehicle connected by ROS 2 topics.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct LiveConfig {
     /// Scenario whose road is followed at the speed of its ego up to its `end_m`, as a path from the folder of the
@@ -18,6 +18,7 @@ pub struct LiveConfig {
     /// Source of the request to enable the stack.
     pub enable: EnableBy,
     /// Time limit for the vehicle to accept commands after it is asked to, seconds.
+    #[schemars(range(min = 0.1, max = 60.0))]
     pub enable_timeout_s: f64,
     /// Autoware's service for the control mode, by its ROS name; not called when empty.
     pub control_mode_service: String,
@@ -25,19 +26,26 @@ pub struct LiveConfig {
     pub longitudinal: Longitudinal,
     /// Steering ratio: turns of the steering wheel per turn of the road wheels, for interfaces in terms of the steering
     /// wheel.
+    #[schemars(range(min = 1.0, max = 50.0))]
     pub steering_ratio: f64,
     /// Largest steering wheel angle to either side, degrees.
+    #[schemars(range(min = 10.0, max = 2000.0))]
     pub steering_wheel_max_deg: f64,
     /// Age above which objects are not used, seconds; after the first objects, the car is stopped when there are no
     /// newer ones.
+    #[schemars(range(min = 0.05, max = 10.0))]
     pub objects_timeout_s: f64,
     /// Age above which a plan is not followed, seconds.
+    #[schemars(range(min = 0.05, max = 10.0))]
     pub plan_timeout_s: f64,
     /// Time limit for the stop at the end, seconds; afterwards the vehicle is left to its own time-out.
+    #[schemars(range(min = 1.0, max = 120.0))]
     pub stop_timeout_s: f64,
     /// Largest time by which a stamp may be ahead of its sensor's clock, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub stamp_ahead_max_ms: f64,
     /// Largest time by which a stamp may be behind its sensor's clock, ms.
+    #[schemars(range(min = 1.0, max = 60_000.0))]
     pub stamp_behind_max_ms: f64,
 }
 
@@ -98,22 +106,6 @@ impl LiveConfig {
 impl Config {
     pub(super) fn check_live(&self, told: &mut Vec<(String, String)>) {
         let Some(live) = &self.live else { return };
-        let mut range = |key: &str, value: f64, low: f64, high: f64| {
-            if !(low..=high).contains(&value) {
-                told.push((
-                    format!("live.{key}"),
-                    format!("expected {low} to {high}, found {}", number(value)),
-                ));
-            }
-        };
-        range("enable_timeout_s", live.enable_timeout_s, 0.1, 60.0);
-        range("steering_ratio", live.steering_ratio, 1.0, 50.0);
-        range("steering_wheel_max_deg", live.steering_wheel_max_deg, 10.0, 2000.0);
-        range("objects_timeout_s", live.objects_timeout_s, 0.05, 10.0);
-        range("plan_timeout_s", live.plan_timeout_s, 0.05, 10.0);
-        range("stop_timeout_s", live.stop_timeout_s, 1.0, 120.0);
-        range("stamp_ahead_max_ms", live.stamp_ahead_max_ms, 1.0, 10_000.0);
-        range("stamp_behind_max_ms", live.stamp_behind_max_ms, 1.0, 60_000.0);
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
         if live.route.is_empty() {
             tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());

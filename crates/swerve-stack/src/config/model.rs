@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::Span;
+use swerve_core::{Ranges, Span};
 use swerve_flow::Reaction;
 use swerve_perception::detector;
 use swerve_planning::deadline::Params;
@@ -59,16 +59,18 @@ impl From<MissReaction> for Reaction {
 }
 
 /// Execution of detector and planner.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExecutionConfig {
     /// Execution model.
     pub model: Model,
     /// Period (`periodic`) or deadline (`static_deadlines`) of the detector, ms; its fixed run time or that of its
     /// highest rung when absent.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub detector_ms: Option<f64>,
     /// Period (`periodic`) or deadline (`static_deadlines`) of the planner, ms; its fixed run time or that of its
     /// highest rung when absent.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     pub planner_ms: Option<f64>,
     /// Reaction of detector and planner to a missed deadline.
     pub reaction: MissReaction,

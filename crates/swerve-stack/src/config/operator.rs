@@ -7,13 +7,14 @@ use schemars::JsonSchema;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 
 use super::Config;
 use super::execution::{self, Deadline, Runtime};
 use super::planner::within;
 
 /// One operator: its kind, inputs and execution.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(default)]
 pub struct OperatorConfig {
     /// Kind, one of those that `swerve operators` lists; that of the pipeline's operator of this name when absent.
@@ -30,11 +31,13 @@ pub struct OperatorConfig {
     /// Busy policy; `skip_to_latest` when absent.
     pub policy: Option<String>,
     /// Deadline of its steps.
+    #[ranges(nested)]
     pub deadline: Option<Deadline>,
     /// Resource of which each step holds a slot.
     pub uses: Option<String>,
     /// Communication delay of its outputs, ms.
     #[serde(skip_serializing_if = "is_zero")]
+    #[schemars(range(min = 0.0, max = execution::MS_MAX))]
     pub delay_ms: f64,
     /// Keys of its kind, or of the kind's tables for this operator only.
     #[serde(flatten)]
@@ -115,14 +118,12 @@ pub(crate) fn is_plain_name(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
 }
 
-/// Largest number of slots of a resource.
-const SLOTS_MAX: usize = 1_000_000;
-
 /// A shared resource.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields)]
 pub struct ResourceConfig {
     /// Steps that may hold it at once.
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub slots: usize,
 }
 
@@ -134,17 +135,11 @@ impl Config {
                 let message = "expected a name of letters, digits and underscores";
                 faults.push((format!("operator.{name}"), message.into()));
             }
-            if let Some(Err((inner, message))) = operator.runtime.as_ref().map(Runtime::model_by_key) {
-                faults.extend(within(&key("runtime"), vec![(inner.into(), message)]));
+            if let Some(Err(problem)) = operator.runtime.as_ref().map(Runtime::model_by_key) {
+                faults.extend(within(&key("runtime"), vec![problem]));
             }
             if let Some(Err(message)) = operator.policy.as_deref().map(execution::parse_policy) {
                 faults.push((key("policy"), message));
-            }
-            if let Some(Err(message)) = operator.deadline.as_ref().map(Deadline::deadline) {
-                faults.push((key("deadline.ms"), message));
-            }
-            if let Err(message) = execution::span_ms(operator.delay_ms) {
-                faults.push((key("delay_ms"), message));
             }
             if let Some(resource) = operator.uses.as_ref().filter(|r| !self.resource.contains_key(*r)) {
                 let names: Vec<&str> = self.resource.keys().map(String::as_str).collect();
@@ -157,15 +152,11 @@ impl Config {
                 faults.push((key("uses"), message));
             }
         }
-        for (name, resource) in self.resource.iter().filter(|(_, r)| !(1..=SLOTS_MAX).contains(&r.slots)) {
-            let message = format!("expected 1 to {SLOTS_MAX}, found {}", resource.slots);
-            faults.push((format!("resource.{name}.slots"), message));
-        }
         for (planner, by_fineness) in &self.planning.cost {
             for (fineness, cost) in by_fineness {
-                if let Err((inner, message)) = cost.model_by_key() {
+                if let Err(problem) = cost.model_by_key() {
                     let key = format!("planning.cost.{}.{}", planner.as_str(), fineness.as_str());
-                    faults.extend(within(&key, vec![(inner.into(), message)]));
+                    faults.extend(within(&key, vec![problem]));
                 }
             }
         }

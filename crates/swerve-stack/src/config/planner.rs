@@ -102,9 +102,14 @@ pub(super) fn rules(planning: &PlanningConfig) -> Result<Rules, Vec<(String, Str
 }
 
 /// Problem of a parameter out of its range.
-pub(crate) fn outside(error: ParamError) -> Vec<KeyProblem> {
+pub(crate) fn problem(error: ParamError) -> KeyProblem {
     let message = format!("expected {}, found {}", error.expected, error.value);
-    vec![(error.key.into_owned(), message)]
+    (error.key.into_owned(), message)
+}
+
+/// The same as a list.
+pub(crate) fn outside(error: ParamError) -> Vec<KeyProblem> {
+    vec![problem(error)]
 }
 
 /// Problems of the table at dotted `key`, which is empty for the whole configuration.

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
@@ -117,7 +118,7 @@ pub(crate) type Cost = BTreeMap<PlannerName, BTreeMap<Fineness, Runtime>>;
 static BUILT_IN_COST: LazyLock<Cost> = LazyLock::new(|| swerve_text::built_in(include_str!("cost.toml")));
 
 /// The motion planner.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlanningConfig {
     /// Motion planner.
@@ -139,22 +140,26 @@ pub struct PlanningConfig {
     /// `swept_static`; when absent `risk`, under the preset `paper` the original's.
     pub collision: Option<CollisionMode>,
     /// With `collision = "risk"`: largest probability that a plan touches any road user, according to the predictions.
+    #[schemars(range(min = 0.0, max = 0.5))]
     pub risk_max: f64,
     /// Standard deviations of the localized position at which the ego slows, metres: below its target speed from the
     /// first, at 0.3 of it from the second. When absent 0.4 and 1.0, at which two deviations and one fit beside the car
     /// in its lane; under the preset `paper` it never slows.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = 0.0, max = 1e6)))]
     pub slow_by_sigma_m: Option<[f64; 2]>,
     /// Margin that plans keep from the edges of the road, in standard deviations of the lateral position. Limits the
     /// speed so that a stop by dead reckoning ends in the lane with this margin to the nearer edge; where the margin
     /// does not fit, the car stops, and goes on when 1.1 times the margin fits. 0 keeps none and never stops. When
     /// absent 2.33, which 1 % of a normal distribution exceeds; under the preset `paper` 0.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub lane_sigmas: Option<f64>,
     /// Start state of a plan; the preset's when absent.
     pub start: Option<StartState>,
     /// Expected time from a sensor frame to its plan, ms, for the predicted start; the planner's typical cost when
     /// absent.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub expected_ms: Option<f64>,
     /// Parameters of the planner that differ from the defaults of preset and discretisation.
     #[schemars(with = "crate::config::AnyTable")]
@@ -168,13 +173,15 @@ pub struct PlanningConfig {
     /// replaces the whole table. Default: `cost.toml`, measured by `swerve calibrate` for the `best` presets.
     pub cost: Cost,
     /// Latency added to every plan, ms.
+    #[schemars(range(min = 0.0, max = 100_000.0))]
     pub added_latency_ms: f64,
     /// Comfortable layer above the planner: its plan is driven while one is collision-free.
+    #[ranges(nested)]
     pub comfort: ComfortConfig,
 }
 
 /// The comfortable layer above a planner, and its limits.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ComfortConfig {
     /// Enables the comfortable layer; when absent with the preset `best`, except above `aeb`.
@@ -182,6 +189,7 @@ pub struct ComfortConfig {
     pub enabled: Option<bool>,
     /// Limits of comfort.
     #[serde(flatten)]
+    #[ranges(flatten)]
     pub limits: comfort::Params,
 }
 

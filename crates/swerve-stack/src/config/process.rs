@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_ipc::OnLoss;
-use swerve_text::number;
 
 use super::Config;
 use super::operator::is_plain_name;
 use crate::assembly::{Assembly, one_of};
 
 /// One process beside the coordinator.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProcessConfig {
     /// Operators whose steps it takes.
@@ -22,9 +22,11 @@ pub struct ProcessConfig {
     pub on_loss: OnLoss,
     /// Time for which its answers, and calls on its side, are waited for without sleeping, microseconds; saves a
     /// wake-up, costs a core.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub spin_us: f64,
     /// Time limit for a step of an operator, seconds; a process that does not answer is killed. In virtual time the run
     /// then ends with an error; under wall clock `on_loss` applies. The first step of a neural network may need long.
+    #[schemars(range(min = 0.1, max = 86_400.0))]
     pub reply_within_s: f64,
     /// Command that starts it, in place of this program's own `swerve worker`: a program and its arguments, such as
     /// `["ssh", "other", "swerve", "worker"]`. It has to pass on standard input and output.
@@ -132,14 +134,6 @@ impl Config {
             if !plain {
                 let message = "expected a name of letters, digits and underscores";
                 told.push((format!("process.{name}"), message.into()));
-            }
-            if !(0.0..=1e6).contains(&process.spin_us) {
-                let message = format!("expected 0 to 1000000, found {}", number(process.spin_us));
-                told.push((format!("process.{name}.spin_us"), message));
-            }
-            if !(0.1..=86_400.0).contains(&process.reply_within_s) {
-                let message = format!("expected 0.1 to 86400, found {}", number(process.reply_within_s));
-                told.push((format!("process.{name}.reply_within_s"), message));
             }
             let of_start = process.problems_of_start();
             told.extend(

@@ -3,13 +3,14 @@
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use swerve_core::{ParamError, Span};
+use swerve_core::{ParamError, Ranges, Span};
 use swerve_geom::{Ego, Lidar, Point, Transform};
 use swerve_lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
 use swerve_text::{nearest, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
+use super::planner::problem;
 use super::{Config, Images};
 use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 
@@ -17,7 +18,7 @@ use crate::assembly::{Assembly, pipeline_names, sensor_operators};
 type Faults = Vec<(String, String)>;
 
 /// One radar.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadarConfig {
     /// Class of radar.
@@ -28,14 +29,19 @@ pub struct RadarConfig {
     /// Position in the ego frame, m; the middle of the front bumper, 0.5 m up, when absent.
     pub at_m: Option<[f64; 3]>,
     /// Yaw, degrees; positive to the left.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
     /// Time between two scans, ms; the preset's when absent.
+    #[schemars(range(min = 1.0, max = 60_000.0))]
     pub period_ms: Option<f64>,
     /// Time for which echoes are gathered, ms; the stamp is its middle.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub exposure_ms: f64,
     /// Read-out time of a scan, ms.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub readout_ms: f64,
     /// Time from the read-out to the reader, ms.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub transfer_ms: f64,
 }
 
@@ -65,25 +71,21 @@ impl RadarConfig {
 
     fn params(&self) -> Result<RadarParams, Faults> {
         let params = overridden(&self.preset.params(), &self.params, &[("preset", "preset")])?;
-        let told: Faults = params
-            .problems()
-            .into_iter()
-            .map(|error| (format!("params.{}", error.key), outside(&error)))
-            .collect();
+        let told: Faults =
+            params.problems().into_iter().map(|error| problem(error.under("params"))).collect();
         if told.is_empty() { Ok(params) } else { Err(told) }
     }
 
     fn faults(&self, shape: &Shape) -> Faults {
         let mut told = self.params().err().unwrap_or_default();
-        range(&mut told, "period_ms", self.period_ms(), [1.0, 60_000.0]);
+        told.extend(self.out_of_range().into_iter().map(problem));
         told.extend(mount_faults(&self.mount(shape), shape));
-        told.extend(timing_faults(&self.timing()));
         told
     }
 }
 
 /// One lidar.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct LidarConfig {
     /// Class of lidar.
@@ -96,18 +98,24 @@ pub struct LidarConfig {
     /// Elevation and azimuth offset of each laser, degrees; the preset's when empty.
     pub beams_deg: Vec<[f64; 2]>,
     /// Rotation rate, turns per second; the preset's when absent.
+    #[schemars(range(min = 0.01, max = 1000.0))]
     pub rate_hz: Option<f64>,
     /// Position in the ego frame, m; above the middle of the roof, 1.9 m up, when absent.
     pub at_m: Option<[f64; 3]>,
     /// Roll about the forward axis, degrees; positive leans right.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub roll_deg: f64,
     /// Pitch, degrees; positive downwards.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub pitch_deg: f64,
     /// Yaw, degrees; positive to the left.
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
     /// Read-out time of a sweep after its last column, ms.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub readout_ms: f64,
     /// Time from the read-out to the reader, ms.
+    #[schemars(range(min = 0.0, max = 10_000.0))]
     pub transfer_ms: f64,
 }
 
@@ -165,7 +173,7 @@ impl LidarConfig {
     }
 
     fn faults(&self, shape: &Shape, dt_ms: f64) -> Faults {
-        let mut told = Faults::new();
+        let mut told: Faults = self.out_of_range().into_iter().map(problem).collect();
         match self.spec(0) {
             Ok(spec) if spec.rate_hz * dt_ms > 1000.0 => {
                 let message = format!(
@@ -175,14 +183,11 @@ impl LidarConfig {
                 told.push(("rate_hz".into(), message));
             }
             Ok(_) => {}
-            Err(faults) => told.extend(faults),
-        }
-        for (key, value) in [("roll_deg", self.roll_deg), ("pitch_deg", self.pitch_deg)] {
-            range(&mut told, key, value, [-360.0, 360.0]);
+            // `rate_hz` is also a parameter.
+            Err(faults) => told.extend(faults.into_iter().filter(|(key, _)| key != "rate_hz")),
         }
         let [x_m, y_m, z_m] = self.at_m(shape);
         told.extend(mount_faults(&SensorMount { x_m, y_m, z_m, yaw_rad: self.yaw_deg.to_radians() }, shape));
-        told.extend(timing_faults(&self.timing()));
         told
     }
 }
@@ -220,34 +225,22 @@ fn overridden<T: Serialize + DeserializeOwned>(
     })
 }
 
-fn outside(error: &ParamError) -> String {
-    format!("expected {}, found {}", error.expected, error.value)
-}
-
-pub(super) fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
+fn range(told: &mut Faults, key: &str, value: f64, [low, high]: [f64; 2]) {
     if !(low..=high).contains(&value) {
         told.push((key.to_owned(), format!("expected {low} to {high}, found {}", number(value))));
     }
 }
 
 fn mount_faults(mount: &SensorMount, shape: &Shape) -> Faults {
-    let own = |error: ParamError| match error.key.as_ref() {
-        "yaw_rad" => {
-            let found = number(mount.yaw_rad.to_degrees());
-            ("yaw_deg".to_owned(), format!("expected -360 to 360, found {found}"))
-        }
-        axis => ("at_m".to_owned(), format!("{axis}: {}", outside(&error))),
-    };
-    let mut told: Faults = mount.problems().into_iter().map(own).collect();
+    // The angle is checked as `yaw_deg`.
+    let wrong = mount.out_of_range().into_iter().filter(|error| error.key != "yaw_rad").map(problem);
+    let mut told: Faults =
+        wrong.map(|(axis, message)| ("at_m".to_owned(), format!("{axis}: {message}"))).collect();
     if told.is_empty() && mount.is_inside(shape) {
         let message = "expected a place outside the car's body: it would see nothing else";
         told.push(("at_m".into(), message.into()));
     }
     told
-}
-
-fn timing_faults(timing: &SensorTiming) -> Faults {
-    timing.problems().iter().map(|error| (error.key.to_string(), outside(error))).collect()
 }
 
 impl Config {
@@ -299,16 +292,6 @@ impl Config {
         self.radar.iter().for_each(|(name, radar)| within("radar", name, radar.faults(shape)));
         let dt_ms = self.sim.dt_ms;
         self.lidar.iter().for_each(|(name, lidar)| within("lidar", name, lidar.faults(shape, dt_ms)));
-        let sensing = &self.sensing;
-        let own = [
-            ("imu", sensing.imu.problems()),
-            ("gnss", sensing.gnss.problems()),
-            ("odometry", sensing.odometry.problems()),
-        ];
-        for (sensor, problems) in own {
-            let told_of = |error: ParamError| (format!("sensing.{sensor}.{}", error.key), outside(&error));
-            told.extend(problems.into_iter().map(told_of));
-        }
     }
 
     pub(super) fn check_log(&self, told: &mut Faults) {
@@ -325,9 +308,6 @@ impl Config {
             told.push((format!("log.sensors[{k}]"), message));
         }
         let log = &self.log;
-        if !(1..=100).contains(&log.jpeg_quality) {
-            told.push(("log.jpeg_quality".into(), format!("expected 1 to 100, found {}", log.jpeg_quality)));
-        }
         if log.images == Images::Jpeg && !log.foxglove {
             let message = "expected true where log.images is \"jpeg\": JPEG images are there to be looked at";
             told.push(("log.foxglove".into(), message.into()));

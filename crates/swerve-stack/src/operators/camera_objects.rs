@@ -1,6 +1,6 @@
 //! Object detection in camera images: boxes on the ground, without neural networks.
 
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges as _, Span, Time};
 use swerve_flow::{
     At, Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Outputs, Port,
     PortInfo, RuntimeModel, Window,
@@ -8,7 +8,6 @@ use swerve_flow::{
 use swerve_msg::{Detections, EgoState, Image, Route, RungTaken, TrackList};
 use swerve_perception::CameraObjects;
 use swerve_perception::camera::Shot;
-use swerve_text::number;
 use swerve_vehicle::{Pitch, VehicleParams};
 use swerve_vision::acf::Weights;
 
@@ -16,6 +15,7 @@ use super::ladder::{on_ladder, take};
 use crate::config::camera_detectors::{CameraObjectsTable, rung, weights};
 use crate::config::execution::span_ms;
 use crate::config::model::{Model, Rung};
+use crate::config::planner::problem;
 use crate::kind::{Heavy, KeyProblems, Node, OperatorKind, Scheduled, Settings};
 use crate::registry::Registry;
 use crate::site::Site;
@@ -66,11 +66,8 @@ struct Out {
 
 impl CameraObjectsTable {
     fn problems(&self) -> KeyProblems {
-        let mut told = KeyProblems::new();
+        let mut told: KeyProblems = self.out_of_range().into_iter().map(problem).collect();
         let mut tell = |key: &str, message: String| told.push((key.to_owned(), message));
-        if !(0.0..=1.0).contains(&self.score_min) {
-            tell("score_min", format!("expected 0 to 1, found {}", number(self.score_min)));
-        }
         let weights = match weights(&self.detector) {
             Ok(weights) => weights,
             Err(message) => {

@@ -3,7 +3,7 @@
 use anyhow::{Context as _, bail, ensure};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges, Span, Time};
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
@@ -14,6 +14,7 @@ use swerve_perception::image_box::ImageCamera;
 
 use crate::config::camera::CameraConfig;
 use crate::config::perception::image_camera;
+use crate::config::planner::problem;
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
 use crate::registry::Registry;
 use crate::site::Site;
@@ -27,16 +28,19 @@ const DEPTHS: usize = 8;
 pub(super) struct Fusions;
 
 /// Its keys in `[operator.NAME]`.
-#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     /// The `[camera.NAME]` of the boxes' images; when absent the only camera, else the emulated detector's.
     view: Option<String>,
     /// Time between two lists, ms; there is none without new inputs.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     period_ms: f64,
     /// Age above which inputs are ignored, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     age_max_ms: f64,
     /// Expected errors of the sources, and limits for associating objects.
+    #[ranges(nested)]
     params: Params,
 }
 
@@ -72,20 +76,6 @@ impl Table {
         let own = settings.config.operator.get(settings.name).map(|own| own.keys.clone());
         own.and_then(|keys| swerve_text::read(&keys).ok()).unwrap_or_default()
     }
-
-    fn problems(&self) -> KeyProblems {
-        let mut told = KeyProblems::new();
-        for (key, ms) in [("period_ms", self.period_ms), ("age_max_ms", self.age_max_ms)] {
-            if !(1.0..=10_000.0).contains(&ms) {
-                told.push((key.into(), format!("expected 1 to 10000, found {}", swerve_text::number(ms))));
-            }
-        }
-        if let Err(error) = self.params.validate() {
-            let message = format!("expected {}, found {}", error.expected, error.value);
-            told.push((format!("params.{}", error.key), message));
-        }
-        told
-    }
 }
 
 impl OperatorKind for Fusions {
@@ -102,7 +92,8 @@ impl OperatorKind for Fusions {
     }
 
     fn problems(&self, keys: &toml::Table, _: &Registry) -> KeyProblems {
-        swerve_text::read::<Table>(keys).map_or_else(|problems| problems, |table| table.problems())
+        swerve_text::read::<Table>(keys)
+            .map_or_else(|problems| problems, |table| table.out_of_range().into_iter().map(problem).collect())
     }
 
     fn outputs(&self, _: &Settings<'_>) -> Vec<OutputInfo> {

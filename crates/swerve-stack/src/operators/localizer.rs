@@ -10,7 +10,7 @@
 use anyhow::anyhow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_core::{Span, Time};
+use swerve_core::{Ranges, Span, Time};
 use swerve_flow::{At, Context, Every, Inputs, Message, Operator, Outputs, Port, Timer, Window, every};
 use swerve_geom::{FrenetPoint, Point2, Pose2, math};
 use swerve_localization::flat::Origin;
@@ -23,6 +23,7 @@ mod stored_pose;
 
 use super::odom::Odometer;
 use super::scan_matcher::pose_of;
+use crate::config::planner::problem;
 use crate::config::{Config, SensingConfig};
 use crate::kind::{KeyProblems, Kind, Node, Settings, span_of_ms};
 use crate::site::Site;
@@ -158,18 +159,22 @@ impl Receiver {
 }
 
 /// Keys of a localizer.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Keys {
     /// Standard deviation of the initial heading from the lane's, degrees; 0 takes the heading from the first course.
+    #[schemars(range(min = 0.0, max = 90.0))]
     lane_heading_deg: f64,
     /// Time limit for the first match of a lidar after the first fix, seconds; no pose is published before either.
+    #[schemars(range(min = 0.0, max = 60.0))]
     await_match_s: f64,
     /// Standard deviation of the position error common to all matches with a map, in addition to each match's own,
     /// metres.
+    #[schemars(range(min = 0.0, max = 1.0))]
     map_sigma_m: f64,
     /// Standard deviation of the heading error common to all matches with a map, in addition to each match's own,
     /// radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     map_sigma_rad: f64,
     /// Parameters of the sensors that differ from `[sensing]`.
     #[schemars(with = "Params")]
@@ -197,10 +202,7 @@ impl Keys {
         let mut table = table.map_err(|e| vec![("params".to_owned(), e.to_string())])?;
         table.extend(self.params.clone());
         let params: Params = swerve_text::read(&table).map_err(within)?;
-        let told = |e: swerve_core::ParamError| {
-            within(vec![(e.key.to_string(), format!("expected {}, found {}", e.expected, e.value))])
-        };
-        params.validate().map_err(told).map(|()| params)
+        params.validate().map_err(|error| within(vec![problem(error)])).map(|()| params)
     }
 }
 
@@ -235,22 +237,7 @@ impl Kind for Filter {
 
     fn problems(table: &Keys) -> KeyProblems {
         let mut told = table.params(&Params::default()).err().unwrap_or_default();
-        if !(0.0..=90.0).contains(&table.lane_heading_deg) {
-            told.push((
-                "lane_heading_deg".into(),
-                format!("expected 0 to 90, found {}", table.lane_heading_deg),
-            ));
-        }
-        let ranges = [
-            ("await_match_s", table.await_match_s, 60.0),
-            ("map_sigma_m", table.map_sigma_m, 1.0),
-            ("map_sigma_rad", table.map_sigma_rad, 1.0),
-        ];
-        for (key, value, most) in ranges {
-            if !(0.0..=most).contains(&value) {
-                told.push((key.into(), format!("expected 0 to {most}, found {value}")));
-            }
-        }
+        told.extend(table.out_of_range().into_iter().map(problem));
         told
     }
 

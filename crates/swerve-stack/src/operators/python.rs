@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use swerve_core::Ranges;
 use swerve_flow::{
     AnyInput, AnyOperator, AnyOutputs, Context, OutputInfo, PayloadType, PortInfo, PortMode, every,
 };
 
 use crate::assembly::one_of;
 use crate::config::is_plain_name;
+use crate::config::planner::problem;
 use crate::kind::{KeyProblems, Node, OperatorKind, Settings, span_of_ms};
 use crate::registry::Registry;
 use crate::site::Site;
@@ -18,7 +20,7 @@ use crate::site::Site;
 pub(super) struct Python;
 
 /// Keys of a Python operator.
-#[derive(Serialize, Deserialize, JsonSchema, Default)]
+#[derive(Serialize, Deserialize, JsonSchema, Default, Ranges)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     /// Inputs by port, each a mode and a message type: `Image` (of the frame's stamp), `latest EgoState`, `window(16)
@@ -27,6 +29,7 @@ struct Table {
     /// Message types of the outputs, by port.
     outputs: BTreeMap<String, String>,
     /// Period of additional steps, ms.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
     period_ms: Option<f64>,
 }
 
@@ -93,10 +96,7 @@ impl Table {
             let message = "nothing makes it step: expected a message that is neither `latest` nor `window`, or `period_ms`";
             told.push(("inputs".into(), message.into()));
         }
-        if let Some(period) = self.period_ms.filter(|period| !(1.0..=10_000.0).contains(period)) {
-            let message = format!("expected 1 to 10000, found {}", swerve_text::number(period));
-            told.push(("period_ms".into(), message));
-        }
+        told.extend(self.out_of_range().into_iter().map(problem));
         told
     }
 }

@@ -183,14 +183,14 @@ fn parameters_that_cannot_be_are_all_named() {
     assert_eq!(read(r#"{"wheels": "all"}"#).unwrap().wheels, OdometryWheels::All);
     assert!(read(r#"{"counts": 3}"#).unwrap_err().to_string().contains("unknown field `counts`"));
     assert!(read(r#"{"counts_per_turn": -3}"#).unwrap_err().to_string().contains("invalid value"));
-    assert_eq!(WheelOdometryParams::default().problems(), []);
+    assert_eq!(WheelOdometryParams::default().out_of_range(), []);
     let wrong = WheelOdometryParams {
         counts_per_turn: 0,
         radius_error: 0.5,
         steering_noise_rad: f64::NAN,
         ..WheelOdometryParams::default()
     };
-    let problems: Vec<String> = wrong.problems().iter().map(ToString::to_string).collect();
+    let problems: Vec<String> = wrong.out_of_range().iter().map(ToString::to_string).collect();
     assert_eq!(
         problems,
         [

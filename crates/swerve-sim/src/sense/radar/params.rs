@@ -1,9 +1,11 @@
 //! Radar parameters.
 
+use core::f64::consts::{PI, TAU};
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Span;
-use swerve_core::param::{ParamError, require, require_within};
+use swerve_core::param::{ParamError, Ranges, require};
 use swerve_geom::math;
 
 use super::{decibels, ratio};
@@ -78,7 +80,7 @@ impl RadarPreset {
 macro_rules! params {
     ($($(#[$doc:meta])* $name:ident: $number:ty,)*) => {
         /// Limits, accuracy and errors of a radar. In files, omitted keys have the values of the `preset`.
-        #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
+        #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
         #[serde(from = "Keys")]
         pub struct RadarParams {
             $($(#[$doc])* pub $name: $number,)*
@@ -104,40 +106,57 @@ macro_rules! params {
 
 params! {
     /// Minimum range of detections, metres.
+    #[schemars(range(min = 0.01, max = 1_000.0))]
     range_min_m: f64,
     /// Maximum range of detections, metres.
+    #[schemars(range(min = 0.1, max = 10_000.0))]
     range_max_m: f64,
     /// Full horizontal field of view, radians.
+    #[schemars(range(min = 1e-3, max = TAU))]
     fov_rad: f64,
     /// Full vertical field of view, radians.
+    #[schemars(range(min = 1e-3, max = PI))]
     elevation_fov_rad: f64,
     /// Maximum absolute range rate of detections, m/s.
+    #[schemars(range(min = 0.1, max = 1_000.0))]
     range_rate_max_mps: f64,
     /// Distance at which 10 dBsm on the axis are detected in every second scan, metres.
+    #[schemars(range(min = 0.1, max = 10_000.0))]
     half_range_m: f64,
     /// Two-way loss of an echo at the left and right edges of the field of view, decibels; grows with the square of the
     /// angle from the axis.
+    #[schemars(range(min = 0.0, max = 100.0))]
     edge_loss_db: f64,
     /// Probability that noise alone exceeds the detection threshold.
+    #[schemars(range(min = 1e-12, max = 0.1))]
     false_alarm_probability: f64,
     /// Range resolution, metres: echoes closer to each other than the three resolutions (range, range rate, azimuth)
     /// are merged.
+    #[schemars(range(min = 0.0, max = 100.0))]
     range_resolution_m: f64,
     /// Range rate resolution, m/s; see `range_resolution_m`.
+    #[schemars(range(min = 0.0, max = 100.0))]
     range_rate_resolution_mps: f64,
     /// Azimuth resolution, radians; see `range_resolution_m`.
+    #[schemars(range(min = 0.0, max = TAU))]
     azimuth_resolution_rad: f64,
     /// Standard deviation of the range, metres.
+    #[schemars(range(min = 0.0, max = 100.0))]
     range_noise_m: f64,
     /// Standard deviation of the range rate, m/s.
+    #[schemars(range(min = 0.0, max = 100.0))]
     range_rate_noise_mps: f64,
     /// Standard deviation of the azimuth, radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     azimuth_noise_rad: f64,
     /// Standard deviation of the elevation, radians.
+    #[schemars(range(min = 0.0, max = 1.0))]
     elevation_noise_rad: f64,
     /// Mean number of clutter echoes per scan, from objects beside and on the road that are not actors.
+    #[schemars(range(min = 0.0, max = 500.0))]
     clutter_per_scan: f64,
     /// Mean number of false alarms per scan, caused by noise.
+    #[schemars(range(min = 0.0, max = 500.0))]
     false_alarms_per_scan: f64,
     /// True if elevation is reported.
     measures_elevation: bool,
@@ -187,28 +206,7 @@ impl RadarParams {
 
     /// Reports every parameter out of range.
     pub fn problems(&self) -> Vec<ParamError> {
-        let tau = core::f64::consts::TAU;
-        let ranges = [
-            ("range_min_m", self.range_min_m, [0.01, 1_000.0]),
-            ("range_max_m", self.range_max_m, [0.1, 10_000.0]),
-            ("fov_rad", self.fov_rad, [1e-3, tau]),
-            ("elevation_fov_rad", self.elevation_fov_rad, [1e-3, 0.5 * tau]),
-            ("range_rate_max_mps", self.range_rate_max_mps, [0.1, 1_000.0]),
-            ("half_range_m", self.half_range_m, [0.1, 10_000.0]),
-            ("edge_loss_db", self.edge_loss_db, [0.0, 100.0]),
-            ("false_alarm_probability", self.false_alarm_probability, [1e-12, 0.1]),
-            ("range_resolution_m", self.range_resolution_m, [0.0, 100.0]),
-            ("range_rate_resolution_mps", self.range_rate_resolution_mps, [0.0, 100.0]),
-            ("azimuth_resolution_rad", self.azimuth_resolution_rad, [0.0, tau]),
-            ("range_noise_m", self.range_noise_m, [0.0, 100.0]),
-            ("range_rate_noise_mps", self.range_rate_noise_mps, [0.0, 100.0]),
-            ("azimuth_noise_rad", self.azimuth_noise_rad, [0.0, 1.0]),
-            ("elevation_noise_rad", self.elevation_noise_rad, [0.0, 1.0]),
-            ("clutter_per_scan", self.clutter_per_scan, [0.0, 500.0]),
-            ("false_alarms_per_scan", self.false_alarms_per_scan, [0.0, 500.0]),
-        ];
-        let mut problems: Vec<_> =
-            ranges.into_iter().filter_map(|(key, x, ends)| require_within(key, x, ends).err()).collect();
+        let mut problems = self.out_of_range();
         if self.range_min_m >= self.range_max_m {
             let below = "a number below range_max_m";
             problems.extend(require("range_min_m", self.range_min_m, false, below).err());

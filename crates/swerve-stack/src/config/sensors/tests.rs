@@ -80,8 +80,8 @@ fn invalid_lidar_is_refused_with_file_line_and_key() {
     let twins = format!("beams_deg = [{}]", "[1, 0], ".repeat(200));
     for (line, said) in [
         ("preset = \"hdl_65\"", "preset: "),
-        ("rate_hz = 0", "rate_hz: expected 0.01 to 1000 turns per second, found 0"),
-        ("rate_hz = nan", "rate_hz: expected 0.01 to 1000 turns per second, found NaN"),
+        ("rate_hz = 0", "rate_hz: expected 0.01 to 1000, found 0"),
+        ("rate_hz = nan", "rate_hz: expected 0.01 to 1000, found NaN"),
         ("rate_hz = 300", "rate_hz: expected at most one turn in a step of the world of 5 ms, found 300"),
         (
             twins.as_str(),
@@ -94,7 +94,7 @@ fn invalid_lidar_is_refused_with_file_line_and_key() {
         ("at_m = [1.0, 0.0, inf]", "at_m: z_m: expected 0 to 10, found inf"),
         ("pitch_deg = nan", "pitch_deg: expected -360 to 360, found NaN"),
         ("transfer_ms = -1", "transfer_ms: expected 0 to 10000, found -1"),
-        ("params = { columns = 0 }", "params.columns: expected 1 to 16384 columns, found 0"),
+        ("params = { columns = 0 }", "params.columns: expected 1 to 16384, found 0"),
         ("params = { columns = -3 }", "params.columns: expected "),
         ("params = { dropout = nan }", "params.dropout: expected 0 to 1, found NaN"),
         ("params = { seed = 3 }", "params.seed: unknown key; the noise is keyed by the run's seed"),
