@@ -34,10 +34,11 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_control::Following;
+use swerve_control::{Controller, Following};
 use swerve_prediction::PredictorName;
 use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
+use swerve_text::KeyProblem;
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
@@ -52,14 +53,17 @@ use monitor::MonitorConfig;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
-pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};
+use planner::within;
+pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};
 use process::{ProcessConfig, SharedMemoryConfig};
 use programs::Consent;
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
+use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
 use crate::course::Course;
+use crate::named::Name;
 use crate::registry::Registry;
 
 /// A whole configuration: operators, their run times, and recording.
@@ -359,10 +363,13 @@ impl Default for PredictionConfig {
     }
 }
 
-/// Controllers by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ControllerName {
+/// Name of a controller: a built-in one, or one that [`Registry::with_controller`] adds.
+pub type ControllerName = Name<BuiltInController>;
+
+/// Built-in controllers.
+#[derive(Clone, PartialEq, Debug, JsonSchema)]
+#[schemars(rename = "ControllerName", rename_all = "snake_case")]
+pub enum BuiltInController {
     /// The paper's speed PID and steering towards a waypoint.
     Pid,
     /// Speed PID and pure pursuit.
@@ -379,12 +386,27 @@ impl Config {
         self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
     }
 
-    /// The controller that follows the plans.
-    pub fn controller(&self) -> ControllerName {
-        self.control.controller.unwrap_or(match self.planning.preset {
-            Preset::Paper => ControllerName::Pid,
-            Preset::Best => ControllerName::Stanley,
-        })
+    /// Name of the controller that follows the plans.
+    pub fn controller(&self) -> &str {
+        let usual = match self.planning.preset {
+            Preset::Paper => Pid::NAME,
+            Preset::Best => Stanley::NAME,
+        };
+        self.control.controller.as_ref().map_or(usual, ControllerName::as_str)
+    }
+
+    /// Builds the controller, for the configured vehicle.
+    ///
+    /// # Errors
+    /// Problems by their keys in `control`.
+    pub(crate) fn built_controller(&self) -> Result<Box<dyn Controller>, Vec<KeyProblem>> {
+        let controllers = &self.registry.controllers;
+        let unknown =
+            || vec![("controller".to_owned(), controllers.problem(self.controller()).unwrap_or_default())];
+        let named = controllers.get(self.controller()).ok_or_else(unknown)?;
+        let following = self.control.following.unwrap_or_else(|| self.planning.preset.following());
+        let setup = ControllerSetup { vehicle: &self.sim.vehicle, following };
+        named.build(setup, &self.control.params).map_err(|found| within("params", found))
     }
 }
 
@@ -394,6 +416,10 @@ impl Config {
 pub struct ControlConfig {
     /// Controller: `stanley` when absent, `pid` of the paper under the planning preset `paper`.
     pub controller: Option<ControllerName>,
+    /// Parameters of a custom controller that differ from its defaults.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub params: toml::Table,
     /// Way to follow a plan; the planning preset's when absent.
     pub following: Option<Following>,
     /// Period of the controller, ms.
@@ -402,7 +428,7 @@ pub struct ControlConfig {
 
 impl Default for ControlConfig {
     fn default() -> Self {
-        Self { controller: None, following: None, period_ms: 10.0 }
+        Self { controller: None, params: toml::Table::new(), following: None, period_ms: 10.0 }
     }
 }
 

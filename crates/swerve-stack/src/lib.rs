@@ -7,9 +7,11 @@
 pub mod agent;
 pub mod assembly;
 pub mod config;
+mod controllers;
 pub mod course;
 pub mod faults;
 mod kind;
+mod named;
 mod operators;
 pub mod pipeline;
 mod planners;
@@ -20,10 +22,12 @@ mod stage;
 pub mod street;
 
 pub use assembly::Assembly;
+pub use controllers::{ControllerSetup, NamedController};
 pub use kind::{
     Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
     time_of_ms,
 };
+pub use named::Name;
 pub use operators::ObstacleSight;
 pub use planners::{NamedPlanner, PlannerDefaults};
 pub use registry::Registry;

@@ -16,16 +16,19 @@ use swerve_planning::waypoint::Waypoint;
 use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::perception::CUSTOM;
+use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
+use crate::named::{Named, Of};
 use crate::operators;
-use crate::planners::{AnyPlanner, NamedPlanner, Of};
+use crate::planners::{AnyPlanner, NamedPlanner};
 
-/// Operator kinds, message types for faults, and views that configurations can use.
+/// Operator kinds, algorithms, message types for faults, and views that configurations can use.
 #[derive(Clone)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
-    planners: Vec<Arc<dyn AnyPlanner>>,
+    pub(crate) planners: Named<dyn AnyPlanner>,
+    pub(crate) controllers: Named<dyn AnyController>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -39,7 +42,8 @@ impl Registry {
         static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
             let empty = Registry {
                 kinds: BTreeMap::new(),
-                planners: Vec::new(),
+                planners: Named::default(),
+                controllers: Named::default(),
                 corruptible: Vec::new(),
                 views: Vec::new(),
             };
@@ -49,6 +53,10 @@ impl Registry {
                 .with_planner::<HybridAstar>()
                 .with_planner::<Waypoint>()
                 .with_planner::<Aeb>()
+                .with_controller::<Pid>()
+                .with_controller::<PurePursuit>()
+                .with_controller::<Stanley>()
+                .with_controller::<Mpc>()
         });
         STANDARD.clone()
     }
@@ -69,19 +77,25 @@ impl Registry {
     /// Adds a motion planner, or replaces the one of the same name.
     #[must_use]
     pub fn with_planner<P: NamedPlanner>(mut self) -> Self {
-        self.planners.retain(|known| known.name() != P::NAME);
-        self.planners.push(Arc::new(Of::<P>::new()));
+        self.planners.insert(P::NAME, Arc::new(Of::<P>::new()));
         self
     }
 
     /// Names of all motion planners.
     pub fn planners(&self) -> impl Iterator<Item = &'static str> {
-        self.planners.iter().map(|planner| planner.name())
+        self.planners.names()
     }
 
-    /// The motion planner of this name.
-    pub(crate) fn planner(&self, name: &str) -> Option<&dyn AnyPlanner> {
-        self.planners.iter().find(|planner| planner.name() == name).map(|planner| &**planner)
+    /// Adds a controller, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_controller<C: NamedController>(mut self) -> Self {
+        self.controllers.insert(C::NAME, Arc::new(Of::<C>::new()));
+        self
+    }
+
+    /// Names of all controllers.
+    pub fn controllers(&self) -> impl Iterator<Item = &'static str> {
+        self.controllers.names()
     }
 
     /// Adds a message type that faults can affect.

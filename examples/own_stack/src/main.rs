@@ -3,6 +3,7 @@
 mod cautious;
 mod clear_ahead;
 mod nearest_ahead;
+mod pursuit;
 mod slow_down;
 
 use std::process::ExitCode;
@@ -15,6 +16,7 @@ fn main() -> ExitCode {
             .with::<nearest_ahead::NearestAhead>()
             .with::<slow_down::SlowDown>()
             .with_planner::<cautious::Cautious>()
+            .with_controller::<pursuit::Pursuit>()
             .with_view(clear_ahead::show),
     )
 }

@@ -80,6 +80,9 @@ impl Resolved {
         if let Some(found) = built(&planning.params).err().or(on_ladder) {
             tell("planning.params", found);
         }
+        if let Err(found) = config.built_controller() {
+            tell("control", found);
+        }
         Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs, rules }
     }
 }
