@@ -19,8 +19,12 @@ use crate::common::{root, scenario_file, sets};
 mod cautious;
 #[path = "../../examples/own_stack/src/clear_ahead.rs"]
 mod clear_ahead;
+#[path = "../../examples/own_stack/src/fading.rs"]
+mod fading;
 #[path = "../../examples/own_stack/src/nearest_ahead.rs"]
 mod nearest_ahead;
+#[path = "../../examples/own_stack/src/nearest_box.rs"]
+mod nearest_box;
 #[path = "../../examples/own_stack/src/pursuit.rs"]
 mod pursuit;
 #[path = "../../examples/own_stack/src/slow_down.rs"]
@@ -40,6 +44,8 @@ fn registry() -> Registry {
         .with::<slow_down::SlowDown>()
         .with_planner::<cautious::Cautious>()
         .with_controller::<pursuit::Pursuit>()
+        .with_predictor::<fading::Fading>()
+        .with_tracker::<nearest_box::NearestBox>()
         .with_view(clear_ahead::show)
 }
 
@@ -168,7 +174,8 @@ fn readme_states_the_result_of_its_drive() {
 
 #[test]
 fn each_of_their_files_is_short() {
-    for name in ["cautious", "clear_ahead", "nearest_ahead", "pursuit", "slow_down"] {
+    for name in ["cautious", "clear_ahead", "fading", "nearest_ahead", "nearest_box", "pursuit", "slow_down"]
+    {
         let text = std::fs::read_to_string(root().join(format!("examples/own_stack/src/{name}.rs"))).unwrap();
         assert!(text.lines().count() <= 60, "{name}");
     }

@@ -35,7 +35,9 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::{Controller, Following};
-use swerve_prediction::PredictorName;
+use swerve_core::Span;
+use swerve_prediction::learned::Weights;
+use swerve_prediction::{Horizon, Predictor};
 use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
 use swerve_text::KeyProblem;
@@ -64,6 +66,7 @@ use source::SourceConfig;
 use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
 use crate::course::Course;
 use crate::named::Name;
+use crate::predictors::{AnyPredictor, Linear, NamedPredictor as _, PredictorSetup};
 use crate::registry::Registry;
 
 /// A whole configuration: operators, their run times, and recording.
@@ -295,12 +298,19 @@ impl Default for SensingConfig {
     }
 }
 
+/// Name of a predictor: a built-in one, or one that [`Registry::with_predictor`] adds.
+pub type PredictorName = Name<swerve_prediction::PredictorName>;
+
 /// The predictor.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
     /// Predictor; all but `linear` use a longer past of each track.
     pub predictor: PredictorName,
+    /// Parameters of a custom predictor that differ from its defaults.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub params: toml::Table,
     /// File of weights of a learned predictor (`multipath`, `mfp`, `r2p2`), from `swerve train prediction`; the shipped
     /// weights when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -333,15 +343,35 @@ const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
     /// Returns true if road users that drive along the road are predicted along it.
-    pub fn follows_road(&self) -> bool {
-        self.predictor == PredictorName::LaneIdm || self.along_road.unwrap_or(self.preset == Preset::Best)
+    pub(crate) fn follows_road(&self, registry: &Registry) -> bool {
+        let always = registry.predictors.get(self.predictor.as_str()).is_some_and(AnyPredictor::is_on_road);
+        always || self.along_road.unwrap_or(self.preset == Preset::Best)
+    }
+
+    /// Predicted instants.
+    pub fn horizon(&self) -> Horizon {
+        let steps = (self.horizon_ms / self.step_ms).round() as usize;
+        Horizon { steps, step: Span::from_secs(self.step_ms * 1e-3) }
+    }
+
+    /// Builds the predictor, with weights from a file in place of the shipped ones.
+    ///
+    /// # Errors
+    /// Problems by their keys in `prediction`.
+    pub(crate) fn built(
+        &self,
+        registry: &Registry,
+        weights: Option<&Weights>,
+    ) -> Result<Box<dyn Predictor>, Vec<KeyProblem>> {
+        let named = registry.predictors.named("predictor", self.predictor.as_str())?;
+        named.build(PredictorSetup { config: self, weights }).map_err(|found| within("params", found))
     }
 
     /// Sightings that tracks have to keep.
     pub fn sightings(&self) -> usize {
-        match self.predictor {
-            PredictorName::Linear if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
-            PredictorName::Linear => self.past_steps,
+        match self.predictor.as_str() {
+            Linear::NAME if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
+            Linear::NAME => self.past_steps,
             _ => self.past_steps.max(LONG_PAST),
         }
     }
@@ -350,7 +380,8 @@ impl PredictionConfig {
 impl Default for PredictionConfig {
     fn default() -> Self {
         Self {
-            predictor: PredictorName::Linear,
+            predictor: PredictorName::new(Linear::NAME),
+            params: toml::Table::new(),
             weights: None,
             preset: Preset::Best,
             past_steps: 5,
@@ -400,10 +431,7 @@ impl Config {
     /// # Errors
     /// Problems by their keys in `control`.
     pub(crate) fn built_controller(&self) -> Result<Box<dyn Controller>, Vec<KeyProblem>> {
-        let controllers = &self.registry.controllers;
-        let unknown =
-            || vec![("controller".to_owned(), controllers.problem(self.controller()).unwrap_or_default())];
-        let named = controllers.get(self.controller()).ok_or_else(unknown)?;
+        let named = self.registry.controllers.named("controller", self.controller())?;
         let following = self.control.following.unwrap_or_else(|| self.planning.preset.following());
         let setup = ControllerSetup { vehicle: &self.sim.vehicle, following };
         named.build(setup, &self.control.params).map_err(|found| within("params", found))

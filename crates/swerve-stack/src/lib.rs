@@ -15,11 +15,13 @@ mod named;
 mod operators;
 pub mod pipeline;
 mod planners;
+mod predictors;
 mod registry;
 mod shot;
 mod site;
 mod stage;
 pub mod street;
+mod trackers;
 
 pub use assembly::Assembly;
 pub use controllers::{ControllerSetup, NamedController};
@@ -30,6 +32,8 @@ pub use kind::{
 pub use named::Name;
 pub use operators::ObstacleSight;
 pub use planners::{NamedPlanner, PlannerDefaults};
+pub use predictors::{NamedPredictor, PredictorSetup};
 pub use registry::Registry;
 pub use site::{Site, Surroundings};
 pub use stage::{Rendered, StreamMemory};
+pub use trackers::{NamedTracker, TrackerSetup};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Serialize};
-use swerve_text::{did_you_mean, list};
+use swerve_text::{KeyProblem, did_you_mean, list};
 
 /// Name of an algorithm: a built-in one, which the schema of `B` lists, or one that a [`Registry`](crate::Registry) adds.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
@@ -53,6 +53,15 @@ impl<T: ?Sized> Named<T> {
     /// All names.
     pub(crate) fn names(&self) -> impl Iterator<Item = &'static str> {
         self.0.iter().map(|(name, _)| *name)
+    }
+
+    /// The algorithm that a key names.
+    ///
+    /// # Errors
+    /// The key with the problem of the name.
+    pub(crate) fn named(&self, key: &str, name: &str) -> Result<&T, Vec<KeyProblem>> {
+        let unknown = || vec![(key.to_owned(), self.problem(name).unwrap_or_default())];
+        self.get(name).ok_or_else(unknown)
     }
 
     /// Problem of a name that no algorithm has.

@@ -7,11 +7,13 @@ use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
 use swerve_msg::Detections;
+use swerve_perception::{Ab3dMot, Tracker};
 use swerve_planning::aeb::Aeb;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::waypoint::Waypoint;
+use swerve_prediction::PredictorName;
 
 use crate::config::Config;
 use crate::config::model::Model;
@@ -22,6 +24,8 @@ use crate::kind::{Kind, OperatorKind, Registered, Settings};
 use crate::named::{Named, Of};
 use crate::operators;
 use crate::planners::{AnyPlanner, NamedPlanner};
+use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
+use crate::trackers::{AnyTracker, NamedTracker};
 
 /// Operator kinds, algorithms, message types for faults, and views that configurations can use.
 #[derive(Clone)]
@@ -29,6 +33,8 @@ pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
     pub(crate) planners: Named<dyn AnyPlanner>,
     pub(crate) controllers: Named<dyn AnyController>,
+    pub(crate) predictors: Named<dyn AnyPredictor>,
+    pub(crate) trackers: Named<dyn AnyTracker>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -44,6 +50,8 @@ impl Registry {
                 kinds: BTreeMap::new(),
                 planners: Named::default(),
                 controllers: Named::default(),
+                predictors: Named::default(),
+                trackers: Named::default(),
                 corruptible: Vec::new(),
                 views: Vec::new(),
             };
@@ -57,6 +65,20 @@ impl Registry {
                 .with_controller::<PurePursuit>()
                 .with_controller::<Stanley>()
                 .with_controller::<Mpc>()
+                .with_predictor::<Linear>()
+                .with_predictor::<BuiltIn<{ PredictorName::ConstantVelocity as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Kalman as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Ctra as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Imm as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::SocialForce as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Orca as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::LaneIdm as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Multipath as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Mfp as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::R2p2 as usize }>>()
+                .with_predictor::<Truth>()
+                .with_tracker::<Tracker>()
+                .with_tracker::<Ab3dMot>()
         });
         STANDARD.clone()
     }
@@ -96,6 +118,30 @@ impl Registry {
     /// Names of all controllers.
     pub fn controllers(&self) -> impl Iterator<Item = &'static str> {
         self.controllers.names()
+    }
+
+    /// Adds a predictor, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_predictor<P: NamedPredictor>(mut self) -> Self {
+        self.predictors.insert(P::NAME, Arc::new(Of::<P>::new()));
+        self
+    }
+
+    /// Names of all predictors.
+    pub fn predictors(&self) -> impl Iterator<Item = &'static str> {
+        self.predictors.names()
+    }
+
+    /// Adds a tracker, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_tracker<T: NamedTracker>(mut self) -> Self {
+        self.trackers.insert(T::NAME, Arc::new(Of::<T>::new()));
+        self
+    }
+
+    /// Names of all trackers of boxes.
+    pub fn trackers(&self) -> impl Iterator<Item = &'static str> {
+        self.trackers.names()
     }
 
     /// Adds a message type that faults can affect.

@@ -2,7 +2,9 @@
 
 mod cautious;
 mod clear_ahead;
+mod fading;
 mod nearest_ahead;
+mod nearest_box;
 mod pursuit;
 mod slow_down;
 
@@ -17,6 +19,8 @@ fn main() -> ExitCode {
             .with::<slow_down::SlowDown>()
             .with_planner::<cautious::Cautious>()
             .with_controller::<pursuit::Pursuit>()
+            .with_predictor::<fading::Fading>()
+            .with_tracker::<nearest_box::NearestBox>()
             .with_view(clear_ahead::show),
     )
 }

@@ -31,6 +31,11 @@ fn p50_ms(metrics: &Metrics, operator: &str) -> f64 {
     metrics.operators.iter().find(|o| o.operator == operator).unwrap().p50_ms
 }
 
+/// Smallest distance to a road user, metres.
+fn nearest_m(metrics: &Metrics) -> f64 {
+    metrics.actors.iter().map(|actor| actor.min_distance_m).fold(f64::MAX, f64::min)
+}
+
 /// Parameters with ranges, the comfort layer, run times.
 #[test]
 fn planner_of_another_crate_is_used_by_name() {
@@ -75,6 +80,44 @@ fn controller_of_another_crate_is_used_by_name() {
     assert_eq!(name, expected);
     let none = problem(&["control.params.gain_ps=1"]);
     assert_eq!(none, "--set: control.params.gain_ps: unknown key; expected none");
+}
+
+/// Parameters with ranges, run times, effect on the plans.
+#[test]
+fn predictor_of_another_crate_is_used_by_name() {
+    let drive = |assignments: &[&str]| {
+        drive("person_crossing", &[&["prediction.predictor=fading"], assignments].concat())
+    };
+    let metrics = drive(&[]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&self::drive("person_crossing", &[])));
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&["prediction.params.fade_s=0.1"])));
+    assert_eq!(p50_ms(&drive(&["operator.predictor.runtime={ fixed_ms = 7 }"]), "predictor"), 7.0);
+    let range = problem(&["prediction.predictor=fading", "prediction.params.fade_s=0"]);
+    assert_eq!(range, "--set: prediction.params.fade_s: expected 0.1 to 100, found 0");
+    let name = problem(&["prediction.predictor=fadin"]);
+    assert!(
+        name.starts_with("--set: prediction.predictor: expected one of \"linear\", ")
+            && name.ends_with("\"truth\", \"fading\", found \"fadin\"; did you mean \"fading\"?"),
+        "{name}"
+    );
+}
+
+/// Parameters with ranges, run times, effect on the plans, with an emulated detector.
+#[test]
+fn tracker_of_another_crate_is_used_by_name() {
+    let detector = "perception.detector=efficientdet-d3@v100";
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&[detector], assignments].concat());
+    let named = "perception.tracker.algorithm=nearest_box";
+    let metrics = drive(&[named]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&[])));
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&[named, "perception.tracker.gate_m=0.1"])));
+    assert_eq!(p50_ms(&drive(&[named, "operator.tracker.runtime={ fixed_ms = 4 }"]), "tracker"), 4.0);
+    let range = problem(&[named, "perception.tracker.gate_m=0"]);
+    assert_eq!(range, "--set: perception.tracker.gate_m: expected 0.1 to 20, found 0");
+    let name = problem(&["perception.tracker.algorithm=nearest_bx"]);
+    let expected = "--set: perception.tracker.algorithm: expected one of \"sort\", \"ab3dmot\", \"nearest_box\", \
+                    found \"nearest_bx\"; did you mean \"nearest_box\"?";
+    assert_eq!(name, expected);
 }
 
 /// The cells of a study differ by the algorithm.
