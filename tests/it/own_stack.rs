@@ -25,6 +25,8 @@ mod fading;
 mod nearest_ahead;
 #[path = "../../examples/own_stack/src/nearest_box.rs"]
 mod nearest_box;
+#[path = "../../examples/own_stack/src/pulled.rs"]
+mod pulled;
 #[path = "../../examples/own_stack/src/pursuit.rs"]
 mod pursuit;
 #[path = "../../examples/own_stack/src/slow_down.rs"]
@@ -46,6 +48,7 @@ fn registry() -> Registry {
         .with_controller::<pursuit::Pursuit>()
         .with_predictor::<fading::Fading>()
         .with_tracker::<nearest_box::NearestBox>()
+        .with_localizer::<pulled::Pulled>()
         .with_view(clear_ahead::show)
 }
 
@@ -174,8 +177,16 @@ fn readme_states_the_result_of_its_drive() {
 
 #[test]
 fn each_of_their_files_is_short() {
-    for name in ["cautious", "clear_ahead", "fading", "nearest_ahead", "nearest_box", "pursuit", "slow_down"]
-    {
+    for name in [
+        "cautious",
+        "clear_ahead",
+        "fading",
+        "nearest_ahead",
+        "nearest_box",
+        "pulled",
+        "pursuit",
+        "slow_down",
+    ] {
         let text = std::fs::read_to_string(root().join(format!("examples/own_stack/src/{name}.rs"))).unwrap();
         assert!(text.lines().count() <= 60, "{name}");
     }

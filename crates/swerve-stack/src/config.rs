@@ -36,6 +36,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_control::{Controller, Following};
 use swerve_core::Span;
+use swerve_localization::flat::Origin;
 use swerve_prediction::learned::Weights;
 use swerve_prediction::{Horizon, Predictor};
 use swerve_pylot::Preset;
@@ -274,6 +275,17 @@ pub struct SensingConfig {
     pub gnss: GnssParams,
     /// Wheel encoders and their errors.
     pub odometry: WheelOdometryParams,
+}
+
+impl SensingConfig {
+    /// Origin of the map, for satellite fixes.
+    pub fn map_origin(&self) -> Origin {
+        Origin {
+            latitude_deg: self.gnss.origin_latitude_deg,
+            longitude_deg: self.gnss.origin_longitude_deg,
+            altitude_m: self.gnss.origin_altitude_m,
+        }
+    }
 }
 
 impl Default for SensingConfig {

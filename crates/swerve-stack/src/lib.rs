@@ -11,6 +11,7 @@ mod controllers;
 pub mod course;
 pub mod faults;
 mod kind;
+mod localizers;
 mod named;
 mod operators;
 pub mod pipeline;
@@ -29,6 +30,7 @@ pub use kind::{
     Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
     time_of_ms,
 };
+pub use localizers::{LidarPoses, NamedLocalizer};
 pub use named::Name;
 pub use operators::ObstacleSight;
 pub use planners::{NamedPlanner, PlannerDefaults};

@@ -21,11 +21,12 @@ use crate::config::perception::CUSTOM;
 use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
+use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odometry};
 use crate::named::{Named, Of};
-use crate::operators;
 use crate::planners::{AnyPlanner, NamedPlanner};
 use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
 use crate::trackers::{AnyTracker, NamedTracker};
+use crate::{localizers, operators};
 
 /// Operator kinds, algorithms, message types for faults, and views that configurations can use.
 #[derive(Clone)]
@@ -35,6 +36,7 @@ pub struct Registry {
     pub(crate) controllers: Named<dyn AnyController>,
     pub(crate) predictors: Named<dyn AnyPredictor>,
     pub(crate) trackers: Named<dyn AnyTracker>,
+    pub(crate) localizers: Named<dyn AnyLocalizer>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -52,6 +54,7 @@ impl Registry {
                 controllers: Named::default(),
                 predictors: Named::default(),
                 trackers: Named::default(),
+                localizers: Named::default(),
                 corruptible: Vec::new(),
                 views: Vec::new(),
             };
@@ -79,6 +82,11 @@ impl Registry {
                 .with_predictor::<Truth>()
                 .with_tracker::<Tracker>()
                 .with_tracker::<Ab3dMot>()
+                .with_localizer::<localizers::Truth>()
+                .with_localizer::<Eskf>()
+                .with_localizer::<Ndt>()
+                .with_localizer::<EskfNdt>()
+                .with_localizer::<Odometry>()
         });
         STANDARD.clone()
     }
@@ -142,6 +150,18 @@ impl Registry {
     /// Names of all trackers of boxes.
     pub fn trackers(&self) -> impl Iterator<Item = &'static str> {
         self.trackers.names()
+    }
+
+    /// Adds a localizer with its operator, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_localizer<L: NamedLocalizer>(mut self) -> Self {
+        self.localizers.insert(L::NAME, Arc::new(Of::<L>::new()));
+        self.with::<L::Operator>()
+    }
+
+    /// Names of all localizers.
+    pub fn localizers(&self) -> impl Iterator<Item = &'static str> {
+        self.localizers.names()
     }
 
     /// Adds a message type that faults can affect.

@@ -5,6 +5,7 @@ mod clear_ahead;
 mod fading;
 mod nearest_ahead;
 mod nearest_box;
+mod pulled;
 mod pursuit;
 mod slow_down;
 
@@ -21,6 +22,7 @@ fn main() -> ExitCode {
             .with_controller::<pursuit::Pursuit>()
             .with_predictor::<fading::Fading>()
             .with_tracker::<nearest_box::NearestBox>()
+            .with_localizer::<pulled::Pulled>()
             .with_view(clear_ahead::show),
     )
 }

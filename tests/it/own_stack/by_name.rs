@@ -120,6 +120,25 @@ fn tracker_of_another_crate_is_used_by_name() {
     assert_eq!(name, expected);
 }
 
+/// Keys, run times, accuracy in the metrics.
+#[test]
+fn localizer_of_another_crate_is_used_by_name() {
+    let named = "localization.localizer=pulled";
+    let drive = |assignments: &[&str]| drive("lane", &[&[named], assignments].concat());
+    let exact = ["sensing.gnss.noise_m=0", "sensing.gnss.bias_m=0"];
+    let off_m = |metrics: &Metrics| metrics.localization.as_ref().unwrap().max_m;
+    let (metrics, pulled) = (drive(&[]), drive(&["operator.localizer.pull=0.05"]));
+    assert!(off_m(&drive(&exact)) < 0.3, "{}", off_m(&drive(&exact)));
+    assert!(off_m(&metrics) > 0.3 && off_m(&pulled) != off_m(&metrics));
+    assert_eq!(p50_ms(&drive(&["operator.localizer.runtime={ fixed_ms = 3 }"]), "localizer"), 3.0);
+    let key = problem(&[named, "operator.localizer.pul=1"]);
+    assert!(key.ends_with("unknown key; did you mean \"pull\"?"), "{key}");
+    let name = problem(&["localization.localizer=puled"]);
+    let expected = "--set: localization.localizer: expected one of \"truth\", \"eskf\", \"ndt\", \"eskf_ndt\", \
+                    \"odometry\", \"pulled\", found \"puled\"; did you mean \"pulled\"?";
+    assert_eq!(name, expected);
+}
+
 /// The cells of a study differ by the algorithm.
 #[test]
 fn studies_compare_algorithms_of_another_crate_with_built_in_ones() {
