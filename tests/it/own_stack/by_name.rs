@@ -139,6 +139,20 @@ fn localizer_of_another_crate_is_used_by_name() {
     assert_eq!(name, expected);
 }
 
+#[test]
+fn keys_list_algorithms_of_another_crate() {
+    let keys = swerve_reference::keys::keys(&registry());
+    for (key, name) in [
+        ("planning.planner", "cautious"),
+        ("control.controller", "pursuit"),
+        ("prediction.predictor", "fading"),
+        ("localization.localizer", "pulled"),
+    ] {
+        let names = &keys.iter().find(|one| one.key == key).unwrap().choices;
+        assert_eq!(names.last().unwrap().name, name);
+    }
+}
+
 /// The cells of a study differ by the algorithm.
 #[test]
 fn studies_compare_algorithms_of_another_crate_with_built_in_ones() {
