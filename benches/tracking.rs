@@ -109,16 +109,19 @@ fn crowd() -> Vec<Detections> {
     (0..100).map(frame).collect()
 }
 
-/// Reason that trackers of default parameters exist.
+/// Makes a tracker with the default parameters.
+type Make = fn() -> Box<dyn GroundTracker>;
+
+/// Reason that such trackers exist.
 const WITHIN: &str = "the defaults are within their ranges";
 
 /// Milliseconds of each ground-plane tracker for a frame of a hundred boxes.
 fn on_the_ground(rows: &mut Rows) {
     let crowd = crowd();
-    let sort = || Box::new(Tracker::new(tracker::Params::default()).expect(WITHIN)) as Box<dyn GroundTracker>;
-    let ab3dmot = || Box::new(Ab3dMot::new(ab3dmot::Params::default()).expect(WITHIN)) as _;
-    let trackers: [(&str, &dyn Fn() -> Box<dyn GroundTracker>); 2] =
-        [("sort on the ground", &sort), ("ab3dmot", &ab3dmot)];
+    let trackers: [(&str, Make); 2] = [
+        ("sort on the ground", || Box::new(Tracker::new(tracker::Params::default()).expect(WITHIN))),
+        ("ab3dmot", || Box::new(Ab3dMot::new(ab3dmot::Params::default()).expect(WITHIN))),
+    ];
     for (name, make) in trackers {
         let figures = (0..5).map(|_| {
             let mut tracker = make();
