@@ -6,7 +6,7 @@ use std::path::Path;
 use criterion::{BatchSize, Criterion, criterion_group};
 use swerve_benches::{Goal, Rows, Sample, is_asked_to_measure, now};
 use swerve_control::mpc::{self, Mpc};
-use swerve_control::{Controller, Following, Input, Law, LinearPedals, Params};
+use swerve_control::{Controller as _, Following, Input, Law, LawController, LinearPedals, Params};
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2, math};
 use swerve_msg::{EgoState, Plan, PlanPoint, Route};
@@ -78,7 +78,7 @@ fn laws(criterion: &mut Criterion) {
     ] {
         let params = Params { law, following: Following::Time, ..Params::default() };
         let drive = Box::new(LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 });
-        let mut controller = Controller::new(params, Shape::default(), Limits::default(), drive);
+        let mut controller = LawController::new(params, Shape::default(), Limits::default(), drive);
         let mut tick = 0;
         group.bench_function(name, |b| {
             b.iter_batched(

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use swerve_control::mpc::{Knot, State};
-use swerve_control::{Controller, Input, Law, Params};
+use swerve_control::{Controller as _, Input, Law, LawController, Params};
 use swerve_drive::{RunInput, drive_observed, load};
 use swerve_flow::{Event, Observer, Publication};
 use swerve_msg::{Command, EgoState, Plan, Route};
@@ -31,7 +31,7 @@ const RECORDED: [(&str, &[&str], bool); 6] = [
 
 /// A controller with the inputs of the one in the drive, in the same order.
 struct Repeated {
-    controller: Controller,
+    controller: LawController,
     route: Route,
     ego: Option<EgoState>,
     plan: Option<Plan>,

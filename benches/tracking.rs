@@ -11,7 +11,7 @@ use swerve_core::{Rng, Time};
 use swerve_geom::{Pose2, math};
 use swerve_msg::{ActorKind, DetectedBox, Detections, Extent};
 use swerve_perception::image_plane::{Appearance, ByteTrack, DeepSort, ImageDetection, ImageTracker, Sort};
-use swerve_perception::{GroundParams, GroundTracker, ab3dmot, tracker};
+use swerve_perception::{Ab3dMot, GroundTracker, Tracker, ab3dmot, tracker};
 use swerve_vision::correlation::{Area, Correlation};
 use swerve_vision::{Plane, Rgb};
 use zune_jpeg::JpegDecoder;
@@ -109,16 +109,22 @@ fn crowd() -> Vec<Detections> {
     (0..100).map(frame).collect()
 }
 
+/// Makes a tracker with the default parameters.
+type Make = fn() -> Box<dyn GroundTracker>;
+
+/// Reason that such trackers exist.
+const WITHIN: &str = "the defaults are within their ranges";
+
 /// Milliseconds of each ground-plane tracker for a frame of a hundred boxes.
 fn on_the_ground(rows: &mut Rows) {
     let crowd = crowd();
-    let trackers = [
-        ("sort on the ground", GroundParams::Sort(tracker::Params::default())),
-        ("ab3dmot", GroundParams::Ab3dmot(ab3dmot::Params::default())),
+    let trackers: [(&str, Make); 2] = [
+        ("sort on the ground", || Box::new(Tracker::new(tracker::Params::default()).expect(WITHIN))),
+        ("ab3dmot", || Box::new(Ab3dMot::new(ab3dmot::Params::default()).expect(WITHIN))),
     ];
-    for (name, params) in trackers {
+    for (name, make) in trackers {
         let figures = (0..5).map(|_| {
-            let mut tracker = GroundTracker::new(params).expect("the defaults are within their ranges");
+            let mut tracker = make();
             let start = now();
             for found in &crowd {
                 black_box(tracker.update(found, Pose2::default()));

@@ -9,17 +9,21 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 /// Crates that the pages recommend to build on, and crates with items in their signatures.
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 17] = [
     "swerve",
+    "swerve-control",
     "swerve-core",
     "swerve-drive",
     "swerve-flow",
     "swerve-foxglove",
     "swerve-geom",
+    "swerve-localization",
     "swerve-log",
     "swerve-map",
     "swerve-msg",
+    "swerve-perception",
     "swerve-planning",
+    "swerve-prediction",
     "swerve-stack",
     "swerve-text",
     "swerve-vehicle",

@@ -19,14 +19,24 @@ use crate::common::{root, scenario_file, sets};
 mod cautious;
 #[path = "../../examples/own_stack/src/clear_ahead.rs"]
 mod clear_ahead;
+#[path = "../../examples/own_stack/src/fading.rs"]
+mod fading;
 #[path = "../../examples/own_stack/src/nearest_ahead.rs"]
 mod nearest_ahead;
+#[path = "../../examples/own_stack/src/nearest_box.rs"]
+mod nearest_box;
+#[path = "../../examples/own_stack/src/pulled.rs"]
+mod pulled;
+#[path = "../../examples/own_stack/src/pursuit.rs"]
+mod pursuit;
 #[path = "../../examples/own_stack/src/slow_down.rs"]
 mod slow_down;
 
 // Planner of `swerve new`.
 #[path = "../../crates/swerve/template/src/slow_down.rs"]
 mod new_slow_down;
+
+mod by_name;
 
 use clear_ahead::ClearAhead;
 
@@ -35,6 +45,10 @@ fn registry() -> Registry {
         .with::<nearest_ahead::NearestAhead>()
         .with::<slow_down::SlowDown>()
         .with_planner::<cautious::Cautious>()
+        .with_controller::<pursuit::Pursuit>()
+        .with_predictor::<fading::Fading>()
+        .with_tracker::<nearest_box::NearestBox>()
+        .with_localizer::<pulled::Pulled>()
         .with_view(clear_ahead::show)
 }
 
@@ -127,37 +141,6 @@ fn faults_apply_to_inputs_of_custom_operators_and_wrong_keys_are_refused_with_th
     assert!(problems[0].contains("unknown key; did you mean \"range_m\"?"), "{problems:?}");
 }
 
-/// A planner of another crate has what built-in ones have: parameters with ranges, the comfort layer, run times.
-#[test]
-fn planner_of_another_crate_is_used_by_name() {
-    let with = |assignments: &[&str]| Config::load_with(&registry(), None, &sets(assignments));
-    let drive = |assignments: &[&str]| {
-        let config = with(assignments).unwrap_or_else(|problems| panic!("{problems:?}"));
-        let scenario = read_scenario(&scenario_file("lane")).unwrap();
-        let pipeline = Pipeline::build(&config, &scenario).unwrap();
-        drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap().metrics
-    };
-    let alone = ["planning.planner=cautious", "planning.comfort.enabled=false"];
-    let metrics = drive(&alone);
-    let planned = &metrics.plans.counts;
-    assert!(planned.route > 20 && planned.comfortable == 0, "{planned:?}");
-    assert!(metrics.drive.speed_end_mps < 0.9 * drive(&["planning.planner=fot"]).drive.speed_end_mps);
-    assert!(drive(&["planning.planner=cautious"]).plans.counts.comfortable > 20);
-    let slower = drive(&[&alone[..], &["planning.params.share=0.5"]].concat());
-    assert!(slower.drive.speed_end_mps < metrics.drive.speed_end_mps);
-    let timed = drive(&[&alone[..], &["planning.cost.cautious.fast={ fixed_ms = 30 }"]].concat());
-    assert_eq!(timed.operators.iter().find(|o| o.operator == "planner").unwrap().p50_ms, 30.0);
-    let problem = |assignments: &[&str]| with(assignments).unwrap_err().iter().next().unwrap().to_string();
-    let range = problem(&["planning.planner=cautious", "planning.params.share=2"]);
-    assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
-    let name = problem(&["planning.planner=cautios"]);
-    assert!(
-        name.starts_with("--set: planning.planner: expected one of \"fot\", ")
-            && name.ends_with("did you mean \"cautious\"?"),
-        "{name}"
-    );
-}
-
 /// Planner of a new folder, without its package: building that is a slow test.
 #[test]
 fn planner_of_a_new_folder_drives_its_scenario() {
@@ -194,7 +177,16 @@ fn readme_states_the_result_of_its_drive() {
 
 #[test]
 fn each_of_their_files_is_short() {
-    for name in ["cautious", "clear_ahead", "nearest_ahead", "slow_down"] {
+    for name in [
+        "cautious",
+        "clear_ahead",
+        "fading",
+        "nearest_ahead",
+        "nearest_box",
+        "pulled",
+        "pursuit",
+        "slow_down",
+    ] {
         let text = std::fs::read_to_string(root().join(format!("examples/own_stack/src/{name}.rs"))).unwrap();
         assert!(text.lines().count() <= 60, "{name}");
     }

@@ -1,6 +1,6 @@
 //! Counts the allocations of a control step.
 
-use crate::{Controller, Following, Input, Law, LinearPedals, Params, mpc};
+use crate::{Controller as _, Following, Input, Law, LawController, LinearPedals, Params, mpc};
 use swerve_core::{Span, Time};
 use swerve_geom::{Point2, Polyline, Pose2};
 use swerve_msg::{EgoState, Plan, PlanPoint, Route};
@@ -27,7 +27,7 @@ fn worst(law: Law, horizon: usize, aside_m: f64) -> u64 {
         ..Default::default()
     };
     let drive = Box::new(LinearPedals { accel_max_mps2: 3.0, brake_max_mps2: 8.0 });
-    let mut controller = Controller::new(params, Shape::default(), Limits::default(), drive);
+    let mut controller = LawController::new(params, Shape::default(), Limits::default(), drive);
     let line = Polyline::new(&[Point2::new(-10.0, 0.0), Point2::new(500.0, 0.0)]).expect("two points");
     let (plan, route) = (plan(), Route::uniform(line, 6.0, 2.0));
     let mut worst = 0;

@@ -86,8 +86,15 @@ pub enum StopReason {
     PlanOutdated,
 }
 
+/// A controller: from plans to commands for the vehicle.
+pub trait Controller: Send {
+    /// Runs one control step. To be called at a fixed rate. A plan whose last point has passed is over: the vehicle
+    /// is stopped along its path.
+    fn step(&mut self, input: &Input<'_>) -> Output;
+}
+
 /// Follows plans with one of the [`Law`]s.
-pub struct Controller {
+pub struct LawController {
     params: Params,
     shape: Shape,
     limits: Limits,
@@ -121,7 +128,7 @@ struct Predictive {
     knots: Vec<Knot>,
 }
 
-impl Controller {
+impl LawController {
     /// Creates a controller for a vehicle of this shape and these limits; `drive` maps accelerations to its pedals.
     pub fn new(params: Params, shape: Shape, limits: Limits, drive: Box<dyn AccelToPedals>) -> Self {
         let mpc = (params.law == Law::Mpc).then(|| Predictive {
@@ -154,48 +161,6 @@ impl Controller {
     /// Start state and knots of the last step of the model predictive law, for inspection and comparison.
     pub fn posed(&self) -> Option<(State, &[Knot])> {
         self.mpc.as_ref().map(|predictive| (predictive.start, &*predictive.knots))
-    }
-
-    /// Runs one control step. To be called at a fixed rate; the time since the previous call is the step of the
-    /// integrals.
-    pub fn step(&mut self, input: &Input<'_>) -> Output {
-        let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
-        self.before = Some(input.now);
-        let is_seen = self.is_usable(input.ego, input.now);
-        self.reckoning.advance(input.now, self.steering_rad, self.accel_mps2);
-        if is_finite(input.ego) {
-            self.reckoning.take(input.ego);
-        }
-        if is_seen {
-            self.see(input.ego, input.now);
-        }
-        let Some(seen) = self.seen else { return self.held() };
-        if !is_seen {
-            self.brake_blind(input);
-        }
-        let is_known = is_seen && !self.reckoning.is_late();
-        let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
-        let input = &Input { ego: &ego, ..*input };
-        self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
-        let status = self.load(input, is_seen);
-        let here = self.here(input, status);
-        let mut report = None;
-        let (steering_rad, drive) = match (&self.mpc, self.params.law) {
-            _ if !is_seen => self.step_blind(&ego, &here),
-            (_, Law::Pid) => self.step_pid(input, &here, dt_s),
-            (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
-            _ => self.step_tracker(input, &here, dt_s),
-        };
-        let max = self.limits.steering_max_rad;
-        let change = self.steering_change_rad(input, status, &here, dt_s);
-        self.steering_rad =
-            steering_rad.clamp(self.steering_rad - change, self.steering_rad + change).clamp(-max, max);
-        let drive = self.braked(drive, input.now);
-        let Pedals { throttle, brake } = drive.pedals;
-        let command = Command { steering_rad: self.steering_rad, throttle, brake };
-        let Drive { speed_mps, accel_mps2, .. } = drive;
-        self.accel_mps2 = accel_mps2.unwrap_or(ego.accel_mps2);
-        Output { command, speed_mps, accel_mps2, status, mpc: report }
     }
 
     /// Output before the first state: wheels held, brake applied.
@@ -443,6 +408,49 @@ impl Controller {
 
     fn at(&self, s_m: f64) -> PlanPoint {
         self.reference.at(s_m).expect("every way to load the reference leaves a point in it")
+    }
+}
+
+impl Controller for LawController {
+    /// The time since the previous call is the step of the integrals.
+    fn step(&mut self, input: &Input<'_>) -> Output {
+        let dt_s = self.before.map_or(0.0, |before| (input.now - before).as_secs().max(0.0));
+        self.before = Some(input.now);
+        let is_seen = self.is_usable(input.ego, input.now);
+        self.reckoning.advance(input.now, self.steering_rad, self.accel_mps2);
+        if is_finite(input.ego) {
+            self.reckoning.take(input.ego);
+        }
+        if is_seen {
+            self.see(input.ego, input.now);
+        }
+        let Some(seen) = self.seen else { return self.held() };
+        if !is_seen {
+            self.brake_blind(input);
+        }
+        let is_known = is_seen && !self.reckoning.is_late();
+        let ego = if is_known { seen } else { self.reckoning.state().unwrap_or(seen) };
+        let input = &Input { ego: &ego, ..*input };
+        self.route_m = self.place.locate(input.route.line(), ego.pose).s_m;
+        let status = self.load(input, is_seen);
+        let here = self.here(input, status);
+        let mut report = None;
+        let (steering_rad, drive) = match (&self.mpc, self.params.law) {
+            _ if !is_seen => self.step_blind(&ego, &here),
+            (_, Law::Pid) => self.step_pid(input, &here, dt_s),
+            (Some(_), Law::Mpc) => self.step_mpc(input, &here, status, &mut report),
+            _ => self.step_tracker(input, &here, dt_s),
+        };
+        let max = self.limits.steering_max_rad;
+        let change = self.steering_change_rad(input, status, &here, dt_s);
+        self.steering_rad =
+            steering_rad.clamp(self.steering_rad - change, self.steering_rad + change).clamp(-max, max);
+        let drive = self.braked(drive, input.now);
+        let Pedals { throttle, brake } = drive.pedals;
+        let command = Command { steering_rad: self.steering_rad, throttle, brake };
+        let Drive { speed_mps, accel_mps2, .. } = drive;
+        self.accel_mps2 = accel_mps2.unwrap_or(ego.accel_mps2);
+        Output { command, speed_mps, accel_mps2, status, mpc: report }
     }
 }
 

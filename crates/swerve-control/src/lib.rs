@@ -3,7 +3,7 @@
 //! A [`Controller`] is called at a fixed rate with the measured [`EgoState`](swerve_msg::EgoState), the newest plan and
 //! the route, and returns a [`Command`](swerve_msg::Command) with a [`Status`] that names the path it followed. Laws:
 //! Pylot's [`pid`] with its steering by the angle to a waypoint, pure pursuit and Stanley ([`lateral`]) with a separate
-//! speed law ([`speed`]), and a model predictive controller ([`mpc`]).
+//! speed law ([`speed`]), and a model predictive controller ([`mpc`]), all in one [`LawController`].
 //!
 //! Frames: plans, routes and states are in the map; angles of the road wheels are positive to the left. The crate has
 //! no engine, clock (the instant is an input), simulator or files.
@@ -24,7 +24,8 @@ pub mod speed;
 mod validate;
 
 pub use controller::{
-    AlongParams, Controller, Following, Input, Law, Output, Params, Status, StopParams, StopReason,
+    AlongParams, Controller, Following, Input, Law, LawController, Output, Params, Status, StopParams,
+    StopReason,
 };
 pub use pedals::{AccelToPedals, LinearPedals, Pedals};
 pub use slip::SlipParams;

@@ -246,7 +246,7 @@ pub struct Driven {
 
 /// Roles of the topics that provide the ego's position, or from which localization estimates it.
 fn located_by(config: &Config) -> &'static [Role] {
-    match (config.localization.estimates(), config.localization.reads_lidar()) {
+    match (config.localization.estimates(), config.localization.reads_lidar(&config.registry)) {
         (false, _) => &[Role::Odometry],
         (true, false) => &[Role::Imu, Role::Gnss],
         (true, true) => &[Role::Imu, Role::Gnss, Role::Lidar],

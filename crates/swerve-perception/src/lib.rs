@@ -25,7 +25,7 @@ pub mod traffic_lights;
 pub use ab3dmot::Ab3dMot;
 pub use camera::CameraObjects;
 pub use detector::Detector;
-pub use ground_tracker::{Algorithm, GroundParams, GroundTracker};
+pub use ground_tracker::GroundTracker;
 pub use lidar::LidarObjects;
 pub use tracker::Tracker;
 pub use traffic_lights::LightWatch;

@@ -69,6 +69,11 @@ impl Tracker {
         Ok(Self { params, newest: None, tracks: Vec::new(), given: 0 })
     }
 
+    /// Parameters.
+    pub(crate) fn params(&self) -> &Params {
+        &self.params
+    }
+
     /// Updates the tracks with the detections of one instant and the ego's pose in the map at that instant. Returns all
     /// confirmed tracks, sorted by identity.
     ///

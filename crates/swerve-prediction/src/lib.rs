@@ -20,5 +20,5 @@ pub mod road;
 
 pub use history::{History, HistoryParams};
 pub use predictor::{
-    Ground, Horizon, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped,
+    Ground, Horizon, Predictor, PredictorName, Telling, Told, forecast, forecast_by, foretold, shipped,
 };

@@ -18,7 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::param::{ParamError, require_within};
 use swerve_core::{Span, Time};
-use swerve_msg::{Forecast, ForecastList, Route, Track, TrackList};
+use swerve_msg::{Forecast, ForecastList, PredictionList, Route, Track, TrackList};
 
 use crate::lanes::LaneGraph;
 use crate::learned::{Model, Weights};
@@ -26,7 +26,14 @@ use crate::past::Past;
 
 pub use truth::{Telling, Told, foretold};
 
-/// Name of a predictor.
+/// A predictor: from tracks to predictions.
+pub trait Predictor: Send {
+    /// Predicts the motion of every track, in the map frame: poses at the instants of `horizon` after the list's stamp,
+    /// the pose at the stamp first.
+    fn predict(&mut self, tracks: &TrackList, horizon: &Horizon, ground: Ground<'_>) -> PredictionList;
+}
+
+/// Name of a built-in predictor.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PredictorName {
@@ -81,7 +88,7 @@ impl PredictorName {
     }
 
     /// Name in configurations.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",
             Self::ConstantVelocity => "constant_velocity",

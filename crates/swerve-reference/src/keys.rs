@@ -81,6 +81,7 @@ pub fn keys(registry: &Registry) -> Vec<Key> {
     for key in &mut keys {
         key.choices.extend(limits::known_names(&key.key));
         key.choices.extend(kinds(&key.key, registry));
+        key.choices.extend(custom(key, registry));
     }
     keys.extend(params::keys(registry));
     // Kinds with common keys, such as those of `[operator.NAME]`, are listed in one place.
@@ -93,6 +94,19 @@ fn kinds(key: &str, registry: &Registry) -> Vec<Choice> {
     let choice = |name: &str, doc: &str| Choice { name: name.to_owned(), doc: doc.to_owned() };
     let kinds = registry.kinds().filter(|_| key == "operator.NAME.kind");
     kinds.map(|kind| choice(kind.node().kind, kind.node().doc)).collect()
+}
+
+/// Algorithms of the registry beyond the built-in ones, which the type of the key lists.
+fn custom(key: &Key, registry: &Registry) -> Vec<Choice> {
+    let names: Vec<&str> = match key.key.as_str() {
+        "control.controller" => registry.controllers().collect(),
+        "localization.localizer" => registry.localizers().collect(),
+        "planning.planner" => registry.planners().collect(),
+        "prediction.predictor" => registry.predictors().collect(),
+        _ => Vec::new(),
+    };
+    let custom = names.into_iter().filter(|name| key.choices.iter().all(|choice| choice.name != *name));
+    custom.map(|name| Choice { name: name.to_owned(), doc: String::new() }).collect()
 }
 
 /// Page of all keys.

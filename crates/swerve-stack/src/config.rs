@@ -34,11 +34,14 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use swerve_control::Following;
-use swerve_core::Ranges;
-use swerve_prediction::PredictorName;
+use swerve_control::{Controller, Following};
+use swerve_core::{Ranges, Span};
+use swerve_localization::flat::Origin;
+use swerve_prediction::learned::Weights;
+use swerve_prediction::{Horizon, Predictor};
 use swerve_pylot::Preset;
 use swerve_sim::sense::{GnssParams, ImuParams, PoseParams, SensorMount, WheelOdometryParams};
+use swerve_text::KeyProblem;
 use swerve_vehicle::VehicleParams;
 
 use camera::{CameraConfig, RenderConfig};
@@ -53,14 +56,18 @@ use monitor::MonitorConfig;
 pub(crate) use operator::is_plain_name;
 pub use operator::{EdgeConfig, OperatorConfig, Reads, ResourceConfig};
 use perception::PerceptionConfig;
-pub use planning::{Fineness, PlannerName, PlanningConfig, StartState};
+use planner::within;
+pub use planning::{BuiltInPlanner, Fineness, PlannerName, PlanningConfig, StartState};
 use process::{ProcessConfig, SharedMemoryConfig};
 use programs::Consent;
 use ros2::EgoDriver;
 use sensors::{LidarConfig, RadarConfig};
 use source::SourceConfig;
 
+use crate::controllers::{ControllerSetup, NamedController as _, Pid, Stanley};
 use crate::course::Course;
+use crate::named::Name;
+use crate::predictors::{AnyPredictor, Linear, NamedPredictor as _, PredictorSetup};
 use crate::registry::Registry;
 
 /// A whole configuration: operators, their run times, and recording.
@@ -300,6 +307,17 @@ pub struct SensingConfig {
     pub odometry: WheelOdometryParams,
 }
 
+impl SensingConfig {
+    /// Origin of the map, for satellite fixes.
+    pub fn map_origin(&self) -> Origin {
+        Origin {
+            latitude_deg: self.gnss.origin_latitude_deg,
+            longitude_deg: self.gnss.origin_longitude_deg,
+            altitude_m: self.gnss.origin_altitude_m,
+        }
+    }
+}
+
 impl Default for SensingConfig {
     fn default() -> Self {
         Self {
@@ -322,12 +340,19 @@ impl Default for SensingConfig {
     }
 }
 
+/// Name of a predictor: a built-in one, or one that [`Registry::with_predictor`] adds.
+pub type PredictorName = Name<swerve_prediction::PredictorName>;
+
 /// The predictor.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictionConfig {
     /// Predictor; all but `linear` use a longer past of each track.
     pub predictor: PredictorName,
+    /// Parameters of a custom predictor that differ from its defaults.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub params: toml::Table,
     /// File of weights of a learned predictor (`multipath`, `mfp`, `r2p2`), from `swerve train prediction`; the shipped
     /// weights when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -365,15 +390,35 @@ const BRAKING_PAST: usize = 13;
 
 impl PredictionConfig {
     /// Returns true if road users that drive along the road are predicted along it.
-    pub fn follows_road(&self) -> bool {
-        self.predictor == PredictorName::LaneIdm || self.along_road.unwrap_or(self.preset == Preset::Best)
+    pub(crate) fn follows_road(&self, registry: &Registry) -> bool {
+        let always = registry.predictors.get(self.predictor.as_str()).is_some_and(AnyPredictor::is_on_road);
+        always || self.along_road.unwrap_or(self.preset == Preset::Best)
+    }
+
+    /// Predicted instants.
+    pub fn horizon(&self) -> Horizon {
+        let steps = (self.horizon_ms / self.step_ms).round() as usize;
+        Horizon { steps, step: Span::from_secs(self.step_ms * 1e-3) }
+    }
+
+    /// Builds the predictor, with weights from a file in place of the shipped ones.
+    ///
+    /// # Errors
+    /// Problems by their keys in `prediction`.
+    pub(crate) fn built(
+        &self,
+        registry: &Registry,
+        weights: Option<&Weights>,
+    ) -> Result<Box<dyn Predictor>, Vec<KeyProblem>> {
+        let named = registry.predictors.named("predictor", self.predictor.as_str())?;
+        named.build(PredictorSetup { config: self, weights }).map_err(|found| within("params", found))
     }
 
     /// Sightings that tracks have to keep.
     pub fn sightings(&self) -> usize {
-        match self.predictor {
-            PredictorName::Linear if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
-            PredictorName::Linear => self.past_steps,
+        match self.predictor.as_str() {
+            Linear::NAME if self.preset == Preset::Best => self.past_steps.max(BRAKING_PAST),
+            Linear::NAME => self.past_steps,
             _ => self.past_steps.max(LONG_PAST),
         }
     }
@@ -382,7 +427,8 @@ impl PredictionConfig {
 impl Default for PredictionConfig {
     fn default() -> Self {
         Self {
-            predictor: PredictorName::Linear,
+            predictor: PredictorName::new(Linear::NAME),
+            params: toml::Table::new(),
             weights: None,
             preset: Preset::Best,
             past_steps: 5,
@@ -395,10 +441,13 @@ impl Default for PredictionConfig {
     }
 }
 
-/// Controllers by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ControllerName {
+/// Name of a controller: a built-in one, or one that [`Registry::with_controller`] adds.
+pub type ControllerName = Name<BuiltInController>;
+
+/// Built-in controllers.
+#[derive(Clone, PartialEq, Debug, JsonSchema)]
+#[schemars(rename = "ControllerName", rename_all = "snake_case")]
+pub enum BuiltInController {
     /// The paper's speed PID and steering towards a waypoint.
     Pid,
     /// Speed PID and pure pursuit.
@@ -415,12 +464,24 @@ impl Config {
         self.sensing.traffic_lights.unwrap_or(self.planning.preset == Preset::Best)
     }
 
-    /// The controller that follows the plans.
-    pub fn controller(&self) -> ControllerName {
-        self.control.controller.unwrap_or(match self.planning.preset {
-            Preset::Paper => ControllerName::Pid,
-            Preset::Best => ControllerName::Stanley,
-        })
+    /// Name of the controller that follows the plans.
+    pub fn controller(&self) -> &str {
+        let usual = match self.planning.preset {
+            Preset::Paper => Pid::NAME,
+            Preset::Best => Stanley::NAME,
+        };
+        self.control.controller.as_ref().map_or(usual, ControllerName::as_str)
+    }
+
+    /// Builds the controller, for the configured vehicle.
+    ///
+    /// # Errors
+    /// Problems by their keys in `control`.
+    pub(crate) fn built_controller(&self) -> Result<Box<dyn Controller>, Vec<KeyProblem>> {
+        let named = self.registry.controllers.named("controller", self.controller())?;
+        let following = self.control.following.unwrap_or_else(|| self.planning.preset.following());
+        let setup = ControllerSetup { vehicle: &self.sim.vehicle, following };
+        named.build(setup, &self.control.params).map_err(|found| within("params", found))
     }
 }
 
@@ -430,6 +491,10 @@ impl Config {
 pub struct ControlConfig {
     /// Controller: `stanley` when absent, `pid` of the paper under the planning preset `paper`.
     pub controller: Option<ControllerName>,
+    /// Parameters of a custom controller that differ from its defaults.
+    #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "crate::config::AnyTable")]
+    pub params: toml::Table,
     /// Way to follow a plan; the planning preset's when absent.
     pub following: Option<Following>,
     /// Period of the controller, ms.
@@ -439,7 +504,7 @@ pub struct ControlConfig {
 
 impl Default for ControlConfig {
     fn default() -> Self {
-        Self { controller: None, following: None, period_ms: 10.0 }
+        Self { controller: None, params: toml::Table::new(), following: None, period_ms: 10.0 }
     }
 }
 

@@ -7,25 +7,35 @@
 pub mod agent;
 pub mod assembly;
 pub mod config;
+mod controllers;
 pub mod course;
 pub mod faults;
 mod kind;
+mod localizers;
+mod named;
 mod operators;
 pub mod pipeline;
 mod planners;
+mod predictors;
 mod registry;
 mod shot;
 mod site;
 mod stage;
 pub mod street;
+mod trackers;
 
 pub use assembly::Assembly;
+pub use controllers::{ControllerSetup, NamedController};
 pub use kind::{
     Heavy, KeyProblems, Kind, NoKeys, Node, OnItsWay, OperatorKind, Role, Scheduled, Settings, span_of_ms,
     time_of_ms,
 };
+pub use localizers::{LidarPoses, NamedLocalizer};
+pub use named::Name;
 pub use operators::ObstacleSight;
 pub use planners::{NamedPlanner, PlannerDefaults};
+pub use predictors::{NamedPredictor, PredictorSetup};
 pub use registry::Registry;
 pub use site::{Site, Surroundings};
 pub use stage::{Rendered, StreamMemory};
+pub use trackers::{NamedTracker, TrackerSetup};

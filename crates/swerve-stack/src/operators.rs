@@ -51,7 +51,10 @@ use swerve_msg::{
 use crate::registry::Registry;
 
 pub use controller::controller;
+pub(crate) use dead_reckoning::Carried;
+pub(crate) use localizer::Filter;
 pub use obstacles::ObstacleSight;
+pub(crate) use pose::PoseSensor;
 
 /// Registers all operators.
 pub(crate) fn all(registry: Registry) -> Registry {

@@ -1,7 +1,5 @@
 //! Motion planners that a configuration can name: built-in ones, and those of other crates.
 
-use core::marker::PhantomData;
-
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use swerve_core::ParamError;
@@ -17,6 +15,7 @@ use swerve_text::{KeyProblem, overridden};
 
 use crate::config::Fineness;
 use crate::config::planner::outside;
+use crate::named::Of;
 
 /// Settings of `[planning]` on which default parameters may depend.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -60,8 +59,6 @@ pub trait NamedPlanner: Planner + Sized + 'static {
 
 /// A planner's type, erased.
 pub(crate) trait AnyPlanner: Send + Sync {
-    fn name(&self) -> &'static str;
-
     fn has_comfort(&self) -> bool;
 
     /// The planner and the manner of its comfort layer, from parameters that differ from the defaults.
@@ -71,19 +68,7 @@ pub(crate) trait AnyPlanner: Send + Sync {
 /// A planner and the manner of its comfort layer.
 pub(crate) type Built = (Box<dyn Planner>, Manner);
 
-pub(crate) struct Of<P>(PhantomData<fn() -> P>);
-
-impl<P> Of<P> {
-    pub(crate) const fn new() -> Self {
-        Self(PhantomData)
-    }
-}
-
 impl<P: NamedPlanner> AnyPlanner for Of<P> {
-    fn name(&self) -> &'static str {
-        P::NAME
-    }
-
     fn has_comfort(&self) -> bool {
         P::COMFORT
     }

@@ -7,25 +7,36 @@ use swerve_core::Span;
 use swerve_flow::PayloadType;
 use swerve_foxglove::Foxglove;
 use swerve_msg::Detections;
+use swerve_perception::{Ab3dMot, Tracker};
 use swerve_planning::aeb::Aeb;
 use swerve_planning::fot::Fot;
 use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::waypoint::Waypoint;
+use swerve_prediction::PredictorName;
 
 use crate::config::Config;
 use crate::config::model::Model;
 use crate::config::perception::CUSTOM;
+use crate::controllers::{AnyController, Mpc, NamedController, Pid, PurePursuit, Stanley};
 use crate::faults::{Corruptible, CorruptibleType};
 use crate::kind::{Kind, OperatorKind, Registered, Settings};
-use crate::operators;
-use crate::planners::{AnyPlanner, NamedPlanner, Of};
+use crate::localizers::{AnyLocalizer, Eskf, EskfNdt, NamedLocalizer, Ndt, Odometry};
+use crate::named::{Named, Of};
+use crate::planners::{AnyPlanner, NamedPlanner};
+use crate::predictors::{AnyPredictor, BuiltIn, Linear, NamedPredictor, Truth};
+use crate::trackers::{AnyTracker, NamedTracker};
+use crate::{localizers, operators};
 
-/// Operator kinds, message types for faults, and views that configurations can use.
+/// Operator kinds, algorithms, message types for faults, and views that configurations can use.
 #[derive(Clone)]
 pub struct Registry {
     kinds: BTreeMap<&'static str, Arc<dyn OperatorKind>>,
-    planners: Vec<Arc<dyn AnyPlanner>>,
+    pub(crate) planners: Named<dyn AnyPlanner>,
+    pub(crate) controllers: Named<dyn AnyController>,
+    pub(crate) predictors: Named<dyn AnyPredictor>,
+    pub(crate) trackers: Named<dyn AnyTracker>,
+    pub(crate) localizers: Named<dyn AnyLocalizer>,
     corruptible: Vec<CorruptibleType>,
     views: Vec<AddView>,
 }
@@ -39,7 +50,11 @@ impl Registry {
         static STANDARD: LazyLock<Registry> = LazyLock::new(|| {
             let empty = Registry {
                 kinds: BTreeMap::new(),
-                planners: Vec::new(),
+                planners: Named::default(),
+                controllers: Named::default(),
+                predictors: Named::default(),
+                trackers: Named::default(),
+                localizers: Named::default(),
                 corruptible: Vec::new(),
                 views: Vec::new(),
             };
@@ -49,6 +64,29 @@ impl Registry {
                 .with_planner::<HybridAstar>()
                 .with_planner::<Waypoint>()
                 .with_planner::<Aeb>()
+                .with_controller::<Pid>()
+                .with_controller::<PurePursuit>()
+                .with_controller::<Stanley>()
+                .with_controller::<Mpc>()
+                .with_predictor::<Linear>()
+                .with_predictor::<BuiltIn<{ PredictorName::ConstantVelocity as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Kalman as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Ctra as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Imm as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::SocialForce as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Orca as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::LaneIdm as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Multipath as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::Mfp as usize }>>()
+                .with_predictor::<BuiltIn<{ PredictorName::R2p2 as usize }>>()
+                .with_predictor::<Truth>()
+                .with_tracker::<Tracker>()
+                .with_tracker::<Ab3dMot>()
+                .with_localizer::<localizers::Truth>()
+                .with_localizer::<Eskf>()
+                .with_localizer::<Ndt>()
+                .with_localizer::<EskfNdt>()
+                .with_localizer::<Odometry>()
         });
         STANDARD.clone()
     }
@@ -69,19 +107,61 @@ impl Registry {
     /// Adds a motion planner, or replaces the one of the same name.
     #[must_use]
     pub fn with_planner<P: NamedPlanner>(mut self) -> Self {
-        self.planners.retain(|known| known.name() != P::NAME);
-        self.planners.push(Arc::new(Of::<P>::new()));
+        self.planners.insert(P::NAME, Arc::new(Of::<P>::new()));
         self
     }
 
     /// Names of all motion planners.
     pub fn planners(&self) -> impl Iterator<Item = &'static str> {
-        self.planners.iter().map(|planner| planner.name())
+        self.planners.names()
     }
 
-    /// The motion planner of this name.
-    pub(crate) fn planner(&self, name: &str) -> Option<&dyn AnyPlanner> {
-        self.planners.iter().find(|planner| planner.name() == name).map(|planner| &**planner)
+    /// Adds a controller, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_controller<C: NamedController>(mut self) -> Self {
+        self.controllers.insert(C::NAME, Arc::new(Of::<C>::new()));
+        self
+    }
+
+    /// Names of all controllers.
+    pub fn controllers(&self) -> impl Iterator<Item = &'static str> {
+        self.controllers.names()
+    }
+
+    /// Adds a predictor, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_predictor<P: NamedPredictor>(mut self) -> Self {
+        self.predictors.insert(P::NAME, Arc::new(Of::<P>::new()));
+        self
+    }
+
+    /// Names of all predictors.
+    pub fn predictors(&self) -> impl Iterator<Item = &'static str> {
+        self.predictors.names()
+    }
+
+    /// Adds a tracker, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_tracker<T: NamedTracker>(mut self) -> Self {
+        self.trackers.insert(T::NAME, Arc::new(Of::<T>::new()));
+        self
+    }
+
+    /// Names of all trackers of boxes.
+    pub fn trackers(&self) -> impl Iterator<Item = &'static str> {
+        self.trackers.names()
+    }
+
+    /// Adds a localizer with its operator, or replaces the one of the same name.
+    #[must_use]
+    pub fn with_localizer<L: NamedLocalizer>(mut self) -> Self {
+        self.localizers.insert(L::NAME, Arc::new(Of::<L>::new()));
+        self.with::<L::Operator>()
+    }
+
+    /// Names of all localizers.
+    pub fn localizers(&self) -> impl Iterator<Item = &'static str> {
+        self.localizers.names()
     }
 
     /// Adds a message type that faults can affect.

@@ -6,7 +6,7 @@
 //! braking), tracked by a controller with feed-forward on the same vehicle and simulator as in all other drives. The
 //! family is finite, so the result is a lower bound of the vehicle's ability.
 
-use swerve_control::{Controller, Following, Input, Law, Params};
+use swerve_control::{Controller as _, Following, Input, Law, LawController, Params};
 use swerve_core::{Span, Time};
 use swerve_geom::FrenetPoint;
 use swerve_msg::truth::EndReason;
@@ -172,7 +172,7 @@ impl<'a> Case<'a> {
 /// Simulator and controller, stepped together.
 struct Drive {
     simulator: Simulator,
-    controller: Controller,
+    controller: LawController,
     route: Route,
     dt: Span,
     period: Span,

@@ -2,7 +2,11 @@
 
 mod cautious;
 mod clear_ahead;
+mod fading;
 mod nearest_ahead;
+mod nearest_box;
+mod pulled;
+mod pursuit;
 mod slow_down;
 
 use std::process::ExitCode;
@@ -15,6 +19,10 @@ fn main() -> ExitCode {
             .with::<nearest_ahead::NearestAhead>()
             .with::<slow_down::SlowDown>()
             .with_planner::<cautious::Cautious>()
+            .with_controller::<pursuit::Pursuit>()
+            .with_predictor::<fading::Fading>()
+            .with_tracker::<nearest_box::NearestBox>()
+            .with_localizer::<pulled::Pulled>()
             .with_view(clear_ahead::show),
     )
 }

@@ -34,7 +34,7 @@ pub enum Law {
     Mpc,
 }
 
-/// Parameters of a [`Controller`](crate::Controller).
+/// Parameters of a [`LawController`](crate::LawController).
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
 pub struct Params {

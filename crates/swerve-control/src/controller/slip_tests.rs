@@ -32,7 +32,7 @@ fn off_path(params: Params, speed_mps: f64, accel_mps2: f64) -> (f64, f64) {
         Pedals { throttle: p.throttle, brake: p.brake }
     };
     let limits = vehicle.limits;
-    let mut controller = Controller::new(params, Shape::default(), limits, Box::new(drive));
+    let mut controller = LawController::new(params, Shape::default(), limits, Box::new(drive));
     let model = SingleTrack::new(&vehicle, 0.9);
     let mut state = SingleTrack::straight(Pose2::new(0.0, 0.0, 0.0), speed_mps);
     let (mut steering, mut accel) = (0.0, 0.0);

@@ -13,7 +13,7 @@
 use swerve_core::{Span, Time};
 use swerve_msg::EgoState;
 
-use super::{Controller, Drive, Here, Input, Law};
+use super::{Drive, Here, Input, Law, LawController};
 use crate::Pedals;
 use crate::speed::{SpeedLaw, Target};
 
@@ -33,7 +33,7 @@ impl Stop {
     }
 }
 
-impl Controller {
+impl LawController {
     /// Returns true if a state is finite and recent enough for control.
     pub(super) fn is_usable(&self, ego: &EgoState, now: Time) -> bool {
         super::is_finite(ego) && now - ego.stamp <= Span::from_secs(self.params.stop.blind_after_s)

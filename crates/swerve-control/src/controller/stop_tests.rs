@@ -14,7 +14,7 @@ const LAWS: [Law; 4] = [Law::Pid, Law::PurePursuit, Law::Stanley, Law::Mpc];
 fn stop(law: Law, noise_mps: f64) -> Vec<(Status, Command, Option<f64>)> {
     let params = Params { law, ..Params::default() };
     let limits = Limits::default();
-    let mut controller = Controller::new(params, Shape::default(), limits, Box::new(DRIVE));
+    let mut controller = LawController::new(params, Shape::default(), limits, Box::new(DRIVE));
     let plan = curve(|_| (0.0, 0.0, 0.0), 8.0, 0.5);
     let (mut speed_mps, mut x_m) = (8.0_f64, 0.0);
     let mut rng = Rng::keyed(7, "noise of the speed", &[]);
@@ -52,11 +52,11 @@ fn a_stop_of_the_controller_never_presses_the_accelerator() {
     }
 }
 
-fn controller(law: Law) -> Controller {
+fn controller(law: Law) -> LawController {
     let mut params = Params { law, ..Params::default() };
     params.slip = SlipParams::NONE;
     (params.pure_pursuit.preview_s, params.stanley.preview_s, params.stanley.yaw_damping_s) = (0.0, 0.0, 0.0);
-    Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
+    LawController::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
 }
 
 /// Without a state the car comes to rest along its plan, and the brake holds it.
@@ -254,7 +254,7 @@ fn stop_without_a_state_steers_as_the_bend_requires() {
     };
     for law in LAWS {
         let params = Params { law, ..params };
-        let mut controller = Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE));
+        let mut controller = LawController::new(params, Shape::default(), Limits::default(), Box::new(DRIVE));
         // The nose points into the bend; the rear axle follows it.
         let on_plan = |now: Time| {
             let mut pose = plan.at(now).unwrap().pose;

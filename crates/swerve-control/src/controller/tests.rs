@@ -11,8 +11,8 @@ fn tick(law: Law) -> Span {
 
 const LAWS: [Law; 4] = [Law::Pid, Law::PurePursuit, Law::Stanley, Law::Mpc];
 
-fn controller(params: Params) -> Controller {
-    Controller::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
+fn controller(params: Params) -> LawController {
+    LawController::new(params, Shape::default(), Limits::default(), Box::new(DRIVE))
 }
 
 /// A run: the states, one per tick, and the last output.

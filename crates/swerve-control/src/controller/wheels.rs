@@ -3,7 +3,7 @@
 use swerve_geom::angle_between;
 use swerve_msg::{Plan, PlanStatus};
 
-use super::{Controller, Here, Input, Law, Status, StopReason};
+use super::{Here, Input, Law, LawController, Status, StopReason};
 
 /// Below this speed the steering rate on a comfortable plan is limited as at this speed, m/s.
 const SLOW_MPS: f64 = 6.0;
@@ -12,7 +12,7 @@ const SLOW_MPS: f64 = 6.0;
 const ON_PLAN_M: f64 = 0.2;
 const ON_PLAN_RAD: f64 = 0.03;
 
-impl Controller {
+impl LawController {
     /// Largest change of the steering angle in one step, radians: on a comfortable plan limited by the lateral jerk of
     /// comfort (`v² κ`, with the wheels' angle close to wheelbase times curvature); off it not limited.
     pub(super) fn steering_change_rad(

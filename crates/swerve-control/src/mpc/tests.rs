@@ -1,6 +1,6 @@
 use super::*;
 use crate::bicycle::{self, DRIVE, WHEELBASE_M, curve, ego, lane_change, road, slalom};
-use crate::{AccelToPedals, Controller, Following, Input, Law};
+use crate::{AccelToPedals, Controller as _, Following, Input, Law, LawController};
 use swerve_core::Rng;
 use swerve_geom::Polyline;
 use swerve_msg::{EgoState, Plan, Route};
@@ -289,7 +289,7 @@ fn predictions_match_the_model() {
 fn mpc_is_send() {
     fn sendable<T: Send>() {}
     sendable::<Mpc>();
-    sendable::<Controller>();
+    sendable::<LawController>();
 }
 
 /// Drives `plan` in a closed loop of one call per 100 ms, as in the reference measurements; returns the largest
@@ -304,7 +304,7 @@ fn drive(mpc_params: Params, limits: Limits, plan: &Plan, seconds: f64) -> f64 {
         ..crate::Params::default()
     };
     let pedals: Box<dyn AccelToPedals> = Box::new(DRIVE);
-    let mut controller = Controller::new(params, Shape::default(), limits, pedals);
+    let mut controller = LawController::new(params, Shape::default(), limits, pedals);
     let route = Route::uniform(road().line().clone(), 9.0, 9.0);
     let points: Vec<_> = plan.points.iter().map(|p| p.pose.point()).collect();
     let line = Polyline::smooth(&points, 0.05).unwrap();

@@ -70,7 +70,7 @@ pub(super) fn entries(config: &Config) -> Vec<(String, OperatorConfig)> {
         }
     }
     let mut new = config.operator.clone();
-    for (name, localizer) in config.localization.operators() {
+    for (name, localizer) in config.localization.operators(&config.registry) {
         let own = new.get(&name).map_or_else(|| localizer.clone(), |set| changed(&localizer, set));
         new.insert(name, own);
     }

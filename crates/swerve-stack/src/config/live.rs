@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_ros2::convert::SteeringGear;
 use swerve_ros2::mapping::{Role, Vehicle};
+use swerve_text::list;
 
-use super::{Config, ControllerName};
+use super::Config;
+use crate::controllers::AnyController;
 
 /// A vehicle connected by ROS 2 topics.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
@@ -110,10 +112,16 @@ impl Config {
         if live.route.is_empty() {
             tell("live.route", "is missing: expected the scenario file whose road is to be followed".into());
         }
-        if self.controller() == ControllerName::Pid {
-            let message = "expected \"stanley\", \"pure_pursuit\" or \"mpc\": \"pid\" knows pedals only, and what goes \
-                           to a vehicle is an acceleration";
-            tell("control.controller", message.into());
+        let controllers = &self.registry.controllers;
+        let accelerates = |name: &str| controllers.get(name).is_none_or(AnyController::accelerates);
+        if !accelerates(self.controller()) {
+            let names: Vec<&str> = controllers.names().filter(|name| accelerates(name)).collect();
+            let message = format!(
+                "expected one of {}: \"{}\" knows pedals only, and what goes to a vehicle is an acceleration",
+                list(&names),
+                self.controller()
+            );
+            tell("control.controller", message);
         }
         // Problems of the table itself are reported by its own check.
         let Ok(mapping) = self.ros2_mapping() else { return };
@@ -161,7 +169,7 @@ mod tests {
             ),
             (
                 "[live]\nroute = \"r.toml\"\n[control]\ncontroller = \"pid\"\n",
-                "c.toml:4: control.controller: expected \"stanley\",",
+                "c.toml:4: control.controller: expected one of \"pure_pursuit\", \"stanley\", \"mpc\": \"pid\" knows",
             ),
             ("[live]\nrout = \"r.toml\"\n", "c.toml:2: live.rout: unknown key; did you mean \"route\"?"),
             (

@@ -5,14 +5,19 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Config, OperatorConfig, Reads};
+use super::{Config, OperatorConfig};
+use crate::localizers::{AnyLocalizer, LidarPoses, NamedLocalizer as _, Truth};
+use crate::named::Name;
+use crate::registry::Registry;
 
-/// Localizers by name.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum LocalizerName {
+/// Name of a localizer: a built-in one, or one that [`Registry::with_localizer`] adds.
+pub type LocalizerName = Name<BuiltInLocalizer>;
+
+/// Built-in localizers.
+#[derive(Clone, PartialEq, Debug, JsonSchema)]
+#[schemars(rename = "LocalizerName", rename_all = "snake_case")]
+pub enum BuiltInLocalizer {
     /// The simulator, with the errors of `sensing.pose`; for `swerve live` the pose reported by the vehicle.
-    #[default]
     Truth,
     /// An error-state Kalman filter over inertial unit, satellite fixes and wheels.
     Eskf,
@@ -25,7 +30,7 @@ pub enum LocalizerName {
 }
 
 /// Localization of the ego.
-#[derive(Clone, PartialEq, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalizationConfig {
     /// Localizer. All but `truth` replace `pose` by an operator `localizer`; `[operator.localizer]` sets its sensor
@@ -43,49 +48,46 @@ pub struct LocalizationConfig {
     pub stored_pose: Option<[f64; 2]>,
 }
 
-/// Operators that publish the simulator's pose, estimate it, and provide lidar poses for that.
-const POSE: &str = "pose";
-const LOCALIZER: &str = "localizer";
-const SCAN_MATCHER: &str = "scan_matcher";
-const LIDAR_ODOMETRY: &str = "lidar_odometry";
-const DEAD_RECKONING: &str = "dead_reckoning";
+impl Default for LocalizationConfig {
+    fn default() -> Self {
+        Self { localizer: LocalizerName::new(Truth::NAME), map: None, stored_pose: None }
+    }
+}
 
 impl LocalizationConfig {
     /// Returns true if the pose is estimated from the ego's own sensors.
     pub fn estimates(&self) -> bool {
-        self.localizer != LocalizerName::Truth
+        self.localizer.as_str() != Truth::NAME
     }
 
     /// Returns true if the localizer replaces the pipeline's own operator of this name.
     pub(crate) fn replaces(&self, operator: &str) -> bool {
-        self.estimates() && operator == POSE
+        self.estimates() && operator == "pose"
     }
 
     /// Operators that estimate the pose, by name.
-    pub(crate) fn operators(&self) -> Vec<(String, OperatorConfig)> {
-        let (lidar, filter) = match self.localizer {
-            LocalizerName::Truth => return Vec::new(),
-            LocalizerName::Eskf => (None, LOCALIZER),
-            LocalizerName::EskfNdt => (Some(SCAN_MATCHER), LOCALIZER),
-            LocalizerName::Ndt => (Some(SCAN_MATCHER), DEAD_RECKONING),
-            LocalizerName::Odometry => (Some(LIDAR_ODOMETRY), DEAD_RECKONING),
+    pub(crate) fn operators(&self, registry: &Registry) -> Vec<(String, OperatorConfig)> {
+        let named = self.named(registry).filter(|_| self.estimates());
+        let of = |named: &dyn AnyLocalizer| {
+            let lidar = named.lidar().map(LidarPoses::operator);
+            lidar.into_iter().chain([("localizer".to_owned(), named.operator())])
         };
-        let of = |name: &str, kind: &str| {
-            let reads = [("wheels".to_owned(), Reads::Stream("odometry".to_owned()))].into();
-            let own = OperatorConfig { kind: Some(kind.to_owned()), reads, ..OperatorConfig::default() };
-            (name.to_owned(), own)
-        };
-        lidar.map(|kind| of(kind, kind)).into_iter().chain([of(LOCALIZER, filter)]).collect()
+        named.into_iter().flat_map(of).collect()
     }
 
     /// Returns true if a lidar is read.
-    pub fn reads_lidar(&self) -> bool {
-        self.reads_map() || self.localizer == LocalizerName::Odometry
+    pub fn reads_lidar(&self, registry: &Registry) -> bool {
+        self.named(registry).and_then(AnyLocalizer::lidar).is_some()
     }
 
     /// Returns true if sweeps are matched with a map.
-    fn reads_map(&self) -> bool {
-        matches!(self.localizer, LocalizerName::Ndt | LocalizerName::EskfNdt)
+    fn reads_map(&self, registry: &Registry) -> bool {
+        self.named(registry).and_then(AnyLocalizer::lidar) == Some(LidarPoses::Matches)
+    }
+
+    /// The localizer, if its name is known.
+    fn named<'a>(&self, registry: &'a Registry) -> Option<&'a dyn AnyLocalizer> {
+        registry.localizers.get(self.localizer.as_str())
     }
 }
 
@@ -98,15 +100,19 @@ impl Config {
                 format!("expected two deviations in order, 0 to 1000000, found {from_m} and {to_m}");
             faults.push(("planning.slow_by_sigma_m".into(), message));
         }
+        if let Some(message) = self.registry.localizers.problem(self.localization.localizer.as_str()) {
+            faults.push(("localization.localizer".into(), message));
+        }
+        let reads_map = self.localization.reads_map(&self.registry);
         if self.localization.estimates() && self.is_driven_over_ros2() {
             let message = "expected \"truth\": a stack that drives over ROS 2 localizes itself";
             faults.push(("localization.localizer".into(), message.into()));
         }
-        if self.localization.reads_map() && self.localization.map.is_none() && self.live.is_some() {
+        if reads_map && self.localization.map.is_none() && self.live.is_some() {
             let message = "is missing: expected a map of the road, as `swerve map build` writes it";
             faults.push(("localization.map".into(), message.into()));
         }
-        if self.localization.map.is_some() && !self.localization.reads_map() {
+        if self.localization.map.is_some() && !reads_map {
             let message =
                 "is for `localization.localizer = \"ndt\"` or `\"eskf_ndt\"`, which match turns with it";
             faults.push(("localization.map".into(), message.into()));
@@ -117,7 +123,7 @@ impl Config {
     fn check_stored_pose(&self, faults: &mut Vec<(String, String)>) {
         let Some([place_m, heading_deg]) = self.localization.stored_pose else { return };
         let mut fault = |message: String| faults.push(("localization.stored_pose".into(), message));
-        if !matches!(self.localization.localizer, LocalizerName::Eskf | LocalizerName::EskfNdt) {
+        if !self.localization.named(&self.registry).is_some_and(AnyLocalizer::starts_stored) {
             fault("is for `localization.localizer = \"eskf\"` or `\"eskf_ndt\"`, which start from it".into());
         } else if self.live.is_some() {
             fault("expected none: a vehicle starts from its first fix".into());

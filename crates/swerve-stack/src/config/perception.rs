@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
-use swerve_perception::{Algorithm, GroundParams, ab3dmot, tracker};
-use swerve_text::{KeyProblem, nearest, overridden};
+use swerve_perception::{GroundTracker, Tracker, tracker};
+use swerve_text::{KeyProblem, list, nearest, overridden};
 
 use super::camera::CameraConfig;
 use super::detectors::{find, fits, published};
@@ -13,6 +13,8 @@ use super::planner::{outside, within};
 use super::{Config, PlanningConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::Scheduled;
+use crate::registry::Registry;
+use crate::trackers::{NamedTracker as _, TrackerSetup};
 
 /// Detector name for no detector: obstacles as the sensor sees them.
 pub const TRUTH: &str = "truth";
@@ -99,44 +101,25 @@ impl PerceptionConfig {
         Ok(Some(Emulated { params, sensing, ms }))
     }
 
-    /// The tracker behind a detector.
+    /// Builds the tracker behind a detector.
     ///
     /// # Errors
     /// Problems by their keys in `perception`.
-    pub(super) fn tracker(
+    pub(crate) fn built_tracker(
         &self,
-        behind: &detector::Params,
-        sightings_max: usize,
-    ) -> Result<GroundParams, Vec<KeyProblem>> {
-        let told = |found| within("tracker", found);
+        registry: &Registry,
+        of: TrackerSetup<'_>,
+    ) -> Result<Box<dyn GroundTracker>, Vec<KeyProblem>> {
         let mut own = self.tracker.clone();
-        let named = own.remove("algorithm").map_or(Ok(Algorithm::Sort), algorithm);
-        let params = match named.map_err(|message| vec![("tracker.algorithm".into(), message)])? {
-            Algorithm::Sort => {
-                let defaults = tracker::Params {
-                    sightings_max,
-                    range_noise_m: behind.range_noise_m,
-                    range_noise_share: behind.range_noise_share,
-                    bearing_noise_rad: behind.bearing_noise_rad,
-                    ..tracker::Params::default()
-                };
-                GroundParams::Sort(overridden(&defaults, &own).map_err(told)?)
-            }
-            Algorithm::Ab3dmot => {
-                let defaults = ab3dmot::Params { sightings_max, ..ab3dmot::Params::default() };
-                GroundParams::Ab3dmot(overridden(&defaults, &own).map_err(told)?)
-            }
+        let name = own.remove("algorithm").unwrap_or_else(|| Tracker::NAME.into());
+        let Some(name) = name.as_str() else {
+            let names: Vec<&str> = registry.trackers().collect();
+            let message = format!("expected one of {}, found {name}", list(&names));
+            return Err(vec![("tracker.algorithm".into(), message)]);
         };
-        params.validate().map_err(|error| told(outside(error)))?;
-        Ok(params)
+        let named = registry.trackers.named("tracker.algorithm", name)?;
+        named.build(of, &own).map_err(|found| within("tracker", found))
     }
-}
-
-/// Tracker of this name.
-fn algorithm(name: toml::Value) -> Result<Algorithm, String> {
-    let told = format!("expected \"sort\" or \"ab3dmot\", found {name}");
-    let near = name.as_str().map_or_else(String::new, |name| hint(name, ["sort", "ab3dmot"]));
-    name.try_into().map_err(|_| told + &near)
 }
 
 impl Config {
@@ -198,6 +181,8 @@ fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use swerve_perception::ab3dmot;
+
     use super::*;
     use crate::config::tests::config;
 
@@ -221,26 +206,28 @@ mod tests {
         let config = config(text, &["operator.planner.runtime={ zero = true }"]).unwrap();
         let emulated = config.perception.emulated().unwrap().unwrap();
         assert_eq!((emulated.params.score_separation, emulated.params.misses.period_s), (9.0, 1.5));
-        let GroundParams::Sort(tracker) = config.perception.tracker(&emulated.params, 7).unwrap() else {
-            panic!("another tracker than the usual one")
-        };
-        assert_eq!((tracker.hits_min, tracker.sightings_max), (4, 7));
-        assert_eq!(tracker.range_noise_share, emulated.params.range_noise_share);
+        let of = TrackerSetup { behind: &emulated.params, sightings_max: 7 };
+        let defaults = Tracker::defaults(of);
+        assert_eq!(defaults.sightings_max, 7);
+        assert_eq!(defaults.range_noise_share, emulated.params.range_noise_share);
+        let tracker = config.perception.built_tracker(&config.registry, of).unwrap();
+        assert_eq!(tracker.hits_min(), 4);
         assert!((config.expected_ms() - config.planning.expected_ms() - 5.0).abs() < 1e-9);
     }
 
     #[test]
     fn tracker_is_chosen_by_its_name() {
-        let text = "[perception]\ntracker = { algorithm = \"ab3dmot\", vehicle = { death = 5 } }\n";
-        let config = config(text, &[]).unwrap();
-        let GroundParams::Ab3dmot(tracker) = config.perception.tracker(&Default::default(), 7).unwrap()
-        else {
-            panic!("the usual one")
+        let hits_min = |tracker: &str| {
+            let config = config(&format!("[perception]\ntracker = {tracker}\n"), &[]).unwrap();
+            let of = TrackerSetup { behind: &Default::default(), sightings_max: 7 };
+            config.perception.built_tracker(&config.registry, of).unwrap().hits_min()
         };
-        assert_eq!((tracker.vehicle.death, tracker.vehicle.birth, tracker.cyclist.death), (5, 3, 4));
+        assert_eq!(hits_min("{ algorithm = \"ab3dmot\" }"), ab3dmot::Params::default().pedestrian.birth);
+        assert_eq!(hits_min("{ algorithm = \"ab3dmot\", pedestrian = { birth = 9 } }"), 9);
+        assert_eq!(hits_min("{ hits_min = 6 }"), 6);
         for (tracker, told) in [
-            ("{ algorithm = \"ab3dmt\" }", "did you mean `ab3dmot`?"),
-            ("{ algorithm = 3 }", "expected \"sort\" or \"ab3dmot\", found 3"),
+            ("{ algorithm = \"ab3dmt\" }", "did you mean \"ab3dmot\"?"),
+            ("{ algorithm = 3 }", "expected one of \"sort\", \"ab3dmot\", found 3"),
             ("{ algorithm = \"ab3dmot\", gate = 3 }", "gate"),
             (
                 "{ algorithm = \"ab3dmot\", pedestrian = { limit = -2 } }",

@@ -17,7 +17,7 @@ pub(super) fn planner(
     registry: &Registry,
     params: &toml::Table,
 ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
-    let Some(named) = registry.planner(planning.planner.as_str()) else { return Err(Vec::new()) };
+    let Some(named) = registry.planners.get(planning.planner.as_str()) else { return Err(Vec::new()) };
     let collision = planning.collision();
     let of = PlannerDefaults { discretisation: planning.config, collision, preset: planning.preset };
     let original = if planning.preset == Preset::Paper { original(planning, params)? } else { None };

@@ -1,10 +1,9 @@
 //! Motion planner: its name, discretisation, behaviour and cost.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-use schemars::{JsonSchema, Schema, SchemaGenerator};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::Ranges;
 use swerve_planning::fot::Fot;
@@ -12,33 +11,21 @@ use swerve_planning::hybrid_astar::HybridAstar;
 use swerve_planning::rrt_star::RrtStar;
 use swerve_planning::{CollisionMode, Planner, comfort};
 use swerve_pylot::{Era, Original, Preset, Rules};
-use swerve_text::{KeyProblem, did_you_mean, list};
+use swerve_text::KeyProblem;
 
 use super::execution::Runtime;
 use super::planner;
+use crate::named::Name;
 use crate::planners::{AnyPlanner, NamedPlanner as _};
 use crate::registry::Registry;
 
 /// Name of a motion planner: a built-in one, or one that [`Registry::with_planner`](crate::Registry::with_planner) adds.
-#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct PlannerName(Cow<'static, str>);
-
-impl JsonSchema for PlannerName {
-    fn schema_name() -> Cow<'static, str> {
-        "PlannerName".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        BuiltInPlanner::json_schema(generator)
-    }
-}
+pub type PlannerName = Name<BuiltInPlanner>;
 
 /// Built-in motion planners.
-#[derive(JsonSchema)]
-#[schemars(rename_all = "snake_case")]
-#[expect(dead_code, reason = "its schema is used")]
-enum BuiltInPlanner {
+#[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Debug, JsonSchema)]
+#[schemars(rename = "PlannerName", rename_all = "snake_case")]
+pub enum BuiltInPlanner {
     /// Frenet optimal trajectories.
     Fot,
     /// RRT*.
@@ -53,12 +40,7 @@ enum BuiltInPlanner {
 
 impl PlannerName {
     /// Frenet optimal trajectories.
-    pub const FOT: Self = Self(Cow::Borrowed(Fot::NAME));
-
-    /// The planner of this name.
-    pub const fn new(name: &'static str) -> Self {
-        Self(Cow::Borrowed(name))
-    }
+    pub const FOT: Self = Self::new(Fot::NAME);
 
     /// Planner of the paper with this name.
     pub(super) fn original(&self) -> Original {
@@ -73,11 +55,6 @@ impl PlannerName {
     /// True if the paper has a planner of this name.
     pub(super) fn is_paper(&self) -> bool {
         self.original() != Original::Other
-    }
-
-    /// Name in files and tables.
-    pub fn as_str(&self) -> &str {
-        &self.0
     }
 }
 
@@ -242,13 +219,9 @@ impl PlanningConfig {
     pub(super) fn problems_of_names(&self, registry: &Registry) -> Vec<KeyProblem> {
         let named = self.cost.keys().map(|name| (format!("cost.{}", name.as_str()), name));
         let named = core::iter::once(("planner".to_owned(), &self.planner)).chain(named);
-        let unknown = named.filter(|(_, name)| registry.planner(name.as_str()).is_none());
-        let problem = |(key, name): (String, &PlannerName)| {
-            let all: Vec<&str> = registry.planners().collect();
-            let near = did_you_mean(name.as_str(), registry.planners());
-            (key, format!("expected one of {}, found \"{}\"{near}", list(&all), name.as_str()))
-        };
-        unknown.map(problem).collect()
+        let problem =
+            |(key, name): (String, &PlannerName)| Some((key, registry.planners.problem(name.as_str())?));
+        named.filter_map(problem).collect()
     }
 
     /// Rules of the paper's preset for the chosen planner, or their problems, each by its key.
@@ -268,7 +241,7 @@ impl PlanningConfig {
 
     /// Returns true if the planner has a comfortable layer.
     pub fn has_comfort(&self, registry: &Registry) -> bool {
-        let by_default = || registry.planner(self.planner.as_str()).is_some_and(AnyPlanner::has_comfort);
+        let by_default = || registry.planners.get(self.planner.as_str()).is_some_and(AnyPlanner::has_comfort);
         self.comfort.enabled.unwrap_or_else(|| self.preset == Preset::Best && by_default())
     }
 

@@ -16,9 +16,9 @@ impl PredictionConfig {
     pub fn file_weights(&self) -> Result<Option<Weights>, String> {
         let Some(path) = &self.weights else { return Ok(None) };
         let mut learned = PredictorName::ALL.into_iter().filter(|name| shipped(*name).is_some());
-        let Some(own) = shipped(self.predictor) else {
+        let name = self.predictor.as_str();
+        let Some(own) = learned.clone().find(|learned| learned.name() == name).and_then(shipped) else {
             let learned: Vec<&str> = learned.map(PredictorName::name).collect();
-            let name = self.predictor.name();
             return Err(format!("expected with a predictor of {}, found `{name}`", learned.join(", ")));
         };
         let bytes = swerve_text::read_bytes(Path::new(path), WEIGHTS_MAX);
@@ -30,7 +30,7 @@ impl PredictionConfig {
         let is_of =
             |name: &PredictorName| shipped(*name).is_some_and(|of| of.shape.model == weights.shape.model);
         let found = learned.find(is_of).map_or("another net", PredictorName::name);
-        Err(format!("{path}: expected weights of `{}`, found weights of `{found}`", self.predictor.name()))
+        Err(format!("{path}: expected weights of `{name}`, found weights of `{found}`"))
     }
 }
 

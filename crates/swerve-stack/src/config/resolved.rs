@@ -2,7 +2,7 @@
 
 use swerve_control::safety_gate::GateParams;
 use swerve_core::Span;
-use swerve_perception::{GroundParams, detector};
+use swerve_perception::detector;
 use swerve_planning::deadline;
 use swerve_pylot::Rules;
 use swerve_text::{KeyProblem, number};
@@ -15,6 +15,7 @@ use super::planner::within;
 use super::{Config, OperatorConfig};
 use crate::assembly::scheduled_operator;
 use crate::kind::{KeyProblems, Scheduled};
+use crate::trackers::TrackerSetup;
 
 /// Resolved settings of a configuration. Operators are built from it and read no text.
 #[derive(Clone, Debug)]
@@ -27,8 +28,10 @@ pub struct Resolved {
     pub detector: Option<Emulated>,
     /// Ladder of that detector, the fastest rung first; empty without a ladder.
     pub detector_rungs: Vec<Rung<detector::Params>>,
-    /// The tracker behind a detector.
-    pub tracker: GroundParams,
+    /// Errors of the detector in front of the tracker: without an emulated one, those of the emulation's defaults.
+    pub behind: detector::Params,
+    /// Number of boxes after which the tracker behind a detector reports a track of a person.
+    pub tracker_hits_min: usize,
     /// Ladder of the planner, the fastest rung first, each with the parameters that define it; empty without a ladder.
     pub planner_rungs: Vec<Rung<toml::Table>>,
     /// The rules of the paper's preset for the chosen planner.
@@ -55,9 +58,11 @@ impl Resolved {
         });
         // Without an emulated detector its noise is that of the emulation's defaults.
         let behind = detector.as_ref().map_or_else(Default::default, |emulated| emulated.params);
-        let tracker = perception.tracker(&behind, config.prediction.sightings()).unwrap_or_else(|found| {
+        let of = TrackerSetup { behind: &behind, sightings_max: config.prediction.sightings() };
+        let tracker = perception.built_tracker(&config.registry, of);
+        let tracker_hits_min = tracker.map(|tracker| tracker.hits_min()).unwrap_or_else(|found| {
             tell("perception", found);
-            GroundParams::default()
+            1
         });
         // Rungs have the detector's own parameters, and so the same problems.
         let detector_rungs = config.detector_rungs().unwrap_or_else(|mut found| {
@@ -80,7 +85,13 @@ impl Resolved {
         if let Some(found) = built(&planning.params).err().or(on_ladder) {
             tell("planning.params", found);
         }
-        Self { gate, deadlines, detector, detector_rungs, tracker, planner_rungs, rules }
+        if let Err(found) = config.built_controller() {
+            tell("control", found);
+        }
+        if let Err(found) = config.prediction.built(&config.registry, None) {
+            tell("prediction", found);
+        }
+        Self { gate, deadlines, detector, detector_rungs, behind, tracker_hits_min, planner_rungs, rules }
     }
 }
 

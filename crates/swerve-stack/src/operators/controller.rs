@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use swerve_control::{Controller, Input, Law, Output, Params, Pedals};
+use swerve_control::{Controller, Input, LawController, Output, Params, Pedals};
 use swerve_core::{Span, Time};
 use swerve_flow::{
     Context, Every, Inputs, Latest, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
@@ -10,10 +10,12 @@ use swerve_flow::{
 };
 use swerve_msg::{Command, EgoState, LocalPose, MotionCommand, Plan, Route, Supervision};
 use swerve_pylot::{Follower, Preset, Rules};
+use swerve_text::{KeyProblem, in_one_line};
 use swerve_vehicle::{VehicleParams, accel_for_pedals, pedals_for_accel};
 
 use super::odom::LocalPoses;
-use crate::config::{Config, ControllerName};
+use crate::config::Config;
+use crate::controllers::{NamedController as _, Pid};
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
 use crate::site::Site;
 
@@ -63,7 +65,7 @@ impl OperatorKind for Controllers {
 
     fn add(&self, site: &mut Site<'_>) -> anyhow::Result<()> {
         let config = site.config();
-        let follower = PlanFollower::new(site.config(), &site.resolved().rules, &site.surroundings().route);
+        let follower = PlanFollower::new(config, &site.resolved().rules, &site.surroundings().route)?;
         let timer = every(span_of_ms(config.control.period_ms));
         if asks_for_motion(config) {
             site.add(MotionController(follower), Some(timer))
@@ -75,7 +77,7 @@ impl OperatorKind for Controllers {
 
 /// Follows the newest plan, or the route before the first plan. Stops if a process is lost.
 struct PlanFollower {
-    controller: Controller,
+    controller: Box<dyn Controller>,
     /// The original's follower, if configured.
     original: Option<Follower>,
     vehicle: VehicleParams,
@@ -92,27 +94,19 @@ struct PlanFollower {
 }
 
 impl PlanFollower {
-    fn new(config: &Config, rules: &Rules, route: &Route) -> Self {
-        let law = match config.controller() {
-            ControllerName::Pid => Law::Pid,
-            ControllerName::PurePursuit => Law::PurePursuit,
-            ControllerName::Stanley => Law::Stanley,
-            ControllerName::Mpc => Law::Mpc,
-        };
-        let following = config.control.following.unwrap_or_else(|| config.planning.preset.following());
-        let params = Params { law, following, ..Params::default() };
-        let vehicle = config.sim.vehicle.clone();
-        Self {
-            controller: controller(&vehicle, params),
+    fn new(config: &Config, rules: &Rules, route: &Route) -> anyhow::Result<Self> {
+        let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("control: {}", in_one_line(&found));
+        Ok(Self {
+            controller: config.built_controller().map_err(wrong)?,
             original: original(config, rules),
-            vehicle,
+            vehicle: config.sim.vehicle.clone(),
             route: route.clone(),
             ego: None,
             plan: None,
             local: LocalPoses::default(),
             plan_local: None,
             stop_along: None,
-        }
+        })
     }
 
     /// One step of control: the state used, and the output; `None` before the first state.
@@ -157,19 +151,19 @@ impl PlanFollower {
 /// The original's follower: under the paper's preset, unless another law or another following is configured.
 fn original(config: &Config, rules: &Rules) -> Option<Follower> {
     let Config { planning, control, sim, .. } = config;
-    let by_pid = config.controller() == ControllerName::Pid && control.following.is_none();
+    let by_pid = config.controller() == Pid::NAME && control.following.is_none();
     (by_pid && planning.preset == Preset::Paper)
         .then(|| Follower::new(rules, &sim.vehicle.shape, &sim.vehicle.limits))
 }
 
 /// A controller with the pedal map of `vehicle`.
-pub fn controller(vehicle: &VehicleParams, params: Params) -> Controller {
+pub fn controller(vehicle: &VehicleParams, params: Params) -> LawController {
     let of = vehicle.clone();
     let pedals = move |accel_mps2: f64, speed_mps: f64| {
         let pedals = pedals_for_accel(&of, speed_mps, accel_mps2);
         Pedals { throttle: pedals.throttle, brake: pedals.brake }
     };
-    Controller::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
+    LawController::new(params, vehicle.shape, vehicle.limits, Box::new(pedals))
 }
 
 /// Publishes pedals, for a vehicle without a gate.

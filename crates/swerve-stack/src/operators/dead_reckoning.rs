@@ -23,7 +23,7 @@ const DRIFT: f64 = 0.01;
 const DRIFT_RADPS: f64 = 0.002;
 
 /// Estimates the pose between two matches.
-pub(super) struct Carried {
+pub(crate) struct Carried {
     keys: Keys,
     car: DeadReckoning,
     roll: RollEstimate,
@@ -33,7 +33,7 @@ pub(super) struct Carried {
 
 /// Last match, and motion since.
 #[derive(Inputs)]
-pub(super) struct In {
+pub(crate) struct In {
     /// Accelerations and turn rates; each yields a pose.
     imu: At<Imu>,
     /// Wheel speeds.
@@ -45,7 +45,7 @@ pub(super) struct In {
 /// Keys of dead reckoning.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct Keys {
+pub(crate) struct Keys {
     /// Time without a match after which it is coasting, seconds.
     coasting_after_s: f64,
     /// Time without a match after which it is lost and publishes no pose, seconds.

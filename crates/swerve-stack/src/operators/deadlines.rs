@@ -125,7 +125,7 @@ impl Policy {
         let seen_s = period_s + config.control.period_ms * 1e-3 + config.sim.vehicle.dead_time_s;
         // Frames until a newly visible object is reported.
         let detects = site.assembly.publisher::<Detections>().is_some();
-        let confirmed = if detects { resolved.tracker.hits_min().saturating_sub(1) } else { 0 };
+        let confirmed = if detects { resolved.tracker_hits_min.saturating_sub(1) } else { 0 };
         let overhead = Overhead { seen_s, hidden_s: seen_s + confirmed as f64 * period_s };
         let route = site.surroundings().route.clone();
         Self { params, overhead, route, vehicle: config.sim.vehicle.clone() }

@@ -39,7 +39,7 @@ const SILENT: f64 = 2.0;
 const OFF_ROAD_SIGMAS: f64 = 3.0;
 
 /// A filter over inertial unit, satellite fixes, wheels, and lidar matches.
-pub(super) struct Filter {
+pub(crate) struct Filter {
     localizer: Localizer,
     params: Params,
     /// Standard deviation of the lane's heading as initial heading, radians; `None` to use the first course instead.
@@ -68,7 +68,7 @@ pub(super) struct Filter {
 
 /// Measurements of motion and position.
 #[derive(Inputs)]
-pub(super) struct In {
+pub(crate) struct In {
     /// Timer for poses while the inertial unit is silent.
     tick: Every,
     /// Accelerations and turn rates; each yields a pose.
@@ -83,7 +83,7 @@ pub(super) struct In {
 
 /// Pose of the ego, and its accuracy.
 #[derive(Outputs)]
-pub(super) struct Out {
+pub(crate) struct Out {
     /// State of the ego; silent while it is unknown.
     pub(super) state: Port<EgoState>,
     /// Accuracy of the pose.
@@ -103,16 +103,12 @@ pub(super) struct Receiver {
 
 impl Receiver {
     pub(super) fn new(site: &Site<'_>) -> Self {
-        Self::of(&site.config().sensing.gnss, site.surroundings().route.clone())
+        Self::of(&site.config().sensing, site.surroundings().route.clone())
     }
 
-    fn of(gnss: &GnssParams, route: Route) -> Self {
-        let origin = Origin {
-            latitude_deg: gnss.origin_latitude_deg,
-            longitude_deg: gnss.origin_longitude_deg,
-            altitude_m: gnss.origin_altitude_m,
-        };
-        let GnssParams { noise_m, bias_m, antenna_at_m, .. } = *gnss;
+    fn of(sensing: &SensingConfig, route: Route) -> Self {
+        let origin = sensing.map_origin();
+        let GnssParams { noise_m, bias_m, antenna_at_m, .. } = sensing.gnss;
         Self { noise_m: noise_m.max(0.01), bias_m, antenna_at_m, origin, route }
     }
 
@@ -161,7 +157,7 @@ impl Receiver {
 /// Keys of a localizer.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Ranges)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct Keys {
+pub(crate) struct Keys {
     /// Standard deviation of the initial heading from the lane's, degrees; 0 takes the heading from the first course.
     #[schemars(range(min = 0.0, max = 90.0))]
     lane_heading_deg: f64,

@@ -9,14 +9,14 @@ use crate::kind::{Kind, NoKeys, Node, Settings, span_of_ms};
 use crate::site::Site;
 
 /// Publishes the true pose with errors.
-pub(super) struct PoseSensor {
+pub(crate) struct PoseSensor {
     params: PoseParams,
     seed: u64,
 }
 
 /// The newest state of the world, at each tick.
 #[derive(Inputs)]
-pub(super) struct In {
+pub(crate) struct In {
     /// Period of the sensor.
     tick: Every,
     /// State of the world to measure.

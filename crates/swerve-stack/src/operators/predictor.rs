@@ -3,21 +3,19 @@
 //! The predictor `truth` gets its data from the simulated world, as an emulated detector does: it reads every state of
 //! it.
 
-use swerve_core::{Span, Time};
+use swerve_core::Time;
 use swerve_flow::{
     At, Context, Inputs, Message, NamedInputs, NamedOutputs, Operator, OutputInfo, Port, PortInfo, Window,
 };
 use swerve_geom::{Point2, Pose2};
 use swerve_msg::truth::WorldState;
 use swerve_msg::{ActorId, PredictionList, Route, Track, TrackList};
-use swerve_prediction::learned::Weights;
-use swerve_prediction::{
-    Ground, Horizon, PredictorName, Telling, forecast, forecast_by, foretold, linear, road,
-};
+use swerve_prediction::{Ground, Horizon, Predictor, Telling, foretold};
 use swerve_sim::{Ahead, SimParams};
+use swerve_text::{KeyProblem, in_one_line};
 
-use crate::config::PredictionConfig;
 use crate::kind::{Node, OperatorKind, Settings, span_of_ms};
+use crate::predictors::{NamedPredictor as _, Truth};
 use crate::site::Site;
 
 /// States of the world that are kept: as many as arrive during a step of one second, at 400 Hz.
@@ -28,12 +26,10 @@ const SAME_M: f64 = 3.0;
 /// Predictors: from tracks only, or from the simulator's truth.
 pub(super) struct Predictors;
 
-/// Straight lines through past sightings, or another predictor.
-struct Predictor {
-    name: PredictorName,
-    /// Weights from a file, in place of the shipped ones.
-    weights: Option<Weights>,
-    params: linear::Params,
+/// Predicts from tracks alone.
+struct ByTracks {
+    predictor: Box<dyn Predictor>,
+    horizon: Horizon,
     /// Road that vehicles are predicted along.
     road: Option<Route>,
 }
@@ -64,12 +60,7 @@ struct OracleIn {
 }
 
 fn is_told(settings: &Settings<'_>) -> bool {
-    settings.config.prediction.predictor == PredictorName::Truth
-}
-
-fn horizon(prediction: &PredictionConfig) -> Horizon {
-    let steps = (prediction.horizon_ms / prediction.step_ms).round() as usize;
-    Horizon { steps, step: Span::from_secs(prediction.step_ms * 1e-3) }
+    settings.config.prediction.predictor.as_str() == Truth::NAME
 }
 
 impl OperatorKind for Predictors {
@@ -101,50 +92,25 @@ impl OperatorKind for Predictors {
                 seed: config.seed,
             };
             let ahead = Ahead::new(&site.surroundings().scenario, &params);
-            return site.add(Oracle { ahead, telling, horizon: horizon(prediction), taken: 0 }, None);
+            return site.add(Oracle { ahead, telling, horizon: prediction.horizon(), taken: 0 }, None);
         }
-        let params = linear::Params {
-            past_steps: prediction.past_steps,
-            future_steps: horizon(prediction).steps,
-            step_s: prediction.step_ms * 1e-3,
-            ..prediction.preset.linear()
-        };
-        let name = prediction.predictor;
-        let road = prediction.follows_road().then(|| site.surroundings().route.clone());
+        let road = prediction.follows_road(&config.registry).then(|| site.surroundings().route.clone());
         let wrong = |message| anyhow::anyhow!("prediction.weights: {message}");
         let weights = prediction.file_weights().map_err(wrong)?;
-        site.add(Predictor { name, weights, params, road }, None)
+        let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("prediction: {}", in_one_line(&found));
+        let predictor = prediction.built(&config.registry, weights.as_ref()).map_err(wrong)?;
+        site.add(ByTracks { predictor, horizon: prediction.horizon(), road }, None)
     }
 }
 
-impl Predictor {
-    fn lines(&self, tracks: &TrackList) -> PredictionList {
-        let mut list = linear::predict(tracks, &self.params);
-        if let Some(route) = &self.road {
-            road::follow(&mut list.predictions, route);
-        }
-        list
-    }
-}
-
-impl Operator for Predictor {
+impl Operator for ByTracks {
     type In = In;
     type Out = Port<PredictionList>;
 
     fn step(&mut self, _: &mut Context<'_>, input: &In, out: &mut Self::Out) {
         if let Some(tracks) = input.tracks.get() {
-            out.loan().send(match self.name {
-                PredictorName::Linear => self.lines(tracks),
-                name => {
-                    let linear::Params { future_steps: steps, step_s, .. } = self.params;
-                    let horizon = Horizon { steps, step: Span::from_secs(step_s) };
-                    let ground = Ground::road(self.road.as_ref());
-                    PredictionList::from(&match &self.weights {
-                        Some(weights) => forecast_by(weights, tracks, &horizon, ground),
-                        None => forecast(name, tracks, &horizon, ground),
-                    })
-                }
-            });
+            let ground = Ground::road(self.road.as_ref());
+            out.loan().send(self.predictor.predict(tracks, &self.horizon, ground));
         }
     }
 }

@@ -6,11 +6,13 @@ use swerve_flow::{
 use swerve_msg::{Detections, EgoState, LocalPose, ObstacleList, TrackList};
 use swerve_perception::GroundTracker;
 use swerve_prediction::{History, HistoryParams};
+use swerve_text::{KeyProblem, in_one_line};
 
 use super::odom::LocalPoses;
 use super::relative::{Motion, in_odom};
 use crate::kind::{Node, OperatorKind, Settings};
 use crate::site::Site;
+use crate::trackers::TrackerSetup;
 
 /// Past poses kept to find the one at a frame's stamp: up to the age of a frame, at 100 Hz.
 const POSES: usize = 256;
@@ -41,7 +43,7 @@ struct HistoryIn {
 /// Tracks a detector's boxes: in the odometry frame, or in the map where the pose is that of the simulator or the
 /// vehicle.
 struct BoxTracker {
-    tracker: GroundTracker,
+    tracker: Box<dyn GroundTracker>,
     local: LocalPoses,
 }
 
@@ -74,7 +76,9 @@ impl OperatorKind for Trackers {
             let (history, local) = (History::new(params), LocalPoses::default());
             return site.add(HistoryTracker { history, local }, None);
         }
-        let tracker = GroundTracker::new(site.resolved().tracker)?;
+        let of = TrackerSetup { behind: &site.resolved().behind, sightings_max };
+        let wrong = |found: Vec<KeyProblem>| anyhow::anyhow!("perception: {}", in_one_line(&found));
+        let tracker = config.perception.built_tracker(&config.registry, of).map_err(wrong)?;
         site.add(BoxTracker { tracker, local: LocalPoses::default() }, None)
     }
 }

@@ -77,7 +77,7 @@ impl Drive {
         let mut gnss = GnssReceiver::new(sensing.gnss.clone(), "gnss", self.seed);
         let mut wheels = WheelOdometer::new(sensing.odometry, vehicle, "wheels", self.seed);
         let line = Polyline::new(&[Point2::new(0.0, 0.0), Point2::new(1.0, 0.0)]).unwrap();
-        let receiver = Receiver::of(&sensing.gnss, Route::uniform(line, 1.0, 1.0));
+        let receiver = Receiver::of(sensing, Route::uniform(line, 1.0, 1.0));
         let mut rng = Rng::keyed(self.seed, "start", &[]);
         let mut localizer = Localizer::new(told, None).unwrap();
         let (mut at, mut lane_off_rad) = ([0.0; 2], Some(0.05 * rng.normal()));

@@ -8,7 +8,7 @@ use swerve_geom::{Ego, Point2, Pose2};
 use swerve_msg::{ActorKind, DetectedBox, Detections, TrackList};
 use swerve_perception::lidar::Scan;
 use swerve_perception::tracker::Params;
-use swerve_perception::{GroundParams, GroundTracker, LidarObjects, ab3dmot};
+use swerve_perception::{Ab3dMot, GroundTracker, LidarObjects, Tracker, ab3dmot};
 
 use super::frames::There;
 
@@ -28,7 +28,7 @@ pub(super) struct Judge {
     one: Vec<AveragePrecision>,
     /// Average precisions of each tracker, in the order of [`trackers`].
     tracked: [Vec<AveragePrecision>; 2],
-    trackers: [GroundTracker; 2],
+    trackers: [Box<dyn GroundTracker>; 2],
     found: Detections,
 }
 
@@ -50,7 +50,7 @@ impl Judge {
         count(&mut self.one, &self.found.boxes, there);
         for (tracker, tracked) in self.trackers.iter_mut().zip(&mut self.tracked) {
             let tracks = tracker.update(&self.found, scan.ego.pose);
-            count(tracked, &boxes(&tracks, tracker, scan.ego.pose), there);
+            count(tracked, &boxes(&tracks, &**tracker, scan.ego.pose), there);
         }
     }
 
@@ -79,7 +79,7 @@ impl Judge {
 }
 
 /// Trackers to evaluate, first that of `configs/lidar_objects.toml`.
-fn trackers() -> Result<[GroundTracker; 2], ParamError> {
+fn trackers() -> Result<[Box<dyn GroundTracker>; 2], ParamError> {
     let sort = Params {
         score_min: 0.3,
         range_noise_m: 0.15,
@@ -88,11 +88,11 @@ fn trackers() -> Result<[GroundTracker; 2], ParamError> {
         ..Params::default()
     };
     let overlap = ab3dmot::Params { score_min: 0.3, ..ab3dmot::Params::default() };
-    Ok([GroundTracker::new(GroundParams::Sort(sort))?, GroundTracker::new(GroundParams::Ab3dmot(overlap))?])
+    Ok([Box::new(Tracker::new(sort)?), Box::new(Ab3dMot::new(overlap)?)])
 }
 
 /// Tracks as boxes in the ego frame.
-fn boxes(tracks: &TrackList, tracker: &GroundTracker, ego: Pose2) -> Vec<DetectedBox> {
+fn boxes(tracks: &TrackList, tracker: &dyn GroundTracker, ego: Pose2) -> Vec<DetectedBox> {
     let of = |track: &swerve_msg::Track| {
         let at = ego.to_local::<Ego>(track.pose.point());
         DetectedBox {

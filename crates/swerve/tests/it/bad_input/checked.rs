@@ -97,7 +97,6 @@ fn check_reports_all_missing_and_mistyped_keys() {
     );
     let args = ["check", "s.toml", "t.toml", "c.toml", "o.toml"];
     let said = bench.swerve(&args);
-    let controllers = "one of \"pid\", \"pure_pursuit\", \"stanley\", \"mpc\"";
     let says = [
         "s.toml:1: base.scenario: is missing: expected a text",
         "s.toml:1: base.config: expected a file, or an array of files, found 3",
@@ -114,7 +113,7 @@ fn check_reports_all_missing_and_mistyped_keys() {
         "t.toml:9: resource.gpu.slots: is missing: expected a whole number that is not negative",
         "c.toml:1: planning: expected a table, found 3",
         "c.toml:3: sim.draws: expected true or false, found 1",
-        &format!("c.toml:5: control.controller: expected {controllers}, found an array of 1"),
+        "c.toml:5: control.controller: expected a text, found an array of 1",
         "c.toml:7: operator.planner.runtime.normal_ms: expected an array of 2 values, found an array of 1",
         "c.toml:9: resource.gpu.slots: is missing: expected a whole number that is not negative",
         "o.toml:2: base.scenario: none.toml: cannot be read",

@@ -1,0 +1,174 @@
+//! Algorithms of an external package that configurations name as they name built-in ones.
+
+use swerve_drive::{drive_pipeline, read_scenario};
+use swerve_eval::Metrics;
+use swerve_stack::config::Config;
+use swerve_stack::pipeline::Pipeline;
+use swerve_text::Problems;
+
+use super::registry;
+use crate::common::{scenario_file, sets};
+
+fn with(assignments: &[&str]) -> Result<Config, Problems> {
+    Config::load_with(&registry(), None, &sets(assignments))
+}
+
+/// Metrics of a drive through a scenario.
+fn drive(scenario: &str, assignments: &[&str]) -> Metrics {
+    let config = with(assignments).unwrap_or_else(|problems| panic!("{problems:?}"));
+    let scenario = read_scenario(&scenario_file(scenario)).unwrap();
+    let pipeline = Pipeline::build(&config, &scenario).unwrap();
+    drive_pipeline(pipeline, config.seed, 1, &mut []).unwrap().metrics
+}
+
+/// First problem of a configuration.
+fn problem(assignments: &[&str]) -> String {
+    with(assignments).unwrap_err().iter().next().unwrap().to_string()
+}
+
+/// Median run time of an operator, ms.
+fn p50_ms(metrics: &Metrics, operator: &str) -> f64 {
+    metrics.operators.iter().find(|o| o.operator == operator).unwrap().p50_ms
+}
+
+/// Smallest distance to a road user, metres.
+fn nearest_m(metrics: &Metrics) -> f64 {
+    metrics.actors.iter().map(|actor| actor.min_distance_m).fold(f64::MAX, f64::min)
+}
+
+/// Parameters with ranges, the comfort layer, run times.
+#[test]
+fn planner_of_another_crate_is_used_by_name() {
+    let drive = |assignments: &[&str]| drive("lane", assignments);
+    let alone = ["planning.planner=cautious", "planning.comfort.enabled=false"];
+    let metrics = drive(&alone);
+    let planned = &metrics.plans.counts;
+    assert!(planned.route > 20 && planned.comfortable == 0, "{planned:?}");
+    assert!(metrics.drive.speed_end_mps < 0.9 * drive(&["planning.planner=fot"]).drive.speed_end_mps);
+    assert!(drive(&["planning.planner=cautious"]).plans.counts.comfortable > 20);
+    let slower = drive(&[&alone[..], &["planning.params.share=0.5"]].concat());
+    assert!(slower.drive.speed_end_mps < metrics.drive.speed_end_mps);
+    let timed = drive(&[&alone[..], &["planning.cost.cautious.fast={ fixed_ms = 30 }"]].concat());
+    assert_eq!(p50_ms(&timed, "planner"), 30.0);
+    let range = problem(&["planning.planner=cautious", "planning.params.share=2"]);
+    assert_eq!(range, "--set: planning.params.share: expected 0.1 to 1, found 2");
+    let name = problem(&["planning.planner=cautios"]);
+    assert!(
+        name.starts_with("--set: planning.planner: expected one of \"fot\", ")
+            && name.ends_with("did you mean \"cautious\"?"),
+        "{name}"
+    );
+}
+
+/// Parameters with ranges, the safety gate, run times.
+#[test]
+fn controller_of_another_crate_is_used_by_name() {
+    let drive = |assignments: &[&str]| {
+        drive("person_crossing", &[&["control.controller=pursuit"], assignments].concat())
+    };
+    let metrics = drive(&[]);
+    assert_eq!(metrics.verdict, self::drive("person_crossing", &[]).verdict);
+    let weak = drive(&["control.params.gain_ps=0.1"]);
+    assert!(weak.drive.speed_end_mps != metrics.drive.speed_end_mps);
+    assert_eq!(drive(&["gate.enabled=true"]).verdict, metrics.verdict);
+    assert_eq!(p50_ms(&drive(&["operator.controller.runtime={ fixed_ms = 2 }"]), "controller"), 2.0);
+    let range = problem(&["control.controller=pursuit", "control.params.gain_ps=9"]);
+    assert_eq!(range, "--set: control.params.gain_ps: expected 0.1 to 5, found 9");
+    let name = problem(&["control.controller=pursit"]);
+    let expected = "--set: control.controller: expected one of \"pid\", \"pure_pursuit\", \"stanley\", \"mpc\", \
+                    \"pursuit\", found \"pursit\"; did you mean \"pursuit\"?";
+    assert_eq!(name, expected);
+    let none = problem(&["control.params.gain_ps=1"]);
+    assert_eq!(none, "--set: control.params.gain_ps: unknown key; expected none");
+}
+
+/// Parameters with ranges, run times, effect on the plans.
+#[test]
+fn predictor_of_another_crate_is_used_by_name() {
+    let drive = |assignments: &[&str]| {
+        drive("person_crossing", &[&["prediction.predictor=fading"], assignments].concat())
+    };
+    let metrics = drive(&[]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&self::drive("person_crossing", &[])));
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&["prediction.params.fade_s=0.1"])));
+    assert_eq!(p50_ms(&drive(&["operator.predictor.runtime={ fixed_ms = 7 }"]), "predictor"), 7.0);
+    let range = problem(&["prediction.predictor=fading", "prediction.params.fade_s=0"]);
+    assert_eq!(range, "--set: prediction.params.fade_s: expected 0.1 to 100, found 0");
+    let name = problem(&["prediction.predictor=fadin"]);
+    assert!(
+        name.starts_with("--set: prediction.predictor: expected one of \"linear\", ")
+            && name.ends_with("\"truth\", \"fading\", found \"fadin\"; did you mean \"fading\"?"),
+        "{name}"
+    );
+}
+
+/// Parameters with ranges, run times, effect on the plans, with an emulated detector.
+#[test]
+fn tracker_of_another_crate_is_used_by_name() {
+    let detector = "perception.detector=efficientdet-d3@v100";
+    let drive = |assignments: &[&str]| drive("person_crossing", &[&[detector], assignments].concat());
+    let named = "perception.tracker.algorithm=nearest_box";
+    let metrics = drive(&[named]);
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&[])));
+    assert_ne!(nearest_m(&metrics), nearest_m(&drive(&[named, "perception.tracker.gate_m=0.1"])));
+    assert_eq!(p50_ms(&drive(&[named, "operator.tracker.runtime={ fixed_ms = 4 }"]), "tracker"), 4.0);
+    let range = problem(&[named, "perception.tracker.gate_m=0"]);
+    assert_eq!(range, "--set: perception.tracker.gate_m: expected 0.1 to 20, found 0");
+    let name = problem(&["perception.tracker.algorithm=nearest_bx"]);
+    let expected = "--set: perception.tracker.algorithm: expected one of \"sort\", \"ab3dmot\", \"nearest_box\", \
+                    found \"nearest_bx\"; did you mean \"nearest_box\"?";
+    assert_eq!(name, expected);
+}
+
+/// Keys, run times, accuracy in the metrics.
+#[test]
+fn localizer_of_another_crate_is_used_by_name() {
+    let named = "localization.localizer=pulled";
+    let drive = |assignments: &[&str]| drive("lane", &[&[named], assignments].concat());
+    let exact = ["sensing.gnss.noise_m=0", "sensing.gnss.bias_m=0"];
+    let off_m = |metrics: &Metrics| metrics.localization.as_ref().unwrap().max_m;
+    let (metrics, pulled) = (drive(&[]), drive(&["operator.localizer.pull=0.05"]));
+    assert!(off_m(&drive(&exact)) < 0.3, "{}", off_m(&drive(&exact)));
+    assert!(off_m(&metrics) > 0.3 && off_m(&pulled) != off_m(&metrics));
+    assert_eq!(p50_ms(&drive(&["operator.localizer.runtime={ fixed_ms = 3 }"]), "localizer"), 3.0);
+    let key = problem(&[named, "operator.localizer.pul=1"]);
+    assert!(key.ends_with("unknown key; did you mean \"pull\"?"), "{key}");
+    let name = problem(&["localization.localizer=puled"]);
+    let expected = "--set: localization.localizer: expected one of \"truth\", \"eskf\", \"ndt\", \"eskf_ndt\", \
+                    \"odometry\", \"pulled\", found \"puled\"; did you mean \"pulled\"?";
+    assert_eq!(name, expected);
+}
+
+#[test]
+fn keys_list_algorithms_of_another_crate() {
+    let keys = swerve_reference::keys::keys(&registry());
+    for (key, name) in [
+        ("planning.planner", "cautious"),
+        ("control.controller", "pursuit"),
+        ("prediction.predictor", "fading"),
+        ("localization.localizer", "pulled"),
+    ] {
+        let names = &keys.iter().find(|one| one.key == key).unwrap().choices;
+        assert_eq!(names.last().unwrap().name, name);
+    }
+}
+
+/// The cells of a study differ by the algorithm.
+#[test]
+fn studies_compare_algorithms_of_another_crate_with_built_in_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("study.toml"), folder.path().join("out"));
+    let scenario = scenario_file("lane");
+    let study = format!(
+        "base = {{ scenario = {scenario:?} }}\n[[axis]]\nkey = \"control.controller\"\nvalues = [\"stanley\", \
+         \"pursuit\"]\n"
+    );
+    std::fs::write(&file, study).unwrap();
+    let args = ["swerve", "study", file.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let cli = swerve::cli::parse(args).unwrap();
+    swerve::cli::main(&cli, &registry()).unwrap();
+    let cells = std::fs::read_to_string(out.join("cells.csv")).unwrap();
+    assert!(cells.contains("pursuit"), "{cells}");
+    let figures = |cell: &str| cells.lines().find(|line| line.contains(cell)).unwrap().replace(cell, "");
+    assert_ne!(figures("pursuit"), figures("stanley"));
+}
