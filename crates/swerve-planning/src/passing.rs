@@ -112,7 +112,7 @@ impl<'a> Passing<'a> {
         let slowest = blocking.first()?;
         // The future place of a road user that moves over is not known yet, be it a vehicle that changes lanes or a
         // pedestrian who crosses; and an oncoming vehicle is met, not passed on its other side.
-        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || is_oncoming(one)) {
+        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || is_oncoming(one, route, shape.width_m)) {
             return None;
         }
         let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);
@@ -288,10 +288,16 @@ impl<'a> Passing<'a> {
     }
 }
 
-/// True for an oncoming vehicle other than a cycle.
-pub(crate) fn is_oncoming(one: &Mover) -> bool {
-    !one.kind.is_person() && one.motion(0.0).0 < -STANDS_MPS
+/// True for an oncoming vehicle; a cycle only if the road leaves room for an ego of this width on the right of it.
+pub(crate) fn is_oncoming(one: &Mover, route: &Route, width_m: f64) -> bool {
+    let now = one.knots[0];
+    let right_m = route.right_m(0.5 * (now.from_m + now.to_m));
+    let leaves_room = one.is_vehicle() && now.right_m + right_m > width_m + MEETS_M;
+    one.motion(0.0).0 < -STANDS_MPS && (!one.kind.is_person() || leaves_room)
 }
+
+/// Least room to meet a cycle on the right of it, beside the ego's width, metres.
+const MEETS_M: f64 = 0.45;
 
 /// True for a vehicle that brakes and is still moving.
 fn brakes(one: &Mover) -> bool {

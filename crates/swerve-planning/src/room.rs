@@ -4,6 +4,7 @@ use swerve_msg::{ActorKind, PredictedPose, Prediction};
 
 use crate::comfort::{LANE_EDGE_M, LATERAL_STEP_M};
 use crate::fot::line::Line;
+use crate::passing::is_oncoming;
 use crate::request::Request;
 use crate::traffic::{HORIZON_S, Knot, Mover, STANDS_MPS, Traffic};
 
@@ -61,7 +62,7 @@ impl Room {
         let mut room: Option<Self> = None;
         for (k, mover) in traffic.movers.iter().enumerate() {
             let one = &traffic.predictions[mover.index];
-            let in_lane = share_in_lane(mover, request);
+            let in_lane = if may_step_out(mover) { 1.0 } else { share_in_lane(mover, request) };
             let facing = if mover.faces_across() { in_lane } else { 0.0 };
             let Some(wanted_m) = wanted_m(wanted, mover, request) else { continue };
             let room = room.get_or_insert_with(|| Self {
@@ -96,7 +97,8 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
     let lane = request.route.lane();
     let near =
         now.right_m < lane.left_m(s_m) + wanted.person_m && now.left_m > -lane.right_m(s_m) - wanted.person_m;
-    if !near || mover.comes_over() || mover.crosses(0.0) {
+    let comes = is_oncoming(mover, request.route, request.shape.width_m);
+    if !near || comes || mover.comes_over() || mover.crosses(0.0) {
         return None;
     }
     if mover.kind.is_person() {
@@ -104,6 +106,13 @@ fn wanted_m(wanted: Wanted, mover: &Mover, request: &Request<'_>) -> Option<f64>
     }
     (mover.is_vehicle() && mover.motion(0.0).0 > STANDS_MPS && is_in_lane(mover, request))
         .then_some(wanted.vehicle_m)
+}
+
+/// True for a pedestrian who has just stopped beside the line, facing it: she may go on.
+fn may_step_out(mover: &Mover) -> bool {
+    let now = mover.knots[0];
+    let faces_line = (now.left_m + now.right_m) * mover.faces < 0.0;
+    mover.faces_across() && faces_line && mover.changed_lately && mover.stands()
 }
 
 /// Returns true for a road user in the ego's lane.

@@ -58,7 +58,8 @@ impl Comfort {
         let v = scene.request.start.speed_mps.max(0.0);
         let movers = &scene.traffic.movers;
         let counts = |one: &Mover| one.kind.is_person() && (v > REST_MPS || !one.stands());
-        if v > TOWN_MPS || movers.iter().any(is_oncoming) || !movers.iter().any(counts) {
+        let comes = |one: &Mover| is_oncoming(one, scene.request.route, scene.request.shape.width_m);
+        if v > TOWN_MPS || movers.iter().any(comes) || !movers.iter().any(counts) {
             return None;
         }
         if v > SLOW_MPS && !movers.iter().any(may_hurry) {

@@ -1,4 +1,4 @@
-//! Road users that stopped or set off recently and may do so again.
+//! Road users that stopped, set off or came into sight moving recently, and may do so again.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,9 @@ impl Changes {
     pub(super) fn take(&mut self, stamp: Time, predictions: &[Prediction]) -> Vec<ActorId> {
         for one in predictions {
             let Some(speed_mps) = speed_mps(one) else { continue };
-            let new = Pace { moves: speed_mps >= MOVES_MPS, changed: None, seen: stamp };
+            let moves = speed_mps >= MOVES_MPS;
+            // Whoever comes into sight moving may have set off behind what hid it.
+            let new = Pace { moves, changed: moves.then_some(stamp), seen: stamp };
             let pace = self.0.entry(one.id).or_insert(new);
             pace.seen = stamp;
             let moves = speed_mps >= if pace.moves { STANDS_MPS } else { MOVES_MPS };
