@@ -79,9 +79,7 @@ pub(crate) fn back_to_centre(
 
 /// Length of a return to the centre, metres.
 fn return_m(place: &OnLine, start: &EgoState) -> f64 {
-    (RETURN_S * start.speed_mps.max(0.0))
-        .max(RETURN_MIN_M)
-        .max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt())
+    (RETURN_S * start.speed_mps.max(0.0)).max(RETURN_MIN_M).max(RETURN_PER_ROOT_M * place.d_m.abs().sqrt())
 }
 
 /// Points along the line at the steps of a profile that comes to rest before a return to the centre ends: to rest along

@@ -112,7 +112,9 @@ impl<'a> Passing<'a> {
         let slowest = blocking.first()?;
         // The future place of a road user that moves over is not known yet, be it a vehicle that changes lanes or a
         // pedestrian who crosses; and an oncoming vehicle is met, not passed on its other side.
-        if !rules.under_way && blocking.iter().any(|one| one.comes_over() || is_oncoming(one, route, shape.width_m)) {
+        if !rules.under_way
+            && blocking.iter().any(|one| one.comes_over() || is_oncoming(one, route, shape.width_m))
+        {
             return None;
         }
         let gain_mps = target_mps - slowest.motion(0.0).0.max(0.0);

@@ -184,7 +184,8 @@ mod tests {
         };
         let mut history = History::new(HistoryParams::default());
         history.update(&list(0, vec![person(1, 0.0), partly(2, 2.0), partly(3, 0.0)]));
-        for (ms, ids) in [(400, &[1, 2, 3][..]), (600, &[2, 3]), (3900, &[2, 3]), (4100, &[3]), (30_100, &[])] {
+        for (ms, ids) in [(400, &[1, 2, 3][..]), (600, &[2, 3]), (3900, &[2, 3]), (4100, &[3]), (30_100, &[])]
+        {
             let tracks = history.update(&list(ms, vec![])).tracks;
             assert_eq!(tracks.iter().map(|track| track.id.0).collect::<Vec<_>>(), ids, "{ms} ms");
         }

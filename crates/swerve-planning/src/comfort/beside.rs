@@ -113,8 +113,12 @@ impl Comfort {
         let Scene { request, place, traffic, .. } = *scene;
         let is_beside = |mover: &Mover| beside.iter().any(|one| core::ptr::eq(*one, mover));
         let vehicles = traffic.movers.iter().filter(|one| one.is_vehicle());
-        let leads =
-            vehicles.map(|mover| Lead { mover, passable: false, firmly: false, beside: is_beside(mover).then_some(how) });
+        let leads = vehicles.map(|mover| Lead {
+            mover,
+            passable: false,
+            firmly: false,
+            beside: is_beside(mover).then_some(how),
+        });
         let profile = self.profile(scene, leads.collect());
         let front_m = request.shape.length_m - request.shape.rear_overhang_m;
         let behind = |(k, step): (usize, &Step)| {

@@ -94,8 +94,7 @@ impl Comfort {
     /// First free plan of: keep the lane, pass the blockage, stay behind it.
     fn free_in(&mut self, scene: &Scene<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let at_once =
-            self.passing(scene, true).filter(|passing| passing.may_open(&request.start, &place));
+        let at_once = self.passing(scene, true).filter(|passing| passing.may_open(&request.start, &place));
         let passing = at_once.or_else(|| self.passing(scene, false));
         let open = passing.as_ref().filter(|passing| passing.may_open(&request.start, &place));
         let possible = passing.as_ref().is_some_and(Passing::is_possible);
@@ -307,7 +306,10 @@ impl Comfort {
         steers_out: bool,
         counts: impl Fn(&Mover) -> bool,
     ) -> Profile {
-        let leads = self.in_way(scene).filter(|one| can_lead(one, scene.request) && counts(one));
+        let (route, width_m) = (scene.request.route, scene.request.shape.width_m);
+        let is_met = |one: &Mover| one.kind.is_person() && passing::is_oncoming(one, route, width_m);
+        let leads =
+            self.in_way(scene).filter(|one| can_lead(one, scene.request) && !is_met(one) && counts(one));
         let moves_out = scene.place.d_m > MOVES_OUT_M;
         let lead = |mover: &'a Mover| {
             let passable = steers_out && mover.comes_to_rest();
@@ -377,8 +379,7 @@ impl Comfort {
     /// The plan along a profile, if it is free.
     fn follow(&mut self, scene: &Scene<'_>, profile: &Profile) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let (line, start, steps, shape) =
-            (self.gentle.line(), &request.start, &profile.steps, request.shape);
+        let (line, start, steps, shape) = (self.gentle.line(), &request.start, &profile.steps, request.shape);
         let lateral_mps2 = CURVE_SHARE * request.limits.lateral_accel_max_mps2;
         let tightest_1pm = CURVE_SHARE * curvature_max_1pm(request.limits, shape);
         let to_rest = towards_centre(line, &place, start, steps, (shape, lateral_mps2, tightest_1pm));

@@ -182,7 +182,8 @@ fn predicted((id, kind): (u32, ActorKind), script: Script<'_>, t_s: f64, now: Ti
         Point2::new(x, y)
     };
     let speed = |from: f64, to: f64| at(to).distance(at(from)) / (to - from);
-    let (before, last) = (speed(t_s - MEASURED_S, t_s - 0.5 * MEASURED_S), speed(t_s - 0.5 * MEASURED_S, t_s));
+    let (before, last) =
+        (speed(t_s - MEASURED_S, t_s - 0.5 * MEASURED_S), speed(t_s - 0.5 * MEASURED_S, t_s));
     let accel_mps2 = ((last - before) / (0.5 * MEASURED_S)).min(0.0);
     let accel_mps2 = if accel_mps2 > -0.5 { 0.0 } else { accel_mps2 };
     let speed_mps = (last + 0.25 * MEASURED_S * accel_mps2).max(0.0);

@@ -38,12 +38,20 @@ impl Comfort {
         let closeness = ((CLOSE_M - meeting.beside_m) / CLOSE_M).clamp(0.0, 1.0);
         let brake_max_mps2 = request.limits.brake_max_mps2 * closeness.max(LEAST_BRAKE_SHARE);
         let slower_mps = SLOWEST_SHARE * request.target_speed_mps;
-        let points = self.to_the_right(scene, &meeting, steers_out, (brake_max_mps2, slower_mps));
         let wanted_m = self.params.clearance_m;
-        if let Some(plan) = self.checked(scene, points.clone(), wanted_m) {
+        let mut meets = |clearance_m: f64| {
+            // In a long move the corners swing further.
+            ROOM_SHARES.into_iter().find_map(|share| {
+                let room_m = share * self.room_m(scene);
+                let speeds = (brake_max_mps2, slower_mps);
+                let points = self.to_the_right(scene, (&meeting, room_m), steers_out, speeds);
+                self.checked(scene, points, clearance_m)
+            })
+        };
+        if let Some(plan) = meets(wanted_m) {
             return Some(plan);
         }
-        let firm = self.checked(scene, points, HARD_CLEARANCE_M.min(wanted_m));
+        let firm = meets(HARD_CLEARANCE_M.min(wanted_m));
         let plan = firm.or_else(|| self.rest_at_edge(scene, &meeting))?;
         Some(Plan { status: PlanStatus::Found, ..plan })
     }
@@ -57,7 +65,8 @@ impl Comfort {
         }
         let v = request.start.speed_mps.max(0.0);
         let brake_mps2 = (v * v / (2.0 * meeting.length_m(v))).min(scene.vehicle.brake_max_mps2);
-        let points = self.to_the_right(scene, meeting, false, (brake_mps2, 0.0));
+        let room_m = self.room_m(scene);
+        let points = self.to_the_right(scene, (meeting, room_m), false, (brake_mps2, 0.0));
         let poses: Vec<_> = points.iter().map(|p| (p.pose, p.at)).collect();
         let plan = Plan { stamp: request.stamp, points, ..Plan::default() };
         self.gentle.keeps_road(request, &poses).then_some(plan)
@@ -69,12 +78,12 @@ impl Comfort {
         (request.route.right_m(place.s_m) - 0.5 * request.shape.width_m - EDGE_SWING_M).max(0.0)
     }
 
-    /// Moves to the right as far as the road allows or the meeting needs, braking up to a limit down to a speed, m/s²
+    /// Moves to the right as far as the room allows or the meeting needs, braking up to a limit down to a speed, m/s²
     /// and m/s.
     fn to_the_right(
         &self,
         scene: &Scene<'_>,
-        meeting: &Meeting,
+        (meeting, room_m): (&Meeting, f64),
         steers_out: bool,
         (brake_max_mps2, target_speed_mps): (f64, f64),
     ) -> Vec<PlanPoint> {
@@ -84,7 +93,7 @@ impl Comfort {
         let slow = Scene { request: &slow, ..*scene };
         let led = self.led(&slow, steers_out, |_| true);
         let profile = if led.steps.is_empty() { self.profile(&slow, Vec::new()) } else { led };
-        let to_m = -(CLOSE_M - meeting.beside_m).min(self.room_m(scene)).max(0.0);
+        let to_m = -(CLOSE_M - meeting.beside_m).min(room_m).max(0.0);
         let length_m = meeting.length_m(request.start.speed_mps.max(0.0));
         let way = Aside { to_m, length_m };
         aside(self.gentle.line(), &place, &request.start, &profile.steps, (request.shape, way))
@@ -111,6 +120,9 @@ fn meeting(one: &Mover, scene: &Scene<'_>) -> Option<Meeting> {
         Some(Meeting { at_s, beside_m: least_m })
     })
 }
+
+/// Fractions of the room on the right that are tried.
+const ROOM_SHARES: [f64; 3] = [1.0, 0.85, 0.7];
 
 /// Smaller lateral gaps than this are close, metres.
 const CLOSE_M: f64 = 0.8;

@@ -82,7 +82,8 @@ mod tests {
             changes.take(stamp, &all).iter().map(|id| id.0).collect::<Vec<_>>()
         };
         // One stops, one sets off, and one at rest seems to move a little.
-        assert_eq!(seen(0.0, [8.0, 0.0, 0.0]), [0; 0], "nobody has been seen to change");
+        assert_eq!(seen(-4.0, [8.0, 0.0, 0.0]), [1], "came into sight moving");
+        assert_eq!(seen(0.0, [8.0, 0.0, 0.0]), [0; 0]);
         assert_eq!(seen(1.0, [0.5, 0.9, 0.7]), [0; 0]);
         assert_eq!(seen(2.0, [0.3, 1.2, 0.7]), [1, 2]);
         assert_eq!(seen(4.9, [0.8, 1.2, 0.0]), [1, 2]);
