@@ -211,8 +211,8 @@ fn fusion_reads_the_detectors_of_two_cameras() {
 const REFUSED: &[(&str, &str)] = &[
     ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
     (
-        "[operator.x]\nkind = \"linear_predicter\"\n",
-        "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",
+        "[operator.x]\nkind = \"predicter\"\n",
+        "c.toml:2: operator.x.kind: unknown kind `predicter`",
     ),
     (
         "[operator.planer]\nenabled = false\n",
