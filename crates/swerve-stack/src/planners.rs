@@ -20,7 +20,7 @@ use crate::named::Of;
 /// Settings of `[planning]` on which default parameters may depend.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct PlannerDefaults {
-    /// `planning.config`.
+    /// `planning.discretisation`.
     pub discretisation: Fineness,
     /// `planning.collision`.
     pub collision: CollisionMode,

@@ -69,7 +69,7 @@ pub fn run(args: &CalibrateArgs, registry: &Registry) -> anyhow::Result<()> {
             for (i, speed) in std::iter::once(&args.speeds[0]).chain(&args.speeds).enumerate() {
                 let mut cell: Config = base.clone();
                 cell.planning.planner = planner.clone();
-                cell.planning.config = fineness;
+                cell.planning.discretisation = fineness;
                 cell.ego.speed_mps = Some(*speed);
                 drive_observed(&cell, &scenario, 1, &mut [&mut host])?;
                 if i == 0 {

@@ -19,7 +19,13 @@ use super::grid::{Step, Study};
 /// Keys whose values are checked together; `*` matches any one name. All cross-key checks of [`Config`] must be listed
 /// here.
 const JOINT: [&[&str]; 5] = [
-    &["planning.planner", "planning.config", "planning.preset", "planning.collision", "planning.params"],
+    &[
+        "planning.planner",
+        "planning.discretisation",
+        "planning.preset",
+        "planning.collision",
+        "planning.params",
+    ],
     &["execution", "perception", "planning", "operator.*.deadline", "operator.*.runtime"],
     &["sim.vehicle"],
     &["resource", "operator.*.uses"],

@@ -63,9 +63,9 @@ pub struct PlanArgs {
     /// Planner
     #[arg(long, value_enum)]
     planner: PosedPlanner,
-    /// Entry of the file's `configs` for that planner, as in planning.config: fast, slow
+    /// Entry of the file's `configs` for that planner, as in planning.discretisation: fast, slow
     #[arg(long, value_name = "NAME")]
-    planning_config: String,
+    discretisation: String,
     /// Limits and behaviour: paper (the original's) or best (Swerve's)
     #[arg(long, value_enum, default_value = "best")]
     preset: PresetName,
@@ -96,7 +96,7 @@ pub fn run(args: &PlanArgs) -> anyhow::Result<()> {
         PresetName::Best => Preset::Best,
     };
     let file = read(&args.file)?;
-    let posed = read::select(&file, args.planner, &args.planning_config)
+    let posed = read::select(&file, args.planner, &args.discretisation)
         .with_context(|| args.file.display().to_string())?;
     args.overwrite.check(args.report.as_deref())?;
     let solutions = solve_all(&file, &posed, preset);
@@ -137,12 +137,12 @@ fn picture_name(k: usize, id: &str) -> String {
 
 fn page(args: &PlanArgs, (file, posed): (&ProblemFile, &Posed<'_>), solutions: &[Solution]) -> Page<Figures> {
     let (planner, config, path) =
-        (args.planner.name(), &args.planning_config, args.file.display().to_string());
+        (args.planner.name(), &args.discretisation, args.file.display().to_string());
     let preset = if args.preset == PresetName::Paper { " --preset paper" } else { "" };
     let picture = |(k, s): (usize, &Solution)| (s.id.clone(), picture::draw(file, posed, k, s).svg());
     let figures = Figures {
         command: format!(
-            "swerve plan {} --planner {planner} --planning-config {}{preset}",
+            "swerve plan {} --planner {planner} --discretisation {}{preset}",
             quoted(&path),
             quoted(config)
         ),
@@ -181,7 +181,7 @@ fn table(args: &PlanArgs, solutions: &[Solution]) -> String {
         "{}{} {}: {found} of {} solved, p50 {:.3} ms, p99 {:.3} ms (each call: the best of {REPEATS})\n",
         align(&lines),
         args.planner.name(),
-        &args.planning_config,
+        &args.discretisation,
         solutions.len(),
         at(0.5),
         at(0.99),

@@ -232,7 +232,7 @@ fn any_actor_can_be_explained_and_an_unknown_name_gets_the_nearest() {
 fn chain_excludes_events_after_the_impact() {
     let folder = tempfile::tempdir().unwrap();
     let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/paper.toml");
-    let set = ["planning.planner=hybrid_astar", "planning.config=slow"];
+    let set = ["planning.planner=hybrid_astar", "planning.discretisation=slow"];
     let (logged, metrics) = driven_with(folder.path(), "person_behind_truck", vec![paper], &set);
     let why = logged.why(&metrics).unwrap();
     let steps: Vec<Milestone> = why.steps.iter().map(|step| step.what).collect();

@@ -134,13 +134,13 @@ fn operators_can_be_added_replaced_and_left_out() {
     let left_out = assembly("[operator.imu]\nenabled = false\n");
     assert!(!left_out.has("imu") && left_out.has("pose"));
     let added = assembly(
-        "[operator.second]\nkind = \"linear_predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n",
+        "[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n",
     );
     assert_eq!(reads(&added, "second"), [("tracks", vec!["tracker".to_owned()])]);
     assert_eq!(reads(&added, "planner")[0], ("predictions", vec!["second".to_owned()]));
     let place = |name| names(&added).iter().position(|own| *own == name).unwrap();
     assert!(place("tracker") < place("second") && place("second") < place("planner"));
-    let config = read("[operator.second]\nkind = \"linear_predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n", &[]).unwrap();
+    let config = read("[operator.second]\nkind = \"predictor\"\nhorizon_ms = 2000\n[operator.planner]\nreads = { predictions = \"second\" }\n", &[]).unwrap();
     let horizon = |name: &str| added.operator(name).unwrap().settings(&config).config.prediction.horizon_ms;
     assert_eq!((horizon("second"), horizon("predictor")), (2000.0, 5000.0), "its own key is its alone");
 }
@@ -211,8 +211,8 @@ fn fusion_reads_the_detectors_of_two_cameras() {
 const REFUSED: &[(&str, &str)] = &[
     ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
     (
-        "[operator.x]\nkind = \"linear_predicter\"\n",
-        "c.toml:2: operator.x.kind: unknown kind `linear_predicter`",
+        "[operator.x]\nkind = \"predicter\"\n",
+        "c.toml:2: operator.x.kind: unknown kind `predicter`",
     ),
     (
         "[operator.planer]\nenabled = false\n",
@@ -237,7 +237,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.predictor]\nreads = { track = \"tracker\" }\n",
-        "c.toml:2: operator.predictor.reads.track: `linear_predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
+        "c.toml:2: operator.predictor.reads.track: `predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
     ),
     (
         "[operator.predictor]\nreads = { tracks = \"trackr\" }\n",
@@ -248,7 +248,7 @@ const REFUSED: &[(&str, &str)] = &[
         "c.toml:2: operator.predictor.reads.tracks: expected a stream of `TrackList`, found `pose` of `EgoState`",
     ),
     (
-        "[operator.second]\nkind = \"linear_predictor\"\n",
+        "[operator.second]\nkind = \"predictor\"\n",
         "c.toml:1: operator.second: several streams carry `PredictionList`: name one of \"predictor\", \"second\" in [operator.planner] reads = { predictions = \"...\" }",
     ),
     (
@@ -344,7 +344,7 @@ fn wrong_operators_are_refused_with_line_key_and_nearest_name() {
 /// Problems that only follow from a mistake are not reported, and each mistake is reported once.
 #[test]
 fn problems_are_reported_without_their_consequences() {
-    let several = "[operator.second]\nkind = \"tracker\"\n[operator.third]\nkind = \"linear_predictor\"\n\
+    let several = "[operator.second]\nkind = \"tracker\"\n[operator.third]\nkind = \"predictor\"\n\
                    reads = { tracks = \"tracker\" }\n";
     let cases: [(&str, &[&str]); 6] = [
         (

@@ -3,7 +3,8 @@
 use swerve_text::KeyProblem;
 
 /// Old and present name of every renamed key; `*` is one name.
-const RENAMED: [(&str, &str); 9] = [
+const RENAMED: [(&str, &str); 10] = [
+    ("planning.config", "planning.discretisation"),
     ("perception.params.distance_spread_m", "perception.params.distance_scale_m"),
     ("perception.params.half_share", "perception.params.half_visibility"),
     ("perception.params.share_spread", "perception.params.visibility_scale"),

@@ -19,7 +19,7 @@ pub(super) fn planner(
 ) -> Result<Box<dyn Planner>, Vec<KeyProblem>> {
     let Some(named) = registry.planners.get(planning.planner.as_str()) else { return Err(Vec::new()) };
     let collision = planning.collision();
-    let of = PlannerDefaults { discretisation: planning.config, collision, preset: planning.preset };
+    let of = PlannerDefaults { discretisation: planning.discretisation, collision, preset: planning.preset };
     let original = if planning.preset == Preset::Paper { original(planning, params)? } else { None };
     if !planning.has_comfort(registry) {
         let planner = match original {
@@ -50,7 +50,7 @@ fn original(
 ) -> Result<Option<Box<dyn Planner>>, Vec<KeyProblem>> {
     // Problems of the rules are reported by their own keys.
     let rules = planning.rules().unwrap_or_else(|_| planning.rules_of_era());
-    let (config, collision) = (planning.config, planning.collision());
+    let (config, collision) = (planning.discretisation, planning.collision());
     let obstacle_range_m = planning.era.unwrap_or_default().range_m(planning.planner.original());
     Ok(Some(match planning.planner.original() {
         Original::Fot => {

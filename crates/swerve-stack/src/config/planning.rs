@@ -101,7 +101,7 @@ pub struct PlanningConfig {
     /// Motion planner.
     pub planner: PlannerName,
     /// Discretisation of the planner.
-    pub config: Fineness,
+    pub discretisation: Fineness,
     /// Behaviour of the paper (`paper`) or ours (`best`); sets the defaults of the keys below.
     pub preset: Preset,
     /// Version of Pylot whose rules the preset `paper` follows: `pylot_2020_05` (when absent) or `pylot_2020_11`.
@@ -174,7 +174,7 @@ impl Default for PlanningConfig {
     fn default() -> Self {
         Self {
             planner: PlannerName::FOT,
-            config: Fineness::Fast,
+            discretisation: Fineness::Fast,
             preset: Preset::Best,
             era: None,
             rules: toml::Table::new(),

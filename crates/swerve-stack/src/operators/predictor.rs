@@ -65,7 +65,7 @@ fn is_told(settings: &Settings<'_>) -> bool {
 
 impl OperatorKind for Predictors {
     fn node(&self) -> Node {
-        Node::new("linear_predictor", "a straight line through each actor's past sightings")
+        Node::new("predictor", "predicted motions of tracks, by the predictor that the configuration names")
             .sections(&["prediction"])
     }
 

@@ -177,7 +177,7 @@ fn how_to_page_shows_the_command_output() {
         overwrite: OverwriteArgs::default(),
         file: "detour".into(),
         planner: PosedPlanner::RrtStar,
-        planning_config: "fast".into(),
+        discretisation: "fast".into(),
         preset: PresetName::Best,
         json: false,
         pictures: None,

@@ -31,7 +31,7 @@ fn pipes_and_devices_are_refused_by_every_reader_without_waiting() {
         "study p.toml",
         "suite p.toml",
         "timing p.toml",
-        "plan --planner fot --planning-config fast p",
+        "plan --planner fot --discretisation fast p",
         "live p.toml",
         "graph p.toml",
         "report p.mcap",

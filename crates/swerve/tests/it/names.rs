@@ -18,10 +18,10 @@ fn scenario_and_configuration_are_found_by_name() {
     bench.good(&["replay", "out/person_crossing/log.mcap", "--verify"]);
     bench.good(&["graph", "lane", "-c", "live/autoware"]);
     bench.good(&["timing", "av"]);
-    let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--planning-config", "fast"]);
+    let solved = bench.good(&["plan", "detour", "--planner", "rrt_star", "--discretisation", "fast"]);
     assert!(solved.contains("rrt_star fast: 2 of 2 solved"), "{solved}");
     let old = bench.swerve(&["plan", "detour", "--planner", "rrt_star", "--config", "fast"]);
-    assert!(old.code == Some(2) && old.stderr.contains("--planning-config"), "{old:?}");
+    assert!(old.code == Some(2) && old.stderr.contains("--discretisation"), "{old:?}");
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn unknown_name_is_reported_with_the_nearest() {
         (&["study", "planers"], "did you mean the study `planners`"),
         (&["live", "autowear"], "did you mean the configuration `autoware`"),
         (
-            &["plan", "detuor", "--planner", "fot", "--planning-config", "fast"],
+            &["plan", "detuor", "--planner", "fot", "--discretisation", "fast"],
             "did you mean the problem file `detour`",
         ),
     ] {

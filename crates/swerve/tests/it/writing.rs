@@ -99,7 +99,7 @@ fn foreign_files_are_replaced_with_consent_only() {
         &["train", "lidar", "--out", "mine"],
         &["timing", "av", "--report", "mine"],
         &["timing", "av", "--picture", "mine.svg"],
-        &["plan", "detour", "--planner", "fot", "--planning-config", "fast", "--report", "mine"],
+        &["plan", "detour", "--planner", "fot", "--discretisation", "fast", "--report", "mine"],
         &["run", "short.toml", "--video", "mine.mp4"],
     ] {
         let said = bench.swerve(words);
