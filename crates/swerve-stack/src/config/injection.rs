@@ -56,8 +56,8 @@ pub struct FaultConfig {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = MS_MAX))]
     pub from_ms: f64,
-    /// Last stamp affected (inclusive), ms; the end of the run when absent. A freeze that has begun by then continues to
-    /// its end.
+    /// Last stamp affected (inclusive), ms; the end of the run when absent. A freeze that has begun by then continues
+    /// to its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = MS_MAX))]
     pub until_ms: Option<f64>,
