@@ -56,7 +56,8 @@ pub struct FaultConfig {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = MS_MAX))]
     pub from_ms: f64,
-    /// Last stamp affected, ms; the end of the run when absent.
+    /// Last stamp affected (inclusive), ms; the end of the run when absent. A freeze that has begun by then continues
+    /// to its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = MS_MAX))]
     pub until_ms: Option<f64>,
@@ -164,7 +165,7 @@ impl FaultConfig {
         let from = Time::ZERO + span_of_ms(self.from_ms);
         let until = self.until_ms.map_or(Time::MAX, |ms| Time::ZERO + span_of_ms(ms));
         if until < from {
-            return Err(("until_ms", "expected an instant after `from_ms`".into()));
+            return Err(("until_ms", "expected `from_ms` or later".into()));
         }
         Ok((from, until))
     }
