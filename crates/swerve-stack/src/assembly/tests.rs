@@ -210,10 +210,7 @@ fn fusion_reads_the_detectors_of_two_cameras() {
 /// Texts, and the problem reported for each.
 const REFUSED: &[(&str, &str)] = &[
     ("[operator.planer]\n", "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world"),
-    (
-        "[operator.x]\nkind = \"predicter\"\n",
-        "c.toml:2: operator.x.kind: unknown kind `predicter`",
-    ),
+    ("[operator.x]\nkind = \"predicter\"\n", "c.toml:2: operator.x.kind: unknown kind `predicter`"),
     (
         "[operator.planer]\nenabled = false\n",
         "c.toml:1: operator.planer: unknown operator, expected one of supervisor, world",

@@ -236,7 +236,7 @@ impl PlanningConfig {
 
     /// Run time of the chosen planner and discretisation.
     pub fn cost_of_chosen(&self) -> Option<&Runtime> {
-        self.cost.get(&self.planner)?.get(&self.config)
+        self.cost.get(&self.planner)?.get(&self.discretisation)
     }
 
     /// Returns true if the planner has a comfortable layer.

@@ -191,8 +191,15 @@ fn escaped(c: char) -> String {
 }
 
 /// Keys whose values start programs or name files and shared memory; `*` stands for any name.
-const OUTSIDE: [&str; 6] =
-    ["process", "shared_memory", "localization.map", "source", "live", "operator.*.detector"];
+const OUTSIDE: [&str; 7] = [
+    "process",
+    "shared_memory",
+    "localization.map",
+    "prediction.weights",
+    "source",
+    "live",
+    "operator.*.detector",
+];
 
 /// Key that starts programs or names files or shared memory, if an assignment sets one in whole or in part.
 pub fn reaches_outside(key: &str, value: &toml::Value) -> Option<&'static str> {
