@@ -130,7 +130,7 @@ impl<'a> Passing<'a> {
         };
         let may_pull_out = |one: &&Mover| may_pull_out(one, &lane, &traffic.movers);
         let waits = (!rules.under_way && blocking.iter().any(is_uncertain))
-            || blocking.iter().filter(|one| stays_behind(one)).any(|one| may_pull_out(&one));
+            || blocking.iter().filter(|one| stays_behind(one)).any(may_pull_out);
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
         let room_m = route.left_m(s_m) - 0.5 * shape.width_m;

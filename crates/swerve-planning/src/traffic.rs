@@ -161,7 +161,7 @@ pub(crate) struct Mover {
     pub(crate) kind: ActorKind,
     /// Index of its prediction in the [`Traffic`].
     pub(crate) index: usize,
-    /// True if it stopped, set off or came into sight moving in the last seconds.
+    /// True if it stopped, set off or came into sight crossing in the last seconds.
     pub(crate) changed_lately: bool,
     /// Arc length of the route around which it is searched, and search radius, metres.
     near_m: [f64; 2],

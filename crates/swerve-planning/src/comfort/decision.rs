@@ -382,7 +382,9 @@ impl Comfort {
         let (line, start, steps, shape) = (self.gentle.line(), &request.start, &profile.steps, request.shape);
         let lateral_mps2 = CURVE_SHARE * request.limits.lateral_accel_max_mps2;
         let tightest_1pm = CURVE_SHARE * curvature_max_1pm(request.limits, shape);
-        let to_rest = towards_centre(line, &place, start, steps, (shape, lateral_mps2, tightest_1pm));
+        let to_rest = (place.d_m > MOVES_OUT_M)
+            .then(|| towards_centre(line, &place, start, steps, (shape, lateral_mps2, tightest_1pm)))
+            .flatten();
         let back = back_to_centre(line, &place, start, steps, shape);
         let hard = profile.brake_mps2 > request.limits.brake_max_mps2 + HARDER_MPS2;
         let wanted_m = self.params.clearance_m;
