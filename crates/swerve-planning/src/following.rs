@@ -166,12 +166,18 @@ pub(crate) struct Profile {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub(crate) struct Lead<'a> {
     pub(crate) mover: &'a Mover,
-    /// True if it can be passed where it stands.
-    pub(crate) passable: bool,
-    /// True if the gap to steer out then is worth more than the comfort deceleration.
-    pub(crate) firmly: bool,
-    /// For a lead vehicle beside the ego: limits for falling back behind it.
-    pub(crate) beside: Option<FallBack>,
+    pub(crate) response: Response,
+}
+
+/// Response to a lead vehicle.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(crate) enum Response {
+    /// Follows it.
+    Follow,
+    /// Stops behind it with the gap needed to steer out; `firmly`, with more than the comfort deceleration.
+    PassLater { firmly: bool },
+    /// Falls back behind it, for a vehicle beside the ego.
+    FallBack(FallBack),
 }
 
 /// Speed and braking of an ego that lets a vehicle beside it go ahead.
@@ -225,26 +231,32 @@ impl Follower<'_> {
         let free_mps2 =
             ((free_mps - now.speed_mps) / SETTLES_S).clamp(-self.accel.brake_mps2, self.accel.most_mps2);
         let mut least_mps2 = free_mps2;
-        for &Lead { mover: lead, passable, firmly, beside } in &self.leads {
+        for &Lead { mover: lead, response } in &self.leads {
             let knot = lead.at(t_s);
-            if (knot.to_m < now.s_m && beside.is_none())
+            if (knot.to_m < now.s_m && !matches!(response, Response::FallBack(_)))
                 || !self.comes_in_way(lead, &knot, t_s)
                 || lead.crosses(t_s)
             {
                 continue;
             }
             let (speed_mps, brake_mps2) = lead.motion(t_s);
-            let steers_out = passable && speed_mps < STANDS_MPS;
-            let standing_m = if steers_out { self.gaps.steer_out_m } else { self.gaps.standstill_m };
+            let comfort_mps2 = self.accel.brake_mps2;
+            let (standing_m, yields_mps2) = match response {
+                Response::PassLater { firmly } if speed_mps < STANDS_MPS => {
+                    let share = if firmly { STEER_OUT_SHARE } else { 1.0 };
+                    (self.gaps.steer_out_m, (share * comfort_mps2).min(self.accel.hardest_mps2))
+                }
+                _ => (self.gaps.standstill_m, comfort_mps2),
+            };
             let gap_m = knot.from_m - now.s_m - self.front_m;
-            if let Some(back) = beside.filter(|_| gap_m < standing_m) {
+            if let Response::FallBack(back) = response
+                && gap_m < standing_m
+            {
                 let error_mps = (speed_mps - back.slower_mps).max(0.0) - now.speed_mps;
                 let hardest_mps2 = back.brake_mps2.min(self.accel.hardest_mps2);
                 least_mps2 = least_mps2.min((error_mps / SETTLES_S).max(-hardest_mps2));
                 continue;
             }
-            let firm_share = if steers_out && firmly { STEER_OUT_SHARE } else { 1.0 };
-            let yields_mps2 = (firm_share * self.accel.brake_mps2).min(self.accel.hardest_mps2);
             let lead = (speed_mps.max(0.0), brake_mps2);
             least_mps2 = least_mps2.min(self.behind(now, [gap_m, standing_m], lead, yields_mps2));
         }

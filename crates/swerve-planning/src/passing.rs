@@ -23,8 +23,6 @@ pub(crate) struct Rules {
     pub(crate) over_line_max_m: f64,
     /// True if the ego is already in the other lane.
     pub(crate) under_way: bool,
-    /// True if standing road users that leave too little room to return at speed are passed at once.
-    pub(crate) at_once: bool,
     /// True if a moving road user in the other lane occupies the lane's full width, not only its own place.
     pub(crate) whole_lane: bool,
 }
@@ -72,43 +70,69 @@ pub(crate) struct Passing<'a> {
     /// True if their places in some seconds are not known yet: a vehicle still brakes, has just stopped or may pull out,
     /// or a pedestrian may step in front of a fast ego.
     waits: bool,
+    /// True if moving out now may be possible, whatever the plan.
+    pub(crate) may_open: bool,
 }
 
 impl<'a> Passing<'a> {
-    /// Creates the pass of the first blockage ahead; `None` if there is none, if there is no room, or if it is hardly
-    /// slower than the ego.
+    /// Creates the pass of the first blockage ahead, with what stands too soon after it to return at speed if moving out
+    /// may then be possible now; `None` if there is none, if there is no room, or if it is hardly slower than the ego.
     pub(crate) fn new(
         rules: Rules,
         lane: Lane<'a>,
         (route, shape): (&'a Route, &'a Shape),
         traffic: &'a Traffic,
-        (s_m, speed_mps, target_mps): (f64, f64, f64),
+        (start, place, target_mps): (&EgoState, &OnLine, f64),
     ) -> Option<Self> {
         let front_m = shape.length_m - shape.rear_overhang_m;
         let reach_m = front_m + AHEAD_S * target_mps.max(5.0);
-        let rear_m = s_m - shape.rear_overhang_m;
+        let rear_m = place.s_m - shape.rear_overhang_m;
         // A pass lasts until there is a gap to return.
         let behind_m = if rules.under_way { RETURN_GAP_M } else { 0.0 };
         let blocks = |one: &&Mover| {
             let now = one.knots[0];
             now.to_m + behind_m > rear_m
-                && now.from_m < s_m + reach_m
+                && now.from_m < place.s_m + reach_m
                 && one.knots.iter().any(|knot| lane.is_blocked(knot))
         };
         let mut blocking: Vec<&Mover> = traffic.movers.iter().filter(blocks).collect();
         blocking.sort_by(|a, b| a.knots[0].from_m.total_cmp(&b.knots[0].from_m));
-        let near = |pair: &[&Mover]| {
+        let near = |pair: &[&Mover], standing_s: f64| {
             let stand = pair.iter().all(|one| one.stands());
-            let way_m = if rules.at_once && stand { BETWEEN_S * target_mps } else { 0.0 };
-            let between_m = BETWEEN_M + shape.length_m + way_m;
+            let between_m = BETWEEN_M + shape.length_m + if stand { standing_s * target_mps } else { 0.0 };
             let is_near = |t_s: f64| pair[1].at(t_s).from_m - pair[0].at(t_s).to_m < between_m;
             // A road user that drives away from the first has left room to return by then.
             let closing_mps = (target_mps - pair[0].motion(0.0).0).max(1.0);
             let reaches_s = (pair[0].knots[0].to_m - rear_m).max(0.0) / closing_mps;
             is_near(0.0) && is_near(reaches_s.min(HORIZON_S))
         };
-        let together = blocking.windows(2).position(|pair| !near(pair)).map_or(blocking.len(), |k| k + 1);
-        blocking.truncate(together);
+        let together = |standing_s: f64| {
+            blocking.windows(2).position(|pair| !near(pair, standing_s)).map_or(blocking.len(), |k| k + 1)
+        };
+        let [most, least] = [BETWEEN_S, 0.0].map(together);
+        let of = |count: usize| {
+            let mut passing = Self::of(
+                rules,
+                lane,
+                (route, shape),
+                (traffic, &blocking[..count]),
+                (start, place, target_mps),
+            )?;
+            passing.may_open = passing.may_open(start, place);
+            Some(passing)
+        };
+        let at_once = if most > least { of(most).filter(|passing| passing.may_open) } else { None };
+        at_once.or_else(|| of(least))
+    }
+
+    /// Creates the pass of these road users.
+    fn of(
+        rules: Rules,
+        lane: Lane<'a>,
+        (route, shape): (&'a Route, &'a Shape),
+        (traffic, blocking): (&'a Traffic, &[&'a Mover]),
+        (start, place, target_mps): (&EgoState, &OnLine, f64),
+    ) -> Option<Self> {
         let slowest = blocking.first()?;
         // The future place of a road user that moves over is not known yet, be it a vehicle that changes lanes or a
         // pedestrian who crosses; and an oncoming vehicle is met, not passed on its other side.
@@ -122,10 +146,11 @@ impl<'a> Passing<'a> {
             return None;
         }
         // The ego passes on the left.
+        let (speed_mps, front_m) = (start.speed_mps, shape.length_m - shape.rear_overhang_m);
         let may_walk = |one: &Mover| one.faces_across() && one.faces > 0.0 && speed_mps > BEFORE_FACE_MPS;
         let is_uncertain = |one: &&Mover| brakes(one) || has_stopped(one) || may_walk(one);
         let stays_behind = |one: &&Mover| {
-            let gap_m = one.knots[0].from_m - s_m - front_m - STAYS_BEHIND_M;
+            let gap_m = one.knots[0].from_m - place.s_m - front_m - STAYS_BEHIND_M;
             gap_m > 0.0 && needed_mps2(speed_mps, one.motion(0.0).0, 0.0, gap_m) < STAYS_BEHIND_MPS2
         };
         let may_pull_out = |one: &&Mover| may_pull_out(one, &lane, &traffic.movers);
@@ -133,18 +158,19 @@ impl<'a> Passing<'a> {
             || blocking.iter().filter(|one| stays_behind(one)).any(may_pull_out);
         let others = traffic.movers.iter().filter(|one| !blocking.iter().any(|b| core::ptr::eq(*b, *one)));
         let others = others.collect();
-        let room_m = route.left_m(s_m) - 0.5 * shape.width_m;
+        let room_m = route.left_m(place.s_m) - 0.5 * shape.width_m;
         let offset_m = blocking.iter().map(|one| clear_offset_m(one, &lane, room_m)).fold(0.0, f64::max);
         (offset_m <= room_m).then_some(Self {
             rules,
             lane,
             route,
             shape,
-            blocking,
+            blocking: blocking.to_vec(),
             others,
             target_mps,
             offset_m,
             waits,
+            may_open: false,
         })
     }
 
@@ -155,7 +181,7 @@ impl<'a> Passing<'a> {
     }
 
     /// Returns true if moving out now may be possible, whatever the plan: a check without a search.
-    pub(crate) fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
+    fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
         let next = Place { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: None, next, target_mps: self.target_mps }, start)
     }

@@ -25,8 +25,8 @@ pub struct Request<'a> {
     pub overtake_max_m: f64,
     /// Predicted motions of other road users, ordered by identity.
     pub predictions: &'a [Prediction],
-    /// Identities of those that stopped, set off or came into sight crossing in the last seconds: they may change their pace
-    /// again.
+    /// Identities of those that stopped, set off or came into sight moving in the last seconds: they may change their
+    /// pace again.
     pub changed_lately: &'a [ActorId],
     /// Outline of the ego.
     pub shape: &'a Shape,

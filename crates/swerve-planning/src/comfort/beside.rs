@@ -6,7 +6,7 @@ use swerve_msg::{Plan, PlanStatus};
 
 use super::decision::{HARD_CLEARANCE_M, HARDER_MPS2, Scene, UNDER_WAY, comfortable, stepped_up_m};
 use super::{CURVE_SHARE, Comfort};
-use crate::following::{FallBack, Lead, Profile, STEP_S, Step, needed_mps2};
+use crate::following::{FallBack, Lead, Profile, Response, STEP_S, Step, needed_mps2};
 use crate::fot::curvature_max_1pm;
 use crate::lane::{Aside, QUINTIC_BEND, aside, aside_then_back};
 use crate::passing::{Passing, RETURN_GAP_M};
@@ -113,12 +113,8 @@ impl Comfort {
         let Scene { request, place, traffic, .. } = *scene;
         let is_beside = |mover: &Mover| beside.iter().any(|one| core::ptr::eq(*one, mover));
         let vehicles = traffic.movers.iter().filter(|one| one.is_vehicle());
-        let leads = vehicles.map(|mover| Lead {
-            mover,
-            passable: false,
-            firmly: false,
-            beside: is_beside(mover).then_some(how),
-        });
+        let response = |mover| if is_beside(mover) { Response::FallBack(how) } else { Response::Follow };
+        let leads = vehicles.map(|mover| Lead { mover, response: response(mover) });
         let profile = self.profile(scene, leads.collect());
         let front_m = request.shape.length_m - request.shape.rear_overhang_m;
         let behind = |(k, step): (usize, &Step)| {

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::collision::CollisionMode;
 use crate::fallback::kept;
-use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, SpeedTable, Step};
+use crate::following::{self, Accel, Curve, Follower, Gaps, Lead, Profile, Response, SpeedTable, Step};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::OnLine;
 use crate::lane::{Lane, back_to_centre, stretch, towards_centre};
@@ -94,9 +94,8 @@ impl Comfort {
     /// First free plan of: keep the lane, pass the blockage, stay behind it.
     fn free_in(&mut self, scene: &Scene<'_>, budget: &mut Counted<'_>) -> Option<Plan> {
         let Scene { request, place, .. } = *scene;
-        let at_once = self.passing(scene, true).filter(|passing| passing.may_open(&request.start, &place));
-        let passing = at_once.or_else(|| self.passing(scene, false));
-        let open = passing.as_ref().filter(|passing| passing.may_open(&request.start, &place));
+        let passing = self.passing(scene);
+        let open = passing.as_ref().filter(|passing| passing.may_open);
         let possible = passing.as_ref().is_some_and(Passing::is_possible);
         let passed = |one: &Mover| open.is_some_and(|open| open.passes(one));
         let waits = self.manner == Manner::Waits;
@@ -250,8 +249,8 @@ impl Comfort {
         plan.filter(|plan| !rests(plan))
     }
 
-    /// Blockage of the lane that can be passed on the ground beside it, `at_once` with what stands soon after it.
-    fn passing<'a>(&self, scene: &Scene<'a>, at_once: bool) -> Option<Passing<'a>> {
+    /// Blockage of the lane that can be passed on the ground beside it.
+    fn passing<'a>(&self, scene: &Scene<'a>) -> Option<Passing<'a>> {
         let Scene { request, place, traffic, .. } = *scene;
         let lane = self.lane(request);
         let beyond = lane.is_over(place.s_m, place.d_m);
@@ -262,15 +261,13 @@ impl Comfort {
             over_line_max_s: self.params.over_line_max_s,
             over_line_max_m: request.overtake_max_m,
             under_way: beyond,
-            at_once,
             whole_lane: true,
         };
         if self.manner == Manner::Waits {
             return None;
         }
         let ground = (request.route, request.shape);
-        let ego = (place.s_m, request.start.speed_mps, request.target_speed_mps);
-        Passing::new(rules, lane, ground, traffic, ego)
+        Passing::new(rules, lane, ground, traffic, (&request.start, &place, request.target_speed_mps))
     }
 
     /// Returns true if a plan that returns to the lane leaves a gap to moving road users behind the ego.
@@ -312,9 +309,10 @@ impl Comfort {
             self.in_way(scene).filter(|one| can_lead(one, scene.request) && !is_met(one) && counts(one));
         let moves_out = scene.place.d_m > MOVES_OUT_M;
         let lead = |mover: &'a Mover| {
-            let passable = steers_out && mover.comes_to_rest();
             let firmly = moves_out && mover.stands() && !mover.changed_lately;
-            Lead { mover, passable, firmly, beside: None }
+            let is_passed_later = steers_out && mover.comes_to_rest();
+            let response = if is_passed_later { Response::PassLater { firmly } } else { Response::Follow };
+            Lead { mover, response }
         };
         let leads: Vec<_> = leads.map(lead).collect();
         if leads.is_empty() {

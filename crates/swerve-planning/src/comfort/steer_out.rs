@@ -4,7 +4,7 @@ use swerve_msg::Plan;
 
 use super::decision::{HARD_CLEARANCE_M, Scene, comfortable, stepped_up_m};
 use super::{CURVE_SHARE, Comfort, LATERAL_STEP_M};
-use crate::following::{self, Lead};
+use crate::following::{self, Lead, Response};
 use crate::fot::curvature_max_1pm;
 use crate::fot::line::Line;
 use crate::lane::{Aside, QUINTIC_BEND, aside};
@@ -120,7 +120,7 @@ fn walking<'a>(request: &Request<'a>) -> Request<'a> {
 /// Lead vehicles, except those that are `passed`.
 fn leads_but<'a>(scene: &Scene<'a>, passed: impl Fn(&Mover) -> bool) -> Vec<Lead<'a>> {
     let others = scene.traffic.movers.iter().filter(|one| one.is_vehicle() && !passed(one));
-    others.map(|mover| Lead { mover, passable: false, firmly: false, beside: None }).collect()
+    others.map(|mover| Lead { mover, response: Response::Follow }).collect()
 }
 
 /// Above this speed a lateral motion over time is used instead, m/s.

@@ -1,9 +1,8 @@
-//! Road users that stopped, set off or came into sight crossing recently, and may do so again.
+//! Road users that stopped, set off or came into sight moving recently, and may change their pace again.
 
 use std::collections::BTreeMap;
 
 use swerve_core::{Span, Time};
-use swerve_geom::math;
 use swerve_msg::{ActorId, Prediction};
 
 /// Thresholds with hysteresis: a road user at rest starts to move at the first speed; a moving one comes to rest below
@@ -26,14 +25,13 @@ struct Pace {
 }
 
 impl Changes {
-    /// Updates from predictions, whose first points give the speeds, for an ego of this heading, and returns the road users that changed recently.
-    pub(super) fn take(&mut self, stamp: Time, predictions: &[Prediction], heading_rad: f64) -> Vec<ActorId> {
+    /// Updates from predictions, whose first points give the speeds, and returns the road users that changed recently.
+    pub(super) fn take(&mut self, stamp: Time, predictions: &[Prediction]) -> Vec<ActorId> {
         for one in predictions {
             let Some(speed_mps) = speed_mps(one) else { continue };
             let moves = speed_mps >= MOVES_MPS;
-            // Whoever comes into sight moving to the left, where the ego passes, may have set off behind what hid it.
-            let changed = (moves && goes_left(one, heading_rad)).then_some(stamp);
-            let new = Pace { moves, changed, seen: stamp };
+            // Whoever comes into sight moving may have set off behind what hid it.
+            let new = Pace { moves, changed: moves.then_some(stamp), seen: stamp };
             let pace = self.0.entry(one.id).or_insert(new);
             pace.seen = stamp;
             let moves = speed_mps >= if pace.moves { STANDS_MPS } else { MOVES_MPS };
@@ -54,20 +52,8 @@ fn speed_mps(one: &Prediction) -> Option<f64> {
     (dt_s > 0.0).then(|| now.pose.point().distance(next.pose.point()) / dt_s)
 }
 
-/// True for a motion to the left of a heading.
-fn goes_left(one: &Prediction, heading_rad: f64) -> bool {
-    let (Some(now), Some(next)) = (one.path.first(), one.path.get(1)) else { return false };
-    let way = next.pose.point() - now.pose.point();
-    let (sin, cos) = math::sin_cos(heading_rad);
-    way.y * cos - way.x * sin > LEFT_SHARE * way.norm()
-}
-
-/// Share of a motion that has to be to the left.
-const LEFT_SHARE: f64 = 0.5;
-
 #[cfg(test)]
 mod tests {
-    use core::f64::consts::FRAC_PI_2;
     use swerve_geom::Pose2;
     use swerve_msg::{ActorKind, Extent, PredictedPose};
 
@@ -90,18 +76,18 @@ mod tests {
     #[test]
     fn changes_of_pace_are_remembered_for_three_seconds() {
         let mut changes = Changes::default();
-        let mut seen = |s: f64, speeds: [f64; 3], heading_rad: f64| {
+        let mut seen = |s: f64, speeds: [f64; 3]| {
             let stamp = Time::ZERO + Span::from_secs(s);
             let all: Vec<_> = (1..).zip(speeds).map(|(id, speed_mps)| at(id, speed_mps, stamp)).collect();
-            changes.take(stamp, &all, heading_rad).iter().map(|id| id.0).collect::<Vec<_>>()
+            changes.take(stamp, &all).iter().map(|id| id.0).collect::<Vec<_>>()
         };
         // One stops, one sets off, and one at rest seems to move a little.
-        assert_eq!(seen(-4.0, [8.0, 0.0, 0.0], -FRAC_PI_2), [1], "came into sight crossing to the left");
-        assert_eq!(seen(0.0, [8.0, 0.0, 0.0], 0.0), [0; 0]);
-        assert_eq!(seen(1.0, [0.5, 0.9, 0.7], 0.0), [0; 0]);
-        assert_eq!(seen(2.0, [0.3, 1.2, 0.7], 0.0), [1, 2]);
-        assert_eq!(seen(4.9, [0.8, 1.2, 0.0], 0.0), [1, 2]);
-        assert_eq!(seen(5.1, [0.8, 1.2, 0.7], 0.0), [0; 0]);
-        assert_eq!(seen(5.2, [1.1, 1.2, 0.7], 0.0), [1], "on again");
+        assert_eq!(seen(-4.0, [8.0, 0.0, 0.0]), [1], "came into sight moving");
+        assert_eq!(seen(0.0, [8.0, 0.0, 0.0]), [0; 0]);
+        assert_eq!(seen(1.0, [0.5, 0.9, 0.7]), [0; 0]);
+        assert_eq!(seen(2.0, [0.3, 1.2, 0.7]), [1, 2]);
+        assert_eq!(seen(4.9, [0.8, 1.2, 0.0]), [1, 2]);
+        assert_eq!(seen(5.1, [0.8, 1.2, 0.7]), [0; 0]);
+        assert_eq!(seen(5.2, [1.1, 1.2, 0.7]), [1], "on again");
     }
 }

@@ -202,7 +202,7 @@ impl PlannerOperator {
         chosen: Option<&mut dyn Planner>,
     ) -> Arc<Plan> {
         let stamp = predictions.stamp;
-        let changed_lately = self.changes.take(stamp, &predictions.predictions, measured.pose.heading_rad);
+        let changed_lately = self.changes.take(stamp, &predictions.predictions);
         let local = self.local.at(stamp);
         let measured = &self.local.state(measured, local);
         let moved = self.previous.as_deref().and_then(|plan| carried(plan, self.previous_local, local));
