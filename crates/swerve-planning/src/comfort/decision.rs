@@ -204,13 +204,7 @@ impl Comfort {
             let gentler = stops_for.then(|| self.stop(scene, standing_m)).flatten();
             let is_gentler =
                 |stop: &Plan| brakes_mps2(stop) < brakes_mps2(&plan) && !ends_beyond(stop, &plan);
-            // Nearer to what stands the ego could not steer out.
-            let leaves_room = |stop: &Plan| {
-                standing_m > self.params.standstill_gap_m
-                    && stop.status == PlanStatus::Comfortable
-                    && ends_beyond(&plan, stop)
-            };
-            return Some(gentler.filter(|stop| is_gentler(stop) || leaves_room(stop)).unwrap_or(plan));
+            return Some(gentler.filter(is_gentler).unwrap_or(plan));
         }
         // An ego at rest that could not set off on an empty road is not waiting for anybody.
         let alone = Request { predictions: &[], ..slower };
