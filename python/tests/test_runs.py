@@ -89,7 +89,7 @@ def test_dictionaries_are_files(run: swerve.Result) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ({"set": {"planning.planner": "rrtstar"}}, 'did you mean "rrt_star"'),
+        ({"set": {"planning.planner": "rrtstar"}}, 'did you mean `rrt_star`'),
         ({"config": {"planing": {}}}, "planning"),
         ({"config": "no_such.toml"}, "no_such.toml"),
         ({"seed": -1}, "seed"),

@@ -138,7 +138,7 @@ fn faults_apply_to_inputs_of_custom_operators_and_wrong_keys_are_refused_with_th
         &sets(&["operator.clear_ahead.rang_m=5"]),
     );
     let problems = refused.unwrap_err().iter().map(ToString::to_string).collect::<Vec<_>>();
-    assert!(problems[0].contains("unknown key; did you mean \"range_m\"?"), "{problems:?}");
+    assert!(problems[0].contains("unknown key; did you mean `range_m`?"), "{problems:?}");
 }
 
 /// Planner of a new folder, without its package: building that is a slow test.

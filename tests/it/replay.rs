@@ -101,7 +101,7 @@ fn other_settings_differ_from_the_log_and_the_logged_ones_do_not() {
     assert!(with("planning.planner=fot"));
     let wrong = replay(&log, "planner", &sets(&["planning.planner=fott"]), 1);
     let message = wrong.err().map(|e| format!("{e:#}")).unwrap();
-    assert!(message.contains("did you mean \"fot\"?"), "{message}");
+    assert!(message.contains("did you mean `fot`?"), "{message}");
 }
 
 #[test]

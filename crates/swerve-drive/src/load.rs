@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use swerve_scenario::{Scenario, split_sets};
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
-use swerve_text::{nearest, parse_assignment, parse_assignments};
+use swerve_text::{did_you_mean, parse_assignment, parse_assignments};
 
 use crate::shipped::Kind;
 use crate::trust::CodeArgs;
@@ -65,9 +65,9 @@ fn read_scenario_with(path: &Path, sets: &[(String, toml::Value)]) -> anyhow::Re
         return Ok(scenario);
     }
     let problem = |name: &&String| {
-        let near = nearest(name, names.iter().map(String::as_str));
-        let hint = near.map_or_else(|| names.join(", "), |near| format!("did you mean `{near}`?"));
-        document.problem(&format!("expect.pipeline.{name}"), format!("unknown pipeline `{name}` ({hint})"))
+        let near = did_you_mean(name, names.iter().map(String::as_str));
+        let message = format!("unknown pipeline `{name}`, expected one of {}{near}", names.join(", "));
+        document.problem(&format!("expect.pipeline.{name}"), message)
     };
     Err(problems_error(&unknown.iter().map(problem).collect::<Vec<_>>()))
 }

@@ -270,7 +270,7 @@ impl Kind {
                 return Err(problem);
             }
             problem.message += &match self.nearest(given) {
-                Some(near) => format!(" (did you mean the {} `{near}` that is in the program?)", self.noun()),
+                Some(near) => format!("; did you mean the {} `{near}` that is in the program?", self.noun()),
                 None => self.listed(),
             };
         }

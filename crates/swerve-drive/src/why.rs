@@ -28,7 +28,7 @@ use swerve_scenario::Scenario;
 use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::pipeline::Pipeline;
-use swerve_text::nearest;
+use swerve_text::did_you_mean;
 
 pub use command::{WhyArgs, of_run, run};
 
@@ -190,12 +190,8 @@ impl Logged {
                     if ids.is_empty() {
                         return format!("--actor {name}: there is no actor in the scenario");
                     }
-                    let near = nearest(name, names())
-                        .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
-                    format!(
-                        "--actor {name}: expected one of {}{near}",
-                        names().collect::<Vec<_>>().join(", ")
-                    )
+                    let known = names().collect::<Vec<_>>().join(", ");
+                    format!("--actor {name}: expected one of {known}{}", did_you_mean(name, names()))
                 })?)
             }
         };

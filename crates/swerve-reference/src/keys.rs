@@ -59,8 +59,9 @@ pub fn run(args: &KeysArgs, registry: &Registry) -> anyhow::Result<()> {
             return told(args, &found);
         }
     }
-    let parts: Vec<&str> = all.iter().flat_map(|key| [key.key.as_str(), key.name()]).collect();
-    bail!("no key `{asked}`{}", did_you_mean(asked, parts))
+    let names = all.iter().flat_map(|key| [key.key.as_str(), key.name()]);
+    let words = all.iter().flat_map(|key| key.name().split('_'));
+    bail!("no key `{asked}`{}", did_you_mean(asked, names.chain(words)))
 }
 
 fn told(args: &KeysArgs, found: &[&Key]) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use swerve_stack::assembly::COMMON_KEYS;
 use swerve_stack::config::Config;
 use swerve_stack::{OperatorKind, Registry, Settings};
 use swerve_text::Document;
-use swerve_text::nearest;
+use swerve_text::did_you_mean;
 
 /// `swerve operators`.
 #[derive(clap::Args, Debug)]
@@ -25,8 +25,7 @@ pub fn run(args: &OperatorsArgs, registry: &Registry) -> anyhow::Result<()> {
     let Some(name) = &args.kind else { return print(&list(registry)) };
     let Some(kind) = registry.kind(name) else {
         let names: Vec<&str> = registry.kinds().map(|kind| kind.node().kind).collect();
-        let near = nearest(name, names.iter().copied());
-        let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+        let near = did_you_mean(name, names.iter().copied());
         bail!("unknown kind `{name}`, expected one of {}{near}", names.join(", "));
     };
     print(&show(&**kind, registry))

@@ -210,7 +210,7 @@ fn unknown_actor(name: &str, names: &[String], ego_too: bool) -> String {
     let known = names.iter().map(String::as_str).chain(ego_too.then_some("ego"));
     let known: Vec<&str> = known.filter(|n| !n.is_empty()).collect();
     match nearest(name, known.iter().copied()) {
-        Some(near) => format!("unknown actor \"{name}\"; did you mean \"{near}\"?"),
+        Some(near) => format!("unknown actor \"{name}\"; did you mean `{near}`?"),
         None if known.is_empty() => format!("unknown actor \"{name}\"; the scenario has none"),
         None => format!("unknown actor \"{name}\"; expected one of {}", list(&known)),
     }

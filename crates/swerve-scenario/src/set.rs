@@ -68,9 +68,9 @@ fn with_key_of_actor(table: &Table, key: &str, message: String) -> String {
     names_within(actor, &mut names);
     names.retain(|name| *name != last);
     // The parser suggests the keys that an actor may have, present or not.
-    let offered = message.split('"').skip(1).step_by(2);
+    let offered = message.split(['"', '`']).skip(1).step_by(2);
     match nearest(last, names.into_iter().chain(offered)) {
-        Some(near) => format!("unknown key; did you mean \"{near}\"?"),
+        Some(near) => format!("unknown key; did you mean `{near}`?"),
         None => message,
     }
 }
@@ -270,7 +270,7 @@ mod tests {
     #[test]
     fn invalid_assignments_are_reported() {
         for (set, part) in [
-            ("actor.persn.d_m=5", "--set: actor.persn.d_m: there is no \"persn\"; did you mean \"person\"?"),
+            ("actor.persn.d_m=5", "--set: actor.persn.d_m: there is no \"persn\"; did you mean `person`?"),
             (
                 "actor.runner.speed_mps=4",
                 "expected one of \"actor.runner.motion.0.walk.speed_mps\", \"actor.ru",
@@ -278,10 +278,10 @@ mod tests {
             ("actor.person.speed_mps=fast", "--set: actor.person.speed_mps: expected"),
             ("actor.person.speed_mps=-1", "--set: actor.person.speed_mps: expected"),
             ("actor.person.sped=1", "--set: actor.person.sped: unknown key"),
-            ("actor.person.sped_mps=3", "unknown key; did you mean \"speed_mps\"?"),
-            ("actor.person.withn_m=3", "unknown key; did you mean \"within_m\"?"),
+            ("actor.person.sped_mps=3", "unknown key; did you mean `speed_mps`?"),
+            ("actor.person.withn_m=3", "unknown key; did you mean `within_m`?"),
             // Absent from this actor, but a valid key of actors.
-            ("actor.person.headng_rad=1", "unknown key; did you mean \"heading_rad\"?"),
+            ("actor.person.headng_rad=1", "unknown key; did you mean `heading_rad`?"),
             ("actor.person.q=1", "unknown key; expected one of \"d_m\""),
             ("actor.person=1", "--set: actor.person: expected"),
             ("actor=1", "expected actor.NAME.KEY"),

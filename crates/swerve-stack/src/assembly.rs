@@ -18,7 +18,7 @@ use crate::config::resolved::Resolved;
 use crate::config::{Config, OperatorConfig};
 use crate::kind::{KeyProblems, Node, OperatorKind, Role, Scheduled, Settings};
 use swerve_msg::{Detections, Image, TrafficLights};
-use swerve_text::nearest;
+use swerve_text::{did_you_mean, nearest};
 
 pub use additions::Redirected;
 pub(crate) use base::{on_road, pipeline_names, scheduled_operator, sensor_operators};
@@ -342,8 +342,7 @@ fn unknown_operator(config: &Config, name: &str) -> String {
         .filter(|(_, own)| own.kind.is_some())
         .map(|(name, _)| name)
         .collect();
-    let near = nearest(name, names.iter().map(String::as_str));
-    let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+    let near = did_you_mean(name, names.iter().map(String::as_str));
     format!(
         "unknown operator, expected one of {}, or a `kind` that makes it a new one{near}",
         names.join(", ")
@@ -364,8 +363,7 @@ fn unknown_kind(config: &Config, kind: &str) -> String {
 
 /// End of an error message about an unknown name.
 pub(crate) fn one_of(name: &str, names: &[&str]) -> String {
-    let near = nearest(name, names.iter().copied());
-    let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+    let near = did_you_mean(name, names.iter().copied());
     if names.is_empty() {
         ", and there is none".to_owned()
     } else {

@@ -346,7 +346,7 @@ mod tests {
     fn problem_names_file_line_key_and_expected_value() {
         assert_eq!(
             problem("[inner]\nhorizn = 1.0\n"),
-            "a.toml:2: inner.horizn: unknown key; did you mean \"horizon\"?"
+            "a.toml:2: inner.horizn: unknown key; did you mean `horizon`?"
         );
         assert_eq!(
             problem("\n[inner]\nhorizon = \"long\"\n"),

@@ -183,7 +183,7 @@ mod tests {
             ),
             ("{\"count\": 1.5}", "f.json:1: count: expected a whole number that is not negative, found 1.5"),
             ("{\"count\": 1}", "f.json:1: size: is missing"),
-            ("{\"siz\": 1}", "f.json:1: siz: unknown key; did you mean \"size\"?"),
+            ("{\"siz\": 1}", "f.json:1: siz: unknown key; did you mean `size`?"),
             (
                 "{\"places\": [\n{\"at\": [1, 2]},\n{\"at\": [3, true]}]}",
                 "f.json:3: places[1].at[1]: expected a number, found true",
@@ -191,7 +191,7 @@ mod tests {
             ("{\"places\": [{\"at\": [1, 2]}, {\"kind\": null}]}", "f.json:1: places[1].at: is missing"),
             (
                 "{\"places\": [{\"kind\": \"lft\"}]}",
-                "f.json:1: places[0].kind: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
+                "f.json:1: places[0].kind: expected one of \"left\", \"right\", found \"lft\"; did you mean `left`?",
             ),
             (
                 "{\"places\": [{\"at\": [1]}]}",

@@ -86,8 +86,8 @@ mod tests {
         let said = changed("gian = 3\nlist = 7\nmiddle.inner = { hihg = 9 }\nmiddle.on = {}\n").unwrap_err();
         assert_eq!(
             crate::in_one_line(&said),
-            "`gian`: unknown key; did you mean \"gain\"?; `list`: expected an array, found 7; \
-             `middle.inner.hihg`: unknown key; did you mean \"high\"?; \
+            "`gian`: unknown key; did you mean `gain`?; `list`: expected an array, found 7; \
+             `middle.inner.hihg`: unknown key; did you mean `high`?; \
              `middle.on`: expected true or false, found a table"
         );
     }

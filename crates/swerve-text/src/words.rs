@@ -31,9 +31,9 @@ pub fn nearest<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> Opt
     names.into_iter().filter_map(score).reduce(nearer).map(|(_, name)| name)
 }
 
-/// `; did you mean "near"?`, or nothing if no name is close.
+/// Hint at the nearest name, ``; did you mean `near`?``, or nothing if no name is close.
 pub fn did_you_mean<'n>(wrong: &str, names: impl IntoIterator<Item = &'n str>) -> String {
-    nearest(wrong, names).map_or_else(String::new, |near| format!("; did you mean \"{near}\"?"))
+    nearest(wrong, names).map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
 }
 
 /// Quoted names, separated by commas.
@@ -44,7 +44,7 @@ pub fn list(names: &[&str]) -> String {
 /// Message for an unknown key, with the nearest known one.
 pub(crate) fn unknown_key(wrong: &str, known: &[&str]) -> String {
     match nearest(wrong, known.iter().copied()) {
-        Some(near) => format!("unknown key; did you mean \"{near}\"?"),
+        Some(near) => format!("unknown key; did you mean `{near}`?"),
         None if known.is_empty() => "unknown key; expected none".to_owned(),
         None => format!("unknown key; expected one of {}", list(known)),
     }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use swerve_core::Span;
 use swerve_flow::{Policy, Reaction, RuntimeModel};
 use swerve_stack::config::execution::{Deadline, Runtime, parse_policy, span_ms};
-use swerve_text::{Document, KeyProblem, Problems, nearest, number};
+use swerve_text::{Document, KeyProblem, Problems, did_you_mean, number};
 
 use super::pipeline::{BlackBox, Pipeline, Resource, Timer};
 
@@ -265,6 +265,6 @@ fn runtime(table: &Runtime) -> Result<RuntimeModel, KeyProblem> {
 fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str> + Clone) -> String {
     let listed: Vec<String> = known.clone().map(|name| format!("\"{name}\"")).collect();
     let listed = if listed.is_empty() { "none: there is none".to_owned() } else { listed.join(", ") };
-    let hint = nearest(name, known).map_or_else(String::new, |name| format!(" (did you mean \"{name}\"?)"));
+    let hint = did_you_mean(name, known);
     format!("unknown {what} \"{name}\", expected one of {listed}{hint}")
 }

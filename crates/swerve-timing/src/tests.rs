@@ -63,11 +63,11 @@ fn a_deadline_counts_from_arrival_and_skips_by_default() {
 
 #[test]
 fn an_unknown_key_is_named_with_its_line_and_the_nearest_one() {
-    refused("policy", "polcy", "10: operator[1].polcy: unknown key", "did you mean \"policy\"?");
-    refused("slots = 1", "slot = 1", "14: resource.gpu0.slot: unknown key", "did you mean \"slots\"?");
-    refused("span_ms", "spam_ms", "1: spam_ms: unknown key", "did you mean \"span_ms\"?");
-    refused("ms = 100", "msec = 100", "11: operator[1].deadline.msec: unknown key", "did you mean \"ms\"?");
-    refused("fixed_ms = 80", "fixd_ms = 80", "9: operator[1].runtime.fixd_ms:", "did you mean \"fixed_ms\"?");
+    refused("policy", "polcy", "10: operator[1].polcy: unknown key", "did you mean `policy`?");
+    refused("slots = 1", "slot = 1", "14: resource.gpu0.slot: unknown key", "did you mean `slots`?");
+    refused("span_ms", "spam_ms", "1: spam_ms: unknown key", "did you mean `span_ms`?");
+    refused("ms = 100", "msec = 100", "11: operator[1].deadline.msec: unknown key", "did you mean `ms`?");
+    refused("fixed_ms = 80", "fixd_ms = 80", "9: operator[1].runtime.fixd_ms:", "did you mean `fixed_ms`?");
 }
 
 #[test]
@@ -76,14 +76,14 @@ fn unknown_name_is_reported_with_the_nearest_one() {
         "[\"camera\"]",
         "[\"camra\"]",
         "8: operator[1].at[0]: unknown operator",
-        "did you mean \"camera\"?",
+        "did you mean `camera`?",
     );
-    refused("\"gpu0\"", "\"gpu\"", "12: operator[1].uses: unknown resource", "did you mean \"gpu0\"?");
+    refused("\"gpu0\"", "\"gpu\"", "12: operator[1].uses: unknown resource", "did you mean `gpu0`?");
     refused(
         "\"arrival\"",
         "\"arival\"",
         "11: operator[1].deadline.anchor: expected one of ",
-        "did you mean \"arrival\"?",
+        "did you mean `arrival`?",
     );
     refused(
         "\"reuse_last\"",

@@ -12,12 +12,12 @@ use swerve_stack::Registry;
 use swerve_stack::config::Config;
 use swerve_stack::config::programs::Layer;
 use swerve_study::Bench;
-use swerve_text::{Document, Problems};
+use swerve_text::{Document, Problem, Problems};
 
 /// `swerve check`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CheckArgs {
-    /// Files or folders to check [default: scenarios and configs]
+    /// Files, folders or built-in files to check [default: scenarios and configs]
     paths: Vec<PathBuf>,
 }
 
@@ -103,9 +103,19 @@ fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") }
 }
 
+/// Reads a file, or the built-in one of this name.
+fn read(path: &Path) -> Result<Document, Problem> {
+    const KINDS: [Kind; 5] = [Kind::Scenario, Kind::Config, Kind::Live, Kind::Study, Kind::Timing];
+    if path.exists() {
+        return Document::read(path);
+    }
+    let found = KINDS.into_iter().find_map(|kind| kind.document(path).ok());
+    found.map_or_else(|| Kind::Scenario.document(path), Ok)
+}
+
 /// Detects the kind of a file from its top-level keys and returns its problems.
 fn problems(registry: &Registry, path: &Path) -> Vec<String> {
-    let document = match Document::read(path) {
+    let document = match read(path) {
         Ok(document) => document,
         Err(problem) => return vec![problem.to_string()],
     };
@@ -142,7 +152,9 @@ fn problems(registry: &Registry, path: &Path) -> Vec<String> {
             }
             Err(problems) => problems,
         });
-        all.extend(swerve_live::route_problems(path, &document));
+        if path.exists() {
+            all.extend(swerve_live::route_problems(path, &document));
+        }
         all
     }
 }

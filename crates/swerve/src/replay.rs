@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use swerve_core::Digest;
-use swerve_drive::page::{COMMAND, LogSoFar, pair_of_logs};
+use swerve_drive::page::{COMMAND, LogSoFar, log_of, pair_of_logs};
 use swerve_drive::process::Processes;
 use swerve_drive::trust::{self, CodeArgs};
 use swerve_drive::{left_out_of_logs, problems_error, run_start, set_up};
@@ -25,14 +25,14 @@ use swerve_stack::config::programs::Layer;
 use swerve_stack::config::{Config, Images};
 use swerve_stack::pipeline::Pipeline;
 use swerve_stack::{Registry, Role};
-use swerve_text::{nearest, parse_assignments};
+use swerve_text::{did_you_mean, parse_assignments};
 
 use crate::run::stem;
 
 /// `swerve replay`.
 #[derive(clap::Args, Debug)]
 pub struct ReplayArgs {
-    /// Log file (MCAP)
+    /// Log (MCAP), or the folder of a run
     log: PathBuf,
     /// Fail unless every stream below the cut is recomputed as logged, byte for byte
     #[arg(long)]
@@ -68,10 +68,11 @@ impl ReplayArgs {
 
 /// Runs `swerve replay`.
 pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
-    let whole = || Log::read(&args.log).context("--verify: expected a complete log");
+    let path = log_of(&args.log).unwrap_or_else(|| args.log.clone());
+    let whole = || Log::read(&path).context("--verify: expected a complete log");
     let so_far = match args.verify {
-        true => LogSoFar::whole(&args.log, whole()?),
-        false => LogSoFar::read(&args.log, |_| true)?,
+        true => LogSoFar::whole(&path, whole()?),
+        false => LogSoFar::read(&path, |_| true)?,
     };
     let log = &so_far.log;
     let sets = parse_assignments(&args.set);
@@ -84,7 +85,7 @@ pub fn run(args: &ReplayArgs, registry: &Registry) -> anyhow::Result<()> {
     let part = folder.as_ref().map(|folder| folder.path.join("log.partial.mcap"));
     let threads = args.threads.unwrap_or_else(swerve_drive::threads::cores);
     let into = part.as_deref().map(|path| (path, args.command_line()));
-    let (file, code) = (args.log.display().to_string(), args.code);
+    let (file, code) = (path.display().to_string(), args.code);
     let how = Replay { file, code, from: args.from.as_deref(), sets: &sets?, threads, into };
     let comparison = how.run(registry, log).inspect_err(|_| {
         // A replay that failed before it began leaves no empty folder; `remove_dir` keeps non-empty ones.
@@ -140,8 +141,7 @@ impl Cut {
             |name: &&str| assembly.node(name).is_some_and(|node| node.sections.first() == Some(&from));
         let at = known.iter().position(|known| *known == from);
         let Some(at) = at.or_else(|| known.iter().position(is_set_by)) else {
-            let near = nearest(from, known.iter().copied())
-                .map_or_else(String::new, |n| format!(" (did you mean `{n}`?)"));
+            let near = did_you_mean(from, known.iter().copied());
             bail!(
                 "--from {from}: expected one of {}{near}; what is above them is the world and its sensors",
                 known.join(", ")

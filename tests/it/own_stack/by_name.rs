@@ -55,7 +55,7 @@ fn planner_of_another_crate_is_used_by_name() {
     let name = problem(&["planning.planner=cautios"]);
     assert!(
         name.starts_with("--set: planning.planner: expected one of \"fot\", ")
-            && name.ends_with("did you mean \"cautious\"?"),
+            && name.ends_with("did you mean `cautious`?"),
         "{name}"
     );
 }
@@ -76,7 +76,7 @@ fn controller_of_another_crate_is_used_by_name() {
     assert_eq!(range, "--set: control.params.gain_ps: expected 0.1 to 5, found 9");
     let name = problem(&["control.controller=pursit"]);
     let expected = "--set: control.controller: expected one of \"pid\", \"pure_pursuit\", \"stanley\", \"mpc\", \
-                    \"pursuit\", found \"pursit\"; did you mean \"pursuit\"?";
+                    \"pursuit\", found \"pursit\"; did you mean `pursuit`?";
     assert_eq!(name, expected);
     let none = problem(&["control.params.gain_ps=1"]);
     assert_eq!(none, "--set: control.params.gain_ps: unknown key; expected none");
@@ -97,7 +97,7 @@ fn predictor_of_another_crate_is_used_by_name() {
     let name = problem(&["prediction.predictor=fadin"]);
     assert!(
         name.starts_with("--set: prediction.predictor: expected one of \"linear\", ")
-            && name.ends_with("\"truth\", \"fading\", found \"fadin\"; did you mean \"fading\"?"),
+            && name.ends_with("\"truth\", \"fading\", found \"fadin\"; did you mean `fading`?"),
         "{name}"
     );
 }
@@ -116,7 +116,7 @@ fn tracker_of_another_crate_is_used_by_name() {
     assert_eq!(range, "--set: perception.tracker.gate_m: expected 0.1 to 20, found 0");
     let name = problem(&["perception.tracker.algorithm=nearest_bx"]);
     let expected = "--set: perception.tracker.algorithm: expected one of \"sort\", \"ab3dmot\", \"nearest_box\", \
-                    found \"nearest_bx\"; did you mean \"nearest_box\"?";
+                    found \"nearest_bx\"; did you mean `nearest_box`?";
     assert_eq!(name, expected);
 }
 
@@ -132,10 +132,10 @@ fn localizer_of_another_crate_is_used_by_name() {
     assert!(off_m(&metrics) > 0.3 && off_m(&pulled) != off_m(&metrics));
     assert_eq!(p50_ms(&drive(&["operator.localizer.runtime={ fixed_ms = 3 }"]), "localizer"), 3.0);
     let key = problem(&[named, "operator.localizer.pul=1"]);
-    assert!(key.ends_with("unknown key; did you mean \"pull\"?"), "{key}");
+    assert!(key.ends_with("unknown key; did you mean `pull`?"), "{key}");
     let name = problem(&["localization.localizer=puled"]);
     let expected = "--set: localization.localizer: expected one of \"truth\", \"eskf\", \"ndt\", \"eskf_ndt\", \
-                    \"odometry\", \"pulled\", found \"puled\"; did you mean \"pulled\"?";
+                    \"odometry\", \"pulled\", found \"puled\"; did you mean `pulled`?";
     assert_eq!(name, expected);
 }
 

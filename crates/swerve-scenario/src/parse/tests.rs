@@ -112,7 +112,7 @@ fn wrong_values_and_impossible_starts_are_reported_with_line_and_key() {
     let table = [
         ("target_speed_mps = 10", "target_sped_mps = 10", vec![
             "5 ego.target_speed_mps: is missing: expected a number from 0 to 100",
-            "6 ego.target_sped_mps: unknown key; did you mean \"target_speed_mps\"?",
+            "6 ego.target_sped_mps: unknown key; did you mean `target_speed_mps`?",
         ]),
         ("target_speed_mps = 10", "target_speed_mps = nan", vec![
             "6 ego.target_speed_mps: expected a number from 0 to 100, found nan",
@@ -166,14 +166,14 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
     let table = [
         ("kind = \"truck\"", "kind = \"trukc\"", vec![
             "10 actor.bus.kind: expected one of \"car\", \"truck\", \"motorcycle\", \"cyclist\", \"pedestrian\", \
-             \"static\", found \"trukc\"; did you mean \"truck\"?",
+             \"static\", found \"trukc\"; did you mean `truck`?",
         ]),
         ("kind = \"truck\"", "kind = \"static\"", vec![
             "8 actor.bus.size: is missing: expected { length_m, width_m, height_m } of what cannot move",
             "13 actor.bus.motion: an actor of kind \"static\" cannot move",
         ]),
         ("who = \"bus\"", "who = \"bsu\"", vec![
-            "19 actor.bike.trigger.reaches.who: unknown actor \"bsu\"; did you mean \"bus\"?",
+            "19 actor.bike.trigger.reaches.who: unknown actor \"bsu\"; did you mean `bus`?",
         ]),
         ("who = \"bus\"", "who = \"bike\"", vec![
             "19 actor.bike.trigger.reaches.who: an actor cannot wait for itself",
@@ -182,8 +182,8 @@ fn wrong_names_are_reported_with_the_nearest_valid_one() {
             "23 end.standstill.near: unknown actor \"tram\"; expected one of \"bus\", \"bike\"",
         ]),
         ("{ reaches = ", "{ reach = ", vec![
-            "19 actor.bike.trigger: expected one of \"distance\", \"time\", \"reaches\"; did you mean \"reaches\"?",
-            "19 actor.bike.trigger.reach: unknown key; did you mean \"reaches\"?",
+            "19 actor.bike.trigger: expected one of \"distance\", \"time\", \"reaches\"; did you mean `reaches`?",
+            "19 actor.bike.trigger.reach: unknown key; did you mean `reaches`?",
         ]),
         ("{ reaches = ", "{ time = { at_s = 1.0 }, reaches = ", vec![
             "19 actor.bike.trigger: expected only one of \"distance\", \"time\", \"reaches\", found \"time\", \"reaches\"",
@@ -296,7 +296,7 @@ fn wrong_traffic_lights_are_reported_with_line_and_key() {
             with("offset_s = 21.0"),
             "10 road.light.a.offset_s: an offset of 21 s is not within the cycle of 21 s",
         ),
-        (with("yelow_s = 3.0"), "10 road.light.a.yelow_s: unknown key; did you mean \"yellow_s\"?"),
+        (with("yelow_s = 3.0"), "10 road.light.a.yelow_s: unknown key; did you mean `yellow_s`?"),
         (
             with("").replace("60.0", "200.5"),
             "7 road.light.a.stop_s_m: the stop line at 200.5 m is not on the road, which is 200 m long",
@@ -319,7 +319,7 @@ fn wrong_traffic_lights_are_reported_with_line_and_key() {
         ),
         (
             "curvature_1pm = 0.005 }]\nlights = []".to_owned(),
-            "5 road.lights: unknown key; did you mean \"light\"?",
+            "5 road.lights: unknown key; did you mean `light`?",
         ),
     ];
     let cases: Vec<Case<'_>> = table.iter().map(|(new, want)| (road, new.as_str(), vec![*want])).collect();

@@ -88,7 +88,7 @@ fn resolved(config: &Config) -> (KeyProblems, Resolved) {
 /// Replaces an "unknown key" message, which considers the kind's keys only, if a common key is close.
 fn with_common_key(key: &str, message: String) -> String {
     match nearest(key, COMMON_KEYS.map(|(key, _)| key)) {
-        Some(near) if message.starts_with("unknown key") => format!("unknown key (did you mean `{near}`?)"),
+        Some(near) if message.starts_with("unknown key") => format!("unknown key; did you mean `{near}`?"),
         _ => message,
     }
 }

@@ -230,15 +230,15 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.tracker]\nruntme = { fixed_ms = 3 }\n",
-        "c.toml:2: operator.tracker.runtme: unknown key (did you mean `runtime`?)",
+        "c.toml:2: operator.tracker.runtme: unknown key; did you mean `runtime`?",
     ),
     (
         "[operator.predictor]\nreads = { track = \"tracker\" }\n",
-        "c.toml:2: operator.predictor.reads.track: `predictor` has no port of this name, expected one of tracks (did you mean `tracks`?)",
+        "c.toml:2: operator.predictor.reads.track: `predictor` has no port of this name, expected one of tracks; did you mean `tracks`?",
     ),
     (
         "[operator.predictor]\nreads = { tracks = \"trackr\" }\n",
-        "c.toml:2: operator.predictor.reads.tracks: unknown stream `trackr`, expected one of tracker (did you mean `tracker`?)",
+        "c.toml:2: operator.predictor.reads.tracks: unknown stream `trackr`, expected one of tracker; did you mean `tracker`?",
     ),
     (
         "[operator.predictor]\nreads = { tracks = \"pose\" }\n",
@@ -254,7 +254,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.predictor]\nhorizon = 2000\n",
-        "c.toml:2: operator.predictor.horizon: unknown key; did you mean \"horizon_ms\"?",
+        "c.toml:2: operator.predictor.horizon: unknown key; did you mean `horizon_ms`?",
     ),
     (
         "[operator.predictor]\nhorizon_ms = 1\n",
@@ -299,7 +299,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[operator.predictor]\nreads = { tracks = { stream = \"tracker\", feedbak = true } }\n",
-        "c.toml:2: operator.predictor.reads.tracks.feedbak: unknown key; did you mean \"feedback\"?",
+        "c.toml:2: operator.predictor.reads.tracks.feedbak: unknown key; did you mean `feedback`?",
     ),
     (
         "[operator.watch]\nkind = \"sensor_monitor\"\n[camera.front]\n",
@@ -316,7 +316,7 @@ const REFUSED: &[(&str, &str)] = &[
     ),
     (
         "[monitor.watch]\nsensor = \"frnt\"\n[camera.front]\n",
-        "c.toml:2: monitor.watch.sensor: unknown camera or lidar `frnt`, expected one of front (did you mean `front`?)",
+        "c.toml:2: monitor.watch.sensor: unknown camera or lidar `frnt`, expected one of front; did you mean `front`?",
     ),
     (
         "[operator.world]\nreads = { step = \"imu\" }\n",
@@ -443,9 +443,9 @@ fn camera_detector_problems_are_reported_with_their_line() {
     let said = |line: &str| read(&format!("{EYE}{line}\n"), &[]).unwrap_err().join("\n");
     for (line, expected) in [
         (&*format!("detector = \"{foreign}\""), "detector: PATH: no weights of a detector: expected a file"),
-        ("detector = \"stret\"", "detector: no detector `stret`; did you mean \"street\"?"),
+        ("detector = \"stret\"", "detector: no detector `stret`; did you mean `street`?"),
         ("detector = \"acf_inria\"\nrung = \"as_it_is\"", "detector: `acf_inria`: its scores are sums"),
-        ("rung = \"grund\"", "rung: no rung `grund`; did you mean \"ground\"?"),
+        ("rung = \"grund\"", "rung: no rung `grund`; did you mean `ground`?"),
         ("score_min = 2", "score_min: expected 0 to 1, found 2"),
         ("run_times_ms = { fasst = 3 }", "run_times_ms.fasst: no rung `fasst`"),
         ("runtime = { fixed_ms = 5 }\nladder = true", "runtime: the rungs of its ladder"),

@@ -177,8 +177,8 @@ mod tests {
             assert!(said.starts_with(&format!("{path}: ")) && said.contains(expected), "{said}");
         }
         std::fs::write(path, &whole).unwrap();
-        assert!(rung(&weights(path).unwrap(), "fasst").unwrap_err().contains("did you mean \"fast\"?"));
-        assert!(weights("stret").unwrap_err().contains("did you mean \"street\"?"));
+        assert!(rung(&weights(path).unwrap(), "fasst").unwrap_err().contains("did you mean `fast`?"));
+        assert!(weights("stret").unwrap_err().contains("did you mean `street`?"));
     }
 
     #[test]

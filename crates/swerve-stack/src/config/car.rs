@@ -71,7 +71,7 @@ mod tests {
         };
         let unknown = &problems("[sim]\ncar = \"carla_mk\"\n")[0];
         assert!(unknown.starts_with("c.toml:2: sim.car: expected "), "{unknown}");
-        assert!(unknown.ends_with("did you mean \"carla_mkz\"?"), "{unknown}");
+        assert!(unknown.ends_with("did you mean `carla_mkz`?"), "{unknown}");
         let text = "[sim]\ncar = \"carla_mkz\"\n[sim.vehicle.tyre]\nfriction = 9.0\n";
         assert_eq!(problems(text), ["c.toml:4: sim.vehicle.tyre.friction: expected 0.01 to 4, found 9"]);
     }

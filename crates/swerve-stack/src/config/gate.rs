@@ -121,7 +121,7 @@ mod tests {
                 "c.toml:2: gate.params.stop_decel_mps2: expected 0.1 to 20, found -1",
             ),
             ("params = { stop_decel = 1 }", "c.toml:2: gate.params.stop_decel: unknown key; did you mean"),
-            ("enable = true", "c.toml:2: gate.enable: unknown key; did you mean \"enabled\"?"),
+            ("enable = true", "c.toml:2: gate.enable: unknown key; did you mean `enabled`?"),
         ];
         for (line, expected) in cases {
             let found = told(&format!("[gate]\n{line}\n"));

@@ -5,7 +5,7 @@ use core::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use swerve_core::{Ranges, Span, Time};
-use swerve_text::nearest;
+use swerve_text::did_you_mean;
 
 use super::Config;
 use super::execution::MS_MAX;
@@ -182,8 +182,7 @@ impl Config {
             let stream = streams.iter().find(|(stream, _)| *stream == fault.stream);
             if stream.is_none() {
                 let names: Vec<&str> = streams.iter().map(|(name, _)| name.as_str()).collect();
-                let near = nearest(&fault.stream, names.iter().copied())
-                    .map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                let near = did_you_mean(&fault.stream, names.iter().copied());
                 let wrong = match fault.stream.as_str() {
                     "" => "is missing:".to_owned(),
                     other => format!("unknown stream `{other}`,"),

@@ -171,7 +171,7 @@ mod tests {
                 "[live]\nroute = \"r.toml\"\n[control]\ncontroller = \"pid\"\n",
                 "c.toml:4: control.controller: expected one of \"pure_pursuit\", \"stanley\", \"mpc\": \"pid\" knows",
             ),
-            ("[live]\nrout = \"r.toml\"\n", "c.toml:2: live.rout: unknown key; did you mean \"route\"?"),
+            ("[live]\nrout = \"r.toml\"\n", "c.toml:2: live.rout: unknown key; did you mean `route`?"),
             (
                 "[live]\nroute = \"r\"\nsteering_ratio = 0\n",
                 "c.toml:3: live.steering_ratio: expected 1 to 50",

@@ -8,7 +8,7 @@ use swerve_core::{Ranges, Span};
 use swerve_flow::Reaction;
 use swerve_perception::detector;
 use swerve_planning::deadline::Params;
-use swerve_text::{KeyProblem, nearest, number, overridden};
+use swerve_text::{KeyProblem, did_you_mean, number, overridden};
 
 use super::detectors::{Published, find, fits, published};
 use super::execution::span_ms;
@@ -167,8 +167,7 @@ impl Config {
         };
         let names = || ladders().iter().map(|ladder| ladder.name.as_str());
         let Some(ladder) = ladders().iter().find(|ladder| ladder.name == *name) else {
-            let near =
-                nearest(name, names()).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            let near = did_you_mean(name, names());
             let all = names().collect::<Vec<_>>().join(", ");
             return Err(("ladder", format!("unknown ladder `{name}`, expected one of {all}{near}")));
         };

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use swerve_perception::detector::{self, Sensing};
 use swerve_perception::image_box::ImageCamera;
 use swerve_perception::{GroundTracker, Tracker, tracker};
-use swerve_text::{KeyProblem, list, nearest, overridden};
+use swerve_text::{KeyProblem, did_you_mean, list, overridden};
 
 use super::camera::CameraConfig;
 use super::detectors::{find, fits, published};
@@ -144,7 +144,7 @@ impl Config {
         let mut tell = |(key, message): (&str, String)| told.push((format!("perception.{key}"), message));
         if let Some(name) = perception.camera.as_ref().filter(|name| !self.camera.contains_key(*name)) {
             let names: Vec<&str> = self.camera.keys().map(String::as_str).collect();
-            let near = hint(name, names.iter().copied());
+            let near = did_you_mean(name, names.iter().copied());
             tell((
                 "camera",
                 format!("unknown camera `{name}`, expected one of [{}]{near}", names.join(", ")),
@@ -166,17 +166,13 @@ pub fn image_camera(config: &CameraConfig) -> Option<ImageCamera> {
 
 fn unknown(name: &str) -> String {
     let names = || [TRUTH, CUSTOM].into_iter().chain(published().iter().map(|d| d.name.as_str()));
-    let near = hint(name, names());
+    let near = did_you_mean(name, names());
     match near.is_empty() {
         false => format!("unknown detector `{name}`{near}"),
         true => {
             format!("unknown detector `{name}`, expected one of {}", names().collect::<Vec<_>>().join(", "))
         }
     }
-}
-
-fn hint<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
-    nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"))
 }
 
 #[cfg(test)]
@@ -226,7 +222,7 @@ mod tests {
         assert_eq!(hits_min("{ algorithm = \"ab3dmot\", pedestrian = { birth = 9 } }"), 9);
         assert_eq!(hits_min("{ hits_min = 6 }"), 6);
         for (tracker, told) in [
-            ("{ algorithm = \"ab3dmt\" }", "did you mean \"ab3dmot\"?"),
+            ("{ algorithm = \"ab3dmt\" }", "did you mean `ab3dmot`?"),
             ("{ algorithm = 3 }", "expected one of \"sort\", \"ab3dmot\", found 3"),
             ("{ algorithm = \"ab3dmot\", gate = 3 }", "gate"),
             (

@@ -268,7 +268,7 @@ mod tests {
         }
         let truth = "[prediction]\npredictor = \"truth\"\n[process.a]\noperators = [\"predictor\"]\n";
         assert!(problems(truth)[0].contains("`predictor` stays in the coordinator, it reads"), "{truth}");
-        assert!(refused("planer").ends_with("(did you mean `planner`?)"), "{}", refused("planer"));
+        assert!(refused("planer").ends_with("; did you mean `planner`?"), "{}", refused("planer"));
         let camera = "[log]\nsensors = [\"front\"]\n[camera.front]\n[process.a]\noperators = [\"front\"]\n";
         assert!(problems(camera)[0].contains("sensors are where the world is"));
         assert!(problems("[process.a]\noperators = [\"planner\", \"tracker\"]\n").is_empty());

@@ -90,11 +90,11 @@ mod tests {
                     [ros2.topics.camera_left]\nrole = \"camera\"\n[ros2.topics.imu]\nqos = \"sensr\"\n";
         let said = read(text).unwrap_err();
         for (line, says) in [
-            ("c.toml:2: ros2.vehicle: expected one of \"autoware\", ", "; did you mean \"autoware\"?"),
+            ("c.toml:2: ros2.vehicle: expected one of \"autoware\", ", "; did you mean `autoware`?"),
             ("c.toml:3: ros2.speed: unknown key; expected one of \"domain\", ", "\"vehicle\""),
-            ("c.toml:4: ros2.topics.lidr: unknown topic", "; did you mean \"lidar\"?"),
+            ("c.toml:4: ros2.topics.lidr: unknown topic", "; did you mean `lidar`?"),
             ("c.toml:6: ros2.topics.camera_left.topic: is missing: a topic that is not in", "in ROS"),
-            ("c.toml:9: ros2.topics.imu.qos: expected one of ", "found \"sensr\"; did you mean \"sensor\"?"),
+            ("c.toml:9: ros2.topics.imu.qos: expected one of ", "found \"sensr\"; did you mean `sensor`?"),
         ] {
             assert!(said.iter().any(|s| s.starts_with(line) && s.ends_with(says)), "{line}: {said:#?}");
         }

@@ -7,7 +7,7 @@ use swerve_core::{ParamError, Ranges, Span};
 use swerve_geom::{Ego, Lidar, Point, Transform};
 use swerve_lidar::{Beam, LidarEngine, LidarPreset, LidarSpec};
 use swerve_sim::sense::{Radar, RadarParams, RadarPreset, SensorMount, SensorTiming};
-use swerve_text::{nearest, number};
+use swerve_text::{did_you_mean, number};
 use swerve_vehicle::{Shape, VehicleParams};
 
 use super::planner::problem;
@@ -301,8 +301,7 @@ impl Config {
             if known().any(|name| name == sensor) {
                 continue;
             }
-            let near = nearest(sensor, known())
-                .map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+            let near = did_you_mean(sensor, known());
             let names: Vec<&str> = known().collect();
             let message = format!("unknown sensor `{sensor}`, expected one of {}{near}", names.join(", "));
             told.push((format!("log.sensors[{k}]"), message));

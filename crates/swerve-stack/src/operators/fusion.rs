@@ -135,8 +135,7 @@ impl OperatorKind for Fusions {
         let view = match (&table.view, config.camera.len()) {
             (Some(view), _) => config.camera.get(view).cloned().with_context(|| {
                 let names: Vec<&str> = config.camera.keys().map(String::as_str).collect();
-                let near = swerve_text::nearest(view, names.iter().copied());
-                let near = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                let near = swerve_text::did_you_mean(view, names.iter().copied());
                 format!(
                     "operator.{name}.view: unknown camera `{view}`, expected one of [{}]{near}",
                     names.join(", ")

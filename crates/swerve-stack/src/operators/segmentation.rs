@@ -136,7 +136,7 @@ mod tests {
         let table = Table { weights: "stret".into() };
         assert_eq!(
             table.weights().unwrap_err(),
-            "expected \"street\", found `stret`; did you mean \"street\"?"
+            "expected \"street\", found `stret`; did you mean `street`?"
         );
     }
 }

@@ -22,7 +22,7 @@ use swerve_stack::config::Config;
 use swerve_stack::config::detectors::{Fit, Kinds, Measure, Overlap, Published, find, published};
 use swerve_stack::config::perception::{CUSTOM, TRUTH, image_camera};
 use swerve_stack::{ObstacleSight, Registry};
-use swerve_text::nearest;
+use swerve_text::did_you_mean;
 
 /// `swerve calibrate detector`.
 #[derive(clap::Args, Debug)]
@@ -164,11 +164,8 @@ fn targets(args: &DetectorArgs) -> anyhow::Result<Vec<Target>> {
     }
     let Some(name) = &args.name else { return Ok(published().iter().map(Target::of).collect()) };
     let unknown = || {
-        let near = nearest(name, published().iter().map(|d| d.name.as_str()));
-        anyhow!(
-            "unknown detector `{name}`{}",
-            near.map_or(String::new(), |n| format!(" (did you mean `{n}`?)"))
-        )
+        let near = did_you_mean(name, published().iter().map(|d| d.name.as_str()));
+        anyhow!("unknown detector `{name}`{near}")
     };
     Ok(vec![Target::of(find(name).ok_or_else(unknown)?)])
 }

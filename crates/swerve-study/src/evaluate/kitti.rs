@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail, ensure};
 use serde::Serialize;
 use swerve_eval::{KittiAp, KittiClass, KittiFound, KittiKind, KittiLevel, KittiTruth, kitti_ap};
 use swerve_report::output::{align, tell};
-use swerve_text::nearest;
+use swerve_text::did_you_mean;
 
 use super::{Compared, cell, number, text, wrong};
 
@@ -135,12 +135,11 @@ fn label(line: &str, of: Of) -> Result<Result<Label, String>, String> {
     }
     let kind = KittiKind::ALL.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(words[0]));
     let Some((_, kind)) = kind else {
-        let near = nearest(words[0], KittiKind::ALL.into_iter().map(|(name, _)| name));
-        if near.is_none() && of == Of::Results {
+        let near = did_you_mean(words[0], KittiKind::ALL.into_iter().map(|(name, _)| name));
+        if near.is_empty() && of == Of::Results {
             return Ok(Err(words[0].to_owned()));
         }
-        let hint = near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
-        return Err(format!("type: expected one of KITTI's, found `{}`{hint}", words[0]));
+        return Err(format!("type: expected one of KITTI's, found `{}`{near}", words[0]));
     };
     let numbers: Vec<f64> = (1..columns).map(|k| number(NAMES[k], words[k])).collect::<Result<_, _>>()?;
     let [left, top, right, bottom] = edges(&numbers);

@@ -262,7 +262,7 @@ fn wrong_kitti_folders_are_reported_with_file_and_line() {
         (format!("{CAR} 1\n{CAR} inf"), "det/0.txt:2: score: expected a finite number, found `inf`"),
         (
             format!("{CAR} 1").replace("Car", "Cra"),
-            "det/0.txt:1: type: expected one of KITTI's, found `Cra` (did you mean `Car`?)",
+            "det/0.txt:1: type: expected one of KITTI's, found `Cra`; did you mean `Car`?",
         ),
         (
             format!("{CAR} 1").replace("200 160", "90 160"),

@@ -55,7 +55,7 @@ fn values_can_be_ranges_including_both_ends() {
         ("\"1..18446744073709551615\"", "18446744073709551615"),
         ("\"a..b\"", "axis[0].values: expected an array, a range"),
         ("{ from = 0, to = 1, step = 0 }", "a `step` that is above 0"),
-        ("{ from = 0, to = 1, stp = 1 }", "did you mean \"step\"?"),
+        ("{ from = 0, to = 1, stp = 1 }", "did you mean `step`?"),
         ("{ from = 0, to = 1e9, step = 1 }", "at most 100000 values"),
         ("{ from = -9223372036854775807, to = 9223372036854775807, step = 1 }", "at most 100000 values"),
     ] {
@@ -142,7 +142,7 @@ fn wrong_study_files_are_reported_with_their_place() {
     }
     assert_eq!(
         wrong("base = { scenari = \"a\" }\n[[axis]]\nkey = \"seed\"\nvalues = 3\n"),
-        "s.toml:1: base.scenari: unknown key; did you mean \"scenario\"?\n\
+        "s.toml:1: base.scenari: unknown key; did you mean `scenario`?\n\
          s.toml:4: axis[0].values: expected an array, a range such as \"1..20\", or { from = 0, to = 400, step = 40 }, found 3"
     );
 }

@@ -144,7 +144,7 @@ fn wrong_tables_are_reported_with_their_line() {
         ("measures = [\"miou\"]\nrun_times_ms = [-1]", "expected rising numbers from 0 to 5000"),
         (&format!("{good}\njudge_ms = 0"), "small.toml:9: timely.judge_ms: expected 1 to 10000, found 0"),
         (&format!("{good}\nover = \"sped\""), "small.toml:9: timely.over: no axis of the name `sped`"),
-        (&format!("{good}\nwalker = 3"), "did you mean \"walkers\"?"),
+        (&format!("{good}\nwalker = 3"), "did you mean `walkers`?"),
         (
             &format!("{good}\n[budget]\nmax_ms = 100"),
             "timely: not with budget, curve, ranking or timely_prediction",

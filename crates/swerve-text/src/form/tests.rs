@@ -58,11 +58,11 @@ fn every_problem_is_reported_in_terms_of_toml() {
         [
             "inner.count: expected a whole number that is not negative, found -1".to_owned(),
             "inner.name: expected a text, found 1e308".into(),
-            "inner.nmae: unknown key; did you mean \"name\"?".into(),
+            "inner.nmae: unknown key; did you mean `name`?".into(),
             "inner.number: expected a number, found the text \"far\"".into(),
             "inner.pair: expected an array of 2 values, found an array of 1".into(),
             format!("inner.way: expected {ways}, found 5"),
-            format!("inner.ways[1]: expected {ways}, found \"rigt\"; did you mean \"right\"?"),
+            format!("inner.ways[1]: expected {ways}, found \"rigt\"; did you mean `right`?"),
             "is_on: expected true or false, found 1".into(),
             "list[0].number: is missing: expected a number".into(),
             format!("list[0].way: is missing: expected {ways}"),
@@ -90,7 +90,7 @@ fn contents_of_a_wrong_value_are_not_reported() {
     );
     assert_eq!(
         said("is_off = true\ninner = 5\n"),
-        ["inner: expected a table, found 5", "is_off: unknown key; did you mean \"is_on\"?"]
+        ["inner: expected a table, found 5", "is_off: unknown key; did you mean `is_on`?"]
     );
 }
 

@@ -39,14 +39,14 @@ fn every_problem_has_its_line_and_name() {
             "a.toml:2: count: expected a whole number from 1 to 9, found 2.5",
             "a.toml:3: is_on: expected true or false, found 1",
             "a.toml:4: note: expected a text that is not blank, without control characters, found the text \" \"",
-            "a.toml:5: way: expected one of \"left\", \"right\", found \"lft\"; did you mean \"left\"?",
-            "a.toml:6: spede: unknown key; did you mean \"speed\"?",
+            "a.toml:5: way: expected one of \"left\", \"right\", found \"lft\"; did you mean `left`?",
+            "a.toml:6: spede: unknown key; did you mean `speed`?",
             "a.toml:7: thing.a: expected only one of \"stay\", \"go\", found \"stay\", \"go\"",
             "a.toml:9: thing.a.points[1]: expected a pair of a number from 0 to 5 and a number from 0 to 5, \
              found an array of 2",
-            "a.toml:12: thing[1]: expected one of \"stay\", \"go\"; did you mean \"go\"?",
+            "a.toml:12: thing[1]: expected one of \"stay\", \"go\"; did you mean `go`?",
             "a.toml:13: thing[1].points: expected pairs [s, d], found an empty array",
-            "a.toml:14: thing[1].goo: unknown key; did you mean \"go\"?",
+            "a.toml:14: thing[1].goo: unknown key; did you mean `go`?",
             "a.toml:16: free.z: is here",
             "a.toml:17: free.a: is here",
         ]

@@ -40,7 +40,7 @@ fn viewers_do_not_affect_the_run_however_slow() {
     quick.until(|client| !client.messages.is_empty());
     // Nor does an invalid request: it is answered with an error, and the run continues.
     for (set, why) in [
-        ("sensing.rang_m=20", "did you mean \"range_m\"?"),
+        ("sensing.rang_m=20", "did you mean `range_m`?"),
         ("actor.nobody.speed_mps=1", "nobody"),
         ("sensing", "expected key=value"),
         ("clock.source=\\\"wall\\\"", "virtual time"),

@@ -78,7 +78,7 @@ fn errors_name_file_line_and_nearest_name() {
     };
     let typo = fault(&FILE.replace("\"waypoints\": [[0, 0]", "\"waypoint\": [[0, 0]"));
     assert!(typo.contains("problems.json:15: problems.fot[0].waypoint: unknown key"), "{typo}");
-    assert!(typo.contains("did you mean \"waypoints\"?"), "{typo}");
+    assert!(typo.contains("did you mean `waypoints`?"), "{typo}");
     let cut = fault(&FILE[..FILE.len() / 2]);
     assert!(cut.contains("problems.json:") && cut.contains("ends too early"), "{cut}");
     let huge = fault(&FILE.replace("\"vel\": [14, 0]", "\"vel\": [1e999, 0]"));
@@ -94,7 +94,7 @@ fn errors_name_file_line_and_nearest_name() {
         |file: &ProblemFile, name: &str| read::select(file, PosedPlanner::Fot, name).unwrap_err().to_string();
     assert_eq!(
         refused(&file, "fats"),
-        "configs.fot: no entry `fats`: expected one of \"fast\"; did you mean \"fast\"?"
+        "configs.fot: no entry `fats`: expected one of \"fast\"; did you mean `fast`?"
     );
     let mut empty = file.clone();
     empty.problems.fot.clear();

@@ -124,7 +124,7 @@ fn missing_files_are_reported_briefly() {
         (&["run", "nosuch.toml"][..], "; `swerve scenarios` lists those of the program"),
         (
             &["run", "people_crosing.toml"],
-            "(did you mean the scenario `people_crossing` that is in the program?)",
+            "; did you mean the scenario `people_crossing` that is in the program?",
         ),
         (&["run", "short.toml", "-c", "nosuch.toml"], "nosuch.toml: cannot be read: No such file"),
         (&["check", "adir.toml"], "error: adir.toml: no .toml file in this folder"),

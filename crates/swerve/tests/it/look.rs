@@ -111,9 +111,9 @@ fn what_cannot_be_looked_with_is_told() {
     bench.write("text.png", "no image");
     std::fs::write(bench.path("cut.jpg"), [0xff, 0xd8, 0xff, 0xe0, 0]).unwrap();
     for (args, expected) in [
-        (&["dot.png", "--detector", "stret"][..], "no detector `stret`; did you mean \"street\"?"),
+        (&["dot.png", "--detector", "stret"][..], "no detector `stret`; did you mean `street`?"),
         (&["dot.png", "--detector", "text.weights"], "text.weights: no weights of a detector"),
-        (&["dot.png", "--detector", "street", "--rung", "fasst"], "no rung `fasst`; did you mean \"fast\"?"),
+        (&["dot.png", "--detector", "street", "--rung", "fasst"], "no rung `fasst`; did you mean `fast`?"),
         (
             &["dot.png", "--detector", "street", "--rung", "fast"],
             "rung `fast` needs the camera: expected --fov",
@@ -123,7 +123,7 @@ fn what_cannot_be_looked_with_is_told() {
             &["dot.png", "--lanes"],
             "--lanes needs the camera: expected --fov, or --calibration with 4 to 9 numbers",
         ),
-        (&["dot.png", "--lanes=rige", "--fov", "70"], "did you mean \"ridge\"?"),
+        (&["dot.png", "--lanes=rige", "--fov", "70"], "did you mean `ridge`?"),
         (
             &["dot.png", "--lanes", "--calibration", "nan,1,0.5,1"],
             "`focal length across` is NaN, expected 0.001",
@@ -142,7 +142,7 @@ fn what_cannot_be_looked_with_is_told() {
         (&["dot.png", "--segmentation", "street"], "--fov <DEG>"),
         (
             &["dot.png", "--segmentation", "stret", "--fov", "70"],
-            "no segmentation `stret`; did you mean \"street\"?",
+            "no segmentation `stret`; did you mean `street`?",
         ),
         (
             &["dot.png", "--segmentation", "text.weights", "--fov", "70"],

@@ -63,6 +63,6 @@ fn impossible_sensors_are_refused_with_all_their_errors() {
         ] {
             assert!(said.stderr.contains(start), "{start}: {}", said.stderr);
         }
-        assert!(said.stderr.contains("(did you mean `roof`?)"), "{}", said.stderr);
+        assert!(said.stderr.contains("; did you mean `roof`?"), "{}", said.stderr);
     }
 }

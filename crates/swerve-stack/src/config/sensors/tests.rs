@@ -65,9 +65,9 @@ fn invalid_radar_is_refused_with_file_line_and_key() {
             "params = { range_min_m = 300 }",
             "params.range_min_m: expected a number below range_max_m, found 300",
         ),
-        ("params = { range_max = 80 }", "params.range_max: unknown key; did you mean \"range_max_m\"?"),
+        ("params = { range_max = 80 }", "params.range_max: unknown key; did you mean `range_max_m`?"),
         ("params = { preset = \"corner\" }", "params.preset: expected as `preset` beside `params`"),
-        ("perod_ms = 50", "perod_ms: unknown key; did you mean \"period_ms\"?"),
+        ("perod_ms = 50", "perod_ms: unknown key; did you mean `period_ms`?"),
     ] {
         told(&with(line), &format!("{at}{said}"));
     }
@@ -99,7 +99,7 @@ fn invalid_lidar_is_refused_with_file_line_and_key() {
         ("params = { dropout = nan }", "params.dropout: expected 0 to 1, found NaN"),
         ("params = { seed = 3 }", "params.seed: unknown key; the noise is keyed by the run's seed"),
         ("params = { rate_hz = 3 }", "params.rate_hz: expected as `rate_hz` beside `params`"),
-        ("params = { dropuot = 0 }", "params.dropuot: unknown key; did you mean \"dropout\"?"),
+        ("params = { dropuot = 0 }", "params.dropuot: unknown key; did you mean `dropout`?"),
     ] {
         told(&with(line), &format!("{at}{said}"));
     }
@@ -133,7 +133,7 @@ fn unknown_sensors_are_reported_with_the_nearest_name() {
             "c.toml:3: log.sensors[1]: unknown sensor `{name}`, expected one of obstacles, pose, imu, gnss, odometry,"
         );
         told(&with(name), &start);
-        assert!(problems(&with(name))[0].ends_with(&format!("(did you mean `{near}`?)")));
+        assert!(problems(&with(name))[0].ends_with(&format!("; did you mean `{near}`?")));
     }
 }
 

@@ -70,7 +70,7 @@ fn python_problems_are_reported_with_line_and_key() {
             "inputs = { a = \"Imgae\" }",
             "c.toml:3: operator.o.inputs.a: unknown message `Imgae`, expected one of",
         ),
-        ("inputs = { a = \"Imgae\" }", "(did you mean `Image`?)"),
+        ("inputs = { a = \"Imgae\" }", "; did you mean `Image`?"),
         ("inputs = { a = \"newest Image\" }", "expected MESSAGE, latest MESSAGE or window(N) MESSAGE"),
         ("inputs = { a = \"window(0) Image\" }", "with N from 1 to 4096, found `window(0) Image`"),
         ("inputs = { a = \"latest EgoState\" }", "c.toml:3: operator.o.inputs: nothing makes it step"),

@@ -23,7 +23,7 @@ fn wrong_recipes_are_reported_with_their_line() {
     assert_eq!(told(RECIPE), "nothing");
     let cases = [
         ("shrink = 2", "shrink = 0", "learning.shrink: expected 1 to 8"),
-        ("depth = 3", "deepth = 3", "did you mean \"depth\"?"),
+        ("depth = 3", "deepth = 3", "did you mean `depth`?"),
         (
             "cells = [9, 17]",
             "cells = [2, 17]",

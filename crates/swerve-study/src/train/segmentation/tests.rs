@@ -24,10 +24,10 @@ fn changed(changes: &[(&str, &str)]) -> String {
 #[test]
 fn wrong_recipes_are_reported_with_their_line() {
     for (from, to, expected) in [
-        ("\"sidewalk\"]", "\"sidewolk\"]", "no class `sidewolk` of Cityscapes; did you mean \"sidewalk\"?"),
+        ("\"sidewalk\"]", "\"sidewolk\"]", "no class `sidewolk` of Cityscapes; did you mean `sidewalk`?"),
         ("cells = 40", "cells = 0", "learning.cells: expected 1 to 10000"),
         ("trees = 8", "trees = 80", "learning.trees: expected 1 to 16"),
-        ("power =", "powre =", "did you mean \"power\"?"),
+        ("power =", "powre =", "did you mean `power`?"),
         ("streets = [900, 903]", "streets = [3, 5]", "streets that are not both trained on and held out"),
     ] {
         let text = changed(&[(from, to)]);
