@@ -60,9 +60,9 @@ fn config(assignments: &[&str]) -> Config {
 
 /// Values of the custom message with their stamps and publication times.
 #[derive(Default)]
-struct Seen(Vec<(Time, Time, f64)>);
+struct Recorded(Vec<(Time, Time, f64)>);
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let payload = publication.payload.and_then(|payload| payload.downcast_ref::<ClearAhead>());
@@ -72,7 +72,7 @@ impl Observer for Seen {
     }
 }
 
-fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Seen, Outcome) {
+fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Recorded, Outcome) {
     let file = scenario_file("person_crossing");
     let mut pipeline = Pipeline::build(config, &read_scenario(&file).unwrap()).unwrap();
     pipeline.until = Time::from_ms(4000);
@@ -81,7 +81,7 @@ fn drive(config: &Config, threads: usize, log: Option<&Path>) -> (Seen, Outcome)
     if let Some(recorder) = &mut recorder {
         set_up(recorder, config, &pipeline);
     }
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let mut observers: Vec<&mut dyn Observer> = vec![&mut seen];
     observers.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Observer));
     let outcome = drive_pipeline(pipeline, config.seed, threads, &mut observers).unwrap();

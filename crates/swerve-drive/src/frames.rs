@@ -49,7 +49,7 @@ const DRIVER_HEIGHT_PX: u32 = 252;
 
 /// Contents of a picture besides the world.
 #[derive(Default)]
-struct Seen {
+struct Contents {
     world: Option<WorldState>,
     plan: Option<Plan>,
     obstacles: Option<ObstacleList>,
@@ -92,7 +92,7 @@ pub struct Frames {
     above: Eye,
     next: Time,
     count: usize,
-    seen: Seen,
+    seen: Contents,
     /// Camera and number of written images of each image stream.
     cameras: BTreeMap<String, Camera>,
     written: BTreeMap<String, usize>,
@@ -102,7 +102,7 @@ pub struct Frames {
     failure: Option<anyhow::Error>,
 }
 
-impl Seen {
+impl Contents {
     /// Draws everything except the world over a view of it.
     fn draw(&self, canvas: &mut Canvas<'_>, world: &WorldState) {
         if let Some(plan) = &self.plan {
@@ -211,9 +211,9 @@ impl Frames {
             above,
             next: Time::ZERO,
             count: 0,
-            seen: Seen {
+            seen: Contents {
                 names: scenario.actors.iter().map(|actor| actor.name.clone()).collect(),
-                ..Seen::default()
+                ..Contents::default()
             },
             cameras: cameras.collect::<Result<_, _>>()?,
             written: BTreeMap::new(),

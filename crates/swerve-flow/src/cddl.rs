@@ -192,12 +192,12 @@ mod tests {
         stop: Option<f64>,
         state: State,
         by_name: BTreeMap<String, i64>,
-        seen: Vec<Seen>,
+        seen: Vec<Sample>,
     }
 
     #[derive(Deserialize)]
     #[expect(dead_code, reason = "only its form is looked at")]
-    struct Seen {
+    struct Sample {
         kind: Kind,
         why: Option<State>,
         light: Option<Light>,
@@ -264,9 +264,9 @@ mod tests {
             Kind = \"car\" / \"truck\" / \"pedestrian\"\n\
             Light = \"Off\" / { Shows: [* Kind] }\n\
             Plan = { id: uint, at_m: [2*2 float], points: [* Point], stop: float / null, state: State, \
-            by_name: { * tstr => int }, seen: [* Seen] }\n\
+            by_name: { * tstr => int }, seen: [* Sample] }\n\
             Point = [float, float]\n\
-            Seen = { kind: Kind, why: State / null, light: Light / null }\n\
+            Sample = { kind: Kind, why: State / null, light: Light / null }\n\
             State = \"found\" / { failed: { reason: tstr } } / { late: uint }\n";
         assert_eq!(cddl::<Plan>(), expected);
         assert_eq!(cddl::<Vec<Option<bool>>>(), "payload = [* (bool / null)]\n");

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
-use swerve_msg::block::{Block, Memory, Place, Room, Shelf};
+use swerve_msg::block::{Block, BlockId, Memory, Room, Shelf};
 
 use crate::IpcError;
 use crate::service::{Depth, Head, Hub, Kept, Kind, Loan, WordReceiver, WordSender};
@@ -172,7 +172,7 @@ impl Room for LentRoom {
         let Self { loan, memory, ends, held } = *self;
         let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
         ends.seq += 1;
-        let place = Place { memory, seq: ends.seq };
+        let place = BlockId { memory, seq: ends.seq };
         loan.send(Head { seq: place.seq, kind: Kind::Block as u64 }).map_err(|error| error.to_string())?;
         loop {
             let received = ends.receiver.receive().map_err(|error| format!("shared memory: {error:?}"))?;
@@ -190,7 +190,7 @@ impl Room for LentRoom {
 /// A sealed block, at either end.
 struct LentBlock {
     received: Kept,
-    place: Place,
+    place: BlockId,
     _held: Option<Held>,
 }
 
@@ -199,7 +199,7 @@ impl Block for LentBlock {
         self.received.bytes()
     }
 
-    fn place(&self) -> Place {
+    fn place(&self) -> BlockId {
         self.place
     }
 }
@@ -260,7 +260,7 @@ impl Stack {
     /// Receives the next block, if one was sent. A block that cannot be received counts as missed once it is requested.
     fn take_in(&mut self) -> bool {
         let Ok(Some(received)) = self.receiver.receive() else { return false };
-        let place = Place { memory: self.of.memory, seq: received.user_header().seq };
+        let place = BlockId { memory: self.of.memory, seq: received.user_header().seq };
         self.blocks.push_back(Arc::new(LentBlock { received: Kept(received), place, _held: None }));
         true
     }
@@ -277,7 +277,7 @@ impl Stack {
 }
 
 impl Shelf for Shelves {
-    fn find(&self, place: Place) -> Option<Arc<dyn Block>> {
+    fn find(&self, place: BlockId) -> Option<Arc<dyn Block>> {
         let mut stacks = self.memories.iter();
         let stack = stacks.find(|stack| stack.borrow().of.memory == place.memory);
         let found = stack.and_then(|stack| stack.borrow_mut().find(place.seq));

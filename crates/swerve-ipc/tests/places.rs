@@ -15,16 +15,16 @@ use swerve_ipc::{OnLoss, Setup, Traffic, WorkerPool, WorkerSpec, work};
 use swerve_msg::block::Memory;
 use swerve_msg::{Encoding, Image, Pixels};
 
-/// Place of bytes in memory: the mapped file and the offset in it.
+/// Mapping of bytes in memory: the mapped file and the offset in it.
 #[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
-struct Place {
+struct Mapping {
     file: String,
     inode: String,
     offset: u64,
 }
 
 /// Looks up the mapping that contains `bytes`.
-fn place(bytes: &[u8]) -> Place {
+fn place(bytes: &[u8]) -> Mapping {
     let at = bytes.as_ptr() as u64;
     let hex = |text: &str| u64::from_str_radix(text, 16).unwrap();
     for line in std::fs::read_to_string("/proc/self/maps").unwrap().lines() {
@@ -35,7 +35,7 @@ fn place(bytes: &[u8]) -> Place {
         }
         let [_, offset, _, inode] = [(); 4].map(|()| words.next().unwrap());
         let file = words.next().unwrap_or_default().to_owned();
-        return Place { file, inode: inode.to_owned(), offset: hex(offset) + at - hex(begin) };
+        return Mapping { file, inode: inode.to_owned(), offset: hex(offset) + at - hex(begin) };
     }
     panic!("no memory is mapped at {at:x}");
 }
@@ -46,8 +46,8 @@ fn pixels(image: &Image) -> &[u8] {
 
 /// Result of the reader: the places of its images, newest last, and the sum of all bytes.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
-struct Seen {
-    places: Vec<Place>,
+struct Received {
+    places: Vec<Mapping>,
     sum: u64,
 }
 
@@ -75,12 +75,12 @@ struct Newest;
 
 impl Operator for Newest {
     type In = At<Image>;
-    type Out = Port<Seen>;
+    type Out = Port<Received>;
 
-    fn step(&mut self, _: &mut Context<'_>, image: &At<Image>, out: &mut Port<Seen>) {
+    fn step(&mut self, _: &mut Context<'_>, image: &At<Image>, out: &mut Port<Received>) {
         let Some(image) = image.get() else { return };
         let sum = pixels(image).iter().map(|byte| u64::from(*byte)).sum();
-        out.send(Seen { places: vec![place(pixels(image))], sum });
+        out.send(Received { places: vec![place(pixels(image))], sum });
     }
 }
 
@@ -112,8 +112,8 @@ fn graph(memory: Option<Box<dyn Memory>>, readers: &[String]) -> Graph {
 
 #[derive(Default)]
 struct Log {
-    written: Vec<Place>,
-    seen: Vec<Seen>,
+    written: Vec<Mapping>,
+    seen: Vec<Received>,
     sums: Vec<u64>,
     last_ten: Vec<u64>,
 }
@@ -126,7 +126,7 @@ impl Observer for Log {
             self.written.push(place(pixels(image)));
             self.sums.push(pixels(image).iter().map(|byte| u64::from(*byte)).sum());
         }
-        self.seen.extend(payload.downcast_ref::<Seen>().cloned());
+        self.seen.extend(payload.downcast_ref::<Received>().cloned());
         self.last_ten.extend(payload.downcast_ref::<u64>());
     }
 }
@@ -160,7 +160,7 @@ fn run(operator: &str) -> (Log, Traffic, String) {
 
 fn one_memory_is_read_by_both() {
     let (log, traffic, prefix) = run("newest");
-    let seen: Vec<Place> = log.seen.iter().flat_map(|seen| seen.places.clone()).collect();
+    let seen: Vec<Mapping> = log.seen.iter().flat_map(|seen| seen.places.clone()).collect();
     assert_eq!(log.written.len(), 61);
     assert_eq!(seen, log.written, "the same file, inode and offset at both ends");
     assert!(seen.iter().all(|place| place.file.starts_with(&prefix)), "{:?}", seen[0]);

@@ -53,14 +53,14 @@ struct Trace {
     running: Vec<Running>,
     arrows: Arrows,
     /// Events that earlier ones may still precede, by time and order.
-    pending: BTreeMap<(Time, Place, u64), String>,
+    pending: BTreeMap<(Time, Rank, u64), String>,
     order: u64,
     now: Time,
 }
 
 /// Order of events of one instant: slices first, because arrows attach to existing slices.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Place {
+enum Rank {
     Slice,
     Mark,
 }
@@ -387,7 +387,7 @@ impl Trace {
             run_time.ns() as f64 / 1e6,
             if note.is_empty() { String::new() } else { format!(",\"note\":\"{note}\"") },
         );
-        self.hold(step.start, Place::Slice, event);
+        self.hold(step.start, Rank::Slice, event);
     }
 
     fn instant(&mut self, operator: &str, at: Time, name: &str, stamp: Time) {
@@ -401,7 +401,7 @@ impl Trace {
             Micros(at.ns()),
             stamp.ns() as f64 / 1e6,
         );
-        self.hold(at, Place::Mark, event);
+        self.hold(at, Rank::Mark, event);
     }
 
     fn arrow(&mut self, arrow: &Arrow, tid: u32, at: Time) {
@@ -417,7 +417,7 @@ impl Trace {
             Micros(at.ns()),
         );
         event.push_str(if phase == "f" { ",\"bp\":\"e\"}" } else { "}" });
-        self.hold(at, Place::Mark, event);
+        self.hold(at, Rank::Mark, event);
         if let Arrow::End { sensor, stamp, .. } = arrow {
             let name = serde_json::Value::from(format!("age of {sensor} when used"));
             let age_ms = (at - *stamp).ns() as f64 / 1e6;
@@ -425,11 +425,11 @@ impl Trace {
                 "{{\"ph\":\"C\",\"pid\":1,\"name\":{name},\"ts\":{},\"args\":{{\"ms\":{age_ms}}}}}",
                 Micros(at.ns())
             );
-            self.hold(at, Place::Mark, counter);
+            self.hold(at, Rank::Mark, counter);
         }
     }
 
-    fn hold(&mut self, at: Time, place: Place, event: String) {
+    fn hold(&mut self, at: Time, place: Rank, event: String) {
         self.order += 1;
         self.pending.insert((at, place, self.order), event);
     }

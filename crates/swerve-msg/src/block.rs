@@ -1,7 +1,7 @@
 //! Shared memory for large payloads, which other processes read in place.
 //!
 //! A sensor requests [`Room`] from its [`Memory`], writes to it and seals it. It is then a [`Block`]: immutable,
-//! and readable in place by other processes. A message to another process refers to the block by its [`Place`]. The
+//! and readable in place by other processes. A message to another process refers to the block by its [`BlockId`]. The
 //! encoding of a message is selected around the serializer call ([`writing`], [`reading`]), because logs and
 //! digests always contain the numbers themselves, wherever they are stored.
 
@@ -35,12 +35,12 @@ pub trait Block: Send + Sync {
     /// Content, aligned to 8 bytes.
     fn bytes(&self) -> &[u8];
     /// Identifier of the block.
-    fn place(&self) -> Place;
+    fn place(&self) -> BlockId;
 }
 
 /// Identifier of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Place {
+pub struct BlockId {
     /// Index of the sensor's memory.
     pub memory: u32,
     /// Index of the block within that memory, starting at 1.
@@ -50,7 +50,7 @@ pub struct Place {
 /// Resolves the identifiers of blocks of other processes.
 pub trait Shelf {
     /// The block, or `None` if it is not available.
-    fn find(&self, place: Place) -> Option<Arc<dyn Block>>;
+    fn find(&self, place: BlockId) -> Option<Arc<dyn Block>>;
 }
 
 /// Statistics of the arrays written for another process.
@@ -98,11 +98,11 @@ pub fn reading<R>(shelf: Rc<dyn Shelf>, read: impl FnOnce() -> R) -> R {
 /// Encoding of the next array.
 pub(crate) enum Form {
     Plain,
-    Away { place: Option<Place> },
+    Away { place: Option<BlockId> },
 }
 
 /// Selects the encoding of an array of `bytes` bytes and counts the array.
-pub(crate) fn form(bytes: usize, place: Option<Place>) -> Form {
+pub(crate) fn form(bytes: usize, place: Option<BlockId>) -> Form {
     let Writing::Away { places, big, mut written } = WRITING.get() else { return Form::Plain };
     let place = place.filter(|_| places);
     if bytes > big {
@@ -121,6 +121,6 @@ pub(crate) fn is_reading() -> bool {
 }
 
 /// Resolves a place in the current input.
-pub(crate) fn find(place: Place) -> Option<Arc<dyn Block>> {
+pub(crate) fn find(place: BlockId) -> Option<Arc<dyn Block>> {
     READING.with_borrow(|shelf| shelf.as_ref()?.find(place))
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::block::{self, Block, Form, Memory, Place, Room};
+use crate::block::{self, Block, BlockId, Form, Memory, Room};
 
 /// Element type of [`Packed`].
 pub trait Packable: bytemuck::Pod + Default {
@@ -71,7 +71,7 @@ impl<T: Packable> Packed<T> {
     }
 
     /// Place of the sealed block; `None` if not in shared memory or not sealed.
-    pub fn place(&self) -> Option<Place> {
+    pub fn place(&self) -> Option<BlockId> {
         match &self.0 {
             Store::Block(block, _) => Some(block.place()),
             Store::Own(_) | Store::Room(..) => None,
@@ -224,7 +224,7 @@ impl<'de, T: Packable> Deserialize<'de> for Packed<T> {
 #[derive(Serialize, Deserialize)]
 enum Away<R> {
     Here(R),
-    There(Place, usize),
+    There(BlockId, usize),
 }
 
 struct Run<'a>(&'a [u8]);
@@ -335,13 +335,13 @@ mod tests {
     struct Piece {
         lines: Vec<u64>,
         bytes: usize,
-        place: Place,
+        place: BlockId,
         of: Shared,
     }
 
     impl Memory for Shared {
         fn room(&self, bytes: usize) -> Option<Box<dyn Room>> {
-            let place = Place { memory: 7, seq: self.0.lock().unwrap().len() as u64 + 1 };
+            let place = BlockId { memory: 7, seq: self.0.lock().unwrap().len() as u64 + 1 };
             let lines = vec![0; bytes.div_ceil(8)];
             Some(Box::new(Piece { lines, bytes, place, of: self.clone() }))
         }
@@ -369,13 +369,13 @@ mod tests {
             Room::bytes(self)
         }
 
-        fn place(&self) -> Place {
+        fn place(&self) -> BlockId {
             self.place
         }
     }
 
     impl Shelf for Shared {
-        fn find(&self, place: Place) -> Option<Arc<dyn Block>> {
+        fn find(&self, place: BlockId) -> Option<Arc<dyn Block>> {
             Some(self.0.lock().unwrap().get(&place.seq)?.clone())
         }
     }
@@ -396,7 +396,7 @@ mod tests {
         numbers.truncate(900);
         assert_eq!(numbers.place(), None, "nobody reads what is being written");
         numbers.seal().unwrap();
-        assert_eq!(numbers.place(), Some(Place { memory: 7, seq: 1 }));
+        assert_eq!(numbers.place(), Some(BlockId { memory: 7, seq: 1 }));
         let (there, written) = sent(&numbers, true, &shared);
         let there = there.unwrap();
         assert_eq!((written.in_place, written.copied), (1, 0));

@@ -24,7 +24,7 @@ use crate::road::Road;
 use boxes::{CLASSES, Class, Fit, Rectangle, complete, fit, quarter};
 use clusters::{Cluster, Clusters};
 use ground::{Ground, Method};
-use points::{Place, in_ego_frame};
+use points::{Point, in_ego_frame};
 use score::{FEATURES, Model};
 
 /// Parameters of the lidar object detector.
@@ -93,7 +93,7 @@ pub struct LidarObjects {
     model: Model,
     ground: Ground,
     clusters: Clusters,
-    places: Vec<Place>,
+    places: Vec<Point>,
     over_m: Vec<f32>,
     candidates: Vec<Candidate>,
     footprints: Vec<Obb<Ego>>,
@@ -172,7 +172,7 @@ impl LidarObjects {
                     let Some(rectangle) = complete(&fit, class, is_across, sensor) else { continue };
                     // People may be anywhere and face any direction, so the route is not used for them.
                     let lane = lane.filter(|_| !class.kind.is_person());
-                    let seen = Seen { clusters: &self.clusters, cluster, fit, sensor, lane };
+                    let seen = FittedCluster { clusters: &self.clusters, cluster, fit, sensor, lane };
                     let features = seen.features(&rectangle);
                     let found = boxed(&rectangle, class, cluster, lane);
                     self.candidates.push(Candidate { found, features, class: k });
@@ -204,7 +204,7 @@ fn surest_first(a: &Candidate, b: &Candidate) -> core::cmp::Ordering {
 const NO_ROAD_M: f32 = -20.0;
 
 /// Cluster with the context of its features.
-struct Seen<'a> {
+struct FittedCluster<'a> {
     clusters: &'a Clusters,
     cluster: Cluster,
     fit: Fit,
@@ -212,7 +212,7 @@ struct Seen<'a> {
     lane: Option<(f32, f32)>,
 }
 
-impl Seen<'_> {
+impl FittedCluster<'_> {
     /// Features of a rectangle, in the order of [`score::FEATURE_NAMES`].
     fn features(&self, rectangle: &Rectangle) -> [f32; FEATURES] {
         let points = self.clusters.of(self.cluster);

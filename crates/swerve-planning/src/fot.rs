@@ -35,7 +35,7 @@ use candidate::{Candidate, Outcome};
 pub use lateral::FrenetState;
 use lattice::Lattice;
 use line::{Line, OnLine, RouteLine};
-use motion::{Checks, Drivable, Place};
+use motion::{Checks, Drivable, MotionState};
 use poly::Quintic;
 use search::{Search, Task};
 use swerve_core::param::ParamError;
@@ -437,7 +437,7 @@ pub fn places<'a>(
     task: &'a Task<'a>,
     candidate: &'a Candidate,
     step_s: f64,
-) -> impl Iterator<Item = (f64, Place)> + 'a {
+) -> impl Iterator<Item = (f64, MotionState)> + 'a {
     let end_s = candidate.last_s + task.checks.tail_s;
     let steps = (end_s / step_s - 1e-9).ceil().max(1.0);
     let mut still = task.checks.heading;

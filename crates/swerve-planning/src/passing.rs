@@ -182,14 +182,14 @@ impl<'a> Passing<'a> {
 
     /// Returns true if moving out now may be possible, whatever the plan: a check without a search.
     fn may_open(&self, start: &EgoState, place: &OnLine) -> bool {
-        let next = Place { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
+        let next = LineState { s_m: place.s_m, d_m: self.offset_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: None, next, target_mps: self.target_mps }, start)
     }
 
     /// Returns true if the plan may be driven: all road users in the other lane keep the time to collision from when
     /// the ego is over the line until it is back, and that time is short enough.
     pub(crate) fn may(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
-        let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
+        let next = LineState { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
         self.is_open(Motion { plan: Some((plan, line)), next, target_mps: self.target_mps }, start)
     }
 
@@ -209,7 +209,7 @@ impl<'a> Passing<'a> {
             }
             let Some((since_s, since_m)) = over_since else { continue };
             let returned = passed_s.map_or(0.0, |passed_s| ((t_s - passed_s) / RETURN_S).min(1.0));
-            let at = Place { d_m: at.d_m * (1.0 - returned), ..at };
+            let at = LineState { d_m: at.d_m * (1.0 - returned), ..at };
             if self.others.iter().any(|one| self.is_near(&one.at(t_s), one.motion(t_s).0, &at, widest_m)) {
                 return false;
             }
@@ -236,7 +236,7 @@ impl<'a> Passing<'a> {
     /// Returns true if a plan that abandons the pass may be driven: all road users in the other lane keep the time to
     /// collision until it is back in the own lane.
     pub(crate) fn may_give_up(&self, plan: &Plan, line: &Line, start: &EgoState, place: &OnLine) -> bool {
-        let next = Place { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
+        let next = LineState { s_m: place.s_m, d_m: place.d_m, speed_mps: start.speed_mps.max(0.0) };
         let mut motion = Motion { plan: Some((plan, line)), next, target_mps: self.target_mps };
         let count = (HORIZON_S / LOOK_S) as usize;
         let mut widest_m = f64::NEG_INFINITY;
@@ -279,7 +279,7 @@ impl<'a> Passing<'a> {
     }
 
     /// Returns true if the ego is past the whole blockage by its return gap.
-    fn is_past(&self, ego: &Place, t_s: f64) -> bool {
+    fn is_past(&self, ego: &LineState, t_s: f64) -> bool {
         let rear_m = ego.s_m - self.shape.rear_overhang_m;
         self.blocking.iter().all(|one| {
             let speed_mps = one.motion(t_s).0.max(0.0);
@@ -288,7 +288,7 @@ impl<'a> Passing<'a> {
     }
 
     /// Returns true if a road user is beside the ego in the strip that it uses, or nearer than the time to collision.
-    fn is_near(&self, other: &Knot, other_mps: f64, ego: &Place, widest_m: f64) -> bool {
+    fn is_near(&self, other: &Knot, other_mps: f64, ego: &LineState, widest_m: f64) -> bool {
         let beyond_m = self.lane.borders.left_m(ego.s_m);
         let (stands, reach_m) = (other_mps.abs() < STANDS_MPS, widest_m + self.lane.clearance_m.min(0.3));
         // A moving road user occupies the whole lane; a standing one only its place.
@@ -379,7 +379,7 @@ const SPARE_M: f64 = 0.2;
 
 /// The ego along the line at one instant.
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Place {
+struct LineState {
     s_m: f64,
     d_m: f64,
     speed_mps: f64,
@@ -389,22 +389,22 @@ struct Place {
 /// speed.
 struct Motion<'a> {
     plan: Option<(&'a Plan, &'a Line)>,
-    next: Place,
+    next: LineState,
     target_mps: f64,
 }
 
 impl Motion<'_> {
-    /// Place at the next instant, `at`.
-    fn next(&mut self, at: Time) -> Place {
+    /// LineState at the next instant, `at`.
+    fn next(&mut self, at: Time) -> LineState {
         let mut now = self.next;
         if let Some((plan, line)) = self.plan
             && let Some(p) = plan.at(at).filter(|_| at <= plan.end())
         {
             let (s_m, d_m) = line.project(p.pose.point(), now.s_m);
-            now = Place { s_m, d_m, speed_mps: p.speed_mps };
+            now = LineState { s_m, d_m, speed_mps: p.speed_mps };
         }
         let faster_mps = (now.speed_mps + ACCEL_MPS2 * LOOK_S).min(self.target_mps.max(now.speed_mps));
-        self.next = Place { s_m: now.s_m + faster_mps * LOOK_S, speed_mps: faster_mps, ..now };
+        self.next = LineState { s_m: now.s_m + faster_mps * LOOK_S, speed_mps: faster_mps, ..now };
         now
     }
 }

@@ -154,15 +154,15 @@ impl<'a> Ground<'a> {
 }
 
 /// A track with its usable past.
-pub(crate) struct Seen<'a> {
+pub(crate) struct Tracked<'a> {
     pub(crate) track: &'a Track,
     pub(crate) past: Past,
 }
 
 /// Plausible tracks with their pasts.
-pub(crate) fn seen(tracks: &TrackList) -> Vec<Seen<'_>> {
+pub(crate) fn seen(tracks: &TrackList) -> Vec<Tracked<'_>> {
     let plausible = tracks.tracks.iter().filter(|track| track.is_plausible());
-    plausible.map(|track| Seen { track, past: Past::of(track, tracks.stamp) }).collect()
+    plausible.map(|track| Tracked { track, past: Past::of(track, tracks.stamp) }).collect()
 }
 
 /// Forecasts the motion of every track, in the map frame.
@@ -211,7 +211,7 @@ fn on_ground(name: PredictorName, tracks: &TrackList, horizon: &Horizon, ground:
 }
 
 /// Forecasts of [`PredictorName::Imm`].
-pub(crate) fn imm(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+pub(crate) fn imm(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     filters::forecasts(seen, stamp, horizon, filters::IMM)
 }
 

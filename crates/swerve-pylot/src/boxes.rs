@@ -12,7 +12,7 @@ const CORNER_NEAR_M: f64 = 6.0;
 
 /// One place of an obstacle.
 #[derive(Clone, Copy, PartialEq, Debug)]
-struct Place {
+struct TimedBox {
     bounds: AxisBox,
     /// Time interval of the place, seconds after the plan begins; unbounded if all places count at once.
     during_s: [f64; 2],
@@ -34,7 +34,7 @@ pub(crate) struct Sight {
 /// Axis-aligned boxes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Boxes {
-    places: Vec<Place>,
+    places: Vec<TimedBox>,
     /// True if everything to the left of a box is solid.
     pub(crate) solid_left: bool,
 }
@@ -45,7 +45,7 @@ impl Boxes {
     /// Replaces the content by static boxes, grown by `by_m`.
     pub(crate) fn set_standing<'a>(&mut self, boxes: impl IntoIterator<Item = &'a AxisBox>, by_m: f64) {
         self.places.clear();
-        let place = |b: &AxisBox| Place { bounds: grown(*b, by_m), during_s: ALWAYS };
+        let place = |b: &AxisBox| TimedBox { bounds: grown(*b, by_m), during_s: ALWAYS };
         self.places.extend(boxes.into_iter().map(place));
     }
 
@@ -74,7 +74,7 @@ impl Boxes {
                 if if sight.per_place { near(point) } else { any } {
                     let bounds = grown(around(&extent.footprint(place.pose)), by_m);
                     let during_s = if swept { ALWAYS } else { during(prediction, k, request) };
-                    self.places.push(Place { bounds, during_s });
+                    self.places.push(TimedBox { bounds, during_s });
                 }
             }
         }
@@ -87,7 +87,7 @@ impl Boxes {
 
     /// The boxes as rectangles, without their growth.
     pub(crate) fn rectangles(&self, grown_m: f64) -> impl Iterator<Item = Obb> {
-        let bare = move |place: &Place| {
+        let bare = move |place: &TimedBox| {
             let [x_min, y_min, x_max, y_max] = grown(place.bounds, -grown_m);
             Obb::axis_aligned(x_min, y_min, x_max, y_max)
         };
@@ -100,7 +100,7 @@ impl Boxes {
     }
 
     fn at(&self, at_s: f64) -> impl Iterator<Item = &AxisBox> {
-        let there = move |p: &&Place| p.during_s[0] <= at_s && at_s <= p.during_s[1];
+        let there = move |p: &&TimedBox| p.during_s[0] <= at_s && at_s <= p.during_s[1];
         self.places.iter().filter(there).map(|p| &p.bounds)
     }
 

@@ -9,7 +9,7 @@ use swerve_planning::fot::FrenetState;
 use swerve_planning::fot::candidate::{Candidate, Judge};
 use swerve_planning::fot::lattice::Lattice;
 use swerve_planning::fot::line::{OnLine, RouteLine};
-use swerve_planning::fot::motion::{Checks, Place};
+use swerve_planning::fot::motion::{Checks, MotionState};
 use swerve_planning::fot::search::{Search, Task};
 use swerve_planning::fot::{Params, places};
 use swerve_planning::{Budget, CollisionMode, Counted, Obstacles, Planner, Progress, Request, Solid};
@@ -89,7 +89,7 @@ impl Fot {
         let (back_m, sparse) = (-planned_ahead_m(request, &self.rules), self.rules.sparse_points);
         let step_s = if sparse { self.params.time_step_s } else { POINT_STEP_S };
         let curvature_max = task.checks.curvature_max_1pm;
-        let point = |(t_s, place): (f64, Place)| PlanPoint {
+        let point = |(t_s, place): (f64, MotionState)| PlanPoint {
             at: request.start.stamp + Span::from_secs(t_s),
             pose: Pose2::new(place.x_m, place.y_m, math::atan2(place.sin, place.cos)).ahead(back_m),
             curvature_1pm: place.curvature_1pm.clamp(-curvature_max, curvature_max),
@@ -184,7 +184,7 @@ impl<'a> Samples<'a> {
         self.task.params.time_step_s * k as f64
     }
 
-    fn place(&self, k: usize) -> Place {
+    fn place(&self, k: usize) -> MotionState {
         self.candidate.motion.pose_at(self.task.line, self.at_s(k), self.task.checks.heading)
     }
 
@@ -198,7 +198,7 @@ impl<'a> Samples<'a> {
     }
 
     /// The car at `here`, heading along the straight line from one place to another, and its length.
-    fn car_along(&self, here: &Place, from: &Place, to: &Place) -> (Solid, f64) {
+    fn car_along(&self, here: &MotionState, from: &MotionState, to: &MotionState) -> (Solid, f64) {
         let ahead_m = self.task.checks.shape.center_ahead_m();
         let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
         let way_m = math::hypot(dx, dy);

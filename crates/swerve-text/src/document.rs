@@ -108,10 +108,10 @@ pub struct Document {
 }
 
 /// Location of the value at each dotted key.
-type Places = BTreeMap<String, Place>;
+type Places = BTreeMap<String, Location>;
 
 #[derive(Clone, Debug)]
-struct Place {
+struct Location {
     /// Byte offset in the text.
     start: usize,
     /// Line, starting at 1.
@@ -225,7 +225,7 @@ impl Document {
         self.nearest_place(key).map(|place| place.line)
     }
 
-    fn nearest_place(&self, key: &str) -> Option<&Place> {
+    fn nearest_place(&self, key: &str) -> Option<&Location> {
         let mut at = key;
         loop {
             if let Some(place) = self.place(at) {
@@ -240,7 +240,7 @@ impl Document {
         self.place(key).map(|place| place.start)
     }
 
-    fn place(&self, key: &str) -> Option<&Place> {
+    fn place(&self, key: &str) -> Option<&Location> {
         self.places.get(key)
     }
 }
@@ -300,7 +300,7 @@ fn note_table(table: &DeTable<'_>, prefix: &str, lines: &Lines, places: &mut Pla
 }
 
 fn note(value: &DeValue<'_>, key: &str, start: usize, lines: &Lines, places: &mut Places) {
-    places.entry(key.to_owned()).or_insert_with(|| Place { start, line: lines.line(start), file: None });
+    places.entry(key.to_owned()).or_insert_with(|| Location { start, line: lines.line(start), file: None });
     match value {
         DeValue::Table(inner) => note_table(inner, key, lines, places),
         DeValue::Array(items) => {

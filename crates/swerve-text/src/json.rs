@@ -155,12 +155,12 @@ mod tests {
     struct Form {
         size: f64,
         count: Option<u32>,
-        places: Option<Vec<Place>>,
+        places: Option<Vec<Sample>>,
     }
 
     #[derive(Deserialize, Debug)]
     #[expect(dead_code, reason = "it is read and no more")]
-    struct Place {
+    struct Sample {
         at: [f64; 2],
         kind: Option<Kind>,
     }

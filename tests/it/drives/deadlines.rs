@@ -25,7 +25,7 @@ fn config(sets: &[&str]) -> Config {
 
 /// Effects of deadlines.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     /// Operator, stamp, rung.
     rungs: Vec<(String, Time, String)>,
     budgets: Vec<ResponseBudget>,
@@ -37,13 +37,13 @@ struct Seen {
     person_at: Option<Time>,
 }
 
-impl Seen {
+impl Recorded {
     fn steps_of(&self, operator: &str) -> impl Iterator<Item = (Time, Span)> {
         self.steps.iter().filter(move |(name, ..)| name == operator).map(|&(_, start, lasts)| (start, lasts))
     }
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         match event {
             Event::StepEnd(step) => {
@@ -68,12 +68,12 @@ impl Observer for Seen {
 }
 
 /// Drives the first seconds past the truck at 12 m/s.
-fn drive(sets: &[&str], until_ms: i64, more: &mut [&mut dyn Observer]) -> (Seen, Outcome) {
+fn drive(sets: &[&str], until_ms: i64, more: &mut [&mut dyn Observer]) -> (Recorded, Outcome) {
     let config = config(&[&["ego.speed_mps=12"], sets].concat());
     let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::from_ms(until_ms);
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let mut all: Vec<&mut dyn Observer> = vec![&mut seen];
     all.extend(more.iter_mut().map(|o| &mut **o as &mut dyn Observer));
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut all).unwrap();
@@ -132,14 +132,14 @@ fn run_under_dynamic_deadlines_is_repeatable_and_replays_bit_for_bit() {
 #[test]
 fn every_model_runs_the_detector_as_specified() {
     let model = |sets: &[&str]| drive(sets, 2500, &mut []).0;
-    let after = |seen: &Seen| -> Vec<f64> {
+    let after = |seen: &Recorded| -> Vec<f64> {
         let mut ms: Vec<f64> = seen.boxes.iter().map(|(stamp, at)| (*at - *stamp).as_ms()).collect();
         assert!(ms.len() >= 5, "{ms:?}");
         ms.sort_by(f64::total_cmp);
         ms
     };
     let all =
-        |seen: &Seen, ms: f64| assert!(after(seen).iter().all(|after| *after == ms), "{:?}", after(seen));
+        |seen: &Recorded, ms: f64| assert!(after(seen).iter().all(|after| *after == ms), "{:?}", after(seen));
     let d3 = "perception.detector=efficientdet-d3@d3";
     all(&model(&["execution.model=data_driven", d3]), 50.0);
     // The finest rung that fits.
@@ -200,7 +200,7 @@ fn planner_without_a_ladder_stops_early_with_the_best_plan_so_far() {
         let scenario = read_scenario(&file("scenarios/person_behind_truck.toml")).unwrap();
         let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
         pipeline.until = Time::from_ms(4000);
-        let mut seen = Seen::default();
+        let mut seen = Recorded::default();
         let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
         let longest = seen.steps_of("planner").map(|(_, lasts)| lasts).max().unwrap();
         (longest, outcome.metrics.plans, outcome.metrics.operators)

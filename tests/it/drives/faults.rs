@@ -13,14 +13,14 @@ use swerve_text::Document;
 
 /// Messages of each stream: stamp, publication, and payload where needed.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     times: BTreeMap<String, Vec<(Time, Time)>>,
     poses: BTreeMap<String, Vec<EgoState>>,
     images: BTreeMap<String, Vec<Image>>,
     injected: Vec<FaultInjection>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let (Some(stamp), Some(payload)) = (publication.stamp, publication.payload) else { return };
@@ -38,13 +38,13 @@ impl Observer for Seen {
 }
 
 /// Drives the first 0.6 s.
-fn drive(text: &str) -> (Seen, Outcome) {
+fn drive(text: &str) -> (Recorded, Outcome) {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml");
     let document = Document::parse("test", text).unwrap();
     let config = Config::from_document(&document, &[]).unwrap();
     let mut pipeline = Pipeline::build(&config, &read_scenario(Path::new(file)).unwrap()).unwrap();
     pipeline.until = Time::from_ms(600);
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
     (seen, outcome)
 }
@@ -91,7 +91,7 @@ fn frozen_stream_repeats_its_content_with_new_stamps() {
     assert_eq!(seen.injected.len(), 10);
 }
 
-fn sent_at(seen: &Seen, stamp: Time) -> EgoState {
+fn sent_at(seen: &Recorded, stamp: Time) -> EgoState {
     *seen.poses["pose"].iter().find(|pose| pose.stamp == stamp).unwrap()
 }
 

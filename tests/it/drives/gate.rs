@@ -22,13 +22,13 @@ const BASE: &str = "[ego]\nspeed_mps = 10\n[planning]\ncollision = \"may_stop\"\
 
 /// Outputs of the gate, commands to the car, and its speed.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     gate: Vec<(Time, GateOutput)>,
     pedals: Vec<Command>,
     speeds_mps: Vec<(Time, f64)>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -42,7 +42,7 @@ impl Observer for Seen {
     }
 }
 
-impl Seen {
+impl Recorded {
     fn speed_mps(&self, at: Time) -> f64 {
         self.speeds_mps.iter().rfind(|(stamp, _)| *stamp <= at).unwrap().1
     }
@@ -63,8 +63,8 @@ fn config(sets: &[&str]) -> Config {
     Config::from_document(&Document::parse("test", BASE).unwrap(), &sets).unwrap()
 }
 
-fn drive(sets: &[&str]) -> (Seen, Outcome) {
-    let mut seen = Seen::default();
+fn drive(sets: &[&str]) -> (Recorded, Outcome) {
+    let mut seen = Recorded::default();
     let outcome = drive_observed(&config(sets), &mut [&mut seen]);
     (seen, outcome)
 }

@@ -49,7 +49,7 @@ const LOCALIZER: [&str; 3] = [
 
 /// Pedals by mode of the gate, and motion of the car.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     mode: GateMode,
     /// First stop by the gate, and its cause.
     stop: Option<(Time, StopCause)>,
@@ -62,7 +62,7 @@ struct Seen {
     modes: Vec<GateMode>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -86,19 +86,19 @@ impl Observer for Seen {
 }
 
 /// Drives `text` with a gate.
-fn drive(text: &str, sets: &[&str]) -> (Seen, Verdict) {
+fn drive(text: &str, sets: &[&str]) -> (Recorded, Verdict) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("road.toml");
     std::fs::write(&file, text).unwrap();
     let config = common::config(&[&["gate.enabled=true"], sets].concat());
     let pipeline = Pipeline::build(&config, &read_scenario(Path::new(&file)).unwrap()).unwrap();
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
     (seen, outcome.metrics.verdict)
 }
 
 /// Drives `text` with a gate; checks that it stops by braking only and stays there.
-fn stops(text: &str, sets: &[&str]) -> (Seen, Verdict) {
+fn stops(text: &str, sets: &[&str]) -> (Recorded, Verdict) {
     let (seen, verdict) = drive(text, sets);
     assert!(seen.stop.is_some() && seen.braked > 500, "{sets:?}: {} commands", seen.braked);
     assert_eq!(seen.throttled, 0, "{sets:?}: of {} commands", seen.braked);

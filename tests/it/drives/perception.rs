@@ -16,13 +16,13 @@ use crate::common;
 
 /// Boxes with publication times, tracks, and world states.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     boxes: Vec<(Time, Detections)>,
     tracks: Vec<TrackList>,
     worlds: Vec<WorldState>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -37,7 +37,7 @@ impl Observer for Seen {
 }
 
 /// The first second with the truck near by, and its observations.
-fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
+fn drive(detector: &str, sets: &[&str]) -> (Recorded, swerve_core::Digest) {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/person_behind_truck.toml"));
     let text = std::fs::read_to_string(path).unwrap().replace("s_m = 110.0", "s_m = 40.0");
     let scenario = Scenario::parse("near", &text).unwrap();
@@ -46,7 +46,7 @@ fn drive(detector: &str, sets: &[&str]) -> (Seen, swerve_core::Digest) {
     let config = Config::from_document(&Document::parse("test", text).unwrap(), &sets).unwrap();
     let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
     pipeline.until = Time::from_ms(1000);
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let digest = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap().digest;
     (seen, digest)
 }
@@ -97,7 +97,7 @@ fn slow_detector_drops_frames() {
 }
 
 /// Boxes of the fusion: the only ones in its pipeline with a radar measurement.
-fn fused(seen: &Seen) -> Vec<&Detections> {
+fn fused(seen: &Recorded) -> Vec<&Detections> {
     let is_fused = |boxes: &Detections| boxes.boxes.iter().any(|b| b.radial_speed_mps.is_some());
     seen.boxes.iter().map(|(_, boxes)| boxes).filter(|boxes| is_fused(boxes)).collect()
 }
@@ -116,7 +116,7 @@ fn fused_object_persists_when_a_sensor_is_blind() {
         let config = Config::from_document(&Document::read(config).unwrap(), &sets).unwrap();
         let mut pipeline = Pipeline::build(&config, &scenario).unwrap();
         pipeline.until = Time::from_ms(1000);
-        let mut seen = Seen::default();
+        let mut seen = Recorded::default();
         drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
         let (lists, tracks) = (fused(&seen), seen.tracks.last().unwrap());
         assert!(lists.len() > 5, "{blind:?}: {}", lists.len());
@@ -191,7 +191,7 @@ fn stopped_person_is_not_predicted_to_walk_on() {
         );
         let config = Config::from_document(&Document::parse("test", text).unwrap(), &[]).unwrap();
         let pipeline = Pipeline::build(&config, &scenario).unwrap();
-        let mut seen = Seen::default();
+        let mut seen = Recorded::default();
         let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
         let broken = outcome.broken(&scenario.expect[0]);
         assert!(broken.is_empty(), "seed {seed}: {broken:?}");

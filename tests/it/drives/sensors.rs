@@ -63,7 +63,7 @@ fn drive_in(scenario: &Scenario, config: &Config, observers: &mut [&mut dyn Obse
 
 /// Publications needed by the tests.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     /// Stream, stamp, publication time.
     times: Vec<(String, Time, Time)>,
     clouds: Vec<(PointCloud, PointInstances)>,
@@ -71,7 +71,7 @@ struct Seen {
     last: Option<PointCloud>,
 }
 
-impl Seen {
+impl Recorded {
     /// Starts with the truck near by.
     fn of(config: &Config) -> Self {
         let text = std::fs::read_to_string(common::scenario_file(SCENARIO)).unwrap();
@@ -87,7 +87,7 @@ impl Seen {
     }
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(stamp) = publication.stamp else { return };
@@ -123,7 +123,7 @@ fn unused_sensor_is_not_in_the_graph() {
 #[test]
 fn sensor_data_is_visible_after_exposure_readout_and_transfer() {
     let config = config(SENSORS, &[]);
-    let seen = Seen::of(&config);
+    let seen = Recorded::of(&config);
     // Half of the exposure, readout, transfer; and the frame period.
     for (stream, after_ms, every_ms) in [
         ("eye.rgb", 20, 50),
@@ -145,13 +145,13 @@ fn sensor_data_is_visible_after_exposure_readout_and_transfer() {
     }
     // A configured run time is added before the transfer, which then becomes a delay of the stream.
     let slow = self::config(SENSORS, &["operator.eye.runtime={ fixed_ms = 3 }"]);
-    let times = Seen::of(&slow).stream("eye.rgb");
+    let times = Recorded::of(&slow).stream("eye.rgb");
     assert!(times.iter().all(|(stamp, at)| *at - *stamp == Span::from_ms(3)), "{times:?}");
 }
 
 #[test]
 fn event_sensors_publish_at_every_simulation_step() {
-    let seen = Seen::of(&config(SENSORS, &[]));
+    let seen = Recorded::of(&config(SENSORS, &[]));
     let world = seen.stream("world");
     assert!(world.len() >= 60);
     for stream in ["collisions", "lane_invasions", "red_lights"] {
@@ -163,7 +163,7 @@ fn event_sensors_publish_at_every_simulation_step() {
 
 #[test]
 fn lidar_scan_holds_the_surroundings_with_the_time_of_each_point() {
-    let seen = Seen::of(&config(SENSORS, &[]));
+    let seen = Recorded::of(&config(SENSORS, &[]));
     assert!(seen.clouds.len() >= 4);
     let truck = ActorId(1);
     for (cloud, truth) in &seen.clouds {
@@ -193,7 +193,7 @@ fn lidar_scan_fires_every_column_once_wherever_steps_end() {
         (17.0, &["lidar.roof.rate_hz=17"]),
         (17.0, &["lidar.roof.rate_hz=17", "operator.roof.runtime={ fixed_ms = 12 }"]),
     ] {
-        let seen = Seen::of(&config(SENSORS, &[sets, &["lidar.roof.params.dropout=0"]].concat()));
+        let seen = Recorded::of(&config(SENSORS, &[sets, &["lidar.roof.params.dropout=0"]].concat()));
         assert!(seen.clouds.len() >= 3, "{sets:?}");
         let mut begins = Vec::new();
         for (cloud, _) in &seen.clouds {
@@ -229,7 +229,7 @@ fn threads_do_not_affect_the_data() {
         let drive = |threads: usize, config: &Config| {
             let mut pipeline = Pipeline::build(config, &scenario).unwrap();
             pipeline.until = Time::from_ms(400);
-            let mut seen = Seen::default();
+            let mut seen = Recorded::default();
             let outcome = drive_pipeline(pipeline, config.seed, threads, &mut [&mut seen]).unwrap();
             (outcome.digest, seen.times)
         };

@@ -16,13 +16,13 @@ use crate::common;
 
 /// Reported lights, red lights passed, and speed of the ego by position.
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     lights: Vec<TrafficLights>,
     passed: usize,
     ego: Vec<[f64; 2]>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &Event<'_>) {
         let Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -42,7 +42,7 @@ fn root(path: &str) -> std::path::PathBuf {
 }
 
 /// Drives past the lights: the scenario with some of its text replaced, until this instant.
-fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Seen, Outcome, Scenario) {
+fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Recorded, Outcome, Scenario) {
     let mut text = std::fs::read_to_string(root("scenarios/traffic_light.toml")).unwrap();
     for (from, to) in replaced {
         assert!(text.contains(from), "{from}");
@@ -55,7 +55,7 @@ fn drive(replaced: &[(&str, &str)], sets: &[&str], until_ms: Option<i64>) -> (Se
     if let Some(until_ms) = until_ms {
         pipeline.until = Time::from_ms(until_ms);
     }
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let outcome = drive_pipeline(pipeline, config.seed, 2, &mut [&mut seen]).unwrap();
     (seen, outcome, scenario)
 }
@@ -172,17 +172,17 @@ verdict = "completed"
 "#;
 
 /// Drives `text` with the default stack and some settings.
-fn drive_by_default(text: &str, sets: &[&str]) -> (Seen, Outcome, Scenario) {
+fn drive_by_default(text: &str, sets: &[&str]) -> (Recorded, Outcome, Scenario) {
     let scenario = Scenario::parse("own", text).unwrap_or_else(|problems| panic!("{problems:#?}"));
     let config = common::config(&[sets, &["log.sensors=[\"red_lights\"]"]].concat());
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     let pipeline = Pipeline::build(&config, &scenario).unwrap();
     let outcome = drive_pipeline(pipeline, config.seed, 1, &mut [&mut seen]).unwrap();
     (seen, outcome, scenario)
 }
 
 /// Distance of the front to the line at 80 m at the lowest speed, and that speed.
-fn rest(seen: &Seen) -> [f64; 2] {
+fn rest(seen: &Recorded) -> [f64; 2] {
     // The front is 3.89 m ahead of the rear axle.
     let [rest_m, speed_mps] = *seen.ego.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
     [80.0 - rest_m - 3.89, speed_mps]

@@ -105,13 +105,13 @@ fn cameras(is_read: bool, fate: Fate) -> (Graph, Vec<Making>) {
 }
 
 /// Stream, stamp and digest of every publication.
-type Seen = Vec<(String, Option<Time>, Option<Digest>)>;
+type Publications = Vec<(String, Option<Time>, Option<Digest>)>;
 
 #[test]
 fn s3_work_on_other_threads_does_not_change_the_result() {
     let run = |is_read: bool, threads: usize, with_observer: bool| {
         let (graph, all) = cameras(is_read, Fate::Drawn);
-        let mut seen = Seen::new();
+        let mut seen = Publications::new();
         let mut see = |event: &Event<'_>| {
             if let Event::Publication(p) = event {
                 seen.push((p.stream.to_owned(), p.stamp, p.payload.map(Sent::digest)));

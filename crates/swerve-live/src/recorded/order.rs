@@ -18,15 +18,15 @@ const GAP_MAX_NS: i128 = 60_000_000_000;
 const AGREE: u32 = 20;
 
 /// Sort key: how often the topic's clock was set back before the message, then its time, ns.
-type Place = (u32, i128);
+type SortKey = (u32, i128);
 
 /// Messages to be sorted.
 #[derive(Default)]
 pub(super) struct Order {
     /// State by topic name: channels of one topic are merged.
     topics: BTreeMap<String, Course>,
-    newest: Option<Place>,
-    messages: Vec<(Place, Arc<BagTopic>, BagMessage)>,
+    newest: Option<SortKey>,
+    messages: Vec<(SortKey, Arc<BagTopic>, BagMessage)>,
     /// Messages with an earlier time than a preceding one in the file.
     pub(super) earlier: u64,
 }
@@ -34,7 +34,7 @@ pub(super) struct Order {
 /// Time of a topic so far.
 #[derive(Clone, Copy, Default)]
 struct Course {
-    newest: Option<Place>,
+    newest: Option<SortKey>,
     /// Latest implausible time, and the number of consecutive messages consistent with it.
     odd: Option<(i128, u32)>,
 }
@@ -57,7 +57,7 @@ impl Order {
 }
 
 impl Course {
-    fn place(&mut self, time_ns: i128, newest_of_all: Option<Place>) -> Place {
+    fn place(&mut self, time_ns: i128, newest_of_all: Option<SortKey>) -> SortKey {
         let own = *self.newest.get_or_insert((0, time_ns));
         let of_all = newest_of_all.unwrap_or(own);
         // A slow topic may pause for long while others continue.

@@ -3,7 +3,7 @@
 use super::*;
 
 /// Runs a recorded drive with the named configuration, in virtual time.
-fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Seen {
+fn recorded(name: &str, messages: &[(i64, &str, AnyMessage)], until: Time) -> Recorded {
     recorded_with(name, &[], messages, until)
 }
 
@@ -13,7 +13,7 @@ fn recorded_with(
     sets: &[(String, toml::Value)],
     messages: &[(i64, &str, AnyMessage)],
     until: Time,
-) -> Seen {
+) -> Recorded {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/live"));
     let drive = Drive::load(&Registry::standard(), &folder.join(name).with_extension("toml"), sets).unwrap();
     let interface = vehicle::interface(drive.mapping.vehicle, &drive.config);
@@ -31,20 +31,20 @@ fn recorded_with(
         let own = arrived.iter().filter(|arrived| arrived.source() == source);
         graph.playback(&source, own.cloned().map(intake::Arrived::record).collect()).unwrap();
     }
-    let mut seen = Seen::default();
+    let mut seen = Recorded::default();
     swerve_flow::run_virtual(graph, &RunOptions::until(until), vec![&mut seen]).unwrap();
     seen
 }
 
 #[derive(Default)]
-struct Seen {
+struct Recorded {
     health: Vec<(String, SensorHealth)>,
     commands: Vec<MotionCommand>,
     plans: Vec<Plan>,
     poses: Vec<EgoState>,
 }
 
-impl Observer for Seen {
+impl Observer for Recorded {
     fn event(&mut self, event: &swerve_flow::Event<'_>) {
         let swerve_flow::Event::Publication(publication) = event else { return };
         let Some(payload) = publication.payload else { return };
@@ -181,16 +181,16 @@ fn silent_objects_topic_is_not_an_empty_road() {
     messages.extend((2..15).map(|i| objects(100 * i)));
     messages.sort_by_key(|(ms, ..)| *ms);
     let blocked = recorded("autoware", &messages, until);
-    let slowest = |seen: &Seen| {
+    let slowest = |seen: &Recorded| {
         let before = |command: &&MotionCommand| command.stamp < Time::from_ms(1500);
         seen.commands.iter().filter(before).map(|command| command.accel_mps2).fold(f64::INFINITY, f64::min)
     };
     assert!(slowest(&free) > -0.5 && slowest(&blocked) < -1.0, "{} {}", slowest(&free), slowest(&blocked));
     // Plans end 500 ms after the last objects, and commands 500 ms after the last plan.
-    let last_plan = |seen: &Seen| seen.plans.last().unwrap().stamp;
+    let last_plan = |seen: &Recorded| seen.plans.last().unwrap().stamp;
     assert!((1900..=2000).contains(&(last_plan(&blocked).ns() / 1_000_000)), "{:?}", last_plan(&blocked));
     assert!(last_plan(&free) > Time::from_ms(3400));
-    let last_command = |seen: &Seen| seen.commands.last().unwrap().stamp;
+    let last_command = |seen: &Recorded| seen.commands.last().unwrap().stamp;
     assert!(last_command(&blocked) < Time::from_ms(2550) && last_command(&free) > Time::from_ms(3400));
 }
 

@@ -72,7 +72,7 @@ struct Followed {
 }
 
 /// Box with its descriptor, if any.
-struct Seen<'a> {
+struct Detected<'a> {
     found: &'a ImageDetection,
     look: Option<&'a Look>,
 }
@@ -89,8 +89,9 @@ impl DeepSort {
         let has_looks = looks.iter().any(Option::is_some);
         let score_min = self.params.score_min;
         let usable = surest_usable(found).into_iter().filter(|(_, found)| found.score >= score_min);
-        let seen: Vec<Seen<'_>> =
-            usable.map(|(k, found)| Seen { found, look: looks.get(k).and_then(Option::as_ref) }).collect();
+        let seen: Vec<Detected<'_>> = usable
+            .map(|(k, found)| Detected { found, look: looks.get(k).and_then(Option::as_ref) })
+            .collect();
         for track in &mut self.tracks {
             track.motion.predict();
             track.unseen += 1;
@@ -113,7 +114,7 @@ impl DeepSort {
 
     /// Matching cascade, most recently seen tracks first; then overlap, for unconfirmed tracks and those seen in the
     /// previous frame.
-    fn pair(&self, seen: &[Seen<'_>], has_looks: bool) -> Taken {
+    fn pair(&self, seen: &[Detected<'_>], has_looks: bool) -> Taken {
         let tracks = &self.tracks;
         let mut taken = Taken { of_track: vec![None; tracks.len()], is_taken: vec![false; seen.len()] };
         let Params { look_max, gate, overlap_max, .. } = self.params;
@@ -166,7 +167,7 @@ impl Taken {
 }
 
 impl Followed {
-    fn founded(id: u64, seen: &Seen<'_>, params: &Params) -> Self {
+    fn founded(id: u64, seen: &Detected<'_>, params: &Params) -> Self {
         Self {
             id,
             score: seen.found.score,
@@ -179,7 +180,7 @@ impl Followed {
     }
 
     /// Distance of a box by appearance, or by motion without descriptors; `None` outside the gate.
-    fn distance(&self, seen: &Seen<'_>, gate: f64, has_looks: bool) -> Option<f64> {
+    fn distance(&self, seen: &Detected<'_>, gate: f64, has_looks: bool) -> Option<f64> {
         let moved = self.motion.squared_distance(seen.found.box_px);
         // NaN if the filter's size has degenerated.
         if moved.is_nan() || moved > gate {
@@ -192,7 +193,7 @@ impl Followed {
         self.looks.iter().map(|known| known.distance(look)).min_by(f64::total_cmp)
     }
 
-    fn meet(&mut self, seen: &Seen<'_>, params: &Params) {
+    fn meet(&mut self, seen: &Detected<'_>, params: &Params) {
         self.motion.update(seen.found.box_px);
         (self.score, self.unseen) = (seen.found.score, 0);
         self.hits += 1;

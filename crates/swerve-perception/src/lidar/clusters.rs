@@ -5,7 +5,7 @@
 //! boxes choose between a whole and its parts.
 
 use super::ground::Bins;
-use super::points::Place;
+use super::points::Point;
 
 /// Side of a grid cell, metres.
 pub(super) const CELL_M: f32 = 0.2;
@@ -85,7 +85,7 @@ impl Clusters {
     }
 
     /// Finds the clusters of a sweep, finest gaps first.
-    pub(super) fn find(&mut self, places: &[Place], over_m: &[f32]) {
+    pub(super) fn find(&mut self, places: &[Point], over_m: &[f32]) {
         self.occupy(places, over_m);
         self.roots.clear();
         self.roots.extend(0..self.cells.len() as u32);
@@ -111,7 +111,7 @@ impl Clusters {
     }
 
     /// Assigns the points to cells.
-    fn occupy(&mut self, places: &[Place], over_m: &[f32]) {
+    fn occupy(&mut self, places: &[Point], over_m: &[f32]) {
         for cell in &self.cells {
             self.grid[(cell.y * self.cells_across + cell.x) as usize] = 0;
         }
@@ -265,7 +265,7 @@ mod tests {
     use super::*;
 
     /// Points on a rectangle's outline, 0.1 m apart.
-    fn outline(x: f32, y: f32, length: f32, width: f32) -> Vec<Place> {
+    fn outline(x: f32, y: f32, length: f32, width: f32) -> Vec<Point> {
         let (n, m) = ((length * 10.0) as i32, (width * 10.0) as i32);
         let along = (0..n).flat_map(|k| [[x + 0.1 * k as f32, y, 0.5], [x + 0.1 * k as f32, y + width, 0.5]]);
         let across =
@@ -273,7 +273,7 @@ mod tests {
         along.chain(across).collect()
     }
 
-    fn sizes(places: &[Place]) -> Vec<usize> {
+    fn sizes(places: &[Point]) -> Vec<usize> {
         let mut clusters = Clusters::new(30.0, 5);
         let over = vec![0.5; places.len()];
         clusters.find(places, &over);

@@ -6,7 +6,7 @@ mod zones;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::points::Place;
+use super::points::Point;
 
 /// Ground segmentation method.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -47,7 +47,7 @@ impl Ground {
     }
 
     /// Writes the height of each point above the ground below it, metres; 0 for points on or below the ground.
-    pub fn heights(&mut self, points: &[Place], over_m: &mut Vec<f32>) {
+    pub fn heights(&mut self, points: &[Point], over_m: &mut Vec<f32>) {
         over_m.clear();
         over_m.resize(points.len(), 0.0);
         match &mut self.memory {
@@ -105,7 +105,7 @@ mod tests {
     }
 
     /// Road that rises by 4 %, with a kerb on the left, a wall ahead and a car on the right.
-    fn street() -> (Vec<Place>, Vec<bool>) {
+    fn street() -> (Vec<Point>, Vec<bool>) {
         let (mut points, mut is_ground) = (Vec::new(), Vec::new());
         for column in 0..720_i32 {
             let (sin, cos) = libm::sincosf(column as f32 * core::f32::consts::TAU / 720.0);

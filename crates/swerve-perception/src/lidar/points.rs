@@ -5,7 +5,7 @@ use swerve_geom::math;
 use super::Scan;
 
 /// Point in the ego frame at the sweep's stamp, metres: forward, left, up.
-pub type Place = [f32; 3];
+pub type Point = [f32; 3];
 
 /// Largest time offset of a point from the stamp, seconds; others are ignored.
 const OFFSET_MAX_S: f32 = 1.0;
@@ -17,7 +17,7 @@ const Z_M: [f32; 2] = [-3.0, 8.0];
 ///
 /// The motion is an arc at the measured speed and yaw rate. If the arrays have different lengths, only the points in
 /// all of them are used; non-finite points are ignored.
-pub fn in_ego_frame(scan: &Scan<'_>, reach_m: f32, points: &mut Vec<Place>) {
+pub fn in_ego_frame(scan: &Scan<'_>, reach_m: f32, points: &mut Vec<Point>) {
     points.clear();
     let cloud = scan.cloud;
     let [rear, front, side] = scan.own_m.map(|m| m as f32);
@@ -57,7 +57,7 @@ impl Still {
         }))
     }
 
-    fn place(&self, [x, y, z]: [f32; 3]) -> Place {
+    fn place(&self, [x, y, z]: [f32; 3]) -> Point {
         self.0.map(|[a, b, c, d]| a * x + b * y + c * z + d)
     }
 }

@@ -114,7 +114,7 @@ fn points_are_compensated_for_ego_motion() {
     in_ego_frame(&scan(&still), 1e3, &mut a);
     in_ego_frame(&Scan { ego, ..scan(&moved) }, 1e3, &mut b);
     assert!(a.len() > 20_000 && a.len() == b.len(), "{} {}", a.len(), b.len());
-    let off = |(a, b): (&Place, &Place)| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+    let off = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
     let most = a.iter().zip(&b).map(off).fold(0.0, f32::max);
     assert!(most < 1e-3, "{most} m");
 }

@@ -20,7 +20,7 @@ pub struct Motion {
 
 /// The ego origin at one instant of a motion.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
-pub struct Place {
+pub struct MotionState {
     /// X coordinate, metres.
     pub x_m: f64,
     /// Y coordinate, metres.
@@ -55,17 +55,17 @@ impl Motion {
     }
 
     /// Motion in the map frame at `t_s`; `still` is the direction used at standstill (cosine, sine).
-    pub fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+    pub fn at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> MotionState {
         self.place::<true>(line, t_s, still)
     }
 
     /// As [`at`](Self::at), with acceleration and curvature set to zero.
-    pub fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+    pub fn pose_at(&self, line: &Line, t_s: f64, still: (f64, f64)) -> MotionState {
         self.place::<false>(line, t_s, still)
     }
 
     #[inline(always)]
-    fn place<const WHOLE: bool>(&self, line: &Line, t_s: f64, still: (f64, f64)) -> Place {
+    fn place<const WHOLE: bool>(&self, line: &Line, t_s: f64, still: (f64, f64)) -> MotionState {
         let inside_s = t_s.min(self.end_s);
         let mut s = self.longitudinal.at(inside_s);
         s.x += s.v * (t_s - inside_s);
@@ -79,7 +79,7 @@ impl Motion {
         let accel_along = s.a * stretch - s.v * (kp * s.v * d.x + 2.0 * k * d.v);
         let accel_across = d.a + k * s.v * s.v * stretch;
         let speed = math::hypot(along, across);
-        let mut place = Place {
+        let mut place = MotionState {
             x_m: node.x_m - node.sin * d.x,
             y_m: node.y_m + node.cos * d.x,
             s_m: s.x,
@@ -87,7 +87,7 @@ impl Motion {
             speed_mps: speed,
             stretch,
             along_mps: s.v,
-            ..Place::default()
+            ..MotionState::default()
         };
         if let Lateral::OverArc { .. } = self.lateral {
             // Direction and curvature of the path, defined at standstill too: derivatives by arc length, as above.
@@ -120,7 +120,7 @@ fn turned(node: &Node, along: f64, across: f64) -> (f64, f64) {
 }
 
 /// Outline with the ego origin at `place`.
-pub fn outline(shape: &Shape, place: &Place) -> Solid {
+pub fn outline(shape: &Shape, place: &MotionState) -> Solid {
     let ahead_m = shape.center_ahead_m();
     Solid {
         x_m: place.x_m + place.cos * ahead_m,
@@ -241,7 +241,7 @@ impl Checks<'_> {
         let step_s = end_s / steps;
         let mut place = motion.at(line, 0.0, self.heading);
         let grace = *hints.grace.get_or_insert_with(|| Grace::new(self, &place));
-        let mut before = Place { cos: self.heading.0, sin: self.heading.1, ..place };
+        let mut before = MotionState { cos: self.heading.0, sin: self.heading.1, ..place };
         let (mut peaks, mut total) = (Peaks::default(), Total::default());
         for k in 0..=steps as usize {
             let t_s = k as f64 * step_s;
@@ -296,7 +296,7 @@ impl Checks<'_> {
 
     fn limits_hold(
         &self,
-        (before, place): (&Place, &Place),
+        (before, place): (&MotionState, &MotionState),
         body: &Solid,
         (t_s, step_s): (f64, f64),
         grace: &Grace,
@@ -320,7 +320,7 @@ impl Checks<'_> {
     }
 
     /// Returns true if speed and acceleration in the map keep their limits at `place`, `t_s` after the start.
-    fn total_holds(&self, place: &Place, t_s: f64, total: &mut Total, grace: &Grace) -> bool {
+    fn total_holds(&self, place: &MotionState, t_s: f64, total: &mut Total, grace: &Grace) -> bool {
         if place.speed_mps > self.speed_max_mps.max(grace.speed_mps) * (1.0 + ROUNDING) {
             return false;
         }
@@ -335,7 +335,7 @@ impl Checks<'_> {
     }
 
     /// Returns true if the heading changes between two samples no more than the curvature limit allows.
-    fn goes_on(&self, before: &Place, place: &Place) -> bool {
+    fn goes_on(&self, before: &MotionState, place: &MotionState) -> bool {
         let moved_m = math::hypot(place.x_m - before.x_m, place.y_m - before.y_m);
         let turn = (before.cos * place.sin - before.sin * place.cos).abs();
         let forward = before.cos * place.cos + before.sin * place.sin > 0.0;
@@ -414,8 +414,8 @@ impl Checks<'_> {
 /// One sample of a motion.
 #[derive(Clone, Copy)]
 struct Look<'a> {
-    before: &'a Place,
-    place: &'a Place,
+    before: &'a MotionState,
+    place: &'a MotionState,
     /// Outline at `place`.
     body: &'a Solid,
     /// Fraction of the start's limit violation that is still tolerated.
@@ -463,7 +463,7 @@ struct Grace {
 }
 
 impl Grace {
-    fn new(checks: &Checks<'_>, first: &Place) -> Self {
+    fn new(checks: &Checks<'_>, first: &MotionState) -> Self {
         let (low, high) = checks.offset_m;
         let offset_m = (low - first.d_m).max(first.d_m - high).max(0.0);
         let mut grace = Self {

@@ -6,7 +6,7 @@ use swerve_msg::{ActorKind, Forecast, Sighting};
 
 use super::{Beside, Shape};
 use crate::past::Past;
-use crate::predictor::{Horizon, Seen, imm};
+use crate::predictor::{Horizon, Tracked, imm};
 
 /// Number of past positions in the input, the present one included.
 pub(crate) const PAST: usize = 8;
@@ -97,7 +97,7 @@ impl Sight {
 }
 
 /// Inputs of all observed actors at `stamp`, for a net of this shape.
-pub(crate) fn sights(seen: &[Seen], stamp: Time, shape: &Shape) -> Vec<Sight> {
+pub(crate) fn sights(seen: &[Tracked], stamp: Time, shape: &Shape) -> Vec<Sight> {
     let step = Span::from_ms(i64::from(shape.step_ms));
     let expected = match shape.beside {
         Beside::Straight => Vec::new(),
@@ -105,8 +105,8 @@ pub(crate) fn sights(seen: &[Seen], stamp: Time, shape: &Shape) -> Vec<Sight> {
     };
     let places: Vec<[Point2; PAST]> = seen.iter().map(|one| places(&one.past, stamp, step)).collect();
     let paces: Vec<Vector2> = places.iter().map(|places| places[PAST - 1] - places[PAST - 2]).collect();
-    let wheels = |seen: &Seen| !matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static);
-    let of_one = |(k, one): (usize, &Seen)| {
+    let wheels = |seen: &Tracked| !matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static);
+    let of_one = |(k, one): (usize, &Tracked)| {
         let places_of = &places[k];
         let scale_m = if wheels(one) { 5.0 } else { 1.0 };
         let now = places_of[PAST - 1];
@@ -173,7 +173,7 @@ fn places(past: &Past, stamp: Time, step: Span) -> [Point2; PAST] {
 }
 
 /// Positions of the filters' likeliest mode after each step.
-fn filtered(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Vec<Point2>> {
+fn filtered(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Vec<Point2>> {
     let likeliest = |one: &Forecast| -> Vec<Point2> {
         one.likeliest().map_or(&[][..], |mode| &mode.path[1..]).iter().map(|at| at.pose.point()).collect()
     };

@@ -10,7 +10,7 @@ use swerve_geom::{FrenetPoint, Point2, Pose2, Vector2, angle_between, math};
 use swerve_msg::{ActorKind, ForecastList, ForecastPose, Mode, Route, Sighting, Track, TrackList};
 
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Seen, seen};
+use super::{Tracked, seen};
 use crate::linear::{self, Braking};
 use crate::road::{Settling, is_on, place_of, share_along};
 
@@ -64,7 +64,7 @@ pub(super) fn forecasts(
 }
 
 /// Returns true for a vehicle that moves along the road, in either direction.
-fn drives_along(seen: &Seen, stamp: Time, route: &Route) -> bool {
+fn drives_along(seen: &Tracked, stamp: Time, route: &Route) -> bool {
     let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
     let place = place_of(route, seen.past.now(stamp, velocity_mps), velocity_mps);
     seen.past.kind != ActorKind::Pedestrian && share_along(route, place, velocity_mps).is_some()

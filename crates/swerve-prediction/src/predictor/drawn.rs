@@ -4,7 +4,7 @@ use swerve_core::Time;
 use swerve_geom::{Point2, Pose2, Vector2};
 use swerve_msg::{ActorKind, Forecast, ForecastPose, Mode};
 
-use super::{Horizon, Seen};
+use super::{Horizon, Tracked};
 use crate::linear::HEADING_SPEED_MPS;
 
 /// A position, and its covariance xx, xy, yy in m².
@@ -58,7 +58,7 @@ pub(super) fn direction(velocity_mps: Vector2, heading_rad: f64) -> Vector2 {
 /// A mode through these positions, one for each instant; headings are those of the motion.
 pub(super) fn mode(
     probability: f64,
-    seen: &Seen,
+    seen: &Tracked,
     stamp: Time,
     (horizon, spots): (&Horizon, &[Spot]),
 ) -> Mode {
@@ -79,19 +79,19 @@ pub(super) fn mode(
 }
 
 /// Forecast of these modes.
-pub(super) fn forecast(seen: &Seen, modes: Vec<Mode>) -> Forecast {
+pub(super) fn forecast(seen: &Tracked, modes: Vec<Mode>) -> Forecast {
     let track = seen.track;
     Forecast { id: track.id, kind: track.kind, extent: track.extent, modes }
 }
 
 /// Forecast with a single mode through these points, with the covariances of the actor's kind.
-pub(super) fn single(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Forecast {
+pub(super) fn single(seen: &Tracked, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Forecast {
     let spots = spread(seen, stamp, horizon, points);
     forecast(seen, vec![mode(1.0, seen, stamp, (horizon, &spots))])
 }
 
 /// Adds the covariances of the actor's kind to points.
-pub(super) fn spread(seen: &Seen, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Vec<Spot> {
+pub(super) fn spread(seen: &Tracked, stamp: Time, horizon: &Horizon, points: &[Point2]) -> Vec<Spot> {
     let (wander, step_s) = (wander(seen.past.kind), horizon.step.as_secs());
     let unseen_s = (stamp - seen.past.last().at).as_secs();
     let spot = |(k, point): (usize, &Point2)| {

@@ -5,7 +5,7 @@ use swerve_geom::{Point2, Vector2, math};
 use swerve_msg::{ActorKind, Forecast, Mode};
 
 use super::drawn::{Spot, direction, forecast, mode, wander};
-use super::{Horizon, Seen};
+use super::{Horizon, Tracked};
 use crate::filter::{Belief, Model, Motion, believe};
 use crate::past::Past;
 
@@ -41,8 +41,8 @@ fn of_kind(model: &Model, kind: ActorKind) -> Model {
 }
 
 /// Forecasts with one mode per model.
-pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, models: &[Model]) -> Vec<Forecast> {
-    let of_one = |seen: &Seen| {
+pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon, models: &[Model]) -> Vec<Forecast> {
+    let of_one = |seen: &Tracked| {
         let models: Vec<Model> = models.iter().map(|model| of_kind(model, seen.past.kind)).collect();
         let beliefs = beliefs(&seen.past, &models);
         let modes = models
@@ -61,7 +61,7 @@ pub(super) fn beliefs(past: &Past, models: &[Model]) -> Vec<Belief> {
 }
 
 /// Mode of one model: its mean over the horizon, with the covariance of recorded actors.
-fn foretold(seen: &Seen, stamp: Time, horizon: &Horizon, (model, belief): (&Model, &Belief)) -> Mode {
+fn foretold(seen: &Tracked, stamp: Time, horizon: &Horizon, (model, belief): (&Model, &Belief)) -> Mode {
     let wander = wander(seen.past.kind);
     let unseen_s = (stamp - seen.past.last().at).as_secs();
     let along = direction(belief.derivative(1), seen.track.pose.heading_rad);

@@ -15,24 +15,29 @@ use swerve_msg::{ActorKind, Forecast, Mode};
 
 use super::drawn::{forecast, mode, spread};
 use super::filters::{IMM, forecasts as filtered};
-use super::{Ground, Horizon, Seen};
+use super::{Ground, Horizon, Tracked};
 use driver::{Driver, Rolled};
-use place::{Place, settled};
+use place::{Position, settled};
 
 /// Share of vehicles that brake for an unknown reason, and their deceleration, m/s².
 const YIELDS: f64 = 0.1;
 const YIELD_MPS2: f64 = 2.0;
 
 /// Two modes for each path of a vehicle: continuing and braking. Pedestrians: the modes of the filters.
-pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, ground: Ground<'_>) -> Vec<Forecast> {
-    let places: Vec<Place> = seen.iter().map(|seen| Place::of(seen, stamp, ground)).collect();
+pub(super) fn forecasts(
+    seen: &[Tracked],
+    stamp: Time,
+    horizon: &Horizon,
+    ground: Ground<'_>,
+) -> Vec<Forecast> {
+    let places: Vec<Position> = seen.iter().map(|seen| Position::of(seen, stamp, ground)).collect();
     let red = place::held_up(&places, seen, ground);
     let driver =
         |k: usize, way: usize| Driver::of(&seen[k], &places[k].ways[way].1, (&places, seen, k), &red);
     let first = (0..seen.len()).map(|k| driver(k, 0)).collect();
     let rolled = Rolled::all(first, horizon);
     let settled = settled(horizon);
-    let of_one = |(k, seen): (usize, &Seen)| {
+    let of_one = |(k, seen): (usize, &Tracked)| {
         if walks(seen) {
             return filtered(core::slice::from_ref(seen), stamp, horizon, IMM).remove(0);
         }
@@ -57,7 +62,7 @@ pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, ground: G
     seen.iter().enumerate().map(of_one).collect()
 }
 
-fn walks(seen: &Seen) -> bool {
+fn walks(seen: &Tracked) -> bool {
     matches!(seen.past.kind, ActorKind::Pedestrian | ActorKind::Static)
 }
 

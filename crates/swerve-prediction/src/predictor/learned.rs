@@ -7,7 +7,7 @@ use swerve_geom::Point2;
 use swerve_msg::Forecast;
 
 use super::drawn::{Spot, forecast, mode};
-use super::{Horizon, PredictorName, Seen};
+use super::{Horizon, PredictorName, Tracked};
 use crate::learned::{Frame, Way, Weights, sights};
 
 /// Standard deviation of the present position, in scaled units.
@@ -36,11 +36,16 @@ pub(super) fn shipped(name: PredictorName) -> Option<&'static Weights> {
 }
 
 /// Forecasts with one mode per path of the net.
-pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon, weights: &Weights) -> Vec<Forecast> {
+pub(super) fn forecasts(
+    seen: &[Tracked],
+    stamp: Time,
+    horizon: &Horizon,
+    weights: &Weights,
+) -> Vec<Forecast> {
     let step = Span::from_ms(i64::from(weights.shape.step_ms));
     let sights = sights(seen, stamp, &weights.shape);
     let all = weights.ways(&sights);
-    let of_one = |((seen, sight), ways): ((&Seen, &crate::learned::Sight), Vec<Way>)| {
+    let of_one = |((seen, sight), ways): ((&Tracked, &crate::learned::Sight), Vec<Way>)| {
         let total: f64 = ways.iter().map(|way| f64::from(way.probability)).sum();
         let modes = ways.iter().map(|way| {
             let spots = spots(way, &sight.frame, horizon, step);

@@ -11,7 +11,7 @@ use swerve_msg::{ActorKind, Forecast};
 
 use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Horizon, Seen};
+use super::{Horizon, Tracked};
 
 /// Time for which collisions are avoided, seconds.
 const LOOK_AHEAD_S: f64 = 1.5;
@@ -46,7 +46,7 @@ struct Line {
 }
 
 /// Forecasts with one mode per actor.
-pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let mut agents: Vec<Agent> = seen.iter().map(|seen| Agent::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = agents.iter().map(|agent| vec![agent.point]).collect();
     let steps = (horizon.step.as_secs() / STEP_S).ceil().max(1.0);
@@ -65,7 +65,7 @@ pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Fo
 }
 
 impl Agent {
-    fn of(seen: &Seen, stamp: Time) -> Self {
+    fn of(seen: &Tracked, stamp: Time) -> Self {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let fixed = seen.past.kind != ActorKind::Pedestrian;
         let extent = seen.track.extent;

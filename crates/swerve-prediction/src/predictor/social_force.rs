@@ -9,7 +9,7 @@ use swerve_msg::{ActorKind, Forecast};
 
 use super::drawn::single;
 use super::straight::VELOCITY_WINDOW_S;
-use super::{Horizon, Seen};
+use super::{Horizon, Tracked};
 
 /// Time constant with which the desired velocity is approached, seconds.
 const RELAXATION_S: f64 = 0.5;
@@ -41,7 +41,7 @@ struct Walker {
 }
 
 /// Forecasts with one mode per actor.
-pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+pub(super) fn forecasts(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let mut walkers: Vec<Walker> = seen.iter().map(|seen| Walker::of(seen, stamp)).collect();
     let mut paths: Vec<Vec<Point2>> = walkers.iter().map(|walker| vec![walker.point]).collect();
     let steps = (horizon.step.as_secs() / STEP_S).ceil().max(1.0);
@@ -57,7 +57,7 @@ pub(super) fn forecasts(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Fo
 }
 
 impl Walker {
-    fn of(seen: &Seen, stamp: Time) -> Self {
+    fn of(seen: &Tracked, stamp: Time) -> Self {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let extent = seen.track.extent;
         Self {

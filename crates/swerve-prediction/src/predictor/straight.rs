@@ -5,20 +5,20 @@ use swerve_geom::Point2;
 use swerve_msg::{Forecast, TrackList};
 
 use super::drawn::single;
-use super::{Horizon, Seen};
+use super::{Horizon, Tracked};
 use crate::linear;
 
 /// Time over which the last velocity is averaged, seconds; with longer intervals, the last two sightings are used.
 pub(super) const VELOCITY_WINDOW_S: f64 = 0.5;
 
 /// Predictor of the paper, with covariances.
-pub(super) fn linear(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+pub(super) fn linear(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
     let params = linear::Params {
         future_steps: horizon.steps,
         step_s: horizon.step.as_secs(),
         ..linear::Params::default()
     };
-    let of_one = |seen: &Seen| {
+    let of_one = |seen: &Tracked| {
         let track = swerve_msg::Track { history: seen.past.sightings.clone(), ..seen.track.clone() };
         let list = linear::predict(&TrackList { stamp, tracks: vec![track] }, &params);
         let points: Vec<Point2> =
@@ -29,8 +29,8 @@ pub(super) fn linear(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forec
 }
 
 /// Constant velocity of the last half second.
-pub(super) fn constant_velocity(seen: &[Seen], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
-    let of_one = |seen: &Seen| {
+pub(super) fn constant_velocity(seen: &[Tracked], stamp: Time, horizon: &Horizon) -> Vec<Forecast> {
+    let of_one = |seen: &Tracked| {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let now = seen.past.now(stamp, velocity_mps);
         let at = |k: usize| now + velocity_mps * (horizon.step.as_secs() * k as f64);

@@ -5,7 +5,7 @@ use swerve_geom::{Point2, Vector2};
 use swerve_msg::{Forecast, ForecastList, Track, TrackList};
 
 use super::drawn::{Spot, direction, forecast, mode, wander};
-use super::{Horizon, Seen, seen, straight};
+use super::{Horizon, Tracked, seen, straight};
 
 /// Standard deviation of a noise-free position, metres: covariances must be positive definite.
 const SIGMA_M: f64 = 0.03;
@@ -31,7 +31,7 @@ pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: 
     let instants: Vec<Time> = horizon.instants(stamp).collect();
     let within = |at: &Time| telling.horizon.is_none_or(|most| *at - stamp <= most);
     let known = instants.partition_point(within).max(1);
-    let of_one = |seen: &Seen| -> Option<Forecast> {
+    let of_one = |seen: &Tracked| -> Option<Forecast> {
         let places = told(seen.track, &instants[..known]);
         match places.filter(|places| places.len() == known && places.iter().all(|at| at.is_finite())) {
             Some(places) => Some(one(seen, (stamp, horizon), telling, &places)),
@@ -42,7 +42,7 @@ pub fn foretold(tracks: &TrackList, horizon: &Horizon, telling: &Telling, told: 
 }
 
 /// Forecast through the provided positions, with their errors, and straight ahead after them.
-fn one(seen: &Seen, (stamp, horizon): (Time, &Horizon), telling: &Telling, places: &[Point2]) -> Forecast {
+fn one(seen: &Tracked, (stamp, horizon): (Time, &Horizon), telling: &Telling, places: &[Point2]) -> Forecast {
     let mut rng = Rng::keyed(telling.seed, "truth", &[stamp.ns(), i64::from(seen.track.id.0)]);
     let off_mps: Vector2 = Vector2::new(rng.normal(), rng.normal()) * telling.noise_mps;
     let (step_s, last) = (horizon.step.as_secs(), places.len() - 1);

@@ -18,19 +18,19 @@ const WINDOW_M: f64 = 2.0;
 const REACH_M: f64 = 4.0;
 
 /// A pose on the path with the path's unwrapped heading, radians.
-struct Place {
+struct TurnedPose {
     pose: Pose2,
     turned_rad: f64,
 }
 
-fn places(start: Pose2, pieces: &[Piece]) -> Vec<Place> {
-    let mut places = vec![Place { pose: start, turned_rad: 0.0 }];
+fn places(start: Pose2, pieces: &[Piece]) -> Vec<TurnedPose> {
+    let mut places = vec![TurnedPose { pose: start, turned_rad: 0.0 }];
     let (mut from, mut from_m, mut turned_rad) = (start, 0.0, 0.0);
     for piece in pieces {
         let end_m = from_m + piece.length_m;
         while places.len() as f64 * STEP_M <= end_m {
             let done_m = places.len() as f64 * STEP_M - from_m;
-            places.push(Place {
+            places.push(TurnedPose {
                 pose: advance(from, piece.curvature_1pm, done_m),
                 turned_rad: turned_rad + piece.curvature_1pm * done_m,
             });

@@ -68,7 +68,7 @@ pub fn draw(graph: &GraphInfo) -> Picture {
 }
 
 /// Columns by the longest path from a source, rows in rank order.
-fn layout(graph: &GraphInfo) -> Vec<Place> {
+fn layout(graph: &GraphInfo) -> Vec<NodeBox> {
     let mut column = vec![0; graph.operators.len()];
     for edge in edges(graph).iter().filter(|edge| !edge.feedback) {
         // Edges are sorted by the rank of the reader, so the writer's column is final.
@@ -81,12 +81,12 @@ fn layout(graph: &GraphInfo) -> Vec<Place> {
         let height = height.max(ENTRY * entries as f64 + 14.0);
         let y = next_y[column];
         next_y[column] += height + GAP_Y;
-        Place { x: MARGIN + column as f64 * (WIDTH + GAP_X), y, height, column }
+        NodeBox { x: MARGIN + column as f64 * (WIDTH + GAP_X), y, height, column }
     };
     graph.operators.iter().zip(column).map(place).collect()
 }
 
-struct Place {
+struct NodeBox {
     x: f64,
     y: f64,
     height: f64,
@@ -94,13 +94,13 @@ struct Place {
 }
 
 /// End point of a line at its reader.
-fn entry(edge: &EdgeInfo<'_>, to: &Place) -> At {
+fn entry(edge: &EdgeInfo<'_>, to: &NodeBox) -> At {
     (to.x, to.y + (14.0 + ENTRY * edge.nth as f64).min(to.height - 6.0))
 }
 
 /// Points at which each edge passes the columns between its ends: through the gap between boxes nearest to the straight
 /// line, so that it is never hidden behind a box.
-fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
+fn ways(edges: &[EdgeInfo<'_>], boxes: &[NodeBox]) -> Vec<Vec<At>> {
     // Number of lines through each gap so far, by column and centre height of the gap.
     let mut passing: BTreeMap<(usize, i64), usize> = BTreeMap::new();
     let mut way = |edge: &EdgeInfo<'_>| {
@@ -122,8 +122,8 @@ fn ways(edges: &[EdgeInfo<'_>], boxes: &[Place]) -> Vec<Vec<At>> {
 }
 
 /// Centre of the column gap nearest to a height: above, between or below the boxes.
-fn nearest_gap(boxes: &[Place], column: usize, wanted: f64) -> f64 {
-    let own: Vec<&Place> = boxes.iter().filter(|place| place.column == column).collect();
+fn nearest_gap(boxes: &[NodeBox], column: usize, wanted: f64) -> f64 {
+    let own: Vec<&NodeBox> = boxes.iter().filter(|place| place.column == column).collect();
     let above = own.first().map(|first| wanted.min(first.y - 0.5 * MARGIN));
     let between = own.windows(2).map(|pair| 0.5 * (pair[0].y + pair[0].height + pair[1].y));
     let below = own.last().map(|last| wanted.max(last.y + last.height + 0.5 * GAP_Y));
@@ -159,8 +159,8 @@ fn fill(is_source: bool) -> Color {
     color::PAPER.mixed(if is_source { color::PLAN } else { color::EGO }, 0.1)
 }
 
-fn operator_box(canvas: &mut Canvas, operator: &OperatorInfo, place: &Place) {
-    let Place { x, y, height, .. } = *place;
+fn operator_box(canvas: &mut Canvas, operator: &OperatorInfo, place: &NodeBox) {
+    let NodeBox { x, y, height, .. } = *place;
     let all = box_facts(operator).iter().fold(operator.name.clone(), |all, fact| format!("{all}\n{fact}"));
     canvas.begin_titled(&all);
     let style = Style::fill(fill(operator.feed || operator.origin)).outlined(color::SOFT, 1.0).rounded(5.0);
@@ -204,7 +204,7 @@ fn wrapped(text: &str, width: f64, how: Text) -> Vec<String> {
     lines.iter().map(|line| cut(line, width, how)).collect()
 }
 
-fn edge_line(canvas: &mut Canvas, edge: &EdgeInfo<'_>, boxes: &[Place], (lane, way): (f64, &[At])) {
+fn edge_line(canvas: &mut Canvas, edge: &EdgeInfo<'_>, boxes: &[NodeBox], (lane, way): (f64, &[At])) {
     let (from, to) = (&boxes[edge.from], &boxes[edge.to]);
     let tip = |style: Style| Style::fill(style.color().unwrap_or(color::INK));
     canvas.begin_titled(edge.stream);

@@ -68,7 +68,7 @@ impl Config {
             let (low, found) = (gate.enable_at_ms, swerve_text::number(release_at_ms));
             told.push((
                 "gate.release_at_ms".into(),
-                format!("expected an instant after `enable_at_ms`, which is {low}, found {found}"),
+                format!("expected an instant not before `enable_at_ms`, which is {low}, found {found}"),
             ));
         }
     }
@@ -114,7 +114,7 @@ mod tests {
             ("period_ms = 0", "c.toml:2: gate.period_ms: expected 1 to 100, found 0"),
             (
                 "enable_at_ms = 500\nrelease_at_ms = 400",
-                "c.toml:3: gate.release_at_ms: expected an instant after",
+                "c.toml:3: gate.release_at_ms: expected an instant not before",
             ),
             (
                 "params = { stop_decel_mps2 = -1 }",

@@ -10,7 +10,7 @@ use super::LookArgs;
 
 /// Printed result for a crop.
 #[derive(Serialize)]
-struct Seen {
+struct Report {
     image: String,
     lamp: Option<&'static str>,
     /// Share of the votes for any lamp that this lamp received, 0 to 1.
@@ -24,7 +24,8 @@ pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
         let picture = Picture::read(path, args.megapixels)?;
         let found = lit(picture.rgb().with_context(|| path.display().to_string())?);
         let (lamp, share) = found.map_or((None, 0.0), |(lamp, share)| (Some(lamp.name()), share));
-        let seen = Seen { image: path.display().to_string(), lamp, share: (share * 1000.0).round() / 1000.0 };
+        let seen =
+            Report { image: path.display().to_string(), lamp, share: (share * 1000.0).round() / 1000.0 };
         if args.json {
             output::print(&(serde_json::to_string(&seen)? + "\n"))?;
         } else {

@@ -16,7 +16,7 @@ const STEP_M: f64 = 0.05;
 
 /// Printed result for an image.
 #[derive(Serialize)]
-struct Seen {
+struct Report {
     image: String,
     /// Downward pitch of the camera relative to the given one, degrees.
     pitch_deg: f64,
@@ -82,7 +82,7 @@ fn tell(path: &Path, lanes: &Lanes, json: bool) -> anyhow::Result<()> {
     let image = path.display().to_string();
     if json {
         let pitch_deg = lanes.pitch_rad.to_degrees();
-        let seen = Seen { image, pitch_deg, left: lanes.left.map(line), right: lanes.right.map(line) };
+        let seen = Report { image, pitch_deg, left: lanes.left.map(line), right: lanes.right.map(line) };
         return output::print(&(serde_json::to_string(&seen)? + "\n"));
     }
     let heads = ["line", "from m", "to m", "at its start m", "in the middle m", "at its end m"];

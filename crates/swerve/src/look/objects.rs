@@ -14,7 +14,7 @@ use super::LookArgs;
 
 /// Printed result for an image.
 #[derive(Serialize)]
-struct Seen<'a> {
+struct Report<'a> {
     image: String,
     objects: Vec<Object<'a>>,
 }
@@ -83,7 +83,7 @@ fn tell(path: &Path, weights: &Weights, found: &[Detection], json: bool) -> anyh
         bbox: one.bbox.map(|px| (px * 10.0).round() / 10.0),
         score: (one.score * 1000.0).round() / 1000.0,
     };
-    let seen = Seen { image: path.display().to_string(), objects: found.iter().map(object).collect() };
+    let seen = Report { image: path.display().to_string(), objects: found.iter().map(object).collect() };
     if json {
         return output::print(&(serde_json::to_string(&seen)? + "\n"));
     }

@@ -15,7 +15,7 @@ use super::objects::ground;
 
 /// Printed result for an image.
 #[derive(Serialize)]
-struct Seen<'a> {
+struct Report<'a> {
     image: String,
     /// Share of all pixels, by class.
     shares: BTreeMap<&'a str, f64>,
@@ -36,7 +36,7 @@ pub(super) fn run(args: &LookArgs, name: &str) -> anyhow::Result<()> {
         if let Some((_, segmenter)) = &mut segmenter {
             segmenter.segment(picture.rgb()?, &mut labels)?;
         }
-        let seen = Seen { image: path.display().to_string(), shares: shares(&weights.classes, &labels) };
+        let seen = Report { image: path.display().to_string(), shares: shares(&weights.classes, &labels) };
         tell(&seen, args.json)?;
         if let Some(drawing) = drawing {
             let names: Vec<(&str, u8)> =
@@ -56,7 +56,7 @@ fn shares<'a>(classes: &'a [Class], labels: &[u8]) -> BTreeMap<&'a str, f64> {
     classes.iter().map(|class| (class.name.as_str(), share(class).round() / 1e4)).collect()
 }
 
-fn tell(seen: &Seen<'_>, json: bool) -> anyhow::Result<()> {
+fn tell(seen: &Report<'_>, json: bool) -> anyhow::Result<()> {
     if json {
         return output::print(&(serde_json::to_string(seen)? + "\n"));
     }

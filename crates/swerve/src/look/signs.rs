@@ -13,7 +13,7 @@ const COLOUR: [u8; 3] = [60, 230, 120];
 
 /// Printed result for an image.
 #[derive(Serialize)]
-struct Seen {
+struct Report {
     image: String,
     signs: Vec<Found>,
 }
@@ -47,7 +47,8 @@ pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
         let mut picture = Picture::read(path, args.megapixels)?;
         let mut found = Vec::new();
         finder.find(picture.rgb().with_context(|| path.display().to_string())?, &mut found);
-        let seen = Seen { image: path.display().to_string(), signs: found.iter().map(Found::new).collect() };
+        let seen =
+            Report { image: path.display().to_string(), signs: found.iter().map(Found::new).collect() };
         tell(&seen, args.json)?;
         if let Some(drawing) = drawing {
             seen.signs.iter().for_each(|sign| picture.frame(sign.bbox, COLOUR));
@@ -57,7 +58,7 @@ pub(super) fn run(args: &LookArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn tell(seen: &Seen, json: bool) -> anyhow::Result<()> {
+fn tell(seen: &Report, json: bool) -> anyhow::Result<()> {
     if json {
         return output::print(&(serde_json::to_string(seen)? + "\n"));
     }

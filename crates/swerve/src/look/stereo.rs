@@ -14,7 +14,7 @@ use super::LookArgs;
 
 /// Printed result for a pair.
 #[derive(Serialize)]
-struct Seen {
+struct Report {
     left: String,
     right: String,
     out: String,
@@ -40,7 +40,7 @@ pub(super) fn run(args: &LookArgs, pair: &[PathBuf]) -> anyhow::Result<()> {
     let mut known: Vec<f32> = found.pixels().iter().copied().filter(|d| !d.is_nan()).collect();
     known.sort_by(f32::total_cmp);
     let share = known.len() as f64 / found.pixels().len() as f64;
-    let seen = Seen {
+    let seen = Report {
         left: pair[0].display().to_string(),
         right: pair[1].display().to_string(),
         out: out.display().to_string(),

@@ -1,7 +1,7 @@
 //! Ray-based ground segmentation, outwards from point to point (Himmelsbach et al. 2010, section III; Autoware's ray
 //! ground filter is similar).
 
-use super::super::points::{Place, sector};
+use super::super::points::{Point, sector};
 use super::{Bins, SLOPE, STEP_M};
 
 /// Number of rays around the ego.
@@ -18,7 +18,7 @@ pub(super) struct Rays {
 }
 
 impl Rays {
-    pub(super) fn heights(&mut self, points: &[Place], over_m: &mut [f32]) {
+    pub(super) fn heights(&mut self, points: &[Point], over_m: &mut [f32]) {
         self.bins.fill(RAYS, points.len(), |k| sector(points[k][0], points[k][1], RAYS));
         for ray in 0..RAYS {
             self.ray.clear();
@@ -34,7 +34,7 @@ impl Rays {
 
 /// Walks along one ray. The ground height changes by at most the largest slope times the distance between two ground
 /// points, regardless of how many points are stacked: vertical surfaces are not climbed.
-fn walk(ray: &[(u32, u32)], points: &[Place], over_m: &mut [f32]) {
+fn walk(ray: &[(u32, u32)], points: &[Point], over_m: &mut [f32]) {
     let (mut ground_r, mut ground_z) = (0.0_f32, 0.0_f32);
     for &(squared, k) in ray {
         let (r, z) = (f32::from_bits(squared).sqrt(), points[k as usize][2]);

@@ -5,7 +5,7 @@
 //! position, regularised towards the plane of the next inner patch, and instead of likelihoods a patch must continue
 //! that plane: a patch that starts higher is an object on the ground.
 
-use super::super::points::{Place, sector};
+use super::super::points::{Point, sector};
 use super::{Bins, SLOPE, STEP_M};
 
 /// Number of rings, and sectors per ring, of each zone.
@@ -56,7 +56,7 @@ impl Zones {
         Self { reach_m, rings, patches, bins: Bins::default(), planes: Vec::new(), lowest: Vec::new() }
     }
 
-    pub(super) fn heights(&mut self, points: &[Place], over_m: &mut [f32]) {
+    pub(super) fn heights(&mut self, points: &[Point], over_m: &mut [f32]) {
         let Self { rings, patches, bins, planes, lowest, reach_m } = self;
         let patch = |x: f32, y: f32| {
             let r = (x * x + y * y).sqrt().min(*reach_m);
@@ -85,13 +85,13 @@ impl Zones {
 }
 
 impl Plane {
-    fn at(&self, [x, y, _]: Place) -> f32 {
+    fn at(&self, [x, y, _]: Point) -> f32 {
         self.z + self.slope[0] * (x - self.middle[0]) + self.slope[1] * (y - self.middle[1])
     }
 }
 
 /// Ground plane of a patch; the extrapolated inner plane if the patch has no valid plane.
-fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> Plane {
+fn plane(of: &[u32], points: &[Point], inner: Plane, lowest: &mut Vec<f32>) -> Plane {
     if of.is_empty() {
         return inner;
     }
@@ -114,7 +114,7 @@ fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> P
     let mut fitted = Plane { middle, z: mean, slope: [0.0; 2] };
     let mut within = [-1.0, SEEDS.1];
     for _ in 0..ROUNDS {
-        let is_near = |place: &Place| {
+        let is_near = |place: &Point| {
             let over = place[2] - fitted.at(*place);
             within[0] < over && over < within[1]
         };
@@ -127,7 +127,7 @@ fn plane(of: &[u32], points: &[Place], inner: Plane, lowest: &mut Vec<f32>) -> P
 }
 
 /// Least-squares plane in height, regularised towards an expected one.
-fn least_squares(places: impl Iterator<Item = Place>, expected: Plane) -> Plane {
+fn least_squares(places: impl Iterator<Item = Point>, expected: Plane) -> Plane {
     let [mx, my] = expected.middle;
     // Sums over x, y and height relative to the expected plane.
     let (mut n, mut s) = (PRIOR, [0.0_f32; 8]);

@@ -2,11 +2,11 @@
 
 use swerve_geom::math;
 
-use super::place::{Along, Place};
+use super::place::{Along, Position};
 use super::walks;
 use crate::idm::{self, STAND_GAP_M};
 use crate::past::Past;
-use crate::predictor::{Horizon, Seen};
+use crate::predictor::{Horizon, Tracked};
 
 /// Largest acceleration and comfortable deceleration, m/s².
 const GAIN_MPS2: f64 = 1.0;
@@ -79,9 +79,9 @@ impl Fading {
 
 impl<'a> Driver<'a> {
     pub(super) fn of(
-        one: &Seen,
+        one: &Tracked,
         along: &'a Along<'a>,
-        (places, seen, k): (&[Place<'_>], &[Seen], usize),
+        (places, seen, k): (&[Position<'_>], &[Tracked], usize),
         red: &[bool],
     ) -> Self {
         let speed_mps = places[k].velocity_mps.norm();
@@ -139,7 +139,7 @@ impl<'a> Driver<'a> {
 }
 
 /// Lead of vehicle `k` on a path, and the gap to it.
-fn leader(along: &Along<'_>, places: &[Place<'_>], seen: &[Seen], k: usize) -> Option<(usize, f64)> {
+fn leader(along: &Along<'_>, places: &[Position<'_>], seen: &[Tracked], k: usize) -> Option<(usize, f64)> {
     let (own, mut next) = (&places[k], None::<(usize, f64)>);
     for (j, other) in places.iter().enumerate() {
         let is_near = own.point.distance(other.point) < AHEAD_MAX_M;

@@ -7,7 +7,7 @@ use super::walks;
 use crate::lanes::{LaneGraph, LaneWay, Spot};
 use crate::past::Past;
 use crate::predictor::straight::VELOCITY_WINDOW_S;
-use crate::predictor::{Ground, Horizon, Seen};
+use crate::predictor::{Ground, Horizon, Tracked};
 use crate::road::{SETTLES_S, Settling, place_of, share_along};
 
 /// Search range along a line beyond twice the straight distance, metres.
@@ -36,7 +36,7 @@ const STANDS_MPS: f64 = 0.5;
 const AT_LINE_M: f64 = 15.0;
 
 /// Position of a vehicle, and the paths that it can follow.
-pub(super) struct Place<'a> {
+pub(super) struct Position<'a> {
     pub(super) point: Point2,
     pub(super) velocity_mps: Vector2,
     /// Positions on all lanes; a road is lane 0.
@@ -71,8 +71,8 @@ pub(super) struct OnLine<'a> {
     stop: Option<(f64, usize)>,
 }
 
-impl<'a> Place<'a> {
-    pub(super) fn of(seen: &Seen, stamp: Time, ground: Ground<'a>) -> Self {
+impl<'a> Position<'a> {
+    pub(super) fn of(seen: &Tracked, stamp: Time, ground: Ground<'a>) -> Self {
         let velocity_mps = seen.past.velocity_mps(VELOCITY_WINDOW_S);
         let point = seen.past.now(stamp, velocity_mps);
         let (spots, mut ways) = match ground {
@@ -193,7 +193,7 @@ pub(super) fn settled(horizon: &Horizon) -> Vec<[f64; 2]> {
 
 impl Along<'_> {
     /// Distance of `other` ahead along the path, and its lateral offset, metres; `None` if it is on other lanes.
-    pub(super) fn ahead_of(&self, other: &Place<'_>) -> Option<(f64, f64)> {
+    pub(super) fn ahead_of(&self, other: &Position<'_>) -> Option<(f64, f64)> {
         match self {
             Self::Straight(from, unit) => {
                 let off: Vector2 = other.point - *from;
@@ -248,7 +248,7 @@ impl Along<'_> {
 }
 
 /// Lanes with a vehicle waiting at their stop line, and all lanes with the same lights: these are presumed red.
-pub(super) fn held_up(places: &[Place<'_>], seen: &[Seen], ground: Ground<'_>) -> Vec<bool> {
+pub(super) fn held_up(places: &[Position<'_>], seen: &[Tracked], ground: Ground<'_>) -> Vec<bool> {
     let Ground::Lanes(lanes) = ground else { return Vec::new() };
     let mut red = vec![false; lanes.map().lanes().len()];
     for (place, one) in places.iter().zip(seen).filter(|(_, one)| !walks(one)) {
