@@ -135,23 +135,15 @@ fn picture(scenario: &Path, set: &[&str]) -> (Story, String) {
     (story, svg)
 }
 
-/// All shipped scenarios, those of `scenarios/` beside this file, and others beside the checkout, if any.
+/// All shipped scenarios, those of `scenarios/` beside this file, and those among the test data.
 fn scenarios() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folders = [
-        "scenarios",
-        "scenarios/everyday",
-        "crates/swerve-why/src/tests/scenarios",
-        "../shared/data/scenarios",
-        "../shared/data/field/everyday",
-        "../shared/data/field/scenarios",
-    ];
+    let folders = ["scenarios", "scenarios/everyday", "crates/swerve-why/src/tests/scenarios"];
+    let others = ["scenarios", "field/everyday", "field/scenarios"];
+    let folders = folders.map(|folder| Some(root.join(folder))).into_iter();
     let mut files: Vec<PathBuf> = Vec::new();
-    for folder in folders {
-        match std::fs::read_dir(root.join(folder)) {
-            Ok(entries) => files.extend(entries.map(|entry| entry.unwrap().path())),
-            Err(_) => println!("skipped: {folder} is missing"),
-        }
+    for folder in folders.chain(others.map(swerve_tests::data_or_skip)).flatten() {
+        files.extend(std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
     }
     // The folders also contain studies.
     let is_study = |file: &Path| std::fs::read_to_string(file).unwrap().contains("[[axis]]");

@@ -68,16 +68,11 @@ fn recipe_trains_the_same_weights_each_time() {
 /// Pedestrians of ETH and vehicles of US-101, each with a user's recipe; skipped if the recordings are missing.
 #[test]
 fn predictor_trains_on_recorded_files_of_both_formats() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/prediction");
     for (format, folder, file, stride) in [
         ("eth_ucy", "eth_ucy", "biwi_eth.txt", 4),
         ("commonroad_csv", "ngsim_commonroad", "US101.csv.gz", 60),
     ] {
-        let path = data.join(folder).join(file);
-        if !path.exists() {
-            eprintln!("skipped: no {}", path.display());
-            continue;
-        }
+        let Some(path) = swerve_tests::data_or_skip(&format!("prediction/{folder}/{file}")) else { continue };
         let set = |purpose: &str, more: &str| {
             format!(
                 "[[set]]\nname = \"{file}\"\npurpose = \"{purpose}\"\nstride = {stride}\n{more}\
@@ -89,7 +84,7 @@ fn predictor_trains_on_recorded_files_of_both_formats() {
             head.replace("noise = 0.01", "noise = 0.01\nnoise_spread = 0.5\naverage = 0.9\nmixed = 0.5");
         let recipe = head + &set("training", "played = [1.0, -1.0]\n") + &set("test", "");
         let dir = tempfile::tempdir().unwrap();
-        let folder = data.join(folder);
+        let folder = path.parent().unwrap();
         run(dir.path(), &recipe, &["--data", folder.to_str().unwrap()]).unwrap();
         let weights = Weights::read(&std::fs::read(dir.path().join("small.weights")).unwrap()).unwrap();
         let (recordings, learnt) =
