@@ -120,6 +120,6 @@ pub fn main(cli: &Cli, registry: &Registry) -> anyhow::Result<()> {
         Command::Completions(args) => shell::completions(args),
         Command::Man(args) => shell::man(args),
         Command::Worker => process::run_worker(registry),
-        Command::Transport => swerve_live::wire::run_transport(registry),
+        Command::Transport => swerve_live::orphan::run_transport(registry),
     }
 }

@@ -1,5 +1,6 @@
 use proptest::prelude::*;
 use serde_json::Value;
+use swerve_geom::math;
 use swerve_tests::data_or_skip;
 
 use super::*;
